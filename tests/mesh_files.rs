@@ -1,5 +1,5 @@
-//! Tetrahedral mesh files: the same layer from every format, binary files of both byte orders, and no panic whatever the
-//! bytes.
+//! Tetrahedral mesh files: every format must give the same layer (tetrahedral mesh), binary files in both byte orders
+//! included, and no bytes whatever may make a reader panic.
 
 mod real_meshes;
 
@@ -11,12 +11,12 @@ use palpate::scene::{gmsh, vtk};
 
 use real_meshes::meshes;
 
-/// Two tetrahedra on five nodes.
+/// Nodes of a mesh of two tetrahedra on five nodes, m.
 const NODES: [[f64; 3]; 5] =
     [[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.0, 1.0, 0.2], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0 / 3.0]];
 const TETRAHEDRA: [[u32; 4]; 2] = [[0, 1, 2, 3], [1, 4, 2, 3]];
 
-/// Some of the shared files have nine digits of coordinates below one, some seventeen.
+/// Tolerance of coordinates, m: some of the shared files have nine digits of coordinates below one, some seventeen.
 const NINE_DIGITS: f64 = 1e-9;
 
 /// Reads bytes as the file of this name.
@@ -25,7 +25,7 @@ fn read_bytes(name: &str, bytes: &[u8]) -> Result<TetMesh, String> {
     parse(bytes, Path::new(name)).map_err(|error| error.to_string())
 }
 
-/// A binary file under way, in either byte order.
+/// A binary file that is being written, in either byte order.
 struct Bytes {
     bytes: Vec<u8>,
     big: bool,
@@ -66,7 +66,7 @@ fn msh_4(big: bool, node_count: i64) -> Vec<u8> {
         .text("$MeshFormat\n4.1 1 8\n")
         .ints([1])
         .text("\n$EndMeshFormat\n$Entities\n")
-        // A surface in no physical group and without borders; a volume in group 4, with that border.
+        // The file has a surface in no physical group and without borders, and a volume in group 4, bordered by it.
         .sizes([0, 0, 1, 1])
         .ints([1])
         .reals([0.0; 6])
@@ -78,7 +78,7 @@ fn msh_4(big: bool, node_count: i64) -> Vec<u8> {
         .sizes([1])
         .ints([1])
         .text("\n$EndEntities\n$Nodes\n")
-        // A parametric point on a surface first, as Gmsh writes it.
+        // The first node is a parametric point on a surface, as Gmsh writes it.
         .sizes([2, 5, 3, 70])
         .ints([2, 1, 1])
         .sizes([1, 70])
@@ -125,7 +125,7 @@ fn vtk_binary(version_5: bool) -> Vec<u8> {
     bytes.text("\nCELL_TYPES 3\n").ints([5, 10, 10]).text("\nPOINT_DATA 5\n").bytes
 }
 
-/// Every small file, by a name with its extension.
+/// Small files of every format, by a name with its extension.
 fn small_files() -> Vec<(&'static str, Vec<u8>)> {
     let nodes = NODES.map(DVec3::from_array);
     let (mut msh, mut grid) = (Vec::new(), Vec::new());
@@ -169,7 +169,7 @@ fn every_format_gives_the_same_mesh_bit_by_bit() {
 #[test]
 fn a_file_cut_anywhere_is_refused() {
     for (name, bytes) in small_files() {
-        // The last tetrahedron's last corner: what follows it need not be there in VTK.
+        // A file may be cut after the last corner of the last tetrahedron: VTK needs nothing of what follows.
         for length in 0..bytes.len() {
             if let Ok(mesh) = read_bytes(name, &bytes[..length]) {
                 assert_eq!(mesh.tetrahedra, TETRAHEDRA, "{name} cut to {length}");
@@ -202,11 +202,11 @@ fn damage_is_named_with_its_place() {
     let third = 1.0_f64 / 3.0;
     let cases: [(&str, Vec<u8>, &str); 12] = [
         ("a.msh", msh_4(false, i64::MAX), "the file ends early, within a node id, at byte"),
-        ("a.msh", msh_4(false, -4), "-4 as the number of nodes in a block, at byte"),
+        ("a.msh", msh_4(false, -4), "-4 is not valid for the number of nodes in a block, at byte"),
         ("a.msh", spoil(msh_4(false, 4), &third.to_le_bytes(), &nan(false)), "not a finite number in range, at byte"),
-        ("a.msh", spoil(msh_4(false, 4), &[1, 0, 0, 0], &[2, 0, 0, 0]), "2 where a binary 1 tells the byte order"),
+        ("a.msh", spoil(msh_4(false, 4), &[1, 0, 0, 0], &[2, 0, 0, 0]), "2 instead of the binary 1 for the byte order"),
         ("a.msh", spoil(msh_4(false, 4), b"4.1 1 8", b"4.1 1 4"), "binary numbers of 4 bytes"),
-        ("a.msh", spoil(msh_4(false, 4), b"4.1 1 8", b"3.0 1 8"), "MSH version 3.0 is not read"),
+        ("a.msh", spoil(msh_4(false, 4), b"4.1 1 8", b"3.0 1 8"), "MSH version 3.0 is not supported"),
         ("a.msh", spoil(msh_2(false), &[47, 0, 0, 0], &[1, 0, 0, 0]), "node 47, which is not there, at byte"),
         ("a.msh", b"solid something\n".to_vec(), "a.msh:1: \"solid something\" stands where $MeshFormat should"),
         ("a.vtk", b"$MeshFormat\n".to_vec(), "a.vtk:1: \"$MeshFormat\" stands where"),
@@ -220,10 +220,10 @@ fn damage_is_named_with_its_place() {
     }
     for (text, words) in [
         ("CELLS 1 5\n4 0 1 2 9\nCELL_TYPES 1\n10\n", "a.vtk:10: tetrahedron 0 names node 9"),
-        ("CELLS 1 5\n4 0 1 2 -3\nCELL_TYPES 1\n10\n", "a.vtk:10: -3 as a cell's point"),
+        ("CELLS 1 5\n4 0 1 2 -3\nCELL_TYPES 1\n10\n", "a.vtk:10: -3 is not valid for a cell's point"),
         ("CELLS 1 5\n4 0 1 1 3\nCELL_TYPES 1\n10\n", "a.vtk:10: tetrahedron 0 has no volume"),
-        ("CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 2\n10\n5\n", "1 cells, and 2 types"),
-        ("CELLS 1 11\n10 0 1 2 3 0 1 2 3 0 1\nCELL_TYPES 1\n24\n", "its second-order tetrahedra are not read"),
+        ("CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 2\n10\n5\n", "1 cells, but 2 cell types"),
+        ("CELLS 1 11\n10 0 1 2 3 0 1 2 3 0 1\nCELL_TYPES 1\n24\n", "its second-order tetrahedra are not supported"),
         ("CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n5\n", "cell 0 is one of the triangles, and has 4 points"),
         ("CELL 1 5\n", "a.vtk:9: unknown keyword \"CELL\""),
         ("CELLS 99999999999 99999999999\n4 0 1 2 3\n", "the file ends early"),

@@ -1,5 +1,6 @@
-//! Our OBJ reader against the tobj crate, on real meshes: the same corners, in the same order. (It is our own because
-//! tobj drops unused vertices, orders the others by first use and reports no lines; see src/scene/obj.rs.)
+//! The OBJ reader of this crate against that of the crate tobj, on real meshes: both must give the same corners in the
+//! same order. (This crate has a reader of its own, since tobj drops unused vertices, orders the others by first use
+//! and reports no lines; see src/scene/obj.rs.)
 
 mod real_meshes;
 

@@ -1,5 +1,5 @@
-//! What opening a simulation does beside it: nothing, unless it is asked for. Each case is a process of its own, since caches
-//! and threads are a process's.
+//! Side effects of opening a simulation: it must keep no files, measure nothing and set no environment variable unless
+//! it is asked to. Each case runs in a process of its own, since caches and threads belong to a process.
 
 use std::env;
 use std::fs;
@@ -9,9 +9,9 @@ use std::process::Command;
 use palpate::scene::{Body, Material, Surface, Tool};
 use palpate::{Options, SceneBuilder, Simulation, Threads};
 
-/// Names the case that the process is.
+/// The environment variable that names the case which a process is to run.
 const CASE: &str = "PALPATE_OPENING";
-/// What lavapipe reads.
+/// The environment variable from which lavapipe, Mesa's Vulkan driver for CPUs, takes its number of threads.
 const THREADS: &str = "LP_NUM_THREADS";
 
 fn open(options: &Options) -> Simulation {
@@ -34,7 +34,7 @@ fn open(options: &Options) -> Simulation {
 
 const PYRAMID: &str = "v 0 0 0\nv 0.02 0 0\nv 0 0.02 0\nv 0 0 0.02\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
 
-/// Runs one case in a process whose cache folder is `home`; what it keeps there.
+/// Runs one case in a process whose cache folder is `home`. Returns the files that it keeps there.
 fn kept(case: &str, home: &Path) -> Vec<PathBuf> {
     let mut process = Command::new(env::current_exe().unwrap());
     let test = "opening_a_simulation_keeps_measures_and_sets_only_what_is_asked_for";
@@ -47,12 +47,12 @@ fn kept(case: &str, home: &Path) -> Vec<PathBuf> {
         "{case}: {said}{}",
         String::from_utf8_lossy(&output.stderr)
     );
-    // The driver has a cache of its own beside.
+    // Files that the driver caches lie beside this folder.
     let folder = fs::read_dir(home.join("palpate"));
     folder.map(|files| files.map(|file| file.unwrap().path()).collect()).unwrap_or_default()
 }
 
-/// A case, in its own process.
+/// Runs a case, within its own process.
 fn run(case: &str) {
     let threads = || env::var(THREADS).ok();
     if case == "plain" {
@@ -63,7 +63,7 @@ fn run(case: &str) {
     }
     let simulation = open(&Options { threads: Some(Threads::Auto), ..Options::of_program() });
     assert!(!simulation.kind_of_arrays().contains("not measured"), "{}", simulation.kind_of_arrays());
-    assert_eq!(threads().as_deref(), Some("0"), "there are few tetrahedra");
+    assert_eq!(threads().as_deref(), Some("0"), "a scene with few tetrahedra gets no worker threads");
     drop(open(&Options { threads: Some(Threads::Count(3)), ..Options::default() }));
     assert_eq!(threads().as_deref(), Some("3"));
     drop(open(&Options::default()));

@@ -1,13 +1,14 @@
-//! The rooms of the engine import only rooms below them, so that each can be read, and some day used, without those above.
+//! The engine's modules ("rooms": the top-level modules of its crate) may import only modules below them, so that each
+//! can be read, and some day used, without those above.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// From the lowest to the highest. `error` may be imported by all.
+/// The modules from the lowest to the highest. `error` may be imported by all.
 const ROOMS: [&str; 10] = ["error", "gpu", "shaders", "scene", "prepare", "stages", "plan", "query", "step", "haptics"];
 
-/// The files of a room: `src/NAME.rs` and what lies in `src/NAME`.
+/// The files of a module: `src/NAME.rs` and all that lies in `src/NAME`.
 fn files(room: &str) -> Vec<PathBuf> {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let (mut found, mut folders) = (vec![source.join(format!("{room}.rs"))], vec![source.join(room)]);
@@ -25,12 +26,12 @@ fn files(room: &str) -> Vec<PathBuf> {
     found
 }
 
-/// Whether a file is compiled for tests alone: these may use rooms above, to make what they test with.
+/// True if a file is compiled for tests only: such a file may use modules above its own, to make what it tests with.
 fn is_for_tests(file: &Path) -> bool {
     file.components().any(|part| part.as_os_str().to_string_lossy().trim_end_matches(".rs").ends_with("tests"))
 }
 
-/// Rooms that a text names by `crate::ROOM` or in `use crate::{..}`, but for comments and the tests at its end.
+/// Modules that a text names by `crate::NAME` or in `use crate::{..}`, apart from comments and the tests at its end.
 fn imports(text: &str) -> BTreeSet<String> {
     let text = text.split("\n#[cfg(test)]\nmod tests {").next().unwrap_or(text);
     let code: Vec<&str> = text.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
@@ -67,7 +68,7 @@ fn first_word(text: &str) -> String {
     text.trim_start().chars().take_while(|letter| letter.is_alphanumeric() || *letter == '_').collect()
 }
 
-/// Rooms that are not below `room` and that the text imports.
+/// Modules that the text imports and that are not below the module `room`.
 fn upward(room: &str, text: &str) -> Vec<String> {
     let level = |name: &str| ROOMS.iter().position(|known| *known == name);
     imports(text).into_iter().filter(|name| name != room && level(name) >= level(room)).collect()

@@ -1,4 +1,4 @@
-//! The scenes that come with the program: all are read, the paper's five are among them, at its sizes.
+//! The scenes that come with the program: all of them can be read, and those of the paper have its sizes and motions.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ fn scenes() -> Vec<PathBuf> {
     std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect()
 }
 
-/// The number of skin vertices of each soft body.
+/// Number of skin vertices of each soft body of a scene.
 fn sizes(name: &str) -> Vec<usize> {
     let file = scenes().into_iter().find(|path| path.file_stem().unwrap() == name).unwrap_or_else(|| panic!("{name}"));
     let scene = Scene::load(&file).unwrap();

@@ -1,5 +1,5 @@
-//! Kernels on a real device, held against expectations. Validation and synchronisation validation are on; no device is
-//! a failure. Choose one with PALPATE_TEST_DEVICE (index, or part of a name).
+//! Tests of kernels and whole steps on a real Vulkan device, with validation and synchronisation validation on. It is a
+//! failure if there is no device. PALPATE_TEST_DEVICE chooses one (index, or part of a name).
 
 mod gpu;
 mod harness;

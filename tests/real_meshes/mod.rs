@@ -1,9 +1,9 @@
-//! Real meshes, which are not part of this repository: for tests that are not run unless they are asked for.
+//! Real meshes, which are not part of this repository, for tests that run only if they are asked for.
 
 use std::path::{Path, PathBuf};
 
-/// Their folder: `PALPATE_MESHES`, or `../shared/meshes` beside the repository. `None` where their absence was asked for by
-/// `PALPATE_MESHES=none`; a folder that is not there fails the test.
+/// The folder of the meshes: `PALPATE_MESHES`, or `../shared/meshes` beside the repository. `None` where
+/// `PALPATE_MESHES=none` says that there are no meshes; a folder that does not exist fails the test.
 pub fn meshes() -> Option<PathBuf> {
     let asked = std::env::var_os("PALPATE_MESHES");
     if asked.as_deref().is_some_and(|asked| asked == "none") {

@@ -1,5 +1,6 @@
-//! The drawing part of the Vulkan room: which pixels a triangle covers, what hides what, mixing, sides, parts, indices, samples,
-//! what is kept and cleared, and what is refused.
+//! Tests of the drawing part of the Vulkan module (`palpate::internal::gpu`): which pixels a triangle covers, the depth
+//! test, blending, face culling, drawing onto a part of the canvas, index buffers and instances, multisampling, kept
+//! and cleared contents, and refused drawings.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec2;
@@ -11,19 +12,21 @@ use palpate::internal::shaders::test::DrawFlat;
 use crate::harness::random::Random;
 use crate::harness::{assert_clean, context, turn};
 
-/// Pixels; no square, so that rows and columns cannot be exchanged.
+/// Width and height of the images, pixels; not a square, so that exchanged rows and columns would show.
 const SIZE: [u32; 2] = [40, 24];
-/// A pixel whose centre is nearer to an edge may belong to either side: corners are rounded to 1/16 of a pixel at worst. pixels
+/// Distance from an edge, pixels, within which a pixel's centre may count as inside or outside: the rasterizer rounds
+/// corners to 1/16 of a pixel at worst.
 const NEAR_EDGE: f64 = 0.15;
-/// Of a colour, 0 to 1, in a byte: rounded once as it is drawn and once as it is mixed.
+/// Tolerance of a colour channel (0 to 1) that is stored in a byte: it is rounded once as it is drawn and once as it is
+/// blended.
 const BYTE: f64 = 1.01 / 255.0;
-/// Of a depth: f32, interpolated.
+/// Tolerance of a value in the depth image: f32, interpolated over the triangle.
 const DEPTH: f64 = 1e-6;
 const WHITE: [f32; 4] = [1.0; 4];
 const RED: [f32; 4] = [1.0, 0.0, 0.0, 1.0];
 const BLUE: [f32; 4] = [0.0, 0.0, 1.0, 1.0];
 const GREY: [f32; 4] = [0.2, 0.4, 0.6, 0.8];
-/// Draws over what was there, whatever its depth and side.
+/// Drawing without depth test, blending and face culling: what is drawn last is seen.
 pub const PLAIN: Onto =
     Onto { has_colour: true, has_depth: false, hides: false, blends: false, culls: None, samples: 1 };
 const HIDING: Onto = Onto { has_depth: true, hides: true, ..PLAIN };
@@ -35,7 +38,7 @@ struct Corner {
     colour: [f32; 4],
 }
 
-/// Images to draw onto, and arrays that their pixels come back in.
+/// A canvas to draw onto, and the host-readable arrays that its pixels are copied to.
 pub struct Sheet {
     pub canvas: Canvas,
     colour: Buffer,
@@ -56,7 +59,8 @@ impl Sheet {
         Sheet { canvas, colour: array("colours"), depth: array("depths") }
     }
 
-    /// Draws, and reads the colours, 0 to 1, and depths; those of several samples do not come back.
+    /// Draws, and returns colour (0 to 1) and depth of each pixel. The depth of a multisampled canvas is not copied
+    /// back.
     pub fn draw(&self, before: Before, all: &[Drawn]) -> (Vec<[f64; 4]>, Vec<f32>) {
         let seen = self.canvas.mean.as_ref().or(self.canvas.colour.as_ref()).unwrap();
         let mut recorder = Recorder::untimed(context()).unwrap();
@@ -73,7 +77,7 @@ impl Sheet {
     }
 }
 
-/// Where a pixel's place is in clip space.
+/// The clip-space coordinates of a position given in pixels.
 fn clip(pixel: DVec2) -> [f32; 2] {
     [(2.0 * pixel.x / f64::from(SIZE[0]) - 1.0) as f32, (2.0 * pixel.y / f64::from(SIZE[1]) - 1.0) as f32]
 }
@@ -83,7 +87,7 @@ fn triangle(corners: [DVec2; 3], depth: f32, colour: [f32; 4]) -> Vec<Corner> {
     corners.map(|x| Corner { place: [clip(x)[0], clip(x)[1], depth, 1.0], colour }).to_vec()
 }
 
-/// A rectangle of pixels: left, top, right, bottom. Its triangles face the viewer.
+/// A rectangle of two triangles that face the viewer, given by its left, top, right and bottom edges in pixels.
 fn rectangle([left, top, right, bottom]: [f64; 4], depth: f32, colour: [f32; 4]) -> Vec<Corner> {
     let [a, b, c, d] = [[left, top], [left, bottom], [right, bottom], [right, top]].map(DVec2::from);
     [triangle([a, b, c], depth, colour), triangle([a, c, d], depth, colour)].concat()
@@ -101,12 +105,12 @@ fn flat_of(corners: &Buffer) -> DrawFlat<'_> {
     DrawFlat { aside: 0.0, corners }
 }
 
-/// All corners of an array, once.
+/// A draw of the first `count` corners of the array, one instance.
 fn drawn<'a>(pipeline: &'a RasterPipeline, arguments: &'a DrawFlat<'a>, count: u32) -> Drawn<'a> {
     Drawn { pipeline, arguments, indices: None, range: (0, count), instances: 1, part: None }
 }
 
-/// What these corners leave on a cleared canvas of one sample.
+/// Colours and depths that these corners leave on a cleared canvas with one sample per pixel.
 fn painted(onto: &Onto, ground: [f32; 4], corners: &[Corner]) -> (Vec<[f64; 4]>, Vec<f32>) {
     let (pipeline, corners_there) = (flat(onto), array(corners));
     let mut sheet = Sheet::new(SIZE, 1);
@@ -119,12 +123,12 @@ pub fn centres(size: [u32; 2]) -> impl Iterator<Item = DVec2> {
     (0..size[1]).flat_map(move |y| (0..size[0]).map(move |x| DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)))
 }
 
-/// Distances from the edges, pixels: all of one sign inside.
+/// Signed distances of `x` from the three edges, pixels; all have one sign where `x` is inside.
 fn edges([a, b, c]: [DVec2; 3], x: DVec2) -> [f64; 3] {
     [(a, b), (b, c), (c, a)].map(|(from, to)| (to - from).perp_dot(x - from) / from.distance(to))
 }
 
-/// Whether a point is inside; `None`: too near an edge to say.
+/// True if `x` is inside the triangle; `None` if it lies within `near` pixels of an edge.
 fn inside(corners: [DVec2; 3], x: DVec2, near: f64) -> Option<bool> {
     let d = edges(corners, x);
     let turned = if (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]) < 0.0 { -1.0 } else { 1.0 };
@@ -151,7 +155,7 @@ fn a_triangle_covers_the_pixels_whose_centres_are_inside() {
     let mut random = Random(11);
     let mut said = 0;
     for case in 0..40 {
-        // Some reach beyond the picture.
+        // Some triangles reach beyond the image.
         let corner = |random: &mut Random| {
             let mut side = |k: usize| (0.8 * random.next() + 0.5) * f64::from(SIZE[k]);
             DVec2::new(side(0), side(1))
@@ -167,7 +171,7 @@ fn a_triangle_covers_the_pixels_whose_centres_are_inside() {
             said += 1;
         }
     }
-    assert!(said > 35 * 40 * 24, "{said}: nearly all pixels are far from edges");
+    assert!(said > 35 * 40 * 24, "{said} pixels were compared, but nearly all lie far from edges");
 }
 
 #[test]
@@ -203,13 +207,13 @@ fn nearer_hides_farther_whatever_the_order() {
         expect_colour(&format!("{x} {y}"), colours[at(x, y)], wide(colour), BYTE);
         assert_eq!(depths[at(x, y)], depth);
     }
-    // Without a depth the last one wins, and with one that does not hide as well.
+    // The last rectangle is seen where there is no depth image, and where drawing does not write it (`hides: false`).
     let both = [near.clone(), far.clone()].concat();
     expect_colour("no depth", painted(&PLAIN, GREY, &both).0[at(12, 10)], wide(BLUE), BYTE);
     let seen = painted(&Onto { hides: false, ..HIDING }, GREY, &both);
     expect_colour("hides nothing", seen.0[at(12, 10)], wide(BLUE), BYTE);
-    assert!(seen.1.iter().all(|depth| *depth == 1.0), "what hides nothing leaves no depth");
-    // Of two at one depth, the later one is seen.
+    assert!(seen.1.iter().all(|depth| *depth == 1.0), "drawing with hides: false must not write depth");
+    // Of two rectangles at the same depth, the one drawn later is seen.
     let level = [near, rectangle([5., 5., 20., 20.], 0.3, BLUE)].concat();
     expect_colour("one depth", painted(&HIDING, GREY, &level).0[at(12, 10)], wide(BLUE), BYTE);
 }
@@ -226,7 +230,7 @@ fn colours_are_mixed_by_their_alpha() {
     let (colours, _) = painted(&blending, GREY, &both);
     let ground = wide(GREY);
     for (x, want) in [(5, over(ground, a)), (20, over(over(ground, a), b)), (35, over(ground, b))] {
-        // Rounded to bytes with each that is mixed.
+        // The colour is rounded to bytes once for each rectangle blended.
         expect_colour(&format!("{x}"), colours[at(x, 12)], want, 2.0 * BYTE);
     }
     let (colours, _) = painted(&PLAIN, GREY, &both);
@@ -236,7 +240,7 @@ fn colours_are_mixed_by_their_alpha() {
 #[test]
 fn either_side_can_be_left_out() {
     turn();
-    // Counter-clockwise in the picture: it faces the viewer.
+    // The corners of this triangle go counter-clockwise in the image, so it faces the viewer.
     let facing = [[5.0, 2.0], [5.0, 20.0], [18.0, 20.0]].map(DVec2::from);
     assert!((facing[1] - facing[0]).perp_dot(facing[2] - facing[0]) < 0.0, "y runs down");
     let turned = [[25.0, 2.0], [38.0, 20.0], [25.0, 20.0]].map(DVec2::from);
@@ -285,14 +289,14 @@ fn indices_vertices_and_instances_are_those_asked_for() {
     expect("six of eighteen", drawn(&pipeline, &buffers, 6), [RED, GREY, GREY, GREY]);
     expect("from six on", Drawn { range: (6, 12), ..drawn(&pipeline, &buffers, 0) }, [GREY, BLUE, WHITE, GREY]);
     expect("none", drawn(&pipeline, &buffers, 0), [GREY; 4]);
-    // The third column, then the first one.
+    // The index buffer names the corners of the third column, then of the first one.
     let list: Vec<u32> = (12..18).chain(0..6).collect();
     let indices = Buffer::from_slice(context(), "indices", &list, Memory::Device).unwrap();
     let indexed = |range| Drawn { indices: Some(&indices), range, ..drawn(&pipeline, &buffers, 0) };
     expect("all indices", indexed((0, 12)), [RED, GREY, WHITE, GREY]);
     expect("indices from six on", indexed((6, 6)), [RED, GREY, GREY, GREY]);
     expect("the last triangle's", indexed((0, 6)), [GREY, GREY, WHITE, GREY]);
-    // Each a column further to the right.
+    // Each instance lies one column (10 pixels) further to the right.
     let aside = DrawFlat { aside: 20.0 / SIZE[0] as f32, ..buffers };
     let repeated = Drawn { instances: 3, ..drawn(&pipeline, &aside, 6) };
     expect("three instances", repeated, [RED, RED, RED, GREY]);
@@ -313,7 +317,7 @@ fn samples_are_resolved_to_their_mean() {
             let [got, ..] = colours[pixel];
             let quarters = 4.0 * got;
             assert!((quarters - quarters.round()).abs() < 4.0 * BYTE, "case {case} at {x}: {got} is no quarter");
-            // Beyond half a pixel's diagonal all samples agree.
+            // Where the edges are farther away than half a pixel's diagonal, all four samples agree.
             match inside(corners, x, 0.5f64.sqrt() + NEAR_EDGE) {
                 Some(is_inside) => {
                     assert!((got - f64::from(u8::from(is_inside))).abs() < BYTE, "case {case} at {x}: {got}")
@@ -340,7 +344,7 @@ fn what_was_there_is_kept_or_cleared() {
         };
         let [left, right] = [&left, &right].map(flat_of);
         expect("cleared", Before::Cleared(GREY), &[drawn(&pipeline, &left, 6)], [RED, RED, GREY]);
-        // The depth is kept as well: the red one is nearer.
+        // The depth image is kept as well: the red rectangle is nearer and still hides the blue one.
         expect("kept", Before::Kept, &[drawn(&pipeline, &right, 6)], [RED, RED, BLUE]);
         expect("nothing more", Before::Kept, &[], [RED, RED, BLUE]);
         expect("cleared again", Before::Cleared(WHITE), &[drawn(&pipeline, &right, 6)], [WHITE, BLUE, BLUE]);

@@ -1,5 +1,6 @@
-//! The Vulkan room itself: order of dependent passes, indirect arguments, fills and copies, replay, timers, threads,
-//! mapped memory, and the rasterizer.
+//! Tests of the Vulkan module (`palpate::internal::gpu`) itself: order of dependent passes, indirect arguments, fills
+//! and copies, replay of recordings, timers, threads, mapped memory, and rasterizing without attachments, as the depth
+//! stage does.
 
 use palpate::internal::gpu::{Buffer, Kernel, Memory, Named, RasterPipeline, Recorder, Recording, Size};
 use palpate::internal::shaders::test::{Bump, DrawSquares};
@@ -24,7 +25,8 @@ fn bump_of(cells: &Buffer, amount: u32) -> Bump<'_> {
     Bump { cells, amount, count: CELLS }
 }
 
-/// The order of passes shows in this: a kernel's `cells = 3 cells + amount`, one amount after another.
+/// The cells expected after these amounts: a pass of `test/bump` sets `cells = 3 cells + amount`, so that the result
+/// depends on the order of the passes.
 fn folded(start: u32, amounts: impl IntoIterator<Item = u32>) -> Vec<u32> {
     let value = amounts.into_iter().fold(start, |v, amount| v.wrapping_mul(3).wrapping_add(amount));
     vec![value; CELLS as usize]
@@ -98,7 +100,8 @@ fn indirect_passes_take_their_slot_and_wait_for_its_writer() {
     recorder.stage("indirect");
     recorder.dispatch_indirect(&kernel, &bump_of(&a, 1), &args, 1);
     recorder.dispatch_indirect(&kernel, &bump_of(&a, 2), &args, 2);
-    // Zeroed on the device, after which the same slot runs nothing.
+    // Slot 2 of the indirect arguments (three words from byte 24) is zeroed on the GPU, so that the next dispatch runs
+    // nothing.
     recorder.fill_range(&args, 24, 12, 0);
     recorder.dispatch_indirect(&kernel, &bump_of(&a, 3), &args, 2);
     let recording = recorder.finish().unwrap();
@@ -167,7 +170,8 @@ fn threads_share_the_queue() {
     let (context, kernel) = (context(), bump());
     std::thread::scope(|scope| {
         for thread in 0..4u32 {
-            // The turn is this thread's: others ask for no context.
+            // This thread has taken the turn (`harness::turn`) for the threads that it spawns: they do not call
+            // `context()`.
             let (kernel, a) = (&kernel, cells("own"));
             scope.spawn(move || {
                 let mut recorder = Recorder::new(context).unwrap();
@@ -198,15 +202,15 @@ fn a_device_is_found_by_index_and_by_part_of_its_name() {
     assert_eq!(error.exit_status(), 3);
 }
 
-/// How often each of `side` x `side` squares is covered, weighted by 1 + the number of the rectangle, when rectangles are
-/// drawn from `first` on.
+/// How often each cell of a grid of `side` x `side` cells is covered by the rectangles from index `first` on, each
+/// weighted by 1 + its index. A rectangle is given by its first and last cell: x, y, x, y.
 fn covered(side: u32, rectangles: &[[i32; 4]], first: u32) -> Vec<u32> {
     let context = context();
     let pipeline = RasterPipeline::new(context, "test/squares", &[("SQUARES", side.into())]).unwrap();
     let rectangles_there = Buffer::from_slice(context, "rectangles", rectangles, Memory::Device).unwrap();
     let squares = Buffer::new(context, "squares", u64::from(side * side) * 4, Memory::Device).unwrap();
     let out = Buffer::new(context, "out", squares.bytes(), Memory::Readback).unwrap();
-    // Vertices, instances, first of each.
+    // Two indirect draws, of which the second runs: vertices, instances, first vertex, first instance.
     let args = [[9u32; 4], [6, rectangles.len() as u32 - first, 0, 0]];
     let args = Buffer::from_slice(context, "args", &args, Memory::Device).unwrap();
     let mut recorder = Recorder::new(context).unwrap();
@@ -231,7 +235,8 @@ fn a_rectangle_of_squares_has_a_fragment_each_and_no_other() {
     for side in [1u32, 2, 3, 7, 64, 65, 1000, MOST_CELLS + 1, 4096] {
         let end = side.cast_signed() - 1;
         let mut rectangles = vec![[0, 0, end, end], [end; 4], [0; 4], [0, end, end, end], [end, 0, end, end]];
-        // Rectangles of no square, and random ones: thin, single squares, any.
+        // A rectangle without any cell, and random ones: single cells, parts of a column, parts of a row, up to 100 x
+        // 100 cells.
         rectangles.push([1, 1, 0, 0]);
         for k in 0..200 {
             let mut at = || random.below(side as usize) as i32;

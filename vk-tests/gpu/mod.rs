@@ -1,4 +1,4 @@
-//! The Vulkan room: devices, kernels, pictures, and the layouts that Rust and shaders share.
+//! Tests of the Vulkan module (`palpate::internal::gpu`): GPU devices, kernels and their variants, drawing onto images.
 
 pub mod canvas;
 pub mod device;

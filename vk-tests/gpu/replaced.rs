@@ -1,4 +1,5 @@
-//! A kernel may be replaced by another of the same interface: what tests of tests are made of.
+//! Tests that `Options::replaced` puts another kernel of the same interface in a kernel's place; mutation tests rest on
+//! it (tests that plant a fault in a shader and expect a check to fail).
 
 use palpate::internal::gpu::{Buffer, Kernel, Memory, Recorder, Size};
 use palpate::{Context, Options};

@@ -1,4 +1,5 @@
-//! A variant of a kernel has the buffers that it uses, whatever kind of arrays it reads, and no other.
+//! Tests that a variant of a kernel (its shader with other specialization constants) declares the buffers that it uses
+//! and no others, with arrays read through texel buffers as with storage buffers.
 
 use std::collections::BTreeSet;
 
@@ -7,7 +8,7 @@ use palpate::internal::shaders;
 
 use crate::harness::{assert_clean, context};
 
-/// The buffers of a variant, which are the same with both kinds of arrays.
+/// Names of the buffers that a variant uses; they must be the same with both kinds of arrays.
 fn buffers(kernel: &str, constants: &[(&str, Const)]) -> BTreeSet<String> {
     let [texel, storage] = [Arrays::Texel, Arrays::Storage].map(|arrays| {
         let kernel = Kernel::with_arrays(context(), kernel, Size::Reduce, constants, arrays).unwrap();
@@ -17,7 +18,7 @@ fn buffers(kernel: &str, constants: &[(&str, Const)]) -> BTreeSet<String> {
     texel
 }
 
-/// Buffers that a variant has more than another.
+/// Names of the buffers that the variant `with` uses in addition to those of the variant `without`.
 fn more(kernel: &str, with: &[(&str, Const)], without: &[(&str, Const)]) -> Vec<String> {
     let (with, without) = (buffers(kernel, with), buffers(kernel, without));
     assert!(without.is_subset(&with), "{kernel}: {without:?} are among {with:?}");
@@ -34,7 +35,7 @@ fn a_feature_that_a_variant_lacks_takes_its_buffers_with_it() {
     assert_eq!(of("solve/conclude", "CONTACT"), ["contact_forces", "contacts"]);
     assert_eq!(of("contact/candidates", "SKINS"), ["hits", "shares"]);
     assert_eq!(of("elastic/rotate", "AGAIN"), ["trial_change"]);
-    // A dynamic core that the device holds.
+    // `HELD` is the index of the dynamic core that the virtual coupling pulls on, or `NONE`.
     let held = more("solve/assemble", &[("HELD", Const::Uint(0))], &[("HELD", Const::Uint(shaders::NONE))]);
     assert_eq!(held, Vec::<String>::new(), "its parameters are read in any case");
     assert_clean(context(), "variants");

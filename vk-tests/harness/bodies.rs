@@ -1,4 +1,5 @@
-//! Prepared bodies for the tests of contact: spheres, mesh planes, half-spaces, skins embedded in a layer.
+//! Prepared bodies for the contact tests: spheres, flat sheets, half-spaces, and skins (surface meshes) embedded in a
+//! layer (tetrahedral mesh).
 
 use std::collections::BTreeMap;
 
@@ -6,10 +7,11 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::{self, Body, FrameMotion, Proxy, Shape, Skin, hull, layer, skin};
 use palpate::scene::Material;
 
-/// A triangle mesh.
+/// A triangle mesh: vertices, m, and the vertex indices of each triangle.
 pub type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);
 
-/// A sphere from an octahedron whose edges are halved `halvings` times, every vertex at `radius`; outward.
+/// A sphere with outward triangles: an octahedron whose triangles are split in four `halvings` times, all vertices at
+/// `radius`.
 pub fn sphere(radius: f64, halvings: u32) -> Mesh {
     let mut points: Vec<DVec3> = [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::X, -DVec3::Y, -DVec3::Z].into();
     let mut triangles: Vec<[u32; 3]> =
@@ -32,7 +34,7 @@ pub fn sphere(radius: f64, halvings: u32) -> Mesh {
     (points.into_iter().map(|p| p * radius).collect(), triangles)
 }
 
-/// A square in the plane y = 0, facing up, of `cells` x `cells` squares of two triangles each.
+/// A square in the plane y = 0, `half` m to each side, facing up, of `cells` x `cells` squares of two triangles each.
 pub fn sheet(half: f64, cells: u32) -> Mesh {
     let at = |i: u32| (f64::from(i) / f64::from(cells) * 2.0 - 1.0) * half;
     let points = (0..=cells).flat_map(|z| (0..=cells).map(move |x| (x, z)));
@@ -46,8 +48,8 @@ pub fn sheet(half: f64, cells: u32) -> Mesh {
     (points, halves.collect())
 }
 
-/// Proxies by the side of each coordinate plane that a triangle's centroid lies on: up to eight, so that several take
-/// part even where the whole is convex.
+/// Collision proxies (convex hulls that cover the skin), one for each octant with a triangle's centroid in it: up to
+/// eight, so that several proxies take part even where the skin as a whole is convex.
 pub fn octants(skin: &Skin) -> Vec<Proxy> {
     let mut proxies = vec![Proxy::default(); 8];
     let mut owned = vec![false; skin.vertices.len()];
@@ -73,7 +75,7 @@ pub fn octants(skin: &Skin) -> Vec<Proxy> {
     proxies
 }
 
-/// A rigid body; `cut` says how its skin is covered.
+/// A rigid body; `cut` makes the collision proxies of its skin.
 pub fn rigid(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec3, orientation: DQuat) -> Body {
     let skin = skin::build(mesh.0, mesh.1);
     let proxies = cut(&skin);
@@ -82,12 +84,13 @@ pub fn rigid(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVe
     Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
 }
 
-/// One hull, or as many as the skin's shape asks for.
+/// The collision proxies that the program itself makes: one hull, or as many as the skin's shape needs.
 pub fn whole(skin: &Skin) -> Vec<Proxy> {
     prepare::proxies(skin).unwrap()
 }
 
-/// The skin embedded in a box of Kuhn cells somewhat larger than it, nothing bound.
+/// A soft body without a core: the skin is embedded in a somewhat larger box of Kuhn cells (cuboids of six tetrahedra
+/// each), and no node is attached.
 pub fn soft(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec3, orientation: DQuat) -> Body {
     let reach = mesh.0.iter().fold(DVec3::ZERO, |reach, x| reach.max(x.abs()));
     let layer = layer::kuhn_box(-1.05 * reach, 1.05 * reach, [4, 4, 4]);
@@ -101,7 +104,7 @@ pub fn soft(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec
     Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
 }
 
-/// The half-space below a plane.
+/// The fixed half-space below the plane `normal` . x = `offset`.
 pub fn half_space(normal: DVec3, offset: f64) -> Body {
     let (position, orientation) = (DVec3::ZERO, DQuat::IDENTITY);
     let shape = Shape::Plane { normal, offset };

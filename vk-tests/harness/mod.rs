@@ -1,5 +1,6 @@
-//! The shader test harness: given, kernel, run, expect, untouched. Outputs start as canaries and have guard words
-//! behind their end, inputs are compared after the run, and any validation message fails the case.
+//! The shader test harness. A [`Case`] is given arrays, runs one kernel and checks what it left: outputs start filled
+//! with a canary value and have guard words behind their end, inputs must be unchanged after the run, and any message
+//! of the Vulkan validation layer fails the case.
 
 pub mod bodies;
 pub mod random;
@@ -16,10 +17,11 @@ use bytemuck::Pod;
 use palpate::internal::gpu::{Arrays, Buffer, Const, Kernel, Memory, Named, Recorder, Size};
 use palpate::{Context, Options};
 
-/// A quiet NaN no arithmetic makes, so that a value left unwritten is found as float and as integer.
+/// A quiet NaN that no arithmetic makes: an output that still holds it was left unwritten, be it of floats or of
+/// integers.
 pub const CANARY: u32 = 0x7fc0_dead;
-/// Kernels that list things in the order in which invocations come by, which is another from run to run; what is made of the lists
-/// is not.
+/// Kernels that fill lists in the order in which their invocations arrive, which differs from run to run, so that their
+/// outputs are not compared between runs. What later kernels make of the lists does not depend on that order.
 const UNORDERED: [&str; 9] = [
     "cull/pairs",
     "cull/regions",
@@ -31,10 +33,10 @@ const UNORDERED: [&str; 9] = [
     "contact/response",
     "contact/sort",
 ];
-/// Words behind the end of what the kernel may write.
+/// Guard words behind the end of each array that the kernel may write.
 const GUARD_WORDS: usize = 16;
 
-/// The device all cases share, opened once, with validation.
+/// The Vulkan device that all cases share, opened once, with validation.
 pub fn context() -> &'static Arc<Context> {
     static CONTEXT: OnceLock<Arc<Context>> = OnceLock::new();
     turn();
@@ -47,7 +49,8 @@ pub fn context() -> &'static Arc<Context> {
     })
 }
 
-/// The kind of arrays that tests use which do not compare both: `PALPATE_TEST_ARRAYS`, `texel` or `storage`, else the device's.
+/// The kind of arrays for tests that do not compare both: `PALPATE_TEST_ARRAYS` (`texel` or `storage`), or `None` for
+/// the kind that the GPU device prefers.
 pub fn arrays() -> Option<Arrays> {
     match std::env::var("PALPATE_TEST_ARRAYS").as_deref() {
         Err(_) => None,
@@ -57,9 +60,10 @@ pub fn arrays() -> Option<Arrays> {
     }
 }
 
-/// Waits until no other test uses the validation layer, and keeps others from it until this test's thread ends: messages belong to
-/// whoever has the turn, and where tests open and close devices side by side, layer 1.3.239 crashes in a look-up of its own
-/// about once in a hundred runs. Tests that open no device with it run beside.
+/// Waits until no other test uses the validation layer, and keeps other tests from it until this test's thread ends.
+/// The layer does not say which test a message belongs to; and where tests open and close devices in parallel, version
+/// 1.3.239 crashes in one of its own look-ups about once in a hundred runs. Tests that open no device with validation
+/// run in parallel.
 pub fn turn() {
     static TURN: Mutex<()> = Mutex::new(());
     thread_local!(static HELD: Cell<Option<MutexGuard<'static, ()>>> = const { Cell::new(None) });
@@ -69,7 +73,7 @@ pub fn turn() {
     });
 }
 
-/// Fails on any validation message since the last look.
+/// Fails on any validation message since the last call.
 pub fn assert_clean(context: &Context, what: &str) {
     let messages = context.validation_messages();
     assert!(messages.is_empty(), "{what}: validation says:\n{}", messages.join("\n"));
@@ -87,7 +91,7 @@ struct Given {
     name: String,
     role: Role,
     words: Vec<u32>,
-    /// Bytes the kernel may touch; guards lie behind.
+    /// Bytes that the kernel may touch; guard words lie behind them.
     bytes: usize,
 }
 
@@ -108,7 +112,7 @@ enum Extent {
     Groups(u32),
 }
 
-/// A case for a kernel; buffers follow by their names in the shader.
+/// A case for a kernel; arrays are added by the names of the shader's buffers.
 pub fn case(kernel: &str) -> Case {
     Case {
         kernel: kernel.into(),
@@ -121,53 +125,53 @@ pub fn case(kernel: &str) -> Case {
 }
 
 impl Case {
-    /// Local size; `Size::Group` if not called.
+    /// Sets the local size, which is `Size::Group` otherwise.
     pub fn size(mut self, size: Size) -> Self {
         self.size = size;
         self
     }
 
-    /// A specialization constant.
+    /// Sets a specialization constant.
     pub fn constant(mut self, name: &str, value: impl Into<Const>) -> Self {
         self.constants.push((name.into(), value.into()));
         self
     }
 
-    /// An array the kernel reads; it must be the same after the run.
+    /// Adds an array that the kernel reads; it must be the same after the run.
     pub fn input<T: Pod>(self, name: &str, data: &[T]) -> Self {
         self.with(name, Role::Input, bytemuck::cast_slice(data))
     }
 
-    /// An array the kernel reads and writes.
+    /// Adds an array that the kernel reads and writes.
     pub fn inout<T: Pod>(self, name: &str, data: &[T]) -> Self {
         self.with(name, Role::InOut, bytemuck::cast_slice(data))
     }
 
-    /// An array of `len` elements the kernel writes, every word of it.
+    /// Adds an array of `len` elements of which the kernel must write every word.
     pub fn output<T: Pod>(self, name: &str, len: usize) -> Self {
         let canaries = vec![CANARY; len * size_of::<T>() / 4];
         self.with(name, Role::Output, bytemuck::cast_slice(&canaries))
     }
 
-    /// An array the kernel writes where it has something to say; the rest must stay as `data` has it, which the case
-    /// itself has to look at.
+    /// Adds an array of which the kernel writes only some elements; the others must stay as in `data`, which the test
+    /// itself has to check.
     pub fn partial<T: Pod>(self, name: &str, data: &[T]) -> Self {
         self.with(name, Role::Partial, bytemuck::cast_slice(data))
     }
 
-    /// Push constants.
+    /// Sets the push constants.
     pub fn push<T: Pod>(mut self, push: &T) -> Self {
         self.push = bytemuck::bytes_of(push).to_vec();
         self
     }
 
-    /// Invocations to run.
+    /// Sets the number of invocations to run.
     pub fn elements(mut self, elements: usize) -> Self {
         self.run = Extent::Elements(elements as u32);
         self
     }
 
-    /// Workgroups to run, instead of elements.
+    /// Sets the number of workgroups to run, instead of a number of invocations.
     pub fn groups(mut self, groups: usize) -> Self {
         self.run = Extent::Groups(groups as u32);
         self
@@ -176,7 +180,7 @@ impl Case {
     fn with(mut self, name: &str, role: Role, bytes: &[u8]) -> Self {
         assert_eq!(bytes.len() % 4, 0, "{name}: arrays are made of 32-bit words");
         let mut words: Vec<u32> = bytemuck::allocation::pod_collect_to_vec(bytes);
-        // Read-only arrays get no guards: nothing may be written, and shaders may ask for their length.
+        // Read-only arrays get no guard words: nothing may be written to them, and shaders may ask for their length.
         if role != Role::Input {
             words.resize(words.len() + GUARD_WORDS, CANARY);
         }
@@ -184,8 +188,8 @@ impl Case {
         self
     }
 
-    /// Runs the case and checks guards, inputs, canaries and validation; panics where any fails. With both kinds of arrays, which
-    /// must leave the same.
+    /// Runs the case with both kinds of arrays, which must leave the same bits, and checks guard words, inputs,
+    /// canaries and validation. Panics where any check fails.
     pub fn run(self) -> Outcome {
         turn();
         let first = arrays().unwrap_or(context().arrays());
@@ -203,11 +207,12 @@ impl Case {
         Outcome { kernel: self.kernel, given: self.given, after }
     }
 
-    /// What the arrays hold after a run with one kind of arrays.
+    /// The contents of all arrays after a run with one kind of arrays.
     fn run_with(&self, arrays: Arrays) -> Vec<Vec<u32>> {
         let context = context();
         let constants: Vec<_> = self.constants.iter().map(|(name, value)| (name.as_str(), *value)).collect();
-        // Drivers take longer to compile a kernel than to run it, and an iteration runs the same ones again and again.
+        // Drivers take longer to compile a kernel than to run it, and tests of the solver run the same kernels many
+        // times.
         static KERNELS: Mutex<BTreeMap<String, Arc<Kernel>>> = Mutex::new(BTreeMap::new());
         let make = || {
             let kernel = Kernel::with_arrays(context, &self.kernel, self.size, &constants, arrays);
@@ -257,7 +262,7 @@ impl Case {
     }
 }
 
-/// Guards whole, inputs unchanged, outputs all written.
+/// Checks that guard words and inputs are unchanged and that outputs are written in full.
 fn check(kernel: &str, given: &Given, after: &[u32]) {
     let (end, name) = (given.bytes / 4, &given.name);
     if given.role == Role::Input {
@@ -276,7 +281,7 @@ fn check(kernel: &str, given: &Given, after: &[u32]) {
     }
 }
 
-/// Arrays after a run.
+/// The arrays after a run.
 pub struct Outcome {
     kernel: String,
     given: Vec<Given>,
@@ -284,7 +289,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// An array by its name, without its guards.
+    /// The contents of an array by its name, without its guard words.
     pub fn get<T: Pod>(&self, name: &str) -> Vec<T> {
         let at = self.given.iter().position(|g| g.name == name);
         let at = at.unwrap_or_else(|| panic!("{}: no array {name}", self.kernel));
@@ -292,19 +297,20 @@ impl Outcome {
     }
 }
 
-/// How far a value may be from what is wanted: `abs + rel * |want|`. Each constant says why it is what it is.
+/// The allowed error of a value: `abs + rel * |want|`. Each constant of this type has a comment that gives its reason.
 #[derive(Debug, Clone, Copy)]
 pub struct Tolerance {
-    /// In the units of the value.
+    /// Absolute part, in the units of the value.
     pub abs: f64,
-    /// Relative to the wanted value.
+    /// Part relative to the wanted value.
     pub rel: f64,
 }
 
-/// Every value within tolerance, or a panic that names the worst; a NaN never passes, nor does another length.
+/// Checks that every value is within tolerance, and panics otherwise, naming the worst one. A NaN never passes, nor do
+/// lengths that differ.
 pub fn expect_close(name: &str, got: &[f32], want: &[f64], tolerance: Tolerance) {
     assert_eq!(got.len(), want.len(), "{name}: values got, and wanted");
-    // Share of the allowance used; what cannot be compared is worst of all.
+    // The error divided by the allowed error; NaN and errors where none is allowed count as infinite.
     let share = |(g, w): (&f32, &f64)| {
         let error = (f64::from(*g) - w).abs();
         let allowed = tolerance.abs + tolerance.rel * w.abs();

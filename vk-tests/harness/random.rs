@@ -1,4 +1,4 @@
-//! Numbers for test cases, the same every time.
+//! Pseudo-random numbers for test cases, the same in every run.
 
 use glam::{DQuat, DVec3};
 
@@ -12,12 +12,12 @@ impl Random {
         (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
 
-    /// A vector of three.
+    /// A vector of three numbers in [-1, 1).
     pub fn vector(&mut self) -> DVec3 {
         DVec3::new(self.next(), self.next(), self.next())
     }
 
-    /// A rotation by a vector of up to `reach` rad along each axis.
+    /// A rotation whose rotation vector has random components of up to `reach` rad.
     pub fn turn(&mut self, reach: f64) -> DQuat {
         DQuat::from_scaled_axis(reach * self.vector())
     }

@@ -1,4 +1,5 @@
-//! The harness must fail where it should: each law it guards is broken once on purpose, by `shaders/test/copy.comp`.
+//! Tests of the harness itself: `shaders/test/copy.comp` breaks each rule that the harness checks, once and on purpose,
+//! and the harness must fail.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -7,11 +8,12 @@ use palpate::internal::shaders::test::CopyParams;
 
 use crate::harness::{Outcome, Tolerance, assert_clean, case, context, expect_close};
 
-/// One multiplication and one addition in f32.
+/// Rounding of one multiplication and one addition in f32.
 const TOLERANCE: Tolerance = Tolerance { abs: 0.0, rel: 2.4e-7 };
 const SCALE: f32 = 3.0;
 
-/// Runs the copy kernel over `n` elements; `marked_is_input` claims that it leaves `marked` alone.
+/// Runs the copy kernel over `n` elements with one of the shader's misdeeds (0: none). `marked_is_input` declares the
+/// array `marked`, which misdeed 2 changes, as an input.
 fn copy(n: usize, misdeed: u32, marked_is_input: bool) -> (Outcome, Vec<f64>) {
     let params = CopyParams { unused: [0.0; 3], count: n as u32, also_unused: [[0.0; 3]; 3] };
     let source: Vec<f32> = (0..n).map(|i| 1.0 + i as f32 * 0.7).collect();
@@ -30,7 +32,7 @@ fn copy(n: usize, misdeed: u32, marked_is_input: bool) -> (Outcome, Vec<f64>) {
     (outcome, want)
 }
 
-/// The message of what must fail.
+/// The panic message of a closure, which must panic.
 fn message(what: impl FnOnce()) -> String {
     let panic = catch_unwind(AssertUnwindSafe(what)).expect_err("this had to fail");
     panic.downcast_ref::<String>().cloned().unwrap_or_else(|| panic.downcast_ref::<&str>().unwrap().to_string())
@@ -111,16 +113,16 @@ fn misuse_is_refused_by_name() {
     assert!(few.contains("stage trial: kernel test/copy uses offsets, which was left out"), "{few}");
     let unknown = record(&[("aim", &a)], &[0; 4]);
     assert!(unknown.contains("no buffer aim; it has params, source, offsets, marked, target"), "{unknown}");
-    assert!(record(&given(&b, &c, &b), &[0; 4]).contains("writes b and is also given it as target"));
-    assert!(record(&given(&b, &c, &a), &[0; 4]).contains("writes a"));
+    assert!(record(&given(&b, &c, &b), &[0; 4]).contains("writes array b and also binds it to target"));
+    assert!(record(&given(&b, &c, &a), &[0; 4]).contains("writes array a and"));
     assert!(record(&given(&b, &c, &odd), &[]).contains("4 bytes of push constants, but was given 0"));
-    // An array has its own name, unless it goes by others.
+    // A buffer is accepted under its own name only, unless `known_as` gives it others.
     let target = b.known_as(&["target"]);
     let swapped = record(&given(&target, &c, &d), &[0; 4]);
-    assert!(swapped.contains("array b is given as source, which it is not"), "{swapped}");
+    assert!(swapped.contains("array b may not be bound to its buffer source"), "{swapped}");
     let named = array("source", 4);
     let swapped = record(&[("params", &named)], &[0; 4]);
-    assert!(swapped.contains("array source is given as params, which it is not"), "{swapped}");
+    assert!(swapped.contains("array source may not be bound to its buffer params"), "{swapped}");
     let other = Named { shader: "test/bump", buffers: &[("cells", &a)], push: &[0; 8] };
     let mut recorder = Recorder::new(context).unwrap();
     recorder.dispatch(&kernel, &other, 1);

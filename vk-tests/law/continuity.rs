@@ -1,6 +1,6 @@
-//! A tool that slides feels no joints: swept over head and gear by a thousand steps of 10 um, across the borders of
-//! proxies, the force never jumps. The bodies are rigid and the hand stiff, so that what is seen is the law of contact and
-//! no dynamics.
+//! Continuity of the contact force: a sphere is swept over the head and the gear in a thousand steps of 10 um, across
+//! borders between collision proxies, and the force must not jump. The bodies are rigid and the virtual coupling is
+//! stiff, so that only the contact law shows and no dynamics.
 
 use std::collections::BTreeMap;
 
@@ -11,41 +11,44 @@ use palpate::{Options, Simulation};
 
 use crate::scene::whole_step::scene;
 
-/// Steps, and the way of each, m.
+/// Number of steps of a sweep, and the way that the tool goes in each, m.
 const SWEEP: (usize, f64) = (1000, 1e-5);
-/// N/m^3.
+/// Stiffness of contact, N/m^3.
 const STIFFNESS: f64 = 1e7;
-/// Steps until the tool moves as the hand does, and the normal is the skins': the tool starts at full depth.
+/// Steps that are left out: the tool starts at full depth, and after these it moves as the desired pose does and the
+/// contact normal has become that of the skins.
 const SETTLE: usize = 100;
 
-/// A line over a model's skin.
+/// A straight sweep over the skin of a model.
 struct Sweep {
     name: &'static str,
     model: &'static str,
     vertices: usize,
-    /// Near the middle of the line, and outward there.
+    /// A point of the skin near the middle of the sweep, m; `outward` and `along` are the directions of the skin's
+    /// normal and of the sweep there.
     at: DVec3,
     outward: DVec3,
     along: DVec3,
-    /// Radius of the tool and how deep its middle is in the skin, m.
+    /// Radius of the tool and its depth in the skin at the middle of the sweep, m.
     sphere: f64,
     depth: f64,
-    /// What is allowed, in median changes a step, of the largest change of force in a step, from one change to the next, and of
-    /// the force with which a contact comes or goes: 3 is the aim, more what is so today. A jump shows in all three; where only
-    /// the first is large it is a slope of the way, where the first two are, a vertex that comes in at the tool's steep rim.
+    /// Limits of `jump`, `kink` and `sudden` of [`Felt`]. The aim is 3; a larger limit is what the engine reaches
+    /// today. A discontinuity makes all three large; a steep but smooth slope of the skin only the first; a vertex that
+    /// enters at the tool's steep rim the first two.
     limits: [f64; 3],
 }
 
-/// What a sweep was like.
+/// The changes of force along a sweep.
 struct Felt {
-    /// Largest change of the force in a step, of the median change.
+    /// Largest change of the force in one step, divided by the median change.
     jump: f64,
-    /// From one change to the next, of the median change.
+    /// Largest difference between the changes of two successive steps, divided by the median change.
     kink: f64,
-    /// Greatest force of a contact in its first or last step, of the median change.
+    /// Greatest force of a contact in its first or last step, divided by the median change.
     sudden: f64,
+    /// Mean force, N.
     mean: f64,
-    /// rad/mm.
+    /// Fastest turning of the contact normal, rad per mm of the sweep.
     turn: f64,
 }
 
@@ -70,7 +73,8 @@ fn open(sweep: &Sweep, from: DVec3, to: DVec3) -> Simulation {
     Simulation::open(&scene(&text), &options).unwrap()
 }
 
-/// Where the sphere's middle is when it is so deep in the vertices below it.
+/// The centre of the sphere on the line through `at` along `outward` where the nearest skin vertex is `depth` deep in
+/// the sphere.
 fn middle(sweep: &Sweep, skin: &[DVec3]) -> DVec3 {
     let n = sweep.outward.normalize();
     let distance = |x: DVec3| skin.iter().map(|v| v.distance(x)).fold(f64::INFINITY, f64::min);

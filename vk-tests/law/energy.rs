@@ -1,4 +1,5 @@
-//! No energy from nothing: a tool dropped on a soft body, a free body dropped on the floor.
+//! Invariant: contact creates no energy. A rigid sphere (the tool) is dropped on a soft block, a free block is dropped
+//! on a half-space, and both are thrown with friction.
 
 use std::collections::BTreeMap;
 
@@ -9,27 +10,30 @@ use palpate::internal::shaders::Contact;
 use crate::law::invariants::{BLOCK, State};
 use crate::scene::whole_step::{open, run, scene};
 
-/// Energy gained, of what is turned over: the state is f32, the solver stops at 1e-6.
+/// Greatest energy gained, as a share of the energy turned over (its largest change since the start): the state is f32,
+/// and the solver stops at 1e-6.
 const GAIN: f64 = 1.0e-5;
 
-/// The dropped sphere's radius, m, and the greatest slope of its facets against the sphere: 0.075 rad from vertex to
-/// vertex, a facet's corner lies 1/sqrt(3) of that off its middle.
+/// Radius of the dropped sphere, m.
 const RADIUS: f64 = 0.02;
+/// Greatest slope of the facets of the sphere's mesh against the sphere, rad: an edge spans 0.075 rad, and a corner
+/// lies 1/sqrt(3) of that from the middle of its facet.
 const FACET: f64 = 0.044;
 
-/// Penalty energy of the contacts of a step, J, by side and vertex; those dropped in the step count too.
+/// Penalty energy of each contact of a step, J, by side (which body's vertex it is) and skin vertex. Contacts released
+/// in the step, whose own stiffness is 0, count too.
 fn penalties(contacts: &[Contact]) -> BTreeMap<(u32, u32), f64> {
     let stiffness = contacts.iter().map(|c| c.stiffness).fold(0.0, f32::max);
     let energy = |c: &Contact| 0.5 * f64::from(stiffness * c.area) * f64::from(c.depth).powi(2);
     contacts.iter().map(|c| ((c.side, c.vertex), energy(c))).collect()
 }
 
-/// Runs a drop and holds its energy against the law, at the start of each step with the contacts gathered there.
-/// Kinetic, elastic and gravity's energy together never exceed the start's. With the contacts' the sum may only rise by
-/// that of contacts that entered since the last step (they are met where they are, up to one step's way inside), and by
-/// the work of a spinning sphere's facets that slide under the contacts: depth is taken and force acts along the
-/// region's normal, not the facet's, so that sliding on a slope changes the depth and meets no resistance. On a plane
-/// there is no such work.
+/// Runs a drop and checks its energy at the start of each step, with the contacts found there. The sum of kinetic,
+/// elastic and gravitational energy must never exceed its start. With the penalty energy of the contacts, the sum may
+/// rise from one step to the next by two amounts only: the energy of contacts that entered since the last step (they
+/// are found up to one step's way inside), and the work of a spinning sphere's facets that slide under the contacts.
+/// Depth is measured, and force acts, along the normal of the contact patch and not of the facet, so that sliding on a
+/// sloped facet changes the depth and meets no resistance. On a plane there is no such work.
 fn judge(name: &str, text: &str, steps: usize, height: impl Fn(&State) -> f64) {
     let scene = scene(text);
     let mut simulation = open(&scene, None);

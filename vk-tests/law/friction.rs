@@ -1,4 +1,5 @@
-//! Friction in whole steps: Coulomb's law on a slope, the f64 oracle step by step, momentum of bodies that collide.
+//! Friction in whole steps: Coulomb's law on a slope, agreement with the f64 oracle (the reference implementation) in
+//! every step, and the momentum of free bodies that collide.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Embedding, Shape, Skin};
@@ -16,8 +17,8 @@ use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
 const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
 
-/// The oracle's twin of a scene with one pair of bodies: two soft ones, or a soft one or the tool against a half-space, or
-/// a soft one and the tool. Its contacts are its own; only the direction of a region is the device's.
+/// The oracle's twin of a scene with one pair of bodies: two soft ones, a soft one or the tool against a half-space, or
+/// a soft one and the tool. The twin finds its own contacts; only the normal of the contact patch is the engine's.
 pub struct Twin {
     pub oracle: oracle::step::Simulation,
     soft: Vec<(Skin, Vec<Embedding>)>,
@@ -71,7 +72,7 @@ impl Twin {
         Twin { oracle, soft, tool, plane, law }
     }
 
-    /// Contacts of the present state along `normal`.
+    /// Contacts of the twin's present state along `normal`.
     fn contacts(&self, normal: DVec3) -> Vec<contact::Contact> {
         let soft = self.soft.iter().enumerate().map(|(i, (skin, e))| self.oracle.bodies[i].surface(i, skin, e));
         let tool = self.tool.iter().map(|skin| Surface {
@@ -87,13 +88,13 @@ impl Twin {
         }
     }
 
-    /// Where the tool is, or the core that is held.
+    /// Centre of the rigid tool, or of the core that the virtual coupling pulls on, m.
     fn tool_centre(&self) -> DVec3 {
         let held = || self.oracle.cores[self.oracle.held.unwrap().core].centre;
         self.oracle.tool.as_ref().map_or_else(held, |tool| tool.centre)
     }
 
-    /// Linear momentum, and angular about the origin.
+    /// Linear momentum, kg m/s, and angular momentum about the origin, kg m^2/s.
     fn momentum(&self) -> (DVec3, DVec3) {
         momentum(self.oracle.bodies.iter())
     }
@@ -110,7 +111,7 @@ fn momentum<'a>(bodies: impl Iterator<Item = &'a oracle::step::SoftBody>) -> (DV
     (linear, angular)
 }
 
-/// Momentum of the device's soft bodies.
+/// Momentum of the first `count` soft bodies, with the state read from the GPU.
 fn device_momentum(simulation: &Simulation, count: usize) -> (DVec3, DVec3) {
     let bodies: Vec<_> = (0..count)
         .map(|index| {
@@ -122,8 +123,8 @@ fn device_momentum(simulation: &Simulation, count: usize) -> (DVec3, DVec3) {
     momentum(bodies.iter())
 }
 
-/// How far the device went from the oracle: tool force and torque (of the largest), tool position (m), displacements (of
-/// the largest).
+/// Greatest differences of the engine from the oracle: force and torque on the tool (relative to the largest), tool
+/// position (m), node displacements (relative to the largest).
 #[derive(Debug, Default)]
 pub struct Errors {
     pub force: f64,
@@ -132,7 +133,7 @@ pub struct Errors {
     pub shape: f64,
 }
 
-/// Runs a scene beside the oracle. `each`: what else to look at after a step.
+/// Runs a scene in the engine and in the oracle side by side. `each` is called after every step, for further checks.
 pub fn beside(
     scene: &Scene,
     steps: usize,
@@ -179,14 +180,14 @@ pub fn beside(
     errors
 }
 
-/// Friction over pressure, sums of magnitudes over all contacts of a step; zero where nothing touches.
+/// Friction over normal force, sums of magnitudes over all contacts of a step; zero where nothing touches.
 fn ratio(report: &oracle::step::Report) -> f64 {
     let force: f64 = report.contacts.iter().map(|c| c.force).sum();
     let drag: f64 = report.contacts.iter().map(|c| c.friction.length()).sum();
     if force > 0.0 { drag / force } else { 0.0 }
 }
 
-/// As in vk-tests/scene/touch.rs: force and displacements of the largest, m.
+/// Tolerances as in vk-tests/scene/touch.rs: `FORCE` and `SHAPE` relative to the largest value, `PLACE` in m.
 const FORCE: f64 = 5.0e-5;
 const SHAPE: f64 = 5.0e-5;
 const PLACE: f64 = 1.0e-7;
@@ -211,7 +212,7 @@ fn a_tool_dragged_over_a_block_rubs_as_the_oracles() {
     }
 }
 
-/// A soft block thrown on a plane; `core`: more of it.
+/// A soft block thrown on a plane; `core` is further text of the block's table in the scene file.
 pub fn thrown(young: f64, friction: f64, core: &str) -> String {
     format!(
         "[solver]\n{TIGHT}\n[contact]\nfriction = {friction:?}\n[[body]]\nname = \"block\"\n\
@@ -238,7 +239,7 @@ fn a_thrown_block_slides_and_stops_as_the_oracles() {
     }
 }
 
-/// Tangent of the slope, velocity of a free rigid cube on it after each step.
+/// Velocity after each step of a free rigid cube on a slope with this tangent, m/s along the slope.
 fn slide(tangent: f64, steps: usize) -> (Vec<f64>, Errors) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("cube.obj");
@@ -262,7 +263,8 @@ fn slide(tangent: f64, steps: usize) -> (Vec<f64>, Errors) {
 fn a_rigid_cube_sticks_to_a_slope_or_slides_as_coulomb_says() {
     for tangent in [0.2, 0.35] {
         let (velocity, errors) = slide(tangent, 400);
-        // mu N v / sqrt(v^2 + speed^2) = N tan.
+        // The regularised friction law with coefficient mu = 0.4, speed v and normal force N: mu N v / sqrt(v^2 + (1e-3
+        // m/s)^2) = N tangent.
         let creep = 1e-3 * tangent / (0.4f64.powi(2) - tangent * tangent).sqrt();
         println!("slope {tangent}: {:.5e} m/s, regularised law {creep:.5e}; {errors:?}", velocity[399]);
         assert!((velocity[399] - creep).abs() < 2e-3 * creep, "it sticks but for the creep of the regularisation");
@@ -273,7 +275,8 @@ fn a_rigid_cube_sticks_to_a_slope_or_slides_as_coulomb_says() {
         let cosine = 1.0 / tangent.hypot(1.0);
         let want = 9.81 * cosine * (tangent - 0.4);
         let got = (velocity[399] - velocity[199]) / 0.2;
-        // The coefficient is a step old: at v the force is too large by h a / v.
+        // Friction is divided by the speed at the step's start: at speed v and acceleration a it is too large by a
+        // share of h a / v, with the step h = 1 ms. This is the mean over the last 0.2 s.
         let late = 0.4 * 9.81 * cosine * 1e-3 * (velocity[399] / velocity[199]).ln() / 0.2;
         println!("slope {tangent}: {got:.4} m/s^2, Coulomb {want:.4}, less {late:.4} for the lag; {errors:?}");
         assert!((got - want + late).abs() < 3e-3 * want, "{got} for {want}");
@@ -281,7 +284,7 @@ fn a_rigid_cube_sticks_to_a_slope_or_slides_as_coulomb_says() {
     }
 }
 
-/// Two free blocks that collide obliquely, off their centres, in no gravity.
+/// Two free blocks that collide obliquely and off their centres, without gravity.
 pub fn collision(friction: f64) -> String {
     let body = |name: &str, place: DVec3, velocity: DVec3, turn: DQuat| {
         let list = |x: DVec3| format!("{:?}", x.to_array());
@@ -302,9 +305,11 @@ pub fn collision(friction: f64) -> String {
     )
 }
 
-/// Change of linear momentum, of either body's at the start; 500 steps of f32.
+/// Greatest change of linear momentum, relative to a body's mass times 0.5 m/s, about its momentum at the start; 500
+/// steps in f32.
 const MOMENTUM: f64 = 1.0e-5;
-/// Difference of the change of angular momentum from the oracle's, of either body's linear momentum times its half edge.
+/// Greatest difference between the changes of angular momentum in engine and oracle, relative to that linear momentum
+/// times half an edge.
 const SPIN: f64 = 1.0e-4;
 
 #[test]

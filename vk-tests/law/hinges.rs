@@ -1,4 +1,5 @@
-//! Hinged cores: they turn about their axis and do nothing else; as the oracle's, and as mechanics has it.
+//! Tests of cores (rigid frames to which nodes are attached) on hinges: a core turns about its hinge's axis and does
+//! not move otherwise, as in the f64 oracle and as mechanics says.
 
 use std::f64::consts::TAU;
 
@@ -10,12 +11,12 @@ use palpate_oracle as oracle;
 use crate::scene::bones::{SHAPE, SPEED, bar, twin_cores};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// How far a pendulum's period may be off, of itself: crossings between steps of a millisecond are interpolated.
+/// Relative tolerance of a pendulum's period: its zero crossings are interpolated between steps of a millisecond.
 const PERIOD: f64 = 1e-4;
 
 #[test]
 fn a_bar_on_a_hinge_swings_as_the_oracles() {
-    // One end on a hinge, the other in a stone; it falls. The hinge is beside the middle of what it carries.
+    // A bar falls with a dynamic core at either end; the left core is on a hinge, which lies beside the core's middle.
     for young in [2e4, 1e6] {
         let text = bar(young, "[]").replace("motion = \"driven\"\nkeys = []", "motion = \"dynamic\"").replace(
             "name = \"left\"",
@@ -48,10 +49,11 @@ fn a_bar_on_a_hinge_swings_as_the_oracles() {
     }
 }
 
-/// Half extents of a slab, m; its mass, kg.
+/// Half extents of the slab, m, and its mass, kg.
 const SLAB: (DVec3, f64) = (DVec3::new(0.02, 0.1, 0.03), 0.2);
 
-/// A rigid slab hinged near one end along z, and tables besides.
+/// A rigid slab hinged near one end along z. `table` is further text of the scene's `[step]` table, `more` of the
+/// body's table and of tables after it.
 fn slab(table: &str, more: &str) -> Simulation {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("slab.obj");
@@ -67,13 +69,13 @@ fn slab(table: &str, more: &str) -> Simulation {
     )
 }
 
-/// Of the slab about its hinge, kg m^2.
+/// Moment of inertia of the slab about its hinge, kg m^2.
 fn moment() -> f64 {
     let (half, mass) = SLAB;
     mass * ((half.x * half.x + half.y * half.y) / 3.0 + 0.08 * 0.08)
 }
 
-/// Turned about z, rad.
+/// Angle by which the slab is turned about z, rad.
 fn angle(simulation: &Simulation) -> f64 {
     let DQuat { z, w, .. } = simulation.frames(0)[0].rotation;
     2.0 * z.atan2(w)
@@ -104,8 +106,9 @@ fn a_hinged_slab_is_a_pendulum() {
         last = now;
     }
     let period = 2.0 * (crossings[2] - crossings[0]) / 2.0;
-    // Of a pendulum that swings by a tenth of a radian. Gravity is taken at the start of a step: its energy is off by half of
-    // omega h one way and back, and does not grow.
+    // The period of a pendulum that swings by a tenth of a radian. Gravity's torque is taken at the start of each step,
+    // so that the energy deviates by up to a share omega h / 2 of the swing's energy (omega: angular frequency, h:
+    // step) and comes back; the deviation does not grow.
     let want = TAU * (moment() / (SLAB.1 * 9.81 * 0.08)).sqrt() * (1.0 + start * start / 16.0);
     println!(
         "pendulum: period {period:.4} s for {want:.4} s; energy at most {most:.1e} of the swing's above its start"
@@ -116,7 +119,7 @@ fn a_hinged_slab_is_a_pendulum() {
 
 #[test]
 fn a_hinged_slab_that_is_struck_turns_about_its_hinge_and_keeps_its_spin() {
-    // A ball that nobody holds flies askew at the slab's lower end.
+    // A ball without a virtual coupling flies obliquely at the slab's lower end.
     let ball = "[contact]\nstiffness = 1e8\n[tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.035, -0.07, 0.005]\nvelocity = [-0.5, 0.1, 0.2]";
     let mut simulation = slab("gravity = [0.0, 0.0, 0.0]", ball);
     let start = simulation.frames(0)[0];

@@ -1,5 +1,5 @@
-//! Laws that whole steps keep, whatever the oracle says: balance of momentum, the same answer everywhere and every
-//! time, no work that a scene does not need, no step that blows up.
+//! Invariants of whole steps that need no oracle: balance of momentum, the same answer in every place and every run, no
+//! passes and arrays that a scene does not need, no step that blows up.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +11,7 @@ use palpate_oracle as oracle;
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// Nodes, their velocities and the tool at one moment.
+/// Nodes with their velocities, in the oracle's form, and the tool at one moment.
 pub struct State {
     twin: oracle::step::SoftBody,
     pub tool: Option<palpate::internal::step::tool::Tool>,
@@ -24,6 +24,7 @@ impl State {
         State { twin, tool: simulation.tool().cloned() }
     }
 
+    /// Mass, position and velocity of each free node.
     pub fn nodes(&self) -> impl Iterator<Item = (f64, DVec3, DVec3)> {
         let free = self.twin.layer.bound.iter().map(|bound| !bound);
         let all = self.twin.elements.masses.iter().copied().zip(self.twin.world_nodes()).zip(&self.twin.velocity);
@@ -45,7 +46,7 @@ impl State {
         (linear, angular)
     }
 
-    /// Kinetic, elastic and gravity's energy, J.
+    /// Kinetic, elastic and gravitational energy of free nodes and tool, J.
     pub fn energy(&self, gravity: DVec3) -> f64 {
         let nodes: f64 = self.nodes().map(|(m, x, v)| m * (0.5 * v.length_squared() - gravity.dot(x))).sum();
         let rotations = self.twin.elements.rotations(&self.twin.displacement);
@@ -58,10 +59,10 @@ impl State {
     }
 }
 
-/// The block's extent, as a layer's key.
+/// Extent of the block, as a key of a scene's `layer` table.
 pub const BLOCK: &str = "box = [[-0.05, -0.05, -0.05], [0.05, 0.05, 0.05]]";
 
-/// A free block that flies into a resting sphere off its centre, both free.
+/// A free block that flies into a free sphere at rest, off its centre.
 fn collision(young: f64) -> String {
     format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[[body]]\nname = \
@@ -72,10 +73,11 @@ fn collision(young: f64) -> String {
     )
 }
 
-/// Momentum's change, per step and over all, of the block's: f32 velocities (6e-8), and what the solver leaves undone
-/// (1e-6 of a step's impulse), which the next step makes good.
+/// Greatest change of linear momentum, in a step and over all steps, relative to the block's: velocities are f32
+/// (6e-8), and the solver leaves 1e-6 of a step's impulse, which the next step corrects.
 const MOMENTUM: f64 = 5.0e-7;
-/// Angular momentum's change in a step, of the linear momentum times the block's half edge; the same reasons.
+/// Greatest change of angular momentum in a step, relative to the linear momentum times half the block's edge, for the
+/// same reasons.
 const SPIN: f64 = 5.0e-7;
 
 #[test]
@@ -94,8 +96,9 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
             let ((p0, l0), (p1, l1)) = (before.momentum(), after.momentum());
             worst = worst.max(p1.distance(p0));
             drift = drift.max(p1.distance(start));
-            // Implicit stiffness with the rotations of the step's start has a torque of its own, of second order in the
-            // strain; the law holds beside it. Everything else acts in pairs on one line.
+            // The implicit stiffness with the rotations of the step's start has a net torque of second order in the
+            // strain. It is added back here, so that the rest must be conserved: all other forces act in pairs along
+            // one line.
             let body = &before.twin;
             let operator = body.elements.linearised(&body.displacement, &body.rotations());
             let stiff = operator.apply_stiffness(&after.twin.velocity, &body.rotations());
@@ -124,7 +127,8 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
     }
 }
 
-/// A row without its wall time, to the last bit: f64's debug form is the shortest that reads back as the same number.
+/// Step reports without their wall time as text that differs where any bit does: the debug form of an f64 is the
+/// shortest that reads back as the same number.
 fn bits(rows: &[StepReport]) -> Vec<String> {
     rows.iter().map(|row| format!("{:?}", StepReport { step_us: 0.0, ..row.clone() })).collect()
 }
@@ -145,7 +149,7 @@ fn a_run_repeats_to_the_last_bit() {
     }
 }
 
-/// Recorded stages, stages with passes, and bytes on the device.
+/// The stages that the plan records, the stages that have passes, and bytes allocated on the GPU.
 fn needs(text: &str) -> (Vec<&'static str>, Vec<String>, u64) {
     let simulation = open(&scene(text), None);
     let planned = simulation.plan().entries.iter().filter(|e| e.recorded).map(|e| e.stage).collect();
@@ -153,8 +157,8 @@ fn needs(text: &str) -> (Vec<&'static str>, Vec<String>, u64) {
     (planned, passes, simulation.context().bytes_allocated())
 }
 
-/// Bytes at least that the stages of touch alone allocate: room for 16 entries (node, weight, sorted, next: 20
-/// bytes) of every vertex of the sphere.
+/// Least number of bytes that the contact stages alone allocate for the sphere: for each of its vertices, room for 16
+/// entries (node, weight, sorted, next: 20 bytes).
 const TOUCH_BYTES: u64 = 2562 * 16 * 20;
 
 #[test]
@@ -164,7 +168,7 @@ fn a_scene_records_and_allocates_only_what_it_needs() {
          material = {{ young = 2e4, poisson = 0.4, density = 1000.0 }}\n"
     );
     let body = format!("{free}[[body.core]]\nname = \"core\"\nbind = {{ nodes = [0, 1, 2] }}\n");
-    // What floats has its frame fitted.
+    // A floating body, one without a core, has its frame fitted to its nodes by the stage `fit`.
     assert_eq!(needs(&free).0, ["elastic", "solve", "fit"]);
     let alone = needs(&body);
     let floor = needs(&format!("{body}[[body]]\nname = \"floor\"\nplane = [0.0, 1.0, 0.0, -0.05]\n"));
@@ -180,8 +184,9 @@ fn a_scene_records_and_allocates_only_what_it_needs() {
     assert!(alone.2 + TOUCH_BYTES < tool.2 && alone.2 < floor.2 && floor.2 + TOUCH_BYTES < tool.2);
 }
 
-/// Force one kilometre away, of the largest. Positions are f64 on the host and relative to the tool on the device; what
-/// is left is the rounding of a kilometre, 1e-13 m of a depth of millimetres, and f32's where it tips a last bit.
+/// Greatest error of the force one kilometre away, relative to the largest force. Positions are f64 on the host and
+/// relative to the tool on the GPU. What is left is the rounding of a kilometre in f64, 1e-13 m of a depth of
+/// millimetres, and a last bit of f32 where that rounding tips it.
 const FAR: f64 = 1.0e-5;
 
 #[test]
@@ -198,7 +203,7 @@ fn a_kilometre_away_the_forces_are_the_same() {
     assert!(error < FAR);
 }
 
-/// The drive goes 4.5 mm: neither the tool nor a node has a reason to be farther off, m.
+/// Greatest distance of the tool from the desired pose and of a node from rest, m: the desired pose moves by 4.5 mm.
 const BOUND: f64 = 0.005;
 
 #[test]

@@ -1,5 +1,5 @@
-//! Layers made for a surface against layers that were made with it: the force of a press to a tenth of the body, beside a
-//! refined reference; and real meshes, filled and pressed.
+//! Layers (tetrahedral meshes) that the program makes for a surface against layers that conform to it: the force of a
+//! press by a tenth of the body's height must agree with a refined reference.
 
 use std::path::Path;
 
@@ -10,18 +10,19 @@ use palpate::{Options, Simulation, StepReport};
 
 use crate::scene::whole_step::scene;
 
-/// Flag: contacts that still pull.
+/// The flag of a step in which contacts are under tension even after a second solve.
 const PULLING: u32 = 256;
-/// Of the reference's force; what the scene's user is promised of either layer.
+/// Greatest relative difference from the reference's force; users are promised it for either kind of layer.
 const PROMISED: f64 = 0.10;
-/// A block of this half edge, m.
+/// Half the edge of the block, m.
 const HALF: f64 = 0.05;
-/// Radius of the sphere, m; the patch it presses is a few cells wide.
+/// Radius of the sphere, m; its contact patch is a few cells wide.
 const SPHERE: f64 = 0.05;
-/// Of 20 ms: ten to press, and until it rests.
+/// Number of steps, of 20 ms each: ten to press, the others until the force is steady.
 const STEPS: usize = 22;
 
-/// Force at the end of a press by a tenth of the block's height, held until it rests, N; and the number of tetrahedra.
+/// Force at the end of a press by a tenth of the block's height that is kept up until the force is steady, N; and the
+/// number of tetrahedra.
 fn pressed(layer: &str, surface: Option<&Path>) -> (f64, usize) {
     let surface = surface.map(|file| format!("surface = {file:?}\n")).unwrap_or_default();
     let (start, end) = (HALF + SPHERE + 0.0005, HALF + SPHERE - 0.2 * HALF);
@@ -33,31 +34,32 @@ fn pressed(layer: &str, surface: Option<&Path>) -> (f64, usize) {
          [tool]\nsphere = {SPHERE:?}\nmass = 0.1\nposition = [0.0, {start:?}, 0.0]\n\
          [coupling]\nstiffness = 1e6\ndamping = 1e3\nangular_stiffness = 100.0\nangular_damping = 1.0\n\
          [drive]\nkeys = [[0.0, 0.0, {start:?}, 0.0], [0.2, 0.0, {end:?}, 0.0]]\n",
-        // The same slab at the bottom whatever the cells, so that all are held alike.
+        // Only the nodes in the bottom plane are attached, whatever the cells, so that all layers are held alike.
         -HALF + 1e-6
     );
     let mut simulation = Simulation::open(&scene(&text), &options()).unwrap();
     let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
     let tetrahedra = layer.tetrahedra.len();
     let rows: Vec<StepReport> = (0..STEPS).map(|_| simulation.step().unwrap()).collect();
-    // At such long steps the normal, which follows the contacts a step late, still sways by a few degrees (README, Known
-    // limits), contacts at the rim may pull, and the force rests within a few percent: its mean is what is compared.
+    // At such long steps the contact normal, which follows the contacts with a lag of one step, sways by a few degrees
+    // (README, Known limits): contacts at the rim may be under tension, and the force is steady within a few percent
+    // only. So its mean is compared.
     let pulling = rows.iter().filter(|row| row.flags.0 == PULLING).count();
     let others = rows.iter().filter(|row| ![0, PULLING].contains(&row.flags.0)).count();
     assert!(pulling <= STEPS / 3 && others == 0, "{:?}", rows.iter().map(|r| r.flags.0).collect::<Vec<_>>());
     let force = |row: &StepReport| row.tool.unwrap().force.length();
     let mean = |rows: &[StepReport]| rows.iter().map(force).sum::<f64>() / rows.len() as f64;
     let (last, before) = (mean(&rows[STEPS - 4..]), mean(&rows[STEPS - 8..STEPS - 4]));
-    assert!((last / before - 1.0).abs() < 0.04, "it rests: {before} {last}");
+    assert!((last / before - 1.0).abs() < 0.04, "the force is not steady: {before} N, then {last} N");
     (last, tetrahedra)
 }
 
-/// Validation is for the small scenes.
+/// Options without Vulkan validation: it would slow these scenes down too much.
 fn options() -> Options {
     Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::of_program() }
 }
 
-/// The block's surface, cut as finely as `cells`.
+/// Writes the surface of the block, each edge cut into `cells`, to a file.
 fn block(folder: &Path, cells: u32) -> std::path::PathBuf {
     let (vertices, triangles, _) =
         layer::boundary(&layer::kuhn_box(DVec3::splat(-HALF), DVec3::splat(HALF), [cells; 3]));

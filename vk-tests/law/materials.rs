@@ -1,4 +1,5 @@
-//! Materials: neo-Hookean tetrahedra and corotational ones side by side, each with its own density and damping.
+//! Material laws: neo-Hookean and corotational tetrahedra side by side, each with its own density and damping, by hand
+//! and against the f64 oracle.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::layer::volume6;
@@ -12,19 +13,21 @@ use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 use crate::solver::system::{DT, System, layered, material, mixed, triples};
 use crate::stage::elastic::{deformed_of, expect_of_largest, expect_oracle, stretched, sync};
 
-/// Of the largest value, as for the corotational law alone; the stiffest material decides.
+/// Error of forces relative to the largest, as for the corotational law alone; the stiffest material has the largest.
 const FORCE: f64 = 1.0e-5;
-/// Of the largest value at strains of 1e-6.
+/// Error relative to the largest value, at strains of 1e-6.
 const TINY_STRAIN: f64 = 5.0e-6;
-/// By hand: a dozen roundings.
+/// Error relative to the largest value where the expected ones are computed by hand: a dozen roundings.
 const BY_HAND: f64 = 1.0e-6;
-/// Displacements after 20 steps, of the largest: ten times what is found, and the solver stops at 1e-6.
+/// Error of displacements after 20 steps, relative to the largest: ten times what is measured; the solver stops at
+/// 1e-6.
 const STEPS: f64 = 3.0e-6;
 
 #[test]
 fn a_neo_hookean_tetrahedron_stretched_by_half_by_hand() {
-    // elastic/rotate: unit corner, F = diag(1.5, 1, 1): I = 4.25, J = 1.5, cofactors diag(1, 1.5, 1.5), V = 1/6,
-    // P = 4/3 mu (1 - 1 / 5.25) F + ((lambda + 5/6 mu) / 2 - mu) cofactors.
+    // Kernel elastic/rotate, which computes element forces, on a unit corner of volume V = 1/6 with deformation
+    // gradient F = diag(1.5, 1, 1): I = |F|^2 = 4.25, J = det F = 1.5, cofactors diag(1, 1.5, 1.5), stress P = 4/3 mu
+    // (1 - 1 / (I + 1)) F + ((lambda + 5/6 mu) (J - 1) - mu) cofactors.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Layer::default() };
     let soft = Material { law: Law::NeoHookean, ..material(2e4) };
@@ -38,7 +41,7 @@ fn a_neo_hookean_tetrahedron_stretched_by_half_by_hand() {
     let h = f64::from(DT) / 6.0;
     let want = [along, across, across, -along, 0.0, 0.0, 0.0, -across, 0.0, 0.0, 0.0, -across].map(|p| h * p);
     expect_of_largest("forces", &triples(&system.element_forces[..4]), &want, BY_HAND);
-    // Gradients of the stretched tetrahedron.
+    // Gradients of the shape functions in the stretched tetrahedron, times the square root of V.
     let root = (1.0f64 / 6.0).sqrt();
     let want = [root / 1.5, 0.0, 0.0, 0.0, root, 0.0, 0.0, 0.0, root];
     expect_of_largest("gradients", &triples(&system.gradients[..3]), &want, BY_HAND);
@@ -66,7 +69,8 @@ fn mixed_tetrahedra_agree_with_the_oracle_at_every_size() {
 
 #[test]
 fn mixed_tetrahedra_pressed_flat_and_inside_out_agree_with_the_oracle() {
-    // Below the least stretch both laws stiffen, and neo-Hookean gradients are those of the least stretch.
+    // Below the least stretch the compression penalty stiffens both materials, and the operator's gradients of
+    // neo-Hookean tetrahedra are those at the least stretch.
     for (least, spread) in [(0.2, 0.09), (-0.35, 0.25)] {
         let mut system = deformed_of(&mixed(600), 600, 13, |random| {
             let (turn, least) = (random.turn(2.5), least + spread * random.next());
@@ -95,13 +99,14 @@ fn mixed_tetrahedra_keep_the_digits_of_tiny_strains_and_rigid_ones_push_nothing(
     let tiny = size(&system);
     let mut turned = deformed_of(&mixed(300), 300, 19, |random| DMat3::from_quat(random.turn(2.5)));
     turned.rotate();
-    // A rotation in f32 strains by a few 1e-7.
+    // A rotation that is rounded to f32 strains by a few 1e-7.
     assert!(size(&turned) < tiny, "{:e} against {tiny:e} at a strain of 1e-6", size(&turned));
 }
 
 #[test]
 fn bodies_of_regions_and_of_either_law_step_as_the_oracles_do() {
-    // The whole step: a block of 0.2 m, one end fixed, the other neo-Hookean, a dense sphere in its middle.
+    // Whole steps of a block 0.2 m long: one end is fixed, the other one neo-Hookean, and a dense sphere lies in its
+    // middle.
     for law in ["corotational", "neo-hookean"] {
         let text = format!(
             "[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[[body]]\nname = \"block\"\n\
@@ -129,7 +134,8 @@ fn bodies_of_regions_and_of_either_law_step_as_the_oracles_do() {
     }
 }
 
-/// Volume over that at rest of a block of nu 0.49 whose ends are drawn apart to twice its length; and no flag.
+/// Final volume over rest volume of a block with Poisson's ratio 0.49 whose ends are pulled apart to twice its length.
+/// No step may raise a flag.
 fn drawn_volume(law: &str) -> f64 {
     let text = format!(
         "[step]\ngravity = [0, 0, 0]\n[solver]\nmax_iterations = 1000\n[[body]]\nname = \"block\"\n\
@@ -153,8 +159,8 @@ fn drawn_volume(law: &str) -> f64 {
 
 #[test]
 fn a_block_drawn_to_twice_its_length_keeps_its_volume_only_by_the_nonlinear_law() {
-    // The whole step, far from rest, at 2 MPa. The corotational law is linear in the stretches: across it shrinks as if
-    // there were no end to it.
+    // Whole steps far from rest, at 2 MPa. The corotational law is linear in the stretches: nothing stops the block
+    // from shrinking across.
     let [linear, soft] = ["corotational", "neo-hookean"].map(drawn_volume);
     println!("volume {linear:.3} corotational, {soft:.3} neo-Hookean");
     assert!((0.99..1.05).contains(&soft), "{soft}");

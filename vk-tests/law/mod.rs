@@ -1,4 +1,5 @@
-//! Laws that whole steps keep: momentum, energy, friction, incompressibility, invariance.
+//! Invariants of whole steps, laws of physics that must hold: momentum, energy, friction, hinges, material laws,
+//! continuity of the force.
 
 pub mod continuity;
 pub mod energy;

@@ -1,5 +1,5 @@
-//! Free bodies and bodies at rest, held against laws: what floats keeps its momentum, what lies stays, what rolls or slides
-//! does it as a rigid one.
+//! Free bodies and bodies at rest: in free flight momentum is kept, a body at rest stays where it is, and one that
+//! rolls or slides moves as a rigid one does.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::{Flags, Simulation, StepReport};
@@ -11,14 +11,14 @@ use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
 const PRECONDITIONERS: [&str; 2] = ["jacobi", "coarse"];
 
-/// The first body of a scene as it is now.
+/// The oracle's twin of the first body, in the engine's present state.
 fn twin_of(simulation: &Simulation) -> oracle::step::SoftBody {
     let mut twin = soft_twin(simulation, 0);
     (twin.displacement, twin.velocity) = simulation.nodes(0).unwrap().unwrap();
     twin
 }
 
-/// Linear momentum, and angular about `point`.
+/// Linear momentum, kg m/s, and angular momentum about `point`, kg m^2/s.
 fn momentum(body: &oracle::step::SoftBody, point: DVec3) -> (DVec3, DVec3) {
     let nodes = body.elements.masses.iter().zip(body.world_nodes()).zip(&body.velocity);
     nodes.fold((DVec3::ZERO, DVec3::ZERO), |(linear, angular), ((m, x), v)| {
@@ -31,7 +31,7 @@ fn centre(body: &oracle::step::SoftBody) -> DVec3 {
     moments.sum::<DVec3>() / body.elements.masses.iter().sum::<f64>()
 }
 
-/// A free body that a free ball strikes off its centre, in no gravity.
+/// A free body that a free ball (the tool) strikes off its centre, without gravity.
 pub fn struck(layer: &str, young: f64, preconditioner: &str, ball: &str) -> String {
     format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[solver]\n{TIGHT}\npreconditioner = \"{preconditioner}\"\n[[body]]\n\
@@ -43,21 +43,23 @@ pub fn struck(layer: &str, young: f64, preconditioner: &str, ball: &str) -> Stri
 pub const BLOCK: &str = "layer = { box = [[-0.03, -0.03, -0.03], [0.03, 0.03, 0.03]], cells = [4, 4, 4] }";
 const GEAR: &str = "surface = { model = \"gear\", vertices = 4000 }\nlayer = { cell = 0.01 }";
 
-/// Steps in which the ball has come and gone, at most; it has after so many without a contact.
+/// Most steps until the ball has struck and gone.
 const STRIKE: usize = 300;
+/// Steps without contact after which the ball counts as gone.
 const GONE: usize = 20;
-/// Steps after that.
+/// Steps of free flight after that.
 const FLIGHT: usize = 500;
-/// Of these beside the oracle.
+/// The first steps of the flight, which are compared with the oracle.
 const BESIDE: usize = 60;
-/// Linear momentum lost in the flight, of all of it.
+/// Greatest change of linear momentum in the flight, as a share of it.
 const MOMENTUM: f64 = 1.0e-6;
-/// Angular momentum gained in a step beside the method's own torque, of the linear times the body's half extent, as in
-/// vk-tests/law/invariants.rs.
+/// Greatest change of angular momentum in a step besides the torque of the method itself (see
+/// vk-tests/law/invariants.rs), relative to the linear momentum times the body's half extent.
 const SPIN: f64 = 1.0e-7;
-/// Difference of angular momentum from the oracle's, of the same; displacements, of the largest: what is left of each of the
-/// steps adds up.
+/// Greatest difference of angular momentum from the oracle's, relative to the same product: errors of the single steps
+/// add up.
 const SPIN_BESIDE: f64 = 1.0e-6;
+/// Greatest difference of displacements from the oracle's, relative to the largest.
 const SHAPE: f64 = 1.0e-6;
 
 #[test]
@@ -66,8 +68,8 @@ fn a_tossed_body_keeps_its_momentum() {
     let block = ("block", BLOCK, 0.03, "mass = 0.1\nposition = [0.01, 0.045, 0.012]\nvelocity = [1.3, -0.4, 0.1]");
     let gear = ("gear", GEAR, 0.05, "mass = 0.03\nposition = [-0.02, 0.065, 0.0]\nvelocity = [1.5, -0.4, 0.3]");
     let every = [2e4, 2e6].into_iter().flat_map(|young| PRECONDITIONERS.map(|p| (block, young, p)));
-    // A gear in undisturbed flight with the coarse level forced on it raises flag 1, since all that is left to solve is
-    // rounding: see the README's known limits.
+    // With the coarse level forced on it, a gear in undisturbed flight raises flag 1 (not converged), since all that is
+    // left to solve is rounding: see the README's known limits.
     for ((name, layer, half, ball), young, preconditioner) in every.chain([(gear, 2e4, "jacobi")]) {
         let what = format!("{name} of {young:e} Pa, {preconditioner}");
         toss(&what, &struck(layer, young, preconditioner, ball), half);
@@ -100,7 +102,8 @@ fn toss(what: &str, text: &str, half: f64) {
         iterations += row.iterations;
         let after = twin_of(&simulation);
         linear = linear.max(momentum(&after, DVec3::ZERO).0.distance(first.0));
-        // About a point that neither of two states moves; see vk-tests/law/invariants.rs for the torque of frozen rotations.
+        // Both states are taken about the centre of the earlier one; vk-tests/law/invariants.rs explains the torque of
+        // rotations that are fixed over a step.
         let point = centre(&before);
         let operator = before.elements.linearised(&before.displacement, &before.rotations());
         let stiff = operator.apply_stiffness(&after.velocity, &before.rotations());
@@ -136,7 +139,7 @@ fn toss(what: &str, text: &str, half: f64) {
 
 /// How far a body at rest may drift in 10,000 steps, m.
 const DRIFT: f64 = 1.0e-6;
-/// Steps until friction's creep has let the stresses of the landing go.
+/// Steps until the creep of regularised friction has released the stresses of the landing.
 const SETTLE: usize = 4000;
 
 #[test]
@@ -183,21 +186,24 @@ fn probe(name: &str, body: &str, nearest: DVec3) -> String {
 
 /// Radius of the ball, m.
 const RADIUS: f64 = 0.03;
-/// Of a rigid body's accelerations. In a step the pressure acts where the ball stood at its start, and its damping (the
-/// stiffness times the step) holds it back as much again: up to 2 h v ahead of the centre, which brakes in proportion to
-/// speed, by 2 h v / r of the weight across the slope. The rest is the skin's unevenness.
+/// Greatest relative difference from a rigid body's accelerations. Pressure acts on points of the ball as they stood at
+/// the start of the step h, and its damping (the stiffness times the step) holds the ball back as much again: at speed
+/// v the pressure's centre lies up to 2 h v ahead of the ball's, which brakes by 2 h v / r (r: radius) of the weight
+/// across the slope. The rest is the skin's unevenness.
 const RIGID: f64 = 0.05;
 
-/// A ball on a slope, and what a rigid one with its moment of inertia would do.
+/// The motion of a ball on a slope, and the moment of inertia with which a rigid ball would move.
 struct Descent {
-    /// Of the centre, m/s, and of the turning about it, rad/s, after each step.
+    /// Speed of the centre after each step, m/s.
     speed: Vec<f64>,
+    /// Angular speed about the centre after each step, rad/s.
     spin: Vec<f64>,
     /// Moment of inertia over mass times the square of the radius.
     inertia: f64,
 }
 
-/// A soft ball of 2 MPa set down on a slope of so many degrees, steps of 1 ms; x points down the slope.
+/// A soft ball of 2 MPa set down on a slope with an initial speed of `velocity` (m/s), in steps of 1 ms; x points down
+/// the slope.
 fn descend(degrees: f64, friction: f64, damping: &str, core: &str, velocity: f64, steps: usize) -> Descent {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("ball.obj");
@@ -206,7 +212,8 @@ fn descend(degrees: f64, friction: f64, damping: &str, core: &str, velocity: f64
     let f = triangles.iter().map(|t| format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1));
     std::fs::write(&file, v.chain(f).collect::<String>()).unwrap();
     let gravity = DQuat::from_rotation_z(degrees.to_radians()) * (-9.81 * DVec3::Y);
-    // It begins a little in the slope, where it will lie; turned so that no symmetry of its meshes is below.
+    // The ball begins a little inside the slope, about where it will lie, turned so that its meshes have no symmetry
+    // there.
     let text = format!(
         "[step]\ngravity = {:?}\n[solver]\n{TIGHT}\n[contact]\nfriction = {friction:?}\ndamping = {damping}\n\
          depth_limit = 0.005\n[[body]]\nname = \"ball\"\nsurface = {file:?}\nlayer = {{ cell = 0.01 }}\n\
@@ -234,7 +241,7 @@ fn descend(degrees: f64, friction: f64, damping: &str, core: &str, velocity: f64
     descent
 }
 
-/// Slope of the straight line through values a step of 1 ms apart, by least squares.
+/// Slope of the least-squares line through values at intervals of 1 ms, per second.
 fn rate(values: &[f64]) -> f64 {
     let middle = (values.len() - 1) as f64 / 2.0;
     let moments = values.iter().enumerate().map(|(k, x)| ((k as f64 - middle) * x, (k as f64 - middle).powi(2)));
@@ -265,9 +272,10 @@ fn a_ball_rolls_down_a_slope_as_a_rigid_one() {
 
 #[test]
 fn a_ball_slides_down_a_slope_as_a_rigid_one() {
-    // tan 30 = 0.58 is more than 3.5 times the friction.
+    // A full sphere slides where the slope's tangent is more than 3.5 times the friction coefficient; tan 30 degrees =
+    // 0.58.
     for friction in [0.1, 0.15] {
-        // The pressure's damping would hold back as much again of the spin.
+        // Damping of contact is 0: it would hold back the spin as much again (see `RIGID`).
         let ball = descend(30.0, friction, "0.0", "", 0.3, 100);
         let (sin, cos) = 30f64.to_radians().sin_cos();
         let (fall, turn) = (9.81 * (sin - friction * cos), 9.81 * friction * cos / (ball.inertia * RADIUS));

@@ -1,5 +1,6 @@
-//! Shapes and places that a query is easily wrong about: whatever is asked, forces are finite, the flags say what is not
-//! right (8: deeper than the limit; 16: no height field), and the layers have nothing to say.
+//! Shapes and places that easily mislead the proximity query. Whatever the scene, forces must be finite, flags must say
+//! what is not right (8: deeper than the limit; 16: a skin is not a height field along the contact normal), and
+//! Vulkan's validation layer must not complain.
 
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -12,24 +13,24 @@ use tempfile::TempDir;
 
 use crate::scene::whole_step::{open, run, scene};
 
-/// Steps of a millisecond.
+/// Number of steps, of 1 ms each.
 const STEPS: usize = 20;
-/// Flags of the trace.
+/// Flags as in `trace.csv`: a contact deeper than the limit, and a skin that is not a height field.
 const DEEP: u32 = 8;
 const NOT_HEIGHT_FIELD: u32 = 16;
-/// What may follow where a body is deep in another: skin that has no opposite, contacts that take turns to pull, tetrahedra
-/// that are pushed inside out.
+/// Flags that may follow where one body lies deep in another: skin without an opposite (not a height field), contacts
+/// still under tension after the second solve (256), tetrahedra inside out (1024).
 const UNSEEN: u32 = NOT_HEIGHT_FIELD | 256 | 1024;
 
-/// A soft block of 0.1 m, held at its bottom, with its top in y = 0.
+/// A soft block with edges of 0.1 m, attached at its bottom, with its top in y = 0.
 const BLOCK: &str = "layer = { box = [[-0.05, -0.1, -0.05], [0.05, 0.0, 0.05]], cells = [6, 6, 6] }\n\
                      material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }\n\
                      [[body.core]]\nname = \"bottom\"\nbind = { box = [[-1, -0.11, -1], [1, -0.09, 1]] }\n";
-/// Nothing falls; the tool is held where it starts.
+/// No gravity; together with `HELD` the tool is pulled to where it starts.
 const STILL: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n";
 const HELD: &str = "[coupling]\nstiffness = 2000.0\ndamping = 10.0\nangular_stiffness = 1.0\nangular_damping = 0.01\n";
 
-/// A triangle mesh under way.
+/// A triangle mesh that is being built.
 #[derive(Default)]
 struct Mesh {
     vertices: Vec<DVec3>,
@@ -42,7 +43,7 @@ impl Mesh {
         Mesh { vertices, triangles }
     }
 
-    /// A cone with its tip downwards in the origin.
+    /// A cone with its tip at the origin, pointing downwards.
     fn needle(radius: f64, length: f64, sides: u32) -> Mesh {
         let mut mesh = Mesh { vertices: vec![DVec3::ZERO, DVec3::Y * length], triangles: vec![] };
         for k in 0..sides {
@@ -54,7 +55,7 @@ impl Mesh {
         mesh
     }
 
-    /// A file in a folder.
+    /// Writes the mesh to an OBJ file in a folder.
     fn write(&self, folder: &TempDir, name: &str) -> PathBuf {
         let file = folder.path().join(name);
         let v = self.vertices.iter().map(|x| format!("v {:?} {:?} {:?}\n", x.x, x.y, x.z));
@@ -64,19 +65,20 @@ impl Mesh {
     }
 }
 
-/// The block and a tool.
+/// The block and a tool. `tool` is text of the tool's table, `more` further tables of the scene.
 fn block_and(tool: &str, more: &str) -> Simulation {
     open(&scene(&format!("{STILL}{more}[[body]]\nname = \"block\"\n{BLOCK}[tool]\nmass = 0.05\n{tool}\n{HELD}")), None)
 }
 
-/// The block and a tool from a mesh.
+/// The block and a tool that has this mesh as its surface.
 fn block_and_mesh(mesh: &Mesh, position: [f64; 3]) -> Simulation {
     let folder = tempfile::tempdir().unwrap();
     let file = mesh.write(&folder, "tool.obj");
     block_and(&format!("surface = {file:?}\nposition = {position:?}"), "")
 }
 
-/// Runs; every number is finite, the first step's flags are `first`, and there are none but those and `later`.
+/// Runs the scene and checks that every number is finite, that the first step's flags are `first`, and that no step has
+/// flags other than those and `later`.
 fn judge(name: &str, mut simulation: Simulation, first: u32, later: u32) -> Vec<StepReport> {
     let rows = run(&mut simulation, STEPS);
     let seen: Vec<u32> = rows.iter().map(|row| row.flags.0).collect();
@@ -106,7 +108,7 @@ fn judge(name: &str, mut simulation: Simulation, first: u32, later: u32) -> Vec<
     assert_eq!(seen[0], first, "{name}: flags of the first step");
     for body in 0..simulation.bodies().len() {
         if let Some((moved, velocity)) = simulation.nodes(body).unwrap() {
-            assert!(moved.iter().chain(&velocity).all(|x| x.is_finite()), "{name}: a body that is nowhere");
+            assert!(moved.iter().chain(&velocity).all(|x| x.is_finite()), "{name}: a node is not finite");
         }
     }
     rows
@@ -172,7 +174,7 @@ fn what_only_touches_is_not_pushed() {
     assert!(rows.iter().all(|row| row.max_depth.unwrap() < 1e-7));
 }
 
-/// Rigid cubes along a side of the slab, and their distance, m.
+/// Numbers of rigid cubes along the two sides of the slab, and their distance, m.
 const CUBES: (usize, usize, f64) = (20, 10, 0.02);
 
 #[test]
@@ -185,7 +187,7 @@ fn two_hundred_pairs_of_bodies_touch_a_fine_skin_at_once() {
     many_pairs([40, 4, 20]);
 }
 
-/// Rigid cubes on a slab of so many cells.
+/// Rigid cubes pressed into a slab of this many Kuhn cells.
 fn many_pairs(cells: [u32; 3]) {
     let folder = tempfile::tempdir().unwrap();
     let half = DVec3::splat(0.006);
@@ -207,7 +209,7 @@ fn many_pairs(cells: [u32; 3]) {
         );
     }
     let mut simulation = open(&scene(&text), Some(Path::Compute));
-    // As placed; afterwards the slab is on its way back from them.
+    // Contacts are read after the first step, with the cubes as placed: afterwards the slab moves back from them.
     let mut rows = run(&mut simulation, 1);
     let (regions, contacts) = simulation.touch().unwrap();
     let mut pushed = vec![false; columns * CUBES.1];
@@ -228,8 +230,8 @@ fn many_pairs(cells: [u32; 3]) {
 
 #[test]
 fn triangles_without_area_in_single_precision_do_no_harm() {
-    // Each triangle of the block's skin whose first edge is the longest gets a vertex in that edge's middle, so near to it
-    // that the sliver between is nothing in f32; the mesh stays closed, and its repair has nothing to say.
+    // Every fifth triangle of the block's skin gets a vertex in the middle of its first edge, so near to that edge that
+    // the sliver between has no area in f32. The mesh stays closed.
     let low = DVec3::new(-0.05, -0.1, -0.05);
     let mut mesh = Mesh::block(low, low + DVec3::splat(0.1), [8, 8, 8]);
     for t in (0..mesh.triangles.len()).step_by(5) {

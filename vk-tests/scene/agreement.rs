@@ -1,5 +1,5 @@
-//! The query against f64 rays on real meshes in light contact, and against thousands of poses of small ones: depths, the
-//! sets of colliding vertices, and that culling leaves none of them out.
+//! The proximity query against f64 ray casts, on real meshes in light contact and in thousands of poses of small ones:
+//! depths and the sets of colliding vertices must agree, and culling must leave no colliding vertex out.
 
 use std::sync::Arc;
 
@@ -19,26 +19,27 @@ use crate::harness::random::Random;
 use crate::harness::real_meshes::meshes;
 use crate::scene::judge::{APART, Pose, Subject, Tally, head, judge};
 
-/// The promise: of the smaller body's size.
+/// Greatest error of a depth, relative to the smaller body's size, as promised to users.
 const DEPTH: f64 = 1e-5;
-/// The sets of colliding vertices may differ by so much.
+/// Greatest number of colliding vertices by which the two sets may differ, relative to the number of contacts.
 const DIFFERENT: f64 = 1e-3;
-/// How deep a light contact is, of the smaller body's size.
+/// Depth of a light contact, relative to the smaller body's size.
 const LIGHT: f64 = 5e-3;
-/// Depth along any direction is at least the distance to the surface, but for rounding.
+/// Least ratio of the depth along a direction to the distance to the surface: 1 but for rounding.
 const LEAST_RATIO: f64 = 1.0 - 1e-6;
-/// Poses of each pair of real meshes; each is asked twice.
+/// Poses of each pair of real meshes; each pose is queried twice.
 const POSES: usize = 20;
-/// Poses of all pairs of small meshes together.
+/// About how many poses of small meshes are queried, over all pairs.
 const THROWN: usize = 10_000;
 
-/// Without validation: this asks ten thousand times.
+/// A context without validation, since these tests run ten thousand queries.
 fn device() -> Arc<Context> {
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
     Context::open(&Options { device, validation: false, ..Options::of_program() }).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// How far b, far away along `towards`, moves back until a vertex of either meets a triangle of the other.
+/// How far body b, which lies far away along `towards`, moves back until a vertex of either body meets a triangle of
+/// the other, m; `None` if none ever does.
 fn room(towards: DVec3, subjects: [&Subject; 2], a: &[DVec3], b: &[DVec3]) -> Option<f64> {
     let up = Rays::new(-towards, b, &subjects[1].skin().triangles);
     let down = Rays::new(towards, a, &subjects[0].skin().triangles);
@@ -46,7 +47,8 @@ fn room(towards: DVec3, subjects: [&Subject; 2], a: &[DVec3], b: &[DVec3]) -> Op
     rooms.map(|crossing| crossing.depth).reduce(f64::min)
 }
 
-/// A pose of b in light contact with a: turned and thrown at random, and a little deeper than the first touch.
+/// Poses of two bodies in light contact, and the direction from a to b: both are turned at random, b is shifted at
+/// random, and b is moved a little deeper than to the first touch.
 fn light(random: &mut Random, subjects: [&Subject; 2]) -> ([Pose; 2], DVec3) {
     let [a, b] = subjects;
     loop {
@@ -62,7 +64,8 @@ fn light(random: &mut Random, subjects: [&Subject; 2]) -> ([Pose; 2], DVec3) {
     }
 }
 
-/// Depth against the distance to the other surface, for every contact of an answer.
+/// Depth divided by the distance to the other surface, for every contact of an answer whose distance exceeds
+/// rounding.
 fn ratios(subjects: [&Subject; 2], poses: [Pose; 2], trees: &[TriMesh; 2], answer: &Answer) -> Vec<f64> {
     let of = |contact: &QueryContact| {
         let (own, other) = (contact.body, 1 - contact.body);
@@ -73,7 +76,8 @@ fn ratios(subjects: [&Subject; 2], poses: [Pose; 2], trees: &[TriMesh; 2], answe
         let corners = subjects[other].skin().triangles[contact.triangle as usize];
         let met: DVec3 =
             (0..3).map(|k| contact.barycentric[k] * subjects[other].skin().vertices[corners[k] as usize]).sum();
-        // The point that the device names lies on the surface: its distance is the depth, without f32's rounding of it.
+        // The point that the query names lies on the surface: its distance is the depth, free of the f32 rounding of
+        // the depth that the query reports.
         (local.distance(met), local.distance(DVec3::new(near.x, near.y, near.z)))
     };
     let size = subjects[0].size.min(subjects[1].size);
@@ -107,7 +111,8 @@ fn real_meshes_in_light_contact_agree_with_f64_rays() {
         let mut sum = Tally::default();
         for pose in 0..POSES {
             let (poses, towards) = light(&mut random, [a, b]);
-            // As culling finds it, and along the way that b came.
+            // The query runs once with the direction that the broad phase finds, and once with the direction in which
+            // b was moved away.
             for direction in [None, Some(towards)] {
                 query.set_direction(direction);
                 let answer = query.run(poses[0], poses[1]).unwrap();
@@ -136,7 +141,7 @@ fn real_meshes_in_light_contact_agree_with_f64_rays() {
     assert!(((all.missing + all.extra) as f64) <= DIFFERENT * all.contacts as f64, "{}", all.different.join("\n"));
 }
 
-/// A ring of a round section.
+/// A ring of radius `radius` with a round section of radius `section`, m.
 fn torus(radius: f64, section: f64, around: u32, across: u32) -> Mesh {
     let at = |i: u32, n: u32| std::f64::consts::TAU * f64::from(i) / f64::from(n);
     let vertex = |(i, k): (u32, u32)| {
@@ -171,7 +176,7 @@ fn culling_leaves_no_colliding_vertex_out() {
             let mut query = Query::on_device(&device, &a.body, &b.body, &settings).unwrap();
             let mut sum = Tally::default();
             for pose in 0..THROWN / 10 {
-                // From a light touch to one within the other.
+                // Poses from a light touch to one body within the other.
                 let apart = 0.5 * (a.size + b.size) * (0.6 + 0.4 * random.next());
                 let poses = [
                     a.pose(random.turn(3.0), DVec3::ZERO),
@@ -186,10 +191,10 @@ fn culling_leaves_no_colliding_vertex_out() {
     }
     all.row("all");
     assert!(all.queries >= THROWN && all.contacts > 10 * THROWN);
-    assert_eq!(all.missing, 0, "colliding vertices that the device does not have:\n{}", all.different.join("\n"));
+    assert_eq!(all.missing, 0, "colliding vertices that the query left out:\n{}", all.different.join("\n"));
     assert!(
         all.extra as f64 <= DIFFERENT * all.contacts as f64,
-        "contacts that are none:\n{}",
+        "contacts that the f64 rays do not have:\n{}",
         all.different.join("\n")
     );
 }

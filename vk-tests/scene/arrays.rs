@@ -1,14 +1,15 @@
-//! Scenes run the same with texel arrays, with storage arrays, and where texel buffers hold no more than any Vulkan device's.
+//! Scenes must give the same bits with arrays that are read through texel buffers, through storage buffers, and where
+//! texel buffers are limited to the size that every Vulkan device has.
 
 use std::path::Path;
 
 use palpate::internal::gpu::Arrays;
 use palpate::{Options, Scene, Simulation};
 
-/// Elements that every device's texel buffers hold.
+/// Elements that the texel buffers of every Vulkan device can hold.
 const GUARANTEED: u32 = 65_536;
 
-/// What some steps leave: forces, and where the nodes are, to the last bit.
+/// The bits of the force and the residual of each step, and of the node positions after the last one.
 fn left(scene: &Scene, options: Options, steps: usize) -> Vec<u64> {
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
     let options = Options { device, ..options };

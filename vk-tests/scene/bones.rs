@@ -1,5 +1,5 @@
-//! Several cores a body, driven cores and bodies, and free bodies with a floating frame: whole steps against the oracle,
-//! which knows no frames.
+//! Bodies with several cores (rigid frames with nodes attached to them), with driven (kinematic) cores, and free bodies
+//! with a floating frame, which is fitted to their nodes: whole steps against the f64 oracle, which uses no frames.
 
 use std::fmt::Write;
 
@@ -14,14 +14,15 @@ use palpate_oracle as oracle;
 use crate::scene::touch::{Place, Twin, press};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// Displacements, of the largest; as for resting cores.
+/// Error of displacements relative to the largest, as for cores at rest.
 pub const SHAPE: f64 = 2.0e-5;
-/// Velocities, of the largest: a change of velocity is solved to the tolerance of the whole right-hand side.
+/// Error of velocities relative to the largest: the change of a velocity is solved to a tolerance of the whole
+/// right-hand side.
 pub const SPEED: f64 = 1.0e-4;
-/// Tool force, of the run's largest.
+/// Error of the tool's force relative to the largest of the run.
 const FORCE: f64 = 5.0e-5;
 
-/// A bar bound at both ends, of which the second is taken along `keys`.
+/// A bar attached to a core at either end; the second core moves along `keys`.
 pub fn bar(young: f64, keys: &str) -> String {
     format!(
         "[step]\ngravity = [0.0, -9.81, 0.0]\n[solver]\ntolerance = 5e-6\nmax_iterations = 1000\n[[body]]\n\
@@ -34,7 +35,8 @@ pub fn bar(young: f64, keys: &str) -> String {
     )
 }
 
-/// Poses of the body's rest frame, from where it was placed, turned by up to `angle` and shifted within 40 ms.
+/// Keys of a driven core: poses of its body's rest coordinates, which turn by up to `angle` (rad) and shift by up to
+/// `shift` (m) within 40 ms from where the body was placed.
 pub fn keys(scene_position: DVec3, orientation: DQuat, angle: f64, shift: DVec3) -> String {
     let mut text = String::from("[");
     for (time, share) in [(0.0, 0.0), (0.02, 0.4), (0.04, 1.0)] {
@@ -46,7 +48,8 @@ pub fn keys(scene_position: DVec3, orientation: DQuat, angle: f64, shift: DVec3)
     text + "]"
 }
 
-/// Gives the twin's bound nodes the velocities of their frames over the step that ends at `time`.
+/// Gives the twin's attached nodes the velocities of their driven cores over the step of `h` seconds that ends at
+/// `time`.
 pub fn carry(twin: &mut oracle::step::SoftBody, simulation: &Simulation, body: usize, time: f64, h: f64) {
     let place = &simulation.bodies()[body];
     let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
@@ -88,7 +91,8 @@ fn a_bar_between_a_fixed_and_a_driven_core_bends_as_the_oracles() {
     }
 }
 
-/// The press of a block by a held tool, step by step beside the oracle: errors of force and shape.
+/// Presses a block with a tool that the virtual coupling pulls, in the engine and in the oracle side by side. Returns
+/// the greatest force, N, and the relative errors of force and shape.
 fn pressed(scene: &Scene, steps: usize) -> (f64, f64, f64) {
     let mut simulation = open(scene, None);
     let mut twin = Twin::new(scene, &simulation);
@@ -129,7 +133,7 @@ fn a_block_whose_core_is_driven_into_the_tool_pushes_as_the_oracles() {
     assert!(peak > 0.1 && force < FORCE && shape < SHAPE, "{force:e} {shape:e}");
 }
 
-/// The twin's dynamic cores, as the scene starts them.
+/// The oracle's twins of a body's dynamic cores, in their first state.
 pub fn twin_cores(simulation: &Simulation, body: usize) -> Vec<oracle::step::Core> {
     let place = &simulation.bodies()[body];
     let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
@@ -150,7 +154,7 @@ pub fn twin_cores(simulation: &Simulation, body: usize) -> Vec<oracle::step::Cor
 #[test]
 #[ignore = "long: 9 s"]
 fn dynamic_cores_and_the_bar_between_them_move_as_the_oracles() {
-    // One end fixed and a stone in the other; then a stone in each, flying.
+    // First one end is fixed and a dynamic core is in the other; then a dynamic core is in each end, and the bar flies.
     for (name, left, velocity) in
         [("hanging", "", ""), ("flying", "motion = \"dynamic\"", "velocity = [0.3, 1.0, -0.2]")]
     {
@@ -204,7 +208,8 @@ fn a_dynamic_rigid_body_falls_on_a_block_as_a_tool_that_nobody_holds() {
     ));
     let (mut one, mut other) = (open(&tool, None), open(&body, None));
     let (mut a, mut b) = (run(&mut one, 40), run(&mut other, 40));
-    // In the midst of the contact; its second bounce, after the hundredth step, tells roundings apart.
+    // Displacements are compared in the midst of the contact: the second bounce, after the hundredth step, magnifies
+    // rounding.
     let error = relative_error(&other.nodes(0).unwrap().unwrap().0, &one.nodes(0).unwrap().unwrap().0);
     a.extend(run(&mut one, 60));
     b.extend(run(&mut other, 60));
@@ -219,7 +224,7 @@ fn a_dynamic_rigid_body_falls_on_a_block_as_a_tool_that_nobody_holds() {
     assert!(touched > 30 && away < 1e-7 && turned < 1e-5 && error < SHAPE, "{away:e} {turned:e} {error:e}");
 }
 
-/// The surface of a cube with this half edge, as an OBJ.
+/// The surface of a cube, as the text of an OBJ file; `half` is half of its edge, m.
 pub fn cube(half: f64) -> String {
     let (vertices, triangles, _) = layer::boundary(&layer::kuhn_box(DVec3::splat(-half), DVec3::splat(half), [3; 3]));
     let v = vertices.iter().map(|x| format!("v {:?} {:?} {:?}\n", x.x, x.y, x.z));
@@ -229,7 +234,8 @@ pub fn cube(half: f64) -> String {
 
 #[test]
 fn a_driven_body_presses_as_if_the_other_came_to_it() {
-    // A rigid cube comes down on a block; or rests, while the block's core goes up: the same, seen from elsewhere.
+    // A rigid cube comes down on a block, or it rests while the block's core moves up: seen from the core both are the
+    // same.
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("cube.obj");
     std::fs::write(&file, cube(0.02)).unwrap();
@@ -264,7 +270,7 @@ fn a_driven_body_presses_as_if_the_other_came_to_it() {
 
 #[test]
 fn a_slab_that_tumbles_gains_no_energy() {
-    // Nothing acts on it but its own spin, about an axis near its middle one, at steps from a millisecond to 33.
+    // No force acts on the slab; it spins about an axis near its middle principal axis, in steps from 1 to 33 ms.
     for dt in [0.001, 0.004, 0.033] {
         let size = DVec3::new(0.3, 0.04, 1.0);
         let inertia = DMat3::from_diagonal(DVec3::new(
@@ -318,9 +324,10 @@ fn a_human_bends_its_arm() {
     assert!(rows.iter().all(|row| row.flags == Flags::default()));
     let Shape::Soft { layer, frames, node_frames, proxies, .. } = &simulation.bodies()[0].shape else { panic!("soft") };
     let driven = |frame: u32| matches!(frames[frame as usize].motion, FrameMotion::Driven(_));
-    assert!(proxies.iter().any(|proxy| driven(proxy.frame)), "the arm has proxies of its own");
+    assert!(proxies.iter().any(|proxy| driven(proxy.frame)), "the arm must have collision proxies of its own");
     let (moved, _) = simulation.nodes(0).unwrap().unwrap();
-    // What the bone carries is where the bone took it; what other bones carry is where it was; between them it is bent.
+    // Nodes attached to the forearm's bone are where the bone took them, and nodes attached to other bones where they
+    // were. The nodes between are displaced.
     let (mut carried, mut free) = (0, 0.0f64);
     for (n, d) in moved.iter().enumerate() {
         let taken = turn * (layer.nodes[n] - elbow) + elbow - layer.nodes[n];
@@ -339,7 +346,7 @@ fn a_human_bends_its_arm() {
 
 #[test]
 fn a_free_block_is_pushed_away_and_spun_as_the_oracles() {
-    // Struck near its edge while it flies, so that it turns; nothing holds it.
+    // The block is struck near its edge while it flies freely, so that it spins.
     let place = Place { slide: DVec3::ZERO, ..Place::default() };
     let text = press(2e4, 0.001, place, TIGHT);
     let core = text.find("[[body.core]]").unwrap();
@@ -353,7 +360,7 @@ fn a_free_block_is_pushed_away_and_spun_as_the_oracles() {
 
 #[test]
 fn a_floating_frame_keeps_up_with_a_body_that_flies_and_turns() {
-    // A bar bent by its own spin: one end heavy strikes nothing; the spin comes from a wall that one end meets.
+    // The bar flies aslant at a floor, and the end that meets the floor sets it spinning.
     let text = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"bar\"\n\
         layer = { box = [[-0.1, -0.015, -0.015], [0.1, 0.015, 0.015]], cells = [10, 2, 2] }\n\
         orientation = [0.0, 0.0, 0.3826834323650898, 0.9238795325112867]\nvelocity = [0.5, -2.0, 0.0]\n\
@@ -368,7 +375,7 @@ fn a_floating_frame_keeps_up_with_a_body_that_flies_and_turns() {
     let frame = simulation.frames(0)[0];
     let mean = velocity.iter().sum::<DVec3>() / velocity.len() as f64;
     let turned = rest.rotation.angle_between(frame.rotation);
-    // Seen from the frame, the bar is nearly as at rest, though it is far from where it was.
+    // Seen from its floating frame, the bar is nearly in its rest shape, though it is far from where it was.
     let body = &simulation.bodies()[0];
     let away = moved.iter().map(|d| d.length()).fold(0.0, f64::max);
     let stray = layer.nodes.iter().zip(&moved).map(|(r, d)| {

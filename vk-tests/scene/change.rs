@@ -1,4 +1,5 @@
-//! What is changed between two steps: from there on a simulation gives the bits of one that was made so and took up its state.
+//! Changes between two steps, of materials, contact law and driven cores: from the change on, a simulation must give
+//! the same bits as one that was opened with the change in its scene and restored the state.
 
 use std::time::Duration;
 
@@ -11,10 +12,12 @@ use crate::scene::joints;
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene};
 
+/// Number of steps before the change.
 const BEFORE: usize = 25;
+/// Number of steps after the change.
 const AFTER: usize = 15;
 
-/// What steps say, and where the bodies are after them.
+/// The bits of force, iterations, residual and flags of the next steps, and of the displacements after them.
 fn seen(simulation: &mut Simulation) -> Vec<u64> {
     let mut bits = Vec::new();
     for row in run(simulation, AFTER) {
@@ -29,7 +32,7 @@ fn seen(simulation: &mut Simulation) -> Vec<u64> {
     bits
 }
 
-/// `change` does to a simulation of the first scene what makes it one of the second.
+/// Checks that `change`, applied to a simulation of the scene `first`, turns it into one of the scene `second`.
 fn becomes(name: &str, first: &str, second: &str, change: impl Fn(&mut Simulation, &Scene)) {
     let (first, second) = (scene(first), scene(second));
     let [mut changed, mut unchanged] = [(); 2].map(|()| open(&first, None));
@@ -40,8 +43,8 @@ fn becomes(name: &str, first: &str, second: &str, change: impl Fn(&mut Simulatio
     let mut made = open(&second, None);
     made.restore(&state).unwrap();
     let told = seen(&mut changed);
-    assert!(told == seen(&mut made), "{name}: as one that was made so");
-    assert!(told != seen(&mut unchanged), "{name}: and it matters");
+    assert!(told == seen(&mut made), "{name}: it differs from one that was opened with the change");
+    assert!(told != seen(&mut unchanged), "{name}: the change has no effect");
 }
 
 fn material_of(scene: &Scene) -> Material {
@@ -62,7 +65,8 @@ fn another_material_is_felt_at_once() {
     let change = |simulation: &mut Simulation, to: &Scene| simulation.set_material(0, 0, material_of(to)).unwrap();
     let jacobi = "preconditioner = \"jacobi\"";
     becomes(jacobi, &text(jacobi, plain), &text(jacobi, other), change);
-    // Blocks are shared out by mass: where a coarse level goes by them, another mass gives others in a new simulation.
+    // Nodes are divided by mass into the aggregates of the coarse level: with another density, a new simulation would
+    // have other aggregates.
     let (coarse, as_heavy) = ("preconditioner = \"coarse\"", other.replace("1500", "1000"));
     becomes(coarse, &text(coarse, plain), &text(coarse, &as_heavy), change);
     let patches =
@@ -74,7 +78,7 @@ fn another_material_is_felt_at_once() {
 #[ignore = "long: 6 s"]
 fn another_material_of_free_and_jointed_bodies_is_felt_at_once() {
     let change = |simulation: &mut Simulation, to: &Scene| simulation.set_material(0, 0, material_of(to)).unwrap();
-    // Not for either simulation to choose.
+    // The preconditioner is set, so that it does not follow from the material.
     let jacobi = |text: String| text.replacen("[solver]\n", "[solver]\npreconditioner = \"jacobi\"\n", 1);
     let free = jacobi(friction::collision(0.0));
     let heavier = free.replacen(

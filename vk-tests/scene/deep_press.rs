@@ -1,5 +1,6 @@
-//! Large deformation, as the paper's 30 to 40 percent: a sphere pressed into soft bodies by four tenths of their radius.
-//! The force rises all the way in, no tetrahedron stays inverted, and after the release the shape comes back.
+//! Large deformation of 30 to 40 percent, as in the paper: a sphere is pressed into soft bodies by four tenths of their
+//! radius. The force must rise all the way in, no tetrahedron may stay inverted, and after the release the shape must
+//! come back.
 
 use glam::{DMat3, DVec3};
 use palpate::internal::prepare::{Layer, Shape};
@@ -8,12 +9,12 @@ use palpate::{Options, Simulation, StepReport};
 use crate::harness::real_meshes::meshes;
 use crate::scene::whole_step::scene;
 
-/// Flags: depth beyond the limit, not a height field.
+/// Flags that folded skin raises: depth beyond the limit, and not a height field.
 const FOLDED: u32 = 8 + 16;
-/// Steps of 2 ms: in, held, out, and left alone.
+/// Numbers of steps, of 2 ms each, in which the sphere is pressed in, stays, is pulled out and stays away.
 const PHASES: [usize; 4] = [200, 25, 100, 500];
 
-/// The least volume of a tetrahedron, as a share of that at rest; negative where one is turned inside out.
+/// The least volume of a tetrahedron divided by its rest volume; negative where one is inside out.
 fn least_volume(layer: &Layer, moved: &[DVec3]) -> f64 {
     let volume = |t: &[u32; 4], at: &dyn Fn(usize) -> DVec3| {
         let [a, b, c, d] = t.map(|n| at(n as usize));
@@ -28,11 +29,12 @@ fn largest(moved: &[DVec3]) -> f64 {
     moved.iter().map(|d| d.length()).fold(0.0, f64::max)
 }
 
-/// A surface, filled with cells and held by a core in its middle; pressed from one place to another by a sphere.
+/// A surface filled with tetrahedra of size `cell` (m) and attached to a core in its middle; a sphere of radius
+/// `sphere` (m) presses it on the way from `from` to `to`.
 struct Deep {
     name: &'static str,
     cell: f64,
-    /// Centre and radius.
+    /// Centre and radius of the core, m.
     core: [f64; 4],
     from: DVec3,
     to: DVec3,
@@ -89,8 +91,8 @@ fn press(deep: &Deep) {
         travel - at_touch,
         force[PHASES[0] - 1]
     );
-    // Pressed in past its middle, a sphere has skin above its rim: along the region's normal that lies deep in the sphere,
-    // and has the sphere's back behind it, and the flags say so.
+    // When a sphere is pressed in past its middle, there is skin above its rim. Along the normal of the contact patch
+    // such skin lies deep in the sphere, with the sphere's back behind it, and flags report that.
     let folds = rows.iter().filter(|row| row.flags.0 != 0).count();
     let others: Vec<(u64, u32)> =
         rows.iter().filter(|row| row.flags.0 & !FOLDED != 0).map(|r| (r.step, r.flags.0)).collect();
@@ -99,17 +101,18 @@ fn press(deep: &Deep) {
     assert!(folds == 0 || travel - at_touch > sphere, "{name}: {folds} steps with folds");
     println!("{name}: {folds} steps with folds");
     assert!(least > 0.0, "{name}: a tetrahedron turned inside out: {least}");
-    // Skin that comes and goes above the sphere's rim is felt as a few thousandths of the force; before that nothing falls.
+    // Skin that enters and leaves contact above the sphere's rim changes the force by a few thousandths. Until then the
+    // force must not fall at all.
     let allowed = if folds > 0 { 0.005 * force[PHASES[0] - 1] } else { 0.0 };
     assert!(fall <= allowed, "{name}: the force falls by {fall} N on the way in");
-    assert!(force[PHASES[..3].iter().sum::<usize>()..].iter().all(|f| *f == 0.0), "{name}: it is let go");
+    assert!(force[PHASES[..3].iter().sum::<usize>()..].iter().all(|f| *f == 0.0), "{name}: still in contact");
     assert!(left < 0.01, "{name}: {left} of the deformation is left");
 }
 
 #[test]
 #[ignore = "needs real meshes"]
 fn a_deep_press_into_a_pumpkin() {
-    // From the side, between stem and ground.
+    // The sphere comes from the side, between stem and ground.
     let from = DVec3::new(0.0, 0.14, 0.225);
     let to = from - DVec3::Z * 0.084;
     press(&Deep {
@@ -126,7 +129,7 @@ fn a_deep_press_into_a_pumpkin() {
 #[test]
 #[ignore = "needs real meshes"]
 fn a_deep_press_into_a_head() {
-    // The crown.
+    // The sphere comes down on the crown.
     let from = DVec3::new(0.0, 0.19, -0.01);
     let to = from - DVec3::Y * 0.056;
     press(&Deep { name: "head", cell: 0.02, core: [0.0, 0.0, -0.01, 0.05], from, to, sphere: 0.04, body_radius: 0.12 });

@@ -1,4 +1,4 @@
-//! Meshes as they come: layers with slivers under gravity, a skin with holes under a tool.
+//! Defective meshes: tetrahedral meshes with slivers under gravity, and skins with holes pressed by a tool.
 
 use glam::DVec3;
 use palpate::Flags;
@@ -7,10 +7,10 @@ use palpate::scene::tetrahedra;
 use crate::harness::real_meshes::meshes;
 use crate::scene::whole_step::{open, run, scene};
 
-/// Steps of a millisecond.
+/// Number of steps, of 1 ms each.
 const STEPS: usize = 50;
-/// Displacement against free fall of the same time, at most: elasticity holds a body back, and the implicit step, which
-/// falls g h^2 n (n + 1) / 2, is ahead of g t^2 / 2 by a fiftieth.
+/// Greatest displacement, relative to free fall g t^2 / 2 over the same time t: elasticity holds a body back, but
+/// implicit Euler, which in n steps h falls by g h^2 n (n + 1) / 2, is ahead by a fiftieth.
 const FREE_FALL: f64 = 1.05;
 
 #[test]
@@ -22,7 +22,7 @@ fn layers_with_slivers_stay_finite_and_fall_no_faster_than_they_must() {
         let mesh = tetrahedra::read(&file).unwrap();
         let low = mesh.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
         let high = mesh.nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-        // The lower tenth is held.
+        // The lower tenth of the body is attached to a fixed core.
         let held = low.y + 0.1 * (high.y - low.y);
         let below = low - DVec3::ONE;
         for young in [2e4, 2e6] {
@@ -63,7 +63,7 @@ fn a_sphere_pressed_into_a_skin_with_holes_is_pushed_back() {
     let Some(meshes) = meshes() else { return };
     for name in ["open_holes", "triangle_soup"] {
         let file = meshes.join(format!("bad/{name}.obj"));
-        // From in front of the belly inwards.
+        // The tool moves inwards from in front of the belly.
         let text = format!(
             "[[body]]\nname = \"human\"\nsurface = {file:?}\nlayer = {{ cell = 0.08 }}\n\
              material = {{ young = 2e4, poisson = 0.45, density = 1000.0 }}\n\

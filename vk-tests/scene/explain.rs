@@ -1,5 +1,5 @@
-//! What the step says of itself: every kernel is recorded or left out for a reason, and what a scene does not use costs
-//! nothing.
+//! `Simulation::explain`, which reports the passes and arrays of a step: every kernel is recorded or left out for a
+//! reason, and what a scene does not use costs nothing.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +11,8 @@ use crate::scene::whole_step::{open, run, scene};
 
 const ITERATIONS: u32 = 16;
 
-/// A block on a fixed bottom; `contact`, `material`, `body`: more keys there; `rest`: more tables.
+/// A block on a fixed bottom. `contact` is text before the body, `material` and `body` are further keys of the
+/// block's material and of its body table, and `rest` is further tables.
 fn block(contact: &str, material: &str, body: &str, rest: &str) -> String {
     format!(
         "{contact}\n[[body]]\nname = \"block\"\n{body}\n\
@@ -30,10 +31,12 @@ const BAR: &str = "[[body]]\nname = \"bar\"\nlayer = { box = [[0.2, 0.0, 0.0], [
                    [[body.core]]\nname = \"left\"\nmotion = \"dynamic\"\nbind = { box = [[0.1, -1, -1], [0.245, 1, 1]] }\n\
                    [[body.core]]\nname = \"right\"\nmotion = \"dynamic\"\nbind = { box = [[0.355, -1, -1], [1, 1, 1]] }\n";
 
-/// Bytes of arrays of one element, where a scene has none of what they would hold.
+/// Bytes that all arrays of one element may have together; a scene has them in place of arrays for which it has no
+/// contents.
 const LITTLE: u64 = 1024;
 
-/// Every kernel once, recorded or left out with a reason; what is recorded is what a step's recordings hold.
+/// Checks that every kernel is listed once, recorded or left out with a reason, and that the list agrees with what the
+/// recordings of a step hold.
 fn check(name: &str, simulation: &Simulation) -> Explanation {
     let explanation = simulation.explain(ITERATIONS);
     let (mut all, mut recorded) = (Vec::new(), 0);
@@ -43,7 +46,7 @@ fn check(name: &str, simulation: &Simulation) -> Explanation {
             assert_eq!(kernel.recorded, kernel.reason.is_empty(), "{name}: {kernel:?} of {}", stage.stage);
             assert!(stage.recorded || !kernel.recorded, "{name}: {kernel:?} in a stage that is left out");
             recorded += usize::from(kernel.recorded);
-            // Fills and copies name what they write.
+            // Fills and copies are listed by the arrays that they write; only kernels have a `/` in their name.
             all.extend(kernel.kernel.split(", ").filter(|name| name.contains('/')).map(str::to_string));
         }
         assert_eq!(stage.recorded, stage.passes > 0, "{name}: passes of {}", stage.stage);
@@ -61,8 +64,8 @@ fn check(name: &str, simulation: &Simulation) -> Explanation {
         let own = explanation.stages.iter().find(|known| known.stage == stage).unwrap();
         assert_eq!(own.passes, passes, "{name}: passes of {stage}");
     }
-    // Arrays that nothing binds would be waste, but for those of one element; what is bound is allocated, in pieces a little
-    // larger.
+    // Arrays that no pass binds would be waste, apart from those of one element. Bound arrays are allocated in pieces a
+    // little larger than they are.
     let arrays: u64 = explanation.stages.iter().map(|stage| stage.bytes_device).sum();
     let share = arrays as f64 / explanation.bytes_device as f64;
     println!("{name}: {recorded} of {} recorded, arrays are {share:.4} of what is allocated", known.len());
@@ -108,11 +111,11 @@ fn every_kernel_of_the_scenes_in_assets_is_recorded_or_left_out_for_a_reason() {
     }
 }
 
-/// Passes in their order with their numbers, arrays, and bytes: all that a step costs.
+/// All that a step costs: its passes in order with their numbers, its arrays, and the bytes allocated on the GPU.
 fn cost(text: &str) -> (Explanation, u64) {
     let simulation = open(&scene(text), None);
     let mut explanation = check("cost", &simulation);
-    // What is said of it may differ.
+    // The texts about the step may differ.
     explanation.features.clear();
     explanation.scene.clear();
     explanation.stages.iter_mut().for_each(|stage| stage.reason.clear());
@@ -128,7 +131,7 @@ fn a_feature_that_is_not_used_costs_nothing() {
     let joined = format!("{BAR}[[body.joint]]\ncores = [\"left\", \"right\"]\npoint = [0.3, 0.01, 0.01]\n");
     let probe = "[[probe]]\nname = \"top\"\nbody = \"block\"\nnearest = [0.0, 0.03, 0.0]\n";
     let cases = [
-        // Name, without its keys, switched off, used.
+        // Each case: name, and the scene without the feature's keys, with the feature switched off, and with it used.
         ("friction", plain(), contact("friction = 0.0"), contact("friction = 0.3")),
         ("second side", contact("sides = \"one\""), contact("sides = \"one\""), contact("sides = \"both\"")),
         (
@@ -187,7 +190,7 @@ fn times_that_nobody_asks_for_leave_the_step_as_it_is() {
     };
     assert_eq!(forces(&mut timed), forces(&mut untimed));
     assert!(timed.stage_times().is_some() && untimed.stage_times().is_none());
-    // Asked for again, they are there again.
+    // Once timing is asked for again, the times are there again.
     untimed.time_every(1).unwrap();
     run(&mut untimed, 1);
     assert!(untimed.stage_times().is_some_and(|times| !times.is_empty()));
@@ -195,7 +198,7 @@ fn times_that_nobody_asks_for_leave_the_step_as_it_is() {
 
 #[test]
 fn one_side_takes_less_memory() {
-    // That it is right, touch.rs holds against the oracle.
+    // The test of one-sided contact against the oracle is in touch.rs.
     let of = |sides: &str| {
         let mut simulation = open(&scene(&block(&format!("[contact]\nsides = \"{sides}\""), "", "", TOOL)), None);
         let row = run(&mut simulation, 3).pop().unwrap();

@@ -1,19 +1,19 @@
-//! Scenes at the edge of what can be computed: what a scene asks for never loses contacts without a word, and what does
-//! not fit single precision is said to be so and changes nothing.
+//! Scenes at the limits of computation: no setting of a scene may lose contacts silently, and what does not fit single
+//! precision must be flagged and must change nothing.
 
 use glam::DVec3;
 use palpate::{Flags, Simulation, StepReport};
 
 use crate::scene::whole_step::{open, run, scene};
 
-/// A block of 0.1 m, held at its bottom, with its top in y = 0.
+/// A block with edges of 0.1 m, with its top in y = 0; `HELD` attaches its bottom.
 const BLOCK: &str = "layer = { box = [[-0.05, -0.1, -0.05], [0.05, 0.0, 0.05]], cells = [4, 4, 4] }\n\
                      material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }\n";
 const HELD: &str = "[[body.core]]\nname = \"k\"\nbind = { box = [[-1, -0.11, -1], [1, -0.09, 1]] }\n";
-/// A sphere 1 mm deep in the top.
+/// A sphere that starts 1 mm deep in the block's top.
 const SPHERE: &str = "sphere = 0.01\nmass = 0.05\nposition = [0.0, 0.009, 0.0]\n";
 
-/// A block and a tool, and tables besides.
+/// A block and a tool. `tool` is text of the tool's table, `more` further tables.
 fn press(tool: &str, more: &str) -> Simulation {
     open(&scene(&format!("[[body]]\nname = \"b\"\n{BLOCK}{HELD}[tool]\n{tool}{more}")), None)
 }
@@ -29,7 +29,7 @@ fn no_texel_and_no_depth_limit_is_too_coarse_for_contact() {
     assert!(plain > 0.1, "{plain} N");
     for line in ["texel = 0.001", "texel = 16.0", "texel = 1e30", "depth_limit = 1.0", "depth_limit = 1e10"] {
         let got = force(&run(&mut press(SPHERE, &format!("[contact]\n{line}\n")), 2));
-        // Depth is exact for the triangle that the walk ends at, wherever it began.
+        // Depth is that of the exact ray hit, whatever these settings.
         assert!((got - plain).abs() < 1e-4 * plain, "{line}: {got} N for {plain} N");
     }
 }
@@ -45,14 +45,14 @@ fn bodies_in_the_same_place_are_seen_to_overlap() {
 fn what_overflows_is_flagged_and_moves_nothing() {
     let mut simulation = press(SPHERE, "[step]\ngravity = [0.0, -1e30, 0.0]\n");
     for row in run(&mut simulation, 3) {
-        // Halves, quarters and eighths overflow as well: everything stands still.
+        // Steps of half, a quarter and an eighth overflow as well, so that the state is frozen.
         let said = Flags::NON_FINITE | Flags::STEP_RETRIED | Flags::FROZEN;
         assert!(row.flags.contains(said), "{row:?}");
         let tool = row.tool.unwrap();
         assert_eq!((tool.force.length(), tool.torque.length(), row.residual), (0.0, 0.0, 1.0));
     }
     assert_eq!(simulation.tool().unwrap().centre.y, 0.009);
-    // Nothing was solved: contacts say what the step began with.
+    // No step was solved, so that the contacts report the pressure at the start of the step.
     let contacts = simulation.contacts().unwrap();
     assert!(!contacts.is_empty());
     for contact in &contacts {
@@ -62,7 +62,8 @@ fn what_overflows_is_flagged_and_moves_nothing() {
 
 #[test]
 fn as_many_iterations_as_a_scene_allows_are_done() {
-    // A long stiff bar, which Jacobi's iterations reach the end of slowly: they take many submits.
+    // The bar is long and stiff: with the Jacobi preconditioner it takes many iterations, and many submits, until
+    // forces reach its end.
     let bar = "[step]\ndt = 0.01\n[solver]\npreconditioner = \"jacobi\"\nmax_iterations = 1500\ntolerance = 1e-6\n\
                [[body]]\nname = \"bar\"\nlayer = { box = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.1]], cells = [40, 3, 3] }\n\
                material = { young = 1e9, poisson = 0.4, density = 1000.0 }\n\

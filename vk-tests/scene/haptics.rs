@@ -1,5 +1,7 @@
-//! The loop with the engine, held by the simulated hand, in virtual time: contact that the local model keeps and the raw
-//! force does not, no energy given, a quiet force at rest that is the contact's, and a drag that adds no damping.
+//! The haptic loop with the engine and a simulated hand, in virtual time (one thread, no clock, the same bits every
+//! time). With the local model, which extrapolates the newest contact wrench between simulation steps, contact must be
+//! stable where the raw force is not; the hand must gain no energy; the force at rest must be quiet and equal to the
+//! contact's; and a drag along the skin must add no damping.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::haptics::environment::Environment;
@@ -17,10 +19,11 @@ use palpate_devices::{Hand, HandParameters, Scripted};
 
 use crate::scene::whole_step::scene;
 
+/// Period of a tick of the loop, s.
 const PERIOD: f64 = 1e-3;
-/// Of the simulation, Hz.
+/// Rate of the simulation, Hz.
 const RATE: f64 = 50.0;
-/// Pa, so that a sphere of 10 mm feels 2 kN/m.
+/// Young's modulus of the block, Pa: a sphere of 10 mm feels 2 kN/m.
 const YOUNG: f64 = 1.5e5;
 
 /// A block of 80 mm with a fixed bottom, its top at y = 0, and a sphere above it.
@@ -34,7 +37,7 @@ fn block() -> Simulation {
          [[body.core]]\nname = \"bottom\"\nbind = {{ box = [[-1.0, -1.0, -1.0], [1.0, -0.049, 1.0]] }}\n\
          [tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.001, 0.011, -0.002]\n"
     );
-    // Long runs: validation is for the short ones.
+    // Vulkan validation is left off: it would slow these runs down too much.
     let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::of_program() };
     Simulation::open(&scene(&text), &options).unwrap()
 }
@@ -45,7 +48,7 @@ struct Session {
 }
 
 impl Session {
-    /// Force along y, mean and standard deviation over a second from a tick on, N.
+    /// Force along y over a second from tick `from` on: mean and standard deviation, N.
     fn force(&self, from: usize) -> (f64, f64) {
         let forces: Vec<f64> = self.ticks[from..from + 1000].iter().map(|tick| tick.played.force.y).collect();
         let mean = forces.iter().sum::<f64>() / 1000.0;
@@ -53,7 +56,8 @@ impl Session {
     }
 }
 
-/// A hand on a delta.6 that means to press so deep below the block's top and hold, from 0.5 s to `until`, then lets go.
+/// A simulated hand on a delta.6 device that intends to press the tool `deep` m below the block's top and to stay there
+/// from 0.5 s to `until` (s), and then to let go.
 fn press(deep: f64, until: f64, seconds: f64, adjust: impl FnOnce(&mut Settings)) -> Session {
     let mut simulation = block();
     let profile = Profile::named("delta.6").unwrap();
@@ -96,7 +100,7 @@ fn at_50_hz_a_body_of_two_kilonewtons_a_metre_is_held_and_without_the_local_mode
     let (_, raw) = press(0.014, false).force(1500);
     println!("{stiffness:.0} N/m felt at {more:.2} N: swings {noise:.1e} N with the local model, {raw:.2} N without");
     assert!((1700.0..2300.0).contains(&stiffness), "{stiffness} N/m");
-    // The steady force is to be quiet: 1 % or 0.01 N.
+    // The steady force must be quiet, to 1 % or 0.01 N.
     assert!(noise < (0.01 * more).max(0.01), "{noise} of {more} N");
     assert!(raw > 0.2 * more, "{raw} of {more} N");
 }
@@ -121,7 +125,7 @@ fn a_press_hold_and_release_gives_the_hand_no_energy() {
     }
 }
 
-/// The simulation, and the wrench of every step.
+/// A simulation, and the contact wrench of each of its steps.
 struct Recorded<'a> {
     simulation: &'a mut Simulation,
     wrenches: Vec<ContactWrench>,
@@ -135,7 +139,8 @@ impl Environment for Recorded<'_> {
     }
 }
 
-/// A device of a profile follows keys exactly, with passivity control; all ticks and wrenches.
+/// A scripted device with this profile follows keys exactly, with passivity control. Returns all ticks, and the
+/// wrenches of all steps.
 fn follow(simulation: &mut Simulation, profile: &str, keys: &[Key], seconds: f64) -> (Vec<Tick>, Vec<ContactWrench>) {
     let profile = Profile::named(profile).unwrap();
     let tool = simulation.tool().unwrap().clone();
@@ -165,7 +170,7 @@ fn key(time: f64, position: DVec3) -> Key {
     Key { time, position, orientation: DQuat::IDENTITY }
 }
 
-/// Whether the controller did anything in a tick.
+/// True if the passivity controller acted in a tick.
 fn acts(tick: &&Tick) -> bool {
     tick.events.has_any(&[Event::Damped, Event::Unpaid])
 }
@@ -177,12 +182,13 @@ fn a_force_held_is_that_of_the_step_and_of_the_block_at_rest_and_the_first_touch
         let mut simulation = block();
         let start = simulation.tool().unwrap().centre;
         let [above, deep] = [start, DVec3::new(start.x, 0.008, start.z)];
-        // 10 mm/s, a hold of two seconds, and out again.
+        // The device moves in at 10 mm/s, stays for two seconds and moves out again.
         let keys = [key(0.0, above), key(0.1, above), key(0.4, deep), key(2.4, deep), key(2.7, above)];
         let (ticks, wrenches) = follow(&mut simulation, profile, &keys, 3.0);
         let held = &ticks[2300];
         let (played, step) = (held.played.force.length(), wrenches[held.step as usize - 1].wrench.force.length());
-        // The block at rest by itself: the device led there, joined by the same coupling, until nothing moves.
+        // For comparison, the block at rest without the loop: the device is put at the same place, with the same
+        // virtual coupling, until nothing moves.
         let mut alone = block();
         let coupling = coupling::choose(
             Profile::named(profile).unwrap(),
@@ -256,7 +262,7 @@ fn a_drag_over_the_head_adds_no_damping_to_the_force_along_the_motion() {
         assert!(size > 1.0 && (played - found).abs() < 0.03 * size, "{profile}: {played} {found} of {size}");
         assert!(left_out < 0.03 * along, "{profile}: {left_out} of {along}");
         assert!(dragged.iter().filter(|tick| acts(tick)).count() * 100 < dragged.len(), "{profile}");
-        // Lifted off, nothing holds the device back.
+        // Once the tool is lifted off, nothing holds the device back.
         assert!(ticks[3250].played.force.length() < 0.01 && ticks[3250].contact.force == DVec3::ZERO, "{profile}");
     }
 }

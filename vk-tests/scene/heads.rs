@@ -1,19 +1,21 @@
-//! A tool that presses into whole heads: the scene that comes with the program, and a scanned head where it is at hand.
+//! A sphere tool that presses into whole heads, with a force that must rise smoothly: the scene that comes with the
+//! program, and a scanned head where that mesh is available.
 
 use crate::harness::real_meshes::meshes;
 use std::path::Path;
 
 use palpate::{Flags, Options, Scene, Simulation, StepReport};
 
-/// Greatest change of force in a step while pressing, of the median change: the first touch of a moving tool is the
-/// steepest place (twice the median), a contact that pops in or out would be far steeper.
+/// Greatest change of force in a step while pressing, divided by the median change. The first touch of a moving tool is
+/// the steepest place, with twice the median; a contact that appears or vanishes abruptly would be far steeper.
 const JUMP: f64 = 4.0;
-/// Steps over which the force is averaged before it must never fall while the device goes in.
+/// Steps over which the force is averaged; this mean must never fall while the device goes in.
 const WINDOW: usize = 5;
 
-/// Runs a press that goes in at constant speed; the force is nothing before the touch, then rises smoothly; no flags.
+/// Runs a press at constant speed and checks that the force is zero before the first contact and then rises smoothly,
+/// and that no step has a flag.
 fn judge(name: &str, scene: &Scene, steps: usize) {
-    // Validation is for the small scenes: these are long.
+    // Vulkan validation is left off: it would slow these long runs down too much.
     let options = Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::of_program() };
     let mut simulation = Simulation::open(scene, &options).unwrap();
     let rows: Vec<StepReport> = (0..steps).map(|_| simulation.step().unwrap()).collect();
@@ -39,7 +41,7 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
         rows.iter().map(|r| (r.step, r.flags)).filter(|f| f.1 != Flags::default()).collect();
     assert!(flagged.is_empty(), "{name}: steps and flags {flagged:?}");
     assert!(force[..touch].iter().all(|f| *f == 0.0) && force[steps - 1] > 1.0, "{name}");
-    assert!(largest < JUMP * median && slope > 0.0, "{name}: a force that jumps or falls");
+    assert!(largest < JUMP * median && slope > 0.0, "{name}: the force jumps or falls");
 }
 
 #[test]
@@ -54,7 +56,8 @@ fn a_press_into_the_default_head_is_smooth() {
 fn a_press_into_a_scanned_head_is_smooth() {
     let Some(meshes) = meshes() else { return };
     let text = format!(
-        // The forehead: between the eyes lids fold over eyeballs, and flag 16 says so.
+        // The tool presses on the forehead: between the eyes, lids fold over the eyeballs and raise flag 16 (not a
+        // height field).
         "[[body]]\nname = \"head\"\nsurface = {:?}\nlayer = {{ cell = 0.015 }}\n\
          material = {{ young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }}\n\
          [[body.core]]\nname = \"skull\"\nmotion = \"fixed\"\nbind = {{ inset = 0.03 }}\n\

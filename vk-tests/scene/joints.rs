@@ -1,4 +1,5 @@
-//! Cores that joints join: whole steps against the oracle, and laws.
+//! Cores (rigid frames to which nodes are attached) with ball joints between them: whole steps against the f64 oracle,
+//! and invariants.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{Frame, FrameMotion, Shape};
@@ -12,7 +13,8 @@ use palpate_oracle::joint::Side;
 use crate::scene::bones::{SHAPE, SPEED, carry, keys, twin_cores};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// A bar of 20 cm with three cores, the first moving as `root` says, a joint between each two.
+/// A bar of 20 cm with three cores and a joint between neighbours. `root` is the text of the first core's motion,
+/// `joints` are further keys of each joint, and `step` further keys of the `[step]` table.
 pub fn chain(young: f64, root: &str, joints: [&str; 2], step: &str) -> String {
     let core = |name: &str, motion: &str, from: f64, to: f64| {
         format!(
@@ -29,7 +31,7 @@ pub fn chain(young: f64, root: &str, joints: [&str; 2], step: &str) -> String {
          layer = {{ box = [[-0.1, -0.02, -0.02], [0.1, 0.02, 0.02]], cells = [12, 3, 3] }}\n\
          position = [0.4, 0.1, -0.2]\norientation = [0.1, 0.2, 0.3, 0.9273618495495703]\n\
          material = {{ young = {young:e}, poisson = 0.4, density = 1000.0, damping_stiffness = 0.002 }}\n{}{}{}{}{}",
-        // Not in the order of the chain.
+        // The cores are not in the order of the chain.
         core("tip", dynamic, 0.08, 0.2),
         core("root", root, -0.2, -0.08),
         core("middle", dynamic, -0.02, 0.02),
@@ -38,13 +40,13 @@ pub fn chain(young: f64, root: &str, joints: [&str; 2], step: &str) -> String {
     )
 }
 
-/// Frames of a simulation's first body.
+/// Coordinate frames of the first body.
 fn frames(simulation: &Simulation) -> &[palpate::internal::prepare::Frame] {
     let Shape::Soft { frames, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
     frames
 }
 
-/// The oracle's joints of a simulation's first body, whose cores are at rest.
+/// The oracle's twins of the first body's joints, with its cores at rest.
 fn twin_joints(simulation: &Simulation) -> Vec<oracle::joint::Joint> {
     let (places, orientation) = (simulation.frames(0), simulation.bodies()[0].orientation);
     let is_dynamic = |frame: &usize| matches!(frames(simulation)[*frame].motion, FrameMotion::Dynamic { .. });
@@ -63,7 +65,7 @@ fn twin_joints(simulation: &Simulation) -> Vec<oracle::joint::Joint> {
     simulation.joints().iter().map(twin).collect()
 }
 
-/// Tells the twin's joints where driven cores are at the end of the step that ends at `time`.
+/// Gives the twin's joints the poses of driven cores at the end of the step, `time`.
 fn drive(twin: &mut oracle::step::Simulation, simulation: &Simulation, time: f64) {
     let orientation = simulation.bodies()[0].orientation;
     for (joint, model) in twin.joints.iter_mut().zip(simulation.joints()) {
@@ -76,7 +78,7 @@ fn drive(twin: &mut oracle::step::Simulation, simulation: &Simulation, time: f64
     }
 }
 
-/// The widest gap of a joint, m.
+/// The widest gap between the two ends of a joint, m.
 fn gap(simulation: &Simulation) -> f64 {
     let places = simulation.frames(0);
     let gap = |joint: &Joint| {
@@ -86,20 +88,21 @@ fn gap(simulation: &Simulation) -> f64 {
     simulation.joints().iter().map(gap).fold(0.0, f64::max)
 }
 
-/// How far the second side of a joint is turned about the first.
+/// Rotation of a joint's second side relative to its first.
 fn turn(simulation: &Simulation, joint: usize) -> DQuat {
     let places = simulation.frames(0);
     let [a, b] = simulation.joints()[joint].frames.map(|frame| places[frame].rotation);
     a.inverse() * b
 }
 
-/// How far a joint's axis has swung, and how far it is twisted, rad.
+/// The angle by which a joint's axis has swung, and the angle by which the joint is twisted about it, rad.
 fn angles(simulation: &Simulation, joint: usize) -> [f64; 2] {
     let (turn, axis) = (turn(simulation, joint), simulation.joints()[joint].resistance.axis);
     [(turn * axis).angle_between(axis), (2.0 * turn.xyz().dot(axis).atan2(turn.w)).abs()]
 }
 
-/// Steps beside the oracle: shape and speed, of the largest. Returns how far each joint swung and was twisted at most.
+/// Steps the engine and the oracle side by side and compares displacements and velocities, relative to the largest.
+/// Also returns the greatest swing and twist of each joint.
 fn beside(name: &str, text: &str, steps: usize) -> (Simulation, [[f64; 2]; 2]) {
     let scene = scene(text);
     let mut simulation = open(&scene, None);
@@ -112,8 +115,8 @@ fn beside(name: &str, text: &str, steps: usize) -> (Simulation, [[f64; 2]; 2]) {
     let mut most = [[0.0f64; 2]; 2];
     for step in 1..=steps {
         let row = run(&mut simulation, 1).remove(0);
-        // Bones that swing freely may turn further in a step than flesh should, and turn the softest of it inside out; here too
-        // they move as the oracle's do.
+        // Bones that swing freely may turn further in a step than soft tissue should, and may turn the softest of it
+        // inside out. Here, too, they must move as in the oracle.
         let others = Flags(row.flags.0 & !(Flags::TURNS_TOO_FAR | Flags::INVERTED).0);
         assert!(others == Flags::default(), "{name}, step {step}: flags {:?}", row.flags);
         carry(&mut twin.bodies[0], &simulation, 0, row.time, scene.step.dt);
@@ -139,12 +142,14 @@ fn beside(name: &str, text: &str, steps: usize) -> (Simulation, [[f64; 2]; 2]) {
     (simulation, most)
 }
 
-/// How far a joint that carries 60 g at six times gravity may be open at steps of 1 ms, m; it goes with the step's square.
+/// Greatest gap, m, of a joint that carries 60 g at six times gravity in steps of 1 ms; it grows with the square of the
+/// step.
 const OPEN: f64 = 3e-4;
-/// How far a limit may be passed where the bar is turned by half a radian in 40 ms, rad: it holds along the way that the
-/// axis leans at the step's start, and the tip swings sideways by some hundredths of a radian a step.
+/// Greatest angle beyond a limit, rad, where the bar is turned by half a radian in 40 ms: the limit acts in the
+/// direction in which the axis leans at the step's start, and the tip swings sideways by some hundredths of a radian in
+/// a step.
 const BEYOND: f64 = 0.04;
-/// Pulled aside by some g.
+/// A pull of some six g, partly sideways.
 const PULLED: &str = "gravity = [10.0, -60.0, 20.0]";
 
 #[test]
@@ -178,7 +183,7 @@ fn joints_resist_and_end_as_the_oracles() {
             ],
         ),
     ] {
-        // About the bar and across it.
+        // The driven core turns about the bar and across it.
         let keys = keys(position, orientation, 0.5, DVec3::new(-0.02, 0.03, 0.01));
         let text = chain(2e4, &format!("motion = \"driven\"\nkeys = {keys}"), limits, "gravity = [5.0, -25.0, 8.0]");
         let (simulation, most) = beside(name, &text, 60);
@@ -195,8 +200,9 @@ fn joints_resist_and_end_as_the_oracles() {
 
 #[test]
 fn a_joint_is_a_hundred_times_stiffer_than_what_it_holds() {
-    // Flesh like air: a core of mass m and inertia I about its middle, held at its middle, and from aside, where turning
-    // gives way as well: 1/m + d^2 / I along the two directions across the arm d.
+    // The flesh is as soft as air, so that a core of mass m and moment of inertia I about its middle is all that the
+    // joint holds. A unit of impulse changes the velocity of the core's end of the joint by 1/m if the joint is at the
+    // core's middle. At an arm d from the middle it turns the core as well: 1/m + d^2 / I in the two directions across.
     let of = |x: f64| {
         let text = chain(1e-3, "", ["", ""], "")
             .replace("point = [-0.05, 0.004, -0.003]", &format!("point = [{x}, 0.0, 0.0]"));
@@ -212,20 +218,20 @@ fn a_joint_is_a_hundred_times_stiffer_than_what_it_holds() {
     let want = |readiness: f64| 100.0 / (readiness * 1e-6);
     let (at_middle, beside) = (want(1.0 / mass), want(1.0 / mass + 2.0 / 3.0 * 0.05 * 0.05 / inertia));
     println!("joint: {middle:.4e} for {at_middle:.4e} N/m, {aside:.4e} for {beside:.4e} N/m");
-    // The lumped masses are not quite symmetric: their inertia has other entries as well.
+    // The lumped masses are not quite symmetric, so that their inertia has entries besides those used here.
     assert!((middle / at_middle - 1.0).abs() < 1e-3 && (aside / beside - 1.0).abs() < 3e-3);
 }
 
-/// Linear momentum lost in the flight.
+/// Greatest share of the linear momentum that is lost in the flight.
 const MOMENTUM: f64 = 1e-6;
-/// Angular momentum gained in a step, of the linear times half the bar: rotations frozen over a step have a torque of their
-/// own, as in vk-tests/law/invariants.rs.
+/// Greatest change of angular momentum in a step, relative to the linear momentum times half the bar: rotations that
+/// are fixed over a step have a torque of their own, as vk-tests/law/invariants.rs explains.
 const SPIN: f64 = 4e-6;
 
 #[test]
 #[ignore = "long: 8 s"]
 fn a_free_chain_keeps_its_momentum() {
-    // A ball strikes it off its middle, in no gravity, and is gone: it folds at its joints.
+    // Without gravity, a ball strikes the chain off its middle and leaves: the chain folds at its joints.
     let limits = "axis = [1.0, 0.0, 0.0]\nswing = 0.1\nstiffness = 0.2\ndamping = 0.002";
     let text = chain(2e4, "motion = \"dynamic\"", [limits, ""], "gravity = [0.0, 0.0, 0.0]").replace(
         "position = [0.4, 0.1, -0.2]\norientation = [0.1, 0.2, 0.3, 0.9273618495495703]",
@@ -243,7 +249,7 @@ fn a_free_chain_keeps_its_momentum() {
         let row = run(&mut simulation, 1).remove(0);
         gone = if row.contacts == Some(0) { gone + 1 } else { 0 };
     }
-    assert!(gone > 100, "the ball is there still");
+    assert!(gone > 100, "the ball still touches the chain");
     let (before, spin) = momentum(&simulation);
     let folded = [0, 1].map(|joint| turn(&simulation, joint).to_scaled_axis().length());
     let rows = run(&mut simulation, 300);
@@ -257,7 +263,7 @@ fn a_free_chain_keeps_its_momentum() {
     assert!(folded[1] > 0.05 && lost < MOMENTUM && gained < SPIN, "{folded:?} {lost:e} {gained:e}");
 }
 
-/// Time at which the human's arm is bent and the ball still on it, in steps.
+/// Number of steps after which the human's arm is bent and the ball is still on it.
 const BENT: usize = 500;
 
 #[test]
@@ -284,7 +290,7 @@ fn a_human_is_posed_by_pushing_its_arm() {
         forearm.length(),
         other.length()
     );
-    // Down: about the front, clockwise.
+    // The arm goes down: it turns clockwise about the axis that points to the front.
     assert!(arm.z < -0.2 && forearm.z < -0.4 && other.length() < 0.1, "{arm} {forearm} {other}");
     assert!(widest < 1e-5, "{widest:e}");
     for (joint, model) in simulation.joints().iter().enumerate() {

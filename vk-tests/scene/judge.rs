@@ -1,4 +1,4 @@
-//! A query's answer against f64 rays along its own normals: for `agreement.rs`.
+//! Compares the answer of a proximity query with f64 ray casts along the query's own normals; used by `agreement.rs`.
 
 use glam::{DQuat, DVec3};
 use palpate::QueryContact;
@@ -10,16 +10,17 @@ use palpate_oracle::skin::normals;
 
 use crate::harness::bodies::{Mesh, rigid};
 
-/// Of the smaller body's size, or of a unit vector: nearer to where the answer jumps, rounding decides.
+/// Distance from a discontinuity of the answer within which rounding decides, relative to the smaller body's size or to
+/// a unit vector.
 pub const APART: f64 = 1e-5;
-/// Differences that are told.
+/// Number of differences that are reported.
 const NAMED: usize = 20;
-/// Cosine between normals that are one.
+/// Least cosine between two normals that count as equal.
 const SAME: f64 = 1.0 - 1e-9;
 
 pub type Pose = (DVec3, DQuat);
 
-/// A body at rest, its size and middle.
+/// A body, with the size and the middle of its bounding box at rest, m.
 pub struct Subject {
     pub name: String,
     pub body: Body,
@@ -44,27 +45,31 @@ impl Subject {
         self.skin().vertices.iter().map(|x| position + orientation * *x).collect()
     }
 
-    /// The pose that turns it about its middle and puts that at a place.
+    /// The pose that turns the body about its middle and puts the middle at `place`.
     pub fn pose(&self, turn: DQuat, place: DVec3) -> Pose {
         (place - turn * self.middle, turn)
     }
 }
 
-/// What is compared of one query.
+/// Results of comparisons, of one query or summed over several.
 #[derive(Debug, Default, Clone)]
 pub struct Tally {
     pub queries: usize,
     pub contacts: usize,
-    /// Greatest error of a depth, of the smaller body's size.
+    /// Greatest error of a depth, relative to the smaller body's size.
     pub worst: f64,
     pub where_worst: String,
-    /// Vertices that only the rays find, and those that only the device finds; and the first of both.
+    /// Number of colliding vertices that only the rays find.
     pub missing: usize,
+    /// Number of colliding vertices that only the query finds.
     pub extra: usize,
+    /// Descriptions of the first differences.
     pub different: Vec<String>,
+    /// Number of vertices that are not compared, since rounding decides about them.
     pub apart: usize,
+    /// Number of queries with flags.
     pub flagged: usize,
-    /// Depth along the normal against the distance to the other surface.
+    /// Depth along the normal divided by the distance to the other surface, for each contact.
     pub ratios: Vec<f64>,
 }
 
@@ -98,20 +103,20 @@ impl Tally {
     }
 }
 
-/// Heads of the rows.
+/// Prints the heading of the table.
 pub fn head() {
     println!("mesh pair              queries  contacts  error/size missing extra apart flagged");
 }
 
-/// Rays of one side along one normal.
+/// Ray casts along one normal, from the vertices of one body against the skin of the other.
 struct Seen<'a> {
     rays: Rays<'a>,
     outline: Outline,
-    /// Outwards of this side.
+    /// The normal, pointing out of the body whose vertices these are.
     normal: DVec3,
 }
 
-/// One side's vertices, held against the other's skin.
+/// The vertices of one body, to be compared with ray casts against the other.
 struct Side<'a> {
     name: &'a str,
     positions: &'a [DVec3],
@@ -119,7 +124,8 @@ struct Side<'a> {
     seen: Vec<Seen<'a>>,
 }
 
-/// Whether a vertex (relative to the answer's origin) projects into a region's column: each region looks after its own.
+/// True if a vertex (relative to the answer's origin) projects into a contact patch's rectangle: each patch has the
+/// contacts of its own rectangle.
 fn holds(region: &Region, x: DVec3) -> bool {
     let along = |axis: [f32; 3]| x.dot(DVec3::from(axis.map(f64::from)));
     let at = [along(region.tangent), along(region.bitangent)];
@@ -130,7 +136,7 @@ fn normal_of(region: &Region) -> DVec3 {
     DVec3::from(region.normal.map(f64::from)).normalize()
 }
 
-/// Compares an answer with rays; the device may leave out what is deeper than `limit`.
+/// Compares an answer with ray casts. The query may leave out contacts deeper than `limit` (m).
 pub fn judge(what: &str, subjects: [&Subject; 2], poses: [Pose; 2], answer: &Answer, limit: f64) -> Tally {
     let size = subjects[0].size.min(subjects[1].size);
     let positions = [0, 1].map(|k| subjects[k].placed(poses[k]));
@@ -172,7 +178,7 @@ pub fn judge(what: &str, subjects: [&Subject; 2], poses: [Pose; 2], answer: &Ans
 }
 
 impl Side<'_> {
-    /// A contact is where its ray leaves the other body, as deep as that.
+    /// Checks a vertex that is a contact: the ray from it must leave the other body, at the depth of the contact.
     fn found(&self, what: &str, v: usize, contact: &QueryContact, size: f64, tally: &mut Tally) {
         let of = |seen: &&Seen| contact.normal.dot(seen.normal).abs() > SAME;
         let Some(seen) = self.seen.iter().find(of) else { panic!("{what}: no ray for {contact:?}") };
@@ -193,10 +199,11 @@ impl Side<'_> {
         }
     }
 
-    /// What is no contact is not within the other body, along the normal of one of the regions that hold it at least.
+    /// Checks a vertex that is no contact: along the normal of at least one contact patch whose rectangle holds it, it
+    /// must not lie within the other body.
     fn not_found(&self, what: &str, v: usize, answer: &Answer, (size, limit): (f64, f64), tally: &mut Tally) {
         let x = self.positions[v];
-        // One normal asks the whole skin.
+        // Where there is a single normal, the query looks at the whole skin.
         let looks = |seen: &&Seen| {
             let of = |r: &Region| normal_of(r).dot(seen.normal).abs() > SAME && holds(r, x - answer.origin);
             self.seen.len() == 1 || answer.regions.iter().any(of)

@@ -1,4 +1,5 @@
-//! Whole steps and sessions as a user has them, against the oracle or by what must come of them.
+//! Whole steps and sessions as a user runs them, compared with the f64 oracle or with properties that the results must
+//! have.
 
 pub mod adversaries;
 pub mod agreement;

@@ -1,11 +1,13 @@
-//! What contacts report is what the tool feels: pressure and friction at the end of the step, times area, sum to the wrench.
+//! The pressures and frictions that contacts report for the end of the step, times their areas, must sum to the contact
+//! wrench on the tool.
 
 use std::path::Path;
 
 use glam::DVec3;
 use palpate::{Options, Scene, Simulation};
 
-/// Of the sum of the contacts' sizes: what f32 leaves of a sum of up to a thousand.
+/// Tolerance relative to the summed magnitudes of the contact forces: f32 rounding in a sum of up to a thousand of
+/// them.
 const ROUNDED: f64 = 1e-5;
 
 /// A ball is pressed 4 mm into a block and pulled along it.
@@ -18,7 +20,8 @@ material = { young = 2e4, poisson = 0.4, density = 1000.0 }\n\
 [coupling]\nstiffness = 1000.0\ndamping = 10.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n\
 [drive]\nkeys = [[0.0, 0.0, 0.0105, 0.0], [0.03, 0.0, 0.006, 0.0], [0.06, 0.01, 0.006, 0.0]]\n";
 
-/// Force on the tool (or the body that the device holds) by the reported contacts, N, and the sum of their sizes.
+/// Force of the reported contacts on the body with index `held` (the tool, or the body that the virtual coupling
+/// pulls), N, and the sum of their magnitudes, N.
 fn summed(simulation: &Simulation, held: usize) -> (DVec3, f64) {
     let (mut force, mut sizes) = (DVec3::ZERO, 0.0);
     for contact in simulation.contacts().unwrap() {
@@ -34,7 +37,7 @@ fn summed(simulation: &Simulation, held: usize) -> (DVec3, f64) {
     (force, sizes)
 }
 
-/// Runs a scene; the largest error over the sum of sizes, and the largest force.
+/// Runs a scene. Returns the largest error relative to the summed magnitudes, and the largest force, N.
 fn worst(file: &Path, steps: usize) -> (f64, f64) {
     let scene = Scene::load(file).unwrap();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
@@ -53,7 +56,7 @@ fn worst(file: &Path, steps: usize) -> (f64, f64) {
     (error, largest)
 }
 
-/// The largest force, N.
+/// Runs a scene that comes with the program and checks the sum. Returns the largest force, N.
 fn expect_the_wrench(name: &str, steps: usize) -> f64 {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("assets/scenes/{name}.toml"));
     let (error, largest) = worst(&file, steps);
@@ -100,7 +103,7 @@ fn after_a_state_is_taken_up_contacts_say_what_the_step_began_with() {
 #[test]
 #[ignore = "long: 60 s"]
 fn contacts_of_all_scenes_sum_to_the_wrench() {
-    // Two heads, gears and pumpkins have no tool, and so no wrench to hold contacts against.
+    // The scenes of two heads, gears and pumpkins have no tool, and so no wrench to compare contacts with.
     let scenes =
         [("held-pad", 300), ("pose-human", 40), ("press-gear", 40), ("press-pumpkin", 40), ("touch-human", 40)];
     for (name, steps) in scenes {

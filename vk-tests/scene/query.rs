@@ -1,5 +1,5 @@
-//! The query by itself on two spheres: depths along its region's normal or a given one, wherever the bodies are and
-//! whatever their unit, on both paths, the same every time.
+//! The proximity query by itself on two spheres: depths along the normal of its contact patch or along a given
+//! direction, at any place and scale, on both depth paths, and the same in every run.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Body, Shape};
@@ -14,9 +14,9 @@ use crate::harness::random::Random;
 use crate::harness::{assert_clean, context};
 use crate::scene::whole_step::scene;
 
-/// Of the radius, as promised for depths.
+/// Tolerance of depths relative to the radius, as promised to users.
 const DEPTH: f64 = 1e-5;
-/// Of a unit vector's components in f32.
+/// Tolerance of a unit vector's components, in f32.
 const UNIT: f64 = 1e-6;
 
 type PoseOf = (DVec3, DQuat);
@@ -26,7 +26,7 @@ fn placed(body: &Body, (position, orientation): PoseOf) -> (Vec<DVec3>, Vec<[u32
     (skin.vertices.iter().map(|x| position + orientation * *x).collect(), skin.triangles.clone())
 }
 
-/// Every contact against the ray of its own normal, and every ray's contact is there.
+/// Checks every contact against the ray along its normal, and that no contact which a ray finds is missing.
 fn check(what: &str, bodies: [&Body; 2], poses: [PoseOf; 2], answer: &Answer, radius: f64) -> usize {
     let normal = DVec3::from(answer.regions[0].normal.map(f64::from)).normalize();
     let [(ax, at), (bx, bt)] = [0, 1].map(|k| placed(bodies[k], poses[k]));
@@ -39,7 +39,7 @@ fn check(what: &str, bodies: [&Body; 2], poses: [PoseOf; 2], answer: &Answer, ra
         assert!((contact.normal - normal).abs().max_element() < UNIT, "{what}");
         let depth = hits[body][vertex].map_or(0.0, |hit| hit.depth);
         assert!((contact.depth - depth).abs() < DEPTH * radius, "{what}: {contact:?} is {depth} deep");
-        // The named point is where the vertex's line meets the other skin.
+        // The point that the contact names must lie where the line through the vertex meets the other skin.
         let (own, other, triangles) = if body == 0 { (&ax, &bx, &bt) } else { (&bx, &ax, &at) };
         let corners = triangles[contact.triangle as usize].map(|v| other[v as usize]);
         let point: DVec3 = corners.iter().zip(contact.barycentric).map(|(x, w)| *x * w).sum();
@@ -93,7 +93,7 @@ fn spheres_of_any_size_anywhere_along_any_direction() {
 #[test]
 #[ignore = "long: 15 s"]
 fn a_fine_head_in_a_cube_of_twelve_triangles_is_found_whole_or_flagged() {
-    // The head's vertices lie in a few squares of the size that the cube's triangles ask for.
+    // All vertices of the head lie in a few cells of a grid whose cells fit the cube's triangles.
     let corners = (0..8).map(|k| DVec3::new((k & 1).into(), (k >> 1 & 1).into(), (k >> 2).into()) - 0.5).collect();
     let quads = [[0u32, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     let halves = quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();

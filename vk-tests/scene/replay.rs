@@ -1,4 +1,5 @@
-//! A session with the engine on record and again: the same bits, or the first tick that is not.
+//! A session with the engine is recorded and replayed: the replay must give the same bits, or name the first tick or
+//! step that differs.
 
 use std::path::{Path, PathBuf};
 
@@ -18,12 +19,12 @@ use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::open;
 
 const TICKS: u64 = 300;
-/// Ticks from one step to the next, and until its wrench is there.
+/// Ticks from one simulation step to the next, and ticks from a step's beginning until the loop has its wrench.
 const EVERY: u64 = 15;
 const DELAY: u64 = 9;
 
-/// The device follows the scene's keys, in virtual time. `spoil` sees every tick before it is recorded; how hard the tool was
-/// pushed at most, N.
+/// Records a session in virtual time, in which the device follows the scene's keys. `spoil` may change every tick
+/// before it is recorded. Returns the greatest force of contact on the tool, N.
 fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tick)) -> f64 {
     let mut simulation = open(scene, Some(path));
     let tool = simulation.tool().unwrap().clone();
@@ -72,7 +73,7 @@ fn again(scene: &Scene, path: depth::Path, file: &Path) -> Replayed {
     replayed
 }
 
-/// A press that slides aside, in a file of its own, and where to record it.
+/// A scene file of a press that slides aside, and the path for its recording.
 fn pressed(folder: &Path) -> (Scene, PathBuf) {
     let file = folder.join("scene.toml");
     let place = Place { slide: DVec3::new(0.01, 0.0, -0.005), ..Place::default() };

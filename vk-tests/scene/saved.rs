@@ -1,4 +1,5 @@
-//! States saved and taken up again: the same bits from there on, in the same simulation and in one with another past.
+//! States that are saved and restored: from there on the same bits must follow, in the same simulation and in one with
+//! another past.
 
 use glam::DVec3;
 use palpate::Simulation;
@@ -8,11 +9,11 @@ use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene};
 use crate::scene::{held, joints};
 
-/// Steps before the state is saved, and those that are compared.
+/// Number of steps before the state is saved, and number of steps that are compared.
 const BEFORE: usize = 30;
 const AFTER: usize = 25;
 
-/// Everything that a user can see of some steps, and of the bodies after them.
+/// The bits of everything that a user can see of the next steps, and of the bodies after them.
 fn seen(simulation: &mut Simulation) -> Vec<u64> {
     let mut bits = Vec::new();
     for mut row in run(simulation, AFTER) {
@@ -37,15 +38,15 @@ fn goes_on_as_before(name: &str, text: &str) {
     let state = simulation.save().unwrap();
     let first = seen(&mut simulation);
     simulation.restore(&state).unwrap();
-    assert_eq!(simulation.save().unwrap(), state, "{name}: what was taken up is what was saved");
+    assert_eq!(simulation.save().unwrap(), state, "{name}: the restored state is not the one that was saved");
     assert!(seen(&mut simulation) == first, "{name}: in the same simulation");
-    // One that stands elsewhere, and has felt other things.
+    // The other simulation's bodies stand elsewhere and have felt other contacts.
     let mut other = open(&scene, None);
     run(&mut other, BEFORE + 9);
     other.restore(&state).unwrap();
     assert!(seen(&mut other) == first, "{name}: in another simulation");
-    // And the past does matter.
-    assert!(seen(&mut other) != first, "{name}: the next steps are others");
+    // The comparison can fail: without the restored state, the next steps are different ones.
+    assert!(seen(&mut other) != first, "{name}: other steps gave the same bits");
     println!("{name}: {} bytes", state.len());
 }
 
@@ -87,8 +88,8 @@ fn a_state_of_other_bodies_or_damaged_is_refused_and_nothing_changes() {
         let error = simulation.restore(bytes).unwrap_err().to_string();
         assert!(error.contains(words) && error.lines().count() == 1, "{error}");
     };
-    refused(&mut finer, &state, "of other bodies");
-    refused(&mut finer, b"", "none that this version saved");
+    refused(&mut finer, &state, "to other bodies");
+    refused(&mut finer, b"", "was not saved by this version");
     refused(&mut finer, &state[..20], "cut short");
     for at in [8, 40, 41, state.len() / 2, state.len() - 1] {
         let mut damaged = state.clone();

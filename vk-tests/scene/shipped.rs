@@ -1,17 +1,17 @@
-//! The paper's scenes of two soft bodies, as they come with the program: their first steps, which must be sound. What they
-//! do later is too long for a test.
+//! The paper's scenes of two soft bodies, as they come with the program: their first steps must be sound. Tests of the
+//! later steps take minutes and are run by name (`lasting`).
 
 use std::path::Path;
 
 use glam::DVec3;
 use palpate::{Flags, Options, Scene, Simulation};
 
-/// Steps of a millisecond.
+/// Number of steps, of 1 ms each.
 const STEPS: usize = 5;
 
 fn open(name: &str) -> Simulation {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes").join(name);
-    // Validation is for the small scenes: these are large.
+    // Vulkan validation is left off: it would slow these large scenes down too much.
     let options =
         Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::of_program() };
     Simulation::open(&Scene::load(&file).unwrap(), &options).unwrap()
@@ -26,7 +26,7 @@ fn starts(name: &str) {
     }
     for body in 0..simulation.bodies().len() {
         let (moved, velocity) = simulation.nodes(body).unwrap().unwrap();
-        // Nothing falls faster than it must, or flies off.
+        // Nothing may fall faster than freely, or fly off.
         let most = |x: &[DVec3]| x.iter().map(|x| x.length()).fold(0.0, f64::max);
         assert!(most(&moved) < 0.002 && most(&velocity) < 0.3, "{name}: {} m, {} m/s", most(&moved), most(&velocity));
     }
@@ -47,10 +47,10 @@ fn pumpkins_start() {
     starts("pumpkins.toml");
 }
 
-/// Steps of a whole scene.
+/// Number of steps of a whole run.
 const WHOLE: usize = 300;
 
-/// Runs a scene and looks at the force between its two bodies. `jump`: its greatest change in a step, of its greatest value.
+/// Runs a scene and checks the force between its two bodies. `jump` limits its change in a step, relative to its peak.
 fn runs(name: &str, jump: f64) {
     let mut simulation = open(name);
     let (mut force, mut flagged) = (vec![], vec![]);
@@ -59,7 +59,7 @@ fn runs(name: &str, jump: f64) {
         if row.flags != Flags::default() {
             flagged.push((row.step, row.flags.0));
         }
-        // On the first body.
+        // The contact force on the first body, N.
         let push = simulation.contacts().unwrap().iter().fold(DVec3::ZERO, |sum, contact| {
             let own = contact.area * (contact.pressure * contact.normal + contact.friction);
             sum + if contact.bodies[0] == 0 { own } else { -own }

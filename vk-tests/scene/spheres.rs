@@ -1,5 +1,6 @@
-//! Sphere meshes against planes and each other, through every kernel of the query, by every way to find crossings: depth is
-//! that of an f64 ray on the same meshes, and that of the true sphere as the square of the edge length.
+//! Sphere meshes against planes and each other, through every kernel of the proximity query and on every path that
+//! finds ray hits: depth must be that of an f64 ray cast on the same meshes, and must tend to the true sphere's as the
+//! square of the edge length.
 
 use std::collections::BTreeMap;
 
@@ -12,11 +13,13 @@ use crate::harness::bodies::{half_space, octants, rigid, sheet, sphere, whole};
 use crate::harness::random::Random;
 use crate::stage::flow::{Flow, PATHS};
 
+/// Radius of the spheres, m.
 const RADIUS: f64 = 0.01;
-/// The promise: f32 holds positions near the tool to 1e-7 of the radius, slopes at a rim multiply that by a few.
+/// Tolerance of depths, m, as promised to users: f32 holds positions near the tool to 1e-7 of the radius, and slopes at
+/// the rim of a contact multiply that by a few.
 const DEPTH: f64 = 1e-5 * RADIUS;
-/// Error of the depth field on a mesh with half the edge length: a quarter, a little more where the worst vertex is
-/// not at the same place in its triangle.
+/// Greatest ratio of the errors of depth on a mesh and on one with twice the edge length: a quarter, and a little more
+/// since the worst vertex is not at the same place in its triangle.
 const SECOND_ORDER: f64 = 0.35;
 /// World positions of a rigid skin and its triangles.
 fn mesh(body: &Body) -> (Vec<DVec3>, Vec<[u32; 3]>) {
@@ -25,10 +28,12 @@ fn mesh(body: &Body) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (skin.vertices.iter().map(place).collect(), skin.triangles.clone())
 }
 
-/// Depth and opposing triangle of each colliding vertex, by side and vertex within its body.
+/// Depth (m) and opposing triangle of each colliding vertex, by side (0: of body a, 1: of b) and vertex within its
+/// body.
 type Depths = BTreeMap<(u32, u32), (f64, u32)>;
 
-/// What the kernels say; triangle numbers count from the other body's first.
+/// The hits that the kernels found. `first` and `first_triangle` are the first vertex and triangle of each body, since
+/// results number them within their body.
 fn got(flow: &Flow, first: [u32; 2], first_triangle: [u32; 2]) -> Depths {
     let hit = |(hit, what): (&[f32; 4], &[u32; 4])| {
         let (side, other) = (what[1] as usize % 2, 1 - what[1] as usize % 2);
@@ -38,7 +43,7 @@ fn got(flow: &Flow, first: [u32; 2], first_triangle: [u32; 2]) -> Depths {
     flow.hits.iter().zip(&flow.what).filter_map(hit).collect()
 }
 
-/// What the f64 rays say.
+/// The hits of f64 ray casts along the normal.
 fn wanted(normal: DVec3, a: &Body, b: &Body) -> Depths {
     let ((ax, at), (bx, bt)) = (mesh(a), mesh(b));
     let sides = [ray_depths(normal, &ax, &at, &bx, &bt, 1.0), ray_depths(-normal, &bx, &bt, &ax, &at, 1.0)];
@@ -53,15 +58,15 @@ fn wanted(normal: DVec3, a: &Body, b: &Body) -> Depths {
 /// Side, vertex and opposing triangle of a contact, within their bodies.
 type Touch = (usize, u32, u32);
 
-/// The contacts of two rigid bodies, and the first vertex and triangle of each.
+/// The contacts of two rigid bodies by ray casts, and the first vertex and triangle of each body.
 pub fn sides(a: &Body, b: &Body, normal: DVec3) -> (Vec<Touch>, [(u32, u32); 2]) {
     let (vertices, triangles) = mesh(a);
     let found = wanted(normal, a, b).into_iter().map(|((side, v), (_, triangle))| (side as usize, v, triangle));
     (found.collect(), [(0, 0), (vertices.len() as u32, triangles.len() as u32)])
 }
 
-/// The same set of contacts with the same depths; only a vertex whose depth is zero within the tolerance may be in one
-/// set alone. Returns how many agree.
+/// Checks that both sets have the same contacts at the same depths; only a vertex whose depth is zero within the
+/// tolerance may be in one set alone. Returns how many contacts are in both.
 fn same(what: &str, got: &Depths, want: &Depths) -> usize {
     let mut matched = 0;
     for (key, (depth, _)) in want {
@@ -79,12 +84,13 @@ fn same(what: &str, got: &Depths, want: &Depths) -> usize {
     matched
 }
 
-/// Towards where the tool is from a body: the direction that the pair of them is given, so that there is one region.
+/// Gives the pair its contact normal, from the body towards the tool, so that there is a single contact patch.
 fn give_direction(flow: &mut Flow, normal: DVec3) {
     flow.pairs[0].direction = normal.normalize().as_vec3().extend(1.0).to_array();
 }
 
-/// Runs the query on every path and compares; returns the flow of the last path and its depths.
+/// Runs the query on every depth path and compares it with ray casts. Returns the results of the last path, and its
+/// depths.
 fn every_path(what: &str, a: &Body, tool: &Body, normal: DVec3, least: usize) -> (Flow, Depths) {
     let Shape::Rigid { skin, .. } = &a.shape else { panic!("not rigid") };
     let first = [0, skin.vertices.len() as u32];
@@ -109,7 +115,7 @@ fn a_sphere_on_a_plane_of_two_triangles() {
     let tool = rigid("tool", sphere(RADIUS, 4), whole, DVec3::new(1e-3, 0.9 * RADIUS, -2e-3), DQuat::IDENTITY);
     let plane = rigid("plane", sheet(0.05, 1), whole, DVec3::ZERO, DQuat::IDENTITY);
     let (flow, depths) = every_path("two triangles", &plane, &tool, DVec3::Y, 20);
-    // By hand: the lowest vertex is a tenth of the radius below the plane.
+    // Found by hand: the lowest vertex is a tenth of the radius below the plane.
     let deepest = depths.values().fold(0.0f64, |most, d| most.max(d.0));
     let normal_y = f64::from(flow.regions[0].normal[1]);
     assert!((deepest * normal_y - 0.1 * RADIUS).abs() < 2.0 * DEPTH, "{deepest}");
@@ -142,7 +148,7 @@ fn two_spheres_in_general_position() {
     }
 }
 
-/// Squares of another size hold other lists, and give the same crossings.
+/// Grid cells of another size have other lists of vertices, but must give the same hits.
 #[test]
 fn the_size_of_squares_changes_no_depth() {
     let mut random = Random(12);
@@ -174,11 +180,11 @@ fn a_sphere_over_a_half_space_is_exact_and_needs_no_mesh() {
     assert!(same("half-space", &depths, &want) > 50);
     assert!(
         flow.counts.hits == 0 && flow.bins.iter().all(|bin| bin[3] == u32::MAX - 1),
-        "nothing is binned or crossed"
+        "a half-space needs no grid and no ray hits"
     );
 }
 
-/// Depth of a point along `normal` (towards the sphere's inside) below a true sphere.
+/// Depth along `normal` (which points into the sphere) of a point below the surface of a true sphere, m.
 fn sphere_depth(x: DVec3, normal: DVec3, centre: DVec3) -> Option<f64> {
     let from = x - centre;
     let along = from.dot(normal);
@@ -187,7 +193,8 @@ fn sphere_depth(x: DVec3, normal: DVec3, centre: DVec3) -> Option<f64> {
     (across2 < RADIUS * RADIUS && depth > 0.0).then_some(depth)
 }
 
-/// Greatest error of the kernels' depths against a true sphere at `tool`; of vertices on body a.
+/// Greatest error of the kernels' depths of vertices of body a against a true sphere at `place`, m, and the number of
+/// those vertices.
 fn worst(a: &Body, halvings: u32, turn: DQuat, place: DVec3, path: Path) -> (f64, usize) {
     let tool = rigid("tool", sphere(RADIUS, halvings), whole, place, turn);
     let mut flow = Flow::new(std::slice::from_ref(a), Some(&tool), place);

@@ -1,4 +1,4 @@
-//! A tool that presses into a soft body: against the f64 oracle step by step, on both depth paths, and on whole heads.
+//! A tool that presses into a soft body, against the f64 oracle step by step and on both depth paths.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Shape};
@@ -13,7 +13,8 @@ use palpate_oracle::step::{self};
 
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// Where a press happens: the block turned, then shifted; the drive ends `slide` aside, in the block's axes.
+/// Where a press happens: the block is turned, then shifted (m); the desired pose ends `slide` (m) aside, in the
+/// block's axes.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Place {
     pub shift: DVec3,
@@ -21,8 +22,8 @@ pub struct Place {
     pub slide: DVec3,
 }
 
-/// A sphere of 20 mm pressed into a block with a fixed bottom: from 0.5 mm above it to 4 mm deep in 40 ms, then at
-/// rest.
+/// A sphere of 20 mm radius is pressed into a block with a fixed bottom, from 0.5 mm above it to 4 mm deep in 40 ms,
+/// and then stays at rest. `solver` is text of the `[solver]` table.
 pub fn press(young: f64, dt: f64, place: Place, solver: &str) -> String {
     let world = |local: DVec3| (place.shift + place.turn * local).to_array().map(|x| format!("{x:?}")).join(", ");
     let (origin, start) = (world(DVec3::ZERO), world(DVec3::Y * 0.0505));
@@ -41,8 +42,8 @@ pub fn press(young: f64, dt: f64, place: Place, solver: &str) -> String {
     )
 }
 
-/// The oracle's twin of a scene with one soft body and a rigid tool. Its contacts are its own; only the direction of
-/// each region is the device's.
+/// The oracle's twin of a scene with one soft body and a rigid tool. The twin finds its own contacts; only the normal
+/// of the contact patch is the engine's.
 pub struct Twin {
     pub oracle: step::Simulation,
     skin: (prepare::Skin, Vec<prepare::Embedding>),
@@ -76,7 +77,7 @@ impl Twin {
         Twin { oracle, skin: (skin.clone(), embedding.clone()), tool, law, sides: scene.contact.sides }
     }
 
-    /// Contacts of the present state along `normal` (from the body to the tool).
+    /// Contacts of the twin's present state along `normal` (from the body to the tool).
     pub fn contacts(&self, normal: DVec3) -> Vec<contact::Contact> {
         let tool = self.oracle.tool.as_ref().unwrap();
         let tool = Surface {
@@ -93,7 +94,7 @@ impl Twin {
     }
 }
 
-/// Contacts that only one of the two has: greatest depth (m) among them, and how many.
+/// Contacts that only the engine or only the oracle has: the greatest depth among them (m), and their number.
 fn unmatched(device: &[Contact], twin: &[contact::Contact], tool_vertex_first: u32) -> (f64, usize) {
     let of_device = |c: &Contact| {
         let of_tool = c.side % 2 == 1;
@@ -109,16 +110,16 @@ fn unmatched(device: &[Contact], twin: &[contact::Contact], tool_vertex_first: u
     (lone.iter().copied().fold(0.0, f64::max), lone.len())
 }
 
-/// Steps of the press: approach, press, rest.
+/// Number of steps of the press: approach, press, rest.
 const PRESS_STEPS: usize = 60;
 const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
-/// Tool force, of the run's largest.
+/// Error of the tool's force, relative to the largest of the run.
 const FORCE: f64 = 5.0e-5;
-/// Tool position, of its way.
+/// Error of the tool's position, relative to its way.
 const POSE: f64 = 1.0e-5;
-/// Node displacements, of the largest.
+/// Error of node displacements, relative to the largest.
 const DISPLACEMENT: f64 = 5.0e-5;
-/// Depth of a contact that only device or oracle finds, m.
+/// Greatest depth of a contact that only the engine or only the oracle finds, m.
 const LONE_DEPTH: f64 = 1.0e-7;
 
 #[test]
@@ -142,7 +143,7 @@ fn touch_agrees_with_the_oracle_and_the_depth_paths_with_each_other() {
     }
 }
 
-/// Vertex and side of every contact, step by step.
+/// Side and vertex of every contact, step by step.
 type Found = Vec<Vec<(u32, u32)>>;
 
 fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<StepReport>, Found) {

@@ -1,4 +1,4 @@
-//! The whole step against the f64 oracle: scenes as a user writes them, run by the engine on the device.
+//! Scenes as a user writes them, run by the engine on the GPU, and helpers to compare their steps with the f64 oracle.
 
 use crate::harness::real_meshes::meshes;
 
@@ -8,7 +8,7 @@ use palpate::internal::stages::depth;
 use palpate::{Options, Scene, Simulation, StepReport};
 use palpate_oracle as oracle;
 
-/// A scene written to a file of its own and loaded.
+/// Writes a scene to a file of its own and loads it.
 pub fn scene(text: &str) -> Scene {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scene.toml");
@@ -16,7 +16,7 @@ pub fn scene(text: &str) -> Scene {
     Scene::load(&file).unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
 
-/// The engine on a scene, with validation on.
+/// Opens a simulation of the scene with validation on, and with this depth path if one is given.
 pub fn open(scene: &Scene, path: Option<depth::Path>) -> Simulation {
     crate::harness::turn();
     let options =
@@ -26,7 +26,7 @@ pub fn open(scene: &Scene, path: Option<depth::Path>) -> Simulation {
     Simulation::open(&scene, &options).unwrap()
 }
 
-/// Runs steps; any validation message fails.
+/// Runs steps; any validation message is a failure.
 pub fn run(simulation: &mut Simulation, steps: usize) -> Vec<StepReport> {
     let rows = (0..steps).map(|_| simulation.step().unwrap()).collect();
     let messages = simulation.context().validation_messages();
@@ -34,20 +34,21 @@ pub fn run(simulation: &mut Simulation, steps: usize) -> Vec<StepReport> {
     rows
 }
 
-/// The oracle's twin of a soft body.
+/// The oracle's twin of a soft body, as the scene starts it.
 pub fn soft_twin(simulation: &Simulation, body: usize) -> oracle::step::SoftBody {
     let body = &simulation.bodies()[body];
     let Shape::Soft { layer, materials, .. } = &body.shape else { panic!("{} is not soft", body.name) };
     oracle::step::SoftBody::new(layer.clone(), materials, body.position, body.orientation, body.velocity)
 }
 
-/// Largest difference over largest value.
+/// Largest difference divided by the largest value.
 pub fn relative_error(got: &[DVec3], want: &[DVec3]) -> f64 {
     let largest = want.iter().map(|x| x.length()).fold(0.0, f64::max);
     got.iter().zip(want).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / largest
 }
 
-/// Displacements after 20 steps, of the largest. The state is f32 displacements, the solver stops at 1e-6.
+/// Error of displacements after 20 steps, relative to the largest. The state is f32 displacements, and the solver stops
+/// at 1e-6.
 const FREE_FALL: f64 = 2.0e-5;
 
 #[test]
@@ -82,7 +83,7 @@ fn free_fall_of_a_bound_human_agrees_with_the_oracle() {
     }
 }
 
-/// Of all arrays on the device, a tetrahedron, where nothing touches.
+/// Greatest number of bytes of all arrays on the GPU per tetrahedron, where nothing touches.
 const BYTES: f64 = 400.0;
 
 #[test]

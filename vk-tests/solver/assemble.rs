@@ -1,4 +1,5 @@
-//! The right-hand side and the inverse diagonal blocks from solve/assemble.
+//! Kernel solve/assemble, by hand and against the f64 oracle: the right-hand side b and the inverses of the 3x3
+//! diagonal blocks of the operator A, which are the block Jacobi preconditioner M^-1.
 
 use std::collections::BTreeMap;
 
@@ -11,14 +12,16 @@ use crate::harness::{Tolerance, context, expect_close};
 use crate::solver::system::{DT, System, layer, layered, material, mixed, triples, two_layers};
 use crate::stage::elastic::expect_of_largest;
 
-/// Of the largest value of a body's rows: elastic terms of strains of order one, known to 1e-7, a few dozen each.
+/// Error of b relative to the largest value of a body's rows: elastic terms of strains of order one, known to 1e-7, a
+/// few dozen each.
 const RHS: f64 = 4.0e-6;
-/// Entries of inverse times block: rounding of the block's entries (1e-6) times its condition (up to 30 here).
+/// Error of the entries of inverse times block: rounding of the block's entries (1e-6) times its condition number (up
+/// to 30 here).
 const IDENTITY: f64 = 3.0e-5;
-/// Sums of a hundred products of f32 blocks.
+/// Relative error of M^-1 b and b . M^-1 b: sums of a hundred products with f32 blocks.
 const SUM: f64 = 2.0e-5;
 
-/// The 3x3 diagonal block of each free node in the oracle's matrix; `None` where bound.
+/// The 3x3 diagonal block of each free node in the oracle's matrix; `None` for attached nodes.
 fn true_blocks(system: &System) -> Vec<Option<DMat3>> {
     let (a, _) = system.twin.assemble(system.device.as_ref(), &system.twin_contacts);
     let mut sums: BTreeMap<(usize, usize), f64> = BTreeMap::new();
@@ -34,11 +37,11 @@ fn true_blocks(system: &System) -> Vec<Option<DMat3>> {
     system.twin.unknowns().nodes.iter().flatten().map(own).collect()
 }
 
-/// Right-hand side, blocks, M^-1 b and sums against the oracle.
+/// Compares right-hand side, blocks, M^-1 b and inner products with the oracle.
 fn expect_oracle(what: &str, system: System) {
     let mut passes = Passes::new(system);
     let mut random = Random(61);
-    // A tenth of the weight of a node, left over from the last step.
+    // The carried residual of the last step, about a tenth of a node's weight.
     let leftover = passes.system.random_field(&mut random);
     passes.leftover = leftover.iter().map(|x| x.map(|x| 1e-4 * x)).collect();
     passes.assemble();
@@ -88,9 +91,9 @@ impl Wide for Vec<f32> {
 
 #[test]
 fn a_tetrahedron_at_rest_by_hand() {
-    // solve/assemble: b = h m g; block (1 + h alpha) m I + (h^2 + h beta) V (mu (|g|^2 I + g g^T) + lambda g g^T),
-    // which
-    // for the gradient e_x of node 1 is diagonal; node 2 is bound.
+    // solve/assemble at rest: b = h m g, and the diagonal block of node i is (1 + h alpha) m I + (h^2 + h beta) V (mu
+    // (|g_i|^2 I + g_i g_i^T) + lambda g_i g_i^T), with step h, node mass m, gravity g, damping alpha and beta, volume
+    // V and gradient g_i of the shape function. It is diagonal for node 1, whose gradient is e_x. Node 2 is attached.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let tetrahedron =
         Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false, false, true, false], ..Layer::default() };
@@ -110,7 +113,7 @@ fn a_tetrahedron_at_rest_by_hand() {
     let (along, across) = (mass + scale * (2.0 * mu + lambda), mass + scale * mu);
     let want = [1.0 / along, 1.0 / across, 1.0 / across, 0.0, 0.0, 0.0];
     expect_close("inverse of node 1", &triples(&passes.inverse[2..4]), &want, rounding);
-    assert_eq!(passes.inverse[4..6], [[0.0; 4]; 2], "node 2 is bound");
+    assert_eq!(passes.inverse[4..6], [[0.0; 4]; 2], "node 2 is attached");
     let z = [weight[0] / along, weight[1] / across, weight[2] / across];
     expect_close("M^-1 b of node 1", &triples(&passes.preconditioned[1..2]), &z, rounding);
 }
@@ -127,7 +130,8 @@ fn the_right_hand_side_and_the_blocks_agree_with_the_oracle_at_every_size() {
 
 #[test]
 fn contacts_count_in_the_right_hand_side_and_the_blocks() {
-    // solve/assemble with contacts: one, a triangle's three on tetrahedra that share nodes, dropped ones.
+    // solve/assemble with contacts on one skin vertex, on the three vertices of an opposing triangle (their tetrahedra
+    // share nodes), and released ones.
     for seed in 0..3 {
         let system = System::new(&two_layers(), 0.004, seed).with_contacts(100, seed + 70);
         expect_oracle("contacts", system);
@@ -140,7 +144,8 @@ fn contacts_count_in_the_right_hand_side_and_the_blocks() {
 
 #[test]
 fn mixed_materials_count_with_their_own_density_and_damping() {
-    // solve/assemble: alpha and density of each element in its nodes, laws and beta in the gradients.
+    // solve/assemble: each element's density and damping alpha count at its nodes; its law and damping beta enter
+    // with its gradients.
     let bodies = [
         layered(layer(200), mixed(1000), DQuat::from_rotation_y(2.0)),
         layered(layer(65), mixed(300), DQuat::from_rotation_x(-1.0)),
@@ -150,7 +155,8 @@ fn mixed_materials_count_with_their_own_density_and_damping() {
 
 #[test]
 fn the_inverse_blocks_are_symmetric_and_positive() {
-    // solve/assemble: whatever rounding does, the preconditioner stays positive definite, also under stiff contacts.
+    // solve/assemble: whatever rounding does, the preconditioner must stay positive definite, also under stiff
+    // contacts.
     let mut system = System::new(&two_layers(), 0.012, 9).with_tool().with_friction().with_contacts(100, 90);
     system.contacts.iter_mut().for_each(|contact| {
         contact.damping *= 100.0;

@@ -1,5 +1,5 @@
-//! How many iterations stiff bodies take with the coarse level: to a 2-norm of 1e-4 of the right-hand side's, by the
-//! recurrence, from zero, under gravity and a load on ten nodes.
+//! Iterations of conjugate gradients that stiff bodies take with the coarse level until the recurrence's residual has a
+//! 2-norm of 1e-4 of the right-hand side's: from zero, under gravity and a load on ten nodes.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::Layer;
@@ -11,20 +11,20 @@ use super::passes::Passes;
 use crate::harness::real_meshes::meshes;
 use crate::solver::system::{System, layered};
 
-/// Of the residual's 2-norm.
+/// Reduction of the residual's 2-norm.
 const REDUCTION: f64 = 1e-4;
-/// Nodes with a load of their own.
+/// Number of nodes with a load of their own.
 const LOADED: usize = 10;
-/// m/s^2.
+/// Gravity, m/s^2.
 const GRAVITY: f32 = 9.81;
 /// Edge of the block, m.
 const EDGE: f64 = 0.1;
-/// The human is bound within so much of its nodes' centroid, m.
+/// The human's nodes within this distance of the nodes' centroid are attached, m.
 const BOUND: f64 = 0.15;
-/// More than any of these bodies may take.
+/// Limit of iterations, above what any of these bodies may take.
 const LIMIT: usize = 500;
 
-/// A cube of so many Kuhn cells an edge whose face x = 0 is bound.
+/// A cube of `cells` Kuhn cells an edge, whose nodes in the face x = 0 are attached.
 fn block(cells: u32) -> Layer {
     let mut layer = kuhn_box(DVec3::ZERO, DVec3::splat(EDGE), [cells; 3]);
     layer.bound = layer.nodes.iter().map(|x| x.x < 1e-6).collect();
@@ -38,8 +38,8 @@ fn free(passes: &Passes) -> Vec<usize> {
     blocks.nodes.iter().map(|node| node[0] as usize).collect()
 }
 
-/// Ten free nodes, spread through their order, each pulled aside by a tenth of the body's weight. A load on single nodes is
-/// harder than gravity alone: it moves what is small and stiff.
+/// Pulls ten free nodes, spread over the order of nodes, aside by a tenth of the body's weight each. A load on single
+/// nodes is harder to solve for than gravity: it moves small, stiff parts.
 fn load(passes: &mut Passes) {
     let mut free = free(passes);
     free.sort_unstable();
@@ -52,13 +52,13 @@ fn load(passes: &mut Passes) {
     }
 }
 
-/// Iterations of a layer of 2 MPa.
+/// Number of iterations for a layer of 2 MPa in a step of `dt` seconds.
 fn iterations(layer: Layer, dt: f32) -> usize {
     let tetrahedra = layer.tetrahedra.len();
     let (law, damping_mass, damping_stiffness) = (Law::Corotational, 0.0, 0.0);
     let material = Material { law, young: 2e6, poisson: 0.45, density: 1e3, damping_mass, damping_stiffness };
     let body = layered(layer, material, DQuat::IDENTITY);
-    // What a scene gets that does not say: these are stiff enough.
+    // The preconditioner is the default of scenes: these bodies are stiff enough to get a coarse level.
     let mut passes = Passes::new(System::at_rest(&[body], dt, Preconditioner::Auto));
     assert!(passes.coarse);
     load(&mut passes);
@@ -79,10 +79,11 @@ fn iterations(layer: Layer, dt: f32) -> usize {
     count as usize
 }
 
-/// What is asked of 10,368 tetrahedra at 2 MPa and 1 ms; and of ten times as many, as a multiple of those.
+/// Greatest number of iterations for 10,368 tetrahedra at 2 MPa and 1 ms.
 const BLOCK: usize = 35;
+/// Greatest ratio of the iterations for ten times as many tetrahedra.
 const GROWTH: usize = 2;
-/// Of the human at 2 MPa and 10 ms.
+/// Greatest number of iterations for the human at 2 MPa and 10 ms.
 const HUMAN: usize = 130;
 
 #[test]

@@ -1,4 +1,5 @@
-//! The verdict from solve/conclude, the new state from solve/commit.
+//! Kernel solve/conclude, which gives the verdict on a solve, and solve/commit, which moves the state to the end of the
+//! step.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::shaders;
@@ -8,11 +9,11 @@ use crate::harness::random::Random;
 use crate::harness::{Tolerance, context, expect_close};
 use crate::solver::system::{System, layer, layered, material, triples, two_layers};
 
-/// A few roundings.
+/// Relative error of a few f32 roundings.
 const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };
-/// A residual of order one: inner products through blocks inverted in f32.
+/// Relative error of a residual of order one: inner products through blocks inverted in f32.
 const RESIDUAL: Tolerance = Tolerance { abs: 0.0, rel: 1e-4 };
-/// Verdicts and flags as in the trace.
+/// A verdict, and flags as in `trace.csv`.
 const DONE: u32 = 0;
 const NOT_CONVERGED: u32 = 1;
 const DEPTH_LIMIT: u32 = 8;
@@ -23,16 +24,16 @@ fn some_nodes() -> Passes {
     let mut passes = Passes::new(System::new(&[layered(layer(70), material(2e4), DQuat::IDENTITY)], 0.0, 1));
     passes.system.params.tolerance = 0.01;
     (passes.state.rhs_norm2, passes.state.floor_norm2) = (64.0, 1e-6);
-    // The newest iterate is in the second set.
+    // The newest iterate is in the second of the two sets.
     (passes.state.status, passes.state.current) = (1, 1);
     passes.iterations[1].count = 17;
-    // What solve/wrench writes, and nobody else.
+    // These fields are written by wrench/reduce alone: solve/conclude must leave them.
     passes.report.force = [7.0; 3];
     passes.report.stiffness = [7.0; 21];
     passes
 }
 
-/// Sums of so many blocks.
+/// Replaces the inner products of the blocks by these.
 fn with_dots(passes: &mut Passes, dots: &[[f32; 2]]) {
     (passes.dots, passes.block_count) = (dots.to_vec(), dots.len());
 }
@@ -43,11 +44,12 @@ fn granted(passes: &Passes) -> [u32; 2] {
 
 #[test]
 fn verdicts_by_hand() {
-    // solve/conclude: residual sqrt(0.16 / 64) = 0.05: within ten times the tolerance, so no flag.
+    // solve/conclude: the residual is sqrt(0.16 / 64) = 0.05, within ten times the tolerance, so that there is no flag.
     let groups = 70u32.div_ceil(context().group_size());
     let mut passes = some_nodes();
     passes.system.counts.flags = DEPTH_LIMIT;
-    // (eps x)^2 . D stays below what rounding leaves of b.
+    // What rounding of x leaves of the residual, (eps x)^2 . D with D the diagonal of A, stays below what rounding of b
+    // leaves.
     with_dots(&mut passes, &[[0.06, 4e-7], [0.1, 4e-7]]);
     passes.conclude();
     let report = passes.report;
@@ -59,14 +61,14 @@ fn verdicts_by_hand() {
     let others = passes.args.iter().enumerate().filter(|(i, _)| !written.contains(i));
     assert!(others.into_iter().all(|(_, word)| *word == UNTOUCHED), "other arguments stay");
 
-    // The iterations ran out: nothing is accepted yet.
+    // The recorded iterations ran out before convergence: nothing is accepted yet.
     passes = some_nodes();
     passes.state.status = 0;
     with_dots(&mut passes, &[[0.16, 0.0]]);
     passes.conclude();
     assert_eq!((passes.report.verdict, granted(&passes)), (shaders::VERDICT_CONTINUE, [UNTOUCHED; 2]));
 
-    // Stopped above ten times the tolerance.
+    // The solve stopped at the iteration limit with a residual above ten times the tolerance.
     passes = some_nodes();
     passes.state.status = 2;
     with_dots(&mut passes, &[[1.0, 0.0]]);
@@ -74,23 +76,23 @@ fn verdicts_by_hand() {
     assert_eq!((passes.report.verdict, passes.report.flags), (DONE, NOT_CONVERGED));
     assert_eq!(granted(&passes), [groups, 1]);
 
-    // Solved, but to be linearised once more: nothing is committed; the last time it is.
+    // The solve converged, but a Newton iteration is still to come: nothing is committed before the last one.
     passes = some_nodes();
     passes.system.params.newton = 3;
     (passes.state.linearisations, passes.state.retries) = (1, 2);
     with_dots(&mut passes, &[[0.16, 0.0]]);
     passes.conclude();
     assert_eq!((passes.report.verdict, granted(&passes)), (shaders::VERDICT_RELINEARISE, [0; 2]));
-    assert_eq!((passes.state.linearisations, passes.state.retries), (2, 0), "contacts that pull may be dropped again");
+    assert_eq!((passes.state.linearisations, passes.state.retries), (2, 0), "contacts may be released again");
     passes.conclude();
     assert_eq!((passes.report.verdict, granted(&passes)), (DONE, [groups, 1]));
-    // Not where there is nothing to go on from.
+    // A failed solve is not followed by a Newton iteration.
     passes.state.linearisations = 0;
     with_dots(&mut passes, &[[f32::NAN, 0.0]]);
     passes.conclude();
     assert_eq!((passes.report.verdict, passes.state.linearisations), (shaders::VERDICT_FAILED, 0));
 
-    // At rest the residual is nothing.
+    // At rest, where b is within its rounding, the residual counts as zero.
     passes = some_nodes();
     (passes.state.rhs_norm2, passes.state.floor_norm2) = (1e-9, 1e-8);
     with_dots(&mut passes, &[[1e-9, 0.0]]);
@@ -124,8 +126,10 @@ fn what_is_no_number_is_not_accepted() {
 
 #[test]
 fn what_broke_down_is_accepted_where_it_is_nearly_solved() {
-    // solve/conclude, residual^2 = 0.005, 0.02 of 64: below and above a tenth; out of iterations either will do, but not 1.5,
-    // which is further off than nothing. And the floor that x's own rounding leaves, sqrt(16 / 64).
+    // solve/conclude: residuals^2 of 0.32 / 64 = 0.005 and 1.28 / 64 = 0.02 lie below and above 0.1^2, up to which a
+    // solve that broke down is accepted. At the iteration limit both are accepted, but not 96 / 64 = 1.5, which is
+    // further from the solution than zero is. A residual within the floor of sqrt(16 / 64) that rounding of x leaves is
+    // always accepted.
     let (stopped, broken) = (2, 3);
     for (status, residual2, floor2, want) in [
         (broken, 0.32, 0.0, DONE),
@@ -148,7 +152,8 @@ fn what_broke_down_is_accepted_where_it_is_nearly_solved() {
     }
 }
 
-/// k depth + (h k + d) (rate at the end) of each contact, Pa, for a change of velocity; the oracle's rows.
+/// Pressure of each contact at the end of the step, k depth + (h k + d) rate, Pa, for a change of velocity given in the
+/// oracle's unknowns (k: stiffness, d: damping, h: step).
 fn pressures(system: &System, change: &[f64]) -> Vec<f64> {
     let places = system.twin.unknowns();
     let end: Vec<f64> = system.start().iter().zip(change).map(|(v, dv)| v + dv).collect();
@@ -162,7 +167,8 @@ fn pressures(system: &System, change: &[f64]) -> Vec<f64> {
 
 #[test]
 fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
-    // solve/conclude after solve/apply and solve/gather on vectors that solve nothing, against the oracle's b - A x.
+    // solve/conclude after solve/apply and solve/gather on random vectors in place of a solution, against the oracle's
+    // b - A x.
     for seed in 0..3 {
         let system = System::new(&two_layers(), 0.004, seed).with_tool();
         let system = if seed < 2 { system } else { system.with_friction() };
@@ -187,7 +193,7 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
         }
         let r = &left[places.tool..];
         norm2 += (0..36).map(|k| r[k / 6] * passes.rigid_inverse(0, k / 6, k % 6) * r[k % 6]).sum::<f64>();
-        // Above one it would be further off than nothing.
+        // A residual above one would be further off than no solution, and fail.
         passes.state.rhs_norm2 = 4.0 * norm2 as f32;
         let want = (norm2 / f64::from(passes.state.rhs_norm2)).sqrt();
 
@@ -196,7 +202,7 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
         let on = |c: &usize| before[*c].stiffness != 0.0;
         let pulls: Vec<bool> = (0..100).map(|c| on(&c) && pressures[c] < 0.0).collect();
         let pulling = pulls.iter().filter(|p| **p).count();
-        assert!(pulling > 5 && pulling < 90, "{pulling} pull");
+        assert!(pulling > 5 && pulling < 90, "{pulling} contacts are under tension");
         let deepest = (0..100).filter(on).map(|c| before[c].depth).fold(0.0, f32::max);
         let tool_x = passes.tool_iterate().x;
         for (retries, status) in [(0, 1), (3, 2), (4, 1), (0, 0)] {
@@ -238,7 +244,7 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
 
 #[test]
 fn the_state_moves_by_hand() {
-    // solve/commit: a frame turned by 90 degrees about z: what moves along world y moves along its own x.
+    // solve/commit with a frame turned by 90 degrees about z: what moves along the world's y moves along the frame's x.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let bound = vec![false, false, false, true];
     let tetrahedron =
@@ -261,7 +267,7 @@ fn the_state_moves_by_hand() {
 
 #[test]
 fn the_state_moves_at_every_size() {
-    // solve/commit: v += x, d += h R^T v.
+    // solve/commit: v += x and d += h R^T v, with velocity v, solution x, displacement d and the frame's rotation R.
     let width = context().group_size() as usize;
     for nodes in [0, 1, width - 1, width, width + 1, 1234] {
         let turn = DQuat::from_scaled_axis(DVec3::new(1.0, -2.0, 0.5));

@@ -1,4 +1,5 @@
-//! The scalars and the vectors of an iteration from solve/update.
+//! Kernel solve/update, an iteration of conjugate gradients with a single reduction (Chronopoulos and Gear 1989): its
+//! scalars gamma = r.u and delta = w.u, beta and alpha, and its vectors (u = M^-1 r, w = A u, s = A p).
 
 use palpate::internal::shaders;
 use palpate::internal::shaders::{Iteration, RigidIterate, Solve};
@@ -11,7 +12,7 @@ use crate::solver::system::{System, layer, layered, material, triples};
 /// A few roundings of numbers of order one.
 const ROUNDING: Tolerance = Tolerance { abs: 2e-6, rel: 2e-6 };
 
-/// One tetrahedron without a mass or a load: the scalars alone.
+/// Passes on one block of eight nodes, of which only the scalars matter.
 fn bare() -> Passes {
     let mut passes = Passes::new(System::new(&[layered(layer(8), material(2e4), glam::DQuat::IDENTITY)], 0.0, 1));
     assert_eq!(passes.blocks(), 1);
@@ -23,8 +24,9 @@ fn bare() -> Passes {
 
 #[test]
 fn two_iterations_by_hand() {
-    // solve/update: gamma = 6, delta = 12: alpha = 1/2; then gamma = 3, delta = 5: beta = 1/2, alpha = 3 / (5 - 3) =
-    // 3/2. Of u = 1 in both: p = 1, x = 1/2; p = 3/2, x = 1/2 + 9/4.
+    // solve/update: gamma = 6 and delta = 12 give alpha = 1/2; then gamma = 3 and delta = 5 give beta = 1/2 and alpha =
+    // gamma / (delta - beta gamma / alpha') = 3 / (5 - 3) = 3/2. With u = 1 in both: p = 1, x = 1/2; p = 3/2, x = 1/2 +
+    // 9/4.
     let mut passes = bare();
     let ones = vec![[1.0, 1.0, 1.0, 0.0]; 8];
     for (dots, iteration, p, x) in [
@@ -44,7 +46,8 @@ fn two_iterations_by_hand() {
 
 #[test]
 fn it_stops_where_it_should() {
-    // solve/update: gamma at tolerance^2 b.M^-1 b = 1 or at the floor; the last iteration; what is no number.
+    // solve/update stops where gamma is down to tolerance^2 b.M^-1 b = 1 or to the rounding floor, at the iteration
+    // limit, and where the operator seems not positive or a number is not finite.
     let stopped = |gamma: f32, delta: f32, change: fn(&mut Passes)| {
         let mut passes = bare();
         passes.dots = vec![[gamma, delta]];
@@ -62,7 +65,7 @@ fn it_stops_where_it_should() {
         if status != 0 {
             assert_eq!(Solve { status: 0, ..state }, before, "the state stays");
             assert_eq!(passes.iterations, iterations, "the scalars stay");
-            // Nor does it go on from there, whatever it is given.
+            // Further updates change nothing, whatever they are given.
             (passes.dots, passes.system.params.max_iterations) = (vec![[5.0, 100.0]], 100);
             passes.update();
             assert_eq!((passes.state, passes.iterations), (state, iterations), "it goes on after status {status}");
@@ -77,7 +80,7 @@ fn it_stops_where_it_should() {
     assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 10), stopped_at_most);
     assert_eq!(stopped(2.0, -10.0, |_| ()), broken);
     assert_eq!(stopped(2.0, 1.0, |_| ()), broken, "delta - beta gamma / alpha = 0");
-    assert_eq!(stopped(20.0, 1.0, |_| ()), running, "the same where the residual leapt up: anew");
+    assert_eq!(stopped(20.0, 1.0, |_| ()), running, "the residual has grown so much that the iteration starts anew");
     assert_eq!(stopped(20.0, -1.0, |_| ()), broken);
     for bad in [f32::NAN, f32::INFINITY] {
         assert_eq!(stopped(bad, 10.0, |_| ()), broken);
@@ -87,13 +90,13 @@ fn it_stops_where_it_should() {
 
 #[test]
 fn the_tools_rows_follow_the_same_recurrence() {
-    // solve/gather and solve/update with a tool and contacts: p, s, x, r, u of the tool as the nodes'.
+    // solve/gather and solve/update with a tool and contacts: the tool's p, s, x, r, u follow the nodes' recurrences.
     for set in [0, 1] {
         tools_rows(set);
     }
 }
 
-/// From either set of iterates to the other.
+/// Reads the tool's iterate from this set, and checks the one written to the other set.
 fn tools_rows(set: u32) {
     let mut passes =
         Passes::new(System::new(&crate::solver::system::two_layers(), 0.004, 2).with_tool().with_contacts(50, 3));
@@ -104,7 +107,7 @@ fn tools_rows(set: u32) {
     *passes.tool_iterate_mut() = RigidIterate { x: six(), p: six(), s: six(), r: six(), u: six() };
     passes.rigid_inverses = (0..36).map(|k| six()[k % 6]).collect();
     passes.gather(1);
-    // Large, so that the tool's share keeps alpha and beta of order one.
+    // The blocks' inner products are large, so that with the tool's share alpha and beta are still of order one.
     assert_eq!(passes.dots.len(), 3, "two blocks and the tool");
     (passes.dots[0], passes.dots[1]) = ([30.0, 40.0], [10.0, 60.0]);
     passes.iterations[set as usize] = Iteration { gamma: 80.0, alpha: 1.5, count: 1 };
@@ -161,7 +164,7 @@ fn vectors_follow_the_scalars_at_every_size() {
         (passes.solution, passes.residual, passes.preconditioned) = (field(), field(), field());
         (passes.direction, passes.direction_image, passes.image) = (field(), field(), field());
         passes.inverse = (0..2 * nodes).map(|_| random.vector().as_vec3().extend(0.0).to_array()).collect();
-        // beta = 1 / -2.5 = -0.4, alpha = 1 / (delta + 0.4) = 0.7; summed over all blocks.
+        // beta = 1 / -2.5 = -0.4 and alpha = 1 / (delta + 0.4) = 0.7, from sums over all blocks.
         let set = case % 2;
         passes.state.current = set as u32;
         passes.iterations[set] = Iteration { gamma: -2.5, alpha: 1.0, count: 1 };

@@ -1,5 +1,5 @@
-//! Cores that joints join: their rows of A and b, the inverse that preconditions them, and the whole solve, against f64
-//! matrices made of the numbers that the kernels read.
+//! Cores with joints between them in the solver: their rows of A and b, the inverse that preconditions them, and the
+//! whole solve, against f64 matrices made of the numbers that the kernels read.
 
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
@@ -16,16 +16,20 @@ use crate::harness::random::Random;
 use crate::solver::system::{System, layered, material};
 use crate::stage::elastic::expect_of_largest;
 
-/// Cores along a bar, and the pairs that joints join: a tree, one joined to another twice, one alone, one on a hinge.
+/// Number of cores along a bar.
 const CORES: usize = 7;
+/// Pairs of cores with a joint between them: the dynamic cores form a tree, one pair has two joints, and core 5 has
+/// none.
 const JOINED: [[usize; 2]; 7] = [[3, 1], [1, 0], [1, 2], [3, 4], [4, 3], [6, 4], [2, 6]];
+/// The core on a hinge.
 const HINGED: usize = 2;
-/// The one that does not move.
+/// The core that does not move.
 const FIXED: usize = 6;
-/// Of the dense inverse, of the roots of its diagonal: blocks are inverted in f32.
+/// Error of an entry of the inverse relative to the geometric mean of its two diagonal entries: blocks are inverted in
+/// f32.
 const INVERSE: f64 = 1.0e-5;
 
-/// A bar with a slab bound every 8 cm.
+/// A bar with a core every 8 cm, to which a slab of nodes is attached.
 fn bar() -> Body {
     let mut layer = kuhn_box(DVec3::new(-0.26, -0.02, -0.02), DVec3::new(0.26, 0.02, 0.02), [26, 2, 2]);
     let core_of = |x: &DVec3| {
@@ -58,7 +62,7 @@ fn bar() -> Body {
     body
 }
 
-/// Passes on the bar, its joints with numbers as the host might write them.
+/// Passes on the bar, with random numbers in its joints as the host might write them.
 fn passes(with: Preconditioner) -> Passes {
     let mut passes = Passes::new(System::preconditioned(&[bar()], 0.004, 3, with));
     let model = &passes.system.model;
@@ -84,7 +88,8 @@ fn passes(with: Preconditioner) -> Passes {
     passes
 }
 
-/// A side's six entries of J, of the first against the second, along an axis or about it.
+/// Six entries of a joint's Jacobian J, which gives the motion of its first side against its second along `axis` or
+/// about it, for the twist of the core on this side; a core on a hinge turns about that alone.
 fn row(joint: &shaders::Joint, side: usize, axis: DVec3, about: bool, hinge: DVec3) -> [f64; 6] {
     let arm = DVec3::from(joint.arm[side].map(f64::from));
     let (mut linear, mut angular) = if about { (DVec3::ZERO, axis) } else { (axis, arm.cross(axis)) };
@@ -96,7 +101,8 @@ fn row(joint: &shaders::Joint, side: usize, axis: DVec3, about: bool, hinge: DVe
     all.map(|x| sign * x)
 }
 
-/// J^T G J and J^T f of all joints, offered number by number; `first`: a core's unknowns.
+/// Adds the joints' J^T G J, entry by entry through `add`, and J^T f to b (G: h^2 times stiffness, f: impulse); `first`
+/// gives the first unknown of a core.
 fn add_joints(passes: &Passes, first: impl Fn(usize) -> usize, mut add: impl FnMut(usize, usize, f64), b: &mut [f64]) {
     for joint in &passes.joints {
         for about in [false, true] {
@@ -130,7 +136,7 @@ fn add_joints(passes: &Passes, first: impl Fn(usize) -> usize, mut add: impl FnM
     }
 }
 
-/// A and b of the oracle, and the joints.
+/// The oracle's A and b, with the joints added.
 fn with_joints(passes: &Passes) -> (Entries, Vec<f64>) {
     let s = &passes.system;
     let (mut a, mut b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
@@ -146,7 +152,7 @@ fn rows_of_joints_are_in_a_and_b() {
     passes.assemble();
     let (a, b) = with_joints(&passes);
     let unknowns = passes.system.twin.unknowns();
-    // A spin that a hinge allows, and zero along what it does not.
+    // A core on a hinge spins about it and does not move otherwise.
     let mut twists = vec![];
     for rigid in &passes.rigids {
         let mut six: [f64; 6] = std::array::from_fn(|_| random.next());
@@ -162,7 +168,7 @@ fn rows_of_joints_are_in_a_and_b() {
         passes.rigid(k).x = *six;
         (0..6).for_each(|i| x[unknowns.cores[k] + i] = f64::from(six[i]));
     }
-    // What a core carries moves with it.
+    // Nodes attached to a core move with it.
     let carried = passes.system.rows(&x).0.concat();
     for node in passes.system.model.cores.iter().flat_map(|core| core.nodes.clone()).map(|node| node as usize) {
         (0..3).for_each(|k| passes.solution[node][k] = carried[3 * node + k] as f32);
@@ -202,7 +208,8 @@ fn cores_that_are_joined_are_inverted_as_one() {
     passes.assemble();
     passes.cores();
     let count = passes.rigids.len();
-    // Sum P^T D P over what each carries, from the nodes' blocks as the kernel reads them; a one where a hinge holds.
+    // For each core the sum of P^T D P over its attached nodes, with the nodes' blocks D as the kernel reads them and P
+    // from the core's twist to a node's velocity; ones stand in for motions that a hinge prevents.
     let mut dense = Mat::<f64>::zeros(6 * count, 6 * count);
     for (index, rigid) in passes.rigids.iter().enumerate() {
         let turn = DQuat::from_array(passes.system.frames[rigid.frame as usize].rotation.map(f64::from));
@@ -246,7 +253,8 @@ fn cores_that_are_joined_are_inverted_as_one() {
             let (row, column) = (6 * (index - first) + i, j);
             let got = f64::from(passes.rigid_inverses[rigid.inverse_first as usize + row * width + column]);
             let (a, b) = (6 * index + i, 6 * first + j);
-            // What a hinge holds has no inverse here.
+            // For motions that a hinge prevents the matrix here has ones on its diagonal, but the kernel's inverse is
+            // zero: the ones are subtracted.
             let held = |k: usize| passes.rigids[k / 6].hinge != [0.0; 3];
             let want = if a / 6 == b / 6 && held(a) {
                 let hinge = DVec3::from(passes.rigids[a / 6].hinge.map(f64::from));

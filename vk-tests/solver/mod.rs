@@ -1,4 +1,4 @@
-//! Solve: the operator, the system, the iteration, the verdict; and all of it on small systems.
+//! The solver's kernels: operator, right-hand side, iteration and verdict, and the whole solve on small systems.
 
 pub mod newton;
 pub mod system;

@@ -1,5 +1,5 @@
-//! Newton's iterations: trial displacements from elastic/trial, and whole steps that are linearised more than once, against
-//! the oracle.
+//! Newton iterations, which linearise elasticity more than once in a step: trial displacements from elastic/trial, and
+//! whole steps against the f64 oracle.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -14,14 +14,15 @@ use crate::scene::bones::{self, carry, twin_cores};
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// m: places of order 0.1 m, a dozen roundings.
+/// Error of a trial displacement, m: places of order 0.1 m, a dozen roundings.
 const PLACED: Tolerance = Tolerance { abs: 1.0e-7, rel: 2.0e-6 };
 const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
-/// Displacements, of the largest: three times what is found, and the solver stops at 1e-6.
+/// Error of displacements relative to the largest: three times the measured one; the solver stops at 1e-6.
 const SHAPE: f64 = 5.0e-6;
-/// The same in contact, where what is a rounding apart may be dropped a step apart; as in vk-tests/scene/touch.rs, like the force.
+/// Errors of displacements and force in contact, relative to the largest, as in vk-tests/scene/touch.rs: contacts a
+/// rounding apart may be released a step apart.
 const TOUCHED: f64 = 5.0e-5;
-/// Of a step that is linearised once: what its iterations change, at least.
+/// Least change of the displacements, relative to the largest, that further Newton iterations make in these scenes.
 const BENT: f64 = 1.0e-3;
 
 #[test]
@@ -36,7 +37,7 @@ fn trial_displacements_are_where_the_solution_leads() {
         let (rest, d, v, x) = (field(0.1), field(0.02), field(1.0), field(1.0));
         let (frames, kinds) = (3 * some, field(1.0));
         let wide = |x: &[f32; 4]| DVec3::new(x[0].into(), x[1].into(), x[2].into());
-        // A frame a node; every other one is a dynamic core, which carries every fourth node.
+        // Each node has a frame; every other frame is a dynamic core, and every fourth node is attached to one.
         let frame = |i: usize| Frame {
             rotation: DQuat::from_scaled_axis(3.0 * wide(&kinds[i % some])).as_quat().to_array(),
             linear: (0.5 * wide(&v[i % some])).as_vec3().to_array(),
@@ -100,7 +101,8 @@ fn a_trial_that_overflows_leaves_rotations_to_start_from() {
     assert!(system.rotations.iter().all(|q| *q == [0.0, 0.0, 0.0, 1.0]), "{:?}", system.rotations);
 }
 
-/// A bar bound on its left, which falls at 10 ms; the right end as `right` says.
+/// A bar attached on its left to a fixed core, which falls in steps of 10 ms. `right` is text of a core at its right
+/// end, or empty; `more` is further keys of the body.
 fn bar(newton: u32, right: &str, more: &str) -> String {
     let bar = bones::bar(2e4, "[]").replace("tolerance = 5e-6\nmax_iterations = 1000", TIGHT);
     let end = bar.find("[[body.core]]\nname = \"right\"").unwrap();
@@ -113,7 +115,8 @@ fn bar(newton: u32, right: &str, more: &str) -> String {
         .replace("[[body.core]]\nname = \"left\"", &format!("{more}[[body.core]]\nname = \"left\""))
 }
 
-/// Runs the scene's one soft body beside the oracle; the greatest error, and the shape at the end.
+/// Runs a scene of one soft body in the engine and the oracle side by side. Returns the greatest error of displacements
+/// relative to the largest, and the displacements at the end.
 fn against_the_oracle(scene: &Scene, steps: usize) -> (f64, Vec<DVec3>) {
     let mut simulation = open(scene, None);
     let mut twin = oracle::step::Simulation::new(scene.step.dt, scene.step.gravity);
@@ -123,7 +126,8 @@ fn against_the_oracle(scene: &Scene, steps: usize) -> (f64, Vec<DVec3>) {
     let (mut worst, mut moved) = (0.0f64, vec![]);
     for _ in 0..steps {
         let row = run(&mut simulation, 1).remove(0);
-        // What is driven so fast turns further in a step than flesh should; here too it moves as the oracle's does.
+        // A core that is driven so fast turns further in a step than soft tissue should. Here, too, the body must move
+        // as in the oracle.
         assert_eq!(row.flags.0 & !Flags::TURNS_TOO_FAR.0, 0, "step {}", row.step);
         carry(&mut twin.bodies[0], &simulation, 0, row.time, scene.step.dt);
         twin.step(None, &[]).unwrap();
@@ -168,12 +172,12 @@ fn contacts_push_or_are_dropped_between_linearisations_as_the_oracles() {
     let pressed = press(2e4, 0.01, place, &solver);
     let stone = "[[body.core]]\nname = \"stone\"\nmotion = \"dynamic\"\n\
                  bind = { box = [[-0.06, -0.04, -0.06], [0.0, 0.001, 0.06]] }\n";
-    // By Jacobi: in the coarse level's norm a residual says less of what slides.
+    // The preconditioner is Jacobi: in the coarse level's norm, a residual says less about sliding parts.
     let thrown = |friction: f64, core: &str| {
         let text = crate::law::friction::thrown(5e4, friction, core);
         format!("[step]\ndt = 0.01\n{text}").replace("[solver]", "[solver]\npreconditioner = \"jacobi\"")
     };
-    // The stone also drops some in its second and third linearisation.
+    // In the second scene contacts are also released in the second and third Newton iteration.
     for (name, text, steps, drops) in [
         ("pressed by a tool", pressed, 12, true),
         ("half of stone, thrown", thrown(0.4, stone), 25, true),
@@ -197,14 +201,16 @@ fn contacts_push_or_are_dropped_between_linearisations_as_the_oracles() {
 fn one_linearisation_records_what_it_did_before() {
     let passes = |newton: u32| open(&scene(&bar(newton, "", "dilatation = \"patch\"\n")), None).passes(10);
     let stages = |elastic: u32, solve: u32| vec![("elastic".to_string(), elastic), ("solve".to_string(), solve)];
-    // The flags cleared once, elements and patches; seven before ten iterations of four, five after, and two of the coarse level.
+    // Elastic: one pass clears the flags, one is for elements, one for patches (F-bar). Solve: seven passes before ten
+    // iterations of four passes each, five after, and two for the coarse level.
     assert_eq!(passes(1), (stages(3, 54), 44));
     assert_eq!(passes(3), (stages(9, 80), 72));
 }
 
 #[test]
 fn a_step_that_fails_is_halved_whatever_its_linearisations() {
-    // The device leaps: the square of the tool's right-hand side overflows over the whole step, not over its halves.
+    // The desired pose leaps: the square of the tool's right-hand side overflows in the whole step, but not in its
+    // halves.
     for newton in [1, 3] {
         let tool = "[tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.0, 50.0, 0.0]\n\
                     [coupling]\nstiffness = 5e29\ndamping = 0.0\nangular_stiffness = 1.0\nangular_damping = 0.01\n\

@@ -1,4 +1,5 @@
-//! A x from solve/apply, solve/press and solve/gather; the tool's rows among it.
+//! The operator product A x by solve/apply (elements), solve/press (contacts) and solve/gather (sums over nodes), with
+//! the tool's rows.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -8,16 +9,17 @@ use crate::harness::{Tolerance, context, expect_close};
 use crate::solver::system::{DT, System, layer, layered, material, mixed, triples, two_layers};
 use crate::stage::elastic::expect_of_largest;
 
-/// Of the largest value of a body's rows: a few dozen terms, each a dozen roundings of 6e-8 away from the input.
+/// Error of A x relative to the largest value of a body's rows: a few dozen terms, each a dozen roundings of 6e-8 away
+/// from the input.
 const PRODUCT: f64 = 2.0e-6;
-/// Inner products of vectors of a hundred numbers of both signs, of the sum of magnitudes.
+/// Error of inner products relative to the sum of magnitudes: vectors of a hundred numbers of both signs.
 const DOT: f64 = 2.0e-6;
-/// Contacts: one and a half workgroups, more than one of each kind.
+/// Number of contacts: one and a half workgroups, and more than one contact of each kind.
 const CONTACTS: usize = 100;
-/// m: of cells of 20 mm; a few in a hundred tetrahedra are inverted.
+/// Largest displacement of a node, m, in cells of 20 mm: a few in a hundred tetrahedra are inverted.
 const AMPLITUDE: f64 = 0.012;
 
-/// x as the preconditioned residual and as the tool's, and A x of nodes and of the tool.
+/// Computes A x of nodes and tool; x is given as the preconditioned residual, of the tool as its u.
 fn product(passes: &mut Passes, x: &[[f32; 4]], tool: [f32; 6]) {
     passes.preconditioned = x.to_vec();
     passes.residual = x.to_vec();
@@ -41,7 +43,7 @@ fn magnitude(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a * b).abs()).sum()
 }
 
-/// Nodes and tool rows of the product against the oracle's matrix; returns how many tetrahedra were inverted.
+/// Compares the product, at nodes and tool, with the oracle's matrix. Returns how many tetrahedra are inverted.
 fn expect_oracle(what: &str, system: System, seed: u64) -> usize {
     let mut passes = Passes::new(system);
     let mut random = Random(seed);
@@ -70,8 +72,8 @@ fn expect_oracle(what: &str, system: System, seed: u64) -> usize {
 
 #[test]
 fn a_unit_tetrahedron_and_one_contact_by_hand() {
-    // solve/apply, solve/press: gradients e_x, e_y, e_z with moduli 2 and 3, and node 1 moving along x at 1 m/s: W = diag(1, 0, 0),
-    // S = diag(2 * 2 + 3, 3, 3).
+    // solve/apply and solve/press: gradients g are e_x, e_y, e_z, moduli mu = 2 and lambda = 3, and node 1 moves along
+    // x at 1 m/s: W = sum v g^T = diag(1, 0, 0), and S = 2 mu sym(W) + lambda tr(W) I = diag(2 * 2 + 3, 3, 3).
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let tetrahedron = palpate::internal::prepare::Layer {
         nodes,
@@ -82,9 +84,10 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
     let mut system = System::new(&[layered(tetrahedron, material(2e4), DQuat::IDENTITY)], 0.0, 1);
     system = system.with_tool().with_contacts(3, 2);
     system.gradients[..3].copy_from_slice(&[[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 3.0], [0.0, 0.0, 1.0, 0.0]]);
-    // Contact 2 is one vertex of the layer, as n . (0.25 v_0 + 0.75 v_1), against the tool at rest.
+    // Contact 2 is of one skin vertex of the layer, with normal velocity n . (0.25 v_0 + 0.75 v_1), and the tool at
+    // rest.
     let contact = &mut system.contacts[2];
-    // Its lever, -arm x n, is (0, 0, 1).
+    // The tool's lever, -arm x n, is (0, 0, 1).
     (contact.normal, contact.area, contact.arm) = ([0.0, 0.6, 0.8], 0.5, [-1.0 / 0.6, 0.0, 0.0]);
     (contact.stiffness, contact.damping, contact.quads, contact.tool_sign) = (4.0, 2.0, 1, -1.0);
     system.entry_nodes[8] = [0, 1, 2, 3];
@@ -96,7 +99,8 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
     let want = [-7.0, -3.0, -3.0, 7.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 3.0];
     assert_eq!(triples(&passes.element_forces[..4]), want);
     assert_eq!(passes.contact_forces[2], [0.0; 4], "the contact does not move along its normal");
-    // Node 1 along the normal: speed 0.75 * (0.6, 0.8) . (3, 4); the tool's -n . u + lever . w = -0.8 * 2 + 5.
+    // Now node 1 moves along the normal: its part of the speed is 0.75 * (0.6, 0.8) . (3, 4), and the part of the tool
+    // with twist (u, w) is -n . u + lever . w = -0.8 * 2 + 5.
     passes.preconditioned[1] = [0.0, 3.0, 4.0, 0.0];
     passes.tool_iterate_mut().u = [0.0, 0.0, 2.0, 0.0, 0.0, 5.0];
     passes.apply(Change::Preconditioned);
@@ -108,7 +112,8 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
 
 #[test]
 fn nodes_gather_their_elements_by_hand() {
-    // solve/gather, one tetrahedron: w = (1 + h alpha) m p + its force; no force on nodes from the padding.
+    // solve/gather, one tetrahedron: w = (1 + h alpha) m p + its element force. Entries that pad a node's list give no
+    // force.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let tetrahedron = palpate::internal::prepare::Layer {
         nodes,
@@ -124,7 +129,7 @@ fn nodes_gather_their_elements_by_hand() {
     passes.preconditioned = vec![[0.0, 0.0, 1.0, 0.0]; 4];
     passes.residual = vec![[2.0, 0.0, 3.0, 0.0]; 4];
     passes.gather(1);
-    // 1 / 24 of 1000 kg on each node, alpha = 0.5 / s.
+    // Each node has 1 / 24 of 1000 kg, and alpha = 0.5 / s.
     let m = (1.0 + f64::from(DT) * 0.5) * 1000.0 / 24.0;
     let want = [1.0, 10.0, m, 0.0, 0.0, 0.0, 3.0, 10.0, m, 4.0, 10.0, m];
     let rounding = Tolerance { abs: 0.0, rel: 1e-6 };
@@ -133,14 +138,14 @@ fn nodes_gather_their_elements_by_hand() {
     expect_close("r.u and w.u of free nodes", &sums, &[9.0, 3.0 * m], rounding);
 }
 
-/// No tetrahedra: nothing to touch either.
+/// True if the layer has no tetrahedra, and thus nothing for contacts to act on.
 fn is_empty(body: &palpate::internal::prepare::Body) -> bool {
     matches!(&body.shape, palpate::internal::prepare::Shape::Soft { layer, .. } if layer.tetrahedra.is_empty())
 }
 
 #[test]
 fn products_agree_with_the_assembled_matrix_at_every_size() {
-    // solve/apply, solve/press and solve/gather: by nodes of a workgroup that sums, by tetrahedra of one that does not.
+    // Sizes are around the workgroup of solve/gather, which sums over nodes, and that of solve/apply, which does not.
     let width = context().reduce_size() as usize;
     let large = context().group_size() as usize;
     for nodes in [0, 1, width - 1, width, width + 1, large - 1, large, large + 1, 1234] {
@@ -156,7 +161,7 @@ fn products_agree_with_the_assembled_matrix_at_every_size() {
 
 #[test]
 fn products_agree_with_the_assembled_matrix_for_mixed_materials() {
-    // solve/gather: damping of each node's own elements.
+    // solve/gather: a node's damping is that of its own elements.
     let bodies = [layered(layer(200), mixed(1000), DQuat::from_rotation_x(1.0))];
     expect_oracle("mixed materials", System::new(&bodies, AMPLITUDE, 3), 4);
 }
@@ -179,7 +184,7 @@ fn products_agree_with_the_assembled_matrix_for_inverted_tetrahedra() {
 
 #[test]
 fn the_operator_is_symmetric_and_positive() {
-    // x . A y = y . A x and x . A x > 0, nodes and tool together; inverted tetrahedra among them.
+    // Checks x . A y = y . A x and x . A x > 0 for nodes and tool together, with inverted tetrahedra among them.
     let bodies = two_layers();
     for seed in 0..4 {
         let system = System::new(&bodies, AMPLITUDE, seed).with_tool();
@@ -203,7 +208,8 @@ fn the_operator_is_symmetric_and_positive() {
 
 #[test]
 fn rigid_motions_meet_no_elastic_force() {
-    // solve/apply: translations at any deformation; twists of a body that is turned but not deformed.
+    // solve/apply gives no force for translations at any deformation, nor for twists of a body that is turned but not
+    // deformed.
     let bodies = two_layers();
     let mut passes = Passes::new(System::new(&bodies, AMPLITUDE, 5));
     passes.preconditioned = vec![[0.3, -0.7, 0.4, 0.0]; passes.nodes()];
@@ -227,7 +233,7 @@ fn rigid_motions_meet_no_elastic_force() {
     system.rotate();
     let mut passes = Passes::new(system);
     let largest = |passes: &Passes| passes.element_forces.iter().flatten().fold(0.0f32, |m, f| m.max(f.abs()));
-    // The same speeds in no rigid order, for scale.
+    // For scale: speeds of the same size that are no rigid motion.
     passes.preconditioned = twist.iter().map(|v| [v[1], -v[2], v[0] * 0.5, 0.0]).collect();
     passes.apply(Change::Preconditioned);
     let usual = largest(&passes);
@@ -238,7 +244,8 @@ fn rigid_motions_meet_no_elastic_force() {
 
 #[test]
 fn inner_products_of_every_mode() {
-    // solve/gather, modes 0, 1 and 2, with and without contacts, against sums in f64 over its own image.
+    // solve/gather in its modes 0 (warm start), 1 (iteration) and 2 (end), with and without contacts, against f64 sums
+    // with the kernel's own w.
     for contacts in [0, CONTACTS] {
         let system = System::new(&two_layers(), AMPLITUDE, 6).with_tool().with_contacts(contacts, 7);
         let mut passes = Passes::new(system);
@@ -259,7 +266,7 @@ fn inner_products_of_every_mode() {
             let pairs = match mode {
                 0 => [(w.clone(), first), (w.clone(), conditioned(&w))],
                 1 => [(wide(&passes.residual), first.clone()), (w, first)],
-                // (eps x)^2 . D: what rounding of x makes of its image.
+                // (eps x)^2 . D, with D the diagonal of A: what rounding of x makes of A x.
                 _ => {
                     let lost: Vec<f64> = wide(&passes.solution).iter().map(|x| 6e-8 * x).collect();
                     let diagonal = |i: usize| 1.0 / f64::from(passes.inverse[2 * (i / 3)][i % 3]);

@@ -1,4 +1,5 @@
-//! The tool's block, the warm start and the loop's arguments from solve/start; the first iterate from solve/begin.
+//! Kernel solve/start, which inverts the tool's block, chooses the factor of the warm start and writes the loop's
+//! indirect arguments; and solve/begin, which makes the first iterate.
 
 use palpate::internal::shaders;
 use palpate::internal::shaders::Iteration;
@@ -10,24 +11,25 @@ use crate::harness::{Tolerance, context, expect_close};
 use crate::solver::system::{System, layer, layered, material, triples, two_layers};
 use crate::stage::elastic::expect_of_largest;
 
-/// A few roundings.
+/// Relative error of a few f32 roundings.
 const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };
-/// Of the largest value: sums over a hundred contacts, of which each is a dozen roundings away from the input.
+/// Error relative to the largest value: sums over a hundred contacts, each a dozen roundings away from the input.
 const SUM: f64 = 5.0e-6;
-/// Entries of the inverse of the tool's block over the root of its diagonal's: rounding of the block (1e-6) times its
-/// condition in these units, some hundreds.
+/// Error of an entry of the inverse of the tool's block relative to the geometric mean of its two diagonal entries:
+/// rounding of the block (1e-6) times its condition number in these units, some hundreds.
 const INVERSE: f64 = 1.0e-4;
-/// Factors and norms: inner products through blocks inverted in f32.
+/// Relative error of factors and norms: inner products through blocks inverted in f32.
 const FACTOR: f64 = 1.0e-4;
 
-/// Slots' first words in their order from `LOOP_APPLY` on.
+/// The first words (workgroups in x) of the indirect arguments' slots from `LOOP_APPLY` on.
 fn loop_groups(args: &[u32]) -> Vec<u32> {
     (shaders::ARGS_LOOP_APPLY..=shaders::ARGS_GAP).map(|slot| args[3 * slot as usize]).collect()
 }
 
 #[test]
 fn the_warm_factor_and_the_arguments_by_hand() {
-    // solve/start: y.M^-1 b = 3, y.M^-1 y = 4: w = 3/4; blocks of 80 and 80 nodes.
+    // solve/start: with y = A x of the last solution x, y.M^-1 b = 3 and y.M^-1 y = 4 give the warm factor 3/4. There
+    // are two blocks of 80 nodes.
     let system = System::new(&[layered(layer(160), material(2e4), glam::DQuat::IDENTITY)], 0.0, 1);
     let mut passes = Passes::new(system);
     (passes.partials, passes.dots) = (vec![[2.0, 0.25], [1.0, 0.5]], vec![[1.0, 1.5], [2.0, 2.5]]);
@@ -51,7 +53,8 @@ fn the_warm_factor_and_the_arguments_by_hand() {
 
 #[test]
 fn a_body_at_rest_and_a_failed_solution_start_from_nothing() {
-    // solve/start: b within rounding stops before the first iteration; A x that overflowed gives no factor.
+    // solve/start: where b is within its rounding, the loop ends before the first iteration; an A x that overflowed
+    // gives no factor.
     let mut passes = Passes::new(System::new(&[], 0.0, 1));
     passes.block_count = 1;
     (passes.partials, passes.dots) = (vec![[0.5, 0.5]], vec![[1.0, 1.0]]);
@@ -65,7 +68,7 @@ fn a_body_at_rest_and_a_failed_solution_start_from_nothing() {
     }
 }
 
-/// The tool's block of the oracle, and its inverse by rows.
+/// The inverse of the tool's block in the oracle's matrix, by rows.
 fn tool_block(system: &System) -> [Vec<f64>; 6] {
     let (a, _) = system.twin.assemble(system.device.as_ref(), &system.twin_contacts);
     let tool = system.twin.unknowns().tool;
@@ -79,7 +82,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// M^-1 r over the oracle's unknowns: the kernel's blocks of nodes, the oracle's of the tool.
+/// M^-1 r over the oracle's unknowns: with the kernel's blocks of nodes and the oracle's block of the tool.
 fn preconditioned(passes: &Passes, inverse: &[Vec<f64>; 6], r: &[f64]) -> Vec<f64> {
     let places = passes.system.twin.unknowns();
     let mut z = vec![0.0; r.len()];
@@ -96,17 +99,17 @@ fn preconditioned(passes: &Passes, inverse: &[Vec<f64>; 6], r: &[f64]) -> Vec<f6
 
 #[test]
 fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
-    // solve/start after solve/assemble, solve/apply and solve/gather on a solution that is no solution.
+    // solve/start after solve/assemble, solve/apply and solve/gather on a random vector in place of the last solution.
     for (seed, contacts) in [(0, 100), (1, 100), (2, 3), (3, 0), (4, 100), (5, 9)] {
         let system = System::new(&two_layers(), 0.004, seed).with_tool();
         let system = if seed < 4 { system } else { system.with_friction() };
         let mut passes = Passes::new(system.with_contacts(contacts, 70 + seed));
         let mut random = Random(80 + seed);
         let x = passes.system.random_field(&mut random);
-        // Large, so that the tool has its say in the factor.
+        // The tool's values are large, so that they count in the factor.
         let tool_x: [f32; 6] = std::array::from_fn(|_| 20.0 * random.next() as f32);
         passes.solution = x.clone();
-        // Of whichever set the last step left.
+        // Either set may hold the last step's solution.
         passes.state.current = seed as u32 % 2;
         passes.tool_iterate_mut().x = tool_x;
         passes.rigids[0].leftover = std::array::from_fn(|_| 1e-3 * random.next() as f32);
@@ -135,7 +138,7 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         expect_close("warm", &[state.warm], &[warm], Tolerance { abs: FACTOR * size, rel: FACTOR });
         expect_close("b . M^-1 b", &[state.rhs_norm2], &[dot(&b, &zb)], Tolerance { abs: 0.0, rel: FACTOR });
         assert!(state.floor_norm2 > 0.0 && state.floor_norm2 < 1e-9 * state.rhs_norm2);
-        // From its own factor on.
+        // From here on, vectors are compared for the factor that the kernel found.
         let warm = f64::from(state.warm);
         let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| b - warm * y).collect();
         let scaled: Vec<f64> = tool_x.iter().map(|x| warm * f64::from(*x)).collect();
@@ -154,14 +157,15 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
             expect_close("tool's u", &tool_now.u[i..=i], &u[i..=i], Tolerance { abs: SUM * size, rel: 0.0 });
         }
         assert_eq!((tool_now.p, tool_now.s), ([0.0; 6], [0.0; 6]));
-        // The property that it is for: never a greater residual than that of no warm start.
+        // The purpose of the factor: the first residual is never greater than without a warm start.
         assert!(dot(&r, &preconditioned(&passes, &inverse, &r)) <= dot(&b, &zb) * (1.0 + FACTOR));
     }
 }
 
 #[test]
 fn the_first_iterate_at_every_size() {
-    // solve/begin: x = w x, r = b - w y, u = M^-1 r; nothing of x or y where w is zero.
+    // solve/begin: x = w x, r = b - w y, u = M^-1 r, with warm factor w and y = A x. Where w is zero, x and y are not
+    // used.
     let width = context().group_size() as usize;
     for nodes in [0, 1, width - 1, width, width + 1, 1234] {
         for warm in [0.75, 0.0] {
@@ -174,7 +178,7 @@ fn the_first_iterate_at_every_size() {
             passes.inverse = [field(), field()].concat();
             passes.state.warm = warm;
             if warm == 0.0 {
-                // Held nodes, which are in no block, keep their zeros.
+                // Attached nodes, which are in no block, keep their zeros.
                 for (i, role) in passes.roles().iter().enumerate().filter(|(_, role)| role.is_some()) {
                     assert_eq!(*role, Some(0), "node {i}");
                     (passes.image[i], passes.solution[i]) = ([f32::NAN; 4], [f32::NAN; 4]);

@@ -1,4 +1,5 @@
-//! What the solver's kernels are given: layers in a deformed state, contacts, a tool; and the oracle in the same state.
+//! Inputs of the solver's kernels, and the oracle in the same state: layers (tetrahedral meshes) in a deformed state,
+//! contacts, a tool.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +19,7 @@ use palpate_oracle::tool::{Device, Tool};
 use crate::harness::random::Random;
 use crate::stage::elastic;
 
-/// s; a power of two, so that both precisions mean the same; long, so that stiffness outweighs mass.
+/// Time step, s: a power of two, so that it is the same in f32 and f64; long, so that stiffness outweighs mass.
 pub const DT: f32 = 1.0 / 128.0;
 
 /// Inputs of the solver's kernels, and the oracle's simulation in the same state.
@@ -30,9 +31,10 @@ pub struct System {
     pub node_elements: Vec<[u32; 4]>,
     pub displacement: Vec<[f32; 4]>,
     pub velocity: Vec<[f32; 4]>,
-    /// Where elasticity is linearised again; empty: at the start.
+    /// Change of velocity at which a further Newton iteration linearises elasticity; empty in the first one.
     pub trial_change: Vec<[f32; 4]>,
-    /// As elastic/rotate leaves them; with the zeros that pad node lists.
+    /// Rotations, gradients and element forces as elastic/rotate leaves them, the last two with the zeros that pad node
+    /// lists.
     pub rotations: Vec<[f32; 4]>,
     pub gradients: Vec<[f32; 4]>,
     pub element_forces: Vec<[f32; 4]>,
@@ -47,7 +49,7 @@ pub struct System {
     pub device: Option<Device>,
 }
 
-/// A scene of which nothing matters to a layer. `dt`: s.
+/// A scene of which only the step `dt` (s) and the preconditioner matter to a layer.
 fn scene(dt: f32, preconditioner: Preconditioner) -> Scene {
     Scene {
         file: "none".into(),
@@ -73,14 +75,14 @@ fn scene(dt: f32, preconditioner: Preconditioner) -> Scene {
     }
 }
 
-/// A resting frame in the middle of a layer.
+/// A frame at rest in the middle of a layer.
 pub fn middle(layer: &Layer) -> prepare::Frame {
     let low = layer.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = layer.nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
     prepare::Frame { centre: 0.5 * (low + high), motion: FrameMotion::Fixed }
 }
 
-/// A body that is a layer and nothing else.
+/// A soft body that has a layer but no skin.
 pub fn layered(layer: Layer, material: impl Into<Materials>, orientation: DQuat) -> Body {
     let (skin, proxies) = (Skin::default(), vec![]);
     let (frames, node_frames) = (vec![middle(&layer)], vec![0; layer.nodes.len()]);
@@ -96,8 +98,8 @@ pub fn layered(layer: Layer, material: impl Into<Materials>, orientation: DQuat)
     }
 }
 
-/// The first `nodes` nodes of a box of 20 mm cells and the tetrahedra among them; a node of none is bound, as the
-/// engine has it.
+/// The first `nodes` nodes of a box of 20 mm cells, and the tetrahedra among them. A node of no tetrahedron counts as
+/// attached, as in the engine.
 pub fn layer(nodes: usize) -> Layer {
     let side = (1..).find(|side| (side + 1usize).pow(3) >= nodes).unwrap_or(1);
     let half = DVec3::splat(0.01 * side as f64);
@@ -109,13 +111,14 @@ pub fn layer(nodes: usize) -> Layer {
     layer
 }
 
-/// Soft, damped.
+/// A soft material with damping.
 pub fn material(young: f64) -> Material {
     let law = Law::Corotational;
     Material { law, young, poisson: 0.45, density: 1e3, damping_mass: 0.5, damping_stiffness: 2e-3 }
 }
 
-/// Both laws, each with its own stiffness, density and damping, by turns over as many `tetrahedra`, or more.
+/// Three materials of both laws, each with its own stiffness, density and damping, assigned in turn to `tetrahedra`
+/// tetrahedra.
 pub fn mixed(tetrahedra: usize) -> Materials {
     let soft = material(2e4);
     let dense = Material { law: Law::NeoHookean, density: 1.5e3, damping_mass: 3.0, ..material(4e4) };
@@ -145,18 +148,18 @@ fn generic_tool() -> Tool {
 }
 
 impl System {
-    /// Layers whose nodes are displaced at random by up to `amplitude` (m); velocities of 0.1 m/s. Rotations and what
-    /// follows from them come from elastic/rotate, and the oracle is given the same rotations.
+    /// Layers whose nodes are displaced at random by up to `amplitude` (m), with velocities of up to 0.1 m/s. Rotations
+    /// and what follows from them come from elastic/rotate, and the oracle is given the same rotations.
     pub fn new(bodies: &[Body], amplitude: f64, seed: u64) -> System {
         System::preconditioned(bodies, amplitude, seed, Preconditioner::Jacobi)
     }
 
-    /// The same, with a coarse level for the bodies that this asks for.
+    /// A system like that of [`System::new`], with a coarse level for those bodies to which `preconditioner` gives one.
     pub fn preconditioned(bodies: &[Body], amplitude: f64, seed: u64, preconditioner: Preconditioner) -> System {
         System::stepping(bodies, DT, amplitude, seed, preconditioner)
     }
 
-    /// The same with steps of `dt` seconds, from rest.
+    /// A system like that of [`System::preconditioned`], with steps of `dt` seconds and bodies at rest.
     pub fn at_rest(bodies: &[Body], dt: f32, preconditioner: Preconditioner) -> System {
         let mut system = System::stepping(bodies, dt, 0.0, 1, preconditioner);
         system.velocity.fill([0.0; 4]);
@@ -220,7 +223,7 @@ impl System {
         system
     }
 
-    /// Dynamic cores under way: twists, and the velocities of what they carry.
+    /// Sets dynamic cores in motion: their twists, and the velocities of the nodes attached to them.
     fn start_cores(&mut self) {
         for (index, core) in self.model.cores.iter().enumerate() {
             let place = self.model.frames[core.frame].clone();
@@ -249,7 +252,7 @@ impl System {
         }
     }
 
-    /// Runs elastic/rotate and gives the oracle its rotations.
+    /// Runs elastic/rotate and gives the oracle the rotations that it found.
     pub fn rotate(&mut self) {
         let outcome = elastic::rotate(self, &[]);
         self.rotations = outcome.get("rotations");
@@ -263,19 +266,19 @@ impl System {
         }
     }
 
-    /// The trial change as elastic/rotate is given it.
+    /// The trial change in the form that elastic/rotate takes.
     pub fn trial(&self) -> &[[f32; 4]] {
         if self.trial_change.is_empty() { &[[0.0; 4]] } else { &self.trial_change }
     }
 
-    /// End velocities that a body's displacements hold already, m/s.
+    /// Velocities at the end of the step that a body's trial displacements already contain, m/s.
     pub fn held_velocity(&self, body: usize) -> Vec<DVec3> {
         let own = self.model.soft.get(body).map_or(0..0, |soft| soft.nodes.clone());
         let gained = |i: usize| self.trial_change.get(i).map(|x| wide(&self.velocity[i]) + wide(x));
         own.map(|i| gained(i).unwrap_or_default()).collect()
     }
 
-    /// Adds a tool held by a device.
+    /// Adds a tool that a virtual coupling pulls towards a pose of the haptic device.
     pub fn with_tool(mut self) -> System {
         let tool = generic_tool();
         let device = Device {
@@ -301,14 +304,14 @@ impl System {
         self
     }
 
-    /// Contacts added after this rub as well.
+    /// Contacts that are added after this call have friction as well.
     pub fn with_friction(mut self) -> System {
         self.twin.friction = Some(Friction { coefficient: 0.7, speed: 0.01 });
         self
     }
 
-    /// Adds contacts of every kind: one skin vertex of a layer, the three of an opposing triangle (whose tetrahedra
-    /// share nodes), the tool on either side, nothing that moves; some dropped.
+    /// Adds contacts of every kind: a side is one skin vertex of a layer, the three of an opposing triangle (whose
+    /// tetrahedra share nodes), the tool, or something that does not move. Every eleventh contact is released.
     pub fn with_contacts(mut self, count: usize, seed: u64) -> System {
         let mut random = Random(seed);
         let (near, far) = (0, self.twin.bodies.len() - 1);
@@ -365,7 +368,7 @@ impl System {
         let (start, unknowns) = (self.start(), self.twin.unknowns());
         let row = self.twin.row(&unknowns, &twin);
         let drag = self.twin.drag(&unknowns, &start, &twin);
-        // The tool feels friction at the other's point.
+        // Friction acts on the tool at the other side's point.
         let at = if let Side::Tool = sides[0] { twin.second.position } else { twin.first.position };
         let sign = match sides {
             [Side::Tool, _] => 1.0,
@@ -390,7 +393,8 @@ impl System {
         self.twin_contacts.push(twin);
     }
 
-    /// Entries on neighbouring tetrahedra, whose weights sum to `sign`; the weights of each node without the sign.
+    /// Adds entries, nodes and weights of skin vertices on neighbouring tetrahedra, whose weights sum to `sign`.
+    /// Returns the sum of weights at each node without the sign.
     fn add_entries(&mut self, body: usize, quads: usize, sign: f64, random: &mut Random) -> Vec<(u32, f64)> {
         let (tetrahedra, first) = (&self.twin.bodies[body].layer.tetrahedra, self.model.soft[body].nodes.start as u32);
         let start = random.below(tetrahedra.len());
@@ -398,7 +402,7 @@ impl System {
         for k in 0..quads {
             let nodes = tetrahedra[(start + k) % tetrahedra.len()];
             let mut weights: [f64; 4] = std::array::from_fn(|_| 0.7 + 0.6 * random.next());
-            // Now and then a skin vertex on a face of the layer.
+            // Some skin vertices lie on a face of their tetrahedron.
             if random.next() > 0.5 {
                 weights[k] = 0.0;
             }
@@ -411,7 +415,8 @@ impl System {
         sums.into_iter().collect()
     }
 
-    /// The entries by node, runs in no order of nodes, within a run by entry.
+    /// Makes the index of the entries by node: each node has a run of entries in the order of contacts; the runs are
+    /// not in the order of nodes.
     fn transpose(&mut self) {
         let mut runs = vec![Vec::new(); self.node_entries.len()];
         for (c, contact) in self.contacts.iter().enumerate() {
@@ -429,7 +434,7 @@ impl System {
         }
     }
 
-    /// Velocities of the oracle's unknowns at the start.
+    /// Velocities at the start of the step, as the oracle's unknowns.
     pub fn start(&self) -> Vec<f64> {
         let twist =
             self.twin.tool.as_ref().map(|tool| [tool.velocity.to_array(), tool.angular_velocity.to_array()].concat());
@@ -437,7 +442,7 @@ impl System {
         self.unknowns(&self.velocity, &std::array::from_fn(|k| twist.get(k).copied().unwrap_or_default() as f32))
     }
 
-    /// Node vectors and the tool's six as the oracle's unknowns.
+    /// Values at the nodes, and the tool's six, as the oracle's unknowns.
     pub fn unknowns(&self, nodes: &[[f32; 4]], tool: &[f32; 6]) -> Vec<f64> {
         let unknowns = self.twin.unknowns();
         let mut all = vec![0.0; unknowns.count];
@@ -456,7 +461,8 @@ impl System {
         all
     }
 
-    /// The oracle's unknowns by body, three numbers a node: zero where held, of its core where carried; and the tool's.
+    /// The oracle's unknowns as values at the nodes, three a node, by body (zero at attached nodes, the core's motion
+    /// at those of a dynamic core), and the tool's six values.
     pub fn rows(&self, unknowns: &[f64]) -> (Vec<Vec<f64>>, Vec<f64>) {
         let places = self.twin.unknowns();
         let row = |map: &palpate_oracle::step::Map| {
@@ -467,7 +473,7 @@ impl System {
         (bodies, unknowns[places.tool..].to_vec())
     }
 
-    /// Random node vectors, zero where bound.
+    /// Random vectors at the free nodes, zero at all others.
     pub fn random_field(&self, random: &mut Random) -> Vec<[f32; 4]> {
         let free = |info: &[u32; 4]| if info[3] == 0 { 1.0 } else { 0.0 };
         self.model.node_info.iter().map(|info| narrow(free(info) * random.vector())).collect()
@@ -476,13 +482,13 @@ impl System {
 
 #[derive(Clone, Copy)]
 enum Side {
-    /// Index of the body, skin vertices.
+    /// Index of the body, and number of skin vertices.
     Soft(usize, usize),
     Tool,
     Fixed,
 }
 
-/// Two layers, of 100 and 60 nodes and different stiffness, turned; part of the second bound.
+/// Two layers, of 100 and 60 nodes and of different stiffness, turned; nine nodes of the second are attached.
 pub fn two_layers() -> Vec<Body> {
     let mut second = layer(60);
     second.bound[..9].fill(true);
@@ -492,12 +498,12 @@ pub fn two_layers() -> Vec<Body> {
     ]
 }
 
-/// The first three of each four.
+/// The first three numbers of each four.
 pub fn triples(nodes: &[[f32; 4]]) -> Vec<f32> {
     nodes.iter().flat_map(|x| [x[0], x[1], x[2]]).collect()
 }
 
-/// The same, the second's bound nodes on a dynamic core.
+/// The bodies of [`two_layers`], with the second's attached nodes on a dynamic core.
 pub fn two_layers_one_on_a_core() -> Vec<Body> {
     let mut bodies = two_layers();
     if let Shape::Soft { layer, frames, materials, .. } = &mut bodies[1].shape {
@@ -509,7 +515,7 @@ pub fn two_layers_one_on_a_core() -> Vec<Body> {
     bodies
 }
 
-/// The same, that core hinged beside its middle.
+/// The bodies of [`two_layers_one_on_a_core`], with that core on a hinge beside its middle.
 pub fn two_layers_one_on_a_hinge() -> Vec<Body> {
     let mut bodies = two_layers_one_on_a_core();
     if let Shape::Soft { frames, .. } = &mut bodies[1].shape {

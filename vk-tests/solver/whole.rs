@@ -1,4 +1,4 @@
-//! The solver's passes in the order of the step, on small systems: to the oracle's direct solution.
+//! The solver's passes in the order of the step, on small systems: the solution must be the oracle's direct one.
 
 use palpate::internal::prepare::Body;
 use palpate::internal::shaders;
@@ -10,13 +10,14 @@ use super::passes::Passes;
 use crate::solver::system::{System, triples, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge};
 use crate::stage::elastic::expect_of_largest;
 
-/// Of the largest value of a body: the solver stops at 1e-6 of the right-hand side's norm, the condition (behind the
-/// preconditioner) is some hundreds, and f32 rounding in b and A is of the same size.
+/// Error of the solution relative to the largest value of a body: the solver stops at 1e-6 of the right-hand side's
+/// norm, the condition number with the preconditioner is some hundreds, and f32 rounding in b and A is of the same
+/// size.
 pub const SOLUTION: f64 = 1.0e-4;
-/// Iterations at most; there are less than 500 unknowns.
+/// Limit of iterations; there are less than 500 unknowns.
 const LIMIT: usize = 300;
 
-/// Solution of nodes by body and of the tool against a direct solution of the oracle's system.
+/// Compares the solution, at nodes by body and of the tool, with a direct solution of the oracle's system.
 fn expect_direct(what: &str, passes: &Passes) {
     let s = &passes.system;
     let (a, b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
@@ -33,14 +34,14 @@ fn expect_direct(what: &str, passes: &Passes) {
     }
 }
 
-/// With and without the coarse level.
+/// Preconditioners without and with the coarse level.
 const BOTH: [Preconditioner; 2] = [Preconditioner::Jacobi, Preconditioner::Coarse];
 
 fn system(bodies: &[Body], seed: u64, preconditioner: Preconditioner) -> System {
     System::preconditioned(bodies, 0.004, seed, preconditioner)
 }
 
-/// Solves and checks the verdict; returns the passes after solve/conclude.
+/// Solves, and checks solution and verdict. Returns the passes after solve/conclude.
 fn solved(what: &str, system: System) -> Passes {
     let mut passes = Passes::new(system);
     passes.system.params.tolerance = 1e-6;
@@ -106,7 +107,7 @@ fn a_dynamic_core_and_what_hangs_on_it_are_one_system() {
 #[test]
 #[ignore = "long: 13 s"]
 fn bodies_of_every_kind_are_solved_with_a_coarse_level() {
-    // Flat ones, some on several frames, one beside another that has none.
+    // Among them are flat bodies, a body with two frames, and a body with a coarse level beside one without.
     for (what, bodies) in kinds() {
         let passes = solved(what, system(&bodies, 7, Preconditioner::Coarse));
         println!("{what}: {} iterations", passes.iterations_done());
@@ -119,7 +120,7 @@ fn bodies_of_every_kind_are_solved_with_a_coarse_level() {
 #[test]
 #[ignore = "long: 7 s"]
 fn a_solution_found_is_found_again_at_once() {
-    // The warm start of the same step at its own solution: factor one, and (nearly) nothing left to do.
+    // The same step is solved again from its own solution: the warm factor is one, and (nearly) nothing is left to do.
     for with in BOTH {
         let given = || system(&two_layers(), 4, with).with_tool().with_contacts(20, 8);
         let mut passes = solved("first", given());
@@ -137,8 +138,9 @@ fn a_solution_found_is_found_again_at_once() {
 #[test]
 #[ignore = "long: 1 min"]
 fn a_step_with_pulling_contacts_ends_as_the_oracles() {
-    // Solve, drop what pulls, solve again, until the verdict is done; then solve/commit. The oracle drops twice at most,
-    // the kernels four times: systems where that makes a difference are left out, and not all may be.
+    // Solves, releases contacts under tension and solves again, until the verdict is done; then solve/commit. The
+    // oracle releases contacts twice at most, the kernels four times: systems where that makes a difference are left
+    // out, but not all of them may be.
     BOTH.into_iter().for_each(pulled);
 }
 
@@ -148,7 +150,7 @@ fn pulled(with: Preconditioner) {
         let system = system(&two_layers(), seed, with).with_tool();
         let system = if rubs { system.with_friction() } else { system };
         let mut passes = Passes::new(system.with_contacts(12, 30 + seed));
-        // Tighter than the step's: displacements carry what is left over a long step.
+        // The tolerance is tighter than a step's: over a long step, displacements magnify the residual.
         passes.system.params.tolerance = 5e-7;
         let mut solves = 0;
         loop {

@@ -1,5 +1,6 @@
-//! contact/candidates: the nearest of the crossings on a ray decides, several regions are blended, flags, and pushes; against
-//! lists of crossings made up.
+//! Kernel contact/candidates, given lists of ray hits that are made up: the nearest hit on a vertex's ray decides, the
+//! contact patches of a pair of bodies (places that touch along one normal) are blended, and flags and pushes (for the
+//! next step's normals) are written. Compared with f64.
 
 use glam::{DMat3, DVec3};
 use palpate::internal::shaders;
@@ -15,24 +16,27 @@ use crate::stage::flow::Flow;
 const CONTACT_OVERFLOW: u32 = 4;
 const DEPTH_LIMIT: u32 = 8;
 const NOT_HEIGHT_FIELD: u32 = 16;
-/// Positions of some centimetres in f32 are known to 4e-9 m; triangles lie up to 45 degrees aslant.
+/// Tolerance of depths and positions, m: positions of some centimetres in f32 are known to 4e-9 m, and triangles lie up
+/// to 45 degrees aslant.
 const DEPTH: f64 = 4e-8;
-/// Depths of 4 mm at least are known to 1e-5, strengths to twice that, and the smooth step has slope 3.
+/// Tolerance of blended values, relative: depths of at least 4 mm are known to 1e-5, the strengths of patches (share
+/// over depth squared) to twice that, and the smooth step has slope 3.
 const BLENDED: f64 = 1e-4;
 const FIRST_PROXY_PAIR: u32 = 10;
 
-/// A crossing: depth and whether it is a front.
+/// A ray hit: its depth, m, and whether it is on the front of a triangle.
 type Crossing = (f64, bool);
 
-/// One with its triangle: that, depth, front, opposing slot.
+/// A ray hit with its triangle: triangle, depth, front, slot of the opposing proxy.
 type Made = (u32, f64, bool, u32);
 
-/// Vertices of one side, what their rays cross in each region, and the flow that holds them.
+/// Vertices of one side with the hits on their rays in each contact patch, and the [`Flow`] (arrays of the query) that
+/// holds them.
 struct Given {
     side: u32,
     flow: Flow,
     outward: Vec<DVec3>,
-    /// By vertex and region.
+    /// Hits, by vertex and patch.
     crossed: Vec<[Vec<Made>; PAIR_REGIONS]>,
 }
 
@@ -45,8 +49,8 @@ fn wide(x: &[f32]) -> DVec3 {
 }
 
 impl Given {
-    /// Regions of these normals; the pair's slots are two of a, then two of b, and the vertices lie in the second of their
-    /// side.
+    /// A pair of bodies with contact patches of these normals, and no vertices yet. The pair has two slots (proxies
+    /// that take part in it) of body a, then two of b; vertices will lie in the second slot of their side.
     fn new(side: u32, normals: &[DVec3]) -> Given {
         let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, glam::DQuat::IDENTITY);
         let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
@@ -68,12 +72,12 @@ impl Given {
         Given { side, flow, outward: vec![], crossed: vec![] }
     }
 
-    /// How many regions there are.
+    /// Number of contact patches.
     fn regions(&self) -> usize {
         self.flow.regions.iter().filter(|region| region.weight > 0.0).count()
     }
 
-    /// Adds a vertex with its normal and what its ray crosses in each region, in this order.
+    /// Adds a vertex with its outward normal, and the hits on its ray in each patch, in this order.
     fn add(&mut self, x: DVec3, outward: DVec3, crossings: &[Vec<Crossing>], random: &mut Random) {
         let model = &mut self.flow.model;
         let first = self.flow.skin.len() as u32;
@@ -96,7 +100,7 @@ impl Given {
         self.crossed.push(crossed);
     }
 
-    /// A triangle somewhere aslant that the ray crosses at this depth.
+    /// Adds a triangle, aslant at random, that the vertex's ray hits at this depth.
     fn cross(&mut self, x: DVec3, r: usize, depth: f64, random: &mut Random) -> u32 {
         let region = &self.flow.regions[r];
         let axes = [region.tangent, region.bitangent, region.normal].map(|axis| DVec3::from_array(axis.map(f64::from)));
@@ -120,7 +124,8 @@ impl Given {
         model.triangles.len() as u32 - 1
     }
 
-    /// Lists, chunks and items, then the kernel.
+    /// Makes lists of hits, chunks (groups of up to 64 skin vertices) and work items (a chunk in a patch), and runs the
+    /// kernel.
     fn run(&mut self) {
         let (count, regions) = (self.crossed.len(), self.regions());
         let flow = &mut self.flow;
@@ -139,7 +144,7 @@ impl Given {
         let entry = |chunk: u32| ActiveChunk { chunk, slot, side: self.side, regions: mask, first_item: chunk * each };
         flow.active_chunks = (0..chunks).map(entry).collect();
         flow.items = (0..chunks * each).map(|i| [i / each, i % each]).collect();
-        // Chunks of the other side, one a slot, behind those that the kernel looks at.
+        // Chunks of the other side, one for each slot, are listed behind those that the kernel works on.
         let opposing = flow.items.len() as u32;
         for other in 0..4 {
             flow.items.push([flow.active_chunks.len() as u32, 0]);
@@ -162,7 +167,8 @@ impl Given {
         flow.candidates();
     }
 
-    /// Holds every candidate against f64; how many there are, and how many of several regions.
+    /// Compares every candidate with f64. Returns the number of contacts, and how many of them are blended from several
+    /// patches.
     fn check(&self) -> [usize; 2] {
         let (flow, mut found, mut blended) = (&self.flow, 0, 0);
         for (v, crossed) in self.crossed.iter().enumerate() {
@@ -207,7 +213,7 @@ impl Given {
         [found, blended]
     }
 
-    /// The opposing point lies on the triangle, below the vertex.
+    /// Checks that the opposing point lies on the triangle and on the vertex's ray.
     fn check_point(&self, v: usize, normal: DVec3, depth: f64, triangle: u32) {
         let skin = |v: u32| wide(&self.flow.skin[v as usize]);
         let corners = self.flow.model.triangles[triangle as usize];
@@ -219,7 +225,7 @@ impl Given {
     }
 }
 
-/// One vertex that faces a region's other side, and what its ray crosses there: depth and flags.
+/// Runs the kernel on one vertex that faces the other body and has these hits on its ray. Returns depth and flags.
 fn one(side: u32, crossings: &[Crossing]) -> (f64, u32) {
     let mut random = Random(5);
     let mut given = Given::new(side, &[DVec3::Z]);
@@ -238,12 +244,12 @@ fn the_nearest_crossing_decides() {
         assert_eq!(depth(&[]), 0.0);
         assert_eq!(depth(&[(0.01, true)]), 0.01);
         assert_eq!(depth(&[(0.01, false)]), 0.0, "the back of a triangle: outside");
-        // Inside the nearer of two layers, whatever the order of the list.
+        // The vertex lies inside the nearer of two layers, whatever the order of the list.
         let mut layers = [(0.005, true), (0.008, false), (0.012, true), (0.015, false)];
         assert_eq!(depth(&layers), 0.005);
         layers.reverse();
         assert_eq!(depth(&layers), 0.005);
-        // Between them: in front of the second.
+        // The vertex lies between the layers, in front of the second.
         assert_eq!(depth(&[(0.007, true), (0.003, false), (0.01, false)]), 0.0);
     }
 }
@@ -253,7 +259,7 @@ fn the_nearest_of_a_long_list_is_found_or_flagged() {
     for count in [1_000, 60_000, 70_000] {
         let mut random = Random(8);
         let mut given = Given::new(0, &[DVec3::Z]);
-        // The first made lies last in the list.
+        // The hit that is made first lies last in the list.
         let mut crossings = vec![(0.01, true); count];
         crossings[0].0 = 0.005;
         given.add(DVec3::ZERO, DVec3::Z, &[crossings], &mut random);
@@ -267,7 +273,7 @@ fn the_nearest_of_a_long_list_is_found_or_flagged() {
 #[test]
 fn of_equally_deep_crossings_the_lowest_triangle_stands() {
     for list in [[(0.01, true), (0.01, false)], [(0.01, false), (0.01, true)]] {
-        // The first made is the lowest, and lies last in the list.
+        // The hit that is made first has the lowest triangle, and lies last in the list.
         assert_eq!(one(0, &list).0 > 0.0, list[0].1);
     }
 }

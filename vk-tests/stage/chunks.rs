@@ -1,4 +1,6 @@
-//! cull/chunks and cull/meet: no chunk that may touch is lost, those that cannot are left out.
+//! Kernels cull/chunks, which boxes the chunks (groups of up to 64 skin vertices) of each slot (a proxy in a pair of
+//! bodies) along the axes of its contact patches and writes the min-max depth grid, and cull/meet, which lists the
+//! chunks that may reach the other side: none that may touch is lost, and those that cannot are left out.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::Size;
@@ -14,8 +16,10 @@ use crate::harness::{case, context};
 use crate::stage::flow::{FIELD_WORDS, Flow};
 use crate::stage::skin::covered;
 
-/// A box adds a micrometre, a thousandth of the spread and the rounding of its rest box; positions of half a metre.
+/// Greatest growth of a box over the oracle's, m: a micrometre, a thousandth of the spread and the rounding of the rest
+/// box, for positions of half a metre.
 const BOX: f64 = 4e-6;
+/// Cells of the min-max depth grid along a side.
 const FIELD: usize = 16;
 
 fn wide(x: &[f32]) -> DVec3 {
@@ -26,15 +30,15 @@ fn axes(region: &Region) -> [DVec3; 3] {
     [wide(&region.tangent), wide(&region.bitangent), wide(&region.normal)]
 }
 
-/// A region along a normal over the square between -half and half.
+/// A contact patch along a normal, over the square from -half to half.
 fn region(normal: DVec3, half: f32) -> Region {
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let [normal, tangent, bitangent] = [normal, tangent, bitangent].map(|axis| axis.as_vec3().to_array());
     Region { normal, tangent, bitangent, low: [-half; 2], high: [half; 2], weight: 1.0, ..Region::default() }
 }
 
-/// Two soft balls whose nodes are displaced by up to `size` each way; every slot in each of the regions, and the other's boxes
-/// so large that all chunks may meet them.
+/// Two soft balls whose nodes are displaced by up to `size` (m) along each axis. Every slot is in each of the patches,
+/// and the slots' boxes are so large that all chunks may meet the other side.
 fn shaken(size: f64, regions: &[Region], random: &mut Random) -> Flow {
     let mut place = || (0.1 * random.vector(), random.turn(3.0));
     let ((x, q), (y, p)) = (place(), place());
@@ -55,7 +59,7 @@ fn shaken(size: f64, regions: &[Region], random: &mut Random) -> Flow {
     flow
 }
 
-/// Where the skin of a chunk is, in f64.
+/// World positions of the skin of a chunk, in f64.
 fn places(flow: &Flow, chunk: usize, frame: usize) -> Vec<DVec3> {
     let frame = &flow.frames[frame];
     let rotation = DQuat::from_array(frame.rotation.map(f64::from)).normalize();
@@ -72,7 +76,7 @@ fn places(flow: &Flow, chunk: usize, frame: usize) -> Vec<DVec3> {
     covered(&flow.model, &flow.model.chunks[chunk]).into_iter().map(place).collect()
 }
 
-/// The oracle's box of a chunk along a region's axes.
+/// The oracle's box of a chunk along a patch's axes.
 fn boxed(flow: &Flow, chunk: usize, frame: usize, region: &Region) -> (DVec3, DVec3) {
     let (chunk, frame) = (&flow.model.chunks[chunk], &flow.frames[frame]);
     let rotation = DQuat::from_array(frame.rotation.map(f64::from)).normalize();
@@ -83,12 +87,12 @@ fn boxed(flow: &Flow, chunk: usize, frame: usize, region: &Region) -> (DVec3, DV
     chunk_box(rest, (&moved, f64::from(chunk.weight_bound)), (wide(&frame.centre), rotation), axes(region))
 }
 
-/// The height of a sortable key: the inverse of what shared/field.glsl documents.
+/// The height of a sortable key: the inverse of `height_key` in shared/field.glsl.
 fn height_of(key: u32) -> f64 {
     f64::from(f32::from_bits(if key & 0x8000_0000 != 0 { key & 0x7fff_ffff } else { !key }))
 }
 
-/// The square of a region that a place projects to.
+/// The cell of a patch's min-max depth grid that a place projects to.
 fn square_of(region: &Region, at: DVec3) -> [usize; 2] {
     [0, 1].map(|k| {
         let size = f64::from(region.high[k] - region.low[k]) / FIELD as f64;
@@ -96,7 +100,8 @@ fn square_of(region: &Region, at: DVec3) -> [usize; 2] {
     })
 }
 
-/// Each slab holds its chunk's skin and is the oracle's box; each field is beyond the skin over it. The chunks looked at.
+/// Checks that each chunk's slab (its box in a patch, with a plane that it does not pass) holds its skin and agrees
+/// with the oracle's box, and that the min-max depth grid lies beyond the skin. Returns the number of slabs.
 fn check_slabs(flow: &Flow, regions: usize, tight: bool) -> usize {
     let mut count = 0;
     for slot in &flow.model.slots {
@@ -126,7 +131,7 @@ fn check_slabs(flow: &Flow, regions: usize, tight: bool) -> usize {
                     let field = flow.fields[(2 * r + slot.side as usize) * 256 + j * FIELD + i];
                     assert!(side * (height_of(field) - x.z) > 0.0, "chunk {index} passes the field");
                 }
-                // A box that lies aslant is at most some twice as large along a region's axes as what it holds.
+                // A box that lies aslant to the patch's axes is less than twice as large along them as the skin in it.
                 let (own, skins) = (want.1 - want.0, high - low);
                 assert!(!tight || own.max_element() < 1.8 * skins.max_element() + BOX, "{own} for {skins}");
                 count += 1;
@@ -153,7 +158,7 @@ fn no_skin_leaves_its_chunk_s_slab_or_passes_the_field() {
 fn chunks_beside_the_column_or_in_front_of_all_boxes_are_left_out() {
     let mut random = Random(82);
     let mut flow = shaken(0.003, &[region(DVec3::Z, 0.05)], &mut random);
-    // Slots of a lie between heights 0 and 0.1; of b the first alone is there, above 0.02.
+    // All slots of a have boxes between heights 0 and 0.1; of b only the first slot takes part, with a box above 0.02.
     let slots = flow.model.slots.clone();
     for (slot, given) in slots.iter().zip(flow.boxes.chunks_mut(PAIR_REGIONS)) {
         let (low, high) = if slot.side == 0 { (0.0, 0.1) } else { (0.02, 9.0) };
@@ -175,7 +180,7 @@ fn chunks_beside_the_column_or_in_front_of_all_boxes_are_left_out() {
             let found = flow.slot_chunks[slot.chunk_first as usize + k][0];
             let is_open = flow.slot_regions[s] != 0;
             assert!(is_open || found == 0);
-            // What might touch is kept; what is left out could not.
+            // Each chunk that might touch must be kept.
             assert!(!is_open || beside || in_front || found == 1, "slot {s}, chunk {k}: {low} {high}");
             let side = slot.side as usize;
             kept[side] += usize::from(found == 1);
@@ -203,7 +208,7 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
             skin.iter().map(|x| x.y).fold(f64::INFINITY, f64::min)
         };
         let below = (0..proxy.chunk_count).filter(|k| lowest(*k) <= 0.01).count() as u32;
-        // As far as its box says, give or take rounding.
+        // Kept are chunks whose box reaches below the plane, but for rounding.
         let may = |slack: f64| {
             let top =
                 |k: &u32| boxed(&flow, (proxy.chunk_first + k) as usize, proxy.frame as usize, &flow.regions[0]).1.z;
@@ -221,7 +226,7 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
     assert!(totals[0] > 0 && totals[0] < totals[1], "{totals:?} kept, of all");
 }
 
-/// Chunks of three slots with flat slabs at random, against fields at random.
+/// Chunks of three slots with random flat slabs, against random min-max depth grids.
 #[test]
 fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
     let mut random = Random(84);
@@ -233,7 +238,7 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
         let regions: Vec<Region> = (0..PAIR_REGIONS).map(|_| region(DVec3::Z, 1.0)).collect();
         let mut height = |share: f64| (random.next() + share) as f32;
         let key = |x: f32| if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 0x8000_0000 };
-        // a reaches up to -0.5 on average, b down to 0.5.
+        // The grid's heights are about -0.6 for a and 0.6 for b, give or take 1.
         let fields: Vec<f32> = (0..PAIR_REGIONS * FIELD_WORDS)
             .map(|k| if k / 256 % 2 == 0 { height(-0.6) } else { height(0.6) })
             .collect();
@@ -297,7 +302,8 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
     }
 }
 
-/// Two spheres, a tool and a body: every chunk with a colliding vertex or an opposing triangle is active, most others are not.
+/// Two spheres, a tool and a body: every chunk with a colliding vertex or an opposing triangle must be active, and most
+/// of the others must not be.
 #[test]
 fn chunks_that_collide_are_active_and_those_far_away_are_not() {
     let mut random = Random(86);

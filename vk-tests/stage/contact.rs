@@ -1,5 +1,5 @@
-//! contact/candidates, contact/deepest and contact/response: soft balls, a tool and a floor against the oracle, the
-//! flags, and lists of any length.
+//! Kernels contact/candidates, contact/deepest and contact/response: soft balls, a tool and a floor against the f64
+//! oracle, the flags, and contact lists of any length.
 
 use std::collections::BTreeMap;
 
@@ -19,12 +19,14 @@ use crate::harness::random::Random;
 use crate::harness::{Tolerance, case, context, expect_close};
 use crate::stage::flow::{Flow, PATHS};
 
+/// Radius of the balls and the tool, m.
 const RADIUS: f64 = 0.01;
-/// As in the law of the sphere meshes.
+/// Tolerance of depths, m, as in vk-tests/scene/spheres.rs.
 const DEPTH: f64 = 1e-5 * RADIUS;
-/// Areas, weights and rates are products of a few f32 numbers; normals of fans of six triangles lose a digit.
+/// Relative tolerance of areas, weights and rates, which are products of a few f32 numbers; normals from fans of six
+/// triangles lose a digit.
 const RELATIVE: f64 = 1e-5;
-/// Barycentric weights: positions to 1e-7 of the radius, triangles of some 0.1 radii.
+/// Tolerance of barycentric weights: positions are known to 1e-7 of the radius, and triangles have some 0.1 radii.
 const WEIGHT: f64 = 2e-5;
 const CONTACT_OVERFLOW: u32 = 4;
 const DEPTH_LIMIT: u32 = 8;
@@ -35,7 +37,8 @@ pub fn crowd(path: Path) -> (Vec<Body>, Body, Flow) {
     crowd_of(path, Sides::Both, [3; 3])
 }
 
-/// The same; `sides`: whose vertices gather; `levels`: how fine the balls and the tool are.
+/// The bodies of [`crowd`]. `sides` chooses whose vertices gather contacts, `levels` how finely the two balls and the
+/// tool are divided.
 fn crowd_of(path: Path, sides: Sides, levels: [u32; 3]) -> (Vec<Body>, Body, Flow) {
     let mut random = Random(52);
     let ball = |name: &str, level: u32, x: f64, random: &mut Random| {
@@ -63,7 +66,7 @@ fn vector(x: &[f32]) -> DVec3 {
     DVec3::new(x[0].into(), x[1].into(), x[2].into())
 }
 
-/// World positions of a body's skin, relative to the flow's origin.
+/// Positions of a body's skin in world axes, relative to `origin`, m.
 fn positions(flow: &Flow, body: &Body, index: usize, origin: DVec3) -> Vec<DVec3> {
     let place = |x: DVec3| body.position - origin + body.orientation * x;
     match &body.shape {
@@ -87,7 +90,7 @@ fn surface<'a>(flow: &Flow, body: &'a Body, index: usize, origin: DVec3) -> Surf
     Surface { positions: positions(flow, body, index, origin), triangles: &skin.triangles, areas: &skin.areas, support }
 }
 
-/// The oracle's contacts of every pair, by side and vertex of the device's numbering.
+/// The oracle's contacts of every pair, by side and vertex as the kernels number them.
 fn wanted(bodies: &[Body], tool: &Body, flow: &Flow, sides: Sides) -> BTreeMap<(u32, u32), oracle::Contact> {
     let all: Vec<&Body> = bodies.iter().chain([tool]).collect();
     let law = Law { stiffness: 1e6, damping: 1e3, depth_limit: 1.0 };
@@ -111,7 +114,7 @@ fn wanted(bodies: &[Body], tool: &Body, flow: &Flow, sides: Sides) -> BTreeMap<(
             }
             _ => {
                 let regions = &flow.regions[PAIR_REGIONS * r..][..PAIR_REGIONS];
-                // Where nothing is near there is none; these bodies touch in one place each.
+                // A pair that is not near has no contact patch; the others touch in one place each.
                 assert!(regions[1..].iter().all(|region| region.weight == 0.0), "pair {r}: {regions:?}");
                 if regions[0].weight == 0.0 {
                     continue;
@@ -133,7 +136,8 @@ fn wanted(bodies: &[Body], tool: &Body, flow: &Flow, sides: Sides) -> BTreeMap<(
     contacts
 }
 
-/// Weight of each node in J v = n . (v(s1) - v(s2)), and of the tool.
+/// The weight of each node, and that of the tool, in the normal velocity J v = n . (v(s1) - v(s2)) of the two surface
+/// points.
 fn jacobian(contact: &oracle::Contact, flow: &Flow) -> (BTreeMap<u32, f64>, f64) {
     let (mut nodes, mut tool) = (BTreeMap::new(), 0.0);
     for (point, sign) in [(&contact.first, 1.0), (&contact.second, -1.0)] {
@@ -151,14 +155,14 @@ fn jacobian(contact: &oracle::Contact, flow: &Flow) -> (BTreeMap<u32, f64>, f64)
     (nodes, tool)
 }
 
-/// One contact's record and entries against the oracle's.
+/// Compares one contact's record and entries with the oracle's.
 fn check(flow: &Flow, c: usize, want: &oracle::Contact) {
     let got = &flow.contacts[c];
     let what = format!("contact {c}, side {}, vertex {}", got.side, got.vertex);
     let relative = Tolerance { abs: 0.0, rel: RELATIVE };
     expect_close(&what, &got.normal, &want.normal.to_array(), Tolerance { abs: 1e-6, rel: 0.0 });
     expect_close(&what, &[got.depth], &[want.depth], Tolerance { abs: DEPTH, rel: 0.0 });
-    // A vertex nearly edge-on has an area of nearly nothing.
+    // The area of a vertex that is nearly edge-on nearly vanishes.
     expect_close(&what, &[got.area], &[want.area], Tolerance { abs: 1e-5 * RADIUS * RADIUS, rel: 1e-4 });
     expect_close(&what, &[got.stiffness, got.damping], &[want.stiffness, want.damping], relative);
     let (nodes, tool) = jacobian(want, flow);
@@ -173,7 +177,7 @@ fn check(flow: &Flow, c: usize, want: &oracle::Contact) {
         let (g, w) = (entries.get(node).copied().unwrap_or(0.0), nodes.get(node).copied().unwrap_or(0.0));
         assert!((g - w).abs() < WEIGHT, "{what}: node {node} weighs {g}, not {w}");
     }
-    // Arm and rate at the gathered vertex: the force acts on the line through both points.
+    // Arm and rate are those of the vertex that gathers the contact: the force acts on the line through both points.
     let vertex = vector(&flow.skin[got.vertex as usize]) - vector(&flow.params.tool_centre);
     let lever = tool * vertex.cross(want.normal);
     expect_close(&what, &got.arm, &vertex.to_array(), Tolerance { abs: DEPTH, rel: RELATIVE });
@@ -187,12 +191,12 @@ fn check(flow: &Flow, c: usize, want: &oracle::Contact) {
 fn a_crowd_of_soft_and_rigid_bodies_against_the_oracle() {
     for path in PATHS {
         check_crowd(path, Sides::Both, [3; 3], &[0, 1, 2, 4, 5, 6, 8, 9], &[10]);
-        // The finer skin of each pair gathers: of a and b, a and the tool, b and the tool.
+        // The finer skin of each pair gathers: b's against a, and the balls' against the tool.
         check_crowd(path, Sides::One, [3, 4, 2], &[1, 2, 4, 6, 8], &[0, 5, 9, 10]);
     }
 }
 
-/// `gather`: sides that must have contacts; `silent`: that must have none.
+/// `gather` lists the sides that must have contacts, `silent` those that must have none.
 fn check_crowd(path: Path, sides: Sides, levels: [u32; 3], gather: &[usize], silent: &[usize]) {
     let (bodies, tool, flow) = crowd_of(path, sides, levels);
     let want = wanted(&bodies, &tool, &flow, sides);
@@ -209,7 +213,7 @@ fn check_crowd(path: Path, sides: Sides, levels: [u32; 3], gather: &[usize], sil
         assert!(want.contains_key(key) || f64::from(flow.contacts[*c].depth) < DEPTH, "{key:?} is no contact");
     }
     let sides: Vec<usize> = (0..12).map(|s| got.keys().filter(|k| k.0 == s).count()).collect();
-    // All but the tool and the floor touch; a half-space gathers nothing.
+    // All but tool and floor touch each other; a half-space gathers no contacts.
     assert!(gather.iter().all(|s| sides[*s] > 2) && silent.iter().all(|s| sides[*s] == 0), "{sides:?}");
 }
 
@@ -227,9 +231,9 @@ fn a_depth_beyond_the_limit_is_flagged_and_counts() {
     }
 }
 
-/// The deepest of the candidates with a depth.
+/// Runs contact/deepest: the deepest of the candidates with these depths (0: no contact), in the list that it writes.
 fn deepest(depths: &[f32], capacity: usize) -> Vec<u32> {
-    // Behind what does not collide lies what an earlier step left.
+    // Depths of candidates that do not collide are left from an earlier step.
     let hits: Vec<[f32; 4]> = depths.iter().map(|d| [if *d > 0.0 { *d } else { 7.0 }, 0.0, 0.0, 0.0]).collect();
     let word = |half: &[f32]| half.iter().enumerate().map(|(l, d)| u32::from(*d > 0.0) << l).sum();
     let colliding: Vec<u32> = depths.chunks(32).map(word).collect();
@@ -245,7 +249,8 @@ fn deepest(depths: &[f32], capacity: usize) -> Vec<u32> {
     out.get("contact_source")
 }
 
-/// What must be in the list: the deepest in the order of candidates, the first of equally deep ones.
+/// The list that contact/deepest must write: the deepest in the order of candidates, and of equally deep ones the
+/// first.
 fn wanted_deepest(depths: &[f32], capacity: usize) -> Vec<u32> {
     let mut sorted: Vec<f32> = depths.iter().copied().filter(|d| *d > 0.0).collect();
     sorted.sort_unstable_by(|x, y| y.total_cmp(x));
@@ -263,7 +268,7 @@ fn wanted_deepest(depths: &[f32], capacity: usize) -> Vec<u32> {
 fn the_deepest_stay_in_order_where_not_all_fit() {
     let mut random = Random(53);
     for chunks in [1, 7, 8, 9, 63, 64, 65, 1000] {
-        // Every third collides or so, some of them equally deep.
+        // At most every third candidate collides, and some are equally deep.
         let depth = |i: usize, x: f64| if i.is_multiple_of(3) { (1e-3 * x).max(0.0) as f32 } else { 0.0 };
         let mut depths: Vec<f32> = (0..CHUNK_VERTICES * chunks).map(|i| depth(i, random.next())).collect();
         depths.iter_mut().step_by(15).for_each(|d| *d = 5e-4);
@@ -276,7 +281,8 @@ fn the_deepest_stay_in_order_where_not_all_fit() {
     }
 }
 
-/// Vertices of a ball wholly below a half-space: all fit, or the deepest stay with a flag.
+/// A ball lies wholly below the surface of a half-space: either all its vertices fit into the list, or the deepest stay
+/// and a flag is raised.
 #[test]
 fn more_contacts_than_fit_are_flagged() {
     let floor = half_space(DVec3::Y, 0.5);
@@ -310,8 +316,8 @@ fn more_contacts_than_fit_are_flagged() {
 
 #[test]
 fn one_vertex_against_a_half_space_by_hand() {
-    // A regular octahedron of unit radius, its lowest corner 0.25 deep: a sole contact. Facing it exactly, its area is
-    // its rest area, a third of four triangles of edge sqrt(2).
+    // A regular octahedron with unit radius, whose lowest corner is 0.25 deep and the sole contact. The corner faces
+    // the half-space exactly, so that its area is its rest area: a third of four triangles with edge sqrt(2).
     let floor = half_space(DVec3::Y, 0.0);
     let tool = rigid("tool", sphere(1.0, 0), whole, DVec3::new(2.0, 0.75, 0.0), DQuat::IDENTITY);
     let mut flow = Flow::new(&[floor], Some(&tool), DVec3::ZERO);
@@ -327,7 +333,7 @@ fn one_vertex_against_a_half_space_by_hand() {
     expect_close("depth", &[got.depth], &[0.25], close);
     expect_close("arm", &got.arm, &[0.5, -1.0, 0.0], close);
     expect_close("rate", &[got.rate], &[2.0 - 0.5], close);
-    // The skin's vertices: x, y, z, -x, -y, -z.
+    // The skin's vertices are x, y, z, -x, -y, -z, so that -y has index 4.
     assert_eq!((got.vertex, got.side, got.triangle, got.quads), (4, 0, NONE, 0));
     assert_eq!((got.tool_sign, got.stiffness, got.damping), (1.0, 1e6, 1e3));
     assert_eq!(got.barycentric, [0.0; 2]);

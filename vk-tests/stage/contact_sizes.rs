@@ -1,4 +1,4 @@
-//! contact/candidates and contact/response over any number of elements.
+//! Kernels contact/candidates and contact/response for any number of elements.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::shaders;
@@ -10,7 +10,7 @@ use crate::harness::random::Random;
 use crate::harness::{Tolerance, context, expect_close};
 use crate::stage::flow::Flow;
 
-/// Sums and products of a few f32 numbers of order one.
+/// Tolerance of sums and products of a few f32 numbers of order one.
 const CLOSE: Tolerance = Tolerance { abs: 1e-6, rel: 2e-6 };
 
 fn sizes() -> [usize; 6] {
@@ -18,7 +18,8 @@ fn sizes() -> [usize; 6] {
     [0, 1, width - 1, width, width + 1, 1234]
 }
 
-/// A skin of `n` downward triangles of their own over a half-space, in chunks that own their first corners.
+/// A skin of `n` separate triangles that face down to a half-space, in chunks (groups of up to 64 vertices) of their
+/// first corners.
 fn loose(n: usize, random: &mut Random) -> Flow {
     let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, DQuat::IDENTITY);
     let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
@@ -73,7 +74,7 @@ fn candidates_of_any_number() {
         }
         let colliding: Vec<u32> = (0..flow.hits.len()).filter(|i| flow.hits[*i][0] > 0.0).map(|i| i as u32).collect();
         assert_eq!(flow.source[..flow.counts.contacts as usize], colliding);
-        // Turned over, none faces the half-space.
+        // Turned over, no triangle faces the half-space.
         flow.model.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         flow.candidates();
         assert!(flow.hits.iter().all(|hit| *hit == [0.0; 4]) && flow.counts.contacts == 0);
@@ -90,7 +91,8 @@ fn responses_of_any_number() {
         let vertices = flow.skin.len();
         flow.model.skin_nodes = (0..vertices as u32).map(|i| [0, 1, 2, 3].map(|k| (i * 7 + k * 13) % 50)).collect();
         flow.model.skin_weights = (0..vertices).map(|i| [0.25, 0.5, 0.25 + (i % 4) as f32 * 0.125, 0.0]).collect();
-        // Every third candidate is a contact; every other of these met a triangle. What fills up the last chunk is none.
+        // Every third candidate is a contact, and every other contact is with a triangle. Candidates that fill up the
+        // last chunk are none.
         let hit = |i: usize| if i % 3 == 2 && i < 3 * n { [0.1 + i as f32, 0.25, 0.5, 2.0] } else { [0.0; 4] };
         let count = (3 * n).next_multiple_of(CHUNK_VERTICES);
         flow.hits = (0..count).map(hit).collect();
@@ -109,7 +111,7 @@ fn responses_of_any_number() {
     }
 }
 
-/// Each node's lists hold its entries and no others, each touched node is listed once.
+/// Checks that each node's lists hold its entries and no others, and that each touched node is listed once.
 fn check_lists(flow: &Flow, counts: &[u32]) {
     let lists = flow.node_lists.len() / counts.len();
     let mut listed = vec![false; flow.next_entries.len()];
@@ -136,7 +138,7 @@ fn check_lists(flow: &Flow, counts: &[u32]) {
     assert_eq!(touched, counted.map(|node| node as u32).collect::<Vec<_>>());
 }
 
-/// Contact `c` came from candidate 3 c + 2; adds its entries to `counts`.
+/// Checks contact `c`, which comes from candidate 3 c + 2, and adds its entries to the `counts` of its nodes.
 fn check_response(flow: &Flow, c: usize, counts: &mut [u32]) {
     let i = 3 * c + 2;
     let got: &Contact = &flow.contacts[c];
@@ -148,7 +150,7 @@ fn check_response(flow: &Flow, c: usize, counts: &mut [u32]) {
         points.push((corners[2] as usize, -0.5 * sign));
     }
     assert_eq!(got.normal, flow.normals[i][..3]);
-    // Vertices in one tetrahedron share a quad.
+    // Vertices embedded in the same tetrahedron share a quad of four entries.
     let mut quads: Vec<([u32; 4], [f64; 4])> = Vec::new();
     for (vertex, share) in points {
         let nodes = flow.model.skin_nodes[vertex];

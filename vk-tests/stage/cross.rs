@@ -1,5 +1,7 @@
-//! skin/embed's bins and depth/cross: every vertex that a region sees lies in one list, and what triangles put on its ray is
-//! what f64 says; rays through edges and corners slip through nowhere.
+//! Kernels skin/embed, which puts skin vertices into a spatial hash in the plane of their contact patch, and
+//! depth/cross, which finds the triangles that the vertices' rays hit: every vertex that a patch sees is in one list of
+//! the hash, hits agree with f64, and no ray slips through at edges and corners. A bin is an entry of the hash: one
+//! vertex of a work item (a chunk of the skin in a patch).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,7 +15,7 @@ use crate::harness::context;
 use crate::harness::random::Random;
 use crate::stage::flow::{FIELD_WORDS, Flow};
 
-/// Barycentric share by which rounding may decide whether a ray meets a triangle, and the depth within which, m.
+/// Barycentric share, and depth in m, within which rounding may decide whether a ray hits a triangle.
 const EDGE: f64 = 1e-6;
 
 pub fn wide(x: [f32; 3]) -> DVec3 {
@@ -24,8 +26,8 @@ pub fn axes(region: &Region) -> [DVec3; 3] {
     [wide(region.tangent), wide(region.bitangent), wide(region.normal)]
 }
 
-/// Two rigid meshes as they are, a's and b's, in chunks of which all are active in these regions; fields that hold nothing
-/// back.
+/// Two rigid meshes, a's and b's, in chunks (fixed-size groups of vertices and triangles) that are all active in these
+/// contact patches. The min-max depth grids exclude nothing.
 pub fn meshes(sides: [&Mesh; 2], regions: &[Region]) -> Flow {
     let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, DQuat::IDENTITY);
     let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
@@ -73,14 +75,15 @@ pub fn meshes(sides: [&Mesh; 2], regions: &[Region]) -> Flow {
     flow.skin = vec![[0.0; 4]; flow.model.skin_nodes.len()];
     flow.most_items = flow.items.len();
     flow.shares = vec![0.5; 2 * PAIR_REGIONS];
-    // The heights that a reaches are the greatest there are, those of b the least.
+    // In the grids, a reaches up without limit, and b down without limit.
     flow.fields = (0..PAIR_REGIONS * FIELD_WORDS).map(|k| if k / 256 % 2 == 0 { NONE } else { 0 }).collect();
     flow.args[3 * shaders::ARGS_ACTIVE as usize] = flow.active_chunks.len() as u32;
     flow.args[3 * shaders::ARGS_ITEMS as usize] = flow.items.len() as u32;
     flow
 }
 
-/// A region along a normal over a square of this half edge about the origin.
+/// A contact patch along a normal, over a square of half edge `half` about the origin. `cell` is the edge of the hash
+/// cells for vertices of a, m; those for b are larger.
 pub fn region(normal: DVec3, half: f32, cell: f32) -> Region {
     let normal = normal.normalize();
     let (tangent, bitangent) = normal.any_orthonormal_pair();
@@ -89,7 +92,7 @@ pub fn region(normal: DVec3, half: f32, cell: f32) -> Region {
     Region { normal, tangent, bitangent, low, high, cell: [cell, 1.7 * cell], weight: 1.0, turn: 0.0 }
 }
 
-/// Vertex and region side of each bin, from the chunks.
+/// For each bin its vertex and 2 * patch + side, from the chunks; `NONE` for unused bins.
 fn bins(flow: &Flow) -> Vec<(u32, u32)> {
     let mut bins = vec![(NONE, NONE); flow.bins.len()];
     for entry in flow.active_chunks.iter().take(flow.args[3 * shaders::ARGS_ACTIVE as usize] as usize) {
@@ -106,14 +109,15 @@ fn bins(flow: &Flow) -> Vec<(u32, u32)> {
     bins
 }
 
-/// A height as far back as a vertex of this side looks, the least the farthest.
+/// Sortable key of the height from which a vertex of this side casts its ray; the ray with the least key reaches the
+/// most triangles.
 pub fn sight_key(side: usize, height: f32) -> u32 {
     let bits = height.to_bits();
     let key = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
     if side == 0 { !key } else { key }
 }
 
-/// Holds the lists of all buckets against what must be in them; how many bins are.
+/// Compares the lists of all buckets with what must be in them. Returns the number of bins in lists.
 fn check_bins(flow: &Flow) -> usize {
     let known = bins(flow);
     let mut listed = BTreeMap::new();
@@ -144,7 +148,7 @@ fn check_bins(flow: &Flow) -> usize {
                 assert!(sees && within > -EDGE, "vertex {vertex} is not region {r}'s");
                 let stored = [0, 1, 2].map(|k| f64::from(f32::from_bits(flow.bins[bin][k])));
                 assert!(DVec3::from_array(stored).distance(at) < EDGE, "{stored:?} is not {at}");
-                // Whatever the hash: vertices of one square lie in one bucket.
+                // Whatever the hash function is, vertices of one cell must lie in one bucket.
                 let square = |k: usize| {
                     let (low, cell) = (region.low[k], region.cell[side]);
                     ((f32::from_bits(flow.bins[bin][k]) - low) / cell).floor() as i32
@@ -162,14 +166,14 @@ fn check_bins(flow: &Flow) -> usize {
             }
         }
     }
-    assert_eq!(flow.buckets[flow.bucket_count as usize..][..sights.len()], sights, "how far back they look");
+    assert_eq!(flow.buckets[flow.bucket_count as usize..][..sights.len()], sights, "least keys of rays in cells");
     let buckets: BTreeSet<_> = listed.values().collect();
     let (squares, lists) = (cells.len(), buckets.len());
     assert!(lists * 2 > squares.min(flow.bucket_count as usize), "{squares} squares, {lists} lists");
     listed.len()
 }
 
-/// Triangles on each bin's ray with their depth and whether it is a front.
+/// For each bin, the triangles that its ray hits, with depth and whether the front is hit.
 pub fn crossed(flow: &Flow) -> BTreeMap<usize, BTreeMap<u32, (f64, bool)>> {
     let mut all = BTreeMap::new();
     for (bin, first) in flow.bin_hits.iter().enumerate().filter(|(_, first)| **first < NONE - 1) {
@@ -189,7 +193,7 @@ pub fn crossed(flow: &Flow) -> BTreeMap<usize, BTreeMap<u32, (f64, bool)>> {
     all
 }
 
-/// Every vertex against every triangle of the other side in f64; how many crossings there are.
+/// Compares hits of every vertex's ray with every triangle of the other side with f64. Returns the number of hits.
 fn check_crossings(flow: &Flow) -> usize {
     let (known, found) = (bins(flow), crossed(flow));
     let (mut count, nothing) = (0, BTreeMap::new());
@@ -224,7 +228,7 @@ fn check_crossings(flow: &Flow) -> usize {
             let height = weights[0] * p.z + weights[1] * q.z + weights[2] * r.z;
             let (depth, front) = if side == 0 { (-height, twice < 0.0) } else { (height, twice > 0.0) };
             let got = list.get(triangle);
-            // As far from every edge as rounding reaches, of a triangle that is one.
+            // Left out are rays nearer to an edge than rounding reaches, and degenerate triangles.
             let slack = EDGE * size / twice.abs() + EDGE;
             if !seen || slack.is_nan() || inside.abs() < slack || depth.abs() < EDGE + slack || slack > 0.1 {
                 continue;
@@ -241,7 +245,7 @@ fn check_crossings(flow: &Flow) -> usize {
     count
 }
 
-/// Triangles and vertices anywhere within a box about the origin.
+/// Random vertices, and random triangles of about `size`, within a box about the origin.
 fn soup(vertices: usize, triangles: usize, size: f64, random: &mut Random) -> Mesh {
     let mut points: Vec<DVec3> = (0..vertices).map(|_| 0.5 * random.vector()).collect();
     let corners = (0..triangles as u32).map(|t| [0, 1, 2].map(|k| (vertices as u32) + 3 * t + k)).collect();
@@ -256,13 +260,13 @@ fn soup(vertices: usize, triangles: usize, size: f64, random: &mut Random) -> Me
 fn soups_of_triangles_cross_what_f64_says() {
     let mut random = Random(61);
     let width = context().reduce_size() as usize;
-    // However many squares share a bucket, each crossing is found once.
+    // However many cells share a bucket, each hit must be found once.
     for (n, size, buckets) in [(1, 0.5, 1), (width - 1, 0.3, 1), (width, 0.2, 2), (65, 0.2, 64), (300, 0.1, 1 << 13)] {
         let (a, b) = (soup(n, n, size, &mut random), soup(2 * n + 1, n, size, &mut random));
         for count in [1, 2, PAIR_REGIONS] {
             let regions: Vec<Region> = (0..count).map(|_| region(random.vector(), 0.45, 0.07)).collect();
             let mut flow = meshes([&a, &b], &regions);
-            // One side does not see one of several regions.
+            // Where there are several patches, the second one does not see a's vertices.
             if count > 1 {
                 flow.shares[1] = 0.0;
             }
@@ -277,8 +281,8 @@ fn soups_of_triangles_cross_what_f64_says() {
     }
 }
 
-/// A bumpy sheet of triangles over the square from -1 to 1 and points exactly over its corners, the middles of its edges and
-/// of its triangles, all of them numbers that f32 holds.
+/// A bumpy sheet of triangles over the square from -1 to 1, and points exactly above its corners and the middles of its
+/// edges and triangles; f32 holds all these numbers exactly.
 pub fn bumpy(random: &mut Random) -> (Mesh, Vec<DVec3>) {
     let (mut points, triangles) = sheet(1.0, 16);
     points.iter_mut().for_each(|x| *x = DVec3::new(x.x, x.z, (64.0 * random.next()).round() / 512.0));
@@ -299,7 +303,8 @@ fn rays_through_edges_and_corners_meet_a_triangle() {
     let points = (over.clone(), vec![]);
     for cell in [0.013, 0.1, 1.0] {
         let up = Region { tangent: [1.0, 0.0, 0.0], bitangent: [0.0, 1.0, 0.0], ..region(DVec3::Z, 1.0, cell) };
-        // Points of a above the mesh of b look down; so do, turned over, those of b below one of a.
+        // Points of a above the mesh of b look down; in the other case all is turned over, and points of b look up at
+        // the mesh of a.
         for turned in [false, true] {
             let flip = |mesh: &Mesh| (mesh.0.iter().map(|x| DVec3::new(x.x, x.y, -x.z)).collect(), mesh.1.clone());
             let mut flow = match turned {
@@ -325,7 +330,7 @@ fn rays_next_to_edges_in_any_direction_meet_a_triangle() {
     for _ in 0..3 {
         let turn = random.turn(3.0);
         let placed = (mesh.0.iter().map(|x| turn * *x).collect(), mesh.1.clone());
-        // Within the rim by more than the region leans.
+        // The points lie within the rim by more than the rays lean.
         let inner = over.iter().filter(|x| x.x.abs().max(x.y.abs()) < 0.8);
         let points: Mesh = (inner.map(|x| turn * DVec3::new(x.x, x.y, 0.2)).collect(), vec![]);
         let up = region(turn * (DVec3::Z + 0.1 * random.vector()), 2.0, 0.05);
@@ -352,7 +357,7 @@ fn triangles_without_area_cross_nothing_and_hide_nothing() {
         flow.counts.hits
     };
     let before = count(&mesh);
-    // Two and three corners in one place, and walls along the rays.
+    // Triangles with two or three corners in one place, and walls along the rays.
     let first = mesh.0.len() as u32;
     mesh.0.extend([DVec3::ZERO, DVec3::new(0.5, 0.5, 0.1), DVec3::new(0.5, 0.5, 0.3)]);
     mesh.1.extend(
@@ -367,7 +372,8 @@ fn what_lies_in_front_of_all_that_the_other_side_reaches_is_left_out() {
     let mut random = Random(66);
     let (mesh, over) = bumpy(&mut random);
     let mut flow = meshes([&(over, vec![]), &mesh], &[region(DVec3::Z, 1.0, 0.1)]);
-    // b's chunks reach down to a height above that of a's vertices, in the first square alone.
+    // b's chunks reach down to a height of 0.75, above a's vertices, except in the first cell of the min-max depth
+    // grid.
     let key = 0x8000_0000 | 0.75f32.to_bits();
     flow.fields[256..512].fill(key);
     flow.fields[256] = 0;
@@ -375,7 +381,7 @@ fn what_lies_in_front_of_all_that_the_other_side_reaches_is_left_out() {
     let square = |x: &[f32; 4]| x[0] < -1.0 + 2.0 / 16.0 && x[1] < -1.0 + 2.0 / 16.0;
     let listed = flow.bins.iter().filter(|bin| bin[3] != NONE - 1).count();
     let region = flow.regions[0];
-    // Only a's vertices of that square, whichever way its axes lie, and all of b's.
+    // The lists hold all of b's vertices but only those of a in that cell, whichever way the patch's axes lie.
     let first = flow.skin.iter().take(flow.skin.len() - mesh.0.len()).filter(|x| {
         let at = palpate_oracle::regions::along(axes(&region), wide([x[0], x[1], x[2]])).as_vec3();
         square(&[at.x, at.y, 0.0, 0.0])

@@ -1,4 +1,5 @@
-//! cull/pairs and cull/direction: which hulls may touch, which way they part, and how their contacts pushed.
+//! Kernels cull/pairs, which lists the pairs of collision proxies (convex hulls) that may touch, and cull/direction,
+//! which finds along which normal they part and sums the pushes of their contacts in the last step.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -12,17 +13,20 @@ use crate::harness::bodies::sphere;
 use crate::harness::random::Random;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
 
-/// f32 positions of order one hold 1e-7; a gap is a difference of two, after a few rounds of the iteration.
+/// Error of a gap, m: f32 positions of order one hold 1e-7, and a gap is a difference of two, after a few rounds of the
+/// iteration (GJK).
 const GAP: f64 = 2e-6;
-/// A separation is one difference of dot products of unit normals with points of order one.
+/// Error of a separation along a face normal, m: one difference of dot products of unit normals with points of order
+/// one.
 const SEPARATION: f64 = 1e-6;
-/// Weights change by (separation error) / blend, blend being some 0.05 here.
+/// Error of a direction: blending weights change by the separation's error over the blend width, some 0.05 here.
 const DIRECTION: Tolerance = Tolerance { abs: 1e-4, rel: 0.0 };
-/// (reach - separation)^2 near one.
+/// Error of a weight (reach - separation)^2 near one.
 const WEIGHT: Tolerance = Tolerance { abs: 1e-6, rel: 1e-5 };
+/// How far a skin may lie outside its hull, m.
 const INFLATION: f32 = 0.05;
 
-/// Hulls of two bodies in the device's arrays, the first body's before the second's.
+/// Hulls of two bodies in the arrays that the kernels read, the first body's before the second's.
 #[derive(Default)]
 struct Hulls {
     points: Vec<Vec<DVec3>>,
@@ -42,7 +46,7 @@ fn f64s(x: &[f32; 4]) -> DVec3 {
 }
 
 impl Hulls {
-    /// Adds a hull, rounded to f32 so that the oracle sees the same points.
+    /// Adds a hull, rounded to f32 so that the oracle has the same points.
     fn add(&mut self, hull: &Hull, turn: DQuat, place: DVec3) {
         let points: Vec<[f32; 4]> = hull.vertices.iter().map(|x| texel(turn * *x + place, 0.0)).collect();
         let faces: Vec<[f32; 4]> = hull
@@ -74,7 +78,7 @@ impl Hulls {
         self.faces.extend(faces);
     }
 
-    /// Moves a hull, rounding again.
+    /// Moves a hull and rounds its points to f32 at their new places.
     fn shift(&mut self, i: usize, by: DVec3) {
         let first = self.proxies[i].hull_first as usize;
         for (k, point) in self.points[i].iter_mut().enumerate() {
@@ -86,7 +90,7 @@ impl Hulls {
         self.bounds[i].high = bounds.high.as_vec3().to_array();
     }
 
-    /// Makes another hull the first.
+    /// Exchanges a hull with the first one.
     fn swap_first(&mut self, i: usize) {
         self.points.swap(0, i);
         self.planes.swap(0, i);
@@ -101,7 +105,7 @@ fn cube() -> Hull {
     hull::convex(&(0..8).map(corner).collect::<Vec<_>>()).unwrap()
 }
 
-/// Boxes, plates, needles, balls and clouds, in general position.
+/// Boxes, plates, needles, balls and random points, in general position.
 fn mixed(random: &mut Random, count: usize, spread: f64) -> Hulls {
     let mut hulls = Hulls::default();
     for i in 0..count {
@@ -119,18 +123,20 @@ fn mixed(random: &mut Random, count: usize, spread: f64) -> Hulls {
     hulls
 }
 
+/// Gap up to which a pair may touch: both inflations together, m.
 const REACH: f64 = 0.1;
-/// Pairs of a workgroup.
+/// Number of pairs that a workgroup handles.
 const SHARE: usize = 64;
 
-/// The first `n` pairs of the first `a_count` proxies with the rest.
+/// Runs cull/pairs on the first `n` pairs of one of the first `a_count` proxies with one of the rest.
 fn test_pairs(hulls: &Hulls, a_count: usize, n: usize) -> (Outcome, Vec<[u32; 4]>) {
     let b_count = hulls.proxies.len() - a_count;
     let all = (0..a_count as u32).flat_map(|a| (0..b_count as u32).map(move |b| [a, a_count as u32 + b, 0, 0]));
     let proxy_pairs: Vec<[u32; 4]> = all.take(n).collect();
     assert_eq!(proxy_pairs.len(), n);
     let bound = if n == 0 { vec![[0; 4]] } else { proxy_pairs.clone() };
-    // The seam is a share of the radius; without it the reach is the inflations' alone.
+    // The kernel adds a share of the hull's radius to the reach, the seam; with radius 0 the reach is that of the
+    // inflations alone.
     let unseamed: Vec<ProxyBounds> = hulls.bounds.iter().map(|b| ProxyBounds { radius: 0.0, ..*b }).collect();
     let out = case("cull/pairs")
         .size(palpate::internal::gpu::Size::Reduce)
@@ -151,7 +157,8 @@ fn test_pairs(hulls: &Hulls, a_count: usize, n: usize) -> (Outcome, Vec<[u32; 4]
 
 #[test]
 fn two_cubes_by_hand() {
-    // Gaps of 0.09 and 0.11 around the reach of 0.1; then across a corner, where the boxes overlap more than the cubes.
+    // The cases: gaps of 0.09 and 0.11, around the reach of 0.1; an overlap; and cubes that are apart at a corner
+    // though their boxes overlap.
     let quarter = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_4);
     for (turn, place, near) in [
         (DQuat::IDENTITY, DVec3::X * 1.09, true),
@@ -169,7 +176,7 @@ fn two_cubes_by_hand() {
         assert_eq!(out.get::<u32>("args")[3 * shaders::ARGS_DIRECTION as usize], u32::from(near));
         let [reach, gap] = out.get::<[f32; 2]>("reach_of")[0].map(f64::from);
         assert!((reach - if near { REACH } else { -1.0 }).abs() < 1e-7, "{reach}");
-        // Two of the near ones are 0.09 apart, the third overlaps.
+        // Two of the near pairs have a gap of 0.09, and the third overlaps.
         assert!(!near || (gap - 0.09).abs() < 1e-4 || (gap <= 0.0 && place == DVec3::splat(0.3)), "{gap}");
         assert_eq!(out.get::<[f32; 4]>("directions"), [[0.0; 4], [5.0; 4]], "no direction yet");
     }
@@ -201,7 +208,7 @@ fn no_pair_within_reach_is_missed_and_none_beyond_it_is_kept() {
         for i in kept {
             let [a, b, ..] = pairs[i as usize].map(|p| p as usize);
             let gap = exact::exact_distance(&hulls.points[a], &hulls.points[b]).expect("parry answers").1.max(0.0);
-            // A bound from below, and all but the distance.
+            // The kernel's distance is a lower bound, and nearly the distance itself.
             let found = f64::from(reach[i as usize][1]);
             assert!(found <= gap + GAP && found >= gap - 0.01 * REACH, "pair {i}: {found}, not {gap}");
         }
@@ -209,12 +216,12 @@ fn no_pair_within_reach_is_missed_and_none_beyond_it_is_kept() {
     assert!(near > 100 && far > 100, "{near} within reach, {far} beyond");
 }
 
-/// A thousandth of the reach to either side of it: the promise is a bound that misses nothing and keeps little.
+/// Gaps a thousandth of the reach below and above it: the bound may miss no pair and keep few others.
 #[test]
 fn gaps_next_to_the_reach_are_told_apart() {
     let mut random = Random(32);
     for round in 0..4 {
-        // One hull against two hundred, each moved along the line of nearest points to the wanted gap.
+        // One hull against two hundred others, each moved along the line through the nearest points to the wanted gap.
         let mut hulls = mixed(&mut random, 201, 2.0);
         let mut wanted = vec![];
         hulls.swap_first(round);
@@ -229,7 +236,7 @@ fn gaps_next_to_the_reach_are_told_apart() {
         let kept: Vec<u32> = out.get("active_pairs");
         for (i, [_, b, ..]) in pairs.iter().enumerate() {
             let (_, gap) = exact::exact_distance(&hulls.points[0], &hulls.points[*b as usize]).unwrap();
-            // An overlap that was pulled apart may not end at the wanted gap.
+            // A hull that overlapped may not end at the wanted gap.
             let is_near = wanted[*b as usize - 1];
             if (gap < REACH - GAP) == is_near && (gap > REACH + GAP) != is_near {
                 assert_eq!(kept.contains(&(i as u32)), is_near, "pair {i}, a gap of {gap}");
@@ -238,11 +245,11 @@ fn gaps_next_to_the_reach_are_told_apart() {
     }
 }
 
-/// Directions and pushes of these pairs; the reach of each is one, hulls that do not overlap count as this far apart.
-/// Contacts of the last step: pair and push.
+/// Runs cull/direction on these pairs and returns their directions and pushes. The reach of each pair is 1, and hulls
+/// that do not overlap count as `gap` apart. `last` has the contacts of the last step: pair and push.
 fn directions(hulls: &Hulls, pairs: &[[u32; 4]], gap: f32, last: &[(u32, DVec3)]) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
     let listed: Vec<u32> = (0..pairs.len() as u32).rev().collect();
-    // Candidates that are no contacts lie between those that are.
+    // Candidates that were no contacts lie between those that were.
     let sources: Vec<u32> = (0..last.len() as u32).map(|c| 3 * c + 1).collect();
     let mut pushes = vec![[1e3, 1e3, 1e3, 0.0]; 3 * last.len() + 1];
     for (source, (pair, push)) in sources.iter().zip(last) {
@@ -273,7 +280,7 @@ fn cubes_part_along_their_faces() {
     hulls.add(&cube(), DQuat::IDENTITY, DVec3::ZERO);
     hulls.add(&cube(), DQuat::IDENTITY, DVec3::X * 0.9);
     hulls.add(&cube(), DQuat::IDENTITY, DVec3::new(-0.1, 1.2, 0.1));
-    // Coincident: all six normals are as good and cancel; there must still be a direction.
+    // The cubes of the last pair coincide: all six normals are equally good and cancel, but there must be a direction.
     let pairs = [[0, 1, 0, 0], [0, 2, 0, 0], [0, 0, 0, 0]];
     let (got, pushes) = directions(&hulls, &pairs, 0.0, &[]);
     assert_eq!(pushes, [[0.0; 4]; 3]);
@@ -299,12 +306,12 @@ fn directions_against_the_oracle_and_from_both_sides() {
         assert!((f64s(got).length() - 1.0).abs() < 1e-6, "{got:?}");
         let weight = (1.0 - separation).max(0.0).powi(2);
         expect_close("weight", &got[3..], &[weight], WEIGHT);
-        // Where they nearly cancel, rounding may decide; elsewhere the direction is determined.
+        // Where the normals nearly cancel, rounding may decide; elsewhere the direction is determined.
         determined.push(!proximity::nearly_cancels(&points[a], &planes[a], &points[b], &planes[b], blend));
         if determined[determined.len() - 1] {
             expect_close("direction", &got[..3], &normal.to_array(), DIRECTION);
         }
-        // parry's own distance is no less than any separation along a face, and equals it for faces that meet.
+        // The distance by parry3d is no less than the separation along any face normal, and equals it where faces meet.
         let (_, distance) = exact::exact_distance(&points[a], &points[b]).unwrap();
         assert!(distance < 0.0 || separation <= distance + SEPARATION, "{separation} along a face, {distance} at all");
     }
@@ -328,7 +335,7 @@ fn pushes_of_the_last_contacts_are_summed_by_pair() {
         let (_, pushes) = directions(&hulls, &pairs, 0.0, &last);
         for (i, push) in pushes.iter().enumerate() {
             let want: DVec3 = last.iter().filter(|(pair, _)| *pair as usize == i).map(|(_, push)| *push).sum();
-            // A hundred terms of order one.
+            // The sum has a hundred terms of order one.
             expect_close("push", push, &want.extend(want.length()).to_array(), Tolerance { abs: 1e-5, rel: 1e-5 });
         }
     }

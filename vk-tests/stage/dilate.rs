@@ -1,4 +1,6 @@
-//! Patches that share a volumetric strain: their rows, what they give to the right-hand side, and their product.
+//! Kernels elastic/dilate and solve/patches, against the f64 oracle: F-bar patches, whose tetrahedra share one
+//! volumetric strain (mean dilatation), with their rows in the operator, their part of the right-hand side, and their
+//! part of the operator product.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -12,16 +14,18 @@ use crate::harness::{case, context};
 use crate::solver::system::{System, layered, material, triples, two_layers, two_layers_one_on_a_core};
 use crate::stage::elastic::{expect_of_largest, rotate, scattered};
 
-/// Of the largest value: up to twelve rotated gradients, each a dozen roundings away from the input.
+/// Error of rows relative to the largest value: up to twelve rotated gradients, each a dozen roundings away from the
+/// input.
 const ROW: f64 = 1.0e-6;
-/// Of the largest value: strains of order one tenth come from terms of order one, known to 1e-7.
+/// Error of the right-hand side relative to the largest value: strains of order one tenth come from terms of order one,
+/// known to 1e-7.
 const FORCE: f64 = 1.0e-5;
-/// Of the largest value: a dozen terms of both signs, each known as well as a row.
+/// Error of products relative to the largest value: a dozen terms of both signs, each known as well as a row.
 const PRODUCT: f64 = 3.0e-6;
-/// m: of cells of 20 mm.
+/// Largest displacement of a node, m, in cells of 20 mm.
 const AMPLITUDE: f64 = 0.004;
 
-/// The bodies with patches where `on` says so.
+/// The bodies, of which those have patches for which `on` holds.
 fn patched(mut bodies: Vec<Body>, on: impl Fn(usize) -> bool) -> Vec<Body> {
     for (index, body) in bodies.iter_mut().enumerate().filter(|(index, _)| on(*index)) {
         let Shape::Soft { layer, .. } = &mut body.shape else { panic!("{index} is not soft") };
@@ -30,7 +34,7 @@ fn patched(mut bodies: Vec<Body>, on: impl Fn(usize) -> bool) -> Vec<Body> {
     bodies
 }
 
-/// The device's arrays of a system's patches, in which no tetrahedron is within a core.
+/// The arrays of a system's patches as the kernels read them; no tetrahedron counts as lying within a core.
 fn arrays(system: &System) -> Patches {
     let mut all = Patches::default();
     for (body, range) in system.twin.bodies.iter().zip(&system.model.soft) {
@@ -41,7 +45,8 @@ fn arrays(system: &System) -> Patches {
     all
 }
 
-/// What the kernels make of a system: forces of tetrahedra, four zeros and forces of patches; rows.
+/// Runs elastic/rotate and elastic/dilate. Returns forces, those of tetrahedra, four zeros and those of patches; and
+/// the rows.
 fn dilate(system: &System, all: &Patches) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
     let tetrahedra = system.model.tetrahedra.len();
     let turned = rotate(system, &all.of);
@@ -69,7 +74,7 @@ fn dilate(system: &System, all: &Patches) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
     (outcome.get("element_forces"), outcome.get("patch_rows"))
 }
 
-/// Forces of patches for a change of velocity, in the same array.
+/// Runs solve/patches: forces of patches for a change of velocity, at their places among the element forces.
 fn product(system: &System, all: &Patches, rows: &[[f32; 4]], change: &[[f32; 4]]) -> Vec<[f32; 4]> {
     let first = 4 * (system.model.tetrahedra.len() + 1);
     let outcome = case("solve/patches")
@@ -84,7 +89,7 @@ fn product(system: &System, all: &Patches, rows: &[[f32; 4]], change: &[[f32; 4]
     outcome.get("element_forces")
 }
 
-/// Sums by node of forces of tetrahedra and of patches.
+/// Forces of tetrahedra and patches, summed at each node.
 fn gathered(system: &System, all: &Patches, forces: &[[f32; 4]]) -> Vec<f32> {
     let tetrahedra = system.model.tetrahedra.iter().flatten().copied().zip(0..);
     let first = 4 * (system.model.tetrahedra.len() as u32 + 1);
@@ -100,7 +105,7 @@ fn wide(x: &[f32; 4]) -> DVec3 {
     DVec3::new(x[0].into(), x[1].into(), x[2].into())
 }
 
-/// Rows, right-hand side and product of each body against the oracle's.
+/// Compares rows, right-hand side and product of each body with the oracle's.
 fn expect_oracle(what: &str, system: &System, seed: u64) {
     let all = arrays(system);
     let (forces, rows) = dilate(system, &all);
@@ -149,7 +154,7 @@ fn patches_of_one_tetrahedron_are_that_tetrahedron_at_every_size() {
         let bodies = if count == 0 { vec![] } else { vec![layered(layer, material(2e4), Random(42).turn(2.5))] };
         let system = System::new(&bodies, 0.002, 43);
         expect_oracle(&format!("{count} patches"), &system, 44);
-        // Alone, a patch is what its tetrahedron would be.
+        // A patch of one tetrahedron must act as the tetrahedron does without patches.
         let all = arrays(&system);
         let with = gathered(&system, &all, &dilate(&system, &all).0);
         let without: Vec<f64> =

@@ -1,4 +1,5 @@
-//! The skins that are shown: where the host has them in f64, with the normals of those places; and read by others.
+//! Skins as they are drawn: positions and normals on the GPU must be those that the host computes in f64, and other
+//! programs can be given the arrays.
 
 use glam::DVec3;
 use palpate::Simulation;
@@ -8,12 +9,12 @@ use crate::scene::joints;
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene};
 
-/// Of positions, of their distance from the origin that was asked for: f32 of sums of a few terms. m
+/// Error of positions relative to the distance from the origin that was asked for: f32 sums of a few terms.
 const POSITION: f64 = 4e-7;
-/// Of unit normals: the error of a position over the least edge of the skins here (5 mm) and a little.
+/// Error of unit normals: the error of a position over the shortest edge of the skins here (5 mm), and a little more.
 const NORMAL: f64 = 2e-4;
 
-/// Where the vertices of all bodies and the tool are, in f64.
+/// World positions of the skin vertices of all bodies and of the tool, in f64.
 fn places(simulation: &Simulation) -> Vec<DVec3> {
     let mut all: Vec<DVec3> =
         (0..simulation.bodies().len()).flat_map(|body| simulation.skin_positions(body).unwrap()).collect();
@@ -23,7 +24,7 @@ fn places(simulation: &Simulation) -> Vec<DVec3> {
     all
 }
 
-/// Normals of these vertices.
+/// Vertex normals of the skins with these positions.
 fn normals(simulation: &Simulation, places: &[DVec3]) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; places.len()];
     for (body, range) in simulation.skin_ranges().iter().enumerate() {
@@ -69,7 +70,7 @@ fn skins_are_shown_where_they_are() {
     shown_as_it_is("free", &friction::collision(0.3), DVec3::ZERO);
     let keys = "motion = \"driven\"\nkeys = [[0.0, 0.4, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703], \
                 [0.2, 0.42, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703]]";
-    // Nothing can touch: there is no skin stage to share arrays with.
+    // In this scene nothing can touch, so that there is no skin stage to share arrays with.
     let chain = joints::chain(2e4, keys, ["", "stiffness = 0.5"], "gravity = [5.0, -25.0, 8.0]");
     shown_as_it_is("a chain", &chain, DVec3::new(0.4, 0.1, -0.2));
 }
@@ -93,10 +94,10 @@ fn what_is_shown_can_be_given_to_other_programs() {
     assert!(messages.is_empty(), "{messages:#?}");
 }
 
-/// Owns it for a moment.
+/// Takes ownership of a file descriptor, and thereby closes it.
 #[allow(unsafe_code)]
 fn close(descriptor: i32) {
     use std::os::fd::{FromRawFd, OwnedFd};
-    // SAFETY: it was given to this test alone.
+    // SAFETY: the descriptor was given to this test alone.
     drop(unsafe { OwnedFd::from_raw_fd(descriptor) });
 }

@@ -1,4 +1,5 @@
-//! Elastic: rotations, rotated gradients and the elements' right-hand side.
+//! Kernel elastic/rotate, by hand and against the f64 oracle: the rotation of each tetrahedron, its rotated gradients,
+//! and its part of the right-hand side.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::Flags;
@@ -13,25 +14,29 @@ use crate::harness::random::Random;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
 use crate::solver::system::{DT, System, layered, material};
 
-/// Angle between rotations, rad. F is known to 1e-7 in f32, the polar rotation magnifies that by one over the sum of
-/// its
-/// two least singular values (above 0.2 here), and the iteration ends within 1e-7 of where it contracts to.
+/// Error of a rotation, rad. The deformation gradient F is known to 1e-7 in f32, the polar rotation magnifies that by
+/// one over the sum of the two least singular values (above 0.2 here), and the iteration ends within 1e-7 of its limit.
 const ANGLE: f64 = 2.0e-6;
-/// rad; 40 rounds that contract by up to 0.85; those that start next to half a turn off spend some on leaving.
+/// Error of an inverted tetrahedron's rotation from a cold start, rad: 40 rounds leave up to 0.85 of the error each,
+/// and those that start next to half a turn away spend some rounds on leaving.
 const INVERTED_FROM_AFAR: f64 = 5.0e-2;
-/// rad; a turn of a round that is taken for none, over what the slowest rounds here leave to go of it.
+/// Error up to which a rotation counts as found, rad: the turn of a round that the kernel takes for none, divided by
+/// the share of the error that the slowest rounds here remove.
 const FOUND: f64 = 2.0e-3;
-/// Of the largest value: gradients are a dozen roundings away from the input.
+/// Error of gradients relative to the largest value: they are a dozen roundings away from the input.
 const GRADIENT: f64 = 1.0e-6;
-/// Of the largest value, where gradients are those of the deformed tetrahedron: the stretch, of which they have the inverse,
-/// is known to 1e-7 and a third at least.
+/// Error of gradients relative to the largest value where they are those of the deformed tetrahedron (neo-Hookean):
+/// they contain the inverse of the stretch, which is known to 1e-7 and is at least a third.
 const FOLDED: f64 = 5.0e-6;
-/// Of the largest value: strains of order one tenth come from terms of order one, known to 1e-7.
+/// Error of forces relative to the largest value: strains of order one tenth come from terms of order one, known to
+/// 1e-7.
 const FORCE: f64 = 1.0e-5;
-/// Of the largest value, at strains of 1e-6: what subtracting numbers of order one would leave is no better than 1e-1.
+/// Error relative to the largest value at strains of 1e-6; strains that are differences of numbers of order one would
+/// give 1e-1 at best.
 const TINY_STRAIN: f64 = 5.0e-6;
 
-/// Runs elastic/rotate over a whole system; `patch_of`: each tetrahedron's patch or `NONE`, empty where nothing acts by them.
+/// Runs elastic/rotate over a whole system. `patch_of` has the F-bar patch of each tetrahedron or `NONE`, and is empty
+/// without patches.
 pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
     let tetrahedra = system.model.tetrahedra.len();
     case("elastic/rotate")
@@ -74,12 +79,12 @@ pub fn scattered(count: usize, random: &mut Random) -> Layer {
     layer
 }
 
-/// Scattered tetrahedra, of which each has the deformation gradient `deform` says; at rest.
+/// Scattered tetrahedra with the deformation gradients that `deform` gives, and without velocity.
 fn deformed(count: usize, seed: u64, deform: impl FnMut(&mut Random) -> DMat3) -> System {
     deformed_of(&material(2e4).into(), count, seed, deform)
 }
 
-/// The same of these materials.
+/// Scattered tetrahedra of these materials with the deformation gradients that `deform` gives, and without velocity.
 pub fn deformed_of(
     materials: &Materials,
     count: usize,
@@ -103,7 +108,7 @@ pub fn deformed_of(
     system
 }
 
-/// The oracle's state from the device's.
+/// Copies displacements and velocities of the system to the oracle.
 pub fn sync(system: &mut System) {
     let wide = |x: &[f32; 4]| DVec3::new(x[0].into(), x[1].into(), x[2].into());
     for body in &mut system.twin.bodies {
@@ -112,7 +117,7 @@ pub fn sync(system: &mut System) {
     }
 }
 
-/// R S with singular values from `least` to 1.4 along random axes.
+/// The product R S of a rotation R and a stretch S along random axes with singular values from `least` to 1.4.
 pub fn stretched(rotation: DQuat, least: f64, random: &mut Random) -> DMat3 {
     let axes = DMat3::from_quat(random.turn(2.5));
     let middle = 1.0 + 0.15 * random.next();
@@ -120,7 +125,7 @@ pub fn stretched(rotation: DQuat, least: f64, random: &mut Random) -> DMat3 {
     DMat3::from_quat(rotation) * axes * stretch * axes.transpose()
 }
 
-/// rad; whichever of its two quaternions a rotation has.
+/// The angle between two rotations, rad, whatever the signs of their quaternions.
 fn angle(a: DQuat, b: DQuat) -> f64 {
     let between = a.normalize().conjugate() * b.normalize();
     2.0 * between.xyz().length().asin()
@@ -130,7 +135,8 @@ fn quaternions(system: &System) -> Vec<DQuat> {
     system.rotations.iter().map(|q| DQuat::from_array(q.map(f64::from))).collect()
 }
 
-/// Rotations against the polar ones; gradients and forces against the oracle at the rotations the kernel found.
+/// Compares rotations with the oracle's polar ones, and gradients and forces with the oracle's at the rotations that
+/// the kernel found.
 pub fn expect_oracle(what: &str, system: &System, force: f64) {
     let found = quaternions(system);
     let Some(body) = system.twin.bodies.first() else { return assert!(found.is_empty()) };
@@ -179,7 +185,7 @@ fn expect_gradients(what: &str, system: &System) {
     expect_of_largest(&format!("{what}: tr(E)"), &traces.0, &traces.1, FORCE);
 }
 
-/// Every value within `share` of the largest wanted.
+/// Checks that every value is within `share` of the largest wanted one.
 pub fn expect_of_largest(what: &str, got: &[f32], want: &[f64], share: f64) {
     let largest = want.iter().fold(0.0f64, |m, w| m.max(w.abs()));
     expect_close(what, got, want, Tolerance { abs: share * largest, rel: 0.0 });
@@ -187,7 +193,8 @@ pub fn expect_of_largest(what: &str, got: &[f32], want: &[f64], share: f64) {
 
 #[test]
 fn a_tetrahedron_stretched_along_an_edge_by_hand() {
-    // elastic/rotate: unit corner, 1 m; d_1 = (0.01, 0, 0): E = diag(0.01, 0, 0), P = 2 mu E + 0.01 lambda I, V = 1/6.
+    // elastic/rotate on a unit corner of 1 m with d_1 = (0.01, 0, 0): strain E = diag(0.01, 0, 0), stress P = 2 mu E +
+    // 0.01 lambda I, volume V = 1/6.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Layer::default() };
     let mut system = System::new(&[layered(layer, material(2e4), DQuat::IDENTITY)], 0.0, 1);
@@ -227,7 +234,7 @@ fn rotations_and_forces_agree_with_the_oracle_at_every_size() {
 
 #[test]
 fn far_rotations_are_found_from_a_cold_and_a_warm_start() {
-    // elastic/rotate from the identity, up to just below half a turn; the third of a turn where tr F = 0 too.
+    // elastic/rotate from the identity, for turns up to just below half a turn; at a third of a turn tr F = 0.
     let turns = [0.1, 1.0, 1.5, 2.0, 2.0 * std::f64::consts::FRAC_PI_3, 2.5, 3.0, 3.1, 3.13];
     let mut k = 0;
     let mut system = deformed(40 * turns.len(), 11, |random| {
@@ -237,7 +244,7 @@ fn far_rotations_are_found_from_a_cold_and_a_warm_start() {
     });
     system.rotate();
     expect_oracle("cold", &system, FORCE);
-    // What a former step left: the same, and some way off.
+    // Warm starts: from the rotations that were found, and from some way off.
     system.rotate();
     expect_oracle("the same again", &system, FORCE);
     let mut random = Random(12);
@@ -251,8 +258,9 @@ fn far_rotations_are_found_from_a_cold_and_a_warm_start() {
 
 #[test]
 fn inverted_tetrahedra_keep_proper_rotations() {
-    // elastic/rotate, det F < 0: the proper rotation that flips the least direction. The iteration contracts by
-    // s1 / (s1 + s2 + s3) a round, here up to 0.85: one step comes near from afar, a few steps arrive.
+    // elastic/rotate where det F < 0: the rotation is the proper one, which flips the direction of least stretch. With
+    // singular values s1 >= s2 >= s3 a round leaves s1 / (s1 + s2 + s3) of the error, here up to 0.85: the first step
+    // comes near, and a few more arrive.
     let mut system = deformed(500, 13, |random| {
         let turn = random.turn(2.5);
         stretched(turn, -0.35 + 0.25 * random.next(), random)
@@ -269,7 +277,7 @@ fn inverted_tetrahedra_keep_proper_rotations() {
     expect_oracle("after five steps", &system, FORCE);
 }
 
-/// Flags after the kernel, of those before it.
+/// Flags after the kernel, which starts from those of the system.
 fn flags_of(system: &System) -> Flags {
     Flags(rotate(system, &[]).get::<Counts>("counts")[0].flags)
 }
@@ -293,7 +301,8 @@ fn one_that_is_inside_out_raises_a_flag_beside_others() {
 
 #[test]
 fn a_rotation_that_is_not_found_raises_a_flag_until_it_is() {
-    // elastic/rotate, pressed from two sides to a needle and turned: rounds contract by 0.987 about it.
+    // elastic/rotate on tetrahedra pressed to needles and turned: a round leaves 0.987 of the error of the turn about
+    // the needle.
     let mut system = deformed(100, 29, |random| {
         let axes = DMat3::from_quat(random.turn(2.5));
         let turn = DMat3::from_quat(DQuat::from_scaled_axis(0.5 * random.vector()));
@@ -315,7 +324,7 @@ fn a_rotation_that_is_not_found_raises_a_flag_until_it_is() {
 
 #[test]
 fn tiny_strains_keep_their_digits() {
-    // elastic/rotate at strains (and turns) of 1e-6.
+    // elastic/rotate at strains and turns of 1e-6.
     let mut system = deformed(300, 17, |random| {
         let g = DMat3::from_cols(random.vector(), random.vector(), random.vector());
         DMat3::IDENTITY + 1e-6 * g
@@ -326,8 +335,8 @@ fn tiny_strains_keep_their_digits() {
 
 #[test]
 fn rigid_motions_give_no_force_and_forces_balance() {
-    // elastic/rotate: a rotated element pushes no more than rounding of its strain does; forces sum to zero; a twist
-    // of the whole (v = w x x) is not resisted.
+    // elastic/rotate: a rotated tetrahedron has no more force than rounding of its strain gives; forces sum to zero; a
+    // rigid spin of the whole (v = w x x) is not resisted.
     let spin = DVec3::new(3.0, -2.0, 1.0);
     let mut system = deformed(300, 19, |random| DMat3::from_quat(random.turn(2.5)));
     let body = &system.twin.bodies[0];
@@ -344,7 +353,7 @@ fn rigid_motions_give_no_force_and_forces_balance() {
         let size = crate::solver::system::triples(forces).iter().fold(0.0f32, |m, x| m.max(x.abs()));
         assert!(f64::from(size) < FORCE * unit[t], "[{t}]: {size:e} of {:e} at a strain of one", unit[t]);
     }
-    // The same elements, deformed: their forces balance.
+    // With the tetrahedra deformed, the forces of each must balance.
     system.displacement.iter_mut().for_each(|d| d[0] *= 1.3);
     system.rotate();
     for forces in system.element_forces[..1200].chunks(4) {
@@ -356,7 +365,7 @@ fn rigid_motions_give_no_force_and_forces_balance() {
 
 #[test]
 fn the_oracles_polar_rotation_is_one() {
-    // What the other tests lean on: R^T F is symmetric, R is proper.
+    // The other tests rely on this: R^T F is symmetric, and R is proper.
     let mut random = Random(23);
     for _ in 0..100 {
         let least = random.next();

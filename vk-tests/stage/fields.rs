@@ -1,5 +1,6 @@
-//! Fields of the skins: each kernel against f64, whole fields against what the host knows, and a run that is looked at against
-//! one that is not.
+//! Fields on the skins for display (contact depth and pressure, strain energy density, displacement): each kernel
+//! against f64, whole fields against values computed on the host, and a run whose fields are read
+//! against a run whose fields are not.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::{Const, Size};
@@ -20,29 +21,33 @@ use crate::scene::whole_step::{open, run, scene, soft_twin};
 use crate::solver::system::{System, layered, material, mixed, two_layers};
 use crate::stage::elastic::{deformed_of, expect_of_largest, stretched};
 
-/// Of the largest value: strains of order one tenth come from terms of order one, known to 1e-7; a density is their square.
+/// Error of densities relative to the largest: strains of order one tenth come from terms of order one, known to 1e-7;
+/// a density is their square.
 const DENSITY: f64 = 1.0e-5;
-/// Of the largest value at strains of 1e-6, among them some that hardly change the volume, of which the trace is a small
-/// difference; what subtracting numbers of order one would leave is no better than 1e-1.
+/// Error of densities relative to the largest at strains of 1e-6, some of which hardly change the volume, so that their
+/// trace is a small difference; strains that are differences of numbers of order one would give 1e-1 at best.
 const TINY_STRAIN: f64 = 5.0e-5;
-/// By hand: a dozen roundings.
+/// Relative error where the expected values are computed by hand: a dozen roundings.
 const BY_HAND: f64 = 1.0e-6;
-/// Sums of a few terms in f32.
+/// Error of f32 sums of a few terms.
 const SUM: Tolerance = Tolerance { abs: 1e-6, rel: 2e-6 };
-/// Of pressures of a step: of f32 sums of parts that may cancel, each of the pressure's size.
+/// Error of the force that a step's pressures give, relative to the summed sizes of its parts, which may cancel: f32
+/// sums.
 const PRESSURE: f64 = 1.0e-5;
-/// Of a whole field, of its largest: displacements in f32, of which the stress is a small difference.
+/// Error of a whole field relative to its largest value: displacements are f32, and the stress is a small difference of
+/// them.
 const WHOLE: f64 = 2.0e-4;
-/// What f64 leaves of nothing at rest; both m and J/m^3.
+/// Largest value of a field at rest, where f64 leaves rounding; m or J/m^3.
 const REST: f64 = 1.0e-12;
 
-/// 0, 1, around the width of a workgroup, and many.
+/// The sizes 0, 1, around the width of a workgroup, and a large one.
 fn sizes() -> [usize; 6] {
     let width = context().group_size() as usize;
     [0, 1, width - 1, width, width + 1, 1234]
 }
 
-/// Running totals of lists of up to four, and what they hold below `n`.
+/// Lists of up to four random indices below `n`, one for each owner: running totals of their lengths, and their
+/// contents.
 fn lists(owners: usize, n: usize, random: &mut Random) -> (Vec<u32>, Vec<u32>) {
     let (mut first, mut held) = (vec![0], Vec::new());
     for _ in 0..owners {
@@ -52,7 +57,7 @@ fn lists(owners: usize, n: usize, random: &mut Random) -> (Vec<u32>, Vec<u32>) {
     (first, held)
 }
 
-/// draw/energy over a system.
+/// Runs draw/energy over a system.
 fn energy(system: &System, patch_of: &[u32]) -> Outcome {
     let tetrahedra = system.model.tetrahedra.len();
     case("draw/energy")
@@ -75,7 +80,7 @@ fn energy(system: &System, patch_of: &[u32]) -> Outcome {
         .run()
 }
 
-/// The oracle's densities of a system's bodies, at their own rotations.
+/// The oracle's energy densities of a system's tetrahedra, at the oracle's own rotations.
 fn wanted(system: &System) -> Vec<f64> {
     let of_body = |body: &palpate_oracle::step::SoftBody| {
         let rotations = body.elements.rotations(&body.displacement);
@@ -90,7 +95,8 @@ fn column(rows: &[[f32; 4]], k: usize) -> Vec<f32> {
 
 #[test]
 fn the_energy_of_a_tetrahedron_stretched_along_an_edge_by_hand() {
-    // draw/energy: unit corner, d_1 = (0.01, 0, 0), E = diag(0.01, 0, 0): (mu + lambda / 2) 1e-4; V = 1/6.
+    // draw/energy on a unit corner with d_1 = (0.01, 0, 0), strain E = diag(0.01, 0, 0) and volume V = 1/6: the
+    // corotational density is (mu + lambda / 2) 1e-4.
     for law in [Law::Corotational, Law::NeoHookean] {
         let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
         let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Layer::default() };
@@ -100,7 +106,7 @@ fn the_energy_of_a_tetrahedron_stretched_along_an_edge_by_hand() {
         let got: Vec<[f32; 4]> = energy(&system, &[]).get("densities");
         let (mu, lambda) = (2e4 / 2.9, 2e4 * 0.45 / (1.45 * 0.1));
         let (m, l) = (4.0 / 3.0 * mu, lambda + 5.0 / 6.0 * mu);
-        // I = 2 + 1.01^2, J = 1.01.
+        // The invariants of the neo-Hookean law are I = 2 + 1.01^2 and J = 1.01.
         let (grown, j, a) = (1.01f64.powi(2) - 1.0, 1.01f64, 1.0 + 0.75 * m / l);
         let bent = m * (grown - (1.0 + grown / 4.0).ln()) + l * ((j - a).powi(2) - (1.0 - a).powi(2));
         let want = if law == Law::Corotational { (mu + 0.5 * lambda) * 1e-4 } else { 0.5 * bent };
@@ -163,7 +169,7 @@ fn energies_of_patches_agree_with_the_oracle() {
 fn sums_over_patches_of_any_number() {
     let mut random = Random(31);
     for n in sizes() {
-        // One tetrahedron is in one patch.
+        // Each patch has two tetrahedra, and no tetrahedron is in two patches.
         let (first, members) =
             ((0..=n as u32).map(|p| 2 * p).collect::<Vec<_>>(), (0..2 * n as u32).rev().collect::<Vec<_>>());
         let rows: Vec<[f32; 4]> = (0..2 * n)
@@ -237,7 +243,7 @@ fn nodes_have_the_mean_of_their_tetrahedra_and_vertices_that_of_their_nodes() {
     }
 }
 
-/// Nodes and weights of vertices, some of them rigid; one at least.
+/// Nodes and weights of `n` skin vertices, at least one, of which some are rigid.
 fn vertices(n: usize, nodes: usize, random: &mut Random) -> (Vec<[u32; 4]>, Vec<[f32; 4]>) {
     let four = |k: usize, random: &mut Random| match k % 7 {
         6 => [NONE, 0, 0, 0],
@@ -327,7 +333,7 @@ fn contacts_show_at_both_skins_and_the_greatest_of_a_vertex_stays() {
             let mut contacts: Vec<Contact> = (0..n.max(1)).map(|c| contact(c, &mut random)).collect();
             let mut forces: Vec<[f32; 4]> =
                 contacts.iter().map(|_| [0.0, 0.0, 0.0, 0.2 * random.next() as f32]).collect();
-            // One that no solver would leave, and one that pulls.
+            // One force is NaN, which no solver would leave, and one contact is under tension.
             if n > 20 {
                 forces[3][3] = f32::NAN;
                 contacts[6].rate = -100.0;
@@ -366,7 +372,8 @@ fn contacts_show_at_both_skins_and_the_greatest_of_a_vertex_stays() {
     }
 }
 
-/// A field as the device has it, without the padding; the greatest of each body is that of its vertices.
+/// A field as it is on the GPU, without its padding. Also checks that the greatest value reported for each body is that
+/// of its vertices.
 fn shown(simulation: &mut Simulation, field: Field) -> Vec<f32> {
     let ranges = simulation.skin_ranges();
     let found = simulation.field(field).unwrap();
@@ -381,7 +388,7 @@ fn shown(simulation: &mut Simulation, field: Field) -> Vec<f32> {
     values
 }
 
-/// Strain energy density and displacement of all skin vertices, as the host has them.
+/// Strain energy density and displacement at all skin vertices, computed on the host.
 fn of_host(simulation: &Simulation) -> (Vec<f64>, Vec<f64>) {
     let ranges = simulation.skin_ranges();
     let total = ranges.last().unwrap().end;
@@ -413,7 +420,7 @@ fn of_host(simulation: &Simulation) -> (Vec<f64>, Vec<f64>) {
     (energies, distances)
 }
 
-/// Depth and pressure of the last step's contacts, as they began.
+/// Depth and pressure at all skin vertices from the contacts of the last step, as they were at its start.
 fn of_contacts(simulation: &Simulation) -> (Vec<f64>, Vec<f64>) {
     let total = simulation.skin_ranges().last().unwrap().end;
     let (mut depths, mut pressures) = (vec![0.0f64; total], vec![0.0f64; total]);
@@ -483,7 +490,7 @@ fn pressures_are_what_the_tool_feels() {
         touched += usize::from(felt.length() > 0.01);
     }
     assert!(touched > 10);
-    // Both skins show it; what is taken up from elsewhere shows what the step began with.
+    // Both skins show the pressure. After a state is restored, the pressure at the start of the step is shown.
     let values = shown(&mut simulation, Field::Pressure);
     let ranges = simulation.skin_ranges();
     assert!(ranges.iter().all(|range| values[range.clone()].iter().any(|p| *p > 0.0)));
@@ -494,7 +501,8 @@ fn pressures_are_what_the_tool_feels() {
     expect_of_largest("pressures at the start", &values, &began, PRESSURE);
 }
 
-/// Of each step: its row, the force that the pressures of the tool's own contacts make, and their sizes summed.
+/// For each step its report, the force that the pressures of the tool's own contacts give, N, and the sum of their
+/// sizes, N.
 fn run_looking(simulation: &mut Simulation, steps: usize) -> Vec<(StepReport, DVec3, f64)> {
     let mut all = Vec::new();
     for _ in 0..steps {

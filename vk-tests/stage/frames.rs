@@ -1,5 +1,6 @@
-//! Kernels that know frames: tetrahedra, skin and proxies that span two, nodes that driven frames carry, the state seen
-//! from where a frame is at the end of a step, and the sums a floating frame is fitted from.
+//! Kernels that deal with the coordinate frames of bodies: tetrahedra, skin and proxies with nodes in two frames, nodes
+//! attached to driven frames, the new state as seen from the frame at the end of a step, and the sums from which a
+//! floating frame is fitted.
 
 use bytemuck::Zeroable;
 use glam::{DMat3, DQuat, DVec3};
@@ -18,16 +19,16 @@ use crate::harness::random::Random;
 use crate::harness::{Tolerance, case, context, expect_close};
 use crate::solver::system::{System, layered, material};
 
-/// Positions of some tenths of a metre after a dozen f32 operations, m.
+/// Error of positions of some tenths of a metre after a dozen f32 operations, m.
 const PLACED: Tolerance = Tolerance { abs: 2e-7, rel: 1e-6 };
-/// Of the largest force: strains of a tenth from positions known to 1e-7.
+/// Error of forces relative to the largest: strains of a tenth from positions known to 1e-7.
 const FORCE: f64 = 1.0e-5;
-/// Velocities of about 1 m/s.
+/// Error of velocities of about 1 m/s.
 const VELOCITY: Tolerance = Tolerance { abs: 1e-6, rel: 2e-6 };
-/// Sums over up to 1234 nodes, of the largest of the same kind.
+/// Error of sums over up to 1234 nodes, relative to the summed magnitudes.
 const SUM: f64 = 2.0e-6;
 
-/// A frame in the world.
+/// Place of a frame in the world.
 #[derive(Clone, Copy)]
 struct Placed {
     centre: DVec3,
@@ -42,7 +43,7 @@ fn narrow(x: DVec3) -> [f32; 4] {
     x.as_vec3().extend(0.0).to_array()
 }
 
-/// A bar whose halves ride on two frames.
+/// A bar whose halves belong to two frames.
 fn two_frames() -> Body {
     let mut body = layered(
         kuhn_box(DVec3::new(-0.06, -0.02, -0.02), DVec3::new(0.06, 0.02, 0.02), [6, 2, 2]),
@@ -57,8 +58,9 @@ fn two_frames() -> Body {
     body
 }
 
-/// The bar somewhere, and bent: its frames turned by up to `angle` (rad) against one another, nodes displaced in their
-/// frames. Links and frames as the host writes them; the twin has the same shape in rest axes.
+/// The bar at some place, and bent: its frames are turned by up to `angle` (rad) against one another, and nodes are
+/// displaced in their frames. Links (transforms between frames) and frames are as the host writes them; the twin has
+/// the same shape relative to rest axes.
 fn bent(angle: f64, seed: u64) -> (System, Vec<Placed>) {
     let body = two_frames();
     let mut random = Random(seed);
@@ -76,7 +78,7 @@ fn bent(angle: f64, seed: u64) -> (System, Vec<Placed>) {
             ..Frame::default()
         };
     }
-    // Both ways, whichever the tetrahedra need.
+    // Links in both directions are added, also those that no tetrahedron needs.
     for link in [[0, 1], [1, 0]].into_iter().filter(|link| !system.model.links.contains(link)).collect::<Vec<_>>() {
         system.model.links.push(link);
     }
@@ -115,7 +117,7 @@ fn tetrahedra_that_span_two_frames_have_the_oracles_forces() {
         assert!(spanning > 10, "{spanning} tetrahedra span the frames");
         system.rotate();
         let body = &system.twin.bodies[0];
-        // The twin's rotations are its own: of the whole deformation, from rest axes.
+        // The twin uses its own rotations, those of the whole deformation from rest axes.
         let rotations = body.elements.rotations(&body.displacement);
         let elastic = body.elements.forces(&body.displacement, &rotations);
         let h = system.twin.dt;
@@ -141,7 +143,7 @@ fn frames_moved_as_one_give_no_force() {
     system.displacement.fill([0.0; 4]);
     system.velocity.fill([0.0; 4]);
     system.rotate();
-    // Links in f64 leave 1e-16 m at most, and f32 keeps such small things small.
+    // Links computed in f64 are off by 1e-16 m at most, and f32 keeps such small numbers small.
     let largest = system.element_forces.iter().map(|f| wide(f).length()).fold(0.0, f64::max);
     assert!(largest < 1e-14, "{largest:e} N s");
 }
@@ -151,7 +153,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
     let (system, places) = bent(0.9, 11);
     let moved = world(&system, &places);
     let nodes = system.model.node_rest.len();
-    // Each tetrahedron's middle, and a point outside it.
+    // Weights of the middle of each tetrahedron, and of a point outside it.
     let weights = [[0.25f32; 4], [1.5, -0.3, -0.4, 0.2]];
     let skin_nodes: Vec<[u32; 4]> = system.model.tetrahedra.iter().flat_map(|t| [*t; 2]).collect();
     let skin_weights: Vec<[f32; 4]> = system.model.tetrahedra.iter().flat_map(|_| weights).collect();
@@ -190,7 +192,8 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
     let want: Vec<f64> = skin_nodes.iter().zip(&skin_weights).flat_map(place).collect();
     expect_close("skin", out.get::<[f32; 4]>("skin").as_flattened(), &want, PLACED);
 
-    // A proxy on each frame that holds all nodes: the farthest of them, seen from its frame.
+    // A proxy on each frame that lists all nodes: its inflation follows from the node farthest from rest, seen from its
+    // frame.
     let proxy = |frame: u32| Proxy {
         frame,
         hull_first: 4 * frame,
@@ -205,7 +208,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
     let listed: Vec<[u32; 2]> = (0..2u32)
         .flat_map(|to| {
             let own = system.model.node_info.iter().enumerate().map(move |(n, info)| (to, n, info[2]));
-            // Two a texel.
+            // Two nodes share a texel, so that an odd number is filled up.
             own.chain((nodes % 2 == 1).then_some((to, 0, system.model.node_info[0][2])))
         })
         .map(|(to, n, from)| [n as u32, if to == from { 0 } else { link(to, from).unwrap() as u32 }])
@@ -241,7 +244,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
     }
 }
 
-/// A frame that moves over the step, and where it is at its end.
+/// A frame that moves over the step, with its places at the start and at the end.
 fn moving(random: &mut Random, h: f64, angle: f64) -> (Frame, Placed, Placed) {
     let start = Placed { centre: random.vector(), rotation: random.turn(3.0) };
     let end = Placed { centre: start.centre + 0.01 * random.vector(), rotation: random.turn(angle) * start.rotation };
@@ -318,7 +321,7 @@ fn driven_nodes_go_where_their_frame_takes_them() {
             assert_eq!(got[2 * i], [-7.0; 4], "free nodes stay");
             let r = wide(&rest[2 * i + 1]);
             let want = (end.centre + end.rotation * r - start.centre - start.rotation * r) / h;
-            // f32 knows the turn's vector part to 6e-8 of itself, and so its arc.
+            // f32 knows the vector part of the frame's turn, and so the arc, to 6e-8 of itself.
             let tolerance = VELOCITY.abs + VELOCITY.rel * (want.length() + angle * r.length() / h);
             assert!(wide(&got[2 * i + 1]).distance(want) < tolerance, "{:?} for {want}", got[2 * i + 1]);
         }
@@ -334,7 +337,7 @@ fn what_dynamic_cores_carry_has_their_twist_and_its_first_guess() {
         let (linear, angular) = (random.vector(), random.vector());
         let frame = Frame { core: 1, linear: linear.as_vec3().into(), angular: angular.as_vec3().into(), ..frame };
         let x: [f32; 6] = std::array::from_fn(|_| random.next() as f32);
-        // The second of two, in either set.
+        // The core is the second of two, and either set may hold the newest iterate.
         let current = count as u32 % 2;
         let mut iterates = [RigidIterate::zeroed(); 4];
         iterates[2 * current as usize + 1].x = x;

@@ -1,4 +1,5 @@
-//! wrench/gap: the shortest way from the tool to skin, against every point and triangle in f64; and what the loop is told of it.
+//! Kernel wrench/gap, which finds the shortest vector from the tool to the skins at the end of a step, against every
+//! point and triangle in f64, and the report of it to the haptic loop.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -14,27 +15,27 @@ use crate::harness::random::Random;
 use crate::harness::{case, context};
 use crate::stage::flow::{Flow, fours, some};
 
-/// Of a sphere, m.
+/// Radius of a sphere tool, m.
 const RADIUS: f64 = 0.01;
-/// Of a way, m: positions of a tenth of a metre, some ten operations in f32.
+/// Error of a way, m: positions of a tenth of a metre, some ten operations in f32.
 const CLOSE: f64 = 2.0e-7;
-/// What is no length, m.
+/// The length that stands for no way, m.
 const FAR: f32 = 3.0e38;
-/// Chunks of a part at most.
+/// Greatest number of chunks (groups of skin vertices and triangles) in a part, which one workgroup handles.
 const SHARE: u32 = 8;
 
-/// What wrench/gap is given besides the flow's arrays: the tool is the flow's last body.
+/// Inputs of wrench/gap besides the flow's arrays; the tool is the flow's last body.
 struct Given {
     flow: Flow,
     parts: Vec<SkinPart>,
-    /// Changes of twists of the cores, then of the tool; the newest set is the second.
+    /// Changes of the twists of the cores, then of the tool, in the second set of iterates, which is the newest.
     changes: Vec<[f32; 6]>,
     is_round: bool,
-    /// Of a ball about the tool's centre that holds it.
+    /// Radius of a ball about the tool's centre that holds the tool, m.
     radius: f64,
 }
 
-/// Where a frame is at the end of the step: centre and rotation.
+/// Centre and rotation of a frame at the end of the step.
 type Place = (DVec3, DQuat);
 
 fn vector(x: [f32; 3]) -> DVec3 {
@@ -101,7 +102,8 @@ impl Given {
             .output::<SkinGap>("gaps", self.parts.len())
             .groups(self.parts.len())
             .run();
-        // What was looked at lies where the oracle has it, from the tool's centre along its axes.
+        // Vertices that the kernel looked at are where the oracle has them, relative to the tool's centre and along its
+        // axes.
         let ((centre, rotation), positions) = (self.tool_at_end(), self.positions());
         for (got, want) in out.get::<[f32; 4]>("skin").iter().zip(&positions) {
             let want = rotation.inverse() * (*want - centre);
@@ -131,7 +133,7 @@ impl Given {
         (centre + h * (vector(frame.linear) + DVec3::from_slice(&x[..3])), turn * rotation)
     }
 
-    /// Of all skin vertices at the end of the step, the tool's included.
+    /// Positions of all skin vertices at the end of the step, those of the tool included.
     fn positions(&self) -> Vec<DVec3> {
         let (flow, model) = (&self.flow, &self.flow.model);
         let ends: Vec<Place> = flow.frames.iter().map(|frame| self.end_of(frame)).collect();
@@ -158,7 +160,7 @@ impl Given {
         all.map(|((nodes, weights), frame)| place((nodes, weights, frame))).collect()
     }
 
-    /// The triangles of chunks.
+    /// The triangles of a range of chunks: their indices, and their corners.
     fn triangles(&self, first: u32, count: u32) -> (Vec<u32>, Vec<[u32; 3]>) {
         let model = &self.flow.model;
         let chunks = &model.chunks[first as usize..][..count as usize];
@@ -168,7 +170,7 @@ impl Given {
         (indices, corners)
     }
 
-    /// All ways from the tool to a part, triangles numbered as the device numbers them.
+    /// All ways from the tool to a part, with the triangles' numbers as in the kernel.
     fn ways(&self, part: &SkinPart) -> Vec<Way> {
         let positions = self.positions();
         let model = &self.flow.model;
@@ -186,7 +188,7 @@ impl Given {
         let of_tool: Vec<&Proxy> = model.proxies.iter().filter(|p| p.frame as usize == self.tool_frame()).collect();
         let (first, count) = (of_tool[0].chunk_first, of_tool.iter().map(|p| p.chunk_count).sum());
         let (tool_indices, tool_corners) = self.triangles(first, count);
-        // Vertices of the one against triangles of the other; each side's corners are numbered among all.
+        // Vertices of each go against triangles of the other; corners are indices among all positions.
         let towards = own(first, count)
             .into_iter()
             .flat_map(|x| oracle::from_point(x, (&positions, &corners)).collect::<Vec<_>>());
@@ -197,8 +199,8 @@ impl Given {
         towards.map(|way| named(way, &indices)).chain(back.map(|way| named(way, &tool_indices))).collect()
     }
 
-    /// Holds what the device found against all ways, at the sizes of a CPU and of a GPU; how many parts had something near,
-    /// and in how many the tool was within.
+    /// Compares the kernel's ways with all ways, at the workgroup sizes of a CPU and of a GPU. Returns the number of
+    /// parts with something near, and the number of parts in which the tool is within the body.
     fn agree(&self) -> [usize; 2] {
         let (mut near, mut within) = (0, 0);
         let [small, large] = [Size::Reduce, Size::Group].map(|size| self.run(size));
@@ -220,7 +222,8 @@ impl Given {
                 }
                 None => assert_eq!((got.way, got.triangle), ([0.0; 3], NONE)),
             }
-            // Where the nearest faces away it is found; else it is one that was met on the way.
+            // If the nearest triangle faces away, its way is found; otherwise `back` is some way that was met during
+            // the search.
             let most = front.map_or(f64::INFINITY, |front| size(front) - CLOSE);
             for found in [got, other].map(|got| f64::from(got.back)) {
                 match back.filter(|back| size(*back) < most) {
@@ -234,9 +237,10 @@ impl Given {
     }
 }
 
-/// A rigid skin of so many loose triangles about the origin, up to `reach` away each way, of up to `edge`.
+/// A rigid skin of `count` loose triangles about the origin: centres lie up to `reach` (m) away along each axis, edges
+/// are some `edge` (m) long.
 fn soup(name: &str, count: usize, reach: f64, edge: f64, random: &mut Random) -> Body {
-    // What there is none of is cut off later.
+    // A skin has one triangle at least; a test that wants none cuts it off later.
     let count = count.max(1);
     let mut vertices = vec![];
     for _ in 0..count {
@@ -261,7 +265,8 @@ fn moving(frame: &Frame, random: &mut Random) -> Frame {
 
 #[test]
 fn a_triangle_before_a_sphere_and_behind_it_by_hand() {
-    // wrench/gap: the tool's centre goes from 0.02 by (0.64 + 0.64) / 64 = 0.02 along z to 0.04, over a triangle in z = 0.
+    // wrench/gap: in a step of 1/64 s the tool's centre moves by (0.64 + 0.64) / 64 = 0.02 along z, to 0.04 above a
+    // triangle in z = 0, or to 0.04 behind it.
     let mut random = Random(3);
     let tool = rigid("tool", sphere(RADIUS, 1), whole, DVec3::ZERO, DQuat::IDENTITY);
     let mesh = (
@@ -284,7 +289,7 @@ fn a_triangle_before_a_sphere_and_behind_it_by_hand() {
             true => assert!((got.way, got.triangle, got.back) == ([0.0, 0.0, -0.04], 0, FAR), "{got:?}"),
             false => assert!((got.triangle, got.back) == (NONE, 0.04), "{got:?}"),
         }
-        // Just out of reach.
+        // A little farther away the triangle is out of reach.
         given.flow.params.tool_centre[2] += if front { 1e-5 } else { -1e-5 };
         let got = given.run(Size::Reduce)[0];
         assert_eq!((got.triangle, got.way), (NONE, [0.0; 3]));
@@ -293,7 +298,8 @@ fn a_triangle_before_a_sphere_and_behind_it_by_hand() {
 
 #[test]
 fn equal_ways_go_to_the_lower_triangle() {
-    // wrench/gap: a cube's corner is a corner of several triangles, each as far away to the last bit.
+    // wrench/gap: the nearest point is a corner that several triangles share, so that their ways are equal to the last
+    // bit.
     let mut random = Random(8);
     let tool = rigid("tool", sphere(RADIUS, 1), whole, DVec3::ZERO, DQuat::IDENTITY);
     let mut body = soup("body", 6, 0.1, 0.1, &mut random);
@@ -339,7 +345,7 @@ fn shortest_ways_to_loose_triangles_of_any_number() {
             }
             let [some, inside] = given.agree();
             (near, within) = (near + some, within + inside);
-            // No part, and parts of no chunk.
+            // First all parts lose their chunks, then there are no parts at all.
             given.parts.iter_mut().for_each(|part| part.chunk_count = 0);
             assert!(given.run(Size::Reduce).iter().all(|got| got.triangle == NONE), "{n}");
             given.parts.clear();
@@ -349,7 +355,8 @@ fn shortest_ways_to_loose_triangles_of_any_number() {
     assert!(near >= 20 && within > 5, "{near} parts near, {within} within");
 }
 
-/// A soft ball whose nodes are shaken by up to `size`; if `spans`, a second frame, a dynamic core, has all but its left end.
+/// A soft ball, and displacements of its nodes of up to `size` (m). If `spans`, all but its left end belongs to a
+/// second frame, a dynamic core.
 fn ball(spans: bool, size: f64, random: &mut Random) -> (Body, Vec<[f32; 4]>) {
     let mut ball = soft("ball", sphere(0.04, 4), octants, DVec3::new(0.02, -0.01, 0.03), random.turn(3.0));
     let Shape::Soft { layer, frames, node_frames, .. } = &mut ball.shape else { unreachable!() };
@@ -369,7 +376,7 @@ fn shortest_ways_to_deformed_bodies() {
     for seed in 0..12 {
         let mut random = Random(seed + 40);
         let (spans, is_round) = (seed % 2 == 1, seed % 4 < 2);
-        // At rest, shaken, and carried off besides.
+        // First at rest, then with displaced nodes, and last with a shift of the whole ball besides.
         let (size, shift) = [(0.0, 0.0), (0.004, 0.0), (0.01, 0.05)][seed as usize / 4];
         let shift = shift * random.vector().normalize();
         let (ball, mut shaken) = ball(spans, size, &mut random);
@@ -385,7 +392,7 @@ fn shortest_ways_to_deformed_bodies() {
         given.radius = if is_round { RADIUS } else { given.flow.model.tool_radius };
         given.flow.displacement = shaken;
         if spans {
-            // The larger part has come away from the rest, and turned.
+            // The frame of the larger part has moved away from the other one, and turned.
             let frame = &mut given.flow.frames[1];
             frame.centre = (vector(frame.centre) + 0.04 * random.vector()).as_vec3().to_array();
             frame.rotation = (random.turn(0.4) * quaternion(frame.rotation)).as_quat().to_array();
@@ -405,7 +412,7 @@ fn shortest_ways_to_deformed_bodies() {
             let offset = back * (starts[from].0 - starts[to].0) - rest;
             *link = Link { turn: (back * starts[from].1).as_quat().to_array(), offset: offset.as_vec3().to_array() };
         }
-        // From out of reach of some place of the skin to there.
+        // The tool's centre is put at falling distances from random places of the skin, the first one out of reach.
         let (skin, count) = (given.positions(), sphere(0.04, 4).0.len());
         for away in [0.045, 0.035, 0.028, 0.02, 0.014, 0.01, 0.005, 0.0] {
             let centre = skin[random.below(count)] + away * random.vector().normalize();
@@ -418,7 +425,7 @@ fn shortest_ways_to_deformed_bodies() {
     assert!(near > 60 && within > 30, "{near} parts near, {within} within");
 }
 
-/// What the loop is told, of the whole step.
+/// The gap that the haptic loop is told, in whole steps.
 mod told {
     use glam::{DQuat, DVec3};
     use palpate::internal::step::{ContactWrench, Held};
@@ -427,14 +434,14 @@ mod told {
     use super::RADIUS;
     use crate::scene::whole_step::{open, scene};
 
-    /// s.
+    /// Time step, s.
     const STEP: f64 = 5e-3;
-    /// N/m^3.
+    /// Stiffness of contact, N/m^3.
     const STIFFNESS: f64 = 3e7;
-    /// m: f32 positions near the tool, and frames in f32.
+    /// Error of the gap's length, m: f32 positions near the tool, and frames in f32.
     const CLOSE: f64 = 5e-8;
 
-    /// A scene with a sphere as the tool, or another one; nothing joins it to the device.
+    /// A scene with these bodies and a tool that has no virtual coupling.
     fn opened(bodies: &str, tool: &str) -> Simulation {
         let text = format!(
             "[step]\ndt = {STEP:?}\ngravity = [0.0, -9.81, 0.0]\n[contact]\nstiffness = {STIFFNESS:?}\n{bodies}\n\
@@ -443,7 +450,8 @@ mod told {
         open(&scene(&text), None)
     }
 
-    /// A block whose nodes all ride on a core; its top is y = 0, its sides x and z = 0.04 each way.
+    /// A block whose nodes are all attached to a core; its top is at y = 0, and its sides are at 0.04 each way in x and
+    /// z.
     fn block(core: &str) -> String {
         format!(
             "[[body]]\nname = \"block\"\n\
@@ -455,7 +463,7 @@ mod told {
 
     const FLOOR: &str = "[[body]]\nname = \"floor\"\nplane = [0.0, 0.8, 0.6, -0.02]\n";
 
-    /// A step from the tool in a pose and at a velocity.
+    /// Runs a step from this pose and velocity of the tool.
     fn step(simulation: &mut Simulation, tool: RigidState) -> ContactWrench {
         let held = Held { ticks: 1, time: 0.0, device: tool, tool, coupling: None, max_force: f64::INFINITY };
         simulation.step_held(&held, STEP).unwrap();
@@ -473,7 +481,7 @@ mod told {
         let gap = wrench.gap.unwrap_or_else(|| panic!("no gap at {}", tool.position));
         assert!((gap.distance - distance).abs() < CLOSE, "{gap:?}, not {distance} at {}", tool.position);
         assert!(gap.normal.distance(normal.normalize()) < 1e-5, "{gap:?}, not {normal}");
-        // The ring along which the sphere touches in its first millimetre.
+        // The stiffness is that of the ring along which the sphere touches in its first millimetre.
         let stiffness = STIFFNESS * 2.0 * std::f64::consts::PI * RADIUS * 1e-3;
         assert!((gap.stiffness / stiffness - 1.0).abs() < 1e-6, "{gap:?}");
         assert_eq!((wrench.wrench.force, wrench.pressing), (DVec3::ZERO, 0.0));
@@ -484,32 +492,32 @@ mod told {
         let sphere = format!("sphere = {RADIUS:?}");
         let mut simulation = opened(&block("motion = \"fixed\""), &sphere);
         expect(&mut simulation, at(0.0, 0.015, 0.0), DVec3::Y, 0.005);
-        // Over the edge and the corner, where the nearest point is on those.
+        // Beside an edge and beside a corner, the nearest point is on these.
         expect(&mut simulation, at(0.05, 0.012, 0.001), DVec3::new(0.01, 0.012, 0.0), 0.01f64.hypot(0.012) - RADIUS);
         let corner = DVec3::new(0.01, 0.012, -0.008);
         expect(&mut simulation, at(0.05, 0.012, -0.048), corner, corner.length() - RADIUS);
-        // As far as it looks, and no further.
+        // The gap is found within the range of the search, and not beyond.
         expect(&mut simulation, at(0.0, 0.0399, 0.0), DVec3::Y, 0.0299);
         assert_eq!(step(&mut simulation, at(0.0, 0.0401, 0.0)).gap, None);
-        // It is said of the end of the step.
+        // The gap is that at the end of the step.
         let moving = RigidState { velocity: DVec3::new(0.4, -0.2, 0.0), ..at(0.0, 0.015, 0.0) };
         expect(&mut simulation, moving, DVec3::Y, 0.005 - 0.2 * STEP);
-        // In the step in which they meet, nothing was found at its start.
+        // In the step in which tool and block meet, no contact was found at the start, and the gap ends below zero.
         let fast = RigidState { velocity: DVec3::Y * -2.0, ..at(0.0, 0.012, 0.0) };
         expect(&mut simulation, fast, DVec3::Y, 0.002 - 2.0 * STEP);
-        // Held or not, and in contact or not.
+        // No gap is reported if no haptic loop moves the tool, and none during contact.
         simulation.step().unwrap();
         assert_eq!(simulation.contact_wrench().unwrap().gap, None);
         let touching = (0..3).map(|_| step(&mut simulation, at(0.0, 0.0095, 0.0))).last().unwrap();
         assert!(touching.wrench.force.y > 0.0 && touching.gap.is_none(), "{touching:?}");
-        // Deep inside nobody knows the way out.
+        // Deep inside a body no way out is known, so no gap is reported.
         assert_eq!(step(&mut simulation, at(0.0, -0.03, 0.0)).gap, None);
 
         let mut simulation = opened(FLOOR, &sphere);
         let normal = DVec3::new(0.0, 0.8, 0.6);
         expect(&mut simulation, at(0.3, 0.01, 0.005), normal, 0.8 * 0.01 + 0.6 * 0.005 + 0.02 - RADIUS);
         assert_eq!(step(&mut simulation, at(0.0, 0.1, 0.0)).gap, None);
-        // The nearer of both.
+        // Of two bodies, the nearer one counts.
         let mut simulation = opened(&format!("{}{FLOOR}", block("motion = \"fixed\"")), &sphere);
         expect(&mut simulation, at(0.0, 0.012, 0.0), DVec3::Y, 0.002);
         expect(&mut simulation, at(0.0, 0.015, -0.03), normal, 0.8 * 0.015 - 0.6 * 0.03 + 0.02 - RADIUS);
@@ -524,14 +532,14 @@ mod told {
     #[ignore = "long: 6 s"]
     fn bodies_that_move_are_where_the_step_leaves_them() {
         let sphere = format!("sphere = {RADIUS:?}");
-        // Driven upwards by 0.2 m/s, and turned meanwhile about y.
+        // The block is driven upwards by 0.2 m/s, and turns about y meanwhile.
         let keys = "motion = \"driven\"\nkeys = [[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], \
                     [1.0, 0.0, 0.2, 0.0, 0.0, 0.38268343236, 0.0, 0.92387953251]]";
         let mut simulation = opened(&block(keys), &sphere);
         for k in 1..=3 {
             expect(&mut simulation, at(0.0, 0.02, 0.0), DVec3::Y, 0.01 - 0.2 * STEP * f64::from(k));
         }
-        // One that falls away, as implicit Euler has it, and one that floats.
+        // A block falls away in steps of implicit Euler: with a dynamic core, and floating without a core.
         let dynamic = block("motion = \"dynamic\"");
         let floating = dynamic.split("[[body.core]]").next().unwrap().to_string();
         for body in [dynamic, floating] {
@@ -558,20 +566,20 @@ mod told {
         let gap = |simulation: &mut Simulation, tool: RigidState| step(simulation, tool).gap;
         let found = gap(&mut simulation, at(0.0, 0.015, 0.0)).unwrap();
         assert!((found.distance - 0.005).abs() < CLOSE && found.normal.distance(DVec3::Y) < 1e-6, "{found:?}");
-        // On its corner, 10 mm times the root of three below its centre.
+        // The cube is on a corner, 10 mm times the square root of three below its centre.
         let turn = DQuat::from_rotation_arc(DVec3::ONE.normalize(), DVec3::NEG_Y);
         let tilted = RigidState { orientation: turn, ..at(0.0, 0.025, 0.0) };
         let found = gap(&mut simulation, tilted).unwrap();
         let want = 0.025 - 0.01 * 3f64.sqrt();
         assert!((found.distance - want).abs() < CLOSE && found.normal.distance(DVec3::Y) < 1e-5, "{found:?}");
-        // Above the half-space, beside the block.
+        // The cube is above the half-space, beside the block.
         let beside = RigidState { orientation: turn, ..at(0.3, 0.02, 0.0) };
         let found = gap(&mut simulation, beside).unwrap();
         let normal = DVec3::new(0.0, 0.8, 0.6);
         let local = turn.inverse() * normal;
         let want = 0.8 * 0.02 + 0.02 - 0.01 * (local.x.abs() + local.y.abs() + local.z.abs());
         assert!((found.distance - want).abs() < CLOSE && found.normal.distance(normal) < 1e-6, "{found:?} {want}");
-        // With a corner in the block by the end of the step, nobody knows the way out.
+        // A corner lies in the block at the end of the step: no way out is known, so no gap is reported.
         let fast = RigidState { velocity: DVec3::Y * -2.0, orientation: turn, ..at(0.3, 0.0, 0.0) };
         let fast = RigidState { position: DVec3::new(0.003, 0.0225, 0.001), ..fast };
         assert_eq!(gap(&mut simulation, fast), None);

@@ -1,4 +1,5 @@
-//! cull/meet: the lists of all slots become one, in the order of slots, and what does not fit is flagged.
+//! Kernel cull/meet: the lists of chunks (groups of up to 64 skin vertices) of all slots (a collision proxy in a pair
+//! of bodies) become one, in the order of slots, and what does not fit is flagged.
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
@@ -26,7 +27,7 @@ fn lists_of_slots_are_joined_in_order() {
                 chunks.push([mask, NONE]);
                 items += mask.count_ones();
             }
-            // Room that is not used.
+            // Each slot has room in the list that is not used.
             chunks.push([NONE; 2]);
             proxies.push(Proxy {
                 chunk_first: random.below(5000) as u32,
@@ -40,7 +41,7 @@ fn lists_of_slots_are_joined_in_order() {
         (1..active.len()).for_each(|k| active.swap(k, random.below(k + 1)));
         let gathering = random.below(slots + 1);
         for most in [all.max(1) as usize, all as usize + 3, (all as usize / 2).max(1)] {
-            // Of half-spaces, so that every chunk meets.
+            // The pairs are with half-spaces, so that every chunk meets the other side.
             let out = case("cull/meet")
                 .size(Size::Reduce)
                 .constant("SLOTS", slots as u32)
@@ -68,7 +69,7 @@ fn lists_of_slots_are_joined_in_order() {
                     let (first_item, index) = (items.len() as u32, want.len() as u32);
                     let mut regions = 0;
                     for r in (0..PAIR_REGIONS as u32).filter(|r| found >> r & 1 == 1) {
-                        // What does not fit is left out, from the end.
+                        // Work items that do not fit are left out, from the end.
                         regions |= if items.len() < most { 1 << r } else { 0 };
                         items.push([index, slot.pair * PAIR_REGIONS as u32 + r]);
                     }

@@ -1,4 +1,4 @@
-//! Kernels one by one, a file a kernel or a group of them, against f64.
+//! Kernels one by one against f64, with a file for each kernel or group of kernels.
 
 pub mod candidates;
 pub mod chunks;

@@ -1,5 +1,5 @@
-//! depth/cross and contact/candidates where there is more than fits: crossings beyond their room, and loops that a driver
-//! leaves early; whatever is missing is flagged. And where there is nothing to look for.
+//! Kernels depth/cross and contact/candidates where results do not fit: more ray hits than the buffers hold, and loops
+//! that a driver leaves early. Whatever is missing must be flagged. Work items that cannot hit anything are tested too.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,7 @@ use crate::stage::flow::Flow;
 
 const CONTACT_OVERFLOW: u32 = 4;
 
-/// All crossings are found, or the flag says that they are not.
+/// Runs depth/cross with room for `crossings` hits: either all are found, or a flag says that some are missing.
 fn found_or_flagged(what: &str, mut flow: Flow, crossings: usize) {
     flow.most_hits = crossings;
     flow.embed();
@@ -32,8 +32,8 @@ fn found_or_flagged(what: &str, mut flow: Flow, crossings: usize) {
 fn what_a_driver_leaves_out_of_long_loops_is_flagged() {
     let mut random = Random(67);
     let axes = Region { tangent: [1.0, 0.0, 0.0], bitangent: [0.0, 1.0, 0.0], ..region(DVec3::Z, 1.0, 0.25) };
-    // Eight squares a row, and a triangle each row. Row r has a pile of vertices in its square r: lanes that take a row
-    // each come to them one after another, and each to one alone.
+    // Eight rows of eight grid cells, with a triangle for each row. Row r has a pile of vertices in its cell r: lanes
+    // that take a row each come to the piles one after another, and each lane to one pile only.
     let at = |k: usize| -0.875 + 0.25 * k as f64;
     let rows = (0..8).flat_map(|r| {
         let across = DVec3::new(0.999, at(r), 0.0);
@@ -45,7 +45,7 @@ fn what_a_driver_leaves_out_of_long_loops_is_flagged() {
         let points: Mesh = ((0..piles * each).map(place).collect(), vec![]);
         found_or_flagged(&format!("{piles} piles of {each}"), meshes([&points, &rows], &[axes]), piles * each);
     }
-    // Squares without end: each triangle covers them all.
+    // Now each triangle covers all cells of a fine grid.
     for layers in [10, 100] {
         let points: Mesh =
             ((0..200).map(|_| random.vector() * DVec3::new(0.4, 0.4, 0.0) + 0.5 * DVec3::Z).collect(), vec![]);
@@ -81,7 +81,7 @@ fn more_crossings_than_fit_are_flagged() {
 fn more_crossings_than_fit_are_flagged_on_both_paths() {
     let ball = rigid("ball", sphere(1.0, 5), whole, DVec3::ZERO, DQuat::IDENTITY);
     for (layers, flags) in [(4, 0), (120, CONTACT_OVERFLOW)] {
-        // Layers above one another, each of one large triangle, through the ball's height.
+        // The layers are one large triangle each, above one another through the ball's height.
         let layer = |k: u32| {
             let height = 1.8 * (f64::from(k) + 0.5) / f64::from(layers) - 0.9;
             [(-3.0, -1.5), (3.0, -1.5), (0.0, 4.0)].map(|(x, y)| DVec3::new(x, y, height))
@@ -108,7 +108,7 @@ fn items_of_half_spaces_cross_nothing() {
     let (mesh, over) = bumpy(&mut random);
     let mut flow = meshes([&(over, vec![]), &mesh], &[region(DVec3::Z, 1.0, 0.1)]);
     flow.embed();
-    // Bins that something of another pair left behind.
+    // The spatial hash holds vertices that another pair left there.
     flow.pairs[0].is_plane = 1;
     flow.cross();
     assert_eq!(flow.counts.hits, 0);

@@ -1,4 +1,6 @@
-//! Meshes that are drawn over the skins: where the host has their vertices in f64, closed, facing outward; and regions.
+//! Meshes that are drawn over the skins: collision proxies, cut layers (tetrahedral meshes), cores and bones. Their
+//! vertices must be where the host has them in f64, and they must be closed and face outward. The
+//! squares that show contact patches are tested too.
 
 use std::collections::BTreeMap;
 
@@ -13,12 +15,12 @@ use crate::scene::joints;
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene};
 
-/// Of positions, of their distance from the origin that was asked for: f32 of sums of a few terms. m
+/// Error of positions relative to the distance from the origin that was asked for: f32 sums of a few terms.
 const POSITION: f64 = 4e-7;
-/// Of volumes: positions are f32.
+/// Relative error of volumes: positions are f32.
 const VOLUME: f64 = 1e-5;
 
-/// Positions in the world, and triangles.
+/// World positions of a mesh's vertices, and its triangles.
 fn read(mesh: &Mesh, origin: DVec3) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let all = mesh.positions.read::<[f32; 4]>().unwrap();
     let places = all[..mesh.vertex_count].iter().map(|x| {
@@ -31,7 +33,7 @@ fn read(mesh: &Mesh, origin: DVec3) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (places.collect(), triangles.collect())
 }
 
-/// Parts follow one another, cover all, and keep to their own vertices.
+/// Checks that the parts follow one another, cover the whole mesh, and use their own vertices only.
 fn check_parts(mesh: &Mesh, triangles: &[[u32; 3]]) {
     let (mut vertex, mut triangle) = (0, 0);
     for part in mesh.parts.iter() {
@@ -43,7 +45,7 @@ fn check_parts(mesh: &Mesh, triangles: &[[u32; 3]]) {
     assert_eq!((vertex, triangle), (mesh.vertex_count, mesh.triangle_count));
 }
 
-/// Every edge is walked as often one way as the other; positions name corners.
+/// Checks that every edge is passed as often one way as the other. Corners are identified by their positions.
 fn expect_closed(what: &str, places: &[DVec3], triangles: &[[u32; 3]]) {
     let key = |v: u32| places[v as usize].to_array().map(f64::to_bits);
     let mut edges: BTreeMap<_, i32> = BTreeMap::new();
@@ -61,7 +63,7 @@ fn near(what: &str, got: DVec3, want: DVec3, origin: DVec3) {
     assert!(error < POSITION * reach, "{what}: {got} for {want}: {error:e}");
 }
 
-/// A part's triangles.
+/// The triangles of a part.
 fn of<'a>(part: &Part, triangles: &'a [[u32; 3]]) -> &'a [[u32; 3]] {
     &triangles[part.triangles.clone()]
 }
@@ -71,7 +73,7 @@ fn pressed() -> (Simulation, DVec3) {
     (open(&scene(&press(2e4, 1e-3, place, "")), None), place.shift)
 }
 
-/// A chain of three cores, two of which swing, the last bound by a capsule.
+/// A chain of three cores, two of which swing; the nodes of the core at its tip are those within a capsule.
 fn chain() -> Simulation {
     let keys = "motion = \"driven\"\nkeys = [[0.0, 0.4, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703], \
                 [0.2, 0.42, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703]]";
@@ -98,7 +100,8 @@ fn proxies_ride_on_their_frames() {
         for part in mesh.parts.iter() {
             expect_closed(&part.name, &places, of(part, &triangles));
         }
-        // The block's frame stays; the tool's corners are as far from its centre as at rest.
+        // The block's frame stays, and so do its hulls. The corners of the tool's hull are vertices of its skin, which
+        // moves with the tool.
         let Shape::Soft { proxies, .. } = &simulation.bodies()[0].shape else { panic!("rigid") };
         let body = &simulation.bodies()[0];
         let rest: Vec<DVec3> =
@@ -123,7 +126,8 @@ fn a_layer_is_cut_open_where_its_nodes_are() {
     let (mut simulation, origin) = pressed();
     run(&mut simulation, 40);
     let Shape::Soft { layer, .. } = simulation.bodies()[0].shape.clone() else { panic!("rigid") };
-    // As wide as it is deep: across z, through the middle. Then across y, and not at all.
+    // The default cut is across z, since the block is as wide as it is deep, and through the middle. Then follow a cut
+    // across y, and one that misses the block.
     assert_eq!(simulation.layer_cut(0), Some(Cut { normal: DVec3::Z, offset: 0.0 }));
     let across = Cut { normal: DVec3::Y, offset: 0.01 };
     for cut in [None, Some(Cut { normal: 2.0 * across.normal, ..across }), Some(Cut { normal: DVec3::X, offset: 1.0 })]
@@ -135,12 +139,12 @@ fn a_layer_is_cut_open_where_its_nodes_are() {
         let (places, triangles) = read(&mesh, origin);
         check_parts(&mesh, &triangles);
         expect_closed("a layer", &places, &triangles);
-        // Which node each vertex is.
+        // The node at which each vertex lies.
         let node_of =
             |x: DVec3| (0..now.len()).min_by(|a, b| now[*a].distance(x).total_cmp(&now[*b].distance(x))).unwrap();
         let nodes: Vec<usize> = places.iter().map(|x| node_of(*x)).collect();
         places.iter().zip(&nodes).for_each(|(x, n)| near("a node", *x, now[*n], origin));
-        // The volume behind the cut, of nodes as they are now.
+        // The volume behind the cut, with the nodes where they are now.
         let volume6 = |t: &[u32; 4]| palpate::internal::prepare::layer::volume6(&now, t);
         let middle = |t: &[u32; 4]| t.iter().map(|n| layer.nodes[*n as usize]).sum::<DVec3>() / 4.0;
         let kept = layer.tetrahedra.iter().filter(|t| used.normal.dot(middle(t)) <= used.offset);
@@ -150,11 +154,11 @@ fn a_layer_is_cut_open_where_its_nodes_are() {
         let [skin, open] = &mesh.parts[..] else { panic!("two parts of one body") };
         assert_eq!((skin.name.as_str(), open.name.as_str()), ("skin", "cut"));
         assert_eq!(open.triangles.is_empty(), want == all);
-        // Cut faces are near the plane: cells are 12.5 mm. Faces of the skin are of the box.
+        // Cut faces lie near the plane, since cells are 12.5 mm wide.
         for v in open.vertices.clone() {
             assert!((used.normal.dot(layer.nodes[nodes[v]]) - used.offset).abs() < 0.0126);
         }
-        // How far nodes moved is their value; the strain energy is another.
+        // The value at a vertex is the displacement of its node. The strain energy gives other values.
         let (moved, _) = simulation.nodes(0).unwrap().unwrap();
         let values = mesh.values.read::<f32>().unwrap();
         for (v, n) in nodes.iter().enumerate() {
@@ -234,7 +238,7 @@ fn regions_are_squares_at_their_contacts() {
     assert!(u.dot(v).abs() < 1e-6 && u.dot(square.normal).abs() < 1e-6 && v.dot(square.normal).abs() < 1e-6);
     for contact in &contacts {
         let from = contact.position - square.centre;
-        // Bodies moved on since: by less than 1 mm a step.
+        // The bodies have moved on since, by less than 1 mm a step.
         let within = [u, v].iter().zip(square.half).all(|(t, half)| t.dot(from).abs() <= half + 1e-3);
         assert!(within && square.normal.dot(from).abs() < 5e-3, "{contact:?} of {square:?}");
     }

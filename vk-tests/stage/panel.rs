@@ -1,14 +1,14 @@
-//! view/panel: tinted texels of the atlas, mixed with the picture, against f64.
+//! Shader view/panel: tinted quads with texels of an atlas, blended with the image, against f64.
 
 use palpate::internal::gpu::{Before, Buffer, Canvas, Image, Memory, Recorder, Texels};
 use palpate_view::painter::{Atlas, Flat, Painter, Piece};
 
 use crate::harness::{assert_clean, context, turn};
 
-/// Of the picture, pixels; a point is two.
+/// Width and height of the image, pixels; a point, the unit of the quad's coordinates, is two pixels.
 const SIZE: [u32; 2] = [12, 8];
 const BACKGROUND: [f32; 4] = [0.2, 0.4, 0.6, 1.0];
-/// A byte of rounding in the product and one in the mix.
+/// Error of a channel, in units of a byte: one of rounding in the product, and one in the blend.
 const ROUNDING: f64 = 2.0;
 
 #[test]
@@ -22,7 +22,7 @@ fn a_tinted_quad_of_the_atlas_is_mixed_with_the_picture_within_its_part() {
     let tint = [128u8, 192, 64, 192];
     let corner =
         |x: f32, y: f32, u: f32, v: f32| [x.to_bits(), y.to_bits(), u.to_bits(), v.to_bits(), u32::from_le_bytes(tint)];
-    // From (2, 2) to (10, 6) in pixels; its last two columns lie beyond the part.
+    // The quad goes from pixel (2, 2) to (10, 6); its last two columns lie beyond the part that may be drawn on.
     let corners = [
         corner(1.0, 1.0, 0.0, 0.0),
         corner(5.0, 1.0, 1.0, 0.0),

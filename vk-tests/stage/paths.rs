@@ -1,4 +1,5 @@
-//! The two paths of the depth stage against each other: the same crossings, contacts, forces and traces, to the last bit.
+//! The two paths of the depth stage, compute and graphics, against each other: the same ray hits, contacts, forces and
+//! step reports, to the last bit.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -23,7 +24,7 @@ use crate::scene::whole_step::{open, run, scene};
 
 const PATHS: [Path; 2] = [Path::Compute, Path::Graphics];
 
-/// A row as bits, without the wall time.
+/// A step report as bits, without the wall time.
 fn bits(row: &StepReport) -> Vec<u64> {
     let tool = row.tool.unwrap();
     let vectors = [tool.tool.position, tool.force, tool.torque];
@@ -35,7 +36,7 @@ fn bits(row: &StepReport) -> Vec<u64> {
     all.iter().map(|x| x.to_bits()).chain(counts).collect()
 }
 
-/// Runs a scene by both paths, step by step.
+/// Runs a scene on both paths, step by step, and compares step reports, contact patches and contacts.
 fn judge(name: &str, scene: &Scene, steps: usize) {
     let mut simulations = PATHS.map(|path| open(scene, Some(path)));
     let (mut contacts, mut force) = (0, 0.0f64);
@@ -103,7 +104,7 @@ fn soft_balls_under_a_tool_are_the_same_by_both_paths() {
     );
 }
 
-/// The stages up to depth, by both paths, for rigid bodies and a tool.
+/// The stages up to depth, on both paths, for rigid bodies and a tool.
 struct Query {
     common: Common,
     cull: Cull,
@@ -134,8 +135,9 @@ impl Query {
         Query { common, cull, skin, depths, recordings, model, scene }
     }
 
-    /// Crossings on the ray of each binned vertex by one path, sorted, so that it does not matter in which order they were
-    /// found: region and side, triangle, bits of the depth, front; `None` where it said that it did not find all.
+    /// Hits of one path on the ray of each vertex in the spatial hash, sorted, so that the order in which they were
+    /// found does not matter: 2 * patch + side, triangle, bits of the depth, work item and front. `None` where a flag
+    /// says that some are missing.
     fn crossings(&self, path: usize, texel: f32, position: DVec3, orientation: DQuat) -> Option<Vec<Vec<[u32; 4]>>> {
         let params = StepParams { depth_limit: 1.0, texel, ..StepParams::zeroed() };
         self.common.params.write(&[params]).unwrap();
@@ -148,7 +150,7 @@ impl Query {
         tool.rotation = orientation.as_quat().to_array();
         self.common.frames.write(&frames).unwrap();
         self.common.links.write(&links).unwrap();
-        // Chunks hold fewer vertices than there is room for; what lies beyond is never written.
+        // Chunks hold fewer vertices than there is room for, and the rest of the room is never written.
         let room = self.skin.bin_hits.bytes() as usize / 4;
         self.skin.bin_hits.write(&vec![NONE; room]).unwrap();
         self.skin.bin_squares.write(&vec![[NONE; 2]; room]).unwrap();
@@ -173,13 +175,13 @@ impl Query {
         let all: Vec<Vec<_>> = (0..bins).map(list).collect();
         let found: usize = all.iter().map(Vec::len).sum();
         assert_eq!(found, counts.hits as usize, "crossings on the lists, and counted");
-        // Other flags may be up: at some poses there are more directions than a pair has regions for.
+        // Other flags may be raised: at some poses there are more directions than a pair has contact patches for.
         (!Flags(counts.flags).contains(Flags::CONTACT_OVERFLOW)).then_some(all)
     }
 }
 
-/// Holds the paths against each other at random poses of the tool beside a vertex of the body, with squares of these
-/// edges (m; 0: chosen by the skins) in turn; crossings, and the most squares along a side of a column.
+/// Compares the paths at random poses of the tool beside a vertex of the body, with grid cells of these edges (m; 0:
+/// chosen from the skins) in turn. Returns the number of hits, and the most cells along a side of a contact patch.
 fn compare(body: Body, tool: &Body, poses: usize, texels: &[f32]) -> (usize, f32) {
     let prepare::Shape::Rigid { skin, .. } = &body.shape else { panic!("not rigid") };
     let vertices = skin.vertices.clone();
@@ -214,8 +216,9 @@ fn both_paths_find_the_same_crossings_at_random_poses() {
     let pumpkin = prepare::body(&scene.bodies[0], &scene).unwrap();
     let (crossings, _) = compare(pumpkin, &tool, 24, &[0.0, 1.0, 0.02, 0.002]);
     assert!(crossings > 10_000, "{crossings}");
-    // As many squares as a column may have, to the far end of the picture. The triangles are small: llvmpipe ends loops
-    // after 65,535 rounds, so an invocation of the compute path must not look through more squares than that.
+    // This grid has as many cells as a patch may have along a side, so that its far end is used when rasterized. The
+    // triangles are small: llvmpipe, Mesa's driver for CPUs, ends loops after 65,535 rounds, and an invocation of the
+    // compute path must not look through more cells than that.
     let (crossings, squares) = compare(tool.clone(), &tool, 6, &[1e-9]);
     let most = MOST_CELLS as f32;
     assert!(crossings > 5_000 && squares > most - 0.01 && squares <= most, "{crossings} {squares}");
@@ -224,7 +227,8 @@ fn both_paths_find_the_same_crossings_at_random_poses() {
 #[test]
 #[ignore = "long: 8 s"]
 fn a_loop_that_the_device_leaves_early_is_flagged() {
-    // All vertices in one square: every triangle looks through all of them, more than llvmpipe's loops have rounds for.
+    // All vertices are in one cell: every triangle looks through all of them, which takes more rounds than llvmpipe's
+    // loops have.
     let scene = scene(
         "[[body]]\nname = \"pumpkin\"\nsurface = { model = \"pumpkin\", vertices = 40000 }\n\
          [tool]\nsphere = 0.15\nmass = 1.0\nposition = [0.0, 0.0, 0.0]\n",

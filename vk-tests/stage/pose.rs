@@ -1,4 +1,5 @@
-//! pose/place: hulls and face planes in the world, the bounds of proxies, cleared counters and indirect arguments.
+//! Kernel pose/place: hulls and face planes of collision proxies in the world, the bounds of proxies, and cleared
+//! counters and indirect arguments.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -11,12 +12,12 @@ use palpate_oracle::proximity;
 use crate::harness::random::Random;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
 
-/// Positions of order one through some twenty f32 operations.
+/// Error of positions of order one after some twenty f32 operations.
 const PLACED: Tolerance = Tolerance { abs: 2e-6, rel: 1e-6 };
-/// The bound adds a thousandth and a micrometre of its own, so that rounding never makes it too small.
+/// Error of a bound, to which the kernel adds a thousandth and a micrometre, so that rounding never makes it too small.
 const BOUND: Tolerance = Tolerance { abs: 1.1e-6, rel: 1.1e-3 };
 const BUCKETS: u32 = 100;
-/// What the last step counted.
+/// The counters that the last step left.
 const LAST: Counts = Counts {
     chunks: 1,
     items: 2,
@@ -45,7 +46,7 @@ struct Given {
 }
 
 impl Given {
-    /// A proxy with these hull vertices, face planes and nodes.
+    /// Adds a proxy with these hull vertices, face planes and nodes.
     fn add(&mut self, proxy: Proxy, hull: &[[f32; 4]], faces: &[[f32; 4]], nodes: &[[u32; 2]]) {
         self.proxies.push(Proxy {
             hull_first: self.hull.len() as u32,
@@ -59,7 +60,7 @@ impl Given {
         self.hull.extend(hull);
         self.faces.extend(faces);
         self.nodes.extend(nodes);
-        // Two a texel: the last again where their number is odd.
+        // Two nodes share a texel: where their number is odd, the last one is listed twice.
         if nodes.len() % 2 == 1 {
             self.nodes.push(nodes[nodes.len() - 1]);
             self.proxies.last_mut().unwrap().node_count += 1;
@@ -67,7 +68,7 @@ impl Given {
     }
 
     fn run(&self) -> Outcome {
-        // What a step left behind.
+        // The arguments that an earlier step left.
         let stale = vec![77u32; ARGS_WORDS];
         let nodes = if self.nodes.is_empty() { &vec![[0; 2]; 2] } else { &self.nodes };
         case("pose/place")
@@ -123,13 +124,14 @@ fn a_quarter_turn_by_hand() {
     let out = given.run();
     let hull: Vec<f32> = out.get("hull");
     expect_close("hull", &hull, &[1.0, 2.0, 3.0, 0.0, 10.0, 1.0, 0.5, 0.0, 6.0, 3.0, 0.5, 0.0], PLACED);
-    // The x face turns to y; the frame moved along x, so its offset stays.
+    // The x face turns to y; the frame is moved along x, so that the offset of the face's plane stays.
     expect_close("faces", &out.get("faces"), &[0.0, 1.0, 0.0, 0.25], PLACED);
     let bounds: Vec<ProxyBounds> = out.get("bounds");
     expect_close("low", &bounds[1].low, &[6.0, 1.0, 0.5], PLACED);
     expect_close("high", &bounds[1].high, &[10.0, 3.0, 0.5], PLACED);
     expect_close("radius", &[bounds[0].radius, bounds[1].radius], &[0.0, 5f64.sqrt()], PLACED);
-    // The first is moved by half a metre, twice over; nothing moves the second.
+    // The first proxy's node is displaced by half a metre, which the weight bound of two doubles; the second proxy has
+    // no nodes.
     expect_close("inflation", &[bounds[0].inflation, bounds[1].inflation], &[1.01, 0.01], BOUND);
     assert_eq!(out.get::<Counts>("counts"), [Counts { last_contacts: LAST.contacts, ..Counts::default() }]);
     assert_eq!(out.get::<u32>("buckets"), [NONE; BUCKETS as usize]);
@@ -143,13 +145,13 @@ fn a_quarter_turn_by_hand() {
     assert!(others.all(|word| slots[word] == 77), "the solver's slots are its own");
 }
 
-/// Where a node that is displaced by `d` from `r` on one frame is displaced to on another.
+/// The displacement, in another frame, of a node that is displaced by `d` from its place at rest `r` in its own frame.
 fn across(link: &Link, r: DVec3, d: DVec3) -> DVec3 {
     let [x, y, z, w] = link.turn.map(f64::from);
     DVec3::from_array(link.offset.map(f64::from)) + DQuat::from_xyzw(x, y, z, w).normalize() * (r + d) - r
 }
 
-/// Proxies of these numbers of hull vertices, faces and nodes on five frames; links between them if `spans`.
+/// Proxies on five frames with these numbers of hull vertices, faces and nodes; if `spans`, with nodes in other frames.
 fn crowd(sizes: &[[usize; 3]], spans: bool, random: &mut Random) -> Given {
     let place = |random: &mut Random| frame(random.turn(3.0), random.vector());
     let link = |random: &mut Random| {

@@ -1,4 +1,5 @@
-//! depth/cross leaves out triangles that no vertex looks as far back as.
+//! Kernel depth/cross leaves out triangles that no ray can reach, since all rays in their cells of the grid start on
+//! the far side of them.
 
 use std::collections::BTreeSet;
 
@@ -18,7 +19,7 @@ fn triangles_that_no_vertex_looks_as_far_back_as_are_left_out() {
     let run = |key: u32| {
         let mut flow = meshes([&points, &mesh], &[region]);
         flow.embed();
-        // As if a's vertices looked down from that height in the first square alone.
+        // The grid is set as if a's vertices cast their rays down from this height, in the first cell alone.
         let first = flow.bucket_count as usize;
         flow.buckets[first..first + 256].fill(NONE);
         flow.buckets[first] = key;
@@ -34,7 +35,7 @@ fn triangles_that_no_vertex_looks_as_far_back_as_are_left_out() {
         assert!(found.iter().all(meets));
         found.len()
     };
-    // The mesh reaches up to an eighth.
+    // The mesh reaches up to an eighth: rays from 0.5 may hit all of it, rays from -0.2 nothing.
     let found = run(sight_key(0, 0.5));
     assert!(found > 0 && found < mesh.1.len() / 50, "{found} of {}", mesh.1.len());
     assert_eq!(run(sight_key(0, -0.2)), 0);

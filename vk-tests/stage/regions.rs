@@ -1,4 +1,5 @@
-//! cull/regions: the regions of a pair of bodies, their columns, and which slots take part.
+//! Kernel cull/regions: the contact patches of a pair of bodies (places that may touch along one normal) with their
+//! rectangles, and the slots (a collision proxy in a pair) that take part.
 
 use bytemuck::Zeroable;
 use glam::DVec3;
@@ -13,15 +14,16 @@ use crate::harness::random::Random;
 use crate::harness::{Outcome, Tolerance, case, expect_close};
 use crate::stage::flow::{Box3, FIELD_WORDS};
 
-/// Dot products of order one in f32.
+/// Error of dot products of order one in f32.
 const PLACED: Tolerance = Tolerance { abs: 2e-6, rel: 2e-6 };
-/// A unit vector from a weighted sum of some hundred.
+/// Error of a unit vector from a weighted sum of some hundred vectors.
 const DIRECTION: Tolerance = Tolerance { abs: 3e-6, rel: 0.0 };
 const REGION_OVERFLOW: u32 = 2;
 const INFLATION: f32 = 0.03;
 const HALF: f64 = 0.2;
 
-/// Cubes as proxies: so many of a, then so many of b; of each pair of proxies the direction with its weight, and the push.
+/// Cubes as proxies, those of a before those of b; for each pair of proxies the direction with its weight, and the
+/// push.
 struct Given {
     places: Vec<DVec3>,
     pair: Pair,
@@ -39,7 +41,8 @@ fn corners(place: DVec3) -> Vec<DVec3> {
 }
 
 impl Given {
-    /// Cubes about the origin; directions of all pairs in turn, with their weights; no pushes.
+    /// Cubes about the origin, so many of each body. The pairs of proxies have these directions and weights in turn,
+    /// and no pushes.
     fn new(counts: [u32; 2], directions: &[(DVec3, f64)], random: &mut Random) -> Given {
         let pairs = counts[0] * counts[1];
         let pair = Pair {
@@ -101,8 +104,9 @@ impl Given {
     }
 }
 
-/// What holds of any answer: axes are orthonormal, boxes hold the inflated hulls, columns are what both sides' members cover in
-/// common, shares sum to one, fields are cleared, and the slots of a column are active. How many regions there are.
+/// Checks what holds for any answer: axes are orthonormal, boxes hold the inflated hulls, a patch's rectangle is what
+/// the members of both sides cover in common, shares sum to one, min-max depth grids are cleared, and the slots in a
+/// rectangle are active. Returns the number of patches.
 fn check(given: &Given, out: &Outcome) -> usize {
     let (regions, boxes): (Vec<Region>, Vec<Box3>) = (out.get("regions"), out.get("boxes"));
     let (shares, bits): (Vec<f32>, Vec<u32>) = (out.get("shares"), out.get("slot_regions"));
@@ -148,12 +152,13 @@ fn check(given: &Given, out: &Outcome) -> usize {
         let own = &shares[PAIR_REGIONS * s..][..PAIR_REGIONS];
         let sum: f32 = own.iter().sum();
         let member = bits[s] >> PAIR_REGIONS != 0;
-        // Of regions that it is no member of, a twentieth of what their strength is more than a tenth of all.
+        // In a patch of which it is no member, the slot's share is at most (s - 0.1) / 20, where s is the patch's share
+        // of the strength of all patches.
         for r in (0..live).filter(|r| bits[s] >> (PAIR_REGIONS + r) & 1 == 0) {
             let strength = regions[r].weight / regions.iter().map(|region| region.weight).sum::<f32>();
             assert!(own[r] <= 0.05 * (strength - 0.1).max(0.0) + 1e-6, "slot {s}, region {r}: {own:?}");
         }
-        // One, and those.
+        // The shares of a member sum to one, and those shares in other patches come on top.
         assert!(if member { sum > 0.998 && sum < 1.052 } else { sum <= 0.05 }, "slot {s}: {own:?}");
         assert!(own[live..].iter().all(|share| *share == 0.0));
     }
@@ -217,7 +222,7 @@ fn opposite_groups_have_a_region_each() {
 fn nothing_near_gives_nothing() {
     let mut random = Random(93);
     let mut given = Given::new([3, 4], &[(DVec3::X, 0.0)], &mut random);
-    // What the last step left.
+    // These patches are left from the last step.
     given.before.fill(Region { normal: [0.0, 1.0, 0.0], weight: 1.0, ..Region::default() });
     let out = given.run();
     assert_eq!((check(&given, &out), flags(&out)), (0, 0));

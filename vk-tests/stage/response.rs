@@ -1,4 +1,5 @@
-//! contact/response beyond what vk-tests/stage/contact.rs holds against the oracle: the quads of entries, and friction.
+//! Kernel contact/response, beyond what vk-tests/stage/contact.rs compares with the oracle: the quads of entries (four
+//! nodes with their weights), and friction.
 
 use glam::DVec3;
 use palpate::internal::shaders::{Contact, NONE};
@@ -8,7 +9,8 @@ use crate::harness::{Tolerance, expect_close};
 use crate::stage::contact::crowd;
 use crate::stage::flow::Flow;
 
-/// The distinct tetrahedra behind a contact's points: the gathered vertex, then the corners of the opposing triangle.
+/// The distinct tetrahedra in which a contact's points are embedded: the vertex that gathers, then the corners of the
+/// opposing triangle.
 fn tetrahedra(flow: &Flow, c: usize) -> Vec<[u32; 4]> {
     let contact = &flow.contacts[c];
     let mut vertices = vec![contact.vertex];
@@ -49,12 +51,13 @@ fn wide(x: &[f32]) -> DVec3 {
     DVec3::new(x[0].into(), x[1].into(), x[2].into())
 }
 
-/// Where a rigid skin feels friction, v1 - v2 there, and the rate, from the record's own entries.
+/// The point at which the contact feels friction, and the relative velocity v1 - v2 there, from the contact's own
+/// entries.
 fn relative(flow: &Flow, c: usize) -> (DVec3, DVec3) {
     let (contact, n) = (&flow.contacts[c], wide(&flow.contacts[c].normal));
     let pair = &flow.pairs[contact.side as usize / 2];
     let (of_second, vertex) = (contact.side % 2 == 1, wide(&flow.skin[contact.vertex as usize]));
-    // s1 lies the depth beyond s2.
+    // The surface point s1 lies beyond s2 by the depth.
     let depth = f64::from(contact.depth) * n;
     let points = if of_second { [vertex + depth, vertex] } else { [vertex, vertex - depth] };
     let driven = |k: usize| pair.driven_frame[k] != NONE;
@@ -87,14 +90,15 @@ fn friction_of_soft_rigid_and_driven_skins() {
     let frictionless = flow.contacts.clone();
     flow.model.friction = [0.6, 0.01];
     [flow.params.friction, flow.params.friction_speed] = flow.model.friction;
-    // Of the pairs a-b, a-floor, a-tool, b-floor, b-tool: a on a driven frame against b, the floor on one against b.
+    // Of the pairs a-b, a-floor, a-tool, b-floor and b-tool, a moves on a driven frame against b, and the floor on one
+    // against b.
     (flow.pairs[0].driven_frame, flow.pairs[3].driven_frame) = ([0, NONE], [NONE, 1]);
     for (k, frame) in flow.frames.iter_mut().enumerate() {
         (frame.linear, frame.angular) = ([0.1, 0.3, -0.2 * k as f32], [2.0, -5.0, 3.0]);
     }
     flow.forget_entries(flow.node_entries.len());
     flow.respond();
-    // f32 positions and velocities, a dozen roundings.
+    // Tolerance of f32 positions and velocities after a dozen roundings.
     let close = Tolerance { abs: 1e-6, rel: 1e-5 };
     let (mut rubbing, mut tool, mut driven) = (0, 0, 0);
     for (c, was) in frictionless.iter().enumerate() {
@@ -113,14 +117,14 @@ fn friction_of_soft_rigid_and_driven_skins() {
         let pressure = f64::from(got.stiffness) * f64::from(got.depth) + f64::from(got.damping) * rate;
         let force = f64::from(got.area) * pressure.max(0.0);
         let speed = slip.length().hypot(f64::from(flow.model.friction[1]));
-        // The pressure may be the difference of spring and damper.
+        // The pressure may be a small difference of the spring's and the damper's.
         let size = f64::from(got.area * got.damping) * v.length().max(0.1) * 0.6 / speed;
         let allowed = Tolerance { abs: 1e-5 * size, rel: 1e-4 };
         expect_close(&what, &[got.friction], &[f64::from(flow.model.friction[0]) * force / speed], allowed);
         rubbing += usize::from(got.friction > 0.0);
         let pair = &flow.pairs[got.side as usize / 2];
         driven += usize::from(pair.driven_frame != [NONE; 2]);
-        // Without friction there is none of it, and the rest is the same.
+        // Without friction these two are zero, and the rest is the same.
         assert_eq!((was.friction, was.slip), (0.0, [0.0; 3]));
         assert_eq!((was.normal, was.area, was.depth, was.quads), (got.normal, got.area, got.depth, got.quads));
     }

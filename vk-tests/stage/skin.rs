@@ -1,4 +1,5 @@
-//! skin/embed and skin/probe: where skin is, and the probed vertices. What skin/embed bins is in bins.rs.
+//! Kernels skin/embed, which places the skin, and skin/probe, for probed vertices. The spatial hash that skin/embed
+//! fills is tested in cross.rs.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{Body, Shape};
@@ -13,7 +14,7 @@ use crate::harness::random::Random;
 use crate::harness::{Tolerance, case, context, expect_close};
 use crate::stage::flow::{FIELD_WORDS, Flow};
 
-/// Positions of order one, a few f32 operations.
+/// Error of positions of order one after a few f32 operations.
 const PLACED: Tolerance = Tolerance { abs: 1e-6, rel: 1e-6 };
 
 fn vector(x: &[f32; 4]) -> DVec3 {
@@ -24,7 +25,7 @@ fn texels(random: &mut Random, count: usize) -> Vec<[f32; 4]> {
     (0..count).map(|_| [random.next() as f32, random.next() as f32, random.next() as f32, 0.0]).collect()
 }
 
-/// A soft ball in general position whose nodes are displaced by up to `size` each way.
+/// A soft ball in general position whose nodes are displaced by up to `size` (m) along each axis.
 fn shaken(size: f64) -> (Body, Flow) {
     let mut random = Random(21);
     let place = DVec3::new(0.3, -0.2, 0.1);
@@ -64,7 +65,7 @@ pub fn covered(model: &Model, chunk: &Chunk) -> Vec<u32> {
     own.iter().chain(corners).copied().collect()
 }
 
-/// All chunks active, against a half-space, so that nothing is binned.
+/// Makes all chunks active against a half-space, so that no vertex goes into the spatial hash.
 fn activate(flow: &mut Flow) {
     flow.pairs = vec![Pair { is_plane: 1, ..Pair::default() }];
     (flow.regions, flow.fields) = (vec![Region::default()], vec![0; FIELD_WORDS]);
@@ -102,7 +103,7 @@ fn rigid_skin_of_any_size_and_only_what_is_listed() {
         let (rotation, centre) = (random.turn(3.0), DVec3::new(1.0, 2.0, 3.0));
         flow.frames[0] =
             Frame { rotation: rotation.as_quat().to_array(), centre: centre.as_vec3().to_array(), ..Frame::default() };
-        // One chunk that lists `n` vertices backwards; twice as many are there.
+        // A single chunk lists `n` vertices backwards; the skin has twice as many.
         let own = n.min(CHUNK_VERTICES) as u32;
         flow.model.chunks = vec![Chunk { vertex_count: own, embed_count: n as u32, ..Chunk::default() }];
         flow.model.chunk_vertices = (0..n.max(1) as u32).rev().collect();
@@ -127,7 +128,7 @@ fn probes_of_any_number_are_the_displacements_of_their_nodes() {
     let displacement = texels(&mut random, 50);
     for n in [0, 1, width - 1, width, width + 1, 1234] {
         let mut nodes: Vec<u32> = (0..n.max(1) as u32).map(|i| 7 * i % 50).collect();
-        // One of a rigid skin, which nothing displaces.
+        // One of the nodes is of a rigid skin, which nothing displaces.
         nodes[n / 2] = NONE;
         let out = case("skin/probe")
             .constant("PROBE_NODES", n as u32)

@@ -1,4 +1,5 @@
-//! contact/sort: from the entries of each contact, on lists of their nodes in any order, to those of each node in one order.
+//! Kernel contact/sort: from lists of contact entries at each node, in any order, to an index with each node's entries
+//! in one order.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +17,7 @@ use crate::stage::flow::Flow;
 
 const CONTACT_OVERFLOW: u32 = 4;
 
-/// What the index must hold: contact and weight of each node's entries, ascending by entry.
+/// The index that is expected: contact and weight of each node's entries, in rising order of entries.
 fn wanted(flow: &Flow) -> BTreeMap<usize, Vec<[u32; 2]>> {
     let mut runs: BTreeMap<usize, Vec<[u32; 2]>> = BTreeMap::new();
     for (c, contact) in flow.contacts[..flow.counts.contacts as usize].iter().enumerate() {
@@ -31,7 +32,8 @@ fn wanted(flow: &Flow) -> BTreeMap<usize, Vec<[u32; 2]>> {
     runs
 }
 
-/// Every node's run holds exactly its entries in ascending order; runs tile the index without a gap. The number of entries.
+/// Checks that every node's run holds exactly its entries in rising order, and that the runs cover the index without
+/// gaps. Returns the number of entries.
 fn check(flow: &Flow) -> usize {
     let want = wanted(flow);
     let mut covered = vec![false; flow.sorted.len()];
@@ -53,7 +55,7 @@ fn check(flow: &Flow) -> usize {
     covered.len()
 }
 
-/// Contacts made up: `n` of them with random nodes among `nodes`; some entries weigh nothing.
+/// `n` made-up contacts with entries at random nodes of `nodes`; some entries have weight zero.
 fn made_up(n: usize, nodes: u32, random: &mut Random) -> Flow {
     let tool = rigid("tool", sphere(1.0, 0), whole, glam::DVec3::ZERO, glam::DQuat::IDENTITY);
     let mut flow = Flow::new(&[half_space(glam::DVec3::Y, 0.0)], Some(&tool), glam::DVec3::ZERO);
@@ -61,7 +63,7 @@ fn made_up(n: usize, nodes: u32, random: &mut Random) -> Flow {
     flow.contacts = (0..n).map(|_| Contact { quads: pick(5), ..Contact::zeroed() }).collect();
     flow.entry_nodes = (0..4 * n).map(|_| [(); 4].map(|()| pick(nodes))).collect();
     flow.entry_weights = (0..4 * n).map(|_| [(); 4].map(|()| pick(5) as f32 * 0.25)).collect();
-    // Behind the last quad lies what an earlier step left.
+    // Quads that a contact does not use are left from an earlier step.
     for (c, contact) in flow.contacts.iter().enumerate() {
         for quad in 4 * c + contact.quads as usize..4 * c + 4 {
             (flow.entry_nodes[quad], flow.entry_weights[quad]) = ([NONE; 4], [9.0; 4]);
@@ -72,7 +74,7 @@ fn made_up(n: usize, nodes: u32, random: &mut Random) -> Flow {
     flow
 }
 
-/// Puts entries on the lists of their nodes, contacts in any order; touched nodes in any order.
+/// Puts entries on the lists of their nodes, with the contacts, and the touched nodes, in random order.
 fn list(flow: &mut Flow, nodes: usize, random: &mut Random) {
     flow.forget_entries(nodes);
     let lists = context().reduce_size() as usize;
@@ -136,13 +138,13 @@ fn the_crowd_s_contacts_are_indexed_whole() {
     assert!(check(&flow) > 800, "{} entries", flow.counts.entries);
 }
 
-/// A node's entries as far apart as the capacity allows: more than one of the windows of 65,536 that contact/sort looks at. Where
-/// a driver leaves its loops, that is flagged.
+/// The entries of a node lie as far apart as the capacity allows: in more than one of the windows of 65,536 entries
+/// that contact/sort looks at. Where a driver leaves loops early, that must be flagged.
 #[test]
 fn runs_longer_than_a_window_are_in_order() {
     for (n, stride) in [(10_000, 1), (10_000, 2_500), (4_097, 4_096), (32_768, 1)] {
         let mut flow = made_up(n, 3, &mut Random(73));
-        // All entries to the last node but those of every `stride`th contact, which go to the first.
+        // All entries are at the last node, except those of every `stride`th contact, which are at the first.
         for (c, quad) in flow.entry_nodes.chunks_mut(4).enumerate() {
             quad.fill(if c % stride == 0 { [0; 4] } else { [2; 4] });
         }

@@ -1,5 +1,5 @@
-//! The view: what its shaders make of light, values and shadows, against f64; and pictures of a simulation, which do not depend on
-//! how they were cut up.
+//! The view, which draws a simulation: its shaders for light, values and shadows against f64, and images of a
+//! simulation, which must not depend on the slices in which they are drawn.
 
 use bytemuck::Zeroable;
 use glam::{DMat4, DVec2, DVec3, DVec4};
@@ -16,13 +16,13 @@ use crate::harness::{assert_clean, context, turn};
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene};
 
-/// Pixels of the sheets of these tests.
+/// Width and height of the images in these tests, pixels.
 const SIZE: [u32; 2] = [24, 16];
-/// Of a colour: the shader's sRGB is off by 0.1 %, and it is rounded to a byte.
+/// Error of a colour channel: the shader's sRGB is off by 0.1 %, and the result is rounded to a byte.
 const SHADE: f64 = 2.0 / 255.0;
-/// Of a depth: f32 directions, and corners to 1/256 of a texel on a slope.
+/// Error of a depth: f32 directions, and corners that are rounded to 1/256 of a texel on a slope.
 const DEPTH: f64 = 2e-5;
-/// Texels a side of the shadows of these tests; no multiple of four would do for rows that are read four at a time.
+/// Texels along a side of the shadow maps in these tests.
 const SIDE: u32 = 32;
 
 #[test]
@@ -50,7 +50,7 @@ fn wide(x: [f32; 3]) -> DVec3 {
     DVec3::from(x.map(f64::from))
 }
 
-/// From linear to sRGB (IEC 61966-2-1).
+/// Converts a linear colour to sRGB (IEC 61966-2-1).
 fn shown(linear: DVec3) -> DVec3 {
     let one = |x: f64| if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
     DVec3::from(linear.clamp(DVec3::ZERO, DVec3::ONE).to_array().map(one))
@@ -61,7 +61,7 @@ fn smooth(low: f64, high: f64, x: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Twin of shared/surface.glsl: the colour as shown, times its alpha.
+/// f64 twin of shared/surface.glsl: the displayed colour, multiplied by its alpha.
 fn surface(
     view: &View,
     material: &Material,
@@ -104,7 +104,7 @@ fn surface(
     (alpha * shown(bright)).extend(alpha).to_array()
 }
 
-/// Twin of shared/shade.glsl: how much of the sun reaches a point.
+/// f64 twin of shared/shade.glsl: the share of the sun that reaches a point.
 fn lit(view: &View, depths: &[f32], x: DVec3, n: DVec3) -> f64 {
     let matrix = DMat4::from_cols_array_2d(&view.light.map(|column| column.map(f64::from)));
     let place = matrix.transform_point3(x + 2.0 * f64::from(view.texel) * n);
@@ -126,7 +126,7 @@ fn lit(view: &View, depths: &[f32], x: DVec3, n: DVec3) -> f64 {
     texels.map(one).sum::<f64>() / 9.0
 }
 
-/// A triangle that covers the sheet, in the plane of the picture a little bent: positions are pixels about the sheet's middle.
+/// A triangle that covers the image and is nearly parallel to it: positions are pixels from the image's middle.
 struct Face {
     positions: [DVec3; 3],
     normals: [DVec3; 3],
@@ -141,12 +141,12 @@ impl Face {
             corner(60.0, 10.0, random.next()),
             corner(-20.0, 30.0, random.next()),
         ];
-        // Towards the viewer, more or less.
+        // Normals point more or less towards the viewer.
         let mut normal = || (DVec3::new(0.0, 0.0, 1.3) + random.vector()).normalize();
         Face { positions, normals: [normal(), normal(), normal()], values }
     }
 
-    /// Shares of the corners at a pixel.
+    /// Barycentric weights of the corners at a pixel.
     fn shares(&self, pixel: DVec2) -> [f64; 3] {
         let at = pixel - 0.5 * DVec2::new(SIZE[0].into(), SIZE[1].into());
         let corner = |k: usize| self.positions[k % 3].truncate();
@@ -155,14 +155,14 @@ impl Face {
     }
 }
 
-/// A view whose pixels are metres, from above, with y of the picture down as the world's y.
+/// A view from above in which a pixel is a metre, and in which the world's y points down.
 fn view(random: &mut Random) -> View {
     let [width, height] = SIZE.map(f64::from);
     let mut sun = random.vector();
     sun.z = 0.6 + sun.z.abs();
     let sun = sun.normalize();
     let reach = 20.0;
-    // Only x and y count for where a pixel is: clip space is cut at depths 0 and 1.
+    // Only x and y decide where a point is drawn; all depths are the same, since clip space ends at depths 0 and 1.
     let clip = DMat4::from_cols(
         DVec4::new(2.0 / width, 0.0, 0.0, 0.0),
         DVec4::new(0.0, 2.0 / height, 0.0, 0.0),
@@ -188,12 +188,12 @@ fn words<T: bytemuck::Pod>(name: &str, data: &[T]) -> Buffer {
     Buffer::from_slice(context(), name, data, Memory::Device).unwrap()
 }
 
-/// Depths that the sun sees, and what reads of four at once may reach behind them.
+/// A shadow map, the depths that the sun sees, with padding for reads of four depths at once.
 fn shadow_array(depths: &[f32]) -> Buffer {
     words("shadow", &[depths, &[0.0; 4]].concat())
 }
 
-/// What view/mesh draws of a face.
+/// The colours that view/mesh draws of a face, with shading at vertices or at pixels.
 fn drawn_face(
     at_vertices: bool,
     view: &View,
@@ -204,7 +204,7 @@ fn drawn_face(
 ) -> Vec<[f64; 4]> {
     let constants = [("AT_VERTICES", at_vertices.into())];
     let pipeline = RasterPipeline::onto(context(), "view/mesh", &constants, &PLAIN).unwrap();
-    // Three others first: values come four at a time.
+    // Three other vertices come first, since values are read four at a time.
     let narrow = |all: [DVec3; 3], w: f32| [[[9.0f32; 4]; 3], all.map(|x| x.as_vec3().extend(w).to_array())].concat();
     let [a, b, c] = face.values.map(|value| value as f32);
     let values = [[9.0, 9.0, 9.0, a], [b, c, 9.0, 9.0]];
@@ -226,7 +226,7 @@ fn drawn_face(
     sheet.draw(Before::Cleared([0.0; 4]), &[one]).0
 }
 
-/// Draws a face both ways, and compares every pixel.
+/// Draws a face with shading at pixels and at vertices, and compares every pixel.
 fn expect_shaded(what: &str, view: &View, material: &Material, depths: &[f32], face: &Face) {
     let colours = look::colours(Some(Field::Pressure));
     let mix = |share: [f64; 3], all: [DVec3; 3]| (0..3).map(|k| share[k] * all[k]).sum::<DVec3>();
@@ -242,7 +242,7 @@ fn expect_shaded(what: &str, view: &View, material: &Material, depths: &[f32], f
             let share = face.shares(at);
             let x = mix(share, face.positions);
             let value: f64 = (0..3).map(|k| share[k] * face.values[k]).sum();
-            // Rounding decides between two colours.
+            // Left out are pixels at which rounding decides between two colours of the scale.
             let step = 255.0 * (value - f64::from(material.low)) / f64::from(material.high - material.low) + 0.5;
             if !at_vertices && face.values[0] != face.values[1] && (step - step.round()).abs() < 0.01 {
                 continue;
@@ -259,9 +259,9 @@ fn expect_shaded(what: &str, view: &View, material: &Material, depths: &[f32], f
     }
 }
 
-/// The sun reaches everything.
+/// A shadow map in which the sun reaches everything.
 const OPEN: [f32; (SIDE * SIDE) as usize] = [1.0; (SIDE * SIDE) as usize];
-/// And nothing.
+/// A shadow map in which the sun reaches nothing.
 const DARK: [f32; (SIDE * SIDE) as usize] = [0.0; (SIDE * SIDE) as usize];
 
 #[test]
@@ -270,7 +270,7 @@ fn surfaces_are_shaded_as_in_f64() {
     let mut random = Random(23);
     for case in 0..6 {
         let plain = Material { low: 2.0, high: 12.0, ..Material::body(case) };
-        // Nothing, little, and more than the scale has; none half-way between two colours.
+        // Values below the scale, low and high on it, and above it; none is half-way between two colours.
         for (what, value) in [("below", 1.0), ("a little", 2.1), ("some", 5.3), ("much", 10.7), ("beyond", 20.0)] {
             for more in [0, flags::EVEN] {
                 let face = Face::new(&mut random, [value; 3]);
@@ -305,7 +305,7 @@ fn shadows_are_smooth_between_texels() {
     turn();
     let mut random = Random(31);
     for _ in 0..8 {
-        // Nothing near the depth of the face itself, where rounding would decide.
+        // No depth is near that of the face itself, where rounding would decide.
         let depths: Vec<f32> = (0..SIDE * SIDE).map(|_| if random.next() < 0.0 { 0.05 } else { 0.97 }).collect();
         let face = Face::new(&mut random, [0.0; 3]);
         let face = Face { normals: [DVec3::Z; 3], ..face };
@@ -321,7 +321,7 @@ fn shadows_are_smooth_between_texels() {
     }
 }
 
-/// What the ground shows under a square that hangs above it: its darkness at each pixel, and where that pixel looks.
+/// Draws the ground under a square that hangs above it. Returns the colour of each pixel, and the shadow map.
 fn shaded_ground(view: &View, square: [DVec3; 4], side: u32) -> (Vec<[f64; 4]>, Buffer) {
     let caster = Onto { has_depth: true, hides: true, samples: 1, ..Onto::default() };
     let caster = RasterPipeline::onto(context(), "view/shadow", &[], &caster).unwrap();
@@ -354,7 +354,7 @@ fn shaded_ground(view: &View, square: [DVec3; 4], side: u32) -> (Vec<[f64; 4]>, 
     (sheet.draw(Before::Cleared([0.0; 4]), &[one]).0, depths)
 }
 
-/// Where the sun sees the square, it sees its depth.
+/// Checks that the shadow map has the square's depth wherever the sun sees the square.
 fn expect_depths(depths: &[f32], view: &View, (on, plane): (DVec3, DVec3), side: u32) {
     let (sun, [right, up], middle, reach) =
         (wide(view.sun), view.across.map(wide), wide(view.middle), f64::from(view.reach));
@@ -377,12 +377,12 @@ fn a_square_throws_its_shadow_where_the_suns_rays_pass() {
     let mut random = Random(41);
     for case in 0..6 {
         let mut towards = random.vector();
-        // High and low: a shadow fades where it goes far.
+        // The sun is high in some cases and low in the others: a shadow fades where it goes far.
         towards.y = if case % 2 == 0 { 1.0 + towards.y.abs() } else { 0.4 * towards.x.hypot(towards.z) };
         let (sun, reach) = (towards.normalize(), 2.0);
         let (normal, offset) = (DVec3::Y, -0.8);
         let middle = 0.2 * random.vector();
-        // Nearly level, turned about the vertical, above the ground.
+        // The square is nearly level, turned about the vertical, and above the ground.
         let (u, v) = (DVec3::new(0.5, 0.0, 0.3), DVec3::new(-0.2, 0.03, 0.4));
         let centre = middle + DVec3::new(0.0, 0.3, 0.0);
         let square = [centre - u - v, centre - u + v, centre + u + v, centre + u - v];
@@ -411,19 +411,19 @@ fn a_square_throws_its_shadow_where_the_suns_rays_pass() {
             let ray = camera.ray(at.x, at.y, size[0], size[1]);
             let along = (offset - ray.origin.dot(normal)) / ray.direction.dot(normal);
             let x = ray.origin + along * ray.direction;
-            // Beyond what the sun sees there is no ground.
+            // No ground is drawn beyond what the sun sees.
             let from_middle = x - middle;
             let seen = across(sun).map(|axis| axis.dot(from_middle).abs()).into_iter().fold(0.0, f64::max);
             if along < 0.0 || seen > 0.95 * reach {
                 continue;
             }
-            // Where the ray towards the sun meets the square's plane, in halves of its edges. It begins a little above the ground,
-            // as in the shader: slopes must not shade themselves.
+            // The point at which the ray towards the sun meets the square's plane, in half edges of the square. The ray
+            // begins a little above the ground, as in the shader: slopes must not shade themselves.
             let from = x + 2.0 * texel * normal;
             let met = from + (centre - from).dot(plane) / sun.dot(plane) * sun - centre;
             let halves = [met.cross(v).dot(plane) / plane.dot(plane), u.cross(met).dot(plane) / plane.dot(plane)];
             let least = halves.map(|h| 1.0 - h.abs()).into_iter().fold(f64::INFINITY, f64::min);
-            // Texels that are smoothed, as they lie on the square.
+            // The width on the square, in half edges, of the texels over which the shadow's edge is smoothed.
             let near = 4.0 * texel / (u.length().min(v.length()) * sun.dot(plane.normalize()).abs());
             if least.abs() < near {
                 continue;
@@ -441,7 +441,7 @@ fn a_square_throws_its_shadow_where_the_suns_rays_pass() {
     }
 }
 
-/// A simulation with something of everything to show.
+/// A simulation in which every overlay has something to show.
 fn pressed() -> Simulation {
     let mut simulation = open(&scene(&press(2e4, 1e-3, Place::default(), "")), None);
     run(&mut simulation, 10);
@@ -503,7 +503,7 @@ fn a_picture_does_not_depend_on_its_slices() {
             assert!(counts[0] == 1 && counts[1] > 1 && counts[2] > counts[1], "{shown:?}: {counts:?} slices");
             let [whole, ..] = &pictures;
             assert!(pictures.iter().all(|picture| picture == whole), "{shown:?}: another picture in slices");
-            // The comparison is of pixels.
+            // Check that the comparison above can fail: one changed bit of a pixel is a difference.
             pictures[1].pixels[0][0] ^= 1;
             assert!(pictures[1] != pictures[0]);
         }

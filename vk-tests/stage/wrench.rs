@@ -1,4 +1,5 @@
-//! Wrench: force, torque, stiffness and damping of the contacts on the tool.
+//! Kernel wrench/reduce: net force and torque of the contacts on the tool, and the contact stiffness and damping that
+//! the tool sees.
 
 use glam::DVec3;
 use palpate::internal::gpu::Size;
@@ -10,14 +11,14 @@ use crate::harness::random::Random;
 use crate::harness::{Tolerance, case, context, expect_close};
 use crate::solver::system::{System, two_layers};
 
-/// Sums over contacts of terms of both signs, each a dozen roundings of 6e-8 away from the input; of the sum of
-/// magnitudes, which for a matrix's entry is at most the root of its diagonal's product.
+/// Error of sums over contacts of terms of both signs, each a dozen roundings of 6e-8 away from the input: relative to
+/// the sum of magnitudes, which for an entry of a matrix is at most the geometric mean of its two diagonal entries.
 const SUM: f64 = 2.0e-6;
 
-/// Runs wrench/reduce; every other word of the report must stay.
+/// Runs wrench/reduce and checks that every other word of the report stays.
 fn reduce(system: &System, forces: &[[f32; 4]]) -> Report {
     let [held, loose] = [true, false].map(|is_held| reduce_as(system, forces, is_held));
-    // Where no loop holds the tool it feels the same, and nobody asks for more.
+    // If no loop holds the tool, force and torque are the same, and stiffness and damping are not computed.
     let want = Report { stiffness: [0.0; 21], damping: [0.0; 21], ..held };
     assert_eq!(bytemuck::bytes_of(&loose), bytemuck::bytes_of(&want));
     held
@@ -45,8 +46,8 @@ fn reduce_as(system: &System, forces: &[[f32; 4]], is_held: bool) -> Report {
 
 #[test]
 fn one_contact_by_hand() {
-    // wrench/reduce: k = 100 N/m^3, d = 0: at rest the force is a k depth = 0.5 * 100 * 0.1 = 5 N against the normal on
-    // the tool as a; the arm is s - c.
+    // wrench/reduce with stiffness k = 100 N/m^3, at rest: the force is area * k * depth = 0.5 * 100 * 0.1 = 5 N,
+    // against the normal where the tool is body a. The arm goes from the tool's centre to the contact.
     let mut system = System::new(&[], 0.0, 1);
     system.contacts = vec![Contact {
         normal: [0.0, 0.0, 1.0],
@@ -64,26 +65,27 @@ fn one_contact_by_hand() {
     expect_close("force", &report.force, &[0.0, 0.0, -5.0], rounding);
     expect_close("torque", &report.torque, &[-10.0, 0.0, 0.0], rounding);
     expect_close("pressing", &[report.pressing], &[5.0], rounding);
-    // Rows x, y, z, rx, ry, rz of the upper triangle: zz, z rx and rx rx are not zero.
+    // The upper triangle is in the order x, y, z, rx, ry, rz: its entries (z, z), (z, rx) and (rx, rx) are not zero.
     let (mut stiffness, mut damping) = ([0.0; 21], [0.0; 21]);
     for (at, value) in [(11, 50.0), (12, 100.0), (15, 200.0)] {
         (stiffness[at], damping[at]) = (value, value * 0.04);
     }
     expect_close("stiffness", &report.stiffness, &stiffness, rounding);
     expect_close("damping", &report.damping, &damping, rounding);
-    // As b.
+    // Now the tool is body b.
     system.contacts[0].tool_sign = -1.0;
     let report = reduce(&system, &[[0.0; 4]]);
     expect_close("force", &report.force, &[0.0, 0.0, 5.0], rounding);
     expect_close("torque", &report.torque, &[10.0, 0.0, 0.0], rounding);
     expect_close("stiffness", &report.stiffness, &stiffness, rounding);
-    // Moving apart faster than the spring pushes: nothing.
+    // The bodies part faster than the spring pushes, so that there is no force.
     system.contacts[0].rate = -3.0;
     let report = reduce(&system, &[[0.0; 4]]);
     assert_eq!((report.force, report.torque, report.stiffness), ([0.0; 3], [0.0; 3], [0.0; 21]));
 }
 
-/// Upper triangle by rows, and the scale of each entry.
+/// The upper triangle of a matrix by rows, and for each entry the geometric mean of its two diagonal entries as its
+/// scale.
 fn triangle(matrix: &[[f64; 6]; 6]) -> Vec<(f64, f64)> {
     let entry = |i: usize, k: usize| (matrix[i][k], (matrix[i][i] * matrix[k][k]).sqrt());
     (0..6).flat_map(|i| (i..6).map(move |k| entry(i, k))).collect()
@@ -91,8 +93,9 @@ fn triangle(matrix: &[[f64; 6]; 6]) -> Vec<(f64, f64)> {
 
 #[test]
 fn friction_by_hand() {
-    // wrench/reduce: c = 2 N s/m and a slip of 3 m/s along x that the step raised by 1 m/s (h c = 2 / 128 of impulse a m/s)
-    // drags the tool by 8 N; its arm is 0.5 m along z. Damping is c across the normal.
+    // wrench/reduce: friction with c = 2 N s/m and a slip of 3 m/s along x, which the step raises by 1 m/s (an impulse
+    // of h c = 2 / 128 N s for each m/s), drags the tool by 8 N, at an arm of 0.5 m along z. Its damping is c across
+    // the normal.
     let mut system = System::new(&[], 0.0, 1).with_friction();
     system.contacts = vec![Contact {
         normal: [0.0, 0.0, 1.0],
@@ -112,12 +115,12 @@ fn friction_by_hand() {
     expect_close("force", &report.force, &[-8.0, 0.0, -5.0], close);
     expect_close("torque", &report.torque, &[0.0, -4.0, 0.0], close);
     let mut damping = [0.0; 21];
-    // xx, x ry, yy, y rx, rx rx, ry ry.
+    // Entries (x, x), (x, ry), (y, y), (y, rx), (rx, rx) and (ry, ry) are not zero.
     for (at, value) in [(0, 2.0), (4, 1.0), (6, 2.0), (8, -1.0), (15, 0.5), (18, 0.5)] {
         damping[at] = value;
     }
     expect_close("damping", &report.damping, &damping, close);
-    // As b it is dragged along.
+    // Where the tool is body b, it is dragged along.
     system.contacts[0].tool_sign = -1.0;
     let report = reduce(&system, &[[impulse, 0.0, 0.0, 0.0]]);
     expect_close("force", &report.force, &[8.0, 0.0, 5.0], close);
@@ -140,7 +143,8 @@ fn agree(system: System, seed: u64) {
     let (places, start) = (system.twin.unknowns(), system.start());
     let (mut forces, mut resolved) = (vec![], vec![]);
     for (twin, contact) in system.twin_contacts.iter().zip(&system.contacts) {
-        // What solve/apply leaves for some solution: g a (J x), J x of up to 0.3 m/s.
+        // What solve/press leaves of a contact for some solution x: h (h k + d) a (J x), with normal speed J x of up to
+        // 0.3 m/s.
         let speed = f64::from(0.3 * random.next() as f32);
         let slope = h * twin.stiffness + twin.damping;
         let normal = (h * slope * twin.area * speed) as f32;
@@ -167,7 +171,7 @@ fn agree(system: System, seed: u64) {
     let size: f64 = resolved.iter().map(|r| r.force + r.friction.length()).sum();
     let (pushing, count) = (resolved.iter().filter(|r| r.active).count(), resolved.len());
     assert!(count < 100 || (pushing > count / 4 && pushing < count), "{pushing} of {count} push");
-    // Levers are up to 0.2 m.
+    // Levers are up to 0.2 m long.
     let within = |scale: f64| Tolerance { abs: SUM * scale, rel: 0.0 };
     expect_close("force", &report.force, &want.force.to_array(), within(size));
     expect_close("torque", &report.torque, &want.torque.to_array(), within(0.2 * size));
@@ -181,7 +185,8 @@ fn agree(system: System, seed: u64) {
 
 #[test]
 fn stiffness_is_positive_and_reaction_is_opposite() {
-    // wrench/reduce: x.Kx >= 0 for any twist; with every contact's sides exchanged the wrench turns round and K stays.
+    // wrench/reduce: x.Kx >= 0 for the stiffness K and any twist x. With the sides of every contact exchanged, the
+    // wrench changes its sign and K stays.
     let mut system = System::new(&two_layers(), 0.004, 1).with_tool().with_contacts(60, 3);
     let forces = vec![[0.0; 4]; 60];
     let report = reduce(&system, &forces);

@@ -1,5 +1,6 @@
-//! solve/coarse, and what solve/assemble, gather, start, begin and update do for the coarse level, against sums in f64 over
-//! the oracle's modes with the inverse that the kernels read.
+//! The kernels' part in the coarse level (solve/coarse, and solve/assemble, gather, start, begin and update), against
+//! f64 sums with the oracle's prolongation P and the coarse inverse A_c^-1 that the kernels read. M^-1 = D^-1 + P
+//! A_c^-1 P^T is the preconditioner, D the diagonal blocks of the operator A; mod.rs explains modes, blocks and slots.
 
 use faer::Mat;
 use glam::{DMat3, DVec3};
@@ -13,14 +14,15 @@ use crate::harness::context;
 use crate::harness::random::Random;
 use crate::solver::system::{System, layer, triples, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge};
 
-/// Sums of f32 products, of the sum of magnitudes: some hundred roundings that mostly cancel.
+/// Error of sums of f32 products, relative to the sum of magnitudes: some hundred roundings that mostly cancel.
 pub const SUM: f64 = 2.0e-6;
-/// The same behind a few iterations, whose P^T r is a recurrence's, and through blocks inverted in f32.
+/// Error relative to the sum of magnitudes after a few iterations, where P^T r comes from a recurrence, and of products
+/// with blocks inverted in f32.
 const ROUNDS: f64 = 5.0e-6;
-/// m: of cells of 20 mm; blocks of eight nodes turn by some degrees.
+/// Largest displacement of a node, m, in cells of 20 mm: blocks of eight nodes turn by some degrees.
 const AMPLITUDE: f64 = 0.004;
 
-/// P and what the kernels have as A_c^-1.
+/// The prolongation P (unknowns by modes), and A_c^-1 as the kernels read it.
 pub struct Twin {
     pub p: Mat<f64>,
     inverse: Mat<f64>,
@@ -46,7 +48,7 @@ fn transposed(matrix: &Mat<f64>, x: &[f64]) -> Vec<f64> {
     (0..matrix.ncols()).map(|j| x.iter().enumerate().map(|(i, x)| matrix[(i, j)] * x).sum()).collect()
 }
 
-/// Every value within a share of a size of its own; returns the largest share of that taken.
+/// Checks every value to within `share` of its own size. Returns the largest error over size.
 fn expect_within(what: &str, got: &[f64], want: &[f64], sizes: &[f64], share: f64) -> f64 {
     assert_eq!((got.len(), sizes.len()), (want.len(), want.len()), "{what}");
     let mut worst = 0.0f64;
@@ -59,7 +61,7 @@ fn expect_within(what: &str, got: &[f64], want: &[f64], sizes: &[f64], share: f6
 }
 
 impl Twin {
-    /// With the blocks turned as solve/assemble found them.
+    /// The twin of a system whose blocks are turned as solve/assemble found them.
     pub fn new(passes: &Passes) -> Twin {
         let p = modes_of(&passes.system, &passes.block_turns);
         Twin { p, inverse: host_inverse(&passes.system.model, false) }
@@ -70,29 +72,29 @@ impl Twin {
         Twin { p: of(&self.p), inverse: of(&self.inverse) }
     }
 
-    /// P^T of a vector over the unknowns.
+    /// The restriction P^T x of a vector over the unknowns.
     fn restricted(&self, x: &[f64]) -> Vec<f64> {
         transposed(&self.p, x)
     }
 
-    /// P A_c^-1 P^T x.
+    /// The coarse correction P A_c^-1 P^T x.
     fn correction(&self, x: &[f64]) -> Vec<f64> {
         product(&self.p, &product(&self.inverse, &self.restricted(x)))
     }
 
-    /// M^-1 x, with the kernels' diagonal blocks.
+    /// M^-1 x with the kernels' diagonal blocks.
     fn preconditioned(&self, passes: &Passes, x: &[f64]) -> Vec<f64> {
         self.correction(x).iter().zip(diagonal(passes, x, |x| x)).map(|(z, d)| z + d).collect()
     }
 
-    /// The sums of magnitudes that M^-1 x is made of.
+    /// For each unknown, the sum of the magnitudes of the terms of M^-1 x.
     pub fn sizes(&self, passes: &Passes, x: &[f64]) -> Vec<f64> {
         let x = magnitudes(x);
         self.absolute().correction(&x).iter().zip(diagonal(passes, &x, f64::abs)).map(|(z, d)| z + d).collect()
     }
 }
 
-/// D^-1 x, each entry of D^-1 as `of` has it.
+/// D^-1 x with the kernels' diagonal blocks, where `of` is applied to each entry of D^-1.
 fn diagonal(passes: &Passes, x: &[f64], of: fn(f64) -> f64) -> Vec<f64> {
     let unknowns = passes.system.twin.unknowns();
     let mut z = vec![0.0; x.len()];
@@ -113,7 +115,7 @@ fn diagonal(passes: &Passes, x: &[f64], of: fn(f64) -> f64) -> Vec<f64> {
     z
 }
 
-/// The modes of a core summed over its blocks, which all have its motion: in the first of them.
+/// Modes in which those of each core's blocks, which all move with the core, are summed into the core's first block.
 fn summed(passes: &Passes, mut modes: Vec<f64>) -> Vec<f64> {
     modes.truncate(MODES * passes.blocks());
     for rigid in &passes.rigids[..passes.system.model.cores.len()] {
@@ -127,8 +129,8 @@ fn summed(passes: &Passes, mut modes: Vec<f64>) -> Vec<f64> {
     modes
 }
 
-/// Random unknowns as the device can hold them; what a hinge does not let move is zero. The tool's and the cores' are
-/// `rigid` times as large.
+/// Random values of the unknowns that f32 holds exactly; motions that a hinge does not allow are zero. Values of cores
+/// and tool are `rigid` times as large.
 pub fn random_unknowns(system: &System, random: &mut Random, rigid: f64) -> Vec<f64> {
     let unknowns = system.twin.unknowns();
     let mut x: Vec<f64> = (0..unknowns.count).map(|_| f64::from(random.next() as f32)).collect();
@@ -144,27 +146,27 @@ pub fn random_unknowns(system: &System, random: &mut Random, rigid: f64) -> Vec<
     x
 }
 
-/// The six numbers of a core or of the tool among the unknowns.
+/// The six values of a core, or of the tool, which comes after the cores.
 pub fn six(passes: &Passes, index: usize, x: &[f64]) -> [f32; 6] {
     let unknowns = passes.system.twin.unknowns();
     let first = unknowns.cores.get(index).copied().unwrap_or(unknowns.tool);
     std::array::from_fn(|k| x[first + k] as f32)
 }
 
-/// Node vectors: of free nodes their own, of carried ones what their core gives them.
+/// Values at the nodes: a free node has its own, and one attached to a dynamic core that of the core's motion.
 pub fn node_vectors(system: &System, x: &[f64]) -> Vec<[f32; 4]> {
     let (bodies, _) = system.rows(x);
     bodies.iter().flat_map(|rows| rows.chunks(3)).map(|v| [v[0] as f32, v[1] as f32, v[2] as f32, 0.0]).collect()
 }
 
-/// Without what cores carry.
+/// Sets all nodes to zero that are not free.
 pub fn only_free(passes: &Passes, mut nodes: Vec<[f32; 4]>) -> Vec<[f32; 4]> {
     nodes.iter_mut().zip(passes.roles()).filter(|(_, role)| *role != Some(0)).for_each(|(x, _)| *x = [0.0; 4]);
     nodes
 }
 
-/// The passes of a step on a solution that is no solution, three iterations of it, and its end; each pass against the
-/// oracle from what it was given. Returns the largest share of the sizes that an error took.
+/// Runs the passes of a step with a random first solution, three iterations and the end, and compares each pass with
+/// the oracle's result from the same inputs. Returns the largest error relative to the size of a value.
 fn follow(what: &str, system: System) -> f64 {
     let mut passes = Passes::new(system);
     assert!(passes.coarse, "{what}: no coarse level");
@@ -189,7 +191,8 @@ fn follow(what: &str, system: System) -> f64 {
     let twin = Twin::new(&passes);
     let absolute = twin.absolute();
     let mut worst = 0.0f64;
-    // b is made of elastic terms that nearly cancel: of the largest of the kind rather than of its own.
+    // The terms of b, elastic forces, nearly cancel: errors are relative to the largest value and not to each value's
+    // own.
     let of_b = absolute.restricted(&vec![largest(&b); b.len()]);
     worst = worst.max(expect_within(
         &format!("{what}: P^T b"),
@@ -241,7 +244,7 @@ fn follow(what: &str, system: System) -> f64 {
     let (warm, m_b, m_y) =
         (f64::from(passes.state.warm), twin.preconditioned(&passes, &b), twin.preconditioned(&passes, &y));
     let norms = (dot(&b, &m_b), dot(&y, &m_y));
-    // Inner products through blocks inverted in f32.
+    // The tolerance is that of inner products through blocks inverted in f32.
     assert!(
         (f64::from(passes.state.rhs_norm2) - norms.0).abs() < 1e-4 * norms.0,
         "{what}: b.M^-1 b {} for {}",
@@ -273,7 +276,7 @@ fn follow(what: &str, system: System) -> f64 {
             &of_w,
             SUM,
         ));
-        // A recurrence's r keeps the roundings of what it was.
+        // r comes from a recurrence and keeps the rounding of the larger values that it had.
         seen.iter_mut().zip(&r).for_each(|(seen, r)| *seen = r.abs().max(*seen));
         let sizes = absolute.restricted(&seen);
         worst = worst.max(expect_within(
@@ -334,7 +337,7 @@ fn largest(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |m, x| m.max(x.abs()))
 }
 
-/// u = M^-1 r, both as the device has them, and what it makes of carried nodes.
+/// Checks the kernels' u against M^-1 of their r, and u at the nodes attached to dynamic cores.
 fn expect_preconditioned(what: &str, passes: &Passes, twin: &Twin) -> f64 {
     let (r, u) = (passes.unknowns(&passes.residual, |now| now.r), passes.unknowns(&passes.preconditioned, |now| now.u));
     let sizes = twin.sizes(passes, &r);

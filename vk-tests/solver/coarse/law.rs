@@ -1,4 +1,4 @@
-//! What the coarse level is for.
+//! The purpose of the coarse level: far fewer iterations of conjugate gradients on stiff bodies.
 
 use glam::DQuat;
 use palpate::scene::Preconditioner;
@@ -10,7 +10,7 @@ use crate::solver::system::{System, layered, material};
 #[test]
 #[ignore = "long: 5 s"]
 fn a_stiff_block_takes_a_third_of_the_iterations() {
-    // 2 MPa, 3072 tetrahedra, one side held, under its own weight.
+    // A block of 2 MPa and 3072 tetrahedra, attached on one side, under its own weight.
     let layer = boxed([8, 8, 8], |x| x.z < -0.079);
     let body = layered(layer, material(2e6), DQuat::from_rotation_x(1.0));
     let iterations = [Preconditioner::Jacobi, Preconditioner::Coarse].map(|preconditioner| {

@@ -1,4 +1,5 @@
-//! The host's inverse of the coarse matrix against the oracle's.
+//! The host's inverse of the coarse matrix A_c = P^T A P against the oracle's (P: prolongation, A: operator; see
+//! mod.rs).
 
 use faer::{Mat, Side};
 use glam::DQuat;
@@ -9,10 +10,10 @@ use palpate_oracle::linear::Entries;
 use super::{host_inverse, kinds, large_core, modes_of, rest_turns};
 use crate::solver::system::{System, layer, layered, material};
 
-/// Half a unit in the last place of half precision.
+/// Relative rounding of a number stored in half precision: half a unit in the last place.
 const HALF: f64 = 1.0 / 2048.0;
-/// Of the root of the diagonals: places, gradients and masses in f32 (6e-8) times the condition of the scaled matrix, a
-/// hundred or two.
+/// Error of an entry relative to the geometric mean of its two diagonal entries: node places, gradients and masses in
+/// f32 (6e-8) times the condition number of the scaled matrix, a hundred or two.
 const INPUT: f64 = 2e-5;
 
 fn absolute(matrix: &Mat<f64>) -> Mat<f64> {
@@ -21,13 +22,14 @@ fn absolute(matrix: &Mat<f64>) -> Mat<f64> {
 
 #[test]
 fn the_host_s_inverse_is_the_oracle_s() {
-    // What the coarse level makes of any residual, P A_c^-1 P^T, with both: whatever modes depend on each other.
+    // Compared is P A_c^-1 P^T, which the coarse level applies to any residual: it is unique even where modes depend on
+    // each other.
     for (what, bodies) in kinds() {
         let system = System::preconditioned(&bodies, 0.0, 1, Preconditioner::Coarse);
         let p = modes_of(&system, &rest_turns(&system));
         let (a, _) = system.twin.assemble(None, &[]);
         let want = correction(&a, &p).unwrap();
-        // The oracle's own: nothing that the modes can do is left undone.
+        // A check of the oracle itself: its correction leaves no error that the modes can represent.
         let (square, of_p) = (matrix(&a, &Mat::identity(p.nrows(), p.nrows())), absolute(&p));
         let left = &want * &square * &p - &p;
         let worst = (0..p.nrows()).flat_map(|i| (0..p.ncols()).map(move |j| (i, j))).map(|at| left[at].abs());
@@ -66,7 +68,7 @@ fn the_inverse_is_symmetric_to_the_bit_and_has_ones_on_its_diagonal() {
     }
 }
 
-/// Diagonal blocks of A, of nodes and of cores, inverted.
+/// The inverted diagonal blocks of A, 3x3 of nodes and 6x6 of cores.
 fn jacobi(system: &System, a: &Entries) -> Mat<f64> {
     let unknowns = system.twin.unknowns();
     let square = matrix(a, &Mat::identity(unknowns.count, unknowns.count));
@@ -80,7 +82,7 @@ fn jacobi(system: &System, a: &Entries) -> Mat<f64> {
     inverse
 }
 
-/// Of a symmetric matrix scaled to a diagonal of one (of zero where it is nothing), in order.
+/// Eigenvalues in rising order of a symmetric matrix that is scaled to ones on its diagonal (zeros stay).
 fn scaled_eigenvalues(matrix: &Mat<f64>) -> Vec<f64> {
     let root = |i: usize| if matrix[(i, i)] > 0.0 { matrix[(i, i)].sqrt() } else { 1.0 };
     let scaled = Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] / (root(i) * root(j)));
@@ -89,8 +91,8 @@ fn scaled_eigenvalues(matrix: &Mat<f64>) -> Vec<f64> {
 
 #[test]
 fn half_precision_leaves_the_preconditioner_positive() {
-    // The least eigenvalue of D^-1 + P A_c^-1 P^T with a diagonal of one: of bodies that nothing holds, up to what is as
-    // stiff as bone.
+    // The least eigenvalue of D^-1 + P A_c^-1 P^T (D: diagonal blocks of A), scaled to ones on the diagonal, must be
+    // positive: for free bodies, and for bodies as stiff as bone.
     let mut cases: Vec<(String, System)> = Vec::new();
     for (what, bodies) in kinds() {
         cases.push((what.into(), System::preconditioned(&bodies, 0.0, 1, Preconditioner::Coarse)));
@@ -109,7 +111,8 @@ fn half_precision_leaves_the_preconditioner_positive() {
         let (a, _) = system.twin.assemble(None, &[]);
         let coarse = &p * host_inverse(&system.model, false) * p.transpose();
         let values = scaled_eigenvalues(&(jacobi(&system, &a) + &coarse));
-        // Where contacts are so stiff that D^-1 is nothing it is positive still, but for rounding here.
+        // Where contacts are so stiff that D^-1 vanishes, the coarse part alone must still be positive, but for
+        // rounding in this test.
         let alone = scaled_eigenvalues(&coarse);
         assert!(alone[0] > -1e-11 * alone[alone.len() - 1], "{what}: {:e} alone", alone[0]);
         let exact = correction(&a, &p).unwrap();

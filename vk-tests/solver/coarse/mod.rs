@@ -1,4 +1,7 @@
-//! The coarse level: the host's matrix, and what the passes make of it.
+//! The coarse level of the two-level additive Schwarz preconditioner: its matrix, made on the host, and the passes that
+//! apply it. A block is the nodes of one workgroup; each block of free nodes is an aggregate of the coarse space. A
+//! block has twelve modes, motions of all its nodes, which are columns of the prolongation P; its slot is the place of
+//! its modes.
 
 mod kernels;
 mod law;
@@ -19,7 +22,7 @@ use crate::solver::system::{
     System, layer, layered, material, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge,
 };
 
-/// The model's blocks by slot, for the oracle.
+/// The model's blocks in the order of their slots, in the oracle's form.
 fn blocks_of(system: &System, turns: &[[f32; 4]]) -> Vec<Block> {
     let (model, blocks) = (&system.model, &system.model.blocks);
     let mut order: Vec<usize> = (0..blocks.blocks.len()).collect();
@@ -39,22 +42,24 @@ fn blocks_of(system: &System, turns: &[[f32; 4]]) -> Vec<Block> {
     order.into_iter().map(block).collect()
 }
 
-/// A node's place across a plane that its block lies in, over the block's size: rounding of the mean in f64.
+/// Entries of P below this are zero: it is the rounding, in f64, of a node's distance from the plane in which its block
+/// lies, over the block's size.
 const NOTHING: f64 = 1.0e-12;
 
-/// P, by slot.
+/// The prolongation P, its modes in the order of slots.
 fn modes_of(system: &System, turns: &[[f32; 4]]) -> Mat<f64> {
     let mut all = modes(&system.twin, &blocks_of(system, turns));
     all.col_iter_mut().flat_map(|column| column.iter_mut()).filter(|x| x.abs() < NOTHING).for_each(|x| *x = 0.0);
     all
 }
 
-/// Frames' rotations: the blocks' of bodies at rest.
+/// The rotations of the blocks of bodies at rest: those of their frames.
 fn rest_turns(system: &System) -> Vec<[f32; 4]> {
     system.model.blocks.blocks.iter().map(|block| system.frames[block[2] as usize].rotation).collect()
 }
 
-/// The inverses that the kernels read, over the modes of all slots; without their scales if `scaled`.
+/// The coarse inverses that the kernels read, as one matrix over the modes of all slots; if `scaled`, with ones on the
+/// diagonal as they are stored.
 fn host_inverse(model: &Model, scaled: bool) -> Mat<f64> {
     let (coarse, count) = (&model.coarse, MODES * model.blocks.blocks.len());
     let mut inverse = Mat::zeros(count, count);
@@ -72,7 +77,7 @@ fn host_inverse(model: &Model, scaled: bool) -> Mat<f64> {
     inverse
 }
 
-/// A box of 20 mm cells, those of its nodes held for which `held` says so.
+/// A box of 20 mm cells, in which the nodes are attached for which `held` says so.
 fn boxed(cells: [u32; 3], held: impl Fn(DVec3) -> bool) -> Layer {
     let half = 0.01 * DVec3::new(cells[0].into(), cells[1].into(), cells[2].into());
     let mut layer = kuhn_box(-half, half, cells);
@@ -80,7 +85,7 @@ fn boxed(cells: [u32; 3], held: impl Fn(DVec3) -> bool) -> Layer {
     layer
 }
 
-/// The same turned within its rest frame.
+/// The layer, turned within its rest frame.
 fn tilted(mut layer: Layer) -> Layer {
     let turn = DQuat::from_scaled_axis(DVec3::new(0.5, -0.8, 0.3));
     layer.nodes.iter_mut().for_each(|x| *x = turn * *x);
@@ -91,16 +96,17 @@ fn turned(layer: Layer) -> Body {
     layered(layer, material(2e4), DQuat::from_scaled_axis(DVec3::new(0.4, 1.0, -0.3)))
 }
 
-/// Free nodes in a plane, in a row.
+/// A layer whose free nodes lie in a plane.
 fn plane() -> Layer {
     boxed([6, 4, 1], |x| x.z < 0.0)
 }
 
+/// A layer whose free nodes lie in a row.
 fn row() -> Layer {
     boxed([9, 1, 1], |x| x.y < 0.0 || x.z < 0.0)
 }
 
-/// A body whose nodes ride on two resting frames.
+/// A body whose nodes belong to two frames at rest.
 fn two_frames() -> Body {
     let mut body = turned(layer(100));
     if let Shape::Soft { layer, frames, node_frames, .. } = &mut body.shape {
@@ -110,7 +116,7 @@ fn two_frames() -> Body {
     body
 }
 
-/// A body whose core carries more nodes than a block has.
+/// A body with more nodes attached to its dynamic core than a block has.
 pub fn large_core(hinged: bool) -> Body {
     let mut body = turned(boxed([6, 6, 8], |x| x.z < 0.03));
     if let Shape::Soft { layer, frames, materials, .. } = &mut body.shape {
@@ -124,14 +130,14 @@ pub fn large_core(hinged: bool) -> Body {
     body
 }
 
-/// One soft enough to go without where the other has a coarse level.
+/// Two bodies, of which the first is soft enough to go without a coarse level and the second has one.
 pub fn soft_and_stiff() -> Vec<Body> {
     let mut second = layer(60);
     second.bound[..9].fill(true);
     vec![layered(layer(100), material(2e3), DQuat::from_rotation_x(1.0)), turned(second)]
 }
 
-/// Bodies of every kind that the coarse level knows.
+/// Bodies of every kind for which the coarse level must work.
 pub fn kinds() -> Vec<(&'static str, Vec<Body>)> {
     vec![
         ("one aggregate", vec![turned(layer(8))]),

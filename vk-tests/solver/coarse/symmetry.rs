@@ -1,4 +1,4 @@
-//! The preconditioner with a coarse level is what conjugate gradients need.
+//! The preconditioner with a coarse level must be symmetric and positive definite, as conjugate gradients require.
 
 use super::super::passes::{Change, Passes};
 use super::kernels::{SUM, Twin, coarse, dot, magnitudes, node_vectors, only_free, random_unknowns, six};
@@ -6,7 +6,7 @@ use super::{large_core, product};
 use crate::harness::random::Random;
 use crate::solver::system::{two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge};
 
-/// M^-1 of a vector, by an iteration that steps by one from there with nothing in the way.
+/// M^-1 r by the kernels: an iteration with step length one along a zero direction leaves r as it is and applies M^-1.
 fn device_preconditioned(passes: &mut Passes, r: &[f64]) -> Vec<f64> {
     let zeros = vec![[0.0; 4]; passes.nodes()];
     passes.residual = only_free(passes, node_vectors(&passes.system, r));
@@ -29,7 +29,8 @@ fn device_preconditioned(passes: &mut Passes, r: &[f64]) -> Vec<f64> {
 
 #[test]
 fn the_preconditioner_is_symmetric_and_positive() {
-    // x.M^-1 y = y.M^-1 x and x.M^-1 x > 0, random x and what moves blocks as wholes; also under stiff contacts.
+    // Checks x.M^-1 y = y.M^-1 x and x.M^-1 x > 0 for random vectors and for motions of whole blocks, also under stiff
+    // contacts.
     let bodies = [
         ("layers", two_layers(), false),
         ("stiff contacts", two_layers(), true),
@@ -54,7 +55,7 @@ fn the_preconditioner_is_symmetric_and_positive() {
             let z: Vec<f64> = (0..twin.p.ncols()).map(|_| random.next()).collect();
             vectors.push(product(&twin.p, &z).iter().map(|x| f64::from(*x as f32)).collect());
         }
-        // The cores alone.
+        // A vector in which only the cores move.
         let mut rigid = vectors[0].clone();
         let firsts = passes.system.twin.unknowns().cores;
         let own = |i: usize| firsts.iter().any(|first| (*first..first + 6).contains(&i));

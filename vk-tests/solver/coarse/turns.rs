@@ -1,4 +1,5 @@
-//! How solve/assemble finds blocks turned.
+//! The rotations of blocks of nodes (workgroups, aggregates of the coarse space), which solve/assemble finds from the
+//! displacements: the modes of the coarse space turn with them.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::scene::Preconditioner;
@@ -8,10 +9,10 @@ use super::{kinds, plane, row, tilted, turned};
 use crate::harness::random::Random;
 use crate::solver::system::System;
 
-/// rad.
+/// Error of an angle, rad.
 const ANGLE: f64 = 1e-5;
 
-/// Passes of bodies turned by `turn` about anywhere in their rest frames.
+/// Passes on bodies whose free nodes are turned by `turn` in their rest frames, and shifted.
 fn turned_by(bodies: &[palpate::internal::prepare::Body], turn: DQuat) -> Passes {
     let mut system = System::preconditioned(bodies, 0.0, 3, Preconditioner::Coarse);
     let mut at = 0;
@@ -34,19 +35,20 @@ fn quaternion(q: [f32; 4]) -> DQuat {
     DQuat::from_array(q.map(f64::from))
 }
 
-/// Whether a block's nodes lie in a plane.
+/// True if a block's nodes lie in a plane.
 fn is_flat(system: &System, block: usize) -> bool {
     let [first, count, ..] = system.model.blocks.blocks[block];
     let nodes = &system.model.blocks.nodes[first as usize..(first + count) as usize];
     let place = |n: &[u32; 4]| DVec3::from_slice(&system.model.node_rest[n[0] as usize].map(f64::from)[..3]);
     let middle = nodes.iter().map(place).sum::<DVec3>() / nodes.len() as f64;
     let outer = |x: DVec3| DMat3::from_cols(x * x.x, x * x.y, x * x.z);
-    // Of places in cells of 20 mm.
+    // Places are relative to the cell size of 20 mm.
     let sum = nodes.iter().fold(DMat3::ZERO, |sum, n| sum + outer((place(n) - middle) / 0.02));
     sum.determinant() < 1e-6
 }
 
-/// Blocks of free nodes, by the rotation that is found and by that in the world, with the frame's.
+/// For each block of free nodes, its rotation within its frame and in the world, as found, and the rotation of the
+/// frame.
 fn rotations(passes: &Passes) -> Vec<(DQuat, DQuat, DQuat)> {
     let (blocks, frames) = (&passes.system.model.blocks, &passes.system.frames);
     let found = |b: usize| {
@@ -74,7 +76,7 @@ fn blocks_turn_with_their_nodes() {
                 assert!(angle(found, turn) < ANGLE, "{what}: {found} for {turn}, off by {:e}", angle(found, turn));
                 assert!(angle(world, frame * turn) < ANGLE, "{what}: {world} in the world");
             }
-            // Again from there: nothing is left to find.
+            // Starting from the rotations found, the next run must find the same.
             let before = passes.block_rotations.clone();
             passes.assemble();
             for (a, b) in before.iter().zip(&passes.block_rotations) {
@@ -103,7 +105,8 @@ fn blocks_at_rest_and_carried_ones_are_not_turned() {
 
 #[test]
 fn what_is_known_of_flat_blocks_is_found() {
-    // Within its plane, or about nothing: the rest of it is as at rest; and any other turn is a rotation.
+    // A turn within the plane of flat blocks must be found, and no turn of a row; what flat blocks do not determine
+    // stays as at rest. After any other turn, the result must still be a rotation.
     let mut random = Random(12);
     for (what, layer, axis) in [("a plane", plane(), Some(DVec3::Z)), ("a row", row(), None)] {
         let tilt = DQuat::from_scaled_axis(DVec3::new(0.5, -0.8, 0.3));

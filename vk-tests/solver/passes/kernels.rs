@@ -1,4 +1,5 @@
-//! The cases, a method each.
+//! The solver's kernels, one method each: it runs the kernel as a case of the harness and stores the arrays that it
+//! left.
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders::{Contact, Iteration};
@@ -9,7 +10,7 @@ use crate::harness::{Case, Outcome, case, context};
 
 type Quads = Vec<[f32; 4]>;
 
-/// Workgroups that solve/conclude asks for to look for the gap.
+/// Number of workgroups that solve/conclude requests for wrench/gap, which measures the gap to the nearest body.
 pub const SKIN_PARTS: u32 = 5;
 
 impl Passes {
@@ -21,7 +22,7 @@ impl Passes {
         self.rigids.len() as u32
     }
 
-    /// Blocks, and the tool.
+    /// Number of workgroups: one for each block of nodes, and one for the tool.
     fn groups(&self) -> usize {
         self.blocks() + usize::from(self.tool)
     }
@@ -45,7 +46,7 @@ impl Passes {
             .input("node_elements", &s.node_elements)
             .input("element_forces", &s.element_forces)
             .input("gradients", &s.gradients)
-            // Without patches nobody reads of them.
+            // Without patches (F-bar) the kernel does not read this array.
             .input("patch_rows", &s.gradients)
             .input("node_entries", &s.node_entries)
             .input("sorted", &s.sorted)
@@ -75,7 +76,7 @@ impl Passes {
         self.block_turns = outcome.get("block_turns");
     }
 
-    /// Where there are dynamic cores.
+    /// Runs solve/cores where there are dynamic cores.
     pub fn cores(&mut self) {
         let (s, cores) = (&self.system, self.system.model.cores.len());
         if cores == 0 {
@@ -102,7 +103,7 @@ impl Passes {
         self.rigid_inverses = outcome.get("rigid_inverses");
     }
 
-    /// solve/apply and, with contacts, solve/press.
+    /// Runs solve/apply and, with contacts, solve/press.
     pub fn apply(&mut self, change: Change) {
         let (s, tetrahedra) = (&self.system, self.tetrahedra());
         let of_solution = change == Change::Solution;
@@ -138,7 +139,8 @@ impl Passes {
         self.element_forces = forces;
     }
 
-    /// `mode` as in the kernel's header; what the inner products are taken with follows from it.
+    /// Runs solve/gather. `mode` is as in the kernel's header (0: warm start, 1: iteration, 2: end) and decides of
+    /// which vectors the inner products are taken.
     pub fn gather(&mut self, mode: u32) {
         let outcomes: Vec<_> = self.variants().iter().map(|variant| self.gather_variant(mode, variant)).collect();
         let (roles, groups) = (self.roles(), self.groups());
@@ -200,7 +202,7 @@ impl Passes {
             .run()
     }
 
-    /// The coarse level before the loop, or at the end of it, of what is left then.
+    /// Runs solve/coarse: before the loop if `warm`, else at its end, on the final residual.
     pub fn coarse(&mut self, warm: bool) {
         let (coarse, blocks) = (&self.system.model.coarse, self.blocks());
         let outcome = case("solve/coarse")

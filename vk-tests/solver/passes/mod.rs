@@ -1,4 +1,4 @@
-//! The solver's passes one at a time, each a case of the harness; arrays go from one to the next as in the step.
+//! The solver's passes one at a time, each a case of the harness; arrays go from one pass to the next as in the step.
 
 mod kernels;
 mod side_by_side;
@@ -14,7 +14,7 @@ pub use kernels::SKIN_PARTS;
 use crate::harness::case;
 use crate::solver::system::System;
 
-/// The change of velocity that solve/apply takes.
+/// The change of velocity to which solve/apply applies the operator.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Change {
     Solution,
@@ -24,12 +24,13 @@ pub enum Change {
 /// A system and the solver's arrays, named as the kernels name them.
 pub struct Passes {
     pub system: System,
-    /// Variants with contacts, with a tool, with friction, with a coarse level.
+    /// Variants of the kernels: with contacts, with a tool, with friction, with a coarse level.
     pub contact: bool,
     pub tool: bool,
     pub friction: bool,
     pub coarse: bool,
-    /// Blocks that solve/start and solve/conclude sum over: the model's, unless a test has sums of its own.
+    /// Number of blocks that solve/start and solve/conclude sum over: the model's, unless a test sets inner products of
+    /// its own.
     pub block_count: usize,
     pub element_forces: Vec<[f32; 4]>,
     pub contact_forces: Vec<[f32; 4]>,
@@ -37,34 +38,34 @@ pub struct Passes {
     pub rhs: Vec<[f32; 4]>,
     pub inverse: Vec<[f32; 4]>,
     pub solution: Vec<[f32; 4]>,
-    /// Of the set of iterates that is the newest, as the next three.
+    /// The residual in the newer of the two sets of iterates, as are the next three vectors.
     pub residual: Vec<[f32; 4]>,
     pub preconditioned: Vec<[f32; 4]>,
     pub direction: Vec<[f32; 4]>,
     pub direction_image: Vec<[f32; 4]>,
     pub image: Vec<[f32; 4]>,
     pub partials: Vec<[f32; 2]>,
-    /// A block each, and the tool's.
+    /// Inner products of each block of nodes, and those of the tool.
     pub dots: Vec<[f32; 2]>,
     pub block_rotations: Vec<[f32; 4]>,
     pub block_turns: Vec<[f32; 4]>,
     pub restricted_rhs: Vec<[f32; 4]>,
     pub restricted_image: Vec<[f32; 4]>,
     pub restricted_residual: Vec<[f32; 4]>,
-    /// Of both sets.
+    /// P^T s of both sets of iterates (P: prolongation, s = A p).
     pub restricted_direction: Vec<[f32; 4]>,
     pub coarse_rhs: Vec<[f32; 4]>,
     pub coarse_image: Vec<[f32; 4]>,
     pub coarse_dots: Vec<[f32; 4]>,
-    /// Dynamic cores, and the tool.
+    /// The dynamic cores, then the tool.
     pub rigids: Vec<Rigid>,
-    /// As the host writes them.
+    /// The joints, as the host writes them.
     pub joints: Vec<Joint>,
-    /// Twice the joint and which side, by dynamic core.
+    /// For each side of a joint at a dynamic core, twice the joint's index plus which side; by core.
     pub joint_sides: Vec<u32>,
-    /// Of each group of rigid bodies, by rows.
+    /// The inverse of each group of joined rigid bodies, by rows.
     pub rigid_inverses: Vec<f32>,
-    /// Of both sets.
+    /// Iterates of the rigid bodies, in both sets.
     pub iterates: Vec<RigidIterate>,
     pub iterations: [Iteration; 2],
     pub state: Solve,
@@ -73,17 +74,17 @@ pub struct Passes {
     pub core_changes: Vec<f32>,
 }
 
-/// What no pass writes by chance; what is still there was not written.
+/// A value that no pass writes by chance: where it is still there, nothing was written.
 pub const UNTOUCHED: u32 = 77_777;
 
 impl Passes {
-    /// Before a first step: nothing left over, no solution.
+    /// Passes before a first step: no carried residual, and no earlier solution.
     pub fn new(system: System) -> Passes {
         let model = &system.model;
         let (nodes, blocks, tool) = (model.node_rest.len(), model.blocks.blocks.len(), system.twin.tool.is_some());
         let zeros = vec![[0.0f32; 4]; nodes];
         let (rigids, inverse_numbers, joint_sides) = rigids(&system);
-        // As solve/assemble leaves them of bodies at rest.
+        // Rotations of the blocks as solve/assemble leaves them for bodies at rest.
         let turns = model.blocks.blocks.iter().map(|block| system.frames[block[2] as usize].rotation).collect();
         let modes = vec![[0.0; 4]; 3 * (blocks + usize::from(tool))];
         Passes {
@@ -136,29 +137,29 @@ impl Passes {
         self.system.model.tetrahedra.len()
     }
 
-    /// Blocks of the model.
+    /// Number of blocks of nodes.
     pub fn blocks(&self) -> usize {
         self.system.model.blocks.blocks.len()
     }
 
-    /// Iterations done.
+    /// Number of iterations done.
     pub fn iterations_done(&self) -> u32 {
         self.iterations[self.state.current as usize].count
     }
 
-    /// The newest iterate of a core or of the tool, which is last.
+    /// The newest iterate of a core, or of the tool, which comes last.
     pub fn rigid(&mut self, index: usize) -> &mut RigidIterate {
         let first = self.state.current as usize * self.rigids.len();
         &mut self.iterates[first + index]
     }
 
-    /// Of the tool; of zeros where there is none.
+    /// The newest iterate of the tool; zeros without a tool.
     pub fn tool_iterate(&self) -> RigidIterate {
         let now = self.state.current as usize * self.rigids.len() + self.rigids.len().wrapping_sub(1);
         if self.tool { self.iterates[now] } else { RigidIterate::zeroed() }
     }
 
-    /// For tests that have a tool.
+    /// The newest iterate of the tool, in tests that have one.
     pub fn tool_iterate_mut(&mut self) -> &mut RigidIterate {
         self.rigid(self.rigids.len() - 1)
     }
@@ -169,7 +170,7 @@ impl Passes {
         [a[0], a[1], a[2], a[3], b[0], b[1]]
     }
 
-    /// Node vectors, and six numbers of each of the newest iterates, as the oracle's unknowns.
+    /// Values at the nodes, and six values of each rigid body's newest iterate, as the oracle's unknowns.
     pub fn unknowns(&self, nodes: &[[f32; 4]], six: impl Fn(&RigidIterate) -> [f32; 6]) -> Vec<f64> {
         let mut all = self.system.unknowns(nodes, &six(&self.tool_iterate()));
         let first = self.state.current as usize * self.rigids.len();
@@ -179,7 +180,7 @@ impl Passes {
         all
     }
 
-    /// Everything before the first iteration.
+    /// Runs all passes before the first iteration.
     pub fn record_start(&mut self) {
         self.assemble();
         self.cores();
@@ -192,7 +193,7 @@ impl Passes {
         self.begin();
     }
 
-    /// Iterations until the device says to stop; at most `limit`.
+    /// Runs iterations until the kernels end the loop, at most `limit`.
     pub fn iterate(&mut self, limit: usize) {
         for _ in 0..limit {
             let slots = [shaders::ARGS_LOOP_FREE, shaders::ARGS_LOOP_CARRIED, shaders::ARGS_LOOP_TOOL];
@@ -205,7 +206,7 @@ impl Passes {
         }
     }
 
-    /// The recomputed residual and the verdict.
+    /// Runs the passes that recompute the residual and give the verdict.
     pub fn record_end(&mut self) {
         self.apply(Change::Solution);
         self.gather(2);
@@ -230,12 +231,12 @@ impl Passes {
         self.report = outcome.get("report")[0];
     }
 
-    /// An entry of the inverse of a rigid body's own block, where no joint joins it to another.
+    /// Entry (i, k) of the inverse of a rigid body's own block, for a body that no joint joins to another.
     pub fn rigid_inverse(&self, index: usize, i: usize, k: usize) -> f64 {
         f64::from(self.rigid_inverses[self.rigids[index].inverse_first as usize + 6 * i + k])
     }
 
-    /// The diagonal block's inverse times a vector, in f64.
+    /// The inverse of a node's diagonal block times a vector, in f64.
     pub fn precondition(&self, node: usize, b: [f64; 3]) -> [f64; 3] {
         let [d, o] = [0, 1].map(|k| self.inverse[2 * node + k].map(f64::from));
         let rows = [[d[0], o[0], o[1]], [o[0], d[1], o[2]], [o[1], o[2], d[2]]];
@@ -243,8 +244,8 @@ impl Passes {
     }
 }
 
-/// Dynamic cores and the tool, from the model's blocks and joints; how many numbers their inverses have; the sides of joints
-/// at each core.
+/// The dynamic cores and the tool, from the model's blocks and joints; how many numbers their inverses have; and the
+/// sides of joints at each core.
 fn rigids(system: &System) -> (Vec<Rigid>, usize, Vec<u32>) {
     let (model, blocks) = (&system.model, &system.model.blocks.blocks);
     let (mut rigids, mut numbers, mut sides) = (Vec::new(), 0, Vec::new());

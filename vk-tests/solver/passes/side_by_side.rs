@@ -1,31 +1,31 @@
-//! Variants of a kernel that run side by side: each is given what was there before all of them, and no two write the same
-//! word.
+//! Variants of a kernel that run side by side, for blocks of free nodes, blocks of attached nodes, and the tool: each
+//! variant reads what was there before all of them, and no two write the same word.
 
 use bytemuck::Pod;
 
 use super::Passes;
 use crate::harness::{CANARY, Outcome};
 
-/// What a variant works on; see shaders/shared/roles.glsl.
+/// The role of a variant (shaders/shared/roles.glsl) that works on blocks of free nodes.
 pub const FREE: u32 = 0;
-/// Nodes of dynamic cores.
+/// The role of a variant that works on nodes attached to dynamic cores.
 pub const CARRIED: u32 = 1;
-/// The tool.
+/// The role of a variant that works on the tool's rows.
 const TOOL: u32 = 2;
 
-/// A variant: its role, its first block, its workgroups.
+/// A variant: its role, its first block, and its number of workgroups.
 pub struct Variant {
     pub role: u32,
     pub first: usize,
     pub groups: usize,
 }
 
-/// An array that nothing has been written to.
+/// An array full of canaries, the harness's mark of unwritten words.
 pub fn unwritten<T: Pod>(len: usize) -> Vec<T> {
     bytemuck::allocation::pod_collect_to_vec(&vec![CANARY; len * size_of::<T>() / 4])
 }
 
-/// An array after all variants.
+/// An array after all variants have run; panics where two variants wrote the same word.
 pub fn merged<T: Pod>(name: &str, given: &[T], outcomes: &[Outcome]) -> Vec<T> {
     let before: Vec<u32> = bytemuck::allocation::pod_collect_to_vec(given);
     let mut words = before.clone();
@@ -38,7 +38,7 @@ pub fn merged<T: Pod>(name: &str, given: &[T], outcomes: &[Outcome]) -> Vec<T> {
     bytemuck::allocation::pod_collect_to_vec(&words)
 }
 
-/// What was to be written is, and nothing else, which then is zero.
+/// Checks that exactly the elements for which `written` holds were written, and sets the others to zero.
 pub fn settled<const N: usize>(
     name: &str,
     mut values: Vec<[f32; N]>,
@@ -55,7 +55,7 @@ pub fn settled<const N: usize>(
 }
 
 impl Passes {
-    /// Variants of which the model has any.
+    /// The variants for which the model has work.
     pub fn variants(&self) -> Vec<Variant> {
         let (free, all) = (self.system.model.blocks.free, self.blocks());
         let roles = [(FREE, 0, free), (CARRIED, free, all - free), (TOOL, 0, usize::from(self.tool))];
@@ -63,7 +63,7 @@ impl Passes {
         variants.filter(|variant| variant.groups > 0).collect()
     }
 
-    /// The role of the block that each node is in.
+    /// The role of the block that each node is in; `None` for nodes in no block.
     pub fn roles(&self) -> Vec<Option<u32>> {
         let mut roles = vec![None; self.nodes()];
         let blocks = &self.system.model.blocks;
@@ -76,7 +76,7 @@ impl Passes {
         roles
     }
 
-    /// The role of the block whose modes are at a slot.
+    /// The role of the block whose modes are at a slot, or the tool's where there is no such block.
     pub fn role_of_slot(&self, slot: usize) -> u32 {
         let blocks = &self.system.model.blocks;
         match blocks.slots.iter().position(|own| *own as usize == slot) {

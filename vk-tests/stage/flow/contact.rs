@@ -1,4 +1,5 @@
-//! From crossings to contacts, their response and the index from nodes to them.
+//! The second half of the [`Flow`] (see mod.rs): from ray hits to contacts, their coefficients in the solver, and the
+//! index from nodes to the contacts that act on them.
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
@@ -45,7 +46,7 @@ impl Flow {
         self.args = out.get("args");
         self.counts = out.get("counts")[0];
         self.hits = out.get("candidate_hits");
-        // What is left of earlier steps says nothing.
+        // Candidates that do not collide are left from earlier steps, and count as zero.
         let colliding: Vec<[u32; 2]> = out.get("chunk_contacts");
         self.chunk_contacts = colliding.as_flattened().to_vec();
         for (i, hit) in self.hits.iter_mut().enumerate() {
@@ -59,7 +60,7 @@ impl Flow {
         self.pushes = out.get("candidate_pushes");
     }
 
-    /// The deepest candidates, where not all fit.
+    /// Runs contact/deepest: the list of the deepest candidates, where not all fit.
     pub fn deepest(&mut self) {
         let out = case("contact/deepest")
             .size(Size::Group)
@@ -73,7 +74,7 @@ impl Flow {
         self.source = out.get("contact_source");
     }
 
-    /// Takes the candidates with a depth, made up, for contacts.
+    /// Lists the candidates with a depth, which a test made up, as contacts.
     pub fn list_candidates(&mut self) {
         self.source = (0..self.hits.len() as u32).filter(|i| self.hits[*i as usize][0] > 0.0).collect();
         self.counts.contacts = self.source.len() as u32;
@@ -118,7 +119,7 @@ impl Flow {
         self.args = out.get("args");
     }
 
-    /// The index from nodes to the entries of contacts.
+    /// Runs contact/sort: the index from nodes to the entries of contacts.
     pub fn sort(&mut self) {
         let entries = self.next_entries.len();
         let out = case("contact/sort")

@@ -1,5 +1,8 @@
-//! The kernels from pose to contact, one case of the harness each, every one fed with what the one before it wrote; so
-//! that a law can be put to the whole query while each kernel is still guarded by itself.
+//! The kernels from pose to contact, which are the proximity query and the response: each is a case of the harness and
+//! gets what the kernel before it wrote, so that tests can check the whole query while the harness still guards each
+//! kernel. Words: a slot is a collision proxy in a pair of bodies; a chunk, up to 64 skin vertices with their
+//! triangles; a contact patch (`regions`), a place where a pair may touch along one normal; a work item (`items`), a
+//! chunk in a patch; a bin, an entry of the spatial hash, which is one vertex of a work item.
 
 mod contact;
 mod query;
@@ -21,14 +24,14 @@ use palpate::scene::{self, Sides};
 
 use crate::harness::context;
 
-/// The ways to find crossings that the flow drives.
+/// The depth paths (ways to find ray hits) that the flow can run.
 pub const PATHS: [Path; 1] = [Path::Compute];
-/// Squares of a region's two fields of heights.
+/// Cells of the two min-max depth grids of a contact patch, 16 x 16 for each side.
 pub const FIELD_WORDS: usize = 2 * 16 * 16;
 /// A box: least and greatest corner.
 pub type Box3 = [[f32; 3]; 2];
 
-/// Inputs and outputs of the kernels, as the host would read them.
+/// Inputs and outputs of the kernels, as the host reads them.
 pub struct Flow {
     pub model: Model,
     pub params: StepParams,
@@ -46,11 +49,11 @@ pub struct Flow {
     pub bounds: Vec<ProxyBounds>,
     pub active_pairs: Vec<u32>,
     pub reach: Vec<[f32; 2]>,
-    /// Two a pair of proxies: unit normal and weight; push and its length.
+    /// Two entries for each pair of proxies: unit normal and weight; push and its length.
     pub directions: Vec<[f32; 4]>,
-    /// [`PAIR_REGIONS`] a pair.
+    /// [`PAIR_REGIONS`] patches for each pair of bodies.
     pub regions: Vec<Region>,
-    /// [`PAIR_REGIONS`] a slot, and so on.
+    /// [`PAIR_REGIONS`] entries for each slot, as in `boxes`.
     pub shares: Vec<f32>,
     pub boxes: Vec<Box3>,
     pub slot_regions: Vec<u32>,
@@ -58,7 +61,7 @@ pub struct Flow {
     pub active_slots: Vec<u32>,
     pub fields: Vec<u32>,
     pub slot_chunks: Vec<[u32; 2]>,
-    /// [`PAIR_REGIONS`] a chunk of a slot: low, high, plane, extreme.
+    /// [`PAIR_REGIONS`] entries for each chunk of a slot: low, high, plane and extreme of its box in a patch.
     pub slabs: Vec<[f32; 8]>,
     pub active_chunks: Vec<ActiveChunk>,
     pub items: Vec<[u32; 2]>,
@@ -66,37 +69,38 @@ pub struct Flow {
     pub args: Vec<u32>,
     pub skin: Vec<[f32; 4]>,
     pub buckets: Vec<u32>,
-    /// Vertices in regions: place along the axes (bits), next of its bucket.
+    /// Bins: place of the vertex along the patch's axes (bits), next bin of its bucket.
     pub bins: Vec<[u32; 4]>,
     pub bin_hits: Vec<u32>,
     pub bin_squares: Vec<[u32; 2]>,
-    /// Crossings: triangle, next on the ray, bits of the depth, item and front.
+    /// Ray hits: triangle, next hit on the ray, bits of the depth, work item and front.
     pub crossings: Vec<[u32; 4]>,
     pub hits: Vec<[f32; 4]>,
     pub what: Vec<[u32; 4]>,
     pub normals: Vec<[f32; 4]>,
     pub pushes: Vec<[f32; 4]>,
     pub source: Vec<u32>,
-    /// A bit each candidate that collides.
+    /// A bit for each candidate that collides.
     pub chunk_contacts: Vec<u32>,
     pub contacts: Vec<Contact>,
     pub entry_nodes: Vec<[u32; 4]>,
     pub entry_weights: Vec<[f32; 4]>,
     pub node_list_counts: Vec<u32>,
     pub node_entries: Vec<[u32; 2]>,
-    /// As many a node as a workgroup that sorts has lanes: the last entry put on each, NONE where there is none.
+    /// The last entry that was put on each of a node's lists, or NONE. A node has as many lists as a workgroup of
+    /// contact/sort has lanes.
     pub node_lists: Vec<u32>,
     pub next_entries: Vec<u32>,
     pub touched_nodes: Vec<u32>,
     pub sorted: Vec<[u32; 2]>,
 }
 
-/// At least one element, for an array that is bound but not read.
+/// The data, or one zero in place of none, for an array that is bound but not read.
 pub fn some<T: Pod>(data: &[T]) -> Vec<T> {
     if data.is_empty() { vec![T::zeroed()] } else { data.to_vec() }
 }
 
-/// As [`some`], filled up to whole texels of four.
+/// The data as from [`some`], filled up to whole texels of four.
 pub fn fours(data: &[u32]) -> Vec<u32> {
     let mut data = some(data);
     data.resize(data.len().next_multiple_of(4), 0);
@@ -130,12 +134,12 @@ fn scene(sides: Sides) -> Scene {
 }
 
 impl Flow {
-    /// Bodies where they are, positions relative to `origin`.
+    /// Bodies at their places, with positions relative to `origin`.
     pub fn new(bodies: &[Body], tool: Option<&Body>, origin: DVec3) -> Flow {
         Flow::of_sides(bodies, tool, origin, Sides::Both)
     }
 
-    /// The same; `sides`: whose vertices gather contacts.
+    /// A flow like that of [`Flow::new`], where `sides` says whose vertices gather contacts.
     pub fn of_sides(bodies: &[Body], tool: Option<&Body>, origin: DVec3, sides: Sides) -> Flow {
         let model = Model::new(&scene(sides), bodies, tool);
         let frame = |(centre, rotation): (DVec3, DQuat)| Frame {
@@ -207,12 +211,12 @@ impl Flow {
         }
     }
 
-    /// Workgroups that the kernels before asked for.
+    /// Number of workgroups that earlier kernels requested in this slot of the indirect arguments.
     fn groups(&self, slot: u32) -> usize {
         self.args[3 * slot as usize] as usize
     }
 
-    /// Everything up to the depths of skin vertices, by one of the ways to find crossings.
+    /// Runs everything up to the depths of skin vertices, on this depth path.
     pub fn query(&mut self, path: Path) {
         self.place();
         self.cull();
@@ -224,7 +228,7 @@ impl Flow {
         self.candidates();
     }
 
-    /// From placed hulls to the list of active chunks.
+    /// Runs the culling kernels: from placed hulls to the list of active chunks.
     pub fn cull(&mut self) {
         self.test_pairs();
         self.direct();
@@ -233,14 +237,14 @@ impl Flow {
         self.meet();
     }
 
-    /// What follows: the list of contacts, their response, the index from nodes to them.
+    /// Runs what follows the query: the list of contacts, their response, the index from nodes to them.
     pub fn gather(&mut self) {
         self.deepest();
         self.respond();
         self.sort();
     }
 
-    /// No entries of any of so many nodes.
+    /// Clears the contact entries of this many nodes.
     pub fn forget_entries(&mut self, nodes: usize) {
         self.node_list_counts = vec![0; nodes];
         self.node_entries = vec![[0; 2]; nodes];

@@ -1,4 +1,4 @@
-//! From bodies in their frames to the crossings on the rays of skin vertices.
+//! The first half of the [`Flow`] (see mod.rs): from bodies in their coordinate frames to ray hits of skin vertices.
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
@@ -8,7 +8,7 @@ use palpate::internal::stages::{CHUNK_VERTICES, PAIR_REGIONS};
 use super::{FIELD_WORDS, Flow, fours, some};
 use crate::harness::case;
 
-/// Nodes with their links, two a texel.
+/// Nodes with their links (transforms between frames), two a texel.
 fn pairs(nodes: &[[u32; 2]]) -> Vec<u32> {
     fours(nodes.as_flattened())
 }
@@ -178,7 +178,8 @@ impl Flow {
         self.args = out.get("args");
     }
 
-    /// Heads of the hash table, and what its vertices look at, to whole texels.
+    /// Words of `buckets`, to whole texels: the heads of the spatial hash's lists, and for each cell of the min-max
+    /// depth grids the height from which the farthest ray starts.
     fn bucket_words(&self) -> usize {
         (self.bucket_count as usize + PAIR_REGIONS * self.pairs.len() * FIELD_WORDS).next_multiple_of(4)
     }
@@ -218,7 +219,7 @@ impl Flow {
         self.bin_squares = out.get("bin_squares");
     }
 
-    /// The compute path.
+    /// Runs depth/cross, the compute path.
     pub fn cross(&mut self) {
         let model = &self.model;
         let out = case("depth/cross")
