@@ -1,11 +1,12 @@
-/* Builds a soft block of its own tetrahedra, presses a sphere into it, and prints the force: cc build.c -lpalpate */
+/* Example: builds a scene without files, a soft block of tetrahedra that this program makes itself, presses a spherical
+ * tool into it, and prints the force on the tool at each step. Compile by: cc build.c -lpalpate */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 
 #include "palpate.h"
 
-/* Cells of the block along each axis, and their edge, m. */
+/* Number of the block's cubic cells along each axis, and their edge, m. */
 enum { CELLS = 4, SIDE = CELLS + 1, NODES = SIDE * SIDE * SIDE, TETRAHEDRA = 6 * CELLS * CELLS * CELLS };
 static const double EDGE = 0.02;
 
@@ -16,10 +17,11 @@ static void check(palpate_status status, const char *what) {
     }
 }
 
-/* The node at a corner of a cell. */
+/* Index of the node at a corner, which is given by its position in the grid of nodes. */
 static uint32_t node(const int corner[3]) { return (uint32_t)((corner[2] * SIDE + corner[1]) * SIDE + corner[0]); }
 
-/* A block about the origin, its top at y = 0: each cell is cut into the six ways from its first corner to its last. */
+/* Fills a block whose top is at y = 0, centred in x and z. Each cell is cut into six tetrahedra (Kuhn's subdivision):
+ * one for each way to go along the three axes, in some order, from the cell's first corner to its last. */
 static void fill(double *nodes, uint32_t *tetrahedra) {
     static const int ways[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {1, 0, 2}, {2, 1, 0}};
     for (int k = 0; k < NODES; k++) {
@@ -39,7 +41,7 @@ static void fill(double *nodes, uint32_t *tetrahedra) {
     }
 }
 
-/* Says what is being prepared, and goes on. */
+/* Progress callback: prints what is being prepared, and returns 0 to continue. */
 static int32_t say(void *user, const char *body, const char *stage, uint32_t done, uint32_t total) {
     (void)user;
     fprintf(stderr, "%s: %s (%" PRIu32 " of %" PRIu32 " ready)\n", body, stage, done, total);
@@ -55,7 +57,7 @@ static palpate_scene *build(void) {
     fill(nodes, tetrahedra);
     check(palpate_scene_add_layer(scene, "block", nodes, NODES, tetrahedra, TETRAHEDRA), "layer");
 
-    /* Its lowest nodes are held. */
+    /* The lowest nodes are attached to a rigid core, which is fixed. */
     const palpate_core held = {
         .size = sizeof held,
         .name = "held",
@@ -84,7 +86,7 @@ static palpate_scene *build(void) {
         .angular_damping = 0.002,
     };
     check(palpate_scene_set_tool(scene, &tool), "tool");
-    /* In the user's cache, so that the next run finds it. */
+    /* The prepared block is kept in the user's cache folder, so that the next run finds it. */
     check(palpate_scene_cache(scene, ""), "cache");
     check(palpate_scene_prepare(scene, say, NULL), "not prepared");
     return scene;
@@ -105,7 +107,7 @@ int main(int argc, char **argv) {
     palpate_wrench wrench = {.size = sizeof wrench};
     palpate_pose device = {.position = {0.0, 0.021, 0.0}, .orientation = {0.0, 0.0, 0.0, 1.0}};
     for (long steps = strtol(argv[1], NULL, 10); steps > 0; steps--) {
-        /* Down by a centimetre, at 10 cm/s. */
+        /* The haptic device moves down by 1 cm, at 10 cm/s (0.2 mm per step of 2 ms). */
         device.position[1] -= device.position[1] > 0.011 ? 2e-4 : 0.0;
         check(palpate_step(simulation, &device, &wrench), "step");
         printf("%" PRIu64 " %.17g %.17g %.17g %" PRIu32 "\n", wrench.step, wrench.force[0], wrench.force[1],

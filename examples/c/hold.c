@@ -1,5 +1,6 @@
-/* Holds a scene's tool with a device of its own, which presses down and comes up again within a second: cc hold.c -lpalpate -lm
- * A program for hardware does the same, with callbacks that ask its driver. */
+/* Example: runs the haptic loop with a haptic device of its own, which holds the scene's tool, presses down and comes
+ * up again within a second. Here the device is simulated; a program for real hardware does the same with callbacks that
+ * call the hardware's driver. Compile by: cc hold.c -lpalpate -lm */
 #define _POSIX_C_SOURCE 199309L
 #include <inttypes.h>
 #include <math.h>
@@ -12,7 +13,7 @@
 #define SECONDS 1.0
 #define DEPTH 0.005 /* m */
 
-/* What the callbacks know. They run on the loop's threads; this one reads it when the loop has ended. */
+/* Data of the callbacks, which run on the loop's threads. The main thread reads them only after the loop has ended. */
 struct hand {
     double start[3]; /* m */
     double peak;     /* N */
@@ -44,7 +45,7 @@ static void check(palpate_status status, const char *what) {
     }
 }
 
-/* Waits for the loop's end, and says what it has to say. */
+/* Waits for the end of the loop, then prints the loop's notes and why it ended. */
 static void watch(palpate_loop *loop) {
     palpate_loop_state state = {.size = sizeof state};
     do {
@@ -72,13 +73,13 @@ int main(int argc, char **argv) {
     palpate_simulation *simulation = NULL;
     palpate_loop *loop = NULL;
     palpate_wrench wrench = {.size = sizeof wrench};
-    /* What takes long, as preparing bodies does, is kept in the user's cache. */
+    /* Prepared bodies and compiled pipelines, which take long to make, are kept in the user's cache folder. */
     const palpate_context_options kept = {.size = sizeof kept, .cache = "", .measure = 1};
     check(palpate_context_create(&kept, &context), "no device");
     check(palpate_scene_load(argv[1], &scene), "no scene");
     check(palpate_simulation_create(context, scene, &simulation), "no simulation");
     check(palpate_scene_destroy(scene), "scene");
-    /* A step tells where the scene has the device to begin with. */
+    /* The wrench of a first step tells where the scene has the haptic device at the start. */
     check(palpate_step(simulation, NULL, &wrench), "step");
 
     struct hand hand = {.peak = 0.0};

@@ -1,5 +1,6 @@
-/* Shares a Vulkan device of the program's own: palpate steps on it, and the skin is read where it lies, without a copy through
- * the library. A renderer would bind the buffer as vertices instead: cc host.c -lpalpate -lvulkan */
+/* Example: lends palpate a Vulkan device that this program opened. palpate steps on it, and the program reads the skin
+ * (the surface mesh) from the buffer on the GPU, without a copy through the library. A renderer would bind that buffer
+ * as vertices instead. Compile by: cc host.c -lpalpate -lvulkan */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,7 +26,7 @@ static void vk(VkResult result, const char *what) {
     }
 }
 
-/* A program with more threads takes its own mutex here. */
+/* Called before each use of the queue. A program with several threads takes its mutex here; this one only counts. */
 static void lock(void *user) {
     *(int *)user += 1;
 }
@@ -42,7 +43,7 @@ static VkInstance create_instance(void) {
     return instance;
 }
 
-/* The first family with graphics and compute. */
+/* Returns the first queue family with graphics and compute. */
 static uint32_t family_of(VkPhysicalDevice physical) {
     VkQueueFamilyProperties families[16];
     uint32_t count = 16;
@@ -57,7 +58,7 @@ static uint32_t family_of(VkPhysicalDevice physical) {
     exit(EXIT_FAILURE);
 }
 
-/* With what palpate needs. */
+/* Creates a device with the features that palpate needs. */
 static VkDevice create_device(VkPhysicalDevice physical, uint32_t family) {
     VkPhysicalDeviceVulkan13Features v13 = {.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES,
                                             .synchronization2 = VK_TRUE,
@@ -80,7 +81,7 @@ static VkDevice create_device(VkPhysicalDevice physical, uint32_t family) {
     return device;
 }
 
-/* A buffer that the host can read. */
+/* Creates a buffer that the CPU can read. */
 static VkDeviceMemory create_readable(VkPhysicalDevice physical, VkDevice device, VkDeviceSize bytes, VkBuffer *buffer) {
     VkBufferCreateInfo info = {.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO,
                                .size = bytes,
@@ -103,7 +104,7 @@ static VkDeviceMemory create_readable(VkPhysicalDevice physical, VkDevice device
     return memory;
 }
 
-/* The host's own work on the same queue: copies the skin from where palpate has it, and waits. */
+/* Work of this program on the same queue: copies the skin out of palpate's buffer, and waits. */
 static void copy(VkDevice device, VkQueue queue, uint32_t family, VkBuffer from, VkBuffer to, VkDeviceSize bytes) {
     VkCommandPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, .queueFamilyIndex = family};
     VkCommandPool pool;
@@ -167,7 +168,7 @@ int main(int argc, char **argv) {
     VkDeviceSize bytes = (VkDeviceSize)skins.vertex_count * 4 * sizeof(float);
     VkBuffer readable;
     VkDeviceMemory memory = create_readable(physical, device, bytes, &readable);
-    /* VkBuffer is a pointer or a number, as the platform has it. */
+    /* VkBuffer is a pointer on some platforms and an integer on others, so it is copied and not cast. */
     VkBuffer positions;
     memcpy(&positions, &skins.positions, sizeof positions);
     copy(device, queue, family, positions, readable, bytes);
@@ -175,7 +176,7 @@ int main(int argc, char **argv) {
     vk(vkMapMemory(device, memory, 0, bytes, 0, &mapped), "vkMapMemory");
     const float *own = mapped;
 
-    /* The same through the library: the first body's skin comes first. */
+    /* The same skin read through the library: the first body's vertices come first in the buffer. */
     size_t vertices = 0;
     check(palpate_skin(simulation, 0, NULL, NULL, NULL, 0, &vertices), "skin");
     float(*told)[3] = malloc(vertices * sizeof *told);
@@ -183,7 +184,7 @@ int main(int argc, char **argv) {
     float highest = told[0][1];
     for (size_t vertex = 0; vertex < vertices; vertex++) {
         if (memcmp(told[vertex], own + 4 * vertex, sizeof *told) != 0) {
-            fprintf(stderr, "vertex %zu is elsewhere\n", vertex);
+            fprintf(stderr, "vertex %zu differs between shared buffer and copy\n", vertex);
             return EXIT_FAILURE;
         }
         highest = told[vertex][1] > highest ? told[vertex][1] : highest;
@@ -195,7 +196,7 @@ int main(int argc, char **argv) {
     check(palpate_simulation_destroy(simulation), "simulation");
     check(palpate_scene_destroy(scene), "scene");
     check(palpate_context_destroy(context), "context");
-    /* Only now what they stood on. */
+    /* The Vulkan objects are destroyed last, because the context and its simulation used them. */
     vkDestroyBuffer(device, readable, NULL);
     vkFreeMemory(device, memory, NULL);
     vkDestroyDevice(device, NULL);

@@ -1,4 +1,4 @@
-/* Touches a scene's body for some steps and prints the force: cc touch.c -lpalpate */
+/* Example: steps a scene file and prints the force on its tool at each step. Compile by: cc touch.c -lpalpate */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,7 +24,7 @@ int main(int argc, char **argv) {
     palpate_context *context = NULL;
     palpate_scene *scene = NULL;
     palpate_simulation *simulation = NULL;
-    /* What takes long, as preparing bodies does, is kept in the user's cache. */
+    /* Prepared bodies and compiled pipelines, which take long to make, are kept in the user's cache folder. */
     const palpate_context_options options = {.size = sizeof options, .cache = "", .measure = 1};
     check(palpate_context_create(&options, &context), "no device");
     check(palpate_scene_load(argv[1], &scene), "no scene");
@@ -33,7 +33,8 @@ int main(int argc, char **argv) {
 
     palpate_wrench wrench = {.size = sizeof wrench};
     for (long steps = strtol(argv[2], NULL, 10); steps > 0; steps--) {
-        /* Null: where the scene has the device. A program of your own passes the pose of its device. */
+        /* With a null pose the haptic device moves as the scene's [drive] says. Your program passes its device's
+         * pose. */
         check(palpate_step(simulation, NULL, &wrench), "step");
         printf("%" PRIu64 " %.17g %.17g %.17g %" PRIu32 "\n", wrench.step, wrench.force[0], wrench.force[1],
                wrench.force[2], wrench.flags);

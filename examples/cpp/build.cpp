@@ -1,4 +1,5 @@
-// Builds a soft tetrahedral spike on a plate, presses a sphere on it, and prints the force: c++ -std=c++17 build.cpp -lpalpate
+// Example: builds a scene without files, a soft spike in the shape of a tetrahedron whose foot is fixed, presses a
+// spherical tool onto it, and prints the force. Compile by: c++ -std=c++17 build.cpp -lpalpate
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -12,7 +13,7 @@ int main(int argc, char **argv) {
         return 2;
     }
     try {
-        // A surface; the engine fills it with cells.
+        // The surface of the spike; the engine fills it with a tetrahedral mesh.
         const std::vector<double> vertices{-0.06, 0.0, -0.04, 0.06, 0.0, -0.04, 0.0, 0.0, 0.08, 0.0, 0.1, 0.0};
         const std::vector<uint32_t> triangles{0, 1, 2, 0, 3, 1, 1, 3, 2, 2, 3, 0};
         palpate::Scene scene;
@@ -40,7 +41,7 @@ int main(int argc, char **argv) {
         tool.stiffness = 500.0;
         tool.damping = 2.0;
         scene.set_tool(tool);
-        // What has no field is said as in a scene file.
+        // A table that the structs have no fields for is added as the text of a scene file.
         scene.add("[[probe]]\nname = \"tip\"\nbody = \"spike\"\nnearest = [0.0, 0.1, 0.0]\n");
         scene.cache("");
         scene.prepare([](const char *name, const char *stage, uint32_t done, uint32_t total) {

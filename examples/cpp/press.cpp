@@ -1,4 +1,5 @@
-// Presses the tool of a scene down by itself and prints the force: c++ -std=c++17 press.cpp -lpalpate
+// Example: moves the haptic device of a scene down, instead of along the scene's own trajectory, and prints the force
+// on the tool. Compile by: c++ -std=c++17 press.cpp -lpalpate
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -13,7 +14,8 @@ int main(int argc, char **argv) {
     try {
         const palpate::Context context;
         palpate::Simulation simulation(context, palpate::Scene::load(argv[1]));
-        // Where the scene has the device to begin with, and from there down by 5 mm/s.
+        // Starts where the scene has the haptic device, and moves it down by 5 micrometres per step (5 mm/s with steps
+        // of 1 ms).
         palpate::Wrench wrench = simulation.step();
         palpate::Pose device = wrench.device;
         for (long steps = std::atol(argv[2]); steps > 1; steps--) {

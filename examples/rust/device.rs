@@ -1,5 +1,6 @@
-//! Steps with a device of one's own: its pose goes in, force and torque come out, and the contacts say where it presses. Here
-//! the device is a circle over the cheek of a head. Run it by `cargo run --release --example device`.
+//! Example: steps a simulation with a haptic device of the program's own. At each step the device's pose goes in, and
+//! force and torque on the tool come out; the contacts say where the tool presses. Here the device moves on a circle
+//! over the cheek of a head. Run it by `cargo run --release --example device`.
 
 use std::path::Path;
 
@@ -8,7 +9,7 @@ use palpate::{Options, Pose, Scene, Simulation};
 fn main() -> palpate::Result<()> {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/touch-head.toml");
     let scene = Scene::load(&file)?;
-    // The first time the head is prepared, which takes seconds; with a cache never again.
+    // At the first run the head is prepared, which takes seconds; later runs find it in the user's cache folder.
     let mut simulation = Simulation::open(&scene, &Options::of_program())?;
     for step in 0..300 {
         let angle = 0.02 * f64::from(step);

@@ -1,5 +1,5 @@
-//! Finds a lump: a ball slides along a slab of gel in which a stiffer sphere lies, and the force that is felt is printed over
-//! the way. Run it by `cargo run --release --example slide`.
+//! Example: finds a lump by touch. A spherical tool slides along a slab of gel that contains a stiffer sphere, and the
+//! force on the tool is printed along the way. Run it by `cargo run --release --example slide`.
 
 use palpate::scene::{Bind, Body, Contact, Core, Coupling, Key, Material, Place, Region, Tool};
 use palpate::{Options, SceneBuilder, Simulation};

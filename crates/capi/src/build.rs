@@ -1,4 +1,8 @@
-//! Scenes by calls: settings, meshes, bodies and the tool one by one, and bodies prepared with somebody watching.
+//! Builds a scene by calls instead of from a scene file: settings, meshes, bodies and the tool, one by one; and
+//! prepares its bodies, with a progress callback.
+//!
+//! To prepare a body is to repair its surface, fill it with tetrahedra (the "layer", the simulation mesh), embed the
+//! skin in them, cover the skin by convex collision proxies, and attach nodes to rigid cores.
 
 use std::ffi::{CString, c_char, c_void};
 
@@ -14,26 +18,29 @@ use super::sized::{self, Sized32};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::{handles, tables};
 
-/// Where paths and messages of a scene say that it comes from.
+/// Name of a scene made by calls: it stands in messages where the path of a scene file would stand, and its folder, to
+/// which paths in added texts are relative, is the working directory.
 const FILE: &str = "scene";
 
-/// Is told what is being prepared: the body's name, or "tool"; the stage ("cache", "read", "repair", "layer", "embed",
-/// "proxies", "bind"); how many bodies are ready, and how many there are, the tool counted as one. The strings live until it
-/// returns. Give 0 to go on, anything else to end it there. Calls on the scene give PALPATE_STATUS_BUSY meanwhile. It must
-/// return: no longjmp, and no exception.
+/// Progress callback of `palpate_scene_prepare`, called as each stage begins. `body` is the body's name, or "tool".
+/// `stage` is "cache" (a prepared body is looked for), "read", "repair" (both of the surface), "layer" (the
+/// tetrahedra), "embed" (skin in layer), "proxies" (convex hulls) or "bind" (nodes to cores). `done` and `total` are
+/// the numbers of bodies that are ready and of all bodies; a tool that is none of the bodies counts as one. The strings
+/// are valid until the callback returns. Return 0 to continue, anything else to cancel. Meanwhile calls on the scene
+/// give PALPATE_STATUS_BUSY. The callback must return: no longjmp, and no exception.
 pub type palpate_progress = Option<
     unsafe extern "C" fn(user: *mut c_void, body: *const c_char, stage: *const c_char, done: u32, total: u32) -> i32,
 >;
 
-/// Makes a scene of nothing, for the functions below. `settings` may be null. Files that its texts name are relative to the
-/// working directory.
+/// Makes an empty scene, to which the functions below add. `settings` may be null. Relative paths in texts that are
+/// added to it are relative to the working directory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_create(
     settings: *const palpate_settings,
     scene: *mut *mut palpate_scene,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let (settings, scene) = unsafe { (sized::read(settings)?, sized::answer(scene, "scene")?) };
         *scene = std::ptr::null_mut();
         let mut made = SceneObject::new(Scene::empty(FILE));
@@ -42,23 +49,24 @@ pub unsafe extern "C" fn palpate_scene_create(
     })
 }
 
-/// Adds the tables of a text to a scene, as of a scene file: anything that the structs here have no fields for, such as joints,
-/// regions, skeletons, probes and `[haptics]`. Bodies and probes come after those that there are; other tables and keys replace
-/// what there is, and what the text leaves out stays. Bodies may name meshes that were handed over, `surface = { mesh = "name" }`
-/// and `layer = { mesh = "name" }`.
+/// Adds the tables of a text in the format of a scene file, for everything that has no field in the structs here, such
+/// as joints, material regions, skeletons, probes and `[haptics]`. Bodies and probes are appended to the existing ones;
+/// other tables and keys replace the existing ones, and what the text leaves out stays. A body in the text may name a
+/// mesh that was handed over by palpate_scene_add_surface, `surface = { mesh = "name" }`, or palpate_scene_add_layer,
+/// `layer = { mesh = "name" }`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_add(scene: *mut palpate_scene, text: *const c_char) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let text = unsafe { sized::string(text, "text")? };
         change(scene, |object| object.change(|builder| Ok(builder.toml(text).map(|_| ())?)))
     })
 }
 
-/// Hands a surface over, under a name by which bodies and the tool call it: what an OBJ file of the same vertices and faces
-/// would be. `vertices`: 3 * `vertex_count` numbers, m before the body's scale. `triangles`: 3 * `triangle_count` vertices,
-/// counted from 0, counter-clockwise seen from outside. What of it needs repair is repaired where bodies are prepared. The name
-/// is no other surface's, and may be any text but "".
+/// Hands over a triangle surface in place of an OBJ file, under a name by which bodies and the tool refer to it.
+/// `vertices`: 3 * `vertex_count` coordinates, m before the body's `scale`. `triangles`: 3 * `triangle_count` vertex
+/// indices from 0, counter-clockwise seen from outside. Defects are repaired when bodies are prepared. The name must
+/// differ from those of other surfaces, and may be any text but "".
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_add_surface(
     scene: *mut palpate_scene,
@@ -69,7 +77,7 @@ pub unsafe extern "C" fn palpate_scene_add_surface(
     triangle_count: usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let (name, vertices, triangles) = unsafe {
             let vertices = sized::rows::<f64, 3>(vertices, vertex_count, "vertices")?;
             (sized::string(name, "name")?, vertices, sized::rows::<u32, 3>(triangles, triangle_count, "triangles")?)
@@ -81,10 +89,10 @@ pub unsafe extern "C" fn palpate_scene_add_surface(
     })
 }
 
-/// Hands the tetrahedra of a layer over, under a name by which bodies call it: what a mesh file of them would be. `nodes`:
-/// 3 * `node_count` numbers, m before the body's scale. `tetrahedra`: 4 * `tetrahedron_count` nodes, counted from 0; those that
-/// are inside out are turned, those without volume or given twice are refused. The name is no other layer's, and may be any text
-/// but "".
+/// Hands over the tetrahedra of a layer (the simulation mesh of a soft body) in place of a mesh file, under a name by
+/// which bodies refer to it. `nodes`: 3 * `node_count` coordinates, m before the body's `scale`. `tetrahedra`:
+/// 4 * `tetrahedron_count` node indices from 0; inverted tetrahedra are turned round, and those without volume or given
+/// twice are refused. The name must differ from those of other layers, and may be any text but "".
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_add_layer(
     scene: *mut palpate_scene,
@@ -95,7 +103,7 @@ pub unsafe extern "C" fn palpate_scene_add_layer(
     tetrahedron_count: usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let (name, nodes, tetrahedra) = unsafe {
             let nodes = sized::rows::<f64, 3>(nodes, node_count, "nodes")?;
             (sized::string(name, "name")?, nodes, sized::rows::<u32, 4>(tetrahedra, tetrahedron_count, "tetrahedra")?)
@@ -107,8 +115,8 @@ pub unsafe extern "C" fn palpate_scene_add_layer(
     })
 }
 
-/// Adds a body. `index` receives its position in the scene, from 0, and may be null. What is wrong is named as in a scene file:
-/// `body.NAME.material.young` is the field `young`.
+/// Adds a body. `index` receives its position in the scene, from 0, and may be null. Messages call a wrong value by its
+/// key in a scene file: `body.NAME.material.young` is the field `young`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_add_body(
     scene: *mut palpate_scene,
@@ -116,13 +124,13 @@ pub unsafe extern "C" fn palpate_scene_add_body(
     index: *mut u32,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let tables = unsafe { tables::of_body(&needed(body, "body")?)? };
         let place = change(scene, |object| {
             object.change(|builder| builder.tables(&tables).map_err(argument))?;
             Ok(object.scene().bodies.len() - 1)
         })?;
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         if let Some(index) = unsafe { index.as_mut() } {
             *index = place as u32;
         }
@@ -130,9 +138,9 @@ pub unsafe extern "C" fn palpate_scene_add_body(
     })
 }
 
-/// Says with what a body of a scene collides: with `count` bodies of these names ("tool": the tool), all of which are there.
-/// `names` null: with every other, as it is where nobody says. Two bodies collide where each has the other in its list or has
-/// no list; a list of none is one.
+/// Sets the bodies with which a body collides: `count` names of bodies that are in the scene, "tool" for the tool. With
+/// `names` null it collides with every other body, which is the default. Two bodies collide if each of them has the
+/// other in its list or has no list; with an empty list (`count` 0, `names` not null) a body collides with nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_set_collides(
     scene: *mut palpate_scene,
@@ -141,9 +149,9 @@ pub unsafe extern "C" fn palpate_scene_set_collides(
     count: usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let given = unsafe { sized::array(names, count, "names")? };
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let name = |name: &*const c_char| unsafe { sized::string(*name, "names[..]") }.map(String::from);
         let given: Vec<String> = given.iter().map(name).collect::<Outcome<_>>()?;
         let list = (!names.is_null()).then_some(given);
@@ -153,25 +161,25 @@ pub unsafe extern "C" fn palpate_scene_set_collides(
     })
 }
 
-/// Gives a scene this tool, held so, in place of any that it has.
+/// Sets the scene's tool and its virtual coupling to the haptic device. They replace those that the scene has.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_set_tool(
     scene: *mut palpate_scene,
     tool: *const palpate_tool,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let tables = unsafe { tables::of_tool(&needed(tool, "tool")?)? };
         change(scene, |object| object.change(|builder| builder.replace_tool(&tables).map_err(argument)))
     })
 }
 
-/// Says where palpate_scene_prepare keeps prepared bodies for later runs: in `folder`, or the user's where that is "" (as the
-/// context's options say). Null, and without this call: nowhere.
+/// Sets where palpate_scene_prepare keeps prepared bodies for later runs: in `folder`, or in the user's cache folder
+/// where that is "" (see `cache` in palpate_context_options). Null, which is the default: nowhere.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_cache(scene: *mut palpate_scene, folder: *const c_char) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let folder = unsafe { cache_folder(folder)? };
         change(scene, |object| {
             object.set_cache(folder.as_deref().map_or_else(Cache::off, Cache::at));
@@ -180,11 +188,11 @@ pub unsafe extern "C" fn palpate_scene_cache(scene: *mut palpate_scene, folder: 
     })
 }
 
-/// Prepares the bodies of a scene: repairs surfaces, fills them with cells, and so on: seconds, unless they were kept
-/// (palpate_scene_cache).
-/// palpate_simulation_create does it too where it is not done, with nobody watching. `progress` is called as each stage begins,
-/// with `user`, on this thread; it may be null. Where it ends it (PALPATE_STATUS_CANCELLED), bodies that are ready stay so, and
-/// the next call goes on.
+/// Prepares the bodies of a scene: repairs surfaces, fills them with tetrahedra, and so on. It takes seconds, unless
+/// prepared bodies are found in the cache (palpate_scene_cache). palpate_simulation_create prepares what is left,
+/// without a progress callback. `progress` is called with `user` on this thread as each stage begins; it may be null.
+/// If it cancels (PALPATE_STATUS_CANCELLED), bodies that are ready stay so, and the next call continues with the
+/// others.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_prepare(
     scene: *mut palpate_scene,
@@ -197,26 +205,30 @@ pub unsafe extern "C" fn palpate_scene_prepare(
 fn tell(progress: palpate_progress, user: *mut c_void, state: &Progress) -> Result<()> {
     let Some(progress) = progress else { return Ok(()) };
     let [body, stage] = [state.name, state.stage.name()].map(|text| CString::new(text).unwrap_or_default());
-    // SAFETY: the caller's function, as the header says; the strings live until it returns.
+    // SAFETY: the header demands a function that may be called with this `user`; the strings live until it returns.
     let wish = unsafe { progress(user, body.as_ptr(), stage.as_ptr(), state.done as u32, state.total as u32) };
     match wish {
         0 => Ok(()),
         _ => {
-            let place = format!("the callback ended it before stage `{}` of `{}`", state.stage.name(), state.name);
-            Err(Error::Cancelled(format!("{place}; call again to go on")))
+            let place = format!(
+                "the callback cancelled the preparation before stage `{}` of `{}`",
+                state.stage.name(),
+                state.name
+            );
+            Err(Error::Cancelled(format!("{place}; call again to continue")))
         }
     }
 }
 
-/// A struct that must be there.
+/// Reads a struct that must not be null.
 ///
 /// # Safety
-/// As [`sized::read`].
+/// The conditions of [`sized::read`] hold for `from`.
 unsafe fn needed<T: Sized32>(from: *const T, name: &str) -> Outcome<T> {
     if from.is_null() {
         return Err(Failure::new(palpate_status::Null, format!("{name} is null; give a {}", T::NAME)));
     }
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     unsafe { sized::read(from) }
 }
 
@@ -224,7 +236,7 @@ fn change<R>(scene: *mut palpate_scene, work: impl FnOnce(&mut SceneObject) -> O
     handles::with(scene as usize, work)
 }
 
-/// What is wrong with a struct or an array is no file's fault.
+/// Turns an input error into an argument error: a wrong value in a struct or an array is the caller's, not a file's.
 fn argument(error: Error) -> Failure {
     match Failure::from(error) {
         Failure { status: palpate_status::Input, message } => Failure { status: palpate_status::Argument, message },

@@ -1,4 +1,5 @@
-//! What is changed between two steps: materials, the contact law, the coupling, where driven cores go.
+//! Changes a simulation between two steps: materials, the contact law, the virtual coupling, and the poses of driven
+//! (kinematic) cores.
 
 use std::time::Duration;
 
@@ -10,19 +11,19 @@ use super::sized::{self, Field, Sized32, fields};
 use super::state::change;
 use super::status::{Failure, Outcome, guarded, palpate_status};
 
-/// An elastic material, without its law, which stays as it was made.
+/// Parameters of an elastic material. The material law itself is chosen with the scene and cannot be changed.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_material {
-    /// sizeof(palpate_material).
+    /// Size of the struct in bytes: sizeof(palpate_material).
     pub size: u32,
-    /// 0.
+    /// Reserved: must be 0.
     pub reserved: u32,
     /// Young's modulus, Pa.
     pub young: f64,
     /// Poisson's ratio, from -0.5 to below 0.5.
     pub poisson: f64,
-    /// kg/m^3.
+    /// Density, kg/m^3.
     pub density: f64,
     /// Rayleigh damping by mass, 1/s.
     pub damping_mass: f64,
@@ -30,55 +31,55 @@ pub struct palpate_material {
     pub damping_stiffness: f64,
 }
 
-/// What holds touching bodies apart.
+/// The contact law: penalty forces between touching bodies, with damping and friction.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_contact_law {
-    /// sizeof(palpate_contact_law).
+    /// Size of the struct in bytes: sizeof(palpate_contact_law).
     pub size: u32,
-    /// 0.
+    /// Reserved: must be 0.
     pub reserved: u32,
-    /// Penalty stiffness per projected area, N/m^3; below zero: from the bodies' materials.
+    /// Penalty stiffness per projected area, N/m^3; below zero: chosen from the bodies' materials.
     pub stiffness: f64,
-    /// Penalty damping per projected area, N s/m^3; below zero: from the stiffness.
+    /// Penalty damping per projected area, N s/m^3; below zero: chosen from the stiffness.
     pub damping: f64,
-    /// Coulomb's coefficient.
+    /// Coulomb friction coefficient.
     pub friction: f64,
-    /// Speed below which friction is viscous, m/s.
+    /// Sliding speed below which friction is viscous, m/s.
     pub friction_speed: f64,
     /// Depth beyond which PALPATE_FLAG_DEPTH_BEYOND_LIMIT is raised, m.
     pub depth_limit: f64,
 }
 
-/// What joins device and tool.
+/// The virtual coupling: a spring and damper between haptic device and tool.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_coupling {
-    /// sizeof(palpate_coupling).
+    /// Size of the struct in bytes: sizeof(palpate_coupling).
     pub size: u32,
-    /// 0.
+    /// Reserved: must be 0.
     pub reserved: u32,
-    /// N/m.
+    /// Stiffness of the coupling, N/m.
     pub stiffness: f64,
-    /// N s/m.
+    /// Damping of the coupling, N s/m.
     pub damping: f64,
-    /// N m/rad.
+    /// Angular stiffness of the coupling, N m/rad.
     pub angular_stiffness: f64,
-    /// N m s/rad.
+    /// Angular damping of the coupling, N m s/rad.
     pub angular_damping: f64,
 }
 
-/// What these structs have in common: all of it are numbers.
+/// Implements [`Sized32`] for a struct whose fields are all numbers.
 macro_rules! numbers {
     ($name:ident, $least:expr, { $($field:ident),+ }) => {
-        // SAFETY: `repr(C)`, the size comes first, and all of it are numbers.
+        // SAFETY: it is `repr(C)`, its first field is the size, and all fields are numbers: any bytes are a value.
         unsafe impl Sized32 for $name {
             const NAME: &str = stringify!($name);
             const LEAST: usize = $least;
             const FIELDS: &'static [Field] = fields!($name { $($field),+ });
 
             fn unset() -> Self {
-                // SAFETY: all of it are numbers.
+                // SAFETY: all fields are numbers, for which zero bytes are a value.
                 Self { size: size_of::<Self>() as u32, ..unsafe { std::mem::zeroed() } }
             }
         }
@@ -89,12 +90,15 @@ numbers!(palpate_material, 48, { size, reserved, young, poisson, density, dampin
 numbers!(palpate_contact_law, 48, { size, reserved, stiffness, damping, friction, friction_speed, depth_limit });
 numbers!(palpate_coupling, 40, { size, reserved, stiffness, damping, angular_stiffness, angular_damping });
 
-/// Reads one of the structs, which must be there; `reserved` is zero.
+/// Reads one of the structs above, which must not be null; its `reserved` field must be 0.
+///
+/// # Safety
+/// The conditions of [`sized::read`] hold for `from`.
 unsafe fn needed<T: Sized32>(from: *const T, name: &str, reserved: impl Fn(&T) -> u32) -> Outcome<T> {
     if from.is_null() {
-        return Err(Failure::new(palpate_status::Null, format!("{name} is null; say what it is to be")));
+        return Err(Failure::new(palpate_status::Null, format!("{name} is null; pass the struct")));
     }
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     let value = unsafe { sized::read(from)? };
     match reserved(&value) {
         0 => Ok(value),
@@ -102,7 +106,8 @@ unsafe fn needed<T: Sized32>(from: *const T, name: &str, reserved: impl Fn(&T) -
     }
 }
 
-/// The material of a soft body: its own at `index` 0, then those of its regions in the order of the scene.
+/// Reads a material of a soft body: `index` 0 is the body's own, the others are those of its material regions in the
+/// order of the scene.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_material_get(
     simulation: *mut palpate_simulation,
@@ -116,15 +121,16 @@ pub unsafe extern "C" fn palpate_material_get(
             let Material { young, poisson, density, damping_mass, damping_stiffness, .. } = told;
             let unset = palpate_material::unset();
             let told = palpate_material { young, poisson, density, damping_mass, damping_stiffness, ..unset };
-            // SAFETY: the caller's, as the header says.
+            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
             unsafe { sized::tell(material, &told, "material") }
         })
     })
 }
 
-/// Gives a soft body another material from the next step on, `index` as for `palpate_material_get`. Nothing is prepared or
-/// recorded again; whether the solver has a coarse level for the body stays as it was chosen. PALPATE_STATUS_ARGUMENT: there is
-/// no such material, or it cannot be so; or the body has several and the density would move its centre of mass.
+/// Replaces a material of a soft body from the next step on; `index` is that of `palpate_material_get`. No body is
+/// prepared again and no pass is recorded again; whether the solver has a coarse space for the body stays as it was
+/// chosen. PALPATE_STATUS_ARGUMENT: there is no such material, a value is out of range, or the body has several
+/// materials and the new density would move its centre of mass.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_material_set(
     simulation: *mut palpate_simulation,
@@ -133,7 +139,7 @@ pub unsafe extern "C" fn palpate_material_set(
     material: *const palpate_material,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let given = unsafe { needed(material, "material", |m| m.reserved)? };
         let palpate_material { young, poisson, density, damping_mass, damping_stiffness, .. } = given;
         handles::with(simulation as usize, |object: &mut SimulationObject| material_at(&object.simulation, body, index))
@@ -152,7 +158,7 @@ fn material_at(simulation: &palpate::Simulation, body: u32, index: u32) -> Outco
     })
 }
 
-/// The contact law in force; numbers that are chosen from the materials are -1.
+/// Reads the contact law in force; a stiffness or damping that is chosen automatically reads as -1.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_contact_get(
     simulation: *mut palpate_simulation,
@@ -165,23 +171,25 @@ pub unsafe extern "C" fn palpate_contact_get(
             let (stiffness, damping) = (stiffness.unwrap_or(-1.0), damping.unwrap_or(-1.0));
             let unset = palpate_contact_law::unset();
             let told = palpate_contact_law { stiffness, damping, friction, friction_speed, depth_limit, ..unset };
-            // SAFETY: the caller's, as the header says.
+            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
             unsafe { sized::tell(law, &told, "law") }
         })
     })
 }
 
-/// Another contact law from the next step on. Friction in a scene that had none is recorded first, which takes some time once.
+/// Replaces the contact law from the next step on. Switching friction on in a scene that had none records the passes of
+/// the step anew, which takes about as long as making the simulation did.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_contact_set(
     simulation: *mut palpate_simulation,
     law: *const palpate_contact_law,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let given = unsafe { needed(law, "law", |law| law.reserved)? };
         let palpate_contact_law { friction, friction_speed, depth_limit, .. } = given;
-        // What is no number is neither chosen nor below zero, and is refused.
+        // A finite negative number asks for the automatic choice. NaN and infinities are passed on, so that the engine
+        // refuses them.
         let chosen = |x: f64| if x < 0.0 && x.is_finite() { None } else { Some(x) };
         let (stiffness, damping) = (chosen(given.stiffness), chosen(given.damping));
         change(simulation, |simulation| {
@@ -191,7 +199,8 @@ pub unsafe extern "C" fn palpate_contact_set(
     })
 }
 
-/// Another coupling between device and tool from the next step on; null: none, and the tool moves freely.
+/// Replaces the virtual coupling between haptic device and tool from the next step on; null removes it, and the tool
+/// moves freely.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_coupling_set(
     simulation: *mut palpate_simulation,
@@ -200,7 +209,7 @@ pub unsafe extern "C" fn palpate_coupling_set(
     guarded(|| {
         let given = match coupling.is_null() {
             true => None,
-            // SAFETY: the caller's, as the header says.
+            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
             false => Some(unsafe { needed(coupling, "coupling", |coupling| coupling.reserved)? }),
         };
         let plain = |c: palpate_coupling| Coupling {
@@ -213,8 +222,8 @@ pub unsafe extern "C" fn palpate_coupling_set(
     })
 }
 
-/// Where a core of a body is: the pose of the origin of the body's file, carried along. Cores are counted from 0, bones first;
-/// a rigid body has one.
+/// Reads where a core of a body is, as the world pose of the origin of the body's mesh coordinates, moved along with
+/// the core. Cores are counted from 0, the bones of a skeleton first; a rigid body has one core.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_core_pose(
     simulation: *mut palpate_simulation,
@@ -223,7 +232,7 @@ pub unsafe extern "C" fn palpate_core_pose(
     pose: *mut palpate_pose,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let pose = unsafe { sized::answer(pose, "pose")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             let told = object
@@ -236,9 +245,9 @@ pub unsafe extern "C" fn palpate_core_pose(
     })
 }
 
-/// Takes a driven core from where it is to a pose (as `palpate_core_pose` tells it), evenly, within `seconds` of simulated time
-/// but a step at least, and leaves it there; keys that it had are forgotten. Call it before every step to animate it. A core
-/// that is not driven gives PALPATE_STATUS_ARGUMENT.
+/// Moves a driven (kinematic) core from where it is to `pose` (of the kind that `palpate_core_pose` reads) at constant
+/// speed within `seconds` of simulated time, or within a step if that is longer, and leaves it there; its remaining
+/// keys are discarded. Call it before every step to animate a core. PALPATE_STATUS_ARGUMENT: the core is not driven.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_core_move(
     simulation: *mut palpate_simulation,
@@ -248,12 +257,12 @@ pub unsafe extern "C" fn palpate_core_move(
     seconds: f64,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let pose = unsafe { sized::given(pose, "pose")? };
-        let pose = pose.ok_or_else(|| Failure::new(palpate_status::Null, "pose is null; say where the core goes"))?;
+        let pose = pose.ok_or_else(|| Failure::new(palpate_status::Null, "pose is null; pass the pose of the core"))?;
         let pose = pose_of(pose, "pose")?;
         let time = Duration::try_from_secs_f64(seconds).map_err(|_| {
-            let problem = format!("seconds is {seconds}; give a time, 0 for the next step");
+            let problem = format!("seconds is {seconds}; give 0 (one step) or more");
             Failure::new(palpate_status::Argument, problem)
         })?;
         change(simulation, |simulation| simulation.move_core(body as usize, core as usize, pose, time))

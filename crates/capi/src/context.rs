@@ -1,4 +1,4 @@
-//! Devices, and what is opened on them.
+//! Vulkan devices: their list, and contexts, which are opened devices.
 
 use std::ffi::{c_char, c_void};
 use std::path::PathBuf;
@@ -12,17 +12,17 @@ use super::log::{self, palpate_log};
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 
-/// A Vulkan device under the library's hands. Simulations hold on to theirs: it goes with the last of them, whether it was
-/// destroyed before or not.
+/// A context: an open Vulkan device. A simulation holds on to its context, so the device stays open until the context
+/// is destroyed and the last of its simulations is gone.
 pub struct palpate_context {
     _opaque: [u8; 0],
 }
 
-/// What sort of device it is.
+/// Kind of a Vulkan device.
 #[repr(i32)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum palpate_device_kind {
-    /// Anything else.
+    /// None of the kinds below.
     Other = 0,
     /// A GPU with memory of its own.
     Discrete = 1,
@@ -34,48 +34,55 @@ pub enum palpate_device_kind {
     Cpu = 4,
 }
 
-/// A Vulkan device of this machine. Strings that are longer than their room are cut, and end in a zero.
+/// A Vulkan device of this machine. Strings that are too long for their arrays are cut; all end in a zero.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_device {
-    /// What it is.
+    /// Kind of the device.
     pub kind: palpate_device_kind,
-    /// 1: it can be used; 0: `reason` says why not.
+    /// 1: palpate can use the device; 0: `reason` says why not.
     pub usable: u32,
-    /// The driver's name for it. This, or a part of it, or the position in the list opens it.
+    /// The driver's name for the device. `device` in palpate_context_options takes this name, a part of it, or the
+    /// position of the device in this list.
     pub name: [c_char; 256],
     /// Name and version of the driver.
     pub driver: [c_char; 256],
-    /// Why it cannot be used; "" where it can.
+    /// Why palpate cannot use the device; "" where it can.
     pub reason: [c_char; 256],
 }
 
-/// How a context is opened. Zero is right for all of it but the size.
+/// Options for opening a context. Zero is the default of all fields but `size`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_context_options {
-    /// sizeof(palpate_context_options).
+    /// Size of the struct in bytes: sizeof(palpate_context_options).
     pub size: u32,
-    /// 1: the Khronos validation layer looks on, with synchronisation validation, and its messages go to `log`; slow. 0: not.
+    /// 1: switches the Khronos validation layer on, with synchronisation validation; its messages go to `log`. This is
+    /// slow. 0: off.
     pub validation: u32,
-    /// Device: its position in `palpate_devices`, or part of its name; null: the best one.
+    /// Device to open: its position in the list of `palpate_devices`, as a decimal number, or part of its name; null:
+    /// the best one (discrete GPU before integrated GPU, virtual GPU and CPU).
     pub device: *const c_char,
-    /// Hears what there is to say; null: nobody.
+    /// Callback that receives the library's messages; null: they are discarded.
     pub log: palpate_log,
-    /// Passed to `log`.
+    /// Pointer that is passed to `log`.
     pub log_user: *mut c_void,
-    /// Folder where prepared bodies, compiled pipelines and what was measured of devices are kept for later runs; "": the
-    /// user's (PALPATE_CACHE, else palpate in XDG_CACHE_HOME or ~/.cache). Null: nothing is kept.
+    /// Folder where prepared bodies, compiled pipelines and measurements of devices are kept for later runs; "": the
+    /// user's cache folder (PALPATE_CACHE, else palpate in XDG_CACHE_HOME or ~/.cache). Null: nothing is kept.
     pub cache: *const c_char,
-    /// 1: measures, once, which of two ways is faster on the device where the scene does not say (arrays, depth stage). 0: not.
+    /// 1: where the scene does not say, measures which of two implementations is faster on the device (arrays through
+    /// texel or storage buffers; depth stage by compute or graphics), once per context, or once per device if there is
+    /// a cache. 0: does not measure.
     pub measure: u32,
-    /// With how many threads lavapipe works, by LP_NUM_THREADS in the environment unless that is set; -1: none but the calling
-    /// one. 0: the environment stays as it is. Other drivers do not ask. Anything but 0 sets the variable in
-    /// palpate_context_create: no other thread of the process may read or write the environment meanwhile.
+    /// Number of threads that lavapipe (Mesa's Vulkan driver for CPUs) uses besides the calling one; -1: none. Any
+    /// value but 0 sets LP_NUM_THREADS in palpate_context_create, unless the environment has it already; meanwhile no
+    /// other thread of the process may read or write the environment. 0: the environment stays as it is. Other drivers
+    /// ignore the variable.
     pub threads: i32,
 }
 
-// SAFETY: `repr(C)`, the size comes first, and any bytes are a value: a pointer is only followed as the header says.
+// SAFETY: it is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and pointers; a
+// pointer is followed only under the rules of the header's preface.
 unsafe impl Sized32 for palpate_context_options {
     const NAME: &str = "palpate_context_options";
     const LEAST: usize = 2 * size_of::<u32>() + size_of::<*const c_char>();
@@ -102,8 +109,9 @@ impl Handled for ContextObject {
     const NAME: &str = "context";
 }
 
-/// Lists the devices of this machine, usable or not. `count` receives how many there are; up to `capacity` are written to
-/// `devices`, which may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more, and none was written.
+/// Lists the Vulkan devices of this machine, usable or not. `count` receives their number; up to `capacity` of them are
+/// written to `devices`, which may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than
+/// `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_devices(
     devices: *mut palpate_device,
@@ -111,14 +119,14 @@ pub unsafe extern "C" fn palpate_devices(
     count: *mut usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let count = unsafe { sized::answer(count, "count")? };
         let all: Vec<palpate_device> = Context::list()?.iter().map(device_of).collect();
         *count = all.len();
         if capacity == 0 {
             return Ok(());
         }
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         unsafe { sized::copy(&all, devices, capacity, "devices") }
     })
 }
@@ -140,7 +148,7 @@ fn device_of(info: &palpate::internal::gpu::DeviceInfo) -> palpate_device {
     }
 }
 
-/// As much of a text as fits, whole characters and a zero.
+/// Copies as much of a text as fits into N bytes with a terminating zero; no character is cut in two.
 pub(super) fn room<const N: usize>(text: &str) -> [c_char; N] {
     let end = (0..N).rev().find(|&end| text.is_char_boundary(end.min(text.len()))).unwrap_or(0).min(text.len());
     let mut room = [0; N];
@@ -148,21 +156,21 @@ pub(super) fn room<const N: usize>(text: &str) -> [c_char; N] {
     room
 }
 
-/// Opens a device. `options` may be null.
+/// Opens a device as a context. `options` may be null: then all are defaults.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_context_create(
     options: *const palpate_context_options,
     context: *mut *mut palpate_context,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let (options, context) = unsafe { (sized::read(options)?, sized::answer(context, "context")?) };
         *context = std::ptr::null_mut();
         let validation = truth("palpate_context_options.validation", options.validation)?;
         let measure = truth("palpate_context_options.measure", options.measure)?;
         let device = match options.device.is_null() {
             true => None,
-            // SAFETY: the caller's, as the header says.
+            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
             false => Some(unsafe { sized::string(options.device, "options.device")? }.to_owned()),
         };
         let log = log::to(options.log, options.log_user);
@@ -174,7 +182,7 @@ pub unsafe extern "C" fn palpate_context_create(
                 Failure::new(palpate_status::Argument, problem)
             })?)),
         };
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let cache = unsafe { cache_folder(options.cache)? };
         let options = Options { device, validation, log, cache, measure, threads, ..Options::default() };
         let opened = Context::open(&options)?;
@@ -183,7 +191,7 @@ pub unsafe extern "C" fn palpate_context_create(
     })
 }
 
-/// A number that is 0 or 1.
+/// Converts a number that must be 0 or 1.
 pub(super) fn truth(name: &str, given: u32) -> Outcome<bool> {
     match given {
         0 | 1 => Ok(given == 1),
@@ -191,35 +199,35 @@ pub(super) fn truth(name: &str, given: u32) -> Outcome<bool> {
     }
 }
 
-/// Of a `cache` that a caller names: null is none, an empty one the user's.
+/// The folder that a caller's `cache` names: null is none, "" is the user's cache folder.
 ///
 /// # Safety
-/// As [`sized::string`].
+/// The conditions of [`sized::string`] hold for `folder`.
 pub(super) unsafe fn cache_folder(folder: *const c_char) -> Outcome<Option<PathBuf>> {
     if folder.is_null() {
         return Ok(None);
     }
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     let folder = unsafe { sized::string(folder, "cache")? };
     Ok(if folder.is_empty() { Options::user_cache() } else { Some(folder.into()) })
 }
 
-/// Lets go of a context. Null does nothing.
+/// Destroys a context; its device is closed as soon as the last of its simulations is gone. Null does nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_context_destroy(context: *mut palpate_context) -> palpate_status {
     guarded(|| if context.is_null() { Ok(()) } else { handles::remove::<ContextObject>(context as usize) })
 }
 
-/// The open device of a context.
+/// The open device behind a context's handle.
 pub(super) fn opened(context: *mut palpate_context) -> Outcome<Arc<Context>> {
     handles::with(context as usize, |object: &mut ContextObject| Ok(Arc::clone(&object.0)))
 }
 
-/// Bytes of the device's memory that arrays of a context's simulations hold.
+/// Reads how many bytes of the device's memory the arrays of a context's simulations occupy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_context_memory(context: *mut palpate_context, bytes: *mut u64) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let bytes = unsafe { sized::answer(bytes, "bytes")? };
         *bytes = opened(context)?.bytes_allocated();
         Ok(())

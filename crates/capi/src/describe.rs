@@ -1,4 +1,5 @@
-//! What scenes are built of, as C describes it: plain structs, of which `tables.rs` makes the tables of a scene file.
+//! The structs of palpate.h that describe a scene for `build.rs`: settings, bodies, cores and the tool. `tables.rs`
+//! turns them into the tables of a scene file, where their values are checked.
 
 use std::ffi::c_char;
 use std::mem::offset_of;
@@ -6,218 +7,227 @@ use std::mem::offset_of;
 use super::simulation::palpate_pose;
 use super::sized::{Field, Sized32, fields};
 
-/// It does not move. The kinds of motion: of a core, or of a rigid body.
+/// Kind of motion of a core or of a rigid body: it does not move.
 pub const PALPATE_MOTION_FIXED: u32 = 0;
-/// It follows `keys`.
+/// Kind of motion: driven (kinematic), that is, it follows `keys`.
 pub const PALPATE_MOTION_DRIVEN: u32 = 1;
-/// Forces move it.
+/// Kind of motion: dynamic, that is, forces move it.
 pub const PALPATE_MOTION_DYNAMIC: u32 = 2;
 
-/// Linear in the strain that a tetrahedron has beside its rotation. The laws of a material.
+/// Material law: corotational, that is, linear in the strain that is left when a tetrahedron's rotation is taken out.
 pub const PALPATE_LAW_COROTATIONAL: u32 = 0;
-/// Stable neo-Hookean.
+/// Material law: stable neo-Hookean.
 pub const PALPATE_LAW_NEO_HOOKEAN: u32 = 1;
 
-/// A volumetric strain to each tetrahedron. Over what a soft body's volumetric strain is one number.
+/// Volumetric strain of a soft body: each tetrahedron has its own.
 pub const PALPATE_DILATATION_ELEMENT: u32 = 0;
-/// One to each patch of neighbouring tetrahedra: for materials that keep their volume (Poisson's ratio near one half).
+/// Volumetric strain of a soft body: averaged over patches of neighbouring tetrahedra (F-bar), against locking in
+/// nearly incompressible materials (Poisson's ratio near one half).
 pub const PALPATE_DILATATION_PATCH: u32 = 1;
 
-/// What holds for a whole scene; its `[step]`, `[solver]` and `[contact]`. Zero is the usual value for all of it but the size.
+/// Settings of a whole scene: the tables `[step]`, `[solver]` and `[contact]` of a scene file. Zero is the default of
+/// all fields but `size`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_settings {
-    /// sizeof(palpate_settings).
+    /// Size of the struct in bytes: sizeof(palpate_settings).
     pub size: u32,
-    /// Newton iterations a step; 0: 1.
+    /// Number of Newton iterations per step; 0: 1 iteration.
     pub newton: u32,
     /// Time step, s; 0: 0.001.
     pub dt: f64,
-    /// Acceleration of gravity, m/s^2; zero: 0, -9.81, 0.
+    /// Acceleration of gravity, m/s^2; all zero: 0, -9.81, 0.
     pub gravity: [f64; 3],
-    /// 1: there is no gravity, and `gravity` is zero.
+    /// 1: there is no gravity, and `gravity` must be zero. 0: there is.
     pub weightless: u32,
-    /// Of the solver, at most; 0: 200.
+    /// Greatest number of conjugate gradient iterations per solve; 0: 200.
     pub max_iterations: u32,
     /// Relative residual at which the solver stops; 0: 1e-5.
     pub tolerance: f64,
-    /// Penalty stiffness per projected area, N/m^3; 0: chosen.
+    /// Penalty stiffness per projected area, N/m^3; 0: chosen from the bodies' materials.
     pub contact_stiffness: f64,
-    /// Penalty damping per projected area, N s/m^3; 0: chosen.
+    /// Penalty damping per projected area, N s/m^3; 0: chosen from the stiffness.
     pub contact_damping: f64,
-    /// Coulomb's coefficient.
+    /// Coulomb friction coefficient; 0: no friction.
     pub friction: f64,
-    /// Speed below which friction is viscous, m/s; 0: 0.001.
+    /// Sliding speed below which friction is viscous, m/s; 0: 0.001.
     pub friction_speed: f64,
     /// Depth beyond which PALPATE_FLAG_DEPTH_BEYOND_LIMIT is raised, m; 0: 0.02.
     pub depth_limit: f64,
 }
 
-/// A pose at a time.
+/// A keyframe: a pose at a time.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_key {
-    /// s; each after the one before.
+    /// Time of the key, s; later than that of the key before.
     pub time: f64,
-    /// World; an orientation of four zeros turns nothing.
+    /// World pose at that time; an orientation of four zeros is no rotation.
     pub pose: palpate_pose,
 }
 
-/// A rigid core of a soft body: nodes that move as one. Exactly one of `inset`, the box, the sphere, `nodes` and `all` says
-/// which; places are in the coordinates of the mesh, before scale and pose.
+/// A rigid core of a soft body: the nodes of the body's layer that are attached to it move as one rigid body. Exactly
+/// one of `inset`, the box, the sphere, `nodes` and `all` selects them; coordinates are those of the mesh, before scale
+/// and pose.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_core {
-    /// sizeof(palpate_core).
+    /// Size of the struct in bytes: sizeof(palpate_core).
     pub size: u32,
-    /// PALPATE_MOTION_*.
+    /// How the core moves: PALPATE_MOTION_*.
     pub motion: u32,
-    /// Its name, unlike other cores' of the body.
+    /// Name of the core, different from those of the body's other cores.
     pub name: *const c_char,
-    /// Of a driven core: where the centre of the mass that it carries is, `key_count` of them. Null for others.
+    /// Keyframes of a driven core, `key_count` of them: poses of the centre of mass of what is attached to it. Null for
+    /// other cores.
     pub keys: *const palpate_key,
-    /// How many keys there are.
+    /// Number of elements of `keys`.
     pub key_count: usize,
-    /// Of a dynamic core, kg; 0: that of what it holds.
+    /// Mass of a dynamic core, kg; 0: the mass of what is attached to it.
     pub mass: f64,
-    /// Nodes at least this deep below the skin, m, above 0.
+    /// Selects nodes at least this deep below the skin, m; above 0.
     pub inset: f64,
-    /// Nodes in a box: its least corner.
+    /// Selects nodes in a box: its corner of least coordinates.
     pub box_low: [f64; 3],
-    /// Its greatest corner.
+    /// Corner of greatest coordinates of that box.
     pub box_high: [f64; 3],
-    /// Nodes in a sphere: its centre.
+    /// Selects nodes in a sphere: its centre.
     pub sphere_centre: [f64; 3],
-    /// Its radius, m.
+    /// Radius of that sphere, m.
     pub sphere_radius: f64,
-    /// These nodes, by their places in the layer's array, `node_count` of them.
+    /// Selects single nodes by their indices in the layer, `node_count` of them.
     pub nodes: *const u32,
-    /// How many nodes there are.
+    /// Number of elements of `nodes`.
     pub node_count: usize,
-    /// 1: every node.
+    /// 1: selects every node.
     pub all: u32,
-    /// 0.
+    /// Reserved: must be 0.
     pub reserved: u32,
 }
 
-/// A body, of one of three kinds. Soft: it has a layer (a mesh, cells that fill the surface, or a box) and a material; without
-/// a surface the layer's boundary is its skin. Rigid: it has a surface and no layer. A plane: it has `plane` and nothing else
-/// but a name. What is zero or null is as where a scene file leaves the key out.
+/// A body of one of three kinds. Soft: it has a material and a layer, the tetrahedral simulation mesh (handed over,
+/// made of cells that fill the surface, or a box); without a surface the layer's boundary is its skin. Rigid: it has a
+/// surface and no layer. A plane: it has `plane` and nothing else but a name. A field that is zero or null means what a
+/// missing key means in a scene file.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_body {
-    /// sizeof(palpate_body).
+    /// Size of the struct in bytes: sizeof(palpate_body).
     pub size: u32,
-    /// Of a rigid body: PALPATE_MOTION_*.
+    /// How a rigid body moves: PALPATE_MOTION_*.
     pub motion: u32,
-    /// Its name: letters, digits, '_', '-' and '.'; unlike other bodies', and not "tool".
+    /// Name of the body: letters, digits, '_', '-' and '.'; different from other bodies' names and from "tool".
     pub name: *const c_char,
-    /// Its skin: the name of a surface that `palpate_scene_add_surface` took.
+    /// Name of the surface that is its skin, as given to `palpate_scene_add_surface`.
     pub surface: *const c_char,
-    /// Its layer: the name of one that `palpate_scene_add_layer` took.
+    /// Layer, first way: name of a mesh, as given to `palpate_scene_add_layer`.
     pub layer: *const c_char,
-    /// Or cells that fill the surface: their edge, m, in the surface's coordinates.
+    /// Layer, second way: cells that fill the surface; their edge, m, in the surface's coordinates.
     pub cell: f64,
-    /// Or so many cells along the surface's largest extent.
+    /// Instead of `cell`: number of such cells along the surface's largest extent.
     pub across: u32,
-    /// Of cells: how much larger they may be deep inside; 0, 1, 2, 4 or 8.
+    /// How many times larger the filling cells may be deep inside: 0 (the default), 1, 2, 4 or 8.
     pub grade: u32,
-    /// Of cells: depth of the shell that is filled, m; 0: all of it.
+    /// Depth of the shell below the surface that cells fill, m; 0: the whole inside.
     pub thickness: f64,
-    /// Or a box: its least corner.
+    /// Layer, third way: a box cut into cells; its corner of least coordinates.
     pub box_low: [f64; 3],
-    /// Its greatest corner.
+    /// Corner of greatest coordinates of that box.
     pub box_high: [f64; 3],
-    /// Its cells along each axis.
+    /// Number of the box's cells along each axis.
     pub box_cells: [u32; 3],
-    /// Of a soft body: PALPATE_LAW_*.
+    /// Material law of a soft body: PALPATE_LAW_*.
     pub law: u32,
-    /// Of a soft body: PALPATE_DILATATION_*.
+    /// Volumetric strain of a soft body: PALPATE_DILATATION_*.
     pub dilatation: u32,
-    /// 1: a surface that would need repair is refused.
+    /// 1: a surface that would need repair is refused; 0: it is repaired.
     pub strict: u32,
-    /// Young's modulus, Pa. This and the next four: the material of a soft body.
+    /// Young's modulus, Pa. This field and the next four are the material of a soft body.
     pub young: f64,
     /// Poisson's ratio, from -0.5 to below 0.5.
     pub poisson: f64,
-    /// kg/m^3.
+    /// Density, kg/m^3.
     pub density: f64,
     /// Rayleigh damping by mass, 1/s.
     pub damping_mass: f64,
     /// Rayleigh damping by stiffness, s.
     pub damping_stiffness: f64,
-    /// A fixed half-space: outward normal n and offset d; it is where n . x <= d.
+    /// A fixed half-space: outward normal n and offset d (m); it fills all x with n . x <= d.
     pub plane: [f64; 4],
-    /// Of the mesh's coordinates; 0: 1.
+    /// Factor on the mesh's coordinates; 0: 1.
     pub scale: f64,
-    /// Where the mesh's origin is, world, m.
+    /// World position of the mesh's origin, m.
     pub position: [f64; 3],
-    /// World orientation, unit quaternion x, y, z, w; four zeros turn nothing.
+    /// World orientation, unit quaternion x, y, z, w; four zeros are no rotation.
     pub orientation: [f64; 4],
-    /// At the start, world, m/s.
+    /// Velocity at the start, world axes, m/s.
     pub velocity: [f64; 3],
-    /// Of a dynamic rigid body, kg.
+    /// Mass of a dynamic rigid body, kg.
     pub mass: f64,
-    /// Of a driven rigid body: where the centre of its volume is, `key_count` of them. Null for others.
+    /// Keyframes of a driven rigid body, `key_count` of them: poses of the centre of its volume. Null for other bodies.
     pub keys: *const palpate_key,
-    /// How many keys there are.
+    /// Number of elements of `keys`.
     pub key_count: usize,
-    /// Of a soft body: `core_count` of them, all of the size that the first says.
+    /// Rigid cores of a soft body, `core_count` of them; all have the size that the first says.
     pub cores: *const palpate_core,
-    /// How many cores there are.
+    /// Number of elements of `cores`.
     pub core_count: usize,
-    /// Convex hulls that stand for it where bodies are far apart, at most; 0: the usual number.
+    /// Greatest number of convex collision proxies that cover the body for the broad phase; 0: the default.
     pub hulls: u32,
-    /// 0.
+    /// Reserved: must be 0.
     pub reserved: u32,
 }
 
-/// What the device holds: exactly one of a sphere, a surface and a body of the scene; and the spring that holds it. Without
-/// one (all of it zero) the tool moves freely.
+/// The tool that the haptic device moves: exactly one of a sphere, a surface and a body of the scene; and the virtual
+/// coupling, a spring and damper between device and tool. Without a coupling (its four fields zero) the tool moves
+/// freely.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_tool {
-    /// sizeof(palpate_tool).
+    /// Size of the struct in bytes: sizeof(palpate_tool).
     pub size: u32,
-    /// 1: a surface that would need repair is refused.
+    /// 1: a surface that would need repair is refused; 0: it is repaired.
     pub strict: u32,
-    /// Radius of a sphere, m.
+    /// Radius of a spherical tool, m; 0: the tool is no sphere.
     pub sphere: f64,
-    /// The name of a surface that `palpate_scene_add_surface` took.
+    /// Name of the tool's surface, as given to `palpate_scene_add_surface`; null: none.
     pub surface: *const c_char,
-    /// The name of a body of the scene, held by its first core, which is dynamic. It has its own mass and pose.
+    /// Name of a body of the scene that is the tool; null: none. The device holds its first core, which must be
+    /// dynamic. Mass and pose are those of the body.
     pub body: *const c_char,
-    /// kg.
+    /// Mass of the tool, kg.
     pub mass: f64,
-    /// Where its centre is at the start, world, m.
+    /// World position of the tool's centre at the start, m.
     pub position: [f64; 3],
-    /// World orientation at the start; four zeros turn nothing.
+    /// World orientation at the start; four zeros are no rotation.
     pub orientation: [f64; 4],
-    /// At the start, world, m/s.
+    /// Velocity at the start, world axes, m/s.
     pub velocity: [f64; 3],
-    /// Of the surface's coordinates; 0: 1.
+    /// Factor on the surface's coordinates; 0: 1.
     pub scale: f64,
-    /// Of the spring between device and tool, N/m.
+    /// Stiffness of the virtual coupling, N/m.
     pub stiffness: f64,
-    /// N s/m.
+    /// Damping of the virtual coupling, N s/m.
     pub damping: f64,
-    /// N m/rad.
+    /// Angular stiffness of the virtual coupling, N m/rad.
     pub angular_stiffness: f64,
-    /// N m s/rad.
+    /// Angular damping of the virtual coupling, N m s/rad.
     pub angular_damping: f64,
 }
 
-/// Zero bytes are a value of all of them: numbers, null pointers. The least size is that of the first version.
+/// Implements [`Sized32`] for a struct of numbers and pointers, of which zero bytes are a value. Its least size is that
+/// of its first version, which ended 8 bytes behind the start of the field `$last`.
 macro_rules! grows {
     ($name:ident, $last:ident, { $($field:ident),+ }) => {
-        // SAFETY: `repr(C)`, the size comes first, and any bytes are a value: a pointer is only followed as the header says.
+        // SAFETY: it is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and
+        // pointers; a pointer is followed only under the rules of the header's preface.
         unsafe impl Sized32 for $name {
             const NAME: &str = stringify!($name);
             const LEAST: usize = offset_of!($name, $last) + 8;
             const FIELDS: &'static [Field] = fields!($name { $($field),+ });
 
             fn unset() -> Self {
-                // SAFETY: as above.
+                // SAFETY: zero bytes are a value of all fields, which are numbers and pointers.
                 let zero: Self = unsafe { std::mem::zeroed() };
                 $name { size: size_of::<Self>() as u32, ..zero }
             }

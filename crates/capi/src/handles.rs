@@ -1,30 +1,32 @@
-//! Handles: which of them live, and what they stand for. The one thing that all of a process share.
+//! The table of handles: which of them are alive, and which objects they stand for. It is the only state that the whole
+//! process shares.
 //!
-//! A handle is the number of a slot and how often that slot was used before. One that was destroyed no longer has the slot's
-//! count, however the slot is used again; a slot whose count runs out is used no more.
+//! A handle is a number: a slot of the table in its low half, and in its high half the slot's generation, that is, how
+//! often the slot had been used when the handle was made. The handle of a destroyed object has an old generation,
+//! whatever the slot is used for afterwards. A slot whose generation would overflow is not used again.
 
 use std::any::Any;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 
 use super::status::{Failure, Outcome, palpate_status};
 
-/// Bits of a slot's number in a handle; the count has the others.
+/// Bits of the slot's number in a handle; the generation (`count`) has the others.
 const SLOT_BITS: u32 = usize::BITS / 2;
 
-/// What a handle can stand for.
+/// An object that a handle can stand for.
 pub(super) trait Handled: Send + 'static {
-    /// In messages.
+    /// Name of this kind of object in messages.
     const NAME: &str;
 }
 
 type Shared = Arc<dyn Any + Send + Sync>;
 
-/// What a handle stands for.
+/// The object of a handle, with what the table keeps beside it.
 struct Held<T> {
     object: Mutex<T>,
-    /// Why it can only be used by whom it was lent to.
+    /// While the object is lent to one user: the reason that other callers are told.
     lent: Mutex<Option<&'static str>>,
-    /// Its companion.
+    /// The companion: data that any thread may use while another works with the object.
     beside: Shared,
 }
 
@@ -34,10 +36,10 @@ impl<T> Held<T> {
     }
 }
 
-/// A slot, and what it holds.
+/// A slot of the table.
 #[derive(Default)]
 struct Slot {
-    /// How often it was used, this time included.
+    /// Generation: how often the slot was used, this time included.
     count: usize,
     object: Option<Shared>,
 }
@@ -51,16 +53,17 @@ struct Table {
 static TABLE: Mutex<Table> = Mutex::new(Table { slots: Vec::new(), free: Vec::new() });
 
 fn table() -> MutexGuard<'static, Table> {
-    // It is whole between any two of its statements.
+    // A panic cannot leave the table half-changed: it is consistent between any two statements under the lock.
     TABLE.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
 
-/// A new handle.
+/// Stores an object and returns its new handle.
 pub(super) fn insert<T: Handled>(object: T) -> usize {
     insert_with(object, Arc::new(()))
 }
 
-/// A new handle of something with a companion, which any number of threads may use at once, whoever is at the thing itself.
+/// Stores an object with a companion and returns the object's new handle. Any number of threads may use the companion
+/// at once, even while a thread uses the object.
 pub(super) fn insert_with<T: Handled>(object: T, beside: Shared) -> usize {
     let mut table = table();
     let slot = table.free.pop().unwrap_or_else(|| {
@@ -73,7 +76,7 @@ pub(super) fn insert_with<T: Handled>(object: T, beside: Shared) -> usize {
     held.count << SLOT_BITS | slot
 }
 
-/// Takes a handle out of use; what it stood for goes when nobody is at it any more.
+/// Invalidates a handle. Its object is dropped as soon as no thread uses it any more.
 pub(super) fn remove<T: Handled>(handle: usize) -> Outcome {
     let object = {
         let mut table = table();
@@ -85,20 +88,21 @@ pub(super) fn remove<T: Handled>(handle: usize) -> Outcome {
         }
         object
     };
-    // With the table free: what goes may take its time.
+    // Dropped only here, with the table's lock released, because dropping may take long.
     drop(object);
     Ok(())
 }
 
-/// Does something with what a handle stands for. Errors: it stands for nothing, or another thread is at it, or it is lent.
+/// Runs `work` on the object of a handle. Errors: the handle stands for no such object, another thread uses the object,
+/// it is lent, or an earlier call panicked in it.
 pub(super) fn with<T: Handled, R>(handle: usize, work: impl FnOnce(&mut T) -> Outcome<R>) -> Outcome<R> {
     let held = find::<T>(&table(), handle)?.1;
     let mut object = held.try_lock()?;
     work(&mut object)
 }
 
-/// Lends what a handle stands for: whoever else comes is told why it cannot be used, until this is let go of. Errors: as
-/// [`with`].
+/// Lends the object of a handle to one user: until the result is dropped, other callers are refused with the reason
+/// `why`. Errors: as in [`with`].
 pub(super) fn lend<T: Handled>(handle: usize, why: &'static str) -> Outcome<Lent<T>> {
     let held = find::<T>(&table(), handle)?.1;
     {
@@ -108,19 +112,20 @@ pub(super) fn lend<T: Handled>(handle: usize, why: &'static str) -> Outcome<Lent
     Ok(Lent(held))
 }
 
-/// The companion of what a handle stands for.
+/// Returns the companion of the object of a handle.
 pub(super) fn beside<T: Handled, B: Any + Send + Sync>(handle: usize) -> Outcome<Arc<B>> {
     let held = find::<T>(&table(), handle)?.1;
-    let other = || Failure::new(palpate_status::Handle, format!("the {} has no such companion", T::NAME));
+    let other = || Failure::new(palpate_status::Handle, format!("internal error: the {} has no such part", T::NAME));
     Arc::clone(&held.beside).downcast().map_err(|_| other())
 }
 
-/// What was lent, for the thread that works with it; it lives as long as this, even where its handle goes.
+/// A lent object, for the thread that works with it. The object lives at least as long as this, even if its handle is
+/// removed.
 pub(super) struct Lent<T: Handled>(Arc<Held<T>>);
 
 impl<T: Handled> Lent<T> {
     pub fn lock(&self) -> MutexGuard<'_, T> {
-        // Poisoned by a panic of the borrower's own, who knows of it.
+        // Only a panic of the borrower can have poisoned the lock, and the borrower reports that itself.
         self.0.object.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 }
@@ -137,7 +142,7 @@ impl<T: Handled> Held<T> {
         match (self.object.try_lock(), *self.lent()) {
             (Err(TryLockError::Poisoned(_)), _) => Err(Failure::new(
                 palpate_status::Fault,
-                format!("an earlier call was lost amid the {0}; destroy the {0}", T::NAME),
+                format!("an earlier call panicked in the {0}; destroy the {0}", T::NAME),
             )),
             (_, Some(why)) => Err(busy(why)),
             (Err(TryLockError::WouldBlock), None) => Err(busy("another call; wait for that, one thread at a time")),
@@ -156,7 +161,7 @@ fn find<T: Handled>(table: &Table, handle: usize) -> Outcome<(usize, Arc<Held<T>
         let problem = format!("the {} was destroyed, or never created", T::NAME);
         return Err(Failure::new(palpate_status::Handle, problem));
     };
-    let other = || Failure::new(palpate_status::Handle, format!("the handle is of no {}", T::NAME));
+    let other = || Failure::new(palpate_status::Handle, format!("the handle is not that of a {}", T::NAME));
     Ok((slot, object.downcast::<Held<T>>().map_err(|_| other())?))
 }
 

@@ -1,4 +1,5 @@
-//! A haptic device of the caller's: four callbacks, as the loop's device.
+//! A haptic device that the calling program supplies as callbacks: their interface, and the [`Device`] that the haptic
+//! loop makes of them.
 
 use std::cell::Cell;
 use std::ffi::{c_char, c_void};
@@ -15,73 +16,79 @@ use super::simulation::palpate_pose;
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
 
-/// Steps of a coarse encoder, m and rad: velocities that a device does not measure are as fine as these allow.
+/// Assumed steps of a coarse encoder, m and rad: bounds on the error of a pose, for estimating velocities that a device
+/// does not measure.
 const QUANTA: [f64; 2] = [2e-5, 5e-4];
 
-/// What a device says of itself, world axes. The library fills it before each call of `read`, as described; a device writes
-/// over what it knows.
+/// State of a haptic device in world axes, as the callback `read` reports it. Before each call the library fills every
+/// field as described below; the callback overwrites what it knows.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_reading {
-    /// As the library knows it: a device writes to no field beyond.
+    /// Size of this struct in the library, bytes: the callback must not write beyond it.
     pub size: u32,
-    /// A bit each, the first in the lowest; 1: pressed. Filled with 0.
+    /// Buttons, one bit each, the first in the lowest bit; 1: pressed. Filled with 0.
     pub buttons: u32,
-    /// When it was measured, s on the loop's clock. Filled with the time of the call.
+    /// When the state was measured, s on the loop's clock. Filled with the time of the call.
     pub time: f64,
-    /// Where the device is. Its position must be written; its orientation is filled with the one that turns nothing, and left
-    /// so by a device that senses no rotation.
+    /// Pose of the device. The callback must write the position. The orientation is filled with the identity, which a
+    /// device that senses no rotation leaves as it is.
     pub pose: palpate_pose,
-    /// m/s. Filled with NaN; left so, it is taken from the positions.
+    /// Velocity, m/s. Filled with NaN; if it is left so, the library estimates it from the positions.
     pub velocity: [f64; 3],
-    /// rad/s. Filled with NaN; left so, it is taken from the orientations.
+    /// Angular velocity, rad/s. Filled with NaN; if it is left so, the library estimates it from the orientations.
     pub angular_velocity: [f64; 3],
 }
 
-/// What a device plays until it is told the next, world axes: within the limits of its profile, always finite.
+/// Force and torque that a haptic device is to play until the next call of `write`, world axes: always finite, and
+/// within the limits of the device's profile.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_play {
-    /// As the library knows it: fields beyond are not there.
+    /// Size of this struct in the library, bytes: fields beyond it are not there.
     pub size: u32,
-    /// 0.
+    /// Reserved: always 0.
     pub reserved: u32,
-    /// What the hand is pushed with, N.
+    /// Force on the user's hand, N.
     pub force: [f64; 3],
-    /// About the device's position, N m; zero where the profile plays none.
+    /// Torque on the user's hand about the device's position, N m; zero where the profile has none.
     pub torque: [f64; 3],
 }
 
-/// A haptic device that the caller's callbacks stand for. They run on threads of the loop, never two at a time, and give 0 if
-/// all is well; anything else says that the device is lost for now: nothing is played, and it is asked again at the next tick,
-/// until it has been lost for 5 s.
-/// None may wait for longer than a small part of a tick, nor let an exception or a longjmp out. `palpate_loop_stop` and
-/// `palpate_loop_destroy` from within one only ask the loop to end.
+/// A haptic device made of the caller's callbacks. They run on threads of the loop, never two at a time. They return 0
+/// on success; any other value says that the device is lost for now: nothing is played, and the device is tried again
+/// at the next tick. A device that is lost for 5 s ends the loop.
+/// No callback may wait for longer than a small part of a tick, or let an exception or a longjmp out.
+/// `palpate_loop_stop` and `palpate_loop_destroy` called from within a callback only ask the loop to end.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_haptic_device {
-    /// sizeof(palpate_haptic_device).
+    /// Size of the struct in bytes: sizeof(palpate_haptic_device).
     pub size: u32,
-    /// 0.
+    /// Reserved: must be 0.
     pub reserved: u32,
-    /// Given to each callback; the library does not look at it. What it points to stays until the loop has ended.
+    /// Pointer that is passed to each callback; the library does not look at it. What it points to must stay valid
+    /// until the loop has ended.
     pub user: *mut c_void,
-    /// Makes ready; called once, first of all. Null: there is nothing to do. Other than 0: the loop does not begin, and `close`
-    /// is not called.
+    /// Prepares the device; called once, before the other callbacks. Null: there is nothing to prepare. If it returns
+    /// other than 0, the loop does not begin, and `close` is not called.
     pub open: Option<unsafe extern "C" fn(user: *mut c_void) -> i32>,
-    /// Where the device is at `time`, s on the loop's clock; called once a tick. Readings that cannot be (not finite, no
-    /// rotation, too fast for a hand) are not believed.
+    /// Reads the state of the device at `time`, s on the loop's clock; called once per tick. The loop does not believe
+    /// readings that are not finite, are no rotation, or moved faster than a hand can.
     pub read: Option<unsafe extern "C" fn(user: *mut c_void, time: f64, reading: *mut palpate_reading) -> i32>,
-    /// Plays from now until the next; called once a tick, and with zero after `open` and before `close`.
+    /// Plays force and torque until the next call; called once per tick, and with zero after `open` and before `close`.
     pub write: Option<unsafe extern "C" fn(user: *mut c_void, play: *const palpate_play) -> i32>,
-    /// Lets go; called once at the end, whatever happened, if `open` gave 0. Null: there is nothing to do.
+    /// Releases the device; called once at the end, whatever happened, if `open` returned 0. Null: there is nothing to
+    /// release.
     pub close: Option<unsafe extern "C" fn(user: *mut c_void)>,
-    /// What the device can do, by name: "scripted", "premium", "touch", "omega.x", "delta.6", "sigma.7", "falcon", "inverse3",
-    /// "minverse" or "mouse" (README, "The hand"). Null: the scene's `haptics.profile`.
+    /// Name of the profile, which holds the limits of the device: "scripted", "premium", "touch", "omega.x", "delta.6",
+    /// "sigma.7", "falcon", "inverse3", "minverse" or "mouse" (README, "The hand"). Null: the scene's
+    /// `haptics.profile`.
     pub profile: *const c_char,
 }
 
-// SAFETY: `repr(C)`, the size comes first, and any bytes are a value: pointers are only followed as the header says.
+// SAFETY: it is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and pointers; a
+// pointer is followed only under the rules of the header's preface.
 unsafe impl Sized32 for palpate_haptic_device {
     const NAME: &str = "palpate_haptic_device";
     const LEAST: usize = 2 * size_of::<u32>() + 6 * size_of::<*const c_void>();
@@ -99,12 +106,12 @@ thread_local! {
     static IS_CALLED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Whether this thread is in a callback: then it must not wait for a loop's end.
+/// Tells whether this thread runs inside a callback; then it must not wait for the end of a loop.
 pub(super) fn is_in_callback() -> bool {
     IS_CALLED.get()
 }
 
-/// The callbacks as the loop's device.
+/// The caller's callbacks as a [`Device`], which the loop reads and writes.
 pub(super) struct Callbacks {
     calls: palpate_haptic_device,
     read: unsafe extern "C" fn(*mut c_void, f64, *mut palpate_reading) -> i32,
@@ -113,20 +120,20 @@ pub(super) struct Callbacks {
     motion: Motion,
 }
 
-// SAFETY: what `user` points to is used by the callbacks alone, which the header says run on the loop's threads.
+// SAFETY: only the callbacks use what `user` points to, and the header says that they run on the loop's threads.
 unsafe impl Send for Callbacks {}
 
 impl Callbacks {
-    /// Checked. `default`: the scene's profile.
+    /// Checks the caller's struct. `default`: the scene's profile, which is taken where the struct names none.
     ///
     /// # Safety
-    /// As the header says of a `palpate_haptic_device`.
+    /// The conditions of the header for a `palpate_haptic_device` hold for `device`.
     pub unsafe fn new(device: *const palpate_haptic_device, default: Option<&Profile>) -> Outcome<Callbacks> {
         let null = |name: &str| Failure::new(palpate_status::Null, format!("{name} is null; give one"));
         if device.is_null() {
             return Err(null("device"));
         }
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller keeps the conditions under `# Safety`.
         let calls = unsafe { sized::read(device)? };
         if calls.reserved != 0 {
             let problem = format!("palpate_haptic_device.reserved is {}; set it to 0", calls.reserved);
@@ -140,7 +147,7 @@ impl Callbacks {
             (true, Some(profile)) => profile,
             (true, None) => return Err(wrong("device.profile is null, and the scene has no haptics.profile".into())),
             (false, _) => {
-                // SAFETY: the caller's promise.
+                // SAFETY: the caller keeps the conditions under `# Safety`.
                 let name = unsafe { sized::string(calls.profile, "device.profile")? };
                 Profile::named(name).ok_or_else(|| wrong(format!("device.profile is `{name}`")))?
             }
@@ -148,7 +155,8 @@ impl Callbacks {
         Ok(Callbacks { calls, read, write, profile: profile.clone(), motion: Motion::new() })
     }
 
-    /// What a callback gives, with the thread marked as in one.
+    /// Calls a callback with the caller's `user` and returns its result; meanwhile [`is_in_callback`] is true on this
+    /// thread.
     fn call<R>(&self, callback: impl FnOnce(*mut c_void) -> R) -> R {
         IS_CALLED.set(true);
         let given = callback(self.calls.user);
@@ -157,16 +165,17 @@ impl Callbacks {
     }
 }
 
-/// Nothing is made of a device that is lost in the middle: the loop only asks whether it is, a thousand times a second.
+/// Turns the status of a callback into a result. The fault has no message, for the loop only looks whether there is
+/// one, at every tick.
 fn lost(status: i32) -> Result<(), Fault> {
     if status == 0 { Ok(()) } else { Err(Fault::Lost(String::new())) }
 }
 
 impl Device for Callbacks {
     fn open(&mut self) -> Result<(), Fault> {
-        let said = |name: &str, status: i32| Fault::Lost(format!("its callback {name} gave {status}"));
+        let said = |name: &str, status: i32| Fault::Lost(format!("its callback {name} returned {status}"));
         if let Some(open) = self.calls.open {
-            // SAFETY (all callbacks): as the header says, they can be called, with what `user` was given for.
+            // SAFETY (all callbacks): the header demands functions that may be called with the `user` beside them.
             let status = self.call(|user| unsafe { open(user) });
             if status != 0 {
                 return Err(said("open", status));
@@ -174,7 +183,7 @@ impl Device for Callbacks {
         }
         self.write(&Wrench::ZERO).map_err(|_| {
             self.close();
-            Fault::Lost("its callback write did not take a force of zero".into())
+            Fault::Lost("its callback write failed for a force of zero".into())
         })
     }
 
@@ -192,7 +201,7 @@ impl Device for Callbacks {
             angular_velocity: [f64::NAN; 3],
         };
         let read = self.read;
-        // SAFETY: above; any bytes are a reading.
+        // SAFETY: see `open`; any bytes that the callback may write are a valid `palpate_reading`.
         lost(self.call(|user| unsafe { read(user, time, &mut reading) }))?;
         Ok(self.motion.completed(&reading, time))
     }
@@ -202,24 +211,24 @@ impl Device for Callbacks {
         let (force, torque) = (wrench.force.to_array(), wrench.torque.to_array());
         let play = palpate_play { size, reserved: 0, force, torque };
         let write = self.write;
-        // SAFETY: above.
+        // SAFETY: see `open`.
         lost(self.call(|user| unsafe { write(user, &play) }))
     }
 
     fn close(&mut self) {
-        // A device that is gone has nothing to let go of.
+        // The result is ignored: a lost device cannot take the zero force, and is closed all the same.
         let _ = self.write(&Wrench::ZERO);
         if let Some(close) = self.calls.close {
-            // SAFETY: above.
+            // SAFETY: see `open`.
             self.call(|user| unsafe { close(user) });
         }
     }
 }
 
-/// Velocities of a device that does not measure them.
+/// Estimates the velocities of a device that does not measure them from its poses.
 struct Motion {
     positions: AdaptiveWindow,
-    /// Of all turns so far, added up: its slope is the angular velocity.
+    /// Window over `turned`: its slope is the angular velocity.
     turns: AdaptiveWindow,
     turned: DVec3,
     last: DQuat,
@@ -231,7 +240,8 @@ impl Motion {
         Motion { positions, turns, turned: DVec3::ZERO, last: DQuat::IDENTITY }
     }
 
-    /// A reading with all that was left out; what cannot be is passed on, for the loop guards against it.
+    /// Turns the caller's reading into the loop's, with estimates where velocities were left out. Impossible values are
+    /// passed on, because the loop rejects them.
     fn completed(&mut self, reading: &palpate_reading, now: f64) -> Reading {
         let time = if reading.time.is_finite() { reading.time } else { now };
         let position = DVec3::from_array(reading.pose.position);

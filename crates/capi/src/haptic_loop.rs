@@ -1,4 +1,5 @@
-//! The loop: a session with the caller's device on a thread of its own, started, watched and stopped.
+//! The haptic loop of the C ABI: starts, watches and stops a session on a thread of its own, in which the caller's
+//! haptic device holds the tool and the simulation steps along.
 
 use std::ffi::c_char;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -24,12 +25,14 @@ use super::steps::{self, Newest, SimulationSteps, Stepped};
 
 const HELD: &str = "a loop; stop that first";
 
-/// A haptic loop: a device held a thousand times a second, and a simulation that steps for it.
+/// A haptic loop: a haptic device that is read and played at the loop's rate (1000 Hz unless the scene or the options
+/// say otherwise), and a simulation that steps along with it.
 pub struct palpate_loop {
     _opaque: [u8; 0],
 }
 
-/// The handle's part: all that there is lies beside it, for any number of threads.
+/// The object behind a loop's handle. It is empty: all data are in its companion, a [`Loop`], which any number of
+/// threads may use at once.
 struct LoopObject;
 
 impl Handled for LoopObject {
@@ -42,7 +45,7 @@ struct Loop {
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
-/// What the loop's thread works with.
+/// Everything that the loop's thread works with.
 struct Work {
     lent: Lent<SimulationObject>,
     steps: Arc<SimulationSteps>,
@@ -52,7 +55,8 @@ struct Work {
     options: Options,
 }
 
-/// The simulation as what the tool meets; each step's wrench is told.
+/// The simulation as the environment that the tool touches; the wrench of each step is stored for callers that ask for
+/// it.
 struct Felt<'a> {
     object: &'a mut SimulationObject,
     steps: &'a SimulationSteps,
@@ -73,7 +77,7 @@ impl Environment for Felt<'_> {
 }
 
 impl Work {
-    /// Holds the device to the end; gives back the simulation before anybody hears of it.
+    /// Runs the session until it ends. The simulation is given back before the end is announced.
     fn run(self, told: &Told) -> Outcome<Report> {
         let Work { lent, steps, device, tool, haptics, options } = self;
         let hold = || {
@@ -87,7 +91,8 @@ impl Work {
             object.simulation.couple(tool.coupling);
             report
         };
-        // What a panic leaves behind is behind a lock that it poisons; on its way it stops the device.
+        // Unwind safety: a panic poisons the lock of the simulation, so nobody uses what it leaves behind; its
+        // unwinding also stops the device.
         match catch_unwind(AssertUnwindSafe(hold)) {
             Ok(came) => came.map_err(Failure::from),
             Err(panic) => Err(Failure::of_panic(&*panic)),
@@ -103,7 +108,8 @@ impl Loop {
             own.told.end(came);
         };
         let thread = std::thread::Builder::new().name("palpate-loop".into()).spawn(work);
-        let none = |error| Failure::new(palpate_status::Memory, format!("no thread for the loop: {error}"));
+        let none =
+            |error| Failure::new(palpate_status::Memory, format!("the loop's thread could not be started: {error}"));
         *self.thread() = Some(thread.map_err(none)?);
         let begun = self.told.wait_for_begin();
         if begun.is_err() {
@@ -116,11 +122,11 @@ impl Loop {
         self.thread.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Who comes second waits as well.
+    /// Waits for the end of the loop's thread. A second caller waits on the lock until the first has joined the thread.
     fn join(&self) {
         let mut thread = self.thread();
         if let Some(thread) = thread.take() {
-            // It keeps its panics to itself.
+            // The result is ignored: the thread catches its panics and reports them itself.
             let _ = thread.join();
         }
     }
@@ -128,8 +134,8 @@ impl Loop {
     fn stop(&self) -> Outcome {
         self.stop.store(true, Ordering::Relaxed);
         if is_in_callback() {
-            let problem =
-                "a callback cannot wait for the loop: it was asked to end; stop it from another thread as well";
+            let problem = "a callback cannot wait for its own loop; the loop was asked to end: wait for it by \
+                           palpate_loop_stop on another thread";
             return Err(Failure::new(palpate_status::Busy, problem));
         }
         self.join();
@@ -141,15 +147,16 @@ fn of(the_loop: *mut palpate_loop) -> Outcome<Arc<Loop>> {
     handles::beside::<LoopObject, Loop>(the_loop as usize)
 }
 
-/// Begins a loop: `device` is read and told what to play at the loop's rate, while the simulation, which must have a tool, steps
-/// in the world's time from where the device is. Both happen on threads of the loop's. `device` and `options` are copied;
-/// `options` may be null: all as in the scene's `[haptics]`. Waits for five first steps, which tell how long one takes, and for
-/// the device to open; PALPATE_STATUS_NO_DEVICE where it did not. `the_loop` is set before the first callback is called, and to
-/// null where there is no loop.
+/// Starts a haptic loop. At the loop's rate `device` is read and told what to play; meanwhile the simulation, which
+/// must have a tool, steps in real time, each step with the device's newest pose. Both happen on threads of the loop.
+/// `device` and `options` are copied; `options` may be null: then all is as in the scene's `[haptics]`. The call waits
+/// for five steps, which measure how long a step takes, and for the device to open; PALPATE_STATUS_NO_DEVICE: it did
+/// not. `the_loop` is set before the first callback is called, and is set to null where no loop starts.
 ///
-/// The loop has the simulation until it has ended: calls on it give PALPATE_STATUS_BUSY, but `palpate_wrench_newest`,
-/// `palpate_step_poll` and `palpate_step_wait`. It may be destroyed meanwhile. Afterwards it steps on from where the loop left
-/// it, tool, device and time. A loop that is not stopped goes on; stop it before the program ends.
+/// The loop owns the simulation until it has ended: calls on it give PALPATE_STATUS_BUSY, except
+/// `palpate_wrench_newest`, `palpate_step_poll` and `palpate_step_wait`. Its handle may be destroyed meanwhile.
+/// Afterwards the simulation goes on from where the loop left tool, device and time. A loop that is not stopped goes on
+/// running; stop it before the program ends.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_loop_start(
     simulation: *mut palpate_simulation,
@@ -158,7 +165,7 @@ pub unsafe extern "C" fn palpate_loop_start(
     the_loop: *mut *mut palpate_loop,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY (this and the next two): the caller's, as the header says.
+        // SAFETY (this block and the next two): the C caller keeps the rules for pointers of the header's preface.
         let the_loop = unsafe { sized::answer(the_loop, "the_loop")? };
         *the_loop = std::ptr::null_mut();
         let options = unsafe { sized::read(options)? };
@@ -171,7 +178,7 @@ pub unsafe extern "C" fn palpate_loop_start(
             let scene = object.simulation.scene();
             let device = unsafe { Callbacks::new(device, scene.haptics.profile)? };
             let missing =
-                || Failure::new(palpate_status::Input, "the scene has no tool for a device to hold; add a [tool]");
+                || Failure::new(palpate_status::Input, "the scene has no tool for the haptic device; add a [tool]");
             let tool = object.simulation.tool().ok_or_else(missing)?.clone();
             (device, tool, chosen(&options, &scene.haptics)?, scene.step.dt)
         };
@@ -182,13 +189,14 @@ pub unsafe extern "C" fn palpate_loop_start(
         *the_loop = handle as *mut palpate_loop;
         own.start(Work { lent, steps, device, tool, haptics, options }).inspect_err(|_| {
             *the_loop = std::ptr::null_mut();
-            // A callback may have destroyed it.
+            // The result is ignored: the program has had the handle since the first callback, and may have destroyed
+            // it.
             let _ = handles::remove::<LoopObject>(handle);
         })
     })
 }
 
-/// What a loop does and has done. Never waits; any thread may ask at any time, callbacks too.
+/// Reads the state of a loop. Never waits; any thread may call it at any time, within callbacks too.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_loop_read(
     the_loop: *mut palpate_loop,
@@ -197,15 +205,16 @@ pub unsafe extern "C" fn palpate_loop_read(
     guarded(|| {
         let told = of(the_loop)?.told.lock().state;
         if state.is_null() {
-            return Err(Failure::new(palpate_status::Null, "state is null; say where the answer goes"));
+            return Err(Failure::new(palpate_status::Null, "state is null; pass the address for the answer"));
         }
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         unsafe { sized::write(state, &told) }
     })
 }
 
-/// The wrench of the newest step of a loop's simulation, with what that has to confess, as `palpate_wrench_newest` tells it; also
-/// after the simulation's handle was destroyed. `age_seconds` receives how long ago the step began, s; it may be null.
+/// Reads the wrench of the newest step of a loop's simulation, with the flags of that step, as `palpate_wrench_newest`
+/// does; it works also after the simulation's handle was destroyed. `age_seconds` receives the time since that step
+/// began, s; it may be null.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_loop_wrench(
     the_loop: *mut palpate_loop,
@@ -214,15 +223,16 @@ pub unsafe extern "C" fn palpate_loop_wrench(
 ) -> palpate_status {
     guarded(|| {
         let newest = of(the_loop)?.told.lock().newest;
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         unsafe { newest.tell(wrench, age_seconds) }
     })
 }
 
-/// Something to know about a loop, in one line: what its coupling is and why, which limits were asked for that the profile does
-/// not allow, whether it lacks priority. `note`: from 0; how many there are is in `palpate_loop_state`. `count` receives the
-/// length of the text in bytes, with its ending zero; up to `capacity` bytes are written to `text`, which may be null where
-/// `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more, and none was written.
+/// Reads a note about a loop, one line of text: which virtual coupling was chosen and why, a limit that was asked for
+/// but is above that of the device's profile, or that the loop's thread has no raised priority. `note`: number of the
+/// note, from 0; `palpate_loop_state` has their count. `count` receives the length of the text in bytes, with its
+/// terminating zero; up to `capacity` bytes are written to `text`, which may be null where `capacity` is 0.
+/// PALPATE_STATUS_TOO_SMALL: the text is longer, and none of it was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_loop_note(
     the_loop: *mut palpate_loop,
@@ -235,15 +245,16 @@ pub unsafe extern "C" fn palpate_loop_note(
         let own = of(the_loop)?;
         let facts = own.told.lock();
         let Some(line) = facts.notes.get(note as usize) else {
-            let problem = format!("note is {note}; the loop has {}, counted from 0", facts.notes.len());
+            let problem = format!("note is {note}; the loop has {} notes, counted from 0", facts.notes.len());
             return Err(Failure::new(palpate_status::Argument, problem));
         };
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         unsafe { tell(line, text, capacity, count) }
     })
 }
 
-/// Why a loop ended, in one line; "" while it runs. The text comes as from `palpate_loop_note`.
+/// Reads why a loop ended, in one line; "" while it runs. `text`, `capacity` and `count` are those of
+/// `palpate_loop_note`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_loop_ended(
     the_loop: *mut palpate_loop,
@@ -254,28 +265,30 @@ pub unsafe extern "C" fn palpate_loop_ended(
     guarded(|| {
         let own = of(the_loop)?;
         let facts = own.told.lock();
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         unsafe { tell(&facts.ended, text, capacity, count) }
     })
 }
 
+/// Writes a line of text with a terminating zero for the caller, as `palpate_loop_note` describes it.
+///
 /// # Safety
 /// `text` is null or has room for `capacity` bytes, and `count` is null or can be written.
 unsafe fn tell(line: &str, text: *mut c_char, capacity: usize, count: *mut usize) -> Outcome {
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     let count = unsafe { sized::answer(count, "count")? };
     *count = line.len() + 1;
     if capacity == 0 {
         return Ok(());
     }
     let bytes: Vec<c_char> = line.bytes().chain([0]).map(|byte| byte as c_char).collect();
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     unsafe { sized::copy(&bytes, text, capacity, "text") }
 }
 
-/// Ends a loop: the device plays nothing and is closed, and the simulation can be used again when this returns. What the loop
-/// tells can still be read. Gives what the loop failed with, if it did. From within a callback the loop is only asked to end,
-/// and the call gives PALPATE_STATUS_BUSY.
+/// Ends a loop. When the call returns, the device plays nothing and is closed, and the simulation can be used again.
+/// State, notes and newest wrench of the loop can still be read. Returns the status with which the loop failed, if it
+/// did. From within a callback the loop is only asked to end, and the call gives PALPATE_STATUS_BUSY.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_loop_stop(the_loop: *mut palpate_loop) -> palpate_status {
     guarded(|| {
@@ -286,8 +299,8 @@ pub extern "C" fn palpate_loop_stop(the_loop: *mut palpate_loop) -> palpate_stat
     })
 }
 
-/// Stops a loop as `palpate_loop_stop` does, and lets go of it. From within a callback the loop is only asked to end, and its
-/// handle stays. Null does nothing.
+/// Stops a loop as `palpate_loop_stop` does, and destroys its handle. From within a callback the loop is only asked to
+/// end, and its handle stays valid. Null does nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_loop_destroy(the_loop: *mut palpate_loop) -> palpate_status {
     guarded(|| {

@@ -1,4 +1,5 @@
-//! Contexts on a Vulkan device that the host program opened.
+//! Contexts on a Vulkan device that the calling program opened itself and lends to the library. ("Host" here is that
+//! program.)
 
 use std::ffi::{c_char, c_void};
 
@@ -11,59 +12,61 @@ use super::log::{self, palpate_log};
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 
-/// shaderInt64 and shaderBufferInt64Atomics are enabled on the host's device.
+/// Feature of a lent device, for palpate_vulkan: shaderInt64 and shaderBufferInt64Atomics are enabled.
 pub const PALPATE_VULKAN_INT64_ATOMICS: u32 = 1;
-/// fragmentStoresAndAtomics is enabled: the depth stage may then use the rasterizer.
+/// Feature of a lent device: fragmentStoresAndAtomics is enabled, so that the depth stage may use the rasterizer.
 pub const PALPATE_VULKAN_FRAGMENT_STORES: u32 = 2;
-/// VK_KHR_external_memory_fd is enabled: skins can then be exported.
+/// Feature of a lent device: VK_KHR_external_memory_fd is enabled, so that skins can be exported.
 pub const PALPATE_VULKAN_EXTERNAL_MEMORY_FD: u32 = 4;
 
-/// A lock of the host's around its queue.
+/// Callback that takes or releases the calling program's lock around its queue.
 pub type palpate_queue_lock = Option<unsafe extern "C" fn(user: *mut c_void)>;
 
-/// A Vulkan device of the host's. Its instance was created for Vulkan 1.3, and the device with the features
-/// scalarBlockLayout, synchronization2, dynamicRendering and maintenance4. All of it stays alive until the context and the last
-/// of its simulations are gone.
+/// A Vulkan device that the calling program opened. Its instance must have been created for Vulkan 1.3, and the device
+/// with the features scalarBlockLayout, synchronization2, dynamicRendering and maintenance4. All handles must stay
+/// valid until the context and the last of its simulations are gone.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_vulkan {
-    /// sizeof(palpate_vulkan).
+    /// Size of the struct in bytes: sizeof(palpate_vulkan).
     pub size: u32,
-    /// What else the device was created with: PALPATE_VULKAN_*, added up. Say no more than is true.
+    /// Further features that the device was created with: PALPATE_VULKAN_*, added up. Name none that is not enabled.
     pub enabled: u32,
-    /// vkGetInstanceProcAddr of the loader that the handles come from; null: the system's loader is opened.
+    /// vkGetInstanceProcAddr of the Vulkan loader that the handles come from; null: the system's loader is opened.
     pub get_instance_proc_addr: Option<unsafe extern "C" fn()>,
-    /// VkInstance.
+    /// The program's VkInstance.
     pub instance: *mut c_void,
-    /// VkPhysicalDevice.
+    /// The VkPhysicalDevice of `device`.
     pub physical_device: *mut c_void,
-    /// VkDevice.
+    /// The program's VkDevice.
     pub device: *mut c_void,
-    /// VkQueue. The library submits to it in every call that steps or copies, and waits for its own work.
+    /// A VkQueue of `device`. The library submits to it in every call that steps or copies, and waits for that work.
     pub queue: *mut c_void,
-    /// The queue's family, which has graphics and compute.
+    /// Index of the queue's family, which must have graphics and compute.
     pub queue_family: u32,
-    /// 0.
+    /// Reserved: must be 0.
     pub reserved: u32,
-    /// Called before each use of the queue and after it, on the same thread, on any thread; the time between is short. They must
-    /// not call the library, and the host must not hold the lock when it does, unless it can be taken twice. Null, both: the host
-    /// itself sees to it that it uses the queue in none of the library's calls, and makes one context of it at most.
+    /// Takes the program's lock before each use of the queue; `unlock` releases it afterwards on the same thread, which
+    /// may be any thread. The time between is short. Neither may call the library, and the program must not hold the
+    /// lock when it calls the library, unless the lock is recursive. Both null: the program itself makes sure that it
+    /// does not use the queue during any call of the library, and creates at most one context on the queue.
     pub lock: palpate_queue_lock,
-    /// As `lock`.
+    /// Releases the program's lock; see `lock`.
     pub unlock: palpate_queue_lock,
-    /// Passed to both.
+    /// Pointer that is passed to `lock` and `unlock`.
     pub lock_user: *mut c_void,
-    /// Hears what there is to say; null: nobody.
+    /// Callback that receives the library's messages; null: they are discarded.
     pub log: palpate_log,
-    /// Passed to `log`.
+    /// Pointer that is passed to `log`.
     pub log_user: *mut c_void,
-    /// As in palpate_context_options.
+    /// Cache folder; see `cache` in palpate_context_options.
     pub cache: *const c_char,
-    /// As in palpate_context_options.
+    /// 1: measures which implementations are faster; see `measure` in palpate_context_options.
     pub measure: u32,
 }
 
-// SAFETY: `repr(C)`, the size comes first, and any bytes are a value: pointers are only followed as the header says.
+// SAFETY: it is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and pointers; a
+// pointer is followed only under the rules of the header's preface.
 unsafe impl Sized32 for palpate_vulkan {
     const NAME: &str = "palpate_vulkan";
     const LEAST: usize = 4 * size_of::<u32>() + 10 * size_of::<*const c_void>();
@@ -109,26 +112,26 @@ unsafe impl Sized32 for palpate_vulkan {
     }
 }
 
-/// Makes a context on a device of the host's, which is left open when the context goes. What is in reach is checked: that the
-/// physical device is of the instance and can run palpate, and that the queue's family has graphics and compute; handles that are
-/// none, and features that were not enabled, cannot be found out.
+/// Makes a context on a Vulkan device of the calling program, which stays open when the context is destroyed. The
+/// library checks what it can: that the physical device belongs to the instance and can run palpate, and that the
+/// queue's family has graphics and compute. It cannot detect invalid handles, or features that were not enabled.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_context_create_on(
     vulkan: *const palpate_vulkan,
     context: *mut *mut palpate_context,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let (given, context) = unsafe { (sized::read(vulkan)?, sized::answer(context, "context")?) };
         *context = std::ptr::null_mut();
         if vulkan.is_null() {
-            return Err(Failure::new(palpate_status::Null, "vulkan is null; say which device"));
+            return Err(Failure::new(palpate_status::Null, "vulkan is null; pass a palpate_vulkan"));
         }
         let measure = truth("palpate_vulkan.measure", given.measure)?;
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let cache = unsafe { cache_folder(given.cache)? };
         let options = Options { log: log::to(given.log, given.log_user), cache, measure, ..Options::default() };
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps what the header says of the handles and the lock of a palpate_vulkan.
         let opened = unsafe { Context::on_host(host_of(&given)?, &options)? };
         *context = handles::insert(ContextObject(opened)) as *mut palpate_context;
         Ok(())
@@ -139,7 +142,7 @@ fn host_of(given: &palpate_vulkan) -> Outcome<HostDevice> {
     let wrong = |problem: String| Err(Failure::new(palpate_status::Argument, problem));
     let known = PALPATE_VULKAN_INT64_ATOMICS | PALPATE_VULKAN_FRAGMENT_STORES | PALPATE_VULKAN_EXTERNAL_MEMORY_FD;
     if given.enabled & !known != 0 {
-        return wrong(format!("palpate_vulkan.enabled is {}; add up PALPATE_VULKAN_* alone", given.enabled));
+        return wrong(format!("palpate_vulkan.enabled is {}; give a sum of PALPATE_VULKAN_*", given.enabled));
     }
     if given.reserved != 0 {
         return wrong(format!("palpate_vulkan.reserved is {}; set it to 0", given.reserved));

@@ -1,13 +1,16 @@
-//! The C ABI: what `palpate.h` declares, and nothing else.
+//! The C ABI of palpate: this crate exports the functions and structs that `palpate.h` declares, and nothing else.
 //!
-//! Every function checks what it is given, does its work under a guard that no panic leaves, and gives a status; what went
-//! wrong is told by [`status::palpate_last_error`]. Handles are numbers in the clothes of pointers (`handles.rs`): nobody
-//! follows them, so one that was destroyed, or never was, is found out. Structs carry their size as their user knew it
-//! (`sized.rs`), so that they may grow.
+//! Every function checks its arguments, works under a guard that catches panics (`status.rs`), and returns a status;
+//! [`status::palpate_last_error`] returns the message of the last failure on a thread. A handle is a number in the form
+//! of an opaque pointer that nobody dereferences (`handles.rs`), so a handle that was destroyed, or was never created,
+//! is detected. Most structs begin with their size as the caller was compiled with it (`sized.rs`), so that later
+//! versions can add fields.
 //!
-//! The header is generated from this room by cbindgen; `tests/ffi.rs` fails where the committed one differs.
+//! cbindgen generates the header from this crate (`cbindgen.toml`); `tests/ffi.rs` fails where the committed header
+//! differs.
 #![allow(unsafe_code, non_camel_case_types)]
-// What a caller must see to stands in the header's preface, once for all functions.
+// The conditions that a C caller must keep are written once for all functions, in the header's preface
+// (`cbindgen.toml`).
 #![allow(clippy::missing_safety_doc)]
 
 pub mod build;
@@ -33,18 +36,18 @@ mod tables;
 
 use std::ffi::c_char;
 
-/// Number of the binary interface: raised when something that a program was compiled against changes its meaning or goes.
-/// Compare it with `palpate_abi()`.
+/// Version number of the binary interface. It is raised when something that a compiled program relies on changes its
+/// meaning or is removed. Compare it with `palpate_abi()`.
 pub const PALPATE_ABI: u32 = 1;
 
-/// The interface's number that the library was built with; differs from `PALPATE_ABI` where header and library do not belong
-/// together.
+/// Returns the `PALPATE_ABI` that the library was built with. It differs from the header's where header and library do
+/// not belong together.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_abi() -> u32 {
     PALPATE_ABI
 }
 
-/// The library's version, such as "0.1.0". Never null; lives as long as the program.
+/// Returns the library's version, such as "0.1.0". The string is never null and is valid as long as the program runs.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_version() -> *const c_char {
     const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "\0");

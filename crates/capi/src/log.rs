@@ -1,4 +1,5 @@
-//! What the library has to say while it works.
+//! Messages of the library (choices, repairs, messages of the Vulkan validation layer), passed on to the caller's log
+//! callback.
 
 use std::ffi::{CString, c_char, c_void};
 
@@ -6,26 +7,27 @@ use palpate::internal::gpu::{Level, Log};
 
 use super::status::one_line;
 
-/// What was chosen, and what was found in files and mended.
+/// Level of a message: a note about what was chosen, or about defects of files that were repaired.
 pub const PALPATE_LOG_NOTE: u32 = 0;
-/// The validation layer's warnings.
+/// Level of a message: a warning of the Vulkan validation layer.
 pub const PALPATE_LOG_WARNING: u32 = 1;
-/// The validation layer's errors.
+/// Level of a message: an error of the Vulkan validation layer.
 pub const PALPATE_LOG_ERROR: u32 = 2;
 
-/// Hears messages: PALPATE_LOG_*, and one line that lives until it returns. It is called on whatever thread a message comes up,
-/// within a call of this library or of the driver's; it must not call the library, and must return: no longjmp, no exception.
+/// Log callback: receives a level (PALPATE_LOG_*) and a message of one line that is valid until the callback returns.
+/// It is called on any thread, within a call of this library or of the Vulkan driver. It must not call the library, and
+/// must return: no longjmp, no exception.
 pub type palpate_log = Option<unsafe extern "C" fn(user: *mut c_void, level: u32, message: *const c_char)>;
 
-/// Who hears, and what it is told besides.
+/// The caller's log callback with the `user` that is passed to it.
 struct Ear {
     hear: unsafe extern "C" fn(*mut c_void, u32, *const c_char),
     user: *mut c_void,
 }
 
-// SAFETY: `user` is only passed on, and the header demands a function that may be called on any thread.
+// SAFETY: the library only passes `user` on, and the header demands a function that may be called on any thread.
 unsafe impl Send for Ear {}
-// SAFETY: as above.
+// SAFETY: as for `Send`, just above.
 unsafe impl Sync for Ear {}
 
 impl Ear {
@@ -36,12 +38,12 @@ impl Ear {
             Level::Error => PALPATE_LOG_ERROR,
         };
         let line: CString = one_line(message);
-        // SAFETY: the caller's function, as the header says.
+        // SAFETY: the header demands a function that may be called with this `user`; the line lives until it returns.
         unsafe { (self.hear)(self.user, level, line.as_ptr()) };
     }
 }
 
-/// A log that a function of the caller's hears.
+/// A log that passes messages on to the caller's callback; null: they are discarded.
 pub(super) fn to(hear: palpate_log, user: *mut c_void) -> Log {
     let Some(hear) = hear else { return Log::default() };
     let ear = Ear { hear, user };

@@ -1,43 +1,46 @@
-//! How a loop differs from what its scene says.
+//! Options of a haptic loop, which replace values of the scene's `[haptics]` table.
 
 use palpate::scene::{HAPTIC_RATES, Haptics};
 
 use super::sized::{Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
 
-/// How a loop is run. What is 0 is as in the scene's `[haptics]`, or as that table's default where there is none.
+/// Options of a haptic loop. A field that is 0 keeps the value of the scene's `[haptics]`, or that table's default
+/// where the scene has none.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_loop_options {
-    /// sizeof(palpate_loop_options).
+    /// Size of the struct in bytes: sizeof(palpate_loop_options).
     pub size: u32,
-    /// Whether contact is followed between wrenches: 1 yes, -1 no.
+    /// 1: between two wrenches of the simulation the contact force follows the tool's motion by a local model (force,
+    /// stiffness and damping of the newest wrench); -1: it stays that of the newest wrench.
     pub local_model: i32,
-    /// Whether the passivity controller acts: 1 yes, -1 no.
+    /// 1: the passivity controller acts; -1: it does not.
     pub passivity: i32,
-    /// 0.
+    /// Reserved: must be 0.
     pub reserved: u32,
-    /// Ticks a second, 50 to 4000.
+    /// Rate of the loop, ticks per second, 50 to 4000.
     pub rate: f64,
-    /// How long the loop lasts, s; 0: until it is stopped.
+    /// Duration of the loop, s; 0: until it is stopped.
     pub seconds: f64,
-    /// Greatest force, N. This and the next four can lower what the profile allows; where one would raise it, the profile's
-    /// holds, and a note says so.
+    /// Greatest force, N. This field and the next four can only lower the limits of the device's profile; where one is
+    /// higher, the profile's limit holds, and a note says so.
     pub max_force: f64,
     /// Greatest torque, N m.
     pub max_torque: f64,
-    /// Greatest change of the force, N/s.
+    /// Greatest rate of change of the force, N/s.
     pub max_slew: f64,
     /// Radius of the workspace about where the device was first read, m.
     pub workspace: f64,
-    /// Age from which a wrench makes the force fade, s.
+    /// Latency of the newest wrench (time since its inputs were taken) above which the force fades out, s.
     pub watchdog: f64,
-    /// The longest step of the simulation, s: the loop takes the shortest that lasts as long as it costs, from the scene's dt up
-    /// to this; where that is not enough, bodies move slower than in the world.
+    /// Longest time step of the simulation, s. The loop chooses the shortest time step that is as long as its
+    /// computation takes, from the scene's dt up to this; where even this is too short, bodies move slower than in real
+    /// time.
     pub longest_step: f64,
 }
 
-// SAFETY: `repr(C)`, the size comes first, and all of it are numbers.
+// SAFETY: it is `repr(C)`, its first field is the size, and all fields are numbers: any bytes are a value.
 unsafe impl Sized32 for palpate_loop_options {
     const NAME: &str = "palpate_loop_options";
     const LEAST: usize = 72;
@@ -74,7 +77,7 @@ unsafe impl Sized32 for palpate_loop_options {
     }
 }
 
-/// The scene's settings with the options' in their place.
+/// Returns the scene's `[haptics]` with the values that the options set in their place.
 pub(super) fn chosen(options: &palpate_loop_options, scene: &Haptics) -> Outcome<Haptics> {
     let wrong = |what: String| Failure::new(palpate_status::Argument, format!("options.{what}"));
     if options.reserved != 0 {
@@ -82,13 +85,13 @@ pub(super) fn chosen(options: &palpate_loop_options, scene: &Haptics) -> Outcome
     }
     let number = |name: &str, given: f64| match given.is_finite() && given >= 0.0 {
         true => Ok((given > 0.0).then_some(given)),
-        false => Err(wrong(format!("{name} is {given}; give more than 0, or 0 for the scene's"))),
+        false => Err(wrong(format!("{name} is {given}; give more than 0, or 0 for the scene's value"))),
     };
     let truth = |name: &str, given: i32, scene: bool| match given {
         0 => Ok(scene),
         1 => Ok(true),
         -1 => Ok(false),
-        _ => Err(wrong(format!("{name} is {given}; give 1, -1, or 0 for the scene's"))),
+        _ => Err(wrong(format!("{name} is {given}; give 1, -1, or 0 for the scene's value"))),
     };
     number("seconds", options.seconds)?;
     let mut haptics = scene.clone();

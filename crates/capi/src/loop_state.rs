@@ -1,4 +1,4 @@
-//! What a loop tells of itself while it runs, and afterwards.
+//! State of a haptic loop, published by its thread for other threads to read, while it runs and afterwards.
 
 use std::sync::{Condvar, Mutex, MutexGuard};
 
@@ -12,101 +12,105 @@ use super::sized::{Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
 use super::steps::Newest;
 
-/// The device could not be read or written; nothing is played.
+/// Event of a tick: the haptic device could not be read or written; nothing is played.
 pub const PALPATE_EVENT_DEVICE_LOST: u32 = 1;
-/// The device's reading was not finite, or no rotation; the last one that was right is held.
+/// Event of a tick: the device's reading was not finite, or no rotation; the last valid reading is used instead.
 pub const PALPATE_EVENT_BAD_READING: u32 = 2;
-/// The device leapt faster than a hand can move; its last pose is held until the force has faded.
+/// Event of a tick: the device jumped faster than a hand can move; its last pose is used until the force has faded out.
 pub const PALPATE_EVENT_POSE_JUMP: u32 = 4;
-/// The device is beyond its workspace; the force fades.
+/// Event of a tick: the device is outside its workspace; the force fades out.
 pub const PALPATE_EVENT_OUTSIDE_WORKSPACE: u32 = 8;
-/// The newest wrench is older than the watchdog allows; the force fades.
+/// Event of a tick: the newest wrench is older than the watchdog allows; the force fades out.
 pub const PALPATE_EVENT_STALE_WRENCH: u32 = 16;
-/// A wrench was not finite, and was not taken.
+/// Event of a tick: a wrench of the simulation was not finite, and was ignored.
 pub const PALPATE_EVENT_BAD_WRENCH: u32 = 32;
-/// The clock stood still, ran backwards or leapt; the force starts again from zero.
+/// Event of a tick: the clock stood still, ran backwards or jumped ahead; the force rises again from zero.
 pub const PALPATE_EVENT_CLOCK_JUMP: u32 = 64;
-/// The tick came more than 2 ms after it was due.
+/// Event of a tick: it began more than 2 ms after its deadline.
 pub const PALPATE_EVENT_LATE_TICK: u32 = 128;
-/// The force rises from zero: at the start, and after what made it fade.
+/// Event of a tick: less than the full force is played, because it fades in (at the start, or after a fade-out) or out.
 pub const PALPATE_EVENT_ENGAGING: u32 = 256;
-/// The tool left the neighbourhood in which the local model is trusted; the force does not grow further.
+/// Event of a tick: the tool left the neighbourhood in which the local model of contact is trusted; the contact force
+/// does not grow further.
 pub const PALPATE_EVENT_BEYOND_TRUST: u32 = 512;
-/// Passivity control damped.
+/// Event of a tick: the passivity controller damped the force.
 pub const PALPATE_EVENT_DAMPED: u32 = 1024;
-/// Passivity control wanted more damping than the device allows.
+/// Event of a tick: the passivity controller wanted more damping than the device allows.
 pub const PALPATE_EVENT_DAMPING_LIMITED: u32 = 2048;
-/// The force or the torque was larger than the limit, and was shortened to it.
+/// Event of a tick: force or torque was larger than its limit, and was shortened to it.
 pub const PALPATE_EVENT_CLAMPED: u32 = 4096;
-/// The force or the torque changed faster than the limit, and was held back.
+/// Event of a tick: force or torque changed faster than its limit, and was held back.
 pub const PALPATE_EVENT_SLEW_LIMITED: u32 = 8192;
-/// What was to be played was not finite; nothing was.
+/// Event of a tick: the force to be played was not finite; nothing was played.
 pub const PALPATE_EVENT_BAD_FORCE: u32 = 16384;
-/// Ticks before this one were not heard of: the simulation's step took longer than there was room for.
+/// Event of a tick: ticks before it were not reported, because a step of the simulation took so long that the buffer of
+/// ticks overflowed.
 pub const PALPATE_EVENT_RECORD_LOST: u32 = 32768;
-/// The newest wrench is followed more slowly: it holds more energy than the hand has given.
+/// Event of a tick: the loop goes over to the newest wrench more slowly, because that wrench's contact stores more
+/// energy than the hand has put in.
 pub const PALPATE_EVENT_UNPAID: u32 = 65536;
 
-/// Ticks from one quantile of the lateness to the next: it looks through a histogram.
+/// Number of ticks between two updates of `late_p99`, which searches a whole histogram.
 const QUANTILE_EVERY: u64 = 1000;
 
-/// A loop as it was after the simulation's last step: what it says of ticks is no older than a step. Before the first tick
-/// all of it is zero but `steps`, `is_running` and poses that turn nothing.
+/// State of a haptic loop after its simulation's last step: what it says about ticks is at most one step old. Before
+/// the first tick all fields are zero, except `steps`, `is_running` and the identity orientations of the poses.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_loop_state {
-    /// sizeof(palpate_loop_state).
+    /// Size of the struct in bytes: sizeof(palpate_loop_state).
     pub size: u32,
-    /// 1: it runs; 0: it has ended, and the device is closed.
+    /// 1: the loop runs; 0: it has ended, and the haptic device is closed.
     pub is_running: u32,
-    /// What it failed with; PALPATE_STATUS_OK where it did not, or has not yet. A device that stays lost ends
-    /// the loop after 5 s, and is no failure.
+    /// Status with which the loop failed; PALPATE_STATUS_OK where it did not fail. A haptic device that stays lost ends
+    /// the loop after 5 s, which is no failure.
     pub status: palpate_status,
-    /// How many notes there are for `palpate_loop_note`.
+    /// Number of notes that `palpate_loop_note` can read.
     pub notes: u32,
-    /// What happened in the newest tick: a bit each, PALPATE_EVENT_*.
+    /// Events of the newest tick: PALPATE_EVENT_*, one bit each.
     pub events: u32,
-    /// What happened in any tick so far.
+    /// Events of all ticks so far, one bit each.
     pub events_so_far: u32,
-    /// Buttons of the device, a bit each.
+    /// Buttons of the haptic device, one bit each; 1: pressed.
     pub buttons: u32,
-    /// 0.
+    /// Reserved: always 0.
     pub reserved: u32,
-    /// Ticks done.
+    /// Number of ticks done.
     pub ticks: u64,
-    /// Steps of the simulation done, those before the first tick included.
+    /// Number of steps of the simulation done, those before the first tick included.
     pub steps: u64,
-    /// Steps done by the wrench that the newest tick plays; 0: it has none yet.
+    /// Number of the simulation step whose wrench the newest tick plays; 0: there is none yet.
     pub wrench_step: u64,
-    /// Deadlines that were missed by more than 2 ms.
+    /// Number of deadlines that were missed by more than 2 ms.
     pub missed: u64,
-    /// When the newest tick began, s since the loop did.
+    /// Time at which the newest tick began, s since the loop began.
     pub time: f64,
-    /// At the newest tick: how long ago the inputs of its wrench were taken, s.
+    /// Latency of the wrench at the newest tick: time since the inputs of its step were taken, s.
     pub wrench_age: f64,
-    /// Where the device is taken to be.
+    /// Pose of the haptic device as the loop uses it, that is, checked and smoothed.
     pub device: palpate_pose,
-    /// Where the tool is, which follows it.
+    /// Pose of the tool, which follows the haptic device by the virtual coupling.
     pub tool: palpate_pose,
-    /// Of contact on the tool, as the local model has it at the newest tick, N.
+    /// Contact force on the tool at the newest tick, from the local model, N.
     pub contact_force: [f64; 3],
-    /// The same, N m.
+    /// Contact torque on the tool about its centre at the newest tick, from the local model, N m.
     pub contact_torque: [f64; 3],
-    /// What the device was last told to play, N.
+    /// Force that the haptic device was last told to play, N.
     pub played_force: [f64; 3],
-    /// The same, N m.
+    /// Torque that the haptic device was last told to play, N m.
     pub played_torque: [f64; 3],
-    /// Share of the force that is played, from 0 to 1.
+    /// Share of the force that is played, from 0 (faded out) to 1 (all of it).
     pub gain: f64,
-    /// Greatest force that was played, N.
+    /// Greatest force that was played so far, N.
     pub peak_force: f64,
-    /// How late ticks came, s: what 99 of 100 stay within, brought up to date every 1000 ticks and at the end.
+    /// Lateness of ticks, s: the 99th percentile, updated every 1000 ticks and at the end.
     pub late_p99: f64,
-    /// The latest, s.
+    /// Lateness of ticks, s: the greatest so far.
     pub late_worst: f64,
 }
 
-// SAFETY: `repr(C)`, the size comes first; all of it are numbers, and it is only written, never read.
+// SAFETY: it is `repr(C)` and its first field is the size. Not all bytes are a value of the enum `status`; but the
+// library only writes this struct, and never reads one of a caller.
 unsafe impl Sized32 for palpate_loop_state {
     const NAME: &str = "palpate_loop_state";
     const LEAST: usize = 320;
@@ -168,7 +172,7 @@ unsafe impl Sized32 for palpate_loop_state {
     }
 }
 
-/// What is known of a loop; written by its thread alone.
+/// State of a loop that its thread shares with the threads that ask; only the loop's thread writes it.
 pub(super) struct Told {
     told: Mutex<Facts>,
     changed: Condvar,
@@ -178,18 +182,18 @@ pub(super) struct Facts {
     pub state: palpate_loop_state,
     pub newest: Newest,
     pub notes: Vec<String>,
-    /// Why it ended; empty while it runs.
+    /// Why the loop ended; empty while it runs.
     pub ended: String,
     pub failure: Option<Failure>,
     lateness: Lateness,
-    /// s.
+    /// Period of the loop, s.
     period: f64,
-    /// Whether the device was opened.
+    /// Whether the haptic device has been opened.
     has_begun: bool,
 }
 
 impl Told {
-    /// Before the beginning; `period`: s.
+    /// State before the loop begins. `period`: time between two ticks, s.
     pub fn new(period: f64) -> Told {
         let facts = Facts {
             state: palpate_loop_state::unset(),
@@ -204,13 +208,13 @@ impl Told {
         Told { told: Mutex::new(facts), changed: Condvar::new() }
     }
 
-    /// Held for moments only.
+    /// Locks the state. Keep the lock for moments only.
     pub fn lock(&self) -> MutexGuard<'_, Facts> {
-        // It is whole between any two of its statements.
+        // A panic cannot leave the state half-changed: it is consistent between any two statements under the lock.
         self.told.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Hears what a session records.
+    /// Takes in what the session reports: a step, a tick or a note.
     pub fn hear(&self, moment: Moment) {
         let mut facts = self.lock();
         match moment {
@@ -220,25 +224,25 @@ impl Told {
             Moment::Note(note) => {
                 facts.notes.push(note.into());
                 facts.state.notes = facts.notes.len() as u32;
-                // The first of them comes once the device is open.
+                // The session reports its first note when the device is open.
                 facts.has_begun = true;
                 self.changed.notify_all();
             }
         }
     }
 
-    /// The wrench of a step.
+    /// Stores the wrench of the newest step.
     pub fn note(&self, newest: Newest) {
         self.lock().newest = newest;
     }
 
-    /// It is over.
+    /// Records how the loop ended, and wakes those that wait.
     pub fn end(&self, came: Outcome<Report>) {
         let mut facts = self.lock();
         facts.state.is_running = 0;
         facts.state.late_p99 = facts.lateness.quantile(0.99);
         match came {
-            Ok(report) => facts.ended = report.ended.unwrap_or_else(|| "its time is over".into()),
+            Ok(report) => facts.ended = report.ended.unwrap_or_else(|| "its duration is over".into()),
             Err(failure) => {
                 facts.state.status = failure.status;
                 facts.ended = failure.message.clone();
@@ -248,7 +252,7 @@ impl Told {
         self.changed.notify_all();
     }
 
-    /// Waits until the device is open; errors: why it never was.
+    /// Waits until the device is open or the loop has ended. Errors: why the device was never opened.
     pub fn wait_for_begin(&self) -> Outcome {
         let mut facts = self.lock();
         while !facts.has_begun && facts.state.is_running == 1 {

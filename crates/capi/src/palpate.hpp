@@ -1,4 +1,5 @@
-// palpate.hpp: palpate.h for C++17, with handles that let go of themselves and errors that are thrown. Header only.
+// palpate.hpp: palpate.h for C++17, header only. Each handle is owned by an object that destroys it, and a failed call
+// throws palpate::Error. What a function does in detail stands in palpate.h.
 #ifndef PALPATE_HPP
 #define PALPATE_HPP
 
@@ -22,7 +23,7 @@ using Body = palpate_body;
 using Core = palpate_core;
 using Tool = palpate_tool;
 
-/// A Settings, Body, Core or Tool of zeros that knows its size.
+/// Returns a struct of zeros with its size set, for Settings, Body, Core and Tool.
 template <typename T>
 T sized() {
     T zeros{};
@@ -30,7 +31,7 @@ T sized() {
     return zeros;
 }
 
-/// What a call that failed says.
+/// Error of a failed call: its status, and the message of palpate_last_error.
 class Error : public std::runtime_error {
 public:
     explicit Error(palpate_status status) : std::runtime_error(palpate_last_error()), status_(status) {}
@@ -48,7 +49,7 @@ inline void check(palpate_status status) {
 
 namespace detail {
 
-/// A handle with one owner.
+/// Owner of a handle of palpate.h; it can be moved, not copied.
 template <typename T, palpate_status (*Destroy)(T *)>
 class Handle {
 public:
@@ -62,7 +63,7 @@ public:
     Handle(const Handle &) = delete;
     Handle &operator=(const Handle &) = delete;
     ~Handle() { Destroy(handle_); }
-    /// For functions of palpate.h.
+    /// The handle itself, for functions of palpate.h.
     T *get() const noexcept { return handle_; }
 
 protected:
@@ -71,11 +72,12 @@ protected:
 
 } // namespace detail
 
-/// A Vulkan device under the library's hands.
+/// An open Vulkan device.
 class Context : public detail::Handle<palpate_context, palpate_context_destroy> {
 public:
-    /// The best device, or the one of this name or position. `cache`: as in palpate_context_options; what is faster is then
-    /// measured as well.
+    /// Opens the best device, or the one of this name or position in the list. `cache`: the cache folder as in
+    /// palpate_context_options; if it is given, the library also measures which implementations are faster on the
+    /// device.
     explicit Context(const std::string &device = {}, const char *cache = nullptr) {
         palpate_context_options options{};
         options.size = sizeof options;
@@ -86,56 +88,57 @@ public:
     }
 };
 
-/// What a simulation is made of.
+/// A scene: bodies, tool and settings, from which simulations are made.
 class Scene : public detail::Handle<palpate_scene, palpate_scene_destroy> {
 public:
-    /// Reads a scene file.
+    /// Makes a scene from a scene file.
     static Scene load(const std::string &file) {
         palpate_scene *scene = nullptr;
         check(palpate_scene_load(file.c_str(), &scene));
         return Scene(scene);
     }
-    /// Reads the text of one; files that it names are relative to `folder`.
+    /// Makes a scene from the text of a scene file; relative paths in it are relative to `folder`.
     static Scene parse(const std::string &text, const std::string &folder = {}) {
         palpate_scene *scene = nullptr;
         check(palpate_scene_parse(text.c_str(), folder.c_str(), &scene));
         return Scene(scene);
     }
-    /// A scene of nothing, with the usual settings.
+    /// Makes an empty scene with default settings.
     Scene() { check(palpate_scene_create(nullptr, &handle_)); }
-    /// A scene of nothing.
+    /// Makes an empty scene with these settings.
     explicit Scene(const Settings &settings) { check(palpate_scene_create(&settings, &handle_)); }
-    /// Adds the tables of a text.
+    /// Adds the tables of a text in the format of a scene file.
     void add(const std::string &text) { check(palpate_scene_add(get(), text.c_str())); }
-    /// Hands over a surface, three numbers to a vertex and three vertices to a triangle.
+    /// Hands over a surface: three coordinates (m) per vertex and three vertex indices per triangle.
     void add_surface(const std::string &name, const std::vector<double> &vertices,
                      const std::vector<uint32_t> &triangles) {
         check(palpate_scene_add_surface(get(), name.c_str(), vertices.data(), rows(vertices, 3, "vertices"),
                                         triangles.data(), rows(triangles, 3, "triangles")));
     }
-    /// Hands over a layer, three numbers to a node and four nodes to a tetrahedron.
+    /// Hands over a layer (a tetrahedral mesh): three coordinates (m) per node and four node indices per tetrahedron.
     void add_layer(const std::string &name, const std::vector<double> &nodes,
                    const std::vector<uint32_t> &tetrahedra) {
         check(palpate_scene_add_layer(get(), name.c_str(), nodes.data(), rows(nodes, 3, "nodes"), tetrahedra.data(),
                                       rows(tetrahedra, 4, "tetrahedra")));
     }
-    /// Adds a body; its position in the scene.
+    /// Adds a body and returns its position in the scene.
     uint32_t add(const Body &body) {
         uint32_t index = 0;
         check(palpate_scene_add_body(get(), &body, &index));
         return index;
     }
-    /// With what a body collides, by name.
+    /// Sets the bodies with which a body collides, by name.
     void set_collides(uint32_t body, const std::vector<const char *> &names) {
         static const char *const none = nullptr;
         check(palpate_scene_set_collides(get(), body, names.empty() ? &none : names.data(), names.size()));
     }
-    /// Gives the scene this tool.
+    /// Sets the tool and its virtual coupling.
     void set_tool(const Tool &tool) { check(palpate_scene_set_tool(get(), &tool)); }
-    /// Where prepared bodies are kept: "" in the user's cache.
+    /// Sets the folder where prepared bodies are kept; "": the user's cache folder.
     void cache(const std::string &folder) { check(palpate_scene_cache(get(), folder.c_str())); }
-    /// Prepares the bodies. `progress` is called with the body's name, the stage, how many bodies are ready and how many there
-    /// are; where it gives false, that ends it. What it throws ends it too, and comes out here.
+    /// Prepares the bodies. `progress` is called with the body's name, the stage, the number of bodies that are ready
+    /// and that of all bodies. If it returns false, preparing is cancelled. What it throws cancels too, and is thrown
+    /// on.
     template <typename Progress>
     void prepare(Progress progress) {
         struct Watch {
@@ -164,41 +167,43 @@ private:
     template <typename T>
     static size_t rows(const std::vector<T> &numbers, size_t width, const char *name) {
         if (numbers.size() % width != 0) {
-            throw std::invalid_argument(std::string(name) + ": not a whole number of rows");
+            throw std::invalid_argument(std::string(name) + ": the number of values is no multiple of the row width");
         }
         return numbers.size() / width;
     }
 };
 
-/// A scene under way.
+/// A simulation: bodies and tool of a scene, moved step by step.
 class Simulation : public detail::Handle<palpate_simulation, palpate_simulation_destroy> {
 public:
     Simulation(const Context &context, const Scene &scene) {
         check(palpate_simulation_create(context.get(), scene.get(), &handle_));
     }
-    /// One step, with the device where the scene has it.
+    /// Does one step, with the haptic device where the scene has it.
     Wrench step() { return step_to(nullptr); }
-    /// One step, with the device at this pose at its end.
+    /// Does one step, at the end of which the haptic device has this pose.
     Wrench step(const Pose &device) { return step_to(&device); }
-    /// Begins a step and does not wait for it, with the device where the scene has it, or at this pose at its end.
+    /// Begins a step without waiting for it, with the haptic device where the scene has it, or with this pose at its
+    /// end.
     void submit() { check(palpate_step_submit(get(), nullptr)); }
     void submit(const Pose &device) { check(palpate_step_submit(get(), &device)); }
-    /// Whether no submitted step is under way; throws what one failed with.
+    /// Returns whether no submitted step is under way; throws the error of a failed step.
     bool is_done() const {
         int32_t is_done = 0;
         check(palpate_step_poll(get(), &is_done));
         return is_done != 0;
     }
-    /// Waits until none is.
+    /// Waits until no submitted step is under way; throws the error of a failed step.
     void wait() { check(palpate_step_wait(get())); }
-    /// The wrench of the newest step that is done, at any time; `age`: how long ago that was given its pose, s.
+    /// Returns the wrench of the newest finished step, at any time. `age`: time since that step received its device
+    /// pose, s.
     Wrench newest(double *age = nullptr) const {
         Wrench wrench{};
         wrench.size = sizeof wrench;
         check(palpate_wrench_newest(get(), &wrench, age));
         return wrench;
     }
-    /// Where a soft body's nodes are, m, world.
+    /// World positions of a soft body's nodes, m.
     std::vector<std::array<double, 3>> nodes(uint32_t body) const {
         static_assert(sizeof(std::array<double, 3>) == sizeof(double[3]), "an array is its elements");
         size_t count = 0;
@@ -207,7 +212,7 @@ public:
         check(palpate_nodes(get(), body, reinterpret_cast<double(*)[3]>(positions.data()), count, &count));
         return positions;
     }
-    /// Where a body's skin is, m, world; the tool comes after the bodies.
+    /// World positions of the vertices of a body's skin, m; the tool comes after the bodies.
     std::vector<std::array<float, 3>> skin(uint32_t body) const {
         static_assert(sizeof(std::array<float, 3>) == sizeof(float[3]), "an array is its elements");
         size_t count = 0;
@@ -217,7 +222,7 @@ public:
         check(palpate_skin(get(), body, nullptr, to, nullptr, count, &count));
         return positions;
     }
-    /// The contacts of the last step.
+    /// Contacts of the last step.
     std::vector<palpate_contact> contacts() const {
         size_t count = 0;
         check(palpate_contacts(get(), nullptr, 0, &count));
@@ -225,7 +230,7 @@ public:
         check(palpate_contacts(get(), contacts.data(), count, &count));
         return contacts;
     }
-    /// All that the next step starts from.
+    /// Returns the state from which the next step starts, as bytes.
     std::vector<uint8_t> save() const {
         size_t size = 0;
         check(palpate_state_save(get(), nullptr, 0, &size));
@@ -233,9 +238,9 @@ public:
         check(palpate_state_save(get(), state.data(), size, &size));
         return state;
     }
-    /// Goes on from there, bit for bit.
+    /// Restores a saved state; later steps give the same bits as they did after it was saved.
     void restore(const std::vector<uint8_t> &state) { check(palpate_state_restore(get(), state.data(), state.size())); }
-    /// A soft body's material: its own at 0, then those of its regions.
+    /// A soft body's material: its own at index 0, then those of its material regions.
     Material material(uint32_t body, uint32_t index = 0) const {
         Material material{};
         material.size = sizeof material;
@@ -245,7 +250,7 @@ public:
     void set_material(uint32_t body, const Material &material, uint32_t index = 0) {
         check(palpate_material_set(get(), body, index, &material));
     }
-    /// What holds touching bodies apart.
+    /// The contact law in force.
     ContactLaw contact_law() const {
         ContactLaw law{};
         law.size = sizeof law;
@@ -253,7 +258,7 @@ public:
         return law;
     }
     void set_contact_law(const ContactLaw &law) { check(palpate_contact_set(get(), &law)); }
-    /// Where a core is, and where a driven one goes within so many seconds.
+    /// Pose of a core; and a driven core moved to a pose within so many seconds of simulated time.
     Pose core(uint32_t body, uint32_t core) const {
         Pose pose{};
         check(palpate_core_pose(get(), body, core, &pose));
@@ -272,10 +277,11 @@ private:
     }
 };
 
-/// A haptic loop. It ends, and its device is closed, when this goes.
+/// A haptic loop. Its destructor ends it and closes its haptic device.
 class Loop : public detail::Handle<palpate_loop, palpate_loop_destroy> {
 public:
-    /// Device and options as in palpate.h, their sizes set here. The callbacks must let no exception out.
+    /// Starts a loop with device and options as in palpate.h, whose sizes are set here. The callbacks must let no
+    /// exception out.
     Loop(const Simulation &simulation, palpate_haptic_device device, palpate_loop_options options = {}) {
         device.size = sizeof device;
         options.size = sizeof options;
@@ -287,14 +293,14 @@ public:
         check(palpate_loop_read(get(), &state));
         return state;
     }
-    /// The wrench of the simulation's newest step; `age`: how long ago that began, s.
+    /// Wrench of the simulation's newest step. `age`: time since that step began, s.
     Wrench wrench(double *age = nullptr) const {
         Wrench wrench{};
         wrench.size = sizeof wrench;
         check(palpate_loop_wrench(get(), &wrench, age));
         return wrench;
     }
-    /// What is to be known of it, a line each.
+    /// Notes about the loop, one line each.
     std::vector<std::string> notes() const {
         std::vector<std::string> notes(state().notes);
         for (uint32_t k = 0; k < notes.size(); k++) {
@@ -304,15 +310,16 @@ public:
         }
         return notes;
     }
-    /// Why it ended; empty while it runs.
+    /// Why the loop ended; empty while it runs.
     std::string ended() const {
         return text([&](char *to, size_t room, size_t *count) { return palpate_loop_ended(get(), to, room, count); });
     }
-    /// Ends it, and gives the simulation back; throws what it failed with.
+    /// Ends the loop, so that the simulation can be used again; throws the error with which the loop failed.
     void stop() { check(palpate_loop_stop(get())); }
 
 private:
-    /// It may have become longer between the two calls.
+    /// Reads a text by two calls, one for its length and one for the text, and again if it has become longer in
+    /// between.
     template <typename Tell> static std::string text(const Tell &tell) {
         palpate_status status = PALPATE_STATUS_TOO_SMALL;
         std::string told;

@@ -1,4 +1,4 @@
-//! Scenes, from a file or a text; `build.rs` adds to them.
+//! Scenes made from a file or a text; `build.rs` adds to them by calls.
 
 use std::ffi::c_char;
 use std::path::Path;
@@ -11,13 +11,14 @@ use super::handles::{self, Handled};
 use super::sized;
 use super::status::{Outcome, guarded, palpate_status};
 
-/// What a simulation is made of, any number of times: read from a file or a text, or built by calls. Files that it names
-/// (surfaces, layers) are opened when its bodies are prepared.
+/// Description of bodies, tool and settings from which any number of simulations can be made: read from a file or a
+/// text, or built by calls. The mesh files that it names are opened when its bodies are prepared.
 pub struct palpate_scene {
     _opaque: [u8; 0],
 }
 
-/// A scene, what of it is prepared, and the meshes that it may name.
+/// The object behind a scene's handle: the scene with the meshes that it may name, those of its bodies that are
+/// prepared, and where prepared bodies are kept.
 pub(super) struct SceneObject {
     builder: SceneBuilder,
     bodies: Bodies,
@@ -33,23 +34,24 @@ impl SceneObject {
         self.builder.scene()
     }
 
-    /// The scene, and those of its bodies that are prepared.
+    /// Returns copies of the scene and of its prepared bodies.
     pub fn parts(&self) -> (Scene, Bodies) {
         (self.scene().clone(), self.bodies.clone())
     }
 
-    /// Adds to the scene. Bodies that it has stay as they are, the tool may be another.
+    /// Changes the scene by `work`, which may add bodies and may replace the tool: prepared bodies stay, the prepared
+    /// tool is discarded.
     pub fn change<R>(&mut self, work: impl FnOnce(&mut SceneBuilder) -> Outcome<R>) -> Outcome<R> {
         self.bodies.tool = None;
         work(&mut self.builder)
     }
 
-    /// Prepares what is not prepared yet.
+    /// Prepares what is not prepared yet; `watch` is called as each stage begins.
     pub fn prepare(&mut self, watch: &mut dyn FnMut(Progress) -> Result<()>) -> Result<()> {
         self.bodies.complete(self.builder.scene(), &self.cache, watch)
     }
 
-    /// Where prepared bodies are kept from now on.
+    /// Sets where prepared bodies are kept from now on.
     pub fn set_cache(&mut self, cache: Cache) {
         self.cache = cache;
     }
@@ -59,19 +61,19 @@ impl Handled for SceneObject {
     const NAME: &str = "scene";
 }
 
-/// Reads a scene file.
+/// Makes a scene from a scene file.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_load(file: *const c_char, scene: *mut *mut palpate_scene) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let (file, scene) = unsafe { (sized::string(file, "file")?, sized::answer(scene, "scene")?) };
         *scene = std::ptr::null_mut();
         given(scene, SceneObject::new(Scene::load(Path::new(file))?))
     })
 }
 
-/// Reads a scene from the text of a scene file. `folder`: what files that it names are relative to; null: the working
-/// directory.
+/// Makes a scene from a text in the format of a scene file. Relative paths in it are relative to `folder`; null: to the
+/// working directory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_parse(
     text: *const c_char,
@@ -79,12 +81,12 @@ pub unsafe extern "C" fn palpate_scene_parse(
     scene: *mut *mut palpate_scene,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let (text, scene) = unsafe { (sized::string(text, "text")?, sized::answer(scene, "scene")?) };
         *scene = std::ptr::null_mut();
         let folder = match folder.is_null() {
             true => "",
-            // SAFETY: the caller's, as the header says.
+            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
             false => unsafe { sized::string(folder, "folder")? },
         };
         given(scene, SceneObject::new(Scene::parse(&Path::new(folder).join("scene"), text)?))
@@ -96,7 +98,7 @@ pub(super) fn given(to: &mut *mut palpate_scene, scene: SceneObject) -> Outcome 
     Ok(())
 }
 
-/// Lets go of a scene. Null does nothing.
+/// Destroys a scene; simulations that were made of it go on. Null does nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_scene_destroy(scene: *mut palpate_scene) -> palpate_status {
     guarded(|| if scene.is_null() { Ok(()) } else { handles::remove::<SceneObject>(scene as usize) })

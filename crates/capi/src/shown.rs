@@ -1,4 +1,5 @@
-//! What a program draws or looks at: skins, copied or shared on the device, and contacts.
+//! Data that a program draws or inspects: the skins (surface meshes) of the bodies, copied or as arrays on the GPU, and
+//! the contacts of the last step.
 
 use glam::DVec3;
 use palpate::internal::step::Skins;
@@ -9,29 +10,31 @@ use super::simulation::{SimulationObject, palpate_simulation};
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 
-/// The skins on the device: arrays over the vertices of all bodies, one body's after another's, the tool's last. On a device
-/// of the host's the buffers can be bound at once (usage: storage, texel, transfer; positions and normals vertex as well); they
-/// live as long as the simulation, unless friction comes into a scene that had none: ask again then, and export again.
+/// The skins as arrays on the Vulkan device: the vertices of all bodies one after another, the tool's last. On a device
+/// that the program itself opened, the buffers can be bound directly (usages: storage, texel and transfer; positions
+/// and normals also vertex). They live as long as the simulation, except that they are replaced when
+/// palpate_contact_set switches friction on in a scene that had none: then ask for them again, and export them again.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_skins {
-    /// sizeof(palpate_skins).
+    /// Size of the struct in bytes: sizeof(palpate_skins).
     pub size: u32,
-    /// Vertices of all skins.
+    /// Number of vertices of all skins.
     pub vertex_count: u32,
-    /// Triangles of all skins.
+    /// Number of triangles of all skins.
     pub triangle_count: u32,
-    /// 0.
+    /// Reserved: always 0.
     pub reserved: u32,
-    /// VkBuffer: four floats a vertex, x y z 1, m from the origin.
+    /// VkBuffer of the vertex positions: four floats per vertex, x y z 1, in m relative to the `origin` of the call.
     pub positions: u64,
-    /// VkBuffer: four floats a vertex, unit and outward, and 0.
+    /// VkBuffer of the vertex normals: four floats per vertex, a unit outward vector and 0.
     pub normals: u64,
-    /// VkBuffer: four uint32_t a triangle, its vertices counter-clockwise from outside, and 0.
+    /// VkBuffer of the triangles: four uint32_t per triangle, its three vertices counter-clockwise seen from outside,
+    /// and 0.
     pub triangles: u64,
 }
 
-// SAFETY: `repr(C)`, the size comes first, and all of it are numbers.
+// SAFETY: it is `repr(C)`, its first field is the size, and all fields are numbers: any bytes are a value.
 unsafe impl Sized32 for palpate_skins {
     const NAME: &str = "palpate_skins";
     const LEAST: usize = 40;
@@ -44,40 +47,43 @@ unsafe impl Sized32 for palpate_skins {
     }
 }
 
-/// A colliding skin vertex of the last step.
+/// A contact of the last step: a skin vertex of one body inside another.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default)]
 pub struct palpate_contact {
-    /// Whose vertex it is, and what it touches: positions in the scene; the tool comes after the bodies.
+    /// The body whose vertex it is, and the body that it touches, as positions in the scene; the tool comes after the
+    /// bodies.
     pub body: [u32; 2],
-    /// The vertex, of its body's skin.
+    /// Index of the vertex in its body's skin.
     pub vertex: u32,
-    /// 0.
+    /// Reserved: always 0.
     pub reserved: u32,
-    /// Where the vertex is now, world, m.
+    /// World position of the vertex now, m.
     pub position: [f64; 3],
-    /// Unit, world, out of what is touched.
+    /// Contact normal: unit vector in world axes, outward from the touched body.
     pub normal: [f64; 3],
-    /// m.
+    /// Penetration depth along the normal, m.
     pub depth: f64,
-    /// Skin that it stands for, as seen along the normal, m^2.
+    /// Area of the skin that the vertex stands for, projected along the normal, m^2.
     pub area: f64,
-    /// Along the normal at the end of the step, Pa: times the area, it is the contact's part of the wrench but for friction. Of
-    /// the start of the step after a saved state was taken up.
+    /// Contact pressure along the normal at the end of the step, Pa. Times `area` it is the share of this contact in
+    /// the wrench, without friction. If a state was restored since the last step, it is the pressure at that step's
+    /// start instead.
     pub pressure: f64,
 }
 
-/// Of a triangle on the device.
+/// Size of a triangle in the array on the Vulkan device, bytes.
 const TRIANGLE_BYTES: u64 = 16;
 
-/// Which array is exported: where skin vertices are.
+/// Array for palpate_skin_export: the positions of skin vertices.
 pub const PALPATE_SKIN_POSITIONS: u32 = 0;
-/// Which array is exported: their normals.
+/// Array for palpate_skin_export: the normals of skin vertices.
 pub const PALPATE_SKIN_NORMALS: u32 = 1;
 
-/// Where the skin of a body is, whatever its kind; the tool comes after the bodies. `origin`: three numbers that positions are
-/// relative to, m; null: the world's. `positions` and `normals` have room for `capacity` vertices, three floats each (m; unit and
-/// outward); either may be null. `count` receives how many there are. PALPATE_STATUS_TOO_SMALL: none was written.
+/// Copies the skin of a body of any kind; the tool comes after the bodies. `origin`: three coordinates to which
+/// positions are relative, m; null: the world's origin. `positions` (m) and `normals` (unit, outward) have room for
+/// `capacity` vertices, three floats each; either may be null. `count` receives the number of vertices.
+/// PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin(
     simulation: *mut palpate_simulation,
@@ -89,7 +95,7 @@ pub unsafe extern "C" fn palpate_skin(
     count: *mut usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let (count, origin) = unsafe { (sized::answer(count, "count")?, origin_at(origin)?) };
         with(simulation, |simulation| {
             let ranges = simulation.skin_ranges();
@@ -103,7 +109,7 @@ pub unsafe extern "C" fn palpate_skin(
                 if !to.is_null() {
                     let all = array.read::<[f32; 4]>()?;
                     let own: Vec<[f32; 3]> = all[range.clone()].iter().map(|[x, y, z, _]| [*x, *y, *z]).collect();
-                    // SAFETY: the caller's, as the header says.
+                    // SAFETY: the C caller keeps the rules for pointers of the header's preface.
                     unsafe { sized::copy(&own, to, capacity, name)? };
                 }
             }
@@ -112,9 +118,9 @@ pub unsafe extern "C" fn palpate_skin(
     })
 }
 
-/// The triangles of a body's skin: three of its vertices each, counter-clockwise from outside; they do not change. `count`
-/// receives how many there are; `triangles` has room for `capacity` and may be null where that is 0. PALPATE_STATUS_TOO_SMALL:
-/// none was written.
+/// Copies the triangles of a body's skin: three indices of its vertices each, counter-clockwise seen from outside. They
+/// never change. `count` receives their number; `triangles` has room for `capacity` of them, and may be null where that
+/// is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin_triangles(
     simulation: *mut palpate_simulation,
@@ -124,7 +130,7 @@ pub unsafe extern "C" fn palpate_skin_triangles(
     count: *mut usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let count = unsafe { sized::answer(count, "count")? };
         with(simulation, |simulation| {
             let bodies = simulation.skin_ranges().len();
@@ -133,16 +139,17 @@ pub unsafe extern "C" fn palpate_skin_triangles(
             }
             let all = simulation.skin_triangles(body as usize);
             *count = all.len();
-            // SAFETY: the caller's, as the header says.
+            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
             if capacity == 0 { Ok(()) } else { unsafe { sized::copy(all, triangles, capacity, "triangles") } }
         })
     })
 }
 
-/// Brings the skins on the device up to date, relative to `origin` (three numbers, m; null: the world's), and tells where they
-/// are: nothing is copied. The arrays are filled when this returns, and stay until the next call or `palpate_skin`; work of the
-/// host's that reads them must be submitted to the same queue, or be done before that. No other call writes to them.
-/// The first call makes the arrays.
+/// Computes the skins on the Vulkan device as they are now, relative to `origin` (three coordinates, m; null: the
+/// world's origin), and returns their buffers; nothing is copied. The arrays are filled when this returns, and keep
+/// their contents until the next call of this function or of `palpate_skin`; no other call writes to them. Work of the
+/// program that reads them must be submitted to the same queue, or be finished before such a call. The first call makes
+/// the arrays.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin_buffers(
     simulation: *mut palpate_simulation,
@@ -150,7 +157,7 @@ pub unsafe extern "C" fn palpate_skin_buffers(
     skins: *mut palpate_skins,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let origin = unsafe { origin_at(origin)? };
         with(simulation, |simulation| {
             let vertices = simulation.skin_ranges().last().map_or(0, |last| last.end);
@@ -163,13 +170,14 @@ pub unsafe extern "C" fn palpate_skin_buffers(
                 triangles: triangles.raw(),
                 ..palpate_skins::unset()
             };
-            // SAFETY: the caller's, as the header says.
+            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
             unsafe { sized::tell(skins, &told, "skins") }
         })
     })
 }
 
-/// The vertices of a body among those of `palpate_skin_buffers`: the first, and how many. The tool comes after the bodies.
+/// Reads which vertices in the arrays of `palpate_skin_buffers` are a body's: the index of the first, and their number.
+/// The tool comes after the bodies.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin_range(
     simulation: *mut palpate_simulation,
@@ -181,7 +189,7 @@ pub unsafe extern "C" fn palpate_skin_range(
         with(simulation, |simulation| {
             let ranges = simulation.skin_ranges();
             let range = ranges.get(body as usize).ok_or_else(|| no_body(body, ranges.len()))?;
-            // SAFETY (both): the caller's, as the header says.
+            // SAFETY (both blocks): the C caller keeps the rules for pointers of the header's preface.
             *unsafe { sized::answer(first, "first")? } = range.start as u32;
             *unsafe { sized::answer(count, "count")? } = range.len() as u32;
             Ok(())
@@ -189,10 +197,11 @@ pub unsafe extern "C" fn palpate_skin_range(
     })
 }
 
-/// A file descriptor of the memory of one of the arrays of `palpate_skin_buffers` (PALPATE_SKIN_*), for another API to import
-/// (VK_KHR_external_memory_fd, opaque; a dedicated allocation that begins with the array), and the size of that memory in
-/// bytes. The descriptor is the caller's: what imports it owns it, else close it. Call `palpate_skin_buffers` to bring the
-/// array up to date. PALPATE_STATUS_VULKAN: the device cannot.
+/// Exports the memory of one of the arrays of `palpate_skin_buffers` (PALPATE_SKIN_*) as a file descriptor that another
+/// API can import (VK_KHR_external_memory_fd, an opaque descriptor of a dedicated allocation, at the start of which the
+/// array lies), with the size of that memory in bytes. The caller owns the descriptor: an import takes it over,
+/// otherwise close it. Call `palpate_skin_buffers` to update the array. PALPATE_STATUS_VULKAN: the device cannot
+/// export.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin_export(
     simulation: *mut palpate_simulation,
@@ -201,7 +210,7 @@ pub unsafe extern "C" fn palpate_skin_export(
     bytes: *mut u64,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let (descriptor, bytes) = unsafe { (sized::answer(descriptor, "descriptor")?, sized::answer(bytes, "bytes")?) };
         (*descriptor, *bytes) = (-1, 0);
         if which > PALPATE_SKIN_NORMALS {
@@ -222,8 +231,9 @@ pub unsafe extern "C" fn palpate_skin_export(
     })
 }
 
-/// The contacts of the last step, as many as its wrench says. `count` receives how many there are; `contacts` has room for `capacity` and may be null where
-/// that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
+/// Copies the contacts of the last step, as many as its wrench counts. `count` receives their number; `contacts` has
+/// room for `capacity` of them, and may be null where that is 0. PALPATE_STATUS_TOO_SMALL: there are more than
+/// `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_contacts(
     simulation: *mut palpate_simulation,
@@ -232,12 +242,12 @@ pub unsafe extern "C" fn palpate_contacts(
     count: *mut usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let count = unsafe { sized::answer(count, "count")? };
         with(simulation, |simulation| {
             let all: Vec<palpate_contact> = simulation.contacts()?.iter().map(contact_of).collect();
             *count = all.len();
-            // SAFETY: the caller's, as the header says.
+            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
             if capacity == 0 { Ok(()) } else { unsafe { sized::copy(&all, contacts, capacity, "contacts") } }
         })
     })
@@ -261,20 +271,20 @@ fn with<R>(simulation: *mut palpate_simulation, work: impl FnOnce(&mut Simulatio
 }
 
 fn no_body(body: u32, bodies: usize) -> Failure {
-    let problem = format!("body is {body}; the scene has {bodies}, the tool's own counted last, from 0");
+    let problem = format!("body is {body}; the scene has {bodies} bodies, counted from 0, the tool's own last");
     Failure::new(palpate_status::Argument, problem)
 }
 
-/// Three finite numbers; null: zero.
+/// Reads three finite coordinates; null: zero.
 ///
 /// # Safety
 /// `origin` is null, or three numbers can be read there.
 unsafe fn origin_at(origin: *const f64) -> Outcome<DVec3> {
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     let Some(origin) = (unsafe { sized::given(origin.cast::<[f64; 3]>(), "origin")? }) else { return Ok(DVec3::ZERO) };
     let origin = DVec3::from_array(*origin);
     match origin.is_finite() {
         true => Ok(origin),
-        false => Err(Failure::new(palpate_status::Argument, format!("origin is {origin}; give numbers"))),
+        false => Err(Failure::new(palpate_status::Argument, format!("origin is {origin}; give finite numbers"))),
     }
 }

@@ -1,4 +1,4 @@
-//! Simulations: made of a scene on a context, stepped, and read.
+//! Simulations: made from a scene on a context, stepped, and read.
 
 use std::sync::Arc;
 
@@ -13,52 +13,53 @@ use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::steps::{self, SimulationSteps, Stepped};
 
-/// A scene under way.
+/// A simulation: bodies and tool of a scene, moved step by step.
 pub struct palpate_simulation {
     _opaque: [u8; 0],
 }
 
-/// A position and an orientation, world.
+/// A pose in world coordinates.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default)]
 pub struct palpate_pose {
-    /// m.
+    /// Position, m.
     pub position: [f64; 3],
-    /// Unit quaternion: x, y, z, w.
+    /// Orientation, a unit quaternion: x, y, z, w.
     pub orientation: [f64; 4],
 }
 
-/// What a step did to the tool. Of a scene without one, force, torque and positions are zero, and orientations turn nothing.
+/// Result of a step. In a scene without a tool, force, torque and positions are zero, and orientations are the
+/// identity.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_wrench {
-    /// sizeof(palpate_wrench).
+    /// Size of the struct in bytes: sizeof(palpate_wrench).
     pub size: u32,
-    /// What the step has to confess: a bit each, PALPATE_FLAG_*. 0: nothing.
+    /// Warnings about the step: PALPATE_FLAG_*, one bit each; 0: none.
     pub flags: u32,
-    /// Steps done.
+    /// Number of steps done, this one included.
     pub step: u64,
-    /// At the end of the step, s.
+    /// Simulated time at the end of the step, s.
     pub time: f64,
-    /// Of contacts on the tool, world axes, N.
+    /// Net contact force on the tool, world axes, N.
     pub force: [f64; 3],
-    /// The same about the tool's centre, N m.
+    /// Net contact torque on the tool about its centre, world axes, N m.
     pub torque: [f64; 3],
-    /// Where the tool is.
+    /// Pose of the tool at the end of the step.
     pub tool: palpate_pose,
-    /// Where the device is, which holds it.
+    /// Pose of the haptic device at the end of the step.
     pub device: palpate_pose,
-    /// Greatest depth of a contact, m.
+    /// Greatest penetration depth of a contact, m.
     pub max_depth: f64,
-    /// What the solver left, of the right-hand side.
+    /// Relative residual at the end of the solve.
     pub residual: f64,
-    /// Colliding vertices, of both sides.
+    /// Number of contacts (colliding skin vertices), those of both touching skins counted.
     pub contacts: u32,
-    /// Of the solver.
+    /// Conjugate gradient iterations of all solves of the step.
     pub iterations: u32,
 }
 
-// SAFETY: `repr(C)`, the size comes first, and all of it are numbers.
+// SAFETY: it is `repr(C)`, its first field is the size, and all fields are numbers: any bytes are a value.
 unsafe impl Sized32 for palpate_wrench {
     const NAME: &str = "palpate_wrench";
     const LEAST: usize = 208;
@@ -96,32 +97,32 @@ unsafe impl Sized32 for palpate_wrench {
     }
 }
 
-/// The solver stopped at its iteration limit with a residual above what single precision allows.
+/// Flag of a step: the solver stopped at its iteration limit with a residual above what single precision allows.
 pub const PALPATE_FLAG_NOT_CONVERGED: u32 = 1;
-/// More regions than there is room for.
+/// Flag of a step: there were more contact patches (parts of a contact with one normal each) than fit the arrays.
 pub const PALPATE_FLAG_REGION_OVERFLOW: u32 = 2;
-/// More contacts than there is room for.
+/// Flag of a step: there were more contacts, or more ray hits on skins, than fit the arrays.
 pub const PALPATE_FLAG_CONTACT_OVERFLOW: u32 = 4;
-/// A contact deeper than the scene's `depth_limit`.
+/// Flag of a step: a contact was deeper than the scene's `depth_limit`.
 pub const PALPATE_FLAG_DEPTH_BEYOND_LIMIT: u32 = 8;
-/// A skin folds over itself along the region's normal.
+/// Flag of a step: a skin folds over itself along the normal of a contact patch, so that its depth is not unique there.
 pub const PALPATE_FLAG_NOT_A_HEIGHT_FIELD: u32 = 16;
-/// A number was not finite, and the step was recovered.
+/// Flag of a step: a number was not finite, and the step was recovered.
 pub const PALPATE_FLAG_NON_FINITE: u32 = 32;
-/// The step was repeated with a smaller time step.
+/// Flag of a step: it failed and was repeated with smaller time steps.
 pub const PALPATE_FLAG_STEP_RETRIED: u32 = 64;
-/// The state was held because no step succeeded.
+/// Flag of a step: it failed with smaller time steps too, so everything that forces move was held still.
 pub const PALPATE_FLAG_FROZEN: u32 = 128;
-/// Contacts that pulled were dropped, and others pull after the repeated solve.
+/// Flag of a step: contacts under tension were released and the solve was repeated, but others were under tension then.
 pub const PALPATE_FLAG_ADHESIVE_DROPPED_TWICE: u32 = 256;
-/// Something turned so far within the step that it may gain energy.
+/// Flag of a step: a rigid frame of a body turned so far that the body may gain energy.
 pub const PALPATE_FLAG_TURNS_TOO_FAR: u32 = 512;
-/// A tetrahedron was inside out, or pressed so thin that its rotation was not found.
+/// Flag of a step: a tetrahedron was inverted, or pressed so thin that its rotation was not found.
 pub const PALPATE_FLAG_INVERTED: u32 = 1024;
 
 pub(super) struct SimulationObject {
     pub simulation: Simulation,
-    /// Whether a step failed halfway.
+    /// Whether a step failed halfway, so that no further step is possible until a state is restored.
     pub has_failed: bool,
 }
 
@@ -129,8 +130,8 @@ impl Handled for SimulationObject {
     const NAME: &str = "simulation";
 }
 
-/// Makes a simulation of a scene on a context: prepares the bodies where palpate_scene_prepare has not, and records the step.
-/// The scene may be destroyed afterwards.
+/// Makes a simulation of a scene on a context: prepares the bodies that palpate_scene_prepare has not prepared, and
+/// records the passes of a step. The scene may be destroyed afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_simulation_create(
     context: *mut palpate_context,
@@ -138,7 +139,7 @@ pub unsafe extern "C" fn palpate_simulation_create(
     simulation: *mut *mut palpate_simulation,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let simulation = unsafe { sized::answer(simulation, "simulation")? };
         *simulation = std::ptr::null_mut();
         let context = opened(context)?;
@@ -153,17 +154,18 @@ pub unsafe extern "C" fn palpate_simulation_create(
     })
 }
 
-/// Lets go of a simulation; waits for a step that was submitted and is under way. One that a loop holds goes when the loop
-/// ends. Null does nothing.
+/// Destroys a simulation, after waiting for a submitted step that is under way. A simulation that a loop owns is
+/// destroyed when the loop ends. Null does nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_simulation_destroy(simulation: *mut palpate_simulation) -> palpate_status {
     guarded(|| if simulation.is_null() { Ok(()) } else { steps::remove::<SimulationObject>(simulation as usize) })
 }
 
-/// One step of the scene's `dt`: pose in, wrench out, when it is done. `device`: where the device is at the end of the step,
-/// having moved evenly from where it was at the last; null: where the scene's `[drive]` has it, or once a pose was given, where
-/// that left it. `wrench` may be null. A step that fails in Vulkan or the solver ends the simulation: it may be read and
-/// destroyed, and gives PALPATE_STATUS_SIMULATION for further steps.
+/// Does one step of the scene's `dt` and waits for it: pose in, wrench out. `device`: pose of the haptic device at the
+/// end of the step, to which it moves at constant speed from its last one; null: where the scene's `[drive]` has it,
+/// or, once a pose was given, the last pose given. `wrench` may be null. After a step that fails in Vulkan or in the
+/// solver, the simulation can be read and destroyed, and further steps give PALPATE_STATUS_SIMULATION until a state is
+/// restored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_step(
     simulation: *mut palpate_simulation,
@@ -171,15 +173,15 @@ pub unsafe extern "C" fn palpate_step(
     wrench: *mut palpate_wrench,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY (this and the next): the caller's, as the header says.
+        // SAFETY (this block and the next): the C caller keeps the rules for pointers of the header's preface.
         let device = unsafe { sized::given(device, "device")? }.map(|pose| pose_of(pose, "device")).transpose()?;
-        // Before anything moves: whether the answer has a place.
+        // The struct for the answer is checked before anything moves.
         if !wrench.is_null() {
             unsafe { sized::read(wrench.cast_const())? };
         }
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             let told = steps::of(simulation)?.step_now(object, device)?;
-            // SAFETY: the caller's, as the header says.
+            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
             if wrench.is_null() { Ok(()) } else { unsafe { sized::write(wrench, &told) } }
         })
     })
@@ -187,7 +189,7 @@ pub unsafe extern "C" fn palpate_step(
 
 impl Stepped for SimulationObject {
     fn is_fit(&self) -> Outcome {
-        let problem = "an earlier step failed, and left the simulation between two steps; create it anew";
+        let problem = "an earlier step failed halfway; restore a saved state or create the simulation again";
         if self.has_failed { Err(Failure::new(palpate_status::Simulation, problem)) } else { Ok(()) }
     }
 
@@ -202,12 +204,12 @@ impl Stepped for SimulationObject {
     }
 }
 
-/// Checked: finite, and a rotation.
+/// Converts the caller's pose; it must be finite, and its orientation a unit quaternion.
 pub(super) fn pose_of(given: &palpate_pose, what: &str) -> Outcome<Pose> {
     let wrong = |problem: String| Failure::new(palpate_status::Argument, format!("{what}.{problem}"));
     for (name, values) in [("position", &given.position[..]), ("orientation", &given.orientation[..])] {
         if let Some(k) = values.iter().position(|x| !x.is_finite()) {
-            return Err(wrong(format!("{name}[{k}] is {}; give a number", values[k])));
+            return Err(wrong(format!("{name}[{k}] is {}; give a finite number", values[k])));
         }
     }
     let orientation = DQuat::from_array(given.orientation);
@@ -238,10 +240,10 @@ pub(super) fn wrench_of(row: &StepReport) -> palpate_wrench {
     wrench
 }
 
-/// Where the nodes of a soft body are, world, m: `count` of them, three numbers each, in the order of its layer. `body` is
-/// its position in the scene, from 0. `count` receives how many nodes it has, 0 where it is not soft; up to `capacity` nodes
-/// are written to `positions`, which may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more, and none was
-/// written.
+/// Copies the world positions of the nodes of a soft body's layer (its tetrahedral mesh), m: three numbers per node, in
+/// the order of the layer. `body` is the body's position in the scene, from 0. `count` receives the number of nodes,
+/// which is 0 where the body is not soft; up to `capacity` nodes are written to `positions`, which may be null if
+/// `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_nodes(
     simulation: *mut palpate_simulation,
@@ -251,7 +253,7 @@ pub unsafe extern "C" fn palpate_nodes(
     count: *mut usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let count = unsafe { sized::answer(count, "count")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             let bodies = object.simulation.bodies().len();
@@ -265,7 +267,7 @@ pub unsafe extern "C" fn palpate_nodes(
                 return Ok(());
             }
             let all: Vec<[f64; 3]> = all.iter().map(|x| x.to_array()).collect();
-            // SAFETY: the caller's, as the header says.
+            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
             unsafe { sized::copy(&all, positions, capacity, "positions") }
         })
     })

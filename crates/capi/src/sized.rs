@@ -1,25 +1,27 @@
-//! Structs that may grow, and strings, as they come from C and go there.
+//! Reads and writes memory of the C caller: structs that grow from version to version, strings, arrays, and places for
+//! answers. A caller that was compiled with an older or newer header has smaller or larger structs; the size in their
+//! first field says so.
 
 use std::ffi::{CStr, c_char};
 
 use super::status::{Failure, Outcome, palpate_status};
 
-/// A struct of the interface whose first field is its size in bytes, as its user was compiled with it.
+/// A struct of the C interface whose first field is its size in bytes in the header that the caller was compiled with.
 ///
 /// # Safety
-/// `repr(C)`, the first field is a `u32` of the size, and any bytes are a value.
+/// The struct is `repr(C)`, its first field is a `u32` with the size, and any bytes are a valid value of it.
 pub(super) unsafe trait Sized32: Copy {
-    /// As in the header.
+    /// Name of the struct in the header.
     const NAME: &str;
-    /// Size of the first version of it.
+    /// Size of the struct's first version, bytes.
     const LEAST: usize;
-    /// All its fields, in order, as [`fields!`] lists them.
+    /// All fields in order, as [`fields!`] lists them.
     const FIELDS: &'static [Field];
-    /// What the fields are that a user does not know of.
+    /// Returns the struct with default values, which stay in fields that an older caller does not know.
     fn unset() -> Self;
 }
 
-/// Where a field begins and ends in its struct, B.
+/// Where a field begins and ends in its struct, bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Field {
     pub start: usize,
@@ -27,13 +29,14 @@ pub(super) struct Field {
 }
 
 impl Field {
-    /// A field at `start`, as large as what a reference to it leads to.
+    /// A field at offset `start`; the accessor function gives its type, and so its size.
     pub const fn at<S, F>(start: usize, _: fn(&S) -> &F) -> Field {
         Field { start, end: start + size_of::<F>() }
     }
 }
 
-/// [`Sized32::FIELDS`] of a struct. One that leaves a field out, or names one that is none, does not compile.
+/// Makes the [`Sized32::FIELDS`] of a struct. It does not compile where a field is missing or is no field of the
+/// struct.
 macro_rules! fields {
     ($name:ident { $($field:ident),+ $(,)? }) => {{
         const _: fn(&$name) = |whole| {
@@ -44,9 +47,9 @@ macro_rules! fields {
 }
 pub(super) use fields;
 
-/// Whether a user's struct may have this size: no field is cut, whichever version of it the user was compiled with. It ends
-/// where a field does, or at the padding's end behind it, which sizeof of a version that ended there counts; or it is as large
-/// as the struct is now, or larger.
+/// Tells whether a caller's struct may have this size, that is, whether it cuts no field, whichever version of the
+/// header the caller was compiled with. Such a size is the end of a field; or the end of the padding behind a field,
+/// which sizeof includes in a version that ended with the field; or the present size of the struct, or more.
 fn ends_whole<T: Sized32>(size: usize) -> bool {
     let starts = T::FIELDS.iter().skip(1).map(|field| field.start).chain([size_of::<T>()]);
     let padded =
@@ -56,38 +59,40 @@ fn ends_whole<T: Sized32>(size: usize) -> bool {
     is_end || size >= size_of::<T>()
 }
 
-/// Reads a struct of any known version; null: nothing is set.
+/// Reads a caller's struct of any version; null: all defaults.
 ///
 /// # Safety
-/// `from` is null, or that many bytes can be read there as its first field says.
+/// `from` is null, or as many bytes can be read there as its first field says.
 pub(super) unsafe fn read<T: Sized32>(from: *const T) -> Outcome<T> {
     let mut value = T::unset();
     if from.is_null() {
         return Ok(value);
     }
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     let size = unsafe { size_of_struct(from)? };
     let known = size.min(size_of::<T>());
-    // SAFETY: the caller's promise, and any bytes are a value; `value` has room for `known`.
+    // SAFETY: the caller keeps the conditions under `# Safety`; any bytes are a `T`, and `value` has room for `known`.
     unsafe { std::ptr::copy_nonoverlapping(from.cast::<u8>(), (&raw mut value).cast::<u8>(), known) };
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     let beyond = unsafe { std::slice::from_raw_parts(from.cast::<u8>().add(known), size - known) };
     if beyond.iter().any(|byte| *byte != 0) {
-        let problem = format!("{} sets what this version of the library does not know; use a newer one", T::NAME);
+        let problem =
+            format!("{} sets fields that this version of the library does not know; use a newer library", T::NAME);
         return Err(Failure::new(palpate_status::Argument, problem));
     }
     Ok(value)
 }
 
-/// Writes a struct as far as its user knows it; its size stays.
+/// Writes as much of a struct as its caller knows; the caller's size field stays as it is.
 ///
 /// # Safety
 /// As many bytes can be written at `to` as its first field says.
 pub(super) unsafe fn write<T: Sized32>(to: *mut T, value: &T) -> Outcome {
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     let size = unsafe { size_of_struct(to.cast_const())? };
     let known = size.min(size_of::<T>()) - size_of::<u32>();
-    // SAFETY: the caller's promise; `value` is at least as large, and its first four bytes are the size.
+    // SAFETY: the caller keeps the conditions under `# Safety`; `value` is at least as large, and its first four bytes,
+    // which are skipped, are its size.
     unsafe {
         let from = (&raw const *value).cast::<u8>().add(size_of::<u32>());
         std::ptr::copy_nonoverlapping(from, to.cast::<u8>().add(size_of::<u32>()), known);
@@ -95,25 +100,27 @@ pub(super) unsafe fn write<T: Sized32>(to: *mut T, value: &T) -> Outcome {
     Ok(())
 }
 
-/// Tells the caller a struct, as [`write`]; null is refused.
+/// Writes an answer to the caller's struct as [`write`] does; null is refused.
 ///
 /// # Safety
 /// `to` is null, or as many bytes can be written there as its first field says.
 pub(super) unsafe fn tell<T: Sized32>(to: *mut T, value: &T, name: &str) -> Outcome {
     if to.is_null() {
-        return Err(Failure::new(palpate_status::Null, format!("{name} is null; say where the answer goes")));
+        return Err(Failure::new(palpate_status::Null, format!("{name} is null; pass the address for the answer")));
     }
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     unsafe { write(to, value) }
 }
 
+/// Reads and checks the size in the first field of a caller's struct, bytes.
+///
 /// # Safety
-/// A `u32` can be read at `of`.
+/// A `u32` can be read at `of`, if it is aligned.
 unsafe fn size_of_struct<T: Sized32>(of: *const T) -> Outcome<usize> {
     if !of.is_aligned() {
         return Err(Failure::new(palpate_status::Argument, format!("{} is not aligned", T::NAME)));
     }
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     let size = unsafe { of.cast::<u32>().read() } as usize;
     if size < T::LEAST || size > 1 << 16 {
         let problem = format!("{0}.size is {size}; set it to sizeof({0})", T::NAME);
@@ -126,73 +133,73 @@ unsafe fn size_of_struct<T: Sized32>(of: *const T) -> Outcome<usize> {
     Ok(size)
 }
 
-/// A string of the caller's.
+/// Reads a string of the caller; null is refused.
 ///
 /// # Safety
-/// `text` is null, or ends in a zero and lives as long as the answer is used.
+/// `text` is null, or is terminated by a zero and lives as long as the result is used.
 pub(super) unsafe fn string<'a>(text: *const c_char, name: &str) -> Outcome<&'a str> {
     if text.is_null() {
         return Err(Failure::new(palpate_status::Null, format!("{name} is null; give a string")));
     }
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     let text = unsafe { CStr::from_ptr(text) };
     text.to_str().map_err(|_| Failure::new(palpate_status::Argument, format!("{name} is not UTF-8")))
 }
 
-/// An array of the caller's; null where there are none.
+/// Borrows an array of the caller, which may be null if `count` is 0.
 ///
 /// # Safety
-/// `from` is null or leads to that many, which live as long as the answer is used; any bytes are a `T`.
+/// `from` is null or leads to `count` elements, which live as long as the result is used; any bytes are a value of `T`.
 pub(super) unsafe fn array<'a, T>(from: *const T, count: usize, name: &str) -> Outcome<&'a [T]> {
     if count == 0 {
         return Ok(&[]);
     }
     if from.is_null() {
-        return Err(Failure::new(palpate_status::Null, format!("{name} is null, and there are {count}")));
+        return Err(Failure::new(palpate_status::Null, format!("{name} is null, but its count is {count}")));
     }
     let problem = match count.checked_mul(size_of::<T>()) {
         Some(bytes) if bytes <= isize::MAX as usize && from.is_aligned() => {
-            // SAFETY: the caller's promise, and what is checked above.
+            // SAFETY: the caller keeps the conditions under `# Safety`; null, alignment and length were checked above.
             return Ok(unsafe { std::slice::from_raw_parts(from, count) });
         }
         Some(bytes) if bytes <= isize::MAX as usize => format!("{name} is not aligned"),
-        _ => format!("{name} has {count} elements, which is more than any memory"),
+        _ => format!("{name} has {count} elements, more than fit into memory"),
     };
     Err(Failure::new(palpate_status::Argument, problem))
 }
 
-/// An array of rows of N numbers, one after another.
+/// Borrows an array of `count` rows of N numbers, stored one after another.
 ///
 /// # Safety
-/// As [`array`], with N numbers to each.
+/// The conditions of [`array`], with N numbers per row.
 pub(super) unsafe fn rows<'a, T, const N: usize>(from: *const T, count: usize, name: &str) -> Outcome<&'a [[T; N]]> {
-    // SAFETY: the caller's promise; rows are aligned as their numbers are.
+    // SAFETY: the caller keeps the conditions under `# Safety`; `[T; N]` is aligned as `T` is.
     unsafe { array(from.cast::<[T; N]>(), count, name) }
 }
 
-/// An array of structs that may grow, all of the size that the first says.
+/// Copies an array of structs that may grow; all have the size that the first says.
 ///
 /// # Safety
-/// `from` is null or leads to that many.
+/// `from` is null or leads to `count` structs of that size.
 pub(super) unsafe fn structs<T: Sized32>(from: *const T, count: usize, name: &str) -> Outcome<Vec<T>> {
     if count == 0 {
         return Ok(Vec::new());
     }
-    // SAFETY: the caller's promise: the size of the first of them can be read.
+    // SAFETY: the caller keeps the conditions under `# Safety`, so the size of the first struct can be read.
     let size = unsafe {
         array(from.cast::<u32>(), 1, name)?;
         size_of_struct(from)?
     };
     if count.checked_mul(size).is_none_or(|bytes| bytes > isize::MAX as usize) {
-        let problem = format!("{name} has {count} elements, which is more than any memory");
+        let problem = format!("{name} has {count} elements, more than fit into memory");
         return Err(Failure::new(palpate_status::Argument, problem));
     }
     let one = |k: usize| {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller keeps the conditions under `# Safety`.
         let at = unsafe { from.byte_add(k * size) };
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller keeps the conditions under `# Safety`.
         match unsafe { size_of_struct(at)? } == size {
-            // SAFETY: the caller's promise.
+            // SAFETY: the caller keeps the conditions under `# Safety`.
             true => unsafe { read(at) },
             false => {
                 let problem = format!("{name}[{k}].size is not that of the first; set all to sizeof({})", T::NAME);
@@ -203,38 +210,38 @@ pub(super) unsafe fn structs<T: Sized32>(from: *const T, count: usize, name: &st
     (0..count).map(one).collect()
 }
 
-/// Where an answer is put.
+/// Borrows the place of an answer; null is refused.
 ///
 /// # Safety
-/// `to` is null or can be written for as long as the answer is used.
+/// `to` is null, or can be written for as long as the result is used.
 pub(super) unsafe fn answer<'a, T>(to: *mut T, name: &str) -> Outcome<&'a mut T> {
     if !to.is_aligned() {
         return Err(Failure::new(palpate_status::Argument, format!("{name} is not aligned")));
     }
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     let to = unsafe { to.as_mut() };
-    to.ok_or_else(|| Failure::new(palpate_status::Null, format!("{name} is null; say where the answer goes")))
+    to.ok_or_else(|| Failure::new(palpate_status::Null, format!("{name} is null; pass the address for the answer")))
 }
 
-/// What the caller gives by a pointer; `None`: null.
+/// Borrows what the caller passes by a pointer; `None` if that is null.
 ///
 /// # Safety
-/// `from` is null or can be read for as long as the answer is used.
+/// `from` is null, or can be read for as long as the result is used.
 pub(super) unsafe fn given<'a, T>(from: *const T, name: &str) -> Outcome<Option<&'a T>> {
     match from.is_aligned() {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller keeps the conditions under `# Safety`.
         true => Ok(unsafe { from.as_ref() }),
         false => Err(Failure::new(palpate_status::Argument, format!("{name} is not aligned"))),
     }
 }
 
-/// Copies as many elements as there are into the caller's array. Errors: it is too small, and nothing was copied.
+/// Copies all elements of `from` into the caller's array. Errors: the array is too small, and nothing was copied.
 ///
 /// # Safety
 /// `to` is null or has room for `capacity` elements.
 pub(super) unsafe fn copy<T: Copy>(from: &[T], to: *mut T, capacity: usize, name: &str) -> Outcome {
     if to.is_null() && capacity > 0 {
-        return Err(Failure::new(palpate_status::Null, format!("{name} is null, and has room for {capacity}")));
+        return Err(Failure::new(palpate_status::Null, format!("{name} is null, but its capacity is {capacity}")));
     }
     if !to.is_aligned() {
         return Err(Failure::new(palpate_status::Argument, format!("{name} is not aligned")));
@@ -244,7 +251,7 @@ pub(super) unsafe fn copy<T: Copy>(from: &[T], to: *mut T, capacity: usize, name
         return Err(Failure::new(palpate_status::TooSmall, problem));
     }
     if !from.is_empty() {
-        // SAFETY: the caller's promise; `from` is the library's own.
+        // SAFETY: the caller keeps the conditions under `# Safety`; `from` is the library's, so nothing overlaps.
         unsafe { std::ptr::copy_nonoverlapping(from.as_ptr(), to, from.len()) };
     }
     Ok(())
@@ -263,7 +270,7 @@ mod tests {
     use super::super::simulation::palpate_wrench;
     use super::*;
 
-    /// As it is, and as a program that is older knows it.
+    /// A struct whose first version ended with `old`, so that an older program does not know `new`.
     #[repr(C)]
     #[derive(Debug, Clone, Copy, PartialEq)]
     struct Grown {
@@ -272,7 +279,7 @@ mod tests {
         new: u32,
     }
 
-    // SAFETY: `repr(C)`, the size comes first, and all of it are numbers.
+    // SAFETY: it is `repr(C)`, its first field is the size, and all fields are numbers: any bytes are a value.
     unsafe impl Sized32 for Grown {
         const NAME: &str = "grown";
         const LEAST: usize = 8;
@@ -286,7 +293,7 @@ mod tests {
     #[test]
     fn what_an_older_program_does_not_know_is_neither_read_nor_written() {
         let mut given = Grown { size: 8, old: 5, new: 77 };
-        // SAFETY (all here): places of the size that they say.
+        // SAFETY (all in this test): the struct has at least the bytes that its size field says.
         assert_eq!(unsafe { read(&given) }.unwrap(), Grown { size: 8, old: 5, new: 2 });
         unsafe { write(&mut given, &Grown { size: 12, old: 6, new: 9 }) }.unwrap();
         assert_eq!(given, Grown { size: 8, old: 6, new: 77 });
@@ -294,7 +301,8 @@ mod tests {
         assert!(unsafe { read(&given) }.unwrap_err().message.contains("grown.size is 7"));
     }
 
-    /// Grown by a field that begins behind padding, and by one that begins where another version had padding.
+    /// A struct with padding: `large` begins behind padding, and `bytes` begins where the version that ended with
+    /// `half` had padding.
     #[repr(C, align(8))]
     #[derive(Debug, Clone, Copy, PartialEq)]
     struct Padded {
@@ -306,7 +314,7 @@ mod tests {
         bytes: [u8; 8],
     }
 
-    // SAFETY: `repr(C)`, the size comes first, and all of it are numbers.
+    // SAFETY: it is `repr(C)`, its first field is the size, and all fields are numbers: any bytes are a value.
     unsafe impl Sized32 for Padded {
         const NAME: &str = "padded";
         const LEAST: usize = 8;
@@ -319,7 +327,8 @@ mod tests {
 
     #[test]
     fn sizes_of_all_versions_are_taken_and_no_others() {
-        // By hand: old ends at 8; small at 9, padded to 16; large at 24; half at 28, where bytes begin; bytes at 36, padded to 40.
+        // Counted by hand, in bytes: `old` ends at 8; `small` at 9, padded to 16; `large` at 24; `half` at 28, where
+        // `bytes` begins; `bytes` at 36, padded to 40.
         let taken: Vec<usize> = (8..43).filter(|size| ends_whole::<Padded>(*size)).collect();
         assert_eq!(taken, [8, 9, 16, 24, 28, 36, 40, 41, 42]);
         let taken: Vec<usize> = (8..14).filter(|size| ends_whole::<Grown>(*size)).collect();
@@ -330,11 +339,13 @@ mod tests {
         }
     }
 
-    /// Asks for a struct of every size from none to more than it has, and gives its name.
+    /// Tries to read and write a struct of every size from 0 to more than its own, checks which sizes are accepted, and
+    /// returns the name of the struct.
     fn try_every_size<T: Sized32>() -> &'static str {
         let (name, whole) = (T::NAME, size_of::<T>());
         let fields = T::FIELDS;
-        // The list is all of the struct: it begins with the size, leaves no gap but padding, and ends where the struct does.
+        // `FIELDS` covers the struct: it begins with the size, leaves no gap but padding, and ends where the struct
+        // does.
         assert_eq!(fields[0], Field { start: 0, end: 4 }, "{name}");
         for pair in fields.windows(2) {
             assert!(pair[0].end <= pair[1].start && pair[1].start - pair[0].end < align_of::<T>(), "{name}: {pair:?}");
@@ -342,10 +353,10 @@ mod tests {
         assert_eq!(fields[fields.len() - 1].end.next_multiple_of(align_of::<T>()), whole, "{name}");
         let mut taken = 0;
         for size in 0..=whole + 16 {
-            // Aligned as any struct is, zero but for the size.
+            // Memory for the struct, aligned for any field, and zero except for the size.
             let mut place = vec![0u64; (whole + 16).div_ceil(8)];
             let pointer = place.as_mut_ptr().cast::<T>();
-            // SAFETY (all here): there are as many bytes as the size says, and zero is a value of every field.
+            // SAFETY (all in this loop): `place` has as many bytes as the size says; zero is a value of every field.
             unsafe { pointer.cast::<u32>().write(size as u32) };
             let is_cut = fields.iter().any(|field| field.start < size && size < field.end);
             match unsafe { read(pointer.cast_const()) } {
@@ -386,7 +397,8 @@ mod tests {
             try_every_size::<palpate_loop_options>(),
             try_every_size::<palpate_loop_state>(),
         ];
-        // Every struct of the header that says its own size is among them; the library itself writes the size of the others.
+        // Every struct of the header whose size the caller sets is among them; their doc of `size` says "sizeof". In
+        // other structs the library itself writes the size.
         let header = include_str!("palpate.h");
         let sized = header.split("typedef struct ").skip(1).filter(|text| {
             let body = text.split_once('}').map_or("", |(body, _)| body);
@@ -403,7 +415,7 @@ mod tests {
     fn what_a_newer_program_sets_is_refused_and_its_zeros_are_not() {
         let mut given = [16u32, 5, 6, 0];
         let pointer = (&raw const given).cast::<Grown>();
-        // SAFETY (both): sixteen bytes, as it says.
+        // SAFETY (both reads): the size field says sixteen bytes, and the array has them.
         assert_eq!(unsafe { read(pointer) }.unwrap(), Grown { size: 16, old: 5, new: 6 });
         given[3] = 1;
         let pointer = (&raw const given).cast::<Grown>();
@@ -414,14 +426,14 @@ mod tests {
     fn arrays_of_structs_go_by_the_size_that_the_first_says() {
         let old = [8u32, 5, 8, 6, 8, 7];
         let pointer = (&raw const old).cast::<Grown>();
-        // SAFETY (all here): as many bytes as are counted, where they are looked at.
+        // SAFETY (all in this test): wherever the library reads structs, there are as many bytes as count and size say.
         let all = unsafe { structs(pointer, 3, "all") }.unwrap();
         assert_eq!(all, [5, 6, 7].map(|old| Grown { size: 8, old, new: 2 }));
         let mixed = [8u32, 5, 12, 6, 1];
         let pointer = (&raw const mixed).cast::<Grown>();
         let message = |count| unsafe { structs(pointer, count, "all") }.unwrap_err().message;
         assert!(message(2).contains("all[1].size is not that of the first"), "{}", message(2));
-        assert!(message(usize::MAX / 4).contains("more than any memory"));
+        assert!(message(usize::MAX / 4).contains("more than fit into memory"));
         assert!(unsafe { structs::<Grown>(std::ptr::null(), 0, "all") }.unwrap().is_empty());
         assert_eq!(unsafe { structs::<Grown>(std::ptr::null(), 1, "all") }.unwrap_err().status, palpate_status::Null);
     }
@@ -429,12 +441,12 @@ mod tests {
     #[test]
     fn arrays_that_cannot_be_are_told_and_not_looked_at() {
         let numbers = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
-        // SAFETY (all here): as many numbers as are counted, where they are looked at.
+        // SAFETY (all in this test): wherever the library reads elements, there are as many as the count says.
         let rows = |count| unsafe { rows::<f64, 3>(numbers.as_ptr(), count, "rows") };
         assert_eq!(rows(2).unwrap(), [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
         assert!(rows(0).unwrap().is_empty());
         for count in [usize::MAX, usize::MAX / 24 + 1, isize::MAX as usize / 24 + 1] {
-            assert!(rows(count).unwrap_err().message.contains("more than any memory"));
+            assert!(rows(count).unwrap_err().message.contains("more than fit into memory"));
         }
         let odd = numbers.as_ptr().wrapping_byte_add(4);
         assert!(unsafe { array(odd, 1, "odd") }.unwrap_err().message.contains("odd is not aligned"));

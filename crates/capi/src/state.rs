@@ -1,13 +1,15 @@
-//! States of simulations: saved as bytes, taken up again.
+//! Saves the state of a simulation as bytes, and restores it.
 
 use super::simulation::{SimulationObject, palpate_simulation};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::{handles, sized, steps};
 
-/// Saves all that the next step starts from: where everything is and how it moves, and what the solver and culling remember.
-/// What was set is not in it (material, contact, coupling). Between two steps; costs a copy from the device.
-/// `size` receives how many bytes it takes, which differs by some hundreds from step to step: ask just before. They are written
-/// to `bytes`, which has room for `capacity` and may be null where that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
+/// Saves everything that the next step starts from: positions and velocities of all that moves, and what the solver and
+/// the broad phase carry over from step to step. Settings (materials, contact law, coupling) are not part of it. Call
+/// it between two steps; it copies arrays from the GPU.
+/// `size` receives the number of bytes, which differs by some hundreds from step to step: ask for it just before
+/// saving. The bytes are written to `bytes`, which has room for `capacity` of them and may be null if that is 0.
+/// PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_state_save(
     simulation: *mut palpate_simulation,
@@ -16,7 +18,7 @@ pub unsafe extern "C" fn palpate_state_save(
     size: *mut usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let size = unsafe { sized::answer(size, "size")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             let state = object.simulation.save()?;
@@ -24,15 +26,16 @@ pub unsafe extern "C" fn palpate_state_save(
             if capacity == 0 {
                 return Ok(());
             }
-            // SAFETY: the caller's, as the header says.
+            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
             unsafe { sized::copy(&state, bytes, capacity, "bytes") }
         })
     })
 }
 
-/// Takes up a state that was saved, of this simulation or of another of the same bodies, tool and device, in this process or
-/// another: from there on both give the same bits, if the same was set. PALPATE_STATUS_ARGUMENT: the bytes are none that this
-/// version saved, are damaged, or belong to other bodies; nothing changed. A simulation whose step failed goes on from the state.
+/// Restores a saved state, of this simulation or of another with the same bodies, tool and Vulkan device, in this
+/// process or another: from then on both give the same bits, if they have the same settings. PALPATE_STATUS_ARGUMENT:
+/// the bytes were not saved by this version, are damaged, or belong to other bodies; nothing changed. A simulation
+/// whose step had failed continues from the restored state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_state_restore(
     simulation: *mut palpate_simulation,
@@ -40,7 +43,7 @@ pub unsafe extern "C" fn palpate_state_restore(
     size: usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let state = unsafe { sized::array(bytes, size, "bytes")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             object.simulation.restore(state).map_err(argument)?;
@@ -51,7 +54,7 @@ pub unsafe extern "C" fn palpate_state_restore(
     })
 }
 
-/// What a user's value was refused for is an argument's fault here, not a scene's.
+/// Turns a refused value into an argument error, for here it comes from an argument and not from a scene.
 pub(super) fn argument(error: palpate::Error) -> Failure {
     match error {
         palpate::Error::Usage(message) => Failure::new(palpate_status::Argument, message),
@@ -59,14 +62,14 @@ pub(super) fn argument(error: palpate::Error) -> Failure {
     }
 }
 
-/// Does something to a simulation, whose refusals are about arguments.
+/// Changes a simulation by `work`; refused values are argument errors.
 pub(super) fn change(
     simulation: *mut palpate_simulation,
     work: impl FnOnce(&mut palpate::Simulation) -> palpate::Result<()>,
 ) -> Outcome {
     handles::with(simulation as usize, |object: &mut SimulationObject| {
         let done = work(&mut object.simulation);
-        // What the device failed at halfway is neither what it was nor what it was to be.
+        // After a failure of the GPU halfway, the simulation is neither in its old state nor in the new one.
         object.has_failed |= done.as_ref().is_err_and(|error| !matches!(error, palpate::Error::Usage(_)));
         done.map_err(argument)
     })

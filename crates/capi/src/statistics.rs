@@ -1,4 +1,4 @@
-//! What steps cost, stage by stage.
+//! Costs of a step by stage: times on the GPU, and numbers of passes.
 
 use std::ffi::c_char;
 
@@ -7,22 +7,22 @@ use super::simulation::{SimulationObject, palpate_simulation};
 use super::status::{guarded, palpate_status};
 use super::{handles, sized};
 
-/// What a stage of the step costs.
+/// Cost of a stage of the step.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_stage {
-    /// Its name, as in the README: "pose", "cull", "skin", "depth", "contact", "elastic", "solve", "wrench" and so on; in every
-    /// second timed step the first five are one, "pose to contact".
+    /// Name of the stage, as in the README: "pose", "cull", "skin", "depth", "contact", "elastic", "solve", "wrench"
+    /// and so on. In every second timed step the first five are timed as one, "pose to contact".
     pub name: [c_char; 32],
-    /// On the device in the last step, microseconds; 0 where that was not timed.
+    /// Time on the GPU in the last step, microseconds; 0 where that step was not timed.
     pub microseconds: f64,
-    /// Dispatches, draws, fills and copies in a step like the last; 0 of "pose to contact".
+    /// Number of dispatches, draws, fills and copies in a step like the last; 0 for "pose to contact".
     pub passes: u32,
-    /// 0.
+    /// Reserved: always 0.
     pub reserved: u32,
 }
 
-/// Times every so many steps from now on; 0, as at the beginning: none. A timed step is up to a millisecond slower on some
+/// Times every `steps`-th step from now on; 0, the default: none. A timed step is up to a millisecond slower with some
 /// drivers.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_time_every(simulation: *mut palpate_simulation, steps: u64) -> palpate_status {
@@ -31,8 +31,9 @@ pub extern "C" fn palpate_time_every(simulation: *mut palpate_simulation, steps:
     })
 }
 
-/// The stages of the step, in their order, and what each costs. `count` receives how many there are; `stages` has room for
-/// `capacity` and may be null where that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
+/// Lists the stages of the step in order, with the cost of each. `count` receives their number; `stages` has room for
+/// `capacity` of them, and may be null if that is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none
+/// was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_stages(
     simulation: *mut palpate_simulation,
@@ -41,7 +42,7 @@ pub unsafe extern "C" fn palpate_stages(
     count: *mut usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let count = unsafe { sized::answer(count, "count")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             let simulation = &object.simulation;
@@ -59,7 +60,7 @@ pub unsafe extern "C" fn palpate_stages(
                 None => passes.iter().map(|(name, passes)| stage(name, 0.0, *passes)).collect(),
             };
             *count = all.len();
-            // SAFETY: the caller's, as the header says.
+            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
             if capacity == 0 { Ok(()) } else { unsafe { sized::copy(&all, stages, capacity, "stages") } }
         })
     })

@@ -1,4 +1,4 @@
-//! What every function gives, what went wrong in words, and the guard that keeps panics in.
+//! The status that every function returns, the message of the last failure, and the guard that keeps panics in.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -7,20 +7,20 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use palpate::Error;
 
-/// What became of a call. Whatever it is but PALPATE_STATUS_OK, nothing was changed but what the function says, and
-/// `palpate_last_error` has one line that says what is wrong and what to do.
+/// Result of a call. With any status but PALPATE_STATUS_OK the call changed nothing, unless its description says
+/// otherwise, and `palpate_last_error` returns one line that says what is wrong and what to do.
 #[repr(i32)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum palpate_status {
-    /// Done.
+    /// The call succeeded.
     Ok = 0,
     /// A pointer or handle that must not be null is null.
     Null = 1,
-    /// A handle that was destroyed, is of another kind, or never was.
+    /// A handle was destroyed, is of another kind, or was never made.
     Handle = 2,
-    /// A value that cannot be: not finite, out of range, a struct of unknown size.
+    /// A value is not allowed: it is not finite or out of range, or a struct has a wrong size.
     Argument = 3,
-    /// The caller's array is too small; how many elements there are was told.
+    /// The caller's array is too small; the call returned how many elements there are.
     TooSmall = 4,
     /// The handle is in use by another thread, or by the callback that makes this call.
     Busy = 5,
@@ -28,28 +28,28 @@ pub enum palpate_status {
     Input = 6,
     /// A file could not be written.
     Output = 7,
-    /// No Vulkan device can be used, or not the haptic one.
+    /// No Vulkan device can be used, or the haptic device does not open.
     NoDevice = 8,
-    /// The device's memory does not suffice.
+    /// The memory of the Vulkan device does not suffice, or a thread cannot be started.
     Memory = 9,
     /// A Vulkan call failed.
     Vulkan = 10,
     /// The simulation cannot go on.
     Simulation = 11,
-    /// A fault of the library's own. What it was at may only be destroyed.
+    /// A fault of the library itself. The object that the call worked on may only be destroyed.
     Fault = 12,
-    /// The caller's callback ended it.
+    /// The caller's callback cancelled the call.
     Cancelled = 13,
 }
 
-/// Why a call did not do what it was asked to.
+/// Why a call failed: its status, and the message for `palpate_last_error`.
 #[derive(Debug, Clone)]
 pub(super) struct Failure {
     pub status: palpate_status,
     pub message: String,
 }
 
-/// A result with [`Failure`].
+/// Result type of this crate's functions, with [`Failure`] as the error.
 pub(super) type Outcome<T = ()> = Result<T, Failure>;
 
 impl Failure {
@@ -77,16 +77,17 @@ thread_local! {
     static LAST: RefCell<CString> = RefCell::new(CString::default());
 }
 
-/// What went wrong in the last call on this thread that did not give PALPATE_STATUS_OK, in one line; "" where none did. Never
-/// null; lives until the next such call on this thread.
+/// Returns the message of the last call on this thread that did not return PALPATE_STATUS_OK, in one line; "" if there
+/// was none. The string is never null, and is valid until the next such call on this thread.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_last_error() -> *const c_char {
     LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
 }
 
-/// Does the work of a function; keeps what went wrong, and panics.
+/// Runs the body of an exported function: catches its panics, stores the message of a failure for
+/// [`palpate_last_error`], and returns the status.
 pub(super) fn guarded(work: impl FnOnce() -> Outcome) -> palpate_status {
-    // What is at fault is behind a lock that the panic poisons.
+    // Unwind safety: an object that a panic leaves half-changed is behind a lock, which the panic poisons.
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(())) => palpate_status::Ok,
         Ok(Err(failure)) => tell(failure),
@@ -94,7 +95,7 @@ pub(super) fn guarded(work: impl FnOnce() -> Outcome) -> palpate_status {
     }
 }
 
-/// A text in one line.
+/// Joins the lines of a text into one, without zero characters.
 pub(super) fn one_line(text: &str) -> CString {
     let lines: Vec<&str> = text.split(['\n', '\0']).map(str::trim).filter(|line| !line.is_empty()).collect();
     CString::new(lines.join(" ")).unwrap_or_default()
@@ -102,21 +103,21 @@ pub(super) fn one_line(text: &str) -> CString {
 
 fn tell(Failure { status, message }: Failure) -> palpate_status {
     let line = one_line(&message);
-    // At the very end of a thread there is no place for it any more.
+    // While a thread ends, its thread-local storage may be gone already: then the message is lost.
     let _ = LAST.try_with(|last| *last.borrow_mut() = line);
     status
 }
 
 impl Failure {
-    /// What a panic says.
+    /// Returns the failure that reports a panic, with the panic's message.
     pub fn of_panic(panic: &(dyn Any + Send)) -> Failure {
-        Failure::new(palpate_status::Fault, format!("a fault of palpate's own: {}", words(panic)))
+        Failure::new(palpate_status::Fault, format!("internal error of palpate: {}", words(panic)))
     }
 }
 
 fn words(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<String>().map(String::as_str);
-    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("it says nothing")
+    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message")
 }
 
 #[cfg(test)]
@@ -126,7 +127,7 @@ mod tests {
     use super::*;
 
     fn last() -> String {
-        // SAFETY: never null, and ends in a zero.
+        // SAFETY: the library's message is never null and is terminated by a zero.
         unsafe { CStr::from_ptr(palpate_last_error()) }.to_string_lossy().into()
     }
 

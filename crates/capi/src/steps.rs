@@ -1,7 +1,9 @@
-//! Steps that are submitted: a thread of the simulation's own does them, since a step needs the host between its parts on the
-//! device. The thread begins with the first of them, and ends with the simulation.
+//! Submitted steps, for which the caller does not wait: each simulation has a worker thread that does them, because a
+//! step needs the CPU between its parts on the GPU. The thread starts with the first submitted step and ends with the
+//! simulation.
 //!
-//! What is told of steps lies beside the simulation, not in it: it can be read while a step is under way.
+//! Results of steps are kept beside the simulation, as the companion of its handle (`handles.rs`), so that they can be
+//! read while a step is under way.
 
 #[cfg(test)]
 mod tests;
@@ -20,23 +22,23 @@ use super::status::{Failure, Outcome, guarded, palpate_status};
 
 const UNDER_WAY: &str = "a submitted step that is under way; poll until it is done";
 
-/// What can be stepped.
+/// An object that can be stepped: a simulation, or what stands for one in tests.
 pub(super) trait Stepped: Handled {
-    /// Errors: it cannot go on.
+    /// Checks whether a step is possible. Errors: why it is not.
     fn is_fit(&self) -> Outcome;
-    /// One step.
+    /// Does one step, with the haptic device at this pose at its end; `None`: where the scene has it.
     fn step_to(&mut self, device: Option<Pose>) -> Outcome<palpate_wrench>;
 }
 
-/// Those of a simulation.
+/// The steps of a simulation.
 pub(super) type SimulationSteps = Steps<SimulationObject>;
 
-/// Those of a simulation's handle.
+/// Returns the steps of the simulation behind a handle.
 pub(super) fn of(simulation: *mut palpate_simulation) -> Outcome<Arc<SimulationSteps>> {
     handles::beside::<SimulationObject, _>(simulation as usize)
 }
 
-/// Takes a handle out of use, and waits for the step that is under way.
+/// Removes a handle, and waits for the step that is under way.
 pub(super) fn remove<T: Stepped>(handle: usize) -> Outcome {
     let steps = handles::beside::<T, Steps<T>>(handle)?;
     handles::remove::<T>(handle)?;
@@ -44,33 +46,33 @@ pub(super) fn remove<T: Stepped>(handle: usize) -> Outcome {
     Ok(())
 }
 
-/// The wrench of the newest step, and when that was given its pose.
+/// The wrench of the newest step, and the time at which that step received the pose of the haptic device.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Newest(Option<(palpate_wrench, Instant)>);
 
 impl Newest {
-    /// Before any step.
+    /// No step has been done.
     pub const NONE: Newest = Newest(None);
 
     pub fn new(wrench: palpate_wrench, given: Instant) -> Newest {
         Newest(Some((wrench, given)))
     }
 
-    /// Tells the caller both; `age` may be null.
+    /// Writes the wrench, and the time since its step received its pose (s), for the caller; `age` may be null.
     ///
     /// # Safety
-    /// `wrench` is null or as long as it says, and `age` is null or can be written.
+    /// `wrench` is null or has as many bytes as its first field says, and `age` is null or can be written.
     pub unsafe fn tell(&self, wrench: *mut palpate_wrench, age: *mut f64) -> Outcome {
         let (told, seconds) = match &self.0 {
             Some((wrench, given)) => (*wrench, given.elapsed().as_secs_f64()),
             None => (palpate_wrench::unset(), f64::INFINITY),
         };
         if wrench.is_null() {
-            return Err(Failure::new(palpate_status::Null, "wrench is null; say where the answer goes"));
+            return Err(Failure::new(palpate_status::Null, "wrench is null; pass the address for the answer"));
         }
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller keeps the conditions under `# Safety`.
         unsafe { sized::write(wrench, &told)? };
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller keeps the conditions under `# Safety`.
         if let Some(age) = unsafe { age.as_mut() } {
             *age = seconds;
         }
@@ -78,7 +80,7 @@ impl Newest {
     }
 }
 
-/// Steps of one simulation, submitted or not.
+/// The steps of one simulation, submitted or not, and its worker thread.
 pub(super) struct Steps<T: Stepped> {
     shared: Arc<Shared<T>>,
     worker: Mutex<Option<JoinHandle<()>>>,
@@ -90,11 +92,11 @@ struct Shared<T: Stepped> {
 }
 
 struct State<T: Stepped> {
-    /// What the worker has not taken yet.
+    /// A submitted step that the worker has not taken yet.
     job: Option<Job<T>>,
     is_under_way: bool,
     newest: Newest,
-    /// What a submitted step failed with; there is none after it.
+    /// Failure of a submitted step; no further step is possible until a state is restored.
     failure: Option<Failure>,
     ends: bool,
 }
@@ -115,7 +117,7 @@ impl<T: Stepped> Default for Steps<T> {
 
 impl<T: Stepped> Shared<T> {
     fn lock(&self) -> MutexGuard<'_, State<T>> {
-        // It is whole between any two of its statements.
+        // A panic cannot leave the state half-changed: it is consistent between any two statements under the lock.
         self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
@@ -123,16 +125,17 @@ impl<T: Stepped> Shared<T> {
         self.changed.wait(state).unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Does what is submitted until it is told to end.
+    /// Loop of the worker: does submitted steps until it is told to end.
     fn work(&self) {
         while let Some(Job { lent, device, given }) = self.next() {
-            // What a panic leaves behind is behind a lock that it poisons.
+            // Unwind safety: a panic poisons the lock of the object, so nobody uses what it leaves behind.
             let done = catch_unwind(AssertUnwindSafe(|| lent.lock().step_to(device)));
             match done.unwrap_or_else(|panic| Err(Failure::of_panic(&*panic))) {
                 Ok(wrench) => self.lock().newest = Newest::new(wrench, given),
                 Err(failure) => self.lock().failure = Some(failure),
             }
-            // Given back before it is said to be done. It may be the last to hold it, and so drop these steps as well.
+            // The object is given back before the step is reported as done. This thread may be its last owner; then
+            // these steps, its companion, are dropped here as well.
             drop(lent);
             let mut state = self.lock();
             state.is_under_way = false;
@@ -145,13 +148,13 @@ impl<T: Stepped> Shared<T> {
         while state.job.is_none() && !state.ends {
             state = self.wait(state);
         }
-        // What was submitted before the end is done.
+        // A step that was submitted before the end is still done.
         state.job.take()
     }
 }
 
 impl<T: Stepped> Steps<T> {
-    /// Begins a step on the worker.
+    /// Begins a step on the worker thread.
     fn submit(&self, handle: usize, device: Option<Pose>, given: Instant) -> Outcome {
         let mut state = self.shared.lock();
         if state.is_under_way {
@@ -166,19 +169,19 @@ impl<T: Stepped> Steps<T> {
         Ok(())
     }
 
-    /// Sees to it that there is a worker.
+    /// Starts the worker thread if there is none.
     fn employ(&self) -> Outcome {
         let mut worker = self.worker.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         if worker.is_none() {
             let shared = Arc::clone(&self.shared);
             let thread = std::thread::Builder::new().name("palpate-step".into()).spawn(move || shared.work());
-            let none = |error| Failure::new(palpate_status::Memory, format!("no thread for submitted steps: {error}"));
+            let none = |error| Failure::new(palpate_status::Memory, format!("cannot start the steps' thread: {error}"));
             *worker = Some(thread.map_err(none)?);
         }
         Ok(())
     }
 
-    /// A step on the caller's thread, by whom the simulation belongs to now.
+    /// Does a step on the calling thread, which has the simulation locked.
     pub fn step_now(&self, object: &mut T, device: Option<Pose>) -> Outcome<palpate_wrench> {
         let given = Instant::now();
         let wrench = object.step_to(device)?;
@@ -186,18 +189,18 @@ impl<T: Stepped> Steps<T> {
         Ok(wrench)
     }
 
-    /// A state was taken up: what was before it is forgotten.
+    /// Forgets wrench and failure of earlier steps, because a state was restored.
     pub fn forget(&self) {
         let mut state = self.shared.lock();
         (state.newest, state.failure) = (Newest::NONE, None);
     }
 
-    /// A step was done elsewhere.
+    /// Stores the wrench of a step that was done on another thread than the worker.
     pub fn note(&self, newest: Newest) {
         self.shared.lock().newest = newest;
     }
 
-    /// Whether no step is under way, and what the last that was submitted failed with.
+    /// Returns whether no step is under way, and the failure of a submitted step, if one failed.
     fn poll(&self) -> (bool, Outcome) {
         let state = self.shared.lock();
         (!state.is_under_way, state.failure.clone().map_or(Ok(()), Err))
@@ -211,14 +214,15 @@ impl<T: Stepped> Steps<T> {
         state.failure.clone().map_or(Ok(()), Err)
     }
 
-    /// Ends the worker, having waited for its step.
+    /// Ends the worker thread, after waiting for its step.
     fn end(&self) {
         self.shared.lock().ends = true;
         self.shared.changed.notify_all();
         let worker = self.worker.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take();
-        // A worker that was the last to hold its simulation does not wait for itself.
+        // If the worker itself was the last owner of the simulation, this runs on its thread, which must not wait for
+        // itself.
         if let Some(worker) = worker.filter(|worker| worker.thread().id() != std::thread::current().id()) {
-            // It keeps its panics to itself.
+            // The result is ignored: the worker catches its panics and reports them itself.
             let _ = worker.join();
         }
     }
@@ -230,10 +234,10 @@ impl<T: Stepped> Drop for Steps<T> {
     }
 }
 
-/// Begins a step, and does not wait for it: a thread of the simulation's, which begins with the first of these calls, does it.
-/// `device`: as for `palpate_step`; may be null, and is not needed after the call. Until the step is done, what reads or
-/// changes the simulation gives PALPATE_STATUS_BUSY, this call too; `palpate_step_poll`, `palpate_step_wait` and
-/// `palpate_wrench_newest` do not. The steps are those of `palpate_step`, bit for bit.
+/// Begins a step without waiting for it: a thread of the simulation does it, which starts with the first such call.
+/// `device`: as in `palpate_step`; it may be null, and is copied. Until the step is done, calls that read or change the
+/// simulation give PALPATE_STATUS_BUSY, this one too; `palpate_step_poll`, `palpate_step_wait` and
+/// `palpate_wrench_newest` do not. Submitted steps give the same bits as those of `palpate_step`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_step_submit(
     simulation: *mut palpate_simulation,
@@ -241,19 +245,19 @@ pub unsafe extern "C" fn palpate_step_submit(
 ) -> palpate_status {
     guarded(|| {
         let given = Instant::now();
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let device = unsafe { sized::given(device, "device")? }.map(|pose| pose_of(pose, "device")).transpose()?;
         of(simulation)?.submit(simulation as usize, device, given)
     })
 }
 
-/// Whether the submitted step is done; never waits. `is_done` receives 1 where no submitted step is under way, else 0. Where a
-/// submitted step failed it receives 1, and the call gives what the step failed with, as `palpate_step` would have; so does
-/// every later one until a state is restored, for there is no step after that.
+/// Reads whether the submitted step is done; never waits. `is_done` receives 0 while a submitted step is under way, and
+/// 1 otherwise. If a submitted step failed, the call returns the status of that step, as `palpate_step` would have
+/// done; so do all later calls until a state is restored, for no step is possible before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_step_poll(simulation: *mut palpate_simulation, is_done: *mut i32) -> palpate_status {
     guarded(|| {
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         let is_done = unsafe { sized::answer(is_done, "is_done")? };
         let (rests, told) = of(simulation)?.poll();
         *is_done = i32::from(rests);
@@ -261,16 +265,17 @@ pub unsafe extern "C" fn palpate_step_poll(simulation: *mut palpate_simulation, 
     })
 }
 
-/// Waits until no submitted step is under way. Gives what it failed with, as `palpate_step_poll` does.
+/// Waits until no submitted step is under way. Returns the status of a failed step, as `palpate_step_poll` does.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_step_wait(simulation: *mut palpate_simulation) -> palpate_status {
     guarded(|| of(simulation)?.wait())
 }
 
-/// The wrench of the newest step that is done, whether it was submitted, a `palpate_step` or a loop's; never waits, and can be
-/// asked by any thread at any time. `age_seconds` receives how long ago that step was given its pose (submitted, or called for,
-/// or begun by the loop), s; it may be null. Before the first step the wrench has `step` 0, and its age is infinite. Where a
-/// submitted step failed, both are still told, and the call gives what it failed with. A state that is restored has none.
+/// Reads the wrench of the newest step that is done, by `palpate_step_submit`, by `palpate_step` or by a loop. Never
+/// waits; any thread may call it at any time. `age_seconds` receives the time since that step received the pose of the
+/// haptic device (when it was submitted, or called for, or begun by the loop), s; it may be null. Before the first
+/// step, and after a state was restored, the wrench has `step` 0, and its age is infinite. If a submitted step failed,
+/// both are written nevertheless, and the call returns the status of that step.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_wrench_newest(
     simulation: *mut palpate_simulation,
@@ -280,7 +285,7 @@ pub unsafe extern "C" fn palpate_wrench_newest(
     guarded(|| {
         let steps = of(simulation)?;
         let newest = steps.shared.lock().newest;
-        // SAFETY: the caller's, as the header says.
+        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
         unsafe { newest.tell(wrench, age_seconds)? };
         steps.poll().1
     })

@@ -1,4 +1,5 @@
-//! Structs of C to the tables of a scene file. What is zero or null is left out; what stays is checked where files are.
+//! Turns the structs of `describe.rs` into the tables of a scene file. Fields that are zero or null are left out; the
+//! others are checked by the code that checks scene files.
 
 use toml::{Table, Value};
 
@@ -10,14 +11,14 @@ const MOTIONS: [&str; 3] = ["fixed", "driven", "dynamic"];
 const LAWS: [&str; 2] = ["corotational", "neo-hookean"];
 const DILATATIONS: [&str; 2] = ["element", "patch"];
 
-/// `[step]`, `[solver]` and `[contact]`.
+/// Makes the tables `[step]`, `[solver]` and `[contact]`.
 pub(super) fn of_settings(given: &palpate_settings) -> Outcome<Table> {
     let [mut step, mut solver, mut contact] = [Table::new(), Table::new(), Table::new()];
     number(&mut step, "dt", given.dt);
     count(&mut step, "newton", given.newton);
     if truth::<palpate_settings>("weightless", given.weightless)? {
         if given.gravity != [0.0; 3] {
-            return Err(wrong::<palpate_settings>("weightless is 1, and there is a gravity; set one of them to zero"));
+            return Err(wrong::<palpate_settings>("weightless is 1, but there is a gravity; set one of them to zero"));
         }
         step.insert("gravity".into(), vec![0.0; 3].into());
     }
@@ -35,16 +36,16 @@ pub(super) fn of_settings(given: &palpate_settings) -> Outcome<Table> {
         .collect())
 }
 
-/// `[[body]]`.
+/// Makes a table `[[body]]`.
 ///
 /// # Safety
-/// Pointers are null, or lead to as much as the header says.
+/// The pointers in the struct are null, or lead to what the header says.
 pub(super) unsafe fn of_body(given: &palpate_body) -> Outcome<Table> {
     let mut body = Table::new();
     if given.reserved != 0 {
         return Err(wrong::<palpate_body>(format!("reserved is {}; set it to 0", given.reserved)));
     }
-    // SAFETY (all here): the caller's promise.
+    // SAFETY (all calls in the block): the caller keeps the conditions under `# Safety`.
     unsafe {
         body.insert("name".into(), sized::string(given.name, "palpate_body.name")?.into());
         mesh(&mut body, "surface", given.surface, "palpate_body.surface")?;
@@ -77,10 +78,10 @@ pub(super) unsafe fn of_body(given: &palpate_body) -> Outcome<Table> {
     Ok([("body".into(), vec![body].into())].into_iter().collect())
 }
 
-/// `layer = { .. }`.
+/// Inserts `layer = { .. }` into the table of a body.
 ///
 /// # Safety
-/// As [`of_body`].
+/// The conditions of [`of_body`].
 unsafe fn layer(body: &mut Table, given: &palpate_body) -> Outcome {
     let mut layer = Table::new();
     number(&mut layer, "cell", given.cell);
@@ -91,7 +92,7 @@ unsafe fn layer(body: &mut Table, given: &palpate_body) -> Outcome {
     if given.box_cells != [0; 3] {
         layer.insert("cells".into(), given.box_cells.map(i64::from).to_vec().into());
     }
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     unsafe { mesh(body, "layer", given.layer, "palpate_body.layer")? };
     match body.get_mut("layer").and_then(Value::as_table_mut) {
         Some(table) => table.extend(layer),
@@ -101,10 +102,10 @@ unsafe fn layer(body: &mut Table, given: &palpate_body) -> Outcome {
     Ok(())
 }
 
-/// `[[body.core]]`.
+/// Makes a table `[[body.core]]`.
 ///
 /// # Safety
-/// As [`of_body`].
+/// The conditions of [`of_body`].
 unsafe fn of_core(given: &palpate_core) -> Outcome<Table> {
     if given.reserved != 0 {
         return Err(wrong::<palpate_core>(format!("reserved is {}; set it to 0", given.reserved)));
@@ -117,7 +118,7 @@ unsafe fn of_core(given: &palpate_core) -> Outcome<Table> {
     if truth::<palpate_core>("all", given.all)? {
         bind.insert("all".into(), true.into());
     }
-    // SAFETY (all here): the caller's promise.
+    // SAFETY (all calls in the block): the caller keeps the conditions under `# Safety`.
     unsafe {
         core.insert("name".into(), sized::string(given.name, "palpate_core.name")?.into());
         moves::<palpate_core>(&mut core, given.motion, given.mass, given.keys, given.key_count)?;
@@ -132,14 +133,14 @@ unsafe fn of_core(given: &palpate_core) -> Outcome<Table> {
     Ok(core)
 }
 
-/// `[tool]` and `[coupling]`.
+/// Makes the tables `[tool]` and `[coupling]`.
 ///
 /// # Safety
-/// Pointers are null, or lead to as much as the header says.
+/// The pointers in the struct are null, or lead to what the header says.
 pub(super) unsafe fn of_tool(given: &palpate_tool) -> Outcome<Table> {
     let mut tool = Table::new();
     number(&mut tool, "sphere", given.sphere);
-    // SAFETY (both): the caller's promise.
+    // SAFETY (both calls): the caller keeps the conditions under `# Safety`.
     unsafe {
         mesh(&mut tool, "surface", given.surface, "palpate_tool.surface")?;
         if !given.body.is_null() {
@@ -166,10 +167,10 @@ pub(super) unsafe fn of_tool(given: &palpate_tool) -> Outcome<Table> {
     Ok(tables)
 }
 
-/// `motion`, `mass` and `keys`.
+/// Inserts `motion`, `mass` and `keys`.
 ///
 /// # Safety
-/// `keys` is null or leads to that many.
+/// `keys` is null or leads to `many` keys.
 unsafe fn moves<T: Sized32>(
     table: &mut Table,
     motion: u32,
@@ -179,7 +180,7 @@ unsafe fn moves<T: Sized32>(
 ) -> Outcome {
     choice::<T>(table, "motion", motion, &MOTIONS)?;
     number(table, "mass", mass);
-    // SAFETY: the caller's promise.
+    // SAFETY: the caller keeps the conditions under `# Safety`.
     let keys = unsafe { sized::array(keys, many, &format!("{}.keys", T::NAME))? };
     let key = |key: &palpate_key| {
         let place = [&[key.time][..], &key.pose.position].concat();
@@ -196,7 +197,7 @@ fn wrong<T: Sized32>(what: impl AsRef<str>) -> Failure {
     Failure::new(palpate_status::Argument, format!("{}.{}", T::NAME, what.as_ref()))
 }
 
-/// Numbers where the first is 0 and left out.
+/// Inserts the name of a choice by its number; 0 is the default and is left out.
 fn choice<T: Sized32>(table: &mut Table, key: &str, given: u32, names: &[&str]) -> Outcome {
     let name = names.get(given as usize).ok_or_else(|| {
         wrong::<T>(format!("{key} is {given}; give a PALPATE_{}_* of 0 to {}", key.to_uppercase(), names.len() - 1))
@@ -221,7 +222,7 @@ fn repair<T: Sized32>(table: &mut Table, strict: u32) -> Outcome {
     Ok(())
 }
 
-/// A number; also one that is none.
+/// Inserts a number unless it is 0. NaN is inserted too, so that the check refuses it.
 fn number(table: &mut Table, key: &str, given: f64) {
     if given != 0.0 {
         table.insert(key.into(), given.into());
@@ -246,13 +247,13 @@ fn corners(table: &mut Table, low: [f64; 3], high: [f64; 3]) {
     }
 }
 
-/// `{ mesh = "name" }`.
+/// Inserts `{ mesh = "name" }` under `key`, unless the name is null.
 ///
 /// # Safety
 /// `name` is null or a string.
 unsafe fn mesh(table: &mut Table, key: &str, name: *const std::ffi::c_char, argument: &str) -> Outcome {
     if !name.is_null() {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller keeps the conditions under `# Safety`.
         let name = unsafe { sized::string(name, argument)? };
         let mesh: Table = [("mesh".into(), name.into())].into_iter().collect();
         table.insert(key.into(), mesh.into());

@@ -1,5 +1,5 @@
-//! The C ABI from C: the header is the one that the sources make, programs compile without a warning, and feel the same
-//! forces, bit for bit, as `palpate run`.
+//! Tests of the C ABI from C, C++ and Python: the committed header is the one that cbindgen makes, the example programs
+//! compile without a warning, and they compute the same forces, bit for bit, as `palpate run`.
 
 mod ffi_help;
 
@@ -11,7 +11,7 @@ use palpate::{Options, Scene, Simulation};
 use ffi_help::{compiled, library, root};
 
 const STEPS: usize = 40;
-/// A sphere pressed into a block.
+/// Scene: a sphere pressed into a soft block.
 const SCENE: &str = r#"
 [[body]]
 name = "block"
@@ -35,7 +35,7 @@ keys = [[0.0, 0.0, 0.0502, 0.0], [0.02, 0.003, 0.046, 0.0]]
 "#;
 
 fn output(program: &mut Command) -> String {
-    // Cargo's own search path may have an older library before the one that was linked.
+    // The search path that cargo sets may find an older library before the one that the program was linked with.
     let done = program.env_remove("LD_LIBRARY_PATH").output().unwrap();
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     String::from_utf8(done.stdout).unwrap()
@@ -60,7 +60,8 @@ fn the_header_is_the_one_that_the_sources_make() {
     );
 }
 
-/// The scene in a file, and step, force and flags of each step by the engine itself, as `palpate run` writes them.
+/// Writes the scene to a file and runs it by the engine itself, as `palpate run` does. Returns the file, and per step
+/// its number, the force on the tool (x, y, z, N) and the flags.
 fn run(folder: &Path) -> (PathBuf, Vec<[f64; 5]>) {
     let scene = folder.join("scene.toml");
     std::fs::write(&scene, SCENE).unwrap();
@@ -76,7 +77,7 @@ fn run(folder: &Path) -> (PathBuf, Vec<[f64; 5]>) {
     (scene, told)
 }
 
-/// The same of what a program prints.
+/// Parses what an example program prints: a line per step with its number, the force (x, y, z, N) and the flags.
 fn felt(said: &str) -> Vec<[f64; 5]> {
     let row = |line: &str| {
         let mut numbers = line.split(' ').map(|word| word.parse::<f64>().unwrap());
@@ -104,7 +105,7 @@ fn programs_in_c_and_python_feel_the_forces_of_palpate_run() {
     assert_eq!(bits(&felt(&said)), bits(&told), "python");
 }
 
-/// A Python that knows NumPy: the first on the path, or the system's.
+/// A Python interpreter that has NumPy: the first one on the path, or the system's.
 fn with_numpy() -> Command {
     let knows =
         |python: &&&str| Command::new(**python).args(["-c", "import numpy"]).status().is_ok_and(|s| s.success());
@@ -139,7 +140,8 @@ fn programs_that_build_their_scenes_feel_them() {
         let program = compiled(compiler, "c11", "examples/c/build.c", folder.path());
         let told = felt(&output(Command::new(program).arg("100")));
         assert!(told.len() == 100 && told[0][2] == 0.0 && told.iter().all(|row| row[4] == 0.0), "{told:?}");
-        // A spring of 500 N/m that is to go 9 mm in: it shares them with the block.
+        // The coupling of 500 N/m is pushed 9 mm into the block (4.5 N if the block were rigid); the block takes a part
+        // of the way.
         assert!(told[99][2] > 0.5 && told[99][2] < 4.5, "{:?}", told[99]);
     }
     for compiler in ["g++", "clang++"] {
@@ -157,7 +159,7 @@ fn a_program_in_cpp_leads_the_device_itself_and_says_what_is_wrong() {
     let (scene, _) = run(folder.path());
     for compiler in ["g++", "clang++"] {
         let program = compiled(compiler, "c++17", "examples/cpp/press.cpp", folder.path());
-        // Down by 7.5 mm from 0.2 mm above.
+        // The device moves down by 7.5 mm, the sphere starting 0.2 mm above the block.
         let said = output(Command::new(&program).arg(&scene).arg("1500"));
         let force: f64 = said.split(' ').next().unwrap().parse().unwrap();
         assert!(force > 0.5 && force < 3.0, "{said}");

@@ -1,4 +1,5 @@
-//! Steps submitted through the C ABI: the bits of steps that are waited for, told at any time, and no harm from haste.
+//! Tests of submitted (asynchronous) steps through the C ABI: they give the same bits as steps that are waited for,
+//! their wrench can be read at any time, and wrong or hasty use is refused without harm.
 #![allow(unsafe_code)]
 
 mod ffi_help;
@@ -17,21 +18,22 @@ use palpate_capi::steps::{palpate_step_poll, palpate_step_submit, palpate_step_w
 
 use ffi_help::*;
 
-/// Counts what all threads of this program ask the system for; the driver asks by itself.
+/// An allocator that counts the allocations of all threads of this program. The Vulkan driver does not allocate through
+/// it.
 struct Counted;
 
 static COUNT: AtomicUsize = AtomicUsize::new(0);
 
-// SAFETY: the system's own, counted.
+// SAFETY: all calls go to the system's allocator, which keeps the trait's conditions.
 unsafe impl GlobalAlloc for Counted {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller keeps the conditions of `GlobalAlloc`.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller keeps the conditions of `GlobalAlloc`.
         unsafe { System.dealloc(pointer, layout) }
     }
 }
@@ -39,7 +41,7 @@ unsafe impl GlobalAlloc for Counted {
 #[global_allocator]
 static ALLOCATOR: Counted = Counted;
 
-/// One test at a time, so that allocations are of the one that counts them.
+/// Lets one test run at a time, so that all counted allocations are those of the test that counts.
 fn alone() -> MutexGuard<'static, ()> {
     static ALONE: Mutex<()> = Mutex::new(());
     ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
@@ -49,29 +51,29 @@ fn scene() -> String {
     format!("{BLOCK}{SPHERE}")
 }
 
-/// Down by a tenth of a millimetre a step; every seventh step says nothing.
+/// Device pose of a step: 0.1 mm lower at each step; at every seventh step no pose is given.
 fn device(step: usize) -> Option<palpate_pose> {
     let lower = |y: f64| palpate_pose { position: [0.0, y, 0.0], ..DEEP };
     (step % 7 != 6).then(|| lower(0.0502 - 1e-4 * step as f64))
 }
 
 fn submit(simulation: *mut palpate_simulation, device: Option<palpate_pose>) -> palpate_status {
-    // SAFETY: a handle, a pose or null.
+    // SAFETY: the pose is null or live during the call; handles are checked by the library.
     unsafe { palpate_step_submit(simulation, device.as_ref().map_or(null(), |pose| pose)) }
 }
 
 fn is_done(simulation: *mut palpate_simulation) -> bool {
     let mut is_done = 7;
-    // SAFETY: a handle, a place for the answer.
+    // SAFETY: the place of the answer is a live local; handles are checked by the library.
     ok(unsafe { palpate_step_poll(simulation, &mut is_done) });
     assert!(is_done == 0 || is_done == 1);
     is_done == 1
 }
 
-/// The newest wrench and its age.
+/// The newest wrench, and the time since its step received its pose, s.
 fn newest(simulation: *mut palpate_simulation) -> (palpate_wrench, f64) {
     let (mut told, mut age) = (wrench(), f64::NAN);
-    // SAFETY: a handle, places for the answers.
+    // SAFETY: the places of the answers are live locals; handles are checked by the library.
     ok(unsafe { palpate_wrench_newest(simulation, &mut told, &mut age) });
     (told, age)
 }
@@ -93,7 +95,7 @@ fn submitted_steps_have_the_bits_of_those_that_are_waited_for() {
     for step in 0..STEPS {
         let mut told = wrench();
         let pose = device(step);
-        // SAFETY: a handle, a pose or null, a place for the answer.
+        // SAFETY: the pose is null or live, and the place of the answer is live; handles are checked by the library.
         ok(unsafe { palpate_step(plain, pose.as_ref().map_or(null(), |pose| pose), &mut told) });
         ok(submit(waited, pose));
         ok(submit(polled, pose));
@@ -109,10 +111,10 @@ fn submitted_steps_have_the_bits_of_those_that_are_waited_for() {
     let nodes = [plain, waited, polled].map(nodes).map(|nodes| nodes.concat().iter().map(|x| x.to_bits()).collect());
     let nodes: [Vec<u64>; 3] = nodes;
     assert!(nodes[0] == nodes[1] && nodes[0] == nodes[2] && nodes[0].len() > 100);
-    // Submitted and waited for in turn, by the same simulation.
+    // One simulation may do submitted and plain steps in turn.
     for step in STEPS..STEPS + 6 {
         let (mut told, pose) = (wrench(), device(step));
-        // SAFETY: handles, a pose or null, a place for the answer.
+        // SAFETY: the pose is null or live, and the place of the answer is live; handles are checked by the library.
         unsafe {
             ok(palpate_step(plain, pose.as_ref().map_or(null(), |pose| pose), &mut told));
             match step % 2 {
@@ -144,12 +146,12 @@ fn submitted_steps_allocate_nothing_on_any_thread_once_they_run() {
                 std::thread::yield_now();
             }
             let mut age = 0.0;
-            // SAFETY: a handle, places for the answers.
+            // SAFETY: the places of the answers are live locals; handles are checked by the library.
             ok(unsafe { palpate_wrench_newest(simulation, &mut told, &mut age) });
         }
     };
     steps(20);
-    // The test's own harness may allocate amid one round of them, but not amid all.
+    // The test harness may allocate during some of these rounds, but not during all.
     let made = |_| {
         let before = COUNT.load(Ordering::Relaxed);
         steps(20);
@@ -158,7 +160,7 @@ fn submitted_steps_allocate_nothing_on_any_thread_once_they_run() {
     let rounds: Vec<usize> = (0..5).map(made).collect();
     assert!(rounds.contains(&0), "allocations in 20 steps: {rounds:?}");
     assert!(told.force[1] > 0.1 && told.step == 120, "{told:?}");
-    // The counter counts, other threads' as well.
+    // Check of the check: the counter counts, also for other threads.
     let before = COUNT.load(Ordering::Relaxed);
     std::thread::spawn(|| drop(std::hint::black_box(Box::new(1)))).join().unwrap();
     assert!(COUNT.load(Ordering::Relaxed) > before);
@@ -175,10 +177,10 @@ fn while_a_step_is_under_way_all_else_is_busy_at_once_and_the_last_wrench_is_tol
     let (before, age) = newest(simulation);
     assert!(before.step == 0 && before.force == [0.0; 3] && age == f64::INFINITY);
     let mut count = 0;
-    // SAFETY (both): a handle, null where that is allowed, a place for the answer.
+    // SAFETY (both calls): null is passed only where the header allows it, and the place of the answer is a live local.
     let step = || unsafe { palpate_step(simulation, &DEEP, null_mut()) };
     let nodes = |count: &mut usize| unsafe { palpate_nodes(simulation, 0, null_mut(), 0, count) };
-    // A thread that was put to sleep may come too late to see the step under way: then it tries again.
+    // If this thread is suspended for too long, the step is done before it looks: then it tries again.
     let (mut seen, mut was_told) = ([false; 3], false);
     let mut done = 0;
     wait_for(|| {
@@ -245,7 +247,7 @@ fn any_thread_may_ask_for_the_newest_wrench_at_any_time() {
         for step in 0..40 {
             ok(submit(simulation, device(step)));
             ok(palpate_step_wait(simulation));
-            // SAFETY: a handle, null where that is allowed.
+            // SAFETY: null is passed only where the header allows it; handles are checked by the library.
             ok(unsafe { palpate_step(simulation, null(), null_mut()) });
         }
         ends.store(true, Ordering::Relaxed);
@@ -267,7 +269,7 @@ fn wrong_use_is_told_and_is_no_step() {
     refused(submit(context.cast(), None), Handle, "no simulation");
     refused(submit(simulation, Some(bad)), Argument, "device.position[1] is inf");
     refused(palpate_step_wait(null_mut()), Null, "simulation is null");
-    // SAFETY: pointers are null where that is tried, else to places of the right size.
+    // SAFETY: each pointer is null, where the test tries that, or leads to a live local of the right type.
     unsafe {
         refused(palpate_step_poll(simulation, null_mut()), Null, "is_done is null");
         refused(palpate_step_poll(null_mut(), &mut 0), Null, "simulation is null");

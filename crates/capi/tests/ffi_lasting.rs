@@ -1,5 +1,5 @@
-//! The C ABI over a long time: rounds and steps without end hold memory flat, valgrind finds nothing, and what the ABI adds to a
-//! step is nothing that one feels.
+//! Long tests of the C ABI: memory does not grow over many rounds and steps, valgrind finds no error, and a step
+//! through the ABI takes no longer than one in Rust.
 #![allow(unsafe_code)]
 
 mod ffi_help;
@@ -14,33 +14,35 @@ use palpate_capi::simulation::{palpate_simulation_destroy, palpate_step};
 
 use ffi_help::{BLOCK, DEEP, SPHERE, compiled, context, ok, simulation, wrench};
 
-/// What is allocated may grow by this over all steps that follow the first, bytes: what the driver's threads have under way at
-/// the two moments. One byte lost a step of the shorter run is more.
+/// Greatest allowed growth of allocated memory over all steps after the first 1000, bytes: the driver's threads may
+/// have something allocated at either moment. A leak of one byte per step exceeds it even in the shorter run.
 const STEPS_ALLOCATED: f64 = 16384.0;
-/// The same over all rounds: glibc counts what it cannot split off a block, some 150 bytes a round (valgrind, which counts
-/// exactly, sees none). An object of 440 bytes lost a round is more.
+/// Greatest allowed growth of allocated memory over all rounds, bytes: glibc counts remainders that it cannot split off
+/// a block, some 150 bytes per round (valgrind, which counts exactly, sees no growth). A leak of an object of 440 bytes
+/// per round exceeds it.
 const ROUNDS_ALLOCATED: f64 = 131_072.0;
-/// The same of the memory in use, which comes and goes by pages, and by the threads that free it: a megabyte once without a byte
-/// more allocated. What is lost shows above.
+/// Greatest allowed growth of resident memory, bytes. It changes by pages, and with the threads that free memory: once
+/// it grew by a megabyte without a byte more allocated. The two bounds above are those that detect leaks.
 const IN_USE: f64 = 4_194_304.0;
 
-/// The sphere half a millimetre in a block of eight cells.
+/// Scene text: the sphere starts half a millimetre inside a block of eight cells.
 fn small() -> String {
     let sphere = SPHERE.replace("0.0502", "0.0495");
     BLOCK.replace("cells = [6, 4, 6]", "cells = [2, 2, 2]") + &sphere
 }
 
-/// A program of these tests, and a scene for it.
+/// Compiles a program of these tests and writes the scene file for it; returns both paths.
 fn program(source: &str, folder: &Path) -> (PathBuf, PathBuf) {
     let scene = folder.join("scene.toml");
     std::fs::write(&scene, small()).unwrap();
     (compiled("gcc", "c11", source, folder), scene)
 }
 
-/// Lavapipe compiles every kernel anew in each round: most of a round, and shorter so.
+/// Environment variable, and its value, that make lavapipe compile without optimisation: compiling all kernels anew
+/// takes most of a round.
 const COMPILE_FAST: (&str, &str) = ("GALLIVM_PERF", "no_opt");
 
-/// Runs a program that tells what it holds at two moments: no more at the second.
+/// Runs a program that prints how much memory it uses at two moments, and checks that it is no more at the second.
 fn holds_memory_flat(what: &str, command: &mut Command, allocated: f64) {
     let done = command.output().unwrap();
     let said = String::from_utf8_lossy(&done.stdout);
@@ -80,12 +82,12 @@ fn lasting_a_million_steps_hold_memory_flat() {
     soak("1000000");
 }
 
-/// Steps of one kind in a row, and how often the two kinds take turns.
+/// Number of steps through the ABI, or in Rust, in a row; and how often the two take turns.
 const ROW: usize = 40;
 const TURNS: usize = 25;
 
-/// Median time of a step through the ABI over that of a Rust call, of the same scene on contexts of their own that take turns;
-/// and the difference, s.
+/// Compares steps of the same scene through the ABI and in Rust, on two contexts that take turns: returns the ratio of
+/// the median times (ABI over Rust), and their difference, s.
 fn overhead(text: &str) -> (f64, f64) {
     let context = context();
     let simulation = simulation(context, text);
@@ -97,7 +99,7 @@ fn overhead(text: &str) -> (f64, f64) {
     for _ in 0..TURNS {
         for _ in 0..ROW {
             let begun = Instant::now();
-            // SAFETY: a handle, a pose, a place for the answer.
+            // SAFETY: the pose and the place of the answer are live locals; handles are checked by the library.
             let status = unsafe { palpate_step(simulation, &DEEP, &mut told) };
             times[0].push(begun.elapsed().as_secs_f64());
             ok(status);
@@ -121,7 +123,8 @@ fn overhead(text: &str) -> (f64, f64) {
 #[test]
 #[ignore = "lasting: minutes"]
 fn lasting_the_abi_adds_nothing_that_one_feels() {
-    // What disturbs the one kind more than the other is the machine's: the best of a few tries is the ABI's.
+    // The best of several tries is taken, because other load on the machine may disturb one kind of step more than the
+    // other.
     let mut best = f64::INFINITY;
     for _ in 0..6 {
         let (ratio, difference) = overhead(&format!("{BLOCK}{SPHERE}"));
@@ -144,7 +147,7 @@ fn lasting_valgrind_finds_nothing_in_ten_rounds() {
     valgrind.args(["--error-exitcode=9", "--leak-check=full", "--show-leak-kinds=definite,indirect"]);
     valgrind.args(["--errors-for-leak-kinds=definite,indirect", "--num-callers=40"]);
     valgrind.arg(format!("--suppressions={}", suppressions.display()));
-    // One thread: valgrind runs no two at once.
+    // Lavapipe gets no threads of its own, because valgrind never runs two threads at once.
     valgrind.env(COMPILE_FAST.0, COMPILE_FAST.1).env("LP_NUM_THREADS", "0");
     let done = valgrind.arg(&program).arg(&scene).args(["0", "10", "2"]).output();
     let done = done.unwrap_or_else(|error| panic!("valgrind: {error}; ./setup.sh installs it"));

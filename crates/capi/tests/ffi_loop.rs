@@ -1,4 +1,5 @@
-//! The loop through the C ABI, with a device of callbacks: felt, watched, stopped from wherever, and let go of in order.
+//! Tests of the haptic loop through the C ABI, with a haptic device made of callbacks: it presses and is watched, is
+//! stopped from the test or from a callback, and everything is released in order.
 #![allow(unsafe_code)]
 
 mod ffi_help;
@@ -22,7 +23,7 @@ use palpate_capi::steps::{palpate_step_submit, palpate_step_wait, palpate_wrench
 
 use ffi_help::*;
 
-/// What the callbacks were asked and told, and how they are to behave.
+/// Record of the calls of the device callbacks, and how they are to behave (`wish`).
 #[derive(Debug, Default, Clone, PartialEq)]
 struct Facts {
     opened: u32,
@@ -31,9 +32,9 @@ struct Facts {
     writes: u64,
     last_force: [f64; 3],
     peak: f64,
-    /// Loop handles as numbers, for a callback that stops its own.
+    /// Handle of the loop as a number, for a callback that stops its own loop; 0: not yet known.
     the_loop: usize,
-    /// What that said.
+    /// Statuses and messages of the calls that such a callback made.
     said: Vec<(palpate_status, String)>,
     after_close: u32,
     wish: Wish,
@@ -52,7 +53,7 @@ enum Wish {
     Destroy,
 }
 
-/// A hand, behind a lock that the callbacks share with the test.
+/// The data of the device callbacks, to which their `user` points: facts behind a lock that they share with the test.
 #[derive(Default)]
 struct Hand(Mutex<Facts>);
 
@@ -83,7 +84,7 @@ impl Hand {
 }
 
 fn with<R>(user: *mut c_void, work: impl FnOnce(&mut Facts) -> R) -> R {
-    // SAFETY: a `Hand` that outlives its loop.
+    // SAFETY: `user` is the `Hand` of the test, which outlives its loop.
     let hand = unsafe { &*user.cast::<Hand>() };
     let mut facts = hand.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     facts.after_close += u32::from(facts.closed > 0);
@@ -98,12 +99,12 @@ unsafe extern "C" fn open(user: *mut c_void) -> i32 {
 }
 
 unsafe extern "C" fn read(user: *mut c_void, time: f64, reading: *mut palpate_reading) -> i32 {
-    // SAFETY: the library's own.
+    // SAFETY: the pointer leads to a struct of the library, valid during the callback.
     let reading = unsafe { &mut *reading };
     assert!(reading.size as usize == size_of::<palpate_reading>() && reading.pose.position[0].is_nan());
     with(user, |facts| {
         facts.reads += 1;
-        // Down from above the block within a second, and held.
+        // The hand moves down into the block within a second, and stays there.
         reading.pose.position = [0.0, 0.0502 - 0.005 * time.min(1.0), 0.0];
         reading.buttons = 5;
         match facts.wish {
@@ -117,11 +118,11 @@ unsafe extern "C" fn read(user: *mut c_void, time: f64, reading: *mut palpate_re
     })
 }
 
-/// Does to its own loop what it must not wait for.
+/// Reads the state of the callback's own loop, and stops or destroys that loop, for whose end a callback must not wait.
 fn ask(facts: &mut Facts) {
     let the_loop = facts.the_loop as *mut palpate_loop;
     let mut state: palpate_loop_state = zeroed();
-    // SAFETY: a handle, a place for the answer.
+    // SAFETY: the place of the answer is a live local; handles are checked by the library.
     facts.said.push((unsafe { palpate_loop_read(the_loop, &mut state) }, String::new()));
     let status = match facts.wish {
         Wish::Stop => palpate_loop_stop(the_loop),
@@ -131,7 +132,7 @@ fn ask(facts: &mut Facts) {
 }
 
 unsafe extern "C" fn write(user: *mut c_void, play: *const palpate_play) -> i32 {
-    // SAFETY: the library's own.
+    // SAFETY: the pointer leads to a struct of the library, valid during the callback.
     let play = unsafe { *play };
     with(user, |facts| {
         facts.writes += 1;
@@ -156,46 +157,46 @@ fn start(simulation: *mut palpate_simulation, hand: &Hand) -> *mut palpate_loop 
 
 fn start_with(simulation: *mut palpate_simulation, hand: &Hand, options: palpate_loop_options) -> *mut palpate_loop {
     let mut the_loop = null_mut();
-    // SAFETY: a handle, structs that outlive the call, a place for the answer.
+    // SAFETY: the structs and the place of the answer outlive the call; handles are checked by the library.
     ok(unsafe { palpate_loop_start(simulation, &hand.device(), &options, &mut the_loop) });
     the_loop
 }
 
 fn state(the_loop: *mut palpate_loop) -> palpate_loop_state {
     let mut state = zeroed();
-    // SAFETY: a handle, a place for the answer.
+    // SAFETY: the place of the answer is a live local; handles are checked by the library.
     ok(unsafe { palpate_loop_read(the_loop, &mut state) });
     state
 }
 
 fn ended(the_loop: *mut palpate_loop) -> String {
     let (mut text, mut count) = ([1; 256], 0);
-    // SAFETY: a handle, an array of that length, a place for the answer.
+    // SAFETY: the array has the length that is passed, and the place of the answer is a live local.
     ok(unsafe { palpate_loop_ended(the_loop, text.as_mut_ptr(), text.len(), &mut count) });
-    // SAFETY: it ends in a zero.
+    // SAFETY: the library terminates the text by a zero.
     let text = unsafe { CStr::from_ptr(text.as_ptr()) }.to_str().unwrap().to_owned();
     assert_eq!(count, text.len() + 1);
     text
 }
 
 fn step(simulation: *mut palpate_simulation) -> palpate_status {
-    // SAFETY: a handle, null where that is allowed.
+    // SAFETY: null is passed only where the header allows it; handles are checked by the library.
     unsafe { palpate_step(simulation, null(), null_mut()) }
 }
 
-/// A wrench and its age.
+/// A wrench, and the time since its step began, s.
 type Newest = (palpate_wrench, f64);
 
 fn newest(simulation: *mut palpate_simulation) -> Newest {
     let (mut told, mut age) = (wrench(), f64::NAN);
-    // SAFETY: a handle, places for the answers.
+    // SAFETY: the places of the answers are live locals; handles are checked by the library.
     ok(unsafe { palpate_wrench_newest(simulation, &mut told, &mut age) });
     (told, age)
 }
 
 fn loop_wrench(the_loop: *mut palpate_loop) -> Newest {
     let (mut told, mut age) = (wrench(), f64::NAN);
-    // SAFETY: a handle, places for the answers.
+    // SAFETY: the places of the answers are live locals; handles are checked by the library.
     ok(unsafe { palpate_loop_wrench(the_loop, &mut told, &mut age) });
     (told, age)
 }
@@ -214,12 +215,12 @@ fn a_loop_presses_is_watched_and_gives_the_simulation_back() {
     let (told, age) = loop_wrench(the_loop);
     assert!(told.step > 5 && age >= 0.0 && age.is_finite() && told.force[1] > 0.0, "{told:?} {age}");
     assert!(newest(simulation).0.step >= told.step);
-    // SAFETY: a handle, null where that is allowed.
+    // SAFETY: null is passed only where the header allows it; handles are checked by the library.
     refused(unsafe { palpate_step_submit(simulation, null()) }, palpate_status::Busy, "in use by a loop");
     ok(palpate_loop_stop(the_loop));
     let (last, facts) = (state(the_loop), hand.facts());
     assert_eq!((facts.opened, facts.closed, facts.after_close, facts.last_force), (1, 1, 0, [0.0; 3]), "{facts:?}");
-    // Writes: one of each tick, and with zero before and after.
+    // There is one write per tick, and one with zero before and after.
     assert!(facts.reads > 10 && facts.writes == facts.reads + 2, "{facts:?}");
     assert!(
         last.is_running == 0 && last.status == palpate_status::Ok && last.ticks == facts.reads,
@@ -233,11 +234,11 @@ fn a_loop_presses_is_watched_and_gives_the_simulation_back() {
     assert!(last.events_so_far & PALPATE_EVENT_ENGAGING != 0 && last.events_so_far & PALPATE_EVENT_BAD_READING == 0);
     assert!(last.device.position[1] < 0.0502 && last.tool.position[1] > last.device.position[1], "{last:?}");
     assert_eq!(ended(the_loop), "it was stopped");
-    // The simulation goes on from where the loop left it, by steps of its own length.
+    // The simulation continues from where the loop left it, by steps of the scene's length.
     let (left, _) = newest(simulation);
     let mut steps = [wrench(); 2];
     for told in &mut steps {
-        // SAFETY: a handle, a place for the answer.
+        // SAFETY: the place of the answer is a live local; handles are checked by the library.
         ok(unsafe { palpate_step(simulation, null(), told) });
     }
     assert_eq!([steps[0].step, steps[1].step], [left.step + 1, left.step + 2]);
@@ -257,10 +258,10 @@ fn a_device_that_does_not_open_leaves_the_simulation_as_it_can_be_used() {
     let context = context();
     let simulation = simulation(context, &scene());
     for (wish, words, closed) in
-        [(Wish::FailToOpen, "its callback open gave 7", 0), (Wish::FailToWrite, "did not take a force of zero", 1)]
+        [(Wish::FailToOpen, "its callback open returned 7", 0), (Wish::FailToWrite, "failed for a force of zero", 1)]
     {
         let (hand, mut the_loop) = (Hand::wishes(wish), usize::MAX as *mut palpate_loop);
-        // SAFETY: a handle, a struct that outlives the call, a place for the answer.
+        // SAFETY: the struct and the place of the answer outlive the call; handles are checked by the library.
         let status = unsafe { palpate_loop_start(simulation, &hand.device(), null(), &mut the_loop) };
         refused(status, palpate_status::NoDevice, words);
         assert!(the_loop.is_null());
@@ -286,7 +287,7 @@ fn a_device_that_is_lost_or_says_what_cannot_be_plays_nothing_until_it_is_well()
     for (wish, event) in faults {
         wait_for(|| state(the_loop).events & event == 0 && state(the_loop).gain > 0.0);
         hand.wish(wish);
-        // Of a device that says nonsense the force fades.
+        // On bad readings the force fades out, so wait until nothing is played.
         wait_for(|| state(the_loop).events & event != 0 && state(the_loop).played_force == [0.0; 3]);
         hand.wish(Wish::Press);
     }
@@ -352,7 +353,7 @@ fn options_lower_what_the_scene_says_and_a_loop_ends_by_itself() {
     };
     let first = start_with(simulation, &hand, lower);
     wait_for(|| state(first).is_running == 0);
-    assert_eq!(ended(first), "its time is over");
+    assert_eq!(ended(first), "its duration is over");
     let (told, facts) = (state(first), hand.facts());
     assert!(facts.peak > 0.0 && facts.peak <= 0.05 + 1e-12, "{facts:?}");
     assert!(
@@ -362,13 +363,13 @@ fn options_lower_what_the_scene_says_and_a_loop_ends_by_itself() {
         "{told:?}"
     );
     let (mut text, mut count) = ([1; 512], 0);
-    // SAFETY (all below): a handle, an array of that length, a place for the answer.
+    // SAFETY (all below): the array has the length that is passed, and the place of the answer is a live local.
     let mut note = |k: u32, room: usize| unsafe {
         let status = palpate_loop_note(first, k, text.as_mut_ptr(), room, &mut count);
         (status, count, CStr::from_ptr(text.as_ptr()).to_string_lossy().into_owned())
     };
     text_of_notes(&mut note, told.notes);
-    // Another loop, while the first's handle is still there.
+    // Another loop can start while the handle of the first still exists.
     let hand = Hand::default();
     let second = start(simulation, &hand);
     ok(palpate_loop_destroy(first));
@@ -378,11 +379,11 @@ fn options_lower_what_the_scene_says_and_a_loop_ends_by_itself() {
     ok(palpate_context_destroy(context));
 }
 
-/// Notes are copied whole or not at all.
+/// Checks that notes are copied whole or not at all.
 fn text_of_notes(note: &mut dyn FnMut(u32, usize) -> (palpate_status, usize, String), notes: u32) {
     let all: Vec<String> = (0..notes).map(|k| note(k, 512).2).collect();
     assert!(
-        all.iter().any(|line| line.starts_with("haptics.max_torque is above what the profile touch allows")),
+        all.iter().any(|line| line.starts_with("haptics.max_torque exceeds the limit of profile touch")),
         "{all:?}"
     );
     assert!(all.iter().any(|line| line.starts_with("coupling ")), "{all:?}");
@@ -405,7 +406,7 @@ fn wrong_use_is_told_and_nothing_begins() {
     let good = hand.device();
     let mut the_loop = null_mut();
     let mut start = |simulation, device: *const palpate_haptic_device, options: palpate_loop_options| {
-        // SAFETY: handles, structs that outlive the call, a place for the answer.
+        // SAFETY: the structs and the place of the answer outlive the call; handles are checked by the library.
         unsafe { palpate_loop_start(simulation, device, &options, &mut the_loop) }
     };
     let none: palpate_loop_options = zeroed();
@@ -426,7 +427,7 @@ fn wrong_use_is_told_and_nothing_begins() {
     refused(start(able, &good, none), Busy, "in use by a loop");
     assert!(the_loop.is_null());
     ok(palpate_simulation_destroy(toolless));
-    // SAFETY: null is what is tried.
+    // SAFETY: the pointers are null, as the test tries it, or lead to live locals.
     unsafe {
         refused(palpate_loop_start(able, &good, null(), null_mut()), Null, "the_loop is null");
         refused(palpate_loop_read(null_mut(), &mut zeroed()), Null, "loop is null");
@@ -447,7 +448,7 @@ fn programs_in_c_and_cpp_hold_a_device_of_their_own() {
     let arguments: [&Path; 1] = [&file];
     for compiler in ["gcc", "clang"] {
         let said = output(compiler, "c11", "examples/c/hold.c", &arguments);
-        assert!(said.contains(" ticks, ") && said.contains("its time is over"), "{said}");
+        assert!(said.contains(" ticks, ") && said.contains("its duration is over"), "{said}");
         let force: f64 = said.lines().last().unwrap().split(' ').next().unwrap().parse().unwrap();
         assert!(force > 0.05 && force <= 3.3, "{said}");
     }

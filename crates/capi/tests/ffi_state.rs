@@ -1,4 +1,5 @@
-//! The C ABI between two steps: states, changes, what is looked at, what is told; and devices of the host's.
+//! Tests of what the C ABI offers between two steps: states, changes, skins and contacts, stage costs, log messages;
+//! and of checks of a Vulkan device that the program lends.
 #![allow(unsafe_code)]
 
 mod ffi_help;
@@ -34,15 +35,15 @@ fn pressed() -> (*mut palpate_context, *mut palpate_simulation) {
 
 fn end(context: *mut palpate_context, simulation: *mut palpate_simulation) {
     ok(palpate_simulation_destroy(simulation));
-    assert_eq!(memory(context), 0, "all memory of the device is given back");
+    assert_eq!(memory(context), 0, "the simulation left GPU memory allocated");
     ok(palpate_context_destroy(context));
 }
 
-/// Steps into the block; the bits of the force of each, and of the nodes at the end.
+/// Steps with the sphere deep in the block; returns the bits of the force of each step, and of the nodes at the end.
 fn steps(simulation: *mut palpate_simulation, count: usize) -> Vec<u64> {
     let mut told = wrench();
     let mut step = || {
-        // SAFETY: a handle, a pose, a place for the answer.
+        // SAFETY: the pose and the place of the answer are live locals; handles are checked by the library.
         ok(unsafe { palpate_step(simulation, &DEEP, &mut told) });
         told.force.map(f64::to_bits)
     };
@@ -53,7 +54,7 @@ fn steps(simulation: *mut palpate_simulation, count: usize) -> Vec<u64> {
 
 fn saved(simulation: *mut palpate_simulation) -> Vec<u8> {
     let mut size = 0;
-    // SAFETY (both): a handle, an array of that length, a place for the answer.
+    // SAFETY (both calls): the array has the length that is passed, and the place of the answer is a live local.
     ok(unsafe { palpate_state_save(simulation, null_mut(), 0, &mut size) });
     let mut bytes = vec![0; size];
     ok(unsafe { palpate_state_save(simulation, bytes.as_mut_ptr(), size, &mut size) });
@@ -61,10 +62,10 @@ fn saved(simulation: *mut palpate_simulation) -> Vec<u8> {
     bytes
 }
 
-/// The contacts of the last step: vertex, depth and place of each.
+/// The contacts of the last step: vertex, bits of the depth and of the position of each.
 fn contacts(simulation: *mut palpate_simulation) -> Vec<(u32, u64, [u64; 3])> {
     let mut count = 0;
-    // SAFETY (both): a handle, an array of that length, a place for the answer.
+    // SAFETY (both calls): the array has the length that is passed, and the place of the answer is a live local.
     ok(unsafe { palpate_contacts(simulation, null_mut(), 0, &mut count) });
     let mut contacts = vec![palpate_contact::default(); count];
     ok(unsafe { palpate_contacts(simulation, contacts.as_mut_ptr(), count, &mut count) });
@@ -81,13 +82,13 @@ fn a_state_is_taken_up_bit_for_bit() {
     let on = steps(first, 20);
     steps(second, 3);
     assert_ne!(contacts(second), touched);
-    // SAFETY (all below): handles, bytes of that length.
+    // SAFETY (all below): byte arrays have the lengths that are passed; handles are checked by the library.
     unsafe {
         ok(palpate_state_restore(second, state.as_ptr(), state.len()));
         assert_eq!(contacts(second), touched);
         let (mut newest, mut age) = (wrench(), 0.0);
         ok(palpate_wrench_newest(second, &mut newest, &mut age));
-        assert!(newest.step == 0 && age.is_infinite(), "of no step since");
+        assert!(newest.step == 0 && age.is_infinite(), "after a restore there is no newest wrench");
         assert_eq!(steps(second, 20), on);
         ok(palpate_state_restore(first, state.as_ptr(), state.len()));
         assert_eq!(steps(first, 20), on);
@@ -110,9 +111,9 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
     let (context, simulation) = pressed();
     let rest = || {
         let mut told = wrench();
-        // Until it is at rest: what becomes stiffer under load throws the tool.
+        // Steps until the block is at rest, for a block that becomes stiffer under load throws the tool first.
         (0..400).for_each(|_| {
-            // SAFETY: a handle, a pose, a place for the answer.
+            // SAFETY: the pose and the place of the answer are live locals; handles are checked by the library.
             ok(unsafe { palpate_step(simulation, &DEEP, &mut told) });
         });
         assert_eq!(told.flags, 0);
@@ -120,7 +121,7 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
     };
     let force = || rest().force[1];
     let soft = force();
-    // SAFETY (all below): handles, structs with their size.
+    // SAFETY (all below): structs are live and say their true size; handles are checked by the library.
     unsafe {
         let mut material = zeroed::<palpate_material>();
         ok(palpate_material_get(simulation, 0, 0, &mut material));
@@ -149,7 +150,7 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
         ok(palpate_contact_set(simulation, &law));
         ok(palpate_contact_get(simulation, &mut law));
         assert_eq!((law.stiffness, law.damping, law.friction), (1e6, -1.0, 0.4));
-        // What is shown stays where it is when friction goes and comes back.
+        // The skin buffers stay the same when friction is switched off and on again.
         let (mut shown, mut again) = (zeroed::<palpate_skins>(), zeroed::<palpate_skins>());
         ok(palpate_skin_buffers(simulation, null(), &mut shown));
         ok(palpate_contact_set(simulation, &palpate_contact_law { friction: 0.0, ..law }));
@@ -166,7 +167,7 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
         let mut coupling = zeroed::<palpate_coupling>();
         (coupling.stiffness, coupling.damping) = (30.0, 1.0);
         ok(palpate_coupling_set(simulation, &coupling));
-        // Weight and spring.
+        // In balance, contact carries the tool's weight and the force of the coupling's spring.
         let told = rest();
         let held = 0.05 * 9.81 + coupling.stiffness * (told.tool.position[1] - DEEP.position[1]);
         assert!((told.force[1] / held - 1.0).abs() < 0.01 && held < 0.9 * yielding, "{held} {told:?} {yielding}");
@@ -183,11 +184,11 @@ fn a_driven_core_is_taken_along_and_others_stay() {
     let driven = BLOCK.replace("motion = \"fixed\"", "motion = \"driven\"\nkeys = [[0.0, 0.0, 0.0, 0.0]]");
     let simulation = simulation(context, &driven);
     let mut pose = palpate_pose { position: [1.0; 3], orientation: [0.0; 4] };
-    // SAFETY (all below): handles, poses, places for the answers.
+    // SAFETY (all below): poses and places of answers are live locals; handles are checked by the library.
     unsafe {
         ok(palpate_core_pose(simulation, 0, 0, &mut pose));
         assert_eq!((pose.position, pose.orientation), ([0.0; 3], [0.0, 0.0, 0.0, 1.0]));
-        // An animation: a pose a step.
+        // An animation: a new pose before every step.
         for step in 1..=10 {
             pose.position[0] = 1e-4 * f64::from(step);
             ok(palpate_core_move(simulation, 0, 0, &pose, 0.0));
@@ -207,7 +208,7 @@ fn a_driven_core_is_taken_along_and_others_stay() {
     }
     end(context, simulation);
     let (context, simulation) = pressed();
-    // SAFETY: as above.
+    // SAFETY: the pose is a constant; the handle is checked by the library.
     unsafe { refused(palpate_core_move(simulation, 0, 0, &DEEP, 0.0), Argument, "core 0 of body 0 is not driven") };
     end(context, simulation);
 }
@@ -218,12 +219,12 @@ fn skins_and_contacts_are_told_as_they_are() {
     steps(simulation, 30);
     let origin = [0.01, 0.02, 0.03];
     let mut count = 0;
-    // SAFETY (all below): handles, arrays of the lengths that are told, places for the answers.
+    // SAFETY (all below): arrays have the lengths that are passed, and answers have places; handles are checked.
     unsafe {
         ok(palpate_skin(simulation, 0, null(), null_mut(), null_mut(), 0, &mut count));
         let (mut places, mut normals) = (vec![[0.0f32; 3]; count], vec![[0.0f32; 3]; count]);
         ok(palpate_skin(simulation, 0, origin.as_ptr(), places.as_mut_ptr(), normals.as_mut_ptr(), count, &mut count));
-        // The boundary of the layer is the skin here: every vertex is a node.
+        // Here the boundary of the layer is the skin, so every skin vertex lies on a node.
         let nodes = nodes(simulation);
         for place in &places {
             let at: [f64; 3] = std::array::from_fn(|k| f64::from(place[k]) + origin[k]);
@@ -231,7 +232,7 @@ fn skins_and_contacts_are_told_as_they_are() {
             assert!(nodes.iter().any(near), "{at:?}");
         }
         let up = places.iter().zip(&normals).filter(|(x, n)| x[1] > 0.005 && n[1] > 0.9).count();
-        assert!(up > 10, "the top looks up: {up}");
+        assert!(up > 10, "too few skin normals on the top face point up: {up}");
         let mut few = vec![[9.0f32; 3]; count - 1];
         let status = palpate_skin(simulation, 0, null(), few.as_mut_ptr(), null_mut(), few.len(), &mut count);
         refused(status, TooSmall, "positions has room for");
@@ -277,7 +278,7 @@ fn skins_and_contacts_are_told_as_they_are() {
         for contact in &contacts {
             let [own, other] = contact.body;
             assert!((own, other) == (0, 1) || (own, other) == (1, 0), "{contact:?}");
-            // Out of what is touched: up for the sphere's vertices, down for the block's.
+            // The normal points out of the touched body: up for the sphere's vertices, down for the block's.
             let up = contact.normal[1] * if own == 1 { 1.0 } else { -1.0 };
             let size = contact.normal.iter().map(|x| x * x).sum::<f64>();
             assert!(up > 0.5 && (size - 1.0).abs() < 1e-4, "{contact:?}");
@@ -288,7 +289,7 @@ fn skins_and_contacts_are_told_as_they_are() {
             assert!(contact.position[0].hypot(contact.position[2]) < 0.02, "{contact:?}");
             push += contact.area * contact.pressure * up;
         }
-        // At rest, what pushes is what is felt.
+        // At rest, the pressures times areas add up to the force on the tool.
         assert!((push / told.force[1] - 1.0).abs() < 0.05, "{push} {:?}", told.force);
         let mut one = vec![palpate_contact::default(); 1];
         refused(palpate_contacts(simulation, one.as_mut_ptr(), 1, &mut count), TooSmall, "contacts has room for 1");
@@ -297,14 +298,14 @@ fn skins_and_contacts_are_told_as_they_are() {
     end(context, simulation);
 }
 
-/// A descriptor that is closed when it goes.
+/// Gives `OwnedFd`, which closes its descriptor when dropped, a shorter constructor.
 trait FromRaw {
     unsafe fn from_raw(descriptor: i32) -> Self;
 }
 
 impl FromRaw for std::os::fd::OwnedFd {
     unsafe fn from_raw(descriptor: i32) -> Self {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller owns the descriptor, as `FromRawFd` demands.
         unsafe { std::os::fd::FromRawFd::from_raw_fd(descriptor) }
     }
 }
@@ -314,13 +315,13 @@ fn stages_are_told_with_passes_and_times() {
     let (context, simulation) = pressed();
     let stages = || {
         let mut count = 0;
-        // SAFETY (all below): a handle, an array of that length, a place for the answer.
+        // SAFETY (all below): the array has the length that is passed, and the place of the answer is a live local.
         ok(unsafe { palpate_stages(simulation, null_mut(), 0, &mut count) });
         let empty = palpate_stage { name: [0; 32], microseconds: -1.0, passes: 0, reserved: 0 };
         let mut stages = vec![empty; count];
         ok(unsafe { palpate_stages(simulation, stages.as_mut_ptr(), count, &mut count) });
         let told = |stage: &palpate_stage| {
-            // SAFETY: it ends in a zero.
+            // SAFETY: the library terminates the text by a zero.
             let name = unsafe { CStr::from_ptr(stage.name.as_ptr()) }.to_str().unwrap().to_owned();
             (name, stage.microseconds, stage.passes)
         };
@@ -337,11 +338,11 @@ fn stages_are_told_with_passes_and_times() {
     end(context, simulation);
 }
 
-/// What a log heard.
+/// Messages that the log callback received.
 static HEARD: Mutex<Vec<(u32, String)>> = Mutex::new(Vec::new());
 
 unsafe extern "C" fn hear(user: *mut c_void, level: u32, message: *const c_char) {
-    // SAFETY: the test's own, and a string that ends.
+    // SAFETY: `user` leads to the mark that the test passed, and the message is terminated by a zero.
     let (mark, message) = unsafe { (*user.cast::<u32>(), CStr::from_ptr(message)) };
     assert_eq!(mark, 77);
     HEARD.lock().unwrap().push((level, message.to_str().unwrap().into()));
@@ -353,7 +354,7 @@ fn a_log_hears_what_is_chosen_and_found() {
     let mut options = zeroed::<palpate_context_options>();
     options.log = Some(hear);
     (options.log_user, options.validation) = ((&raw mut mark).cast(), 1);
-    // SAFETY: options with their size, and a place for the answer.
+    // SAFETY: the options say their true size; they and the place of the answer are live locals.
     ok(unsafe { palpate_context_create(&options, &mut context) });
     let simulation = simulation(context, &format!("{BLOCK}{SPHERE}"));
     steps(simulation, 3);
@@ -361,14 +362,15 @@ fn a_log_hears_what_is_chosen_and_found() {
     let heard = HEARD.lock().unwrap().clone();
     assert!(heard.iter().any(|(level, line)| *level == 0 && line.starts_with("device: ")), "{heard:?}");
     assert!(heard.iter().any(|(level, line)| *level == 0 && line.starts_with("depth stage: ")), "{heard:?}");
-    assert!(heard.iter().all(|(level, line)| *level == 0 && !line.contains('\n')), "validation is silent: {heard:?}");
+    assert!(heard.iter().all(|(level, line)| *level == 0 && !line.contains('\n')), "validation reports: {heard:?}");
 }
 
 #[test]
 fn what_a_host_says_of_its_device_is_checked_as_far_as_it_can_be() {
     let mut vulkan = zeroed::<palpate_vulkan>();
     let mut context = null_mut();
-    // SAFETY (all below): structs with their size, places for the answers; handles are only looked at after what is wrong.
+    // SAFETY (all below): structs say their true size, and answers have places; the library follows no made-up
+    // Vulkan handle, for each call is refused before it would.
     let mut make = |vulkan: &palpate_vulkan| unsafe { palpate_context_create_on(vulkan, &mut context) };
     refused(make(&vulkan), NoDevice, "the host's instance is null");
     vulkan.enabled = 64;
@@ -387,7 +389,7 @@ fn what_a_host_says_of_its_device_is_checked_as_far_as_it_can_be() {
     let nobodys = handle(0x10);
     (vulkan.instance, vulkan.device, vulkan.queue) = (handle(instance.handle().as_raw()), nobodys, nobodys);
     vulkan.physical_device = nobodys;
-    refused(make(&vulkan), NoDevice, "physical_device is none of its instance");
+    refused(make(&vulkan), NoDevice, "physical_device does not belong to its instance");
     (vulkan.physical_device, vulkan.queue_family) = (handle(physical.as_raw()), 99);
     refused(make(&vulkan), NoDevice, "queue_family is 99");
     refused(unsafe { palpate_context_create_on(null(), &mut context) }, Null, "vulkan is null");

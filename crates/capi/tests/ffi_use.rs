@@ -1,4 +1,5 @@
-//! The C ABI used as a program would, from here: wrong use is told and harms nothing, and a step allocates nothing.
+//! Tests of the C ABI, called from Rust as a C program would call it: wrong use is refused and harms nothing, and a
+//! step allocates nothing.
 #![allow(unsafe_code)]
 
 mod ffi_help;
@@ -20,24 +21,25 @@ use palpate_capi::status::palpate_status;
 
 use ffi_help::{DEEP, context, ok, refused, wrench};
 
-/// Counts what this program asks the system for; the driver asks by itself.
+/// An allocator that counts the allocations of each thread of this program. The Vulkan driver does not allocate through
+/// it.
 struct Counted;
 
 thread_local! {
     static COUNT: AtomicUsize = const { AtomicUsize::new(0) };
 }
 
-// SAFETY: the system's own, counted.
+// SAFETY: all calls go to the system's allocator, which keeps the trait's conditions.
 unsafe impl GlobalAlloc for Counted {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        // At the very end of a thread its counter is gone.
+        // While a thread ends, its counter may be gone already.
         let _ = COUNT.try_with(|count| count.fetch_add(1, Ordering::Relaxed));
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller keeps the conditions of `GlobalAlloc`.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller keeps the conditions of `GlobalAlloc`.
         unsafe { System.dealloc(pointer, layout) }
     }
 }
@@ -49,7 +51,7 @@ fn allocations() -> usize {
     COUNT.with(|count| count.load(Ordering::Relaxed))
 }
 
-/// A sphere pressed into a block, and held there; `cells` of it.
+/// Scene text: a block of these cells, fixed at its bottom, and a spherical tool just above it.
 fn scene_text(cells: &str) -> CString {
     CString::new(format!(
         "[[body]]\nname = \"block\"\nlayer = {{ box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = {cells} }}\n\
@@ -63,14 +65,14 @@ fn scene_text(cells: &str) -> CString {
 
 fn scene(cells: &str) -> *mut palpate_scene {
     let mut scene = null_mut();
-    // SAFETY: strings that end, and a place for the answer.
+    // SAFETY: the text is terminated by a zero, and the place of the answer is a live local.
     ok(unsafe { palpate_scene_parse(scene_text(cells).as_ptr(), null(), &mut scene) });
     scene
 }
 
 fn simulation(context: *mut palpate_context, cells: &str) -> *mut palpate_simulation {
     let (scene, mut simulation) = (scene(cells), null_mut());
-    // SAFETY: handles, and a place for the answer.
+    // SAFETY: the place of the answer is a live local; handles are checked by the library.
     ok(unsafe { palpate_simulation_create(context, scene, &mut simulation) });
     ok(palpate_scene_destroy(scene));
     simulation
@@ -83,7 +85,7 @@ fn a_step_allocates_nothing_once_it_runs() {
     let mut wrench = wrench();
     let mut steps = |count: usize| {
         for _ in 0..count {
-            // SAFETY: a handle, a pose, a place for the answer.
+            // SAFETY: the pose and the place of the answer are live locals; handles are checked by the library.
             ok(unsafe { palpate_step(simulation, &DEEP, &mut wrench) });
         }
     };
@@ -93,7 +95,7 @@ fn a_step_allocates_nothing_once_it_runs() {
     let made = allocations() - before;
     assert_eq!(made, 0, "allocations in 50 steps");
     assert!(wrench.force[1] > 0.1 && wrench.step == 70, "{wrench:?}");
-    // The counter counts.
+    // Check of the check: the counter counts.
     drop(std::hint::black_box(Box::new(1)));
     assert!(allocations() > before);
     ok(palpate_simulation_destroy(simulation));
@@ -109,7 +111,7 @@ fn wrong_use_is_told_and_harms_nothing() {
     let mut told = wrench();
     let step = |simulation, pose: &palpate_pose| {
         let mut wrench = wrench();
-        // SAFETY: a pose, a place for the answer; the handle is what is tried.
+        // SAFETY: the pose and the place of the answer are live locals; wrong handles are what the test tries.
         unsafe { palpate_step(simulation, pose, &mut wrench) }
     };
     let bad = |position, orientation| palpate_pose { position, orientation };
@@ -117,7 +119,7 @@ fn wrong_use_is_told_and_harms_nothing() {
     refused(step(context.cast(), &DEEP), Handle, "no simulation");
     refused(step(simulation, &bad([0.0, f64::NAN, 0.0], DEEP.orientation)), Argument, "device.position[1] is NaN");
     refused(step(simulation, &bad(DEEP.position, [0.0; 4])), Argument, "unit quaternion");
-    // SAFETY (all below): pointers are null where that is tried, else to places of the right size.
+    // SAFETY (all below): each pointer is null, where the test tries that, or leads to a live local of the right type.
     unsafe {
         told.size = 7;
         refused(palpate_step(simulation, &DEEP, &mut told), Argument, "palpate_wrench.size is 7");
@@ -147,21 +149,22 @@ fn wrong_use_is_told_and_harms_nothing() {
         refused(palpate_context_create(&options, &mut none), palpate_status::NoDevice, "nobody's");
         (options.validation, options.device) = (2, null());
         refused(palpate_context_create(&options, &mut none), Argument, "validation is 2");
-        // Three bytes of a callback, which would have been called at what they and five zeros make.
+        // A size that cuts the field `log`: the library must not call the address that its first three bytes and five
+        // zeros make.
         unsafe extern "C" fn log(_: *mut c_void, _: u32, _: *const c_char) {}
         options = palpate_context_options { size: 19, log: Some(log), ..ffi_help::zeroed() };
         let cut =
             "palpate_context_options.size is 19, which cuts a field in two; set it to sizeof(palpate_context_options)";
         refused(palpate_context_create(&options, &mut none), Argument, cut);
         assert!(none.is_null());
-        // What ends with a field is an older program's.
+        // A size that ends with a field is that of an older program.
         options.size = std::mem::offset_of!(palpate_context_options, log) as u32;
         ok(palpate_context_create(&options, &mut none));
         ok(palpate_context_destroy(none));
     }
-    // Nothing of that was a step.
+    // None of these calls did a step.
     told.size = size_of::<palpate_wrench>() as u32;
-    // SAFETY: a handle, no pose, a place for the answer.
+    // SAFETY: a null pose is allowed, and the place of the answer is a live local; handles are checked by the library.
     ok(unsafe { palpate_step(simulation, null(), &mut told) });
     assert_eq!(told.step, 1);
     ok(palpate_simulation_destroy(simulation));
@@ -178,7 +181,7 @@ fn a_simulation_outlives_its_context_and_leaves_no_memory_on_one_that_stays() {
     ok(palpate_context_destroy(goes));
     let memory = || {
         let mut bytes = 0;
-        // SAFETY: a handle, and a place for the answer.
+        // SAFETY: the place of the answer is a live local; handles are checked by the library.
         ok(unsafe { palpate_context_memory(stays, &mut bytes) });
         bytes
     };
@@ -190,7 +193,7 @@ fn a_simulation_outlives_its_context_and_leaves_no_memory_on_one_that_stays() {
         assert_eq!(memory(), 0);
     }
     let mut told = wrench();
-    // SAFETY: a handle, a pose, a place for the answer.
+    // SAFETY: the pose and the place of the answer are live locals; handles are checked by the library.
     ok(unsafe { palpate_step(survivor, &DEEP, &mut told) });
     ok(palpate_simulation_destroy(survivor));
     ok(palpate_context_destroy(stays));
@@ -210,7 +213,7 @@ fn forces() -> Vec<[u64; 3]> {
     let simulation = simulation(context, "[6, 4, 6]");
     let mut told = wrench();
     let mut step = || {
-        // SAFETY: a handle, a pose, a place for the answer.
+        // SAFETY: the pose and the place of the answer are live locals; handles are checked by the library.
         ok(unsafe { palpate_step(simulation, &DEEP, &mut told) });
         told.force.map(f64::to_bits)
     };

@@ -1,10 +1,11 @@
-//! A worker with a servant that steps when it is told to: no device.
+//! Tests of the worker thread with an object that steps as the test orders it to, without a GPU.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use super::*;
 
-/// Steps when it is told to, and as it is told to; says so when it goes.
+/// An object whose step waits for an order, then succeeds, fails or panics as ordered. It sends a message when it is
+/// dropped.
 struct Told {
     orders: Receiver<Order>,
     gone: Sender<()>,
@@ -66,7 +67,7 @@ fn is_done(steps: &Steps<Told>) -> bool {
 
 fn newest(steps: &Steps<Told>) -> (u64, f64) {
     let (mut wrench, mut age) = (palpate_wrench::unset(), 0.0);
-    // SAFETY: places of the right size.
+    // SAFETY: both places are live locals of the right types.
     unsafe { steps.shared.lock().newest.tell(&mut wrench, &mut age) }.unwrap();
     (wrench.step, age)
 }
@@ -108,7 +109,7 @@ fn a_step_that_fails_is_told_until_the_end_and_leaves_the_last_wrench() {
     }
     assert_eq!(newest(&steps).0, 1);
     assert_eq!(submit(&steps, handle), palpate_status::Simulation);
-    // A state that is taken up knows nothing of it.
+    // Restoring a state calls `forget`, which clears the failure.
     steps.forget();
     assert!(is_done(&steps) && newest(&steps).0 == 0);
     steps.wait().unwrap();

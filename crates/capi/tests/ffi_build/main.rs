@@ -1,4 +1,5 @@
-//! The C ABI's scenes built by calls: they are what files say, bit for bit; wrong values are told by name and change nothing.
+//! Tests of scenes that are built by calls of the C ABI: they give the same bits as the equal scene file, and wrong
+//! values are refused by name and change nothing.
 #![allow(unsafe_code)]
 
 mod prepare;
@@ -25,11 +26,11 @@ use palpate_capi::simulation::{
 use palpate_capi::status::{palpate_last_error, palpate_status};
 use palpate_status::{Argument, Busy, Cancelled, Handle, Input, Null};
 
-/// Steps that are compared.
+/// Number of steps that are compared.
 const STEPS: usize = 25;
 
 fn last_error() -> String {
-    // SAFETY: never null, and ends in a zero.
+    // SAFETY: the library's message is never null and is terminated by a zero.
     unsafe { CStr::from_ptr(palpate_last_error()) }.to_str().unwrap().into()
 }
 
@@ -45,9 +46,9 @@ fn refused(status: palpate_status, expected: palpate_status, words: &str) {
     assert!(error.contains(words) && error.lines().count() == 1, "{error}");
 }
 
-/// A struct of zeros that knows its size.
+/// A struct of the interface, all zero but its size.
 fn zeros<T: Copy>() -> T {
-    // SAFETY: used for structs of numbers and pointers that begin with a `u32` of their size.
+    // SAFETY: it is used only for structs of numbers and pointers that begin with a `u32` of their size.
     unsafe {
         let mut made: T = std::mem::zeroed();
         (&raw mut made).cast::<u32>().write(size_of::<T>() as u32);
@@ -55,55 +56,56 @@ fn zeros<T: Copy>() -> T {
     }
 }
 
-/// A scene of nothing with the usual settings.
+/// An empty scene with default settings.
 fn empty() -> *mut palpate_scene {
     let mut scene = null_mut();
-    // SAFETY: no settings, and a place for the answer.
+    // SAFETY: null settings are allowed, and the place of the answer is a live local.
     ok(unsafe { palpate_scene_create(null(), &mut scene) });
     scene
 }
 
 fn add_surface(scene: *mut palpate_scene, name: &CStr, (v, t): &(Vec<DVec3>, Vec<[u32; 3]>)) -> palpate_status {
-    // SAFETY: arrays of their lengths; vectors are three numbers each.
+    // SAFETY: the arrays have the lengths that are passed, and a `DVec3` is three `f64` without padding.
     unsafe { palpate_scene_add_surface(scene, name.as_ptr(), v.as_ptr().cast(), v.len(), t.as_ptr().cast(), t.len()) }
 }
 
 fn add_layer(scene: *mut palpate_scene, name: &CStr, (n, t): &(Vec<DVec3>, Vec<[u32; 4]>)) -> palpate_status {
-    // SAFETY: arrays of their lengths; vectors are three numbers each.
+    // SAFETY: the arrays have the lengths that are passed, and a `DVec3` is three `f64` without padding.
     unsafe { palpate_scene_add_layer(scene, name.as_ptr(), n.as_ptr().cast(), n.len(), t.as_ptr().cast(), t.len()) }
 }
 
 fn add_body(scene: *mut palpate_scene, body: &palpate_body) -> palpate_status {
-    // SAFETY: a struct, and nobody wants the index.
+    // SAFETY: the struct is live during the call, and `index` may be null.
     unsafe { palpate_scene_add_body(scene, body, null_mut()) }
 }
 
 fn set_tool(scene: *mut palpate_scene, tool: &palpate_tool) -> palpate_status {
-    // SAFETY: a struct.
+    // SAFETY: the struct is live during the call.
     unsafe { palpate_scene_set_tool(scene, tool) }
 }
 
 fn parsed(text: &str, folder: &Path) -> *mut palpate_scene {
     let (text, folder) = (CString::new(text).unwrap(), CString::new(folder.to_str().unwrap()).unwrap());
     let mut scene = null_mut();
-    // SAFETY: strings, and a place for the answer.
+    // SAFETY: the strings are terminated by a zero, and the place of the answer is a live local.
     ok(unsafe { palpate_scene_parse(text.as_ptr(), folder.as_ptr(), &mut scene) });
     scene
 }
 
-/// Bits of force and torque of each step, and of the nodes at the end, of all `bodies`; lets go of the scene.
+/// Destroys the scene, after stepping a simulation of it: returns the bits of the force and torque of each step, and at
+/// the end those of the nodes of all `bodies`. There must be a force at the end.
 fn felt(scene: *mut palpate_scene, bodies: u32) -> Vec<u64> {
     let (bits, has_force) = stepped(scene, bodies);
-    assert!(has_force, "nothing is felt");
+    assert!(has_force, "the tool felt no force at the end");
     bits
 }
 
-/// The same, and whether there is a force at the end.
+/// Does what [`felt`] does, and returns as well whether there is a force at the end.
 fn stepped(scene: *mut palpate_scene, bodies: u32) -> (Vec<u64>, bool) {
     let (mut context, mut simulation): (*mut palpate_context, _) = (null_mut(), null_mut());
     let mut wrench: palpate_wrench = zeros::<palpate_wrench>();
     let mut bits = Vec::new();
-    // SAFETY: handles, and places for answers that are large enough.
+    // SAFETY: the places of the answers are live and large enough; handles are checked by the library.
     unsafe {
         ok(palpate_context_create(null(), &mut context));
         ok(palpate_simulation_create(context, scene, &mut simulation));
@@ -127,7 +129,7 @@ fn stepped(scene: *mut palpate_scene, bodies: u32) -> (Vec<u64>, bool) {
     (bits, wrench.force.iter().any(|x| x.abs() > 1e-3))
 }
 
-/// What presses: a sphere above the middle.
+/// The tool: a sphere above the middle of the bodies, which the device presses down.
 fn presser() -> palpate_tool {
     palpate_tool {
         sphere: 0.02,
@@ -145,14 +147,14 @@ const COUPLING: &str =
     "[coupling]\nstiffness = 500.0\ndamping = 2.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n";
 const SPHERE: &str = "[tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.0702, 0.0]\n";
 
-/// Soft material, without a name yet.
+/// A body of soft material, still without name and shape.
 fn soft() -> palpate_body {
     palpate_body { young: 2e4, poisson: 0.45, density: 1000.0, damping_stiffness: 1e-3, ..zeros() }
 }
 
 const SOFT: &str = "material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 1e-3 }\n";
 
-/// A block that stands on what is held.
+/// A block with these cores.
 fn block(cores: &[palpate_core]) -> palpate_body {
     palpate_body {
         name: c"block".as_ptr(),
@@ -187,19 +189,19 @@ fn a_box_built_by_calls_is_the_box_of_the_text() {
         let keys = [palpate_key { time: 0.0, pose: start }, palpate_key { time: 0.5, pose: turned(end) }];
         let core = palpate_core { motion: PALPATE_MOTION_DRIVEN, keys: keys.as_ptr(), key_count: 2, ..bottom() };
         let mut scene = null_mut();
-        // SAFETY: settings, and a place for the answer.
+        // SAFETY: the settings and the place of the answer are live locals.
         ok(unsafe { palpate_scene_create(&settings, &mut scene) });
         ok(set_tool(scene, &presser()));
         ok(add_body(scene, &block(&[core])));
         felt(scene, 1)
     };
     assert_eq!(built(0.4, [0.0, 0.6, 0.0, 0.8]), told);
-    // Any of it matters.
+    // The comparison can fail: another friction or another last key gives other bits.
     assert_ne!(built(0.3, [0.0, 0.6, 0.0, 0.8]), told);
     assert_ne!(built(0.4, [0.0, 0.8, 0.0, 0.6]), told);
 }
 
-/// Numbers in words that read back as the same.
+/// Writes an OBJ file; `{:?}` prints numbers such that they are read back to the same bits.
 fn write_obj(file: &Path, (vertices, triangles): &(Vec<DVec3>, Vec<[u32; 3]>)) {
     let vertex = |v: &DVec3| format!("v {:?} {:?} {:?}\n", v.x, v.y, v.z);
     let face = |t: &[u32; 3]| format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1);
@@ -216,14 +218,14 @@ fn write_tetgen(file: &Path, (nodes, tetrahedra): &(Vec<DVec3>, Vec<[u32; 4]>)) 
     std::fs::write(file.with_extension("ele"), elements).unwrap();
 }
 
-/// A ball with a triangle the wrong way round, which is repaired.
+/// A ball with one triangle turned inside out, which preparing repairs.
 fn ball(radius: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let (vertices, mut triangles) = sphere::icosphere(radius);
     triangles[7].swap(0, 1);
     (vertices, triangles)
 }
 
-/// A cube around a ball of this radius, with a tetrahedron inside out and a node of none.
+/// A cube around a ball of this radius, with one inverted tetrahedron and one node that no tetrahedron uses.
 fn cube(radius: f64) -> (Vec<DVec3>, Vec<[u32; 4]>) {
     let made = layer::kuhn_box(DVec3::splat(-1.1 * radius), DVec3::splat(1.1 * radius), [5, 5, 5]);
     let (mut nodes, mut tetrahedra) = (made.nodes, made.tetrahedra);
@@ -267,7 +269,7 @@ fn bodies_from_arrays_are_those_from_files() {
         let text = format!("[[body]]\nname = \"ball\"\n{keys}\n{SOFT}{held}{tool}{COUPLING}");
         let told = felt(parsed(&text, folder.path()), 1);
         assert_eq!(built(&skin, &hand, &inside, body), told, "{keys}");
-        // A coordinate that is off by a micrometre is felt, in each of the arrays.
+        // The comparison can fail: a coordinate that is off by a micrometre in any of the arrays changes the bits.
         let mut spoiled = hand.clone();
         spoiled.0[0] += DVec3::splat(1e-6);
         assert_ne!(built(&skin, &spoiled, &inside, body), told, "{keys}");
@@ -300,7 +302,7 @@ fn a_rigid_body_from_arrays_and_tables_from_a_text_go_together() {
             ..zeros()
         };
         ok(add_body(scene, &body));
-        // SAFETY: a handle and a string.
+        // SAFETY: the string is terminated by a zero; the handle is checked by the library.
         ok(unsafe { palpate_scene_add(scene, CString::new(rest).unwrap().as_ptr()) });
         ok(set_tool(scene, &presser()));
         felt(scene, 1)
@@ -317,7 +319,7 @@ fn a_body_with_a_list_of_none_is_not_felt() {
         ok(add_body(scene, &block(&cores)));
         ok(set_tool(scene, &presser()));
         if with_list {
-            // SAFETY: a list of no names.
+            // SAFETY: the list is not null, and the library reads none of it, for the count is 0.
             ok(unsafe { palpate_scene_set_collides(scene, 0, [null()].as_ptr(), 0) });
         }
         stepped(scene, 1).1
@@ -331,11 +333,11 @@ fn a_scene_from_a_file_takes_more() {
     let file = folder.path().join("scene.toml");
     std::fs::write(&file, format!("{SPHERE}{COUPLING}")).unwrap();
     let mut scene = null_mut();
-    // SAFETY: a string, and a place for the answer.
+    // SAFETY: the string is terminated by a zero, and the place of the answer is a live local.
     ok(unsafe { palpate_scene_load(CString::new(file.to_str().unwrap()).unwrap().as_ptr(), &mut scene) });
     let mut index = 7;
     let cores = [bottom()];
-    // SAFETY: a struct, and a place for the answer.
+    // SAFETY: the struct and the place of the answer are live during the call.
     ok(unsafe { palpate_scene_add_body(scene, &block(&cores), &mut index) });
     assert_eq!(index, 0);
     let built = empty();

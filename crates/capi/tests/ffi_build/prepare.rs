@@ -1,8 +1,8 @@
-//! Preparing with somebody watching, who may end it.
+//! Tests of preparing bodies with a progress callback, which may cancel it.
 
 use super::*;
 
-/// What a callback saw, and after how many calls it ends it.
+/// Record of the calls of the progress callback (body, stage, done, total), and after how many it cancels.
 struct Watcher {
     scene: *mut palpate_scene,
     seen: Vec<(String, String, u32, u32)>,
@@ -10,7 +10,7 @@ struct Watcher {
 }
 
 unsafe extern "C" fn watch(user: *mut c_void, body: *const c_char, stage: *const c_char, done: u32, total: u32) -> i32 {
-    // SAFETY: what the test passed, and strings.
+    // SAFETY: `user` is the `Watcher` that the test passed, and both texts are terminated by a zero.
     let (watcher, [body, stage]) = unsafe {
         let text = |text| CStr::from_ptr(text).to_str().unwrap().to_owned();
         (&mut *user.cast::<Watcher>(), [body, stage].map(text))
@@ -25,7 +25,7 @@ fn preparing_tells_its_stages_and_ends_where_the_callback_wants() {
     let scene = empty();
     let (home, radius) = (tempfile::tempdir().unwrap(), 0.05);
     let folder = CString::new(home.path().to_str().unwrap()).unwrap();
-    // SAFETY: a handle and a string.
+    // SAFETY: the string is terminated by a zero; the handle is checked by the library.
     ok(unsafe { palpate_scene_cache(scene, folder.as_ptr()) });
     ok(add_surface(scene, c"skin", &ball(radius)));
     let cores = [palpate_core { name: c"held".as_ptr(), sphere_radius: 0.02, ..zeros() }];
@@ -37,12 +37,12 @@ fn preparing_tells_its_stages_and_ends_where_the_callback_wants() {
     ok(set_tool(scene, &palpate_tool { sphere: 0.0, surface: c"skin".as_ptr(), ..presser() }));
     let prepare = |most| {
         let mut watcher = Watcher { scene, seen: Vec::new(), most };
-        // SAFETY: the callback's own.
+        // SAFETY: `watcher`, which the callback uses, outlives the call.
         let status = unsafe { palpate_scene_prepare(scene, Some(watch), (&raw mut watcher).cast()) };
         (status, watcher.seen)
     };
     let (status, seen) = prepare(3);
-    refused(status, Cancelled, "the callback ended it before stage `repair` of `ball`");
+    refused(status, Cancelled, "the callback cancelled the preparation before stage `repair` of `ball`");
     assert_eq!(seen.len(), 4);
     let (status, seen) = prepare(usize::MAX);
     ok(status);
@@ -54,25 +54,26 @@ fn preparing_tells_its_stages_and_ends_where_the_callback_wants() {
     assert_eq!(stages("ball"), ["cache", "read", "repair", "layer", "embed", "proxies", "cache", "bind"]);
     assert!(stages("tool").starts_with(&["cache"]));
     assert!(seen.iter().all(|(name, _, done, total)| *total == 3 && *done == if name == "tool" { 2 } else { 1 }));
-    // All is ready: nothing is told, until there is more.
+    // All bodies are ready: there are no more calls, until a body is added.
     assert_eq!(prepare(0), (palpate_status::Ok, Vec::new()));
     ok(add_body(scene, &palpate_body { name: c"other".as_ptr(), ..body }));
     let (status, seen) = prepare(usize::MAX);
     ok(status);
     assert!(seen.iter().all(|s| s.0 == "other" || s.0 == "tool") && seen.iter().any(|s| s.0 == "other"), "{seen:?}");
-    // Prepared before or not, it is the same simulation; and null is nobody who watches.
+    // A scene that was prepared in pieces gives the same simulation as one prepared at once; a null callback is
+    // allowed.
     let again = empty();
     ok(add_surface(again, c"skin", &ball(radius)));
     ok(add_body(again, &floor));
     ok(add_body(again, &body));
     ok(add_body(again, &palpate_body { name: c"other".as_ptr(), ..body }));
     ok(set_tool(again, &palpate_tool { sphere: 0.0, surface: c"skin".as_ptr(), ..presser() }));
-    // SAFETY: a handle, and nobody who watches.
+    // SAFETY: a null callback is allowed; the handle is checked by the library.
     ok(unsafe { palpate_scene_prepare(again, None, null_mut()) });
     assert_eq!(felt(scene, 3), felt(again, 3));
 }
 
-/// The stages of preparing a new scene of a ball of this radius that keeps what it prepares in a folder.
+/// Prepares a new scene with a ball of this radius, with this cache folder, and returns the stages that were reported.
 fn stages_with(folder: Option<&CStr>, radius: f64) -> Vec<String> {
     let scene = empty();
     ok(add_surface(scene, c"skin", &ball(radius)));
@@ -80,7 +81,7 @@ fn stages_with(folder: Option<&CStr>, radius: f64) -> Vec<String> {
     ok(add_body(scene, &body));
     let folder = folder.map_or(null(), CStr::as_ptr);
     let mut watcher = Watcher { scene, seen: Vec::new(), most: usize::MAX };
-    // SAFETY (all here): a handle, a string or null, the callback's own.
+    // SAFETY (all calls): the folder is a string or null, and `watcher`, which the callback uses, outlives the call.
     unsafe {
         ok(palpate_scene_cache(scene, folder));
         ok(palpate_scene_prepare(scene, Some(watch), (&raw mut watcher).cast()));
@@ -95,11 +96,11 @@ fn prepared_bodies_are_kept_where_a_folder_is_named_and_nowhere_else() {
     let folder = CString::new(home.path().join("kept").to_str().unwrap()).unwrap();
     let is_made = |stages: Vec<String>| stages.iter().any(|stage| stage == "layer");
     assert!(is_made(stages_with(None, 0.05)));
-    assert!(is_made(stages_with(None, 0.05)), "without a folder nothing is kept");
+    assert!(is_made(stages_with(None, 0.05)), "without a cache folder no prepared body is kept");
     assert!(!home.path().join("kept").exists());
     assert!(is_made(stages_with(Some(&folder), 0.05)));
-    assert!(!is_made(stages_with(Some(&folder), 0.05)), "it was kept");
-    assert!(is_made(stages_with(Some(&folder), 0.06)), "another is not there");
+    assert!(!is_made(stages_with(Some(&folder), 0.05)), "the cache folder has the prepared body");
+    assert!(is_made(stages_with(Some(&folder), 0.06)), "the cache folder has no ball of this radius");
 }
 
 #[test]
@@ -110,7 +111,7 @@ fn a_context_refuses_what_it_cannot_be_told() {
         (palpate_context_options { validation: 7, ..zeros() }, "palpate_context_options.validation is 7; give 0 or 1"),
     ] {
         let mut none = null_mut();
-        // SAFETY: options, and a place for the answer.
+        // SAFETY: the options and the place of the answer are live locals.
         refused(unsafe { palpate_context_create(&wrong, &mut none) }, Argument, words);
         assert!(none.is_null());
     }

@@ -1,4 +1,4 @@
-//! Wrong values: each is told by its name, and changes nothing.
+//! Tests of wrong values: each is refused with a message that names it, and changes nothing.
 
 use super::*;
 
@@ -37,7 +37,7 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
                 box_cells: [0; 3],
                 ..good
             },
-            "no mesh \"outside\" was handed over; ",
+            "there is no mesh \"outside\" in memory; ",
         ),
         (palpate_body { surface: c"skim".as_ptr(), ..good }, "did you mean \"skin\""),
         (palpate_body { name: c"a b".as_ptr(), ..good }, "`body[0].name`: \"a b\" cannot be a name"),
@@ -54,7 +54,7 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
         (palpate_body { size: 12, ..good }, "palpate_body.size is 12; set it to sizeof(palpate_body)"),
         (palpate_body { core_count: usize::MAX, ..good }, "palpate_body.cores has 18446744073709551615 elements"),
         (palpate_body { cores: two.as_ptr(), core_count: 2, ..good }, "\"bottom\" is taken by another core"),
-        (palpate_body { key_count: usize::MAX / 64, keys: std::ptr::dangling(), ..good }, "more than any memory"),
+        (palpate_body { key_count: usize::MAX / 64, keys: std::ptr::dangling(), ..good }, "more than fit into memory"),
     ] {
         refused(add_body(scene, &wrong), Argument, words);
     }
@@ -94,7 +94,7 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
         refused(set_tool(scene, &wrong), Argument, words);
     }
     wrong_arrays(scene, &skin, &inside);
-    // SAFETY (all here): handles, and pointers that are null where that is tried.
+    // SAFETY (all calls): pointers are null, where that is tried, or live; handles are checked by the library.
     unsafe {
         refused(palpate_scene_add_body(scene, null(), null_mut()), Null, "body is null; give a palpate_body");
         refused(palpate_scene_set_tool(scene, null()), Null, "tool is null");
@@ -105,9 +105,10 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
         refused(add_body(scene.cast::<u8>().wrapping_add(1 << 40).cast(), &good), Handle, "scene was destroyed");
     }
     wrong_settings();
-    // None of that is there: the scene is still of nothing, then of this alone.
+    // The refused calls left nothing: the scene is still empty, and equals a scene with only this tool and body
+    // afterwards.
     let mut context = null_mut();
-    // SAFETY: places for answers.
+    // SAFETY: the places of the answers are live locals.
     unsafe {
         ok(palpate_context_create(null(), &mut context));
         let mut none = null_mut();
@@ -125,17 +126,17 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
     assert_eq!(felt(scene, 1), felt(alone, 1));
 }
 
-/// Of a scene of one body and a tool; it stays as it is.
+/// Tries wrong lists of collision partners in a scene of one body and a tool, which stays as it is.
 fn wrong_partners(scene: *mut palpate_scene) {
     let names = [c"tool".as_ptr(), c"nobody".as_ptr(), null()];
     let collides = |body, first: usize, count| {
-        // SAFETY: names, or null; as many as are counted.
+        // SAFETY: the array has at least `count` names from `first` on, each a string or null.
         unsafe { palpate_scene_set_collides(scene, body, names[first..].as_ptr(), count) }
     };
     refused(collides(0, 0, 2), Argument, "`body.block.collides`: there is no body \"nobody\"");
     refused(collides(0, 2, 1), Null, "names[..] is null");
     refused(collides(1, 0, 1), Argument, "`body`: is 1; the scene has 1");
-    // SAFETY: no names.
+    // SAFETY: null is what is tried; the library looks at no name.
     refused(unsafe { palpate_scene_set_collides(scene, 0, null(), 1) }, Null, "names is null");
     ok(collides(0, 0, 1));
 }
@@ -158,7 +159,7 @@ fn wrong_arrays(scene: *mut palpate_scene, skin: &(Vec<DVec3>, Vec<[u32; 3]>), i
         Argument,
         "no triangle has any area",
     );
-    refused(add_surface(scene, c"skin", skin), Argument, "there is one of that name");
+    refused(add_surface(scene, c"skin", skin), Argument, "the name is already taken");
     refused(add_surface(scene, c"", skin), Argument, "the name is empty");
     let layer = |node: f64, index: u32| {
         let mut wrong = inside.clone();
@@ -169,17 +170,17 @@ fn wrong_arrays(scene: *mut palpate_scene, skin: &(Vec<DVec3>, Vec<[u32; 3]>), i
     refused(layer(0.0, 1 << 30), Argument, "tetrahedron 5 names point 1073741824");
     refused(layer(inside.0[3].y, inside.1[5][1]), Argument, "tetrahedron 5 has no volume");
     let twice = (inside.0.clone(), vec![inside.1[0]; 2]);
-    refused(add_layer(scene, c"wrong", &twice), Argument, "tetrahedron 1 is tetrahedron 0 again");
-    refused(add_layer(scene, c"inside", inside), Argument, "there is one of that name");
+    refused(add_layer(scene, c"wrong", &twice), Argument, "tetrahedron 1 repeats tetrahedron 0");
+    refused(add_layer(scene, c"inside", inside), Argument, "the name is already taken");
     let (numbers, indices) = ([0.0; 9], [0, 1, 2]);
     let raw = |vertices, count, triangles, many| {
-        // SAFETY: places that are null, or not looked at before their counts are.
+        // SAFETY: the arrays are null or misaligned, or their counts are refused before the library reads an element.
         unsafe { palpate_scene_add_surface(scene, c"wrong".as_ptr(), vertices, count, triangles, many) }
     };
     refused(raw(null(), 3, indices.as_ptr(), 1), Null, "vertices is null");
     refused(raw(numbers.as_ptr(), 3, null(), 1), Null, "triangles is null");
     refused(raw(numbers.as_ptr(), usize::MAX, indices.as_ptr(), 1), Argument, "vertices has 18446744073709551615");
-    refused(raw(numbers.as_ptr(), 3, indices.as_ptr(), usize::MAX / 12 + 2), Argument, "more than any memory");
+    refused(raw(numbers.as_ptr(), 3, indices.as_ptr(), usize::MAX / 12 + 2), Argument, "more than fit into memory");
     let odd = numbers.as_ptr().cast::<u8>().wrapping_add(1).cast();
     refused(raw(odd, 2, indices.as_ptr(), 1), Argument, "vertices is not aligned");
 }
@@ -197,10 +198,10 @@ fn wrong_settings() {
         (palpate_settings { size: 0, ..good }, "palpate_settings.size is 0"),
     ] {
         let mut none = std::ptr::dangling_mut();
-        // SAFETY: settings, and a place for the answer.
+        // SAFETY: the settings and the place of the answer are live locals.
         refused(unsafe { palpate_scene_create(&wrong, &mut none) }, Argument, words);
         assert!(none.is_null() || words.contains("size"));
     }
-    // SAFETY: settings.
+    // SAFETY: the settings are a live local; null is what is tried.
     refused(unsafe { palpate_scene_create(&good, null_mut()) }, Null, "scene is null");
 }

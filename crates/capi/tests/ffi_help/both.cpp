@@ -1,4 +1,5 @@
-// A step submitted, then a loop, by palpate.hpp.
+// Test program of palpate.hpp: a submitted step, then a haptic loop with a simulated device that presses down. Prints
+// "right" if all checks hold, else "wrong".
 #include <atomic>
 #include <chrono>
 #include <cmath>

@@ -1,4 +1,4 @@
-/* What a process holds of memory, for programs that must hold it flat. glibc. */
+/* How much memory this process uses, for the test programs that check that it does not grow. Needs glibc and Linux. */
 #include <malloc.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-//! What the tests of the C ABI's parts share.
+//! Helpers that the tests of the C ABI share: scenes, checks of statuses, and compilers for the programs in C and C++.
 #![allow(dead_code, unsafe_code)]
 
 use std::ffi::{CStr, CString};
@@ -14,7 +14,7 @@ use palpate_capi::simulation::{
 };
 use palpate_capi::status::{palpate_last_error, palpate_status};
 
-/// A block, fixed at its bottom.
+/// Scene text: a soft block, fixed at its bottom.
 pub const BLOCK: &str = r#"
 [[body]]
 name = "block"
@@ -26,7 +26,7 @@ motion = "fixed"
 bind = { box = [[-0.06, -0.04, -0.06], [0.06, -0.029, 0.06]] }
 "#;
 
-/// A sphere just above it.
+/// Scene text: a spherical tool just above the block.
 pub const SPHERE: &str = r#"
 [tool]
 sphere = 0.02
@@ -39,11 +39,11 @@ angular_stiffness = 0.5
 angular_damping = 0.002
 "#;
 
-/// Where the sphere is deep in the block.
+/// Device pose at which the sphere is deep in the block.
 pub const DEEP: palpate_pose = palpate_pose { position: [0.0, 0.046, 0.0], orientation: [0.0, 0.0, 0.0, 1.0] };
 
 pub fn last_error() -> String {
-    // SAFETY: never null, and ends in a zero.
+    // SAFETY: the library's message is never null and is terminated by a zero.
     unsafe { CStr::from_ptr(palpate_last_error()) }.to_str().unwrap().into()
 }
 
@@ -59,19 +59,19 @@ pub fn refused(status: palpate_status, expected: palpate_status, words: &str) {
     assert!(error.contains(words) && error.lines().count() == 1, "{error}");
 }
 
-/// Waits for `done`, for two minutes at most.
+/// Waits until `done` is true, for two minutes at most.
 #[track_caller]
 pub fn wait_for(mut done: impl FnMut() -> bool) {
     let begun = Instant::now();
     while !done() {
-        assert!(begun.elapsed() < Duration::from_secs(120), "it does not come");
+        assert!(begun.elapsed() < Duration::from_secs(120), "the condition stayed false for two minutes");
         std::thread::sleep(Duration::from_millis(1));
     }
 }
 
 pub fn context() -> *mut palpate_context {
     let mut context = null_mut();
-    // SAFETY: null options, and a place for the answer.
+    // SAFETY: null options are allowed, and the place of the answer is a live local.
     ok(unsafe { palpate_context_create(null(), &mut context) });
     context
 }
@@ -79,7 +79,7 @@ pub fn context() -> *mut palpate_context {
 pub fn simulation(context: *mut palpate_context, text: &str) -> *mut palpate_simulation {
     let (mut scene, mut simulation) = (null_mut(), null_mut());
     let text = CString::new(text).unwrap();
-    // SAFETY: strings that end, handles, and places for the answers.
+    // SAFETY: the text is terminated by a zero, and the places of the answers are live locals.
     unsafe {
         ok(palpate_scene_parse(text.as_ptr(), null(), &mut scene));
         ok(palpate_simulation_create(context, scene, &mut simulation));
@@ -90,7 +90,7 @@ pub fn simulation(context: *mut palpate_context, text: &str) -> *mut palpate_sim
 
 /// A struct of the interface, all zero but its size.
 pub fn zeroed<T: Copy>() -> T {
-    // SAFETY: those that this is used for are numbers and pointers, and begin with their size.
+    // SAFETY: it is used only for structs of numbers and pointers that begin with a `u32` of their size.
     unsafe {
         let mut value: T = std::mem::zeroed();
         (&raw mut value).cast::<u32>().write(size_of::<T>() as u32);
@@ -102,21 +102,21 @@ pub fn wrench() -> palpate_wrench {
     zeroed()
 }
 
-/// Bytes of the device's memory that a context's simulations hold.
+/// Bytes of GPU memory that the simulations of a context occupy.
 pub fn memory(context: *mut palpate_context) -> u64 {
     let mut bytes = 0;
-    // SAFETY: a handle, and a place for the answer.
+    // SAFETY: the place of the answer is a live local; handles are checked by the library.
     ok(unsafe { palpate_context_memory(context, &mut bytes) });
     bytes
 }
 
-/// Where the nodes of the first body are.
+/// World positions of the nodes of the first body, m.
 pub fn nodes(simulation: *mut palpate_simulation) -> Vec<[f64; 3]> {
     let mut count = 0;
-    // SAFETY: a handle, no array, a place for the answer.
+    // SAFETY: a null array is allowed where the capacity is 0, and the place of the answer is a live local.
     ok(unsafe { palpate_nodes(simulation, 0, null_mut(), 0, &mut count) });
     let mut nodes = vec![[0.0; 3]; count];
-    // SAFETY: a handle, an array of that length, a place for the answer.
+    // SAFETY: the array has the length that is passed, and the place of the answer is a live local.
     ok(unsafe { palpate_nodes(simulation, 0, nodes.as_mut_ptr(), count, &mut count) });
     nodes
 }
@@ -125,7 +125,7 @@ pub fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
 }
 
-/// Where cargo puts the shared library that belongs to this test.
+/// Folder in which cargo built the shared library of this test run.
 pub fn library() -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let deps = test.parent().unwrap();
@@ -135,7 +135,7 @@ pub fn library() -> PathBuf {
     found.expect("cargo builds libpalpate_capi.so").parent().unwrap().to_path_buf()
 }
 
-/// Compiles a program of the repository without a warning; its path.
+/// Compiles a program of the repository with warnings as errors; returns its path.
 pub fn compiled(compiler: &str, standard: &str, source: &str, folder: &Path) -> PathBuf {
     let program = folder.join(format!("{}-{compiler}", Path::new(source).file_stem().unwrap().display()));
     let library = library();
@@ -147,7 +147,8 @@ pub fn compiled(compiler: &str, standard: &str, source: &str, folder: &Path) -> 
         .arg(&program)
         .arg("-L")
         .arg(&library)
-        // Before LD_LIBRARY_PATH, which cargo sets to where other builds may lie.
+        // With the old dynamic tags the program's own path goes before LD_LIBRARY_PATH, which cargo sets to folders
+        // where other builds may lie.
         .args(["-lpalpate_capi", "-lvulkan", "-lm", "-pthread", "-Wl,--disable-new-dtags"])
         .arg(format!("-Wl,-rpath,{}", library.display()))
         .output()
@@ -156,7 +157,7 @@ pub fn compiled(compiler: &str, standard: &str, source: &str, folder: &Path) -> 
     program
 }
 
-/// The same, run; what it prints.
+/// Compiles and runs a program of the repository; returns what it prints.
 pub fn output(compiler: &str, standard: &str, source: &str, arguments: &[&Path]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let done = Command::new(compiled(compiler, standard, source, folder.path())).args(arguments).output().unwrap();

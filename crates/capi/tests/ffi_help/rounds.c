@@ -1,5 +1,6 @@
-/* Creates, steps and destroys everything again and again: rounds SCENE WARM ROUNDS STEPS. Prints the force of the last step, and
- * bytes that are allocated and pages in use after the first WARM rounds and after ROUNDS more. */
+/* Test program: creates, steps and destroys a simulation again and again: rounds SCENE WARM ROUNDS STEPS. Prints the
+ * force of the last step (N), and the allocated bytes and the pages in use after the first WARM rounds and after ROUNDS
+ * more. */
 #include "flat.h"
 
 int main(int argc, char **argv) {
@@ -32,7 +33,7 @@ int main(int argc, char **argv) {
         check(palpate_contacts(simulation, NULL, 0, &count));
         palpate_skins skins = {.size = sizeof skins};
         check(palpate_skin_buffers(simulation, NULL, &skins));
-        /* A wrong call, whose message is kept for the thread. */
+        /* A wrong call, so that the library stores an error message for this thread. */
         if (palpate_nodes(simulation, 77, NULL, 0, &count) == PALPATE_STATUS_OK) {
             return EXIT_FAILURE;
         }

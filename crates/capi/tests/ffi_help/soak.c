@@ -1,5 +1,5 @@
-/* Steps without end: soak SCENE STEPS. Prints the greatest force, and bytes that are allocated (by the library, and by the driver
- * under it) and pages in use after the first thousand steps and at the end. */
+/* Test program: does very many steps: soak SCENE STEPS. Prints the greatest force (N), and the allocated bytes (of
+ * library and driver) and the pages in use after the first 1000 steps and after STEPS more. */
 #include "flat.h"
 
 int main(int argc, char **argv) {
