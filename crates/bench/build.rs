@@ -1,10 +1,11 @@
-//! Build script: the commit that reports name, as `PALPATE_COMMIT`; `-changed` where what is measured differed from it.
+//! Build script. It sets `PALPATE_COMMIT`, which the reports print: the git commit, with `-changed` appended where the
+//! measured sources have changes that are not committed.
 //!
-//! It is asked for when something that is measured changes, and not when a commit is made of what was built already.
+//! Cargo runs it again when a measured source changes, not when sources that were built already are committed.
 
 use std::process::Command;
 
-/// What reports measure.
+/// Paths, from the repository root, whose code the benchmarks measure.
 const MEASURED: [&str; 6] = ["src", "shaders", "crates/oracle", "crates/devices", "crates/bench", "Cargo.lock"];
 
 fn main() {

@@ -1,5 +1,7 @@
-//! Two results side by side: how many times as long each thing takes now, and whether that is more than noise; and whether
-//! errors, iterations, passes, memory or flags grew, which have none.
+//! Compares two results of `palpate bench`: how many times as long each measurement takes now, and whether that is more
+//! than noise; and whether errors, iterations, passes, memory or flags, which have no noise, grew.
+//!
+//! The rounds of a time are its repeated runs; few rounds are dealt into "hands" (see [`crate::samples::hands`]).
 
 mod series;
 
@@ -12,63 +14,69 @@ use super::suite::Results;
 use super::{Table, median};
 use series::{Series, series_of};
 
-/// Slower by less than this beyond the spread of both is no regression: so much the same program differs on a busy machine.
+/// A time may grow by this share beyond the spread of both results: on a busy machine the same program's times differ
+/// by that much.
 const ALLOWED: f64 = 0.10;
-/// Errors are the same bits on the same device; of another, they may be so much greater.
+/// An error may grow by this share: it has the same bits on the same GPU device, but not on another.
 const ALLOWED_ERROR: f64 = 0.10;
 /// Errors below this are rounding.
 const ROUNDING: f64 = 1e-6;
-/// Memory and passes may grow by this: what alignment makes of them.
+/// Memory and the number of passes may grow by this share, since alignment differs between devices.
 const ALLOWED_SIZE: f64 = 0.02;
-/// Iterations may: a last bit may take one more.
+/// Iterations may grow by this share: a difference in the last bit may take one more.
 const ALLOWED_ITERATIONS: f64 = 0.25;
-/// Ranges of fewer rounds, or hands, do not overlap too often by chance: of five and five once in 252 comparisons.
+/// A time is judged only with at least so many rounds (or hands) on both sides. With five each, all new times exceed
+/// all old ones by chance once in 252 comparisons; with fewer, too often.
 const LEAST_ROUNDS: usize = HANDS;
-/// Of so many times and more, one is slower only where its ratio is out of the ordinary among all of them ...
+/// Where at least so many times are compared, a time is slower or faster only if its ratio of new to old is an outlier
+/// among all ratios (see [`DEVIATIONS`]).
 const CROWD: usize = 8;
-/// ... by so many of their standard deviations, told from the median of their distances from the median.
+/// A ratio is an outlier if its logarithm is more than so many standard deviations from the median. The standard
+/// deviation is estimated from the median absolute deviation.
 const DEVIATIONS: f64 = 4.0;
-/// A part is slower where the median of its times is by this, and most of them are by [`ALLOWED`].
+/// A part of a benchmark is slower as a whole where the median ratio of its times exceeds 1 by this, and enough of its
+/// times are slower (see [`MOST`]).
 const ALLOWED_PART: f64 = 0.15;
-/// Of a part's times.
+/// Least share of a part's times that must be slower by [`ALLOWED`] for the part to be slower.
 const MOST: f64 = 0.75;
 
-/// What is compared, now and before.
+/// One measurement, before and now.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
-    /// Where it stands in `results.json`: `solver/block10k-20kPa-1ms/runs/jacobi 1e-5/step_us`; of a part as a whole its name.
+    /// Path of the measurement in `results.json`: `solver/block10k-20kPa-1ms/runs/jacobi 1e-5/step_us`; for a part as a
+    /// whole the part's name.
     pub path: String,
-    /// What it is.
+    /// Kind of quantity.
     pub kind: Kind,
-    /// The old one: of a time the median of its rounds, us.
+    /// Old value: of a time the median of its rounds, us; of a part the sum of its times, us.
     pub old: f64,
-    /// The new one.
+    /// New value, in the same unit.
     pub new: f64,
-    /// New over old, less what the machine's own speed has of it: the fastest round over the slowest, the medians, the slowest
-    /// over the fastest.
+    /// New value over old, for times divided by the machine's own change of speed: the fastest new round over the
+    /// slowest old one, the medians, the slowest new round over the fastest old one.
     pub ratio: [f64; 3],
-    /// Whether even the first of these is above 1 by more than is allowed, or there are too few rounds to say.
+    /// The verdict on the ratio: worse only if even its first entry exceeds 1 by more than is allowed.
     pub verdict: Verdict,
 }
 
-/// What is compared.
+/// Kind of quantity that is compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Samples, us.
+    /// Time, us, by its samples.
     Time,
-    /// The median ratio of all times of a part.
+    /// All times of a part of a benchmark together, by the median of their ratios.
     Part,
-    /// Of a force, of displacements.
+    /// Relative error of a force or of displacements.
     Error,
-    /// Of the solver, of a step or of all.
+    /// Iterations of the solver.
     Iterations,
-    /// Passes or bytes.
+    /// Number of passes, or of bytes.
     Size,
-    /// How many kinds were raised.
+    /// Number of different flags that were raised.
     Flags,
 }
 
-/// What a ratio says.
+/// Verdict on a ratio.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// Slower, more, or a greater error, beyond noise.
@@ -81,12 +89,13 @@ pub enum Verdict {
     Unjudged,
 }
 
-/// All that both have, and what only one has. Errors: they were measured with other settings.
+/// Compares all measurements that both results have; also returns the paths that only one has. Errors: the two were
+/// measured with different settings.
 pub fn compare(old: &Results, new: &Results) -> Result<(Vec<Comparison>, Vec<String>)> {
     for (name, measured) in &old.benchmarks {
         let differs = new.benchmarks.get(name).is_some_and(|other| other["settings"] != measured["settings"]);
         if differs || old.head.is_quick != new.head.is_quick {
-            let problem = format!("`{name}` was measured with other settings than what it is to be compared with");
+            let problem = format!("`{name}` has different settings in the two results");
             return Err(Error::Usage(format!("{problem}; measure both alike, with or without --quick")));
         }
     }
@@ -104,14 +113,14 @@ pub fn compare(old: &Results, new: &Results) -> Result<(Vec<Comparison>, Vec<Str
     Ok((all, lonely))
 }
 
-/// Benchmark and part of a path.
+/// The first two components of a path: benchmark and part.
 fn part_of(path: &str) -> &str {
     let end = path.match_indices('/').nth(1).map_or(path.len(), |(at, _)| at);
     &path[..end]
 }
 
-/// How many times as long the machine itself took for the same work while a part was measured: at least, the median, at
-/// most. 1 where nothing is known of it.
+/// How many times as long the machine took for the same fixed work (see `gauge.rs`) while a part was measured: least,
+/// median, greatest ratio of new to old. 1 where either result lacks it.
 fn machine(old: &Results, new: &Results, part: &str) -> [f64; 3] {
     match (old.gauge(part), new.gauge(part)) {
         (Some(old), Some(new)) => [low(&new) / high(&old), median(&new) / median(&old), high(&new) / low(&old)],
@@ -128,7 +137,7 @@ fn high(all: &[f64]) -> f64 {
 }
 
 impl Comparison {
-    /// `None`: they are not of one kind. `machine`: see [`machine`].
+    /// `None`: the two series are of different kinds. `machine` is the machine's change of speed, see [`machine`].
     fn new(path: &str, old: &Series, new: &Series, machine: [f64; 3]) -> Option<Comparison> {
         let (kind, old, new, ratio, verdict) = match (old, new) {
             (Series::Times(old), Series::Times(new)) => {
@@ -144,7 +153,7 @@ impl Comparison {
             (Series::Error(old), Series::Error(new)) => {
                 let verdict = match (old.is_nan(), new.is_nan()) {
                     (true, true) => Verdict::Same,
-                    // An error that is no number any more is the worst of all.
+                    // An error that is no longer a number is the worst of all.
                     (false, true) => Verdict::Worse,
                     (true, false) => Verdict::Better,
                     _ if old.max(*new) < ROUNDING => Verdict::Same,
@@ -174,7 +183,7 @@ impl Comparison {
     }
 }
 
-/// Whether all of a ratio is beyond what is allowed.
+/// Worse or better where the whole range of a ratio is beyond what is allowed.
 fn beyond([from, _, to]: [f64; 3], allowed: f64) -> Verdict {
     if from > 1.0 + allowed {
         Verdict::Worse
@@ -185,8 +194,9 @@ fn beyond([from, _, to]: [f64; 3], allowed: f64) -> Verdict {
     }
 }
 
-/// The spread within a run is not all of the noise: a run is also slower or faster than another as a whole, some of its parts
-/// more than others. Where there are many times, their own ratios tell how much.
+/// Calls a time the same if its ratio is no outlier among all ratios. The spread within a run is not all of the noise:
+/// a whole run is slower or faster than another, and some parts of it more than others. Where there are many times, the
+/// scatter of their ratios tells how much.
 fn excuse_the_ordinary(all: &mut [Comparison]) {
     let judged = |c: &&Comparison| c.kind == Kind::Time && c.verdict != Verdict::Unjudged && c.ratio[1] > 0.0;
     let logs: Vec<f64> = all.iter().filter(judged).map(|c| c.ratio[1].ln()).collect();
@@ -194,7 +204,7 @@ fn excuse_the_ordinary(all: &mut [Comparison]) {
         return;
     }
     let middle = median(&logs);
-    // Of a normal distribution the standard deviation is 1.4826 times that.
+    // The standard deviation of a normal distribution is 1.4826 times its median absolute deviation.
     let deviation = 1.4826 * median(&logs.iter().map(|x| (x - middle).abs()).collect::<Vec<_>>());
     for c in all.iter_mut().filter(|c| c.kind == Kind::Time) {
         let distance = c.ratio[1].ln() - middle;
@@ -205,7 +215,7 @@ fn excuse_the_ordinary(all: &mut [Comparison]) {
     }
 }
 
-/// Each part as a whole, of those that have as many times as a spread takes.
+/// A comparison of each part as a whole, for parts with at least [`LEAST_ROUNDS`] judged times.
 fn parts(all: &[Comparison]) -> Vec<Comparison> {
     let mut by_part: BTreeMap<&str, Vec<&Comparison>> = BTreeMap::new();
     for c in all.iter().filter(|c| c.kind == Kind::Time && c.verdict != Verdict::Unjudged) {
@@ -233,7 +243,7 @@ fn parts(all: &[Comparison]) -> Vec<Comparison> {
     by_part.into_iter().filter(|(_, own)| own.len() >= LEAST_ROUNDS).map(of).collect()
 }
 
-/// A row each; those that are worse first, then better ones, then by name.
+/// A table with a row for each comparison: worse ones first, then better ones; within a verdict the order stays.
 pub fn table(all: &[Comparison]) -> Table {
     let mut sorted: Vec<&Comparison> = all.iter().collect();
     let rank = |verdict| match verdict {

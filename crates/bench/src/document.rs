@@ -1,57 +1,57 @@
-//! A report: for each question the plot, the table, and what was found.
+//! A report of the benchmarks: for each question its plot, its table and what was found.
 
 use std::fmt::Write;
 
-/// A report: as a page by [`Document::html`], as plain text by [`Document::markdown`].
+/// A whole report; [`Document::html`] makes it a page, [`Document::markdown`] plain text.
 #[derive(Debug, Clone, Default)]
 pub struct Document {
-    /// Heading.
+    /// Heading of the report.
     pub title: String,
-    /// Where and by what it was measured.
+    /// Machine, program and date of the measurement, in words.
     pub preface: String,
-    /// Each of a benchmark.
+    /// Chapters, one for each benchmark.
     pub chapters: Vec<Chapter>,
 }
 
-/// Questions of one kind.
+/// The questions of one benchmark.
 #[derive(Debug, Clone, Default)]
 pub struct Chapter {
-    /// Heading.
+    /// Heading of the chapter.
     pub title: String,
     /// How it was measured.
     pub preface: String,
-    /// Its questions.
+    /// Sections, one for each question.
     pub sections: Vec<Section>,
 }
 
-/// A question and its answer.
+/// One question and its answer.
 #[derive(Debug, Clone, Default)]
 pub struct Section {
-    /// Heading.
+    /// Heading of the section.
     pub title: String,
-    /// What was asked, and of what.
+    /// The question, and the scenes that it is about.
     pub question: String,
-    /// What was measured.
+    /// Measurements that answer it.
     pub table: Table,
-    /// A plot, SVG.
+    /// A plot as SVG; `None`: there is none.
     pub plot: Option<String>,
-    /// One sentence that the numbers say.
+    /// The answer in one sentence, computed from the measurements.
     pub finding: String,
-    /// What else is to be known of them.
+    /// Further remarks on the measurements.
     pub notes: Vec<String>,
 }
 
-/// Columns of text; the first is flush left, the others are numbers.
+/// A table of text cells. The first column is flush left; the others hold numbers and are flush right.
 #[derive(Debug, Clone, Default)]
 pub struct Table {
     /// Names of the columns, with units.
     pub heads: Vec<String>,
-    /// A cell a column.
+    /// Rows, with a cell for each column.
     pub rows: Vec<Vec<String>>,
 }
 
 impl Document {
-    /// Everything but the plots, in Markdown.
+    /// The report in Markdown, without the plots.
     pub fn markdown(&self) -> String {
         let mut text = format!("# {}\n\n{}\n", self.title, self.preface);
         for chapter in &self.chapters {
@@ -72,12 +72,12 @@ impl Document {
 }
 
 impl Table {
-    /// A table of such columns.
+    /// An empty table with these columns.
     pub fn new<S: Into<String>>(heads: impl IntoIterator<Item = S>) -> Table {
         Table { heads: heads.into_iter().map(Into::into).collect(), rows: Vec::new() }
     }
 
-    /// In Markdown.
+    /// The table in Markdown, with aligned columns.
     pub fn markdown(&self) -> String {
         let lines = || std::iter::once(&self.heads).chain(&self.rows);
         let width = |k: usize| lines().filter_map(|row| row.get(k)).map(|cell| cell.chars().count()).max().unwrap_or(0);

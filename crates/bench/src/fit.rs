@@ -1,6 +1,6 @@
-//! Powers fitted to measurements.
+//! Power laws fitted to measurements.
 
-/// The exponent p of y = c x^p by least squares of the logarithms; `None` with fewer than two sizes.
+/// The exponent p of y = c x^p, by least squares of the logarithms; `None` unless there are two different x.
 pub fn exponent(points: &[(f64, f64)]) -> Option<f64> {
     let logs: Vec<(f64, f64)> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
     let count = logs.len() as f64;

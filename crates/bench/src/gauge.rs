@@ -1,17 +1,18 @@
-//! How fast the machine is while something is measured: the time of a piece of work that never changes. Machines that are
-//! shared are slower at some hours than at others, which is no property of the program.
+//! Measures how fast the machine is while a benchmark runs: the time of a fixed piece of work. Shared machines are
+//! slower at some hours than at others, and a comparison of results ([`crate::compare`]) divides that out.
 
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Numbers that the work goes through: 4 MB, which no core's own cache holds.
+/// Length of the array: 4 MB, more than a core's own cache holds.
 const NUMBERS: usize = 1 << 19;
-/// Times that it goes through them.
+/// Passes over the array in a sample.
 const ROUNDS: usize = 4;
-/// Samples.
+/// Number of samples.
 const SAMPLES: usize = 15;
 
-/// Microseconds of the same work, so many times: multiplying and adding along an array that is larger than caches.
+/// Times of the fixed work, us, one for each sample: multiplications and additions along an array that is larger than
+/// caches.
 pub fn gauge() -> Vec<f64> {
     let mut numbers = vec![1.0f64; NUMBERS];
     let mut sample = || {
@@ -22,7 +23,7 @@ pub fn gauge() -> Vec<f64> {
         }
         begun.elapsed().as_secs_f64() * 1e6
     };
-    // The first finds memory untouched.
+    // The first sample is dropped, since it touches the memory for the first time.
     sample();
     (0..SAMPLES).map(|_| sample()).collect()
 }

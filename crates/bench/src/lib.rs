@@ -1,5 +1,6 @@
-//! Benchmarks, and the reports made by them. Each has a folder of its own; they share the way that parts are measured and
-//! joined, samples, plots, and the way that questions, tables and findings are set.
+//! The benchmarks of `palpate bench`, the stability matrix of `palpate stability`, and the reports made of them. Each
+//! benchmark has a module of its own; they share the measuring and merging of parts (`suite`), samples, plots, and
+//! reports.
 
 pub mod accuracy;
 pub mod compare;

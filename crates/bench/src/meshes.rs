@@ -1,4 +1,4 @@
-//! Meshes that a benchmark makes for itself. Scenes name files, so they are written into a folder that goes with the run.
+//! Meshes that a benchmark makes for itself: scenes refer to mesh files, so they are written into a temporary folder.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -9,26 +9,26 @@ use palpate::scene::{gmsh, obj};
 use palpate::{Error, Result};
 use tempfile::TempDir;
 
-/// Corners of a surface, and its triangles, outward.
+/// Vertices of a surface (m), and its triangles, wound outward.
 pub type Surface = (Vec<DVec3>, Vec<[u32; 3]>);
 
-/// A folder of one's own among the system's temporary files; it goes with its value.
+/// A new temporary folder; it is deleted when the value is dropped.
 #[derive(Debug)]
 pub struct MeshFolder(TempDir);
 
 impl MeshFolder {
-    /// A new one. Errors: it cannot be made.
+    /// Makes the folder. Errors: it cannot be made.
     pub fn new() -> Result<MeshFolder> {
         let made = TempDir::with_prefix("palpate-");
         made.map(MeshFolder).map_err(|error| failed(&std::env::temp_dir(), &error))
     }
 
-    /// Writes a surface as OBJ; its path.
+    /// Writes a surface as OBJ; returns the file's path.
     pub fn surface(&self, name: &str, (vertices, triangles): &Surface) -> Result<PathBuf> {
         self.write(&format!("{name}.obj"), |w| obj::write(w, vertices, triangles))
     }
 
-    /// Writes a layer as Gmsh does; its path.
+    /// Writes a tetrahedral mesh (layer) in Gmsh's format; returns the file's path.
     pub fn layer(&self, name: &str, nodes: &[DVec3], tetrahedra: &[[u32; 4]]) -> Result<PathBuf> {
         self.write(&format!("{name}.msh"), |w| gmsh::write(w, nodes, tetrahedra))
     }

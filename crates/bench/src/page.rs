@@ -1,17 +1,18 @@
-//! The report as one page of HTML: nothing to fetch, nothing to run, plots within; for a screen of 1280 pixels and for paper.
+//! Writes a report as one HTML page that needs no other files and no scripts, with the plots inside; it is laid out for
+//! a screen 1280 pixels wide and for print.
 
 use std::fmt::Write;
 
 use super::{Document, Section, Table};
 
 const STYLE: &str = include_str!("page.css");
-/// Characters; a longer cell is words.
+/// Most characters of a cell that is a number; a longer one is words.
 const LONGEST_NUMBER: usize = 20;
-/// A table of so many columns is set smaller.
+/// A table with at least so many columns is set in smaller type.
 const WIDE: usize = 11;
 
 impl Document {
-    /// The page. What is said between backquotes is set as code, as in Markdown.
+    /// The page. Text between backquotes is set as code, as in Markdown.
     pub fn html(&self) -> String {
         let title = escaped(&self.title);
         let mut page = format!(
@@ -63,7 +64,7 @@ fn write_section(page: &mut String, section: &Section, id: &str) {
     );
     let _ = writeln!(page, "<p class=\"finding\"><b>Found:</b> {}</p>", set(finding));
     if let Some(svg) = plot {
-        // What comes before the element itself is for files.
+        // The XML declaration before the `<svg>` element is only for files.
         let element = svg.find("<svg").map_or(svg.as_str(), |at| &svg[at..]);
         let _ = writeln!(page, "<figure>{element}</figure>");
     }
@@ -96,7 +97,7 @@ fn write_table(page: &mut String, table: &Table) {
     page.push_str("</tbody>\n</table></div>\n");
 }
 
-/// Whether a column holds words, to be set flush left; else numbers.
+/// Whether a column holds words, which are set flush left; else it holds numbers.
 fn is_text(table: &Table, column: usize) -> bool {
     let mut cells = table.rows.iter().filter_map(|row| row.get(column));
     cells.any(|cell| cell.chars().count() > LONGEST_NUMBER && cell.contains(' '))
@@ -106,12 +107,12 @@ pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Escaped, with code between backquotes.
+/// Text escaped for HTML, with what is between backquotes set as code.
 fn set(text: &str) -> String {
-    // A number and its sign stay on one line.
+    // A no-break space keeps a number and its per cent sign on one line.
     let escaped = escaped(text).replace(" %", "\u{a0}%");
     let pieces: Vec<&str> = escaped.split('`').collect();
-    // An odd backquote stands for itself.
+    // With an odd number of backquotes all of them are left as they are.
     if pieces.len().is_multiple_of(2) {
         return escaped;
     }

@@ -1,17 +1,18 @@
-//! Plots as SVG. Colours are those of M. Okabe and K. Ito (2008), which colour-blind readers can tell apart; the text uses
-//! the reader's own fonts.
+//! Plots of the reports, as SVG. Colours are those of M. Okabe and K. Ito (2008), which colour-blind readers can tell
+//! apart; the text uses the reader's own fonts.
 
 use palpate::{Error, Result};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
+/// Width and height of a plot, pixels.
 const SIZE: (u32, u32) = (760, 420);
-/// Of a bar and the gap after it.
+/// Height of a bar with the gap after it, pixels.
 const BAR_HEIGHT: u32 = 30;
-/// Ticks of a logarithmic axis: more would run into each other, fewer tell nothing of the scale.
+/// Number of ticks of a logarithmic axis: more would overlap, fewer do not show the scale.
 const TICKS: std::ops::RangeInclusive<usize> = 3..=7;
-/// Digits at which it has them, from sparse to dense.
+/// Leading digits of the ticks of a logarithmic axis, in sets from sparse to dense.
 const DIGITS: [&[f64]; 5] = [
     &[1.0],
     &[1.0, 3.0],
@@ -19,9 +20,9 @@ const DIGITS: [&[f64]; 5] = [
     &[1.0, 1.5, 2.0, 3.0, 5.0, 7.0],
     &[1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
 ];
-/// Of a power of ten.
+/// Relative rounding error of a power of ten.
 const ROUNDING: f64 = 1e-9;
-/// Of a row of panels.
+/// Height of a row of panels, pixels.
 const PANEL_HEIGHT: u32 = 300;
 const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 0, 0),
@@ -33,11 +34,11 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
 ];
 const FONT: (&str, u32) = ("sans-serif", 15);
-/// Room for the names of bars, of the width.
+/// Room for the names of bars, as a share of the width.
 const LABELS: f64 = 0.28;
-/// Room for the names of lines.
+/// Room for the names of lines, pixels.
 const NAMES: u32 = 80;
-/// Room above the highest point.
+/// Height of the axis over that of the highest point.
 const HEADROOM: f64 = 1.12;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -45,24 +46,24 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// A line of a plot.
 #[derive(Debug, Clone, Default)]
 pub struct Line {
-    /// At its end.
+    /// Name, written at the end of the line.
     pub name: String,
-    /// In the units of the axes.
+    /// Points, in the units of the axes.
     pub points: Vec<(f64, f64)>,
-    /// From where to where each point may be along x, drawn as a bar through it; empty: nothing is known of it.
+    /// Range of each point's x, drawn as a horizontal bar through it; empty: no ranges are drawn.
     pub ranges: Vec<[f64; 2]>,
 }
 
-/// What runs along an axis.
+/// The horizontal axis of [`lines`].
 #[derive(Debug, Clone)]
 pub struct Axis {
-    /// With its unit.
+    /// Label, with its unit.
     pub label: String,
-    /// Names at 0, 1, 2 ..; empty: numbers.
+    /// Names to write at 0, 1, 2 ..; empty: numbers are written.
     pub names: Vec<String>,
 }
 
-/// Lines, each with its name at its end; the first is drawn stronger.
+/// Draws lines on linear axes, each with its name at its end; the first line is drawn stronger.
 pub fn lines(x: &Axis, y_label: &str, lines: &[Line]) -> Result<String> {
     to_svg(SIZE, |area| draw_lines(area, x, y_label, lines))
 }
@@ -70,40 +71,40 @@ pub fn lines(x: &Axis, y_label: &str, lines: &[Line]) -> Result<String> {
 /// A bar of a plot.
 #[derive(Debug, Clone)]
 pub struct Bar {
-    /// What it is.
+    /// Name, written to the left of the bar.
     pub name: String,
-    /// From 0.
+    /// Length from 0, in the unit of the axis.
     pub length: f64,
-    /// Colour: bars of one kind have one.
+    /// Index of the colour; bars of one kind share it.
     pub kind: usize,
 }
 
-/// Bars from the top, each with its name and length.
+/// Draws horizontal bars from the top down, each with its name and length.
 pub fn bars(x_label: &str, bars: &[Bar]) -> Result<String> {
     to_svg((SIZE.0, 90 + BAR_HEIGHT * bars.len() as u32), |area| draw_bars(area, x_label, bars))
 }
 
-/// What runs along the axes of [`panels`].
+/// The axes of [`panels`].
 #[derive(Debug, Clone, Copy)]
 pub struct Logarithmic<'a> {
-    /// With its unit.
+    /// Label of the horizontal axis, with its unit.
     pub x: &'a str,
-    /// With its unit.
+    /// Label of the vertical axis, with its unit.
     pub y: &'a str,
-    /// A height to compare with, drawn dashed.
+    /// A value of y to compare with, drawn as a dashed line.
     pub level: Option<f64>,
 }
 
 /// One of several plots side by side.
 #[derive(Debug, Clone)]
 pub struct Panel {
-    /// Above it.
+    /// Title above the plot.
     pub title: String,
-    /// Points that are not above zero are left out.
+    /// Lines; points that are not above zero are left out.
     pub lines: Vec<Line>,
 }
 
-/// Plots side by side, two in a row, with the same logarithmic axes.
+/// Draws plots side by side, two in a row, with the same logarithmic axes.
 pub fn panels(axes: &Logarithmic, panels: &[Panel]) -> Result<String> {
     let columns = panels.len().clamp(1, 2);
     let rows = panels.len().div_ceil(columns).max(1);
@@ -157,7 +158,7 @@ fn draw_lines(area: &Area, x: &Axis, y_label: &str, lines: &[Line]) -> Drawn {
     draw_names(area, lines, ends.collect())
 }
 
-/// From the lowest end up, each name clear of the one below it.
+/// Draws the names of lines at their ends, from the lowest end up, each name clear of the one below it.
 fn draw_names(area: &Area, lines: &[Line], mut ends: Vec<(usize, (i32, i32))>) -> Drawn {
     ends.sort_by_key(|&(k, (_, y))| (std::cmp::Reverse(y), k));
     let mut free = i32::MAX;
@@ -175,7 +176,7 @@ fn is_drawn(&(x, y): &(f64, f64)) -> bool {
     x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite()
 }
 
-/// What the axes of all panels span: whole powers of ten along y.
+/// Ranges of the axes of all panels; along y they are whole powers of ten.
 fn spans(axes: &Logarithmic, panels: &[Panel]) -> [std::ops::Range<f64>; 2] {
     let all = panels.iter().flat_map(|panel| &panel.lines).flat_map(|line| &line.points).copied().filter(is_drawn);
     let nothing = [[f64::INFINITY, 0.0]; 2];
@@ -189,7 +190,7 @@ fn spans(axes: &Logarithmic, panels: &[Panel]) -> [std::ops::Range<f64>; 2] {
     let span = |[low, high]: [f64; 2]| if low <= high { low..high } else { 1.0..10.0 };
     let (x, y) = (span(x), span(y));
     let tens = |x: f64, way: fn(f64) -> f64| 10f64.powf(way(x.log10()));
-    // A little beyond, so that rounding does not leave the outermost powers out.
+    // The range is a little wider, so that rounding does not leave its outermost powers out.
     let (low, high) = (tens(y.start, |l| (l - 0.1).floor()), tens(y.end, |l| (l + 0.1).ceil()));
     [x.start / 1.5..x.end * 1.5, low * (1.0 - ROUNDING)..high * (1.0 + ROUNDING)]
 }
@@ -221,8 +222,8 @@ fn draw_panel(area: &Area, axes: &Logarithmic, panel: &Panel, [x, y]: &[std::ops
     draw_names(area, &panel.lines, ends)
 }
 
-/// Round numbers within a span: the sparsest set that has enough of them, without some of the powers of ten where they alone
-/// are too many.
+/// Round numbers within a range: the sparsest set of [`DIGITS`] that gives enough of them. Where powers of ten alone
+/// are too many, some are left out.
 fn ticks(span: &std::ops::Range<f64>) -> Vec<f64> {
     let powers = span.start.log10().floor() as i32..=span.end.log10().ceil() as i32;
     let of = |digits: &[f64]| -> Vec<f64> {
@@ -234,7 +235,7 @@ fn ticks(span: &std::ops::Range<f64>) -> Vec<f64> {
     all.iter().copied().step_by(all.len().div_ceil(*TICKS.end()).max(1)).collect()
 }
 
-/// As [`number`] where that is short.
+/// A number as [`number`] writes it, or by a power of ten where that would be long.
 fn power(x: f64) -> String {
     if (0.1..1e4).contains(&x) { number(x) } else { format!("{x:.0e}") }
 }
@@ -247,7 +248,7 @@ fn draw_bars(area: &Area, x_label: &str, bars: &[Bar]) -> Drawn {
         .x_label_area_size(44)
         .y_label_area_size((LABELS * f64::from(SIZE.0)) as u32)
         .build_cartesian_2d(0.0..(1.15 * high).max(1e-9), 0.0..count.max(1.0))?;
-    // Names stand in the middle of their bars, and ticks need not fall there: they are drawn by hand.
+    // Names stand beside the middle of their bars, where axis ticks need not fall, so they are drawn as text.
     let mut mesh = chart.configure_mesh();
     mesh.x_desc(x_label).label_style(FONT).axis_desc_style(FONT).y_labels(0).disable_y_mesh();
     mesh.x_label_formatter(&|at| number(*at));
@@ -268,7 +269,7 @@ fn draw_bars(area: &Area, x_label: &str, bars: &[Bar]) -> Drawn {
     Ok(())
 }
 
-/// Short, at most two digits after the point.
+/// A number with at most two digits after the point, without trailing zeros.
 fn number(x: f64) -> String {
     let text = format!("{x:.2}");
     text.trim_end_matches('0').trim_end_matches('.').to_string()

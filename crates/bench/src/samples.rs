@@ -1,11 +1,12 @@
-//! Times of the stages of a query, run by run.
+//! Times of the proximity query in benchmarks, and medians of samples.
 
 use std::collections::BTreeMap;
 
 use palpate::internal::stages::{POSE_TO_CONTACT, QUERY};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Times of the stages of a proximity query, and of all as one, microseconds; a run has either those or this.
+/// Times of a proximity query's stages, and of the query as a whole, us. A run is timed either stage by stage or as a
+/// whole.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Samples {
     stages: [Vec<f64>; QUERY.len()],
@@ -13,7 +14,7 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// Adds a run; timers of other names are left out, and a stage that the run lacks took no time.
+    /// Adds a run. Timers of other stages are ignored; a stage that the run lacks took no time.
     pub fn add(&mut self, times: &[(String, f64)]) {
         let of = |timer: &str| times.iter().filter(|(name, _)| name == timer).map(|(_, us)| us).sum();
         if times.iter().any(|(name, _)| name == POSE_TO_CONTACT) {
@@ -23,12 +24,13 @@ impl Samples {
         }
     }
 
-    /// Median of each stage, ms. Each has a timestamp's cost in it, so that together they are more than the whole.
+    /// Median time of each stage, ms. Each includes the cost of a timestamp, so that their sum exceeds the time of the
+    /// whole.
     pub fn medians_ms(&self) -> [f64; QUERY.len()] {
         self.stages.each_ref().map(|samples| 1e-3 * median(samples))
     }
 
-    /// Median of all stages as one, ms: what a query takes.
+    /// Median time of the query as a whole, ms.
     pub fn total_ms(&self) -> f64 {
         1e-3 * median(&self.whole)
     }
@@ -48,7 +50,7 @@ impl<'de> Deserialize<'de> for Samples {
     }
 }
 
-/// The median, of an even number the mean of the two in the middle; 0 of nothing.
+/// The median; of an even number of samples the mean of the two in the middle, of none 0.
 pub fn median(samples: &[f64]) -> f64 {
     let mut sorted = samples.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -60,11 +62,12 @@ pub fn median(samples: &[f64]) -> f64 {
     }
 }
 
-/// Samples of few rounds are dealt into so many hands, one after the other, so that each has its share of every phase of a
-/// run.
+/// Samples of few rounds are dealt, like cards, into so many hands (interleaved subsets), so that each hand has samples
+/// from every phase of a run.
 pub const HANDS: usize = 5;
 
-/// Medians of the rounds, which show the spread; of fewer than [`HANDS`], of the hands that all their samples are dealt into.
+/// Medians that show the spread of a time: those of the rounds, or, with fewer than [`HANDS`] rounds, those of the
+/// hands.
 pub fn hands(rounds: &[Vec<f64>]) -> Vec<f64> {
     let rounds: Vec<&Vec<f64>> = rounds.iter().filter(|round| !round.is_empty()).collect();
     if rounds.len() >= HANDS {

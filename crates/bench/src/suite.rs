@@ -1,5 +1,5 @@
-//! What all benchmarks share: they are measured part by part, so that a sweep can be cut into shards and joined again, and
-//! their report is made of nothing but `results.json`.
+//! What all benchmarks share. A benchmark is measured part by part, so that a sweep can be cut into shards (subsets of
+//! parts, for several machines) and merged again; its report is made from `results.json` alone.
 
 use std::path::Path;
 
@@ -14,95 +14,98 @@ use super::gauge::gauge;
 use super::samples::hands;
 use super::{Chapter, Document, Section};
 
-/// Version of the format of `results.json`: raised when a field changes its meaning or goes.
+/// Version of the format of `results.json`: raised when a field changes its meaning or is removed.
 pub const SCHEMA: u32 = 5;
 
-/// Exit status of what fails while it runs.
+/// Exit status of an error while running; lower ones are errors of the input or a missing device.
 const FAILED: u8 = 4;
 
 /// A benchmark: parts that are measured one by one, and the report of those that were.
 pub trait Benchmark {
-    /// Its name on the command line and in `results.json`.
+    /// Name on the command line and in `results.json`.
     fn name(&self) -> &'static str;
     /// Heading of its chapter.
     fn title(&self) -> &'static str;
-    /// How much is measured, for `results.json`. Errors: it cannot be written as JSON.
+    /// Its settings, for `results.json`. Errors: they cannot be written as JSON.
     fn settings(&self) -> Result<Value>;
-    /// Names of its parts, in the order of the report. What is compared with one another is one part, measured in turns.
+    /// Names of its parts, in the order of the report. Measurements that are compared with each other belong to one
+    /// part, in which they take turns.
     fn parts(&self) -> Vec<String>;
-    /// Measures a part; `watch` is told what begins. Errors: no device, or one that fails; input that is none.
+    /// Measures a part; `watch` is called with the name of what begins. Errors: no device or a failing one, or bad
+    /// input.
     fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value>;
-    /// How it was measured, from its settings.
+    /// How it was measured, from its settings, for the report.
     fn preface(&self, settings: &Value) -> Result<String>;
-    /// Questions and answers, of the parts that are there.
+    /// The report's sections of those parts that were measured.
     fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>>;
-    /// What must hold of the parts that are there and does not, a line each. Errors: they cannot be read.
+    /// What must hold of the measured parts and does not, a line for each. Errors: the parts cannot be read.
     fn faults(&self, _parts: &Map<String, Value>) -> Result<Vec<String>> {
         Ok(Vec::new())
     }
 }
 
-/// Which of all parts to measure: every `count`-th from `index` on.
+/// A subset of all parts: every `count`-th one from `index` on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
-    /// From 0.
+    /// Index of the first part, from 0 to `count` - 1.
     pub index: usize,
-    /// At least 1.
+    /// Number of shards, at least 1.
     pub count: usize,
 }
 
 impl Shard {
-    /// All parts.
+    /// The subset of all parts.
     pub const WHOLE: Shard = Shard { index: 0, count: 1 };
 }
 
-/// By what, and where it was measured.
+/// The program and the machine of a measurement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Head {
-    /// [`SCHEMA`].
+    /// Version of the format, [`SCHEMA`].
     pub schema: u32,
     /// Version of palpate.
     pub version: String,
-    /// The commit that it was built from, changes since then not counted; `unknown` outside a repository.
+    /// The git commit that it was built from, with `-changed` where the sources differed from it; `unknown` outside a
+    /// repository.
     pub commit: String,
-    /// Name of the device.
+    /// Name of the GPU device.
     pub device: String,
-    /// Name and version of its driver.
+    /// Name and version of the GPU driver.
     pub driver: String,
-    /// Path of the depth stage that this device takes by itself.
+    /// Path of the depth stage that this device takes by default.
     pub depth_path: String,
-    /// Whether the device is the processor itself.
+    /// Whether the GPU device is the CPU itself (a software driver).
     pub is_cpu: bool,
-    /// Threads that this machine runs at once.
+    /// Number of hardware threads of the machine.
     pub threads: usize,
-    /// Whether this is a short form of the whole.
+    /// Whether this is the short form of the benchmarks (`--quick`).
     pub is_quick: bool,
 }
 
 /// The contents of `results.json`.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Results {
-    /// By what, and where.
+    /// Program and machine.
     #[serde(flatten)]
     pub head: Head,
-    /// By name.
+    /// Measurements of each benchmark, by its name.
     pub benchmarks: Map<String, Value>,
 }
 
-/// A benchmark in `results.json`.
+/// Measurements of a benchmark in `results.json`.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Measured {
     settings: Value,
-    /// All that there are, measured or not.
+    /// Names of all its parts, measured or not.
     names: Vec<String>,
     parts: Map<String, Value>,
-    /// Of each part, before and after it was measured: see [`super::gauge`], us.
+    /// Times of a fixed work before and after each part was measured, us: see [`super::gauge`].
     gauges: Map<String, Value>,
 }
 
 impl Results {
-    /// How fast the machine was while a part (`solver/scaling`) was measured: hands of the same work, us. `None`: nobody knows,
-    /// or the device is another than the processor whose work it was.
+    /// Times of a fixed work while a part (`solver/scaling`) was measured, us, as medians of hands (see [`hands`]).
+    /// `None`: not recorded, or the GPU device is not the CPU, which did that work.
     pub fn gauge(&self, part: &str) -> Option<Vec<f64>> {
         let (benchmark, part) = part.split_once('/')?;
         let samples = self.benchmarks.get(benchmark)?.get("gauges")?.get(part)?;
@@ -112,7 +115,7 @@ impl Results {
 }
 
 impl Head {
-    /// Of this program and a device, by name or index. Errors: no such device.
+    /// The head for this program and a GPU device, by name or index. Errors: there is no such device.
     pub fn new(device: Option<&str>, is_quick: bool) -> Result<Head> {
         let context = Context::open(&Options { device: device.map(Into::into), ..Options::of_program() })?;
         Ok(Head {
@@ -138,8 +141,8 @@ impl Head {
     }
 }
 
-/// Measures the parts of a shard, those that `is_asked` names by benchmark and part, one after the other. What fails is said
-/// beside what was measured, which is not lost by it.
+/// Measures, one after the other, those parts of a shard that `is_asked` selects by benchmark and part. Also returns
+/// the errors of parts that failed; they do not lose what was measured.
 pub fn measure(
     benchmarks: &[Box<dyn Benchmark>],
     head: Head,
@@ -162,7 +165,7 @@ pub fn measure(
                         parts.insert(part.clone(), measured);
                         gauges.insert(part.clone(), to_value(&[before, gauge()].concat())?);
                     }
-                    // Not the part's fault: what the user gave cannot be used.
+                    // An error of the input or a missing device concerns all parts and ends the run.
                     Err(error) if error.exit_status() < FAILED => return Err(error),
                     Err(error) => failed.push(format!("{name}/{part}: {error}")),
                 }
@@ -177,7 +180,7 @@ pub fn measure(
     Ok((Results { head, benchmarks: all }, failed))
 }
 
-/// The report of all that was measured; `benchmarks` gives it its order and its words.
+/// The report of all that was measured, with the chapters in the order of `benchmarks`.
 pub fn document(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<Document> {
     let mut document =
         Document { title: "palpate: benchmarks".into(), preface: results.head.preface(), chapters: vec![] };
@@ -195,7 +198,7 @@ pub fn document(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<
     Ok(document)
 }
 
-/// What must hold of all that was measured and does not, a line each.
+/// What must hold of all that was measured and does not, a line for each.
 pub fn faults(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<Vec<String>> {
     let mut all = Vec::new();
     for benchmark in benchmarks {
@@ -206,14 +209,14 @@ pub fn faults(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<Ve
     Ok(all)
 }
 
-/// Joins shards. Errors, each naming the file: they are not of one program, device and settings, or both have a part.
+/// Merges shards. Errors, which name the file: program, device or settings differ, or two shards have the same part.
 pub fn merge(shards: Vec<(&Path, Results)>) -> Result<Results> {
     let mut shards = shards.into_iter();
     let Some((first, mut all)) = shards.next() else {
         return Err(Error::Simulation("there is nothing to merge; name the shards' directories".into()));
     };
     for (file, shard) in shards {
-        // The faster path is measured once a machine, and may be either where both are alike.
+        // The faster depth path is measured on each machine, and may be either where both are about as fast.
         if (Head { depth_path: all.head.depth_path.clone(), ..shard.head }) != all.head {
             let problem = format!("was made by another program, device or option than {}", first.display());
             return Err(Error::input(file, None, problem, "merge shards of one sweep"));
@@ -257,22 +260,22 @@ pub fn read(file: &Path) -> Result<Results> {
     serde_json::from_value(value).map_err(|e| Error::input(file, None, e.to_string(), remedy))
 }
 
-/// As JSON.
+/// A value as JSON.
 pub fn to_value<T: Serialize>(value: &T) -> Result<Value> {
     serde_json::to_value(value).map_err(|error| Error::Simulation(format!("results cannot be written: {error}")))
 }
 
-/// From JSON that this program wrote.
+/// A value from JSON that this program wrote.
 pub fn from_value<T: DeserializeOwned>(value: &Value) -> Result<T> {
     T::deserialize(value).map_err(|error| Error::Simulation(format!("results cannot be read: {error}")))
 }
 
-/// A part, if it was measured; else nothing of its kind.
+/// A part's measurements, or the default (nothing) if it was not measured.
 pub fn part<T: DeserializeOwned + Default>(parts: &Map<String, Value>, name: &str) -> Result<T> {
     parts.get(name).map_or_else(|| Ok(T::default()), from_value)
 }
 
-/// JSON has no NaN: it is written as null.
+/// Reads a number that may be null, which stands for NaN in JSON.
 pub fn nan_of_null<'de, D: Deserializer<'de>>(deserializer: D) -> std::result::Result<f64, D::Error> {
     Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }

@@ -1,8 +1,10 @@
+//! Tests of measuring, merging and reading results, with a benchmark that takes no time.
+
 use serde_json::json;
 
 use super::*;
 
-/// Doubles the number of each part.
+/// A benchmark whose parts are numbers and whose measurement is twice the number; part 13 fails.
 struct Doubling(u32);
 
 impl Benchmark for Doubling {
@@ -66,7 +68,7 @@ fn measured(shard: Shard) -> Results {
     measure(&all(), head(), shard, &|_, part| part != "1", &mut |_| ()).unwrap().0
 }
 
-/// What the machine was like is another each time.
+/// Results as JSON without the gauges, which are different in each run.
 fn without_gauges(results: &Results) -> Value {
     let mut value = serde_json::to_value(results).unwrap();
     let gauges = value["benchmarks"]["doubling"].as_object_mut().unwrap().remove("gauges").unwrap();

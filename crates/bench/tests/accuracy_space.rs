@@ -1,5 +1,5 @@
-//! `palpate bench accuracy`, curves of what is cut into pieces in space: what must hold of each, on small bodies. No times are
-//! judged.
+//! Tests of the curves of `palpate bench accuracy` about resolution in space, on small bodies: each must keep its bound
+//! and show the expected trend. Times are not judged.
 
 use palpate_bench::accuracy::{self, Curve, Settings};
 

@@ -1,170 +1,183 @@
-//! Error against run time: a curve, its points, and what they say.
+//! A curve of `palpate bench accuracy`: the error and the computing time of each setting of one knob (a value of a
+//! scene that is varied), and what follows from them: best buys, orders of convergence, the verdict.
+//!
+//! A curve is drawn in one or more panels (plots) of one or more lines. A round runs every setting once. With few
+//! rounds the samples are dealt into "hands", interleaved subsets (see [`hands`]), whose medians show the spread.
 
 use serde::{Deserialize, Serialize};
 
 use crate::samples::hands;
 use crate::{fit, median};
 
-/// Changes of a force that a person just notices, of the force: X. D. Pang, H. Z. Tan and N. I. Durlach, "Manual
+/// The just noticeable difference of a force, as a share of the force: X. D. Pang, H. Z. Tan and N. I. Durlach, "Manual
 /// discrimination of force using active finger motion" (1991), found roughly 7 %.
 pub const JUST_NOTICEABLE: f64 = 0.07;
-/// An order is as theory has it when it is this near.
+/// A measured order of convergence agrees with theory's when they differ by at most this.
 pub const NEAR_ORDER: f64 = 0.25;
-/// Errors should span so many powers of ten.
+/// The errors of a line should span so many powers of ten; where they do not, the report gives a reason.
 pub const DECADES: f64 = 2.0;
-/// Points of an asymptotic part have errors below this.
+/// Only points with relative errors below this belong to the asymptotic part, to which an order is fitted.
 const ASYMPTOTIC: f64 = 0.1;
-/// The finest settings are on a floor, where something else has the error, while the logarithm of the error falls by
-/// less than this with the knob, or with its logarithm where a power is sought.
+/// The finest settings lie on an error floor, where another source of error dominates, as long as the slope of
+/// ln(error) is less than this: per unit of ln(knob) where an order is fitted, per unit of the knob where a share is.
 const FLOOR: f64 = 0.3;
-/// A power is fitted to so many points at most, the finest above the floor ...
+/// An order is fitted to at most so many points, the finest ones above the floor.
 const MOST_POINTS: usize = 5;
-/// ... and at least.
+/// An order is fitted to at least so many points.
 const LEAST_POINTS: usize = 3;
-/// A power is told where no two neighbours have one that is further from it.
+/// An order is reported only if each two neighbouring points have an order of their own that is within this of it.
 const SCATTER: f64 = 1.0;
-/// An error that is less than both neighbours' by more than this factor is so by chance: it changed its sign there.
+/// An error that is less than both neighbours' by more than this factor is small by chance: the signed error passes
+/// through zero near there.
 const CHANCE: f64 = 2.0;
-/// Steps whose times are nearer than this, of the dearer, cost the same ...
+/// Points whose costs differ by less than this share of the dearer one's cost the same.
 const SAME_COST: f64 = 0.05;
-/// ... and errors that are nearer, of the greater, are the same.
+/// Points whose errors differ by less than this share of the greater one are equally accurate.
 const SAME_ERROR: f64 = 0.05;
 
-/// What one knob of a scene buys: error and time of each of its settings, measured turn by turn.
+/// What one knob of a scene buys: error and time of each of its settings, which were run alternately.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Curve {
-    /// Name of its part: `tolerance`.
+    /// Name of the curve, and of its part of the results: `tolerance`.
     pub name: String,
-    /// Heading.
+    /// Heading of its section in the report.
     pub title: String,
-    /// What was asked, of which scene, and what the error is measured against.
+    /// Question that the curve answers: what is varied in which scene, and what the reference of the error is.
     pub question: String,
-    /// What the settings are numbers of, with its unit: `time step, ms`.
+    /// Quantity that the knob sets, with its unit: `time step, ms`.
     pub knob: String,
-    /// Which stage the knob is about; its time stands beside the step's.
+    /// Stage of the step that the knob affects most; the report shows its time beside the whole step's.
     pub stage: String,
-    /// Setting by setting, in the order of the knob: of each line the finest last.
+    /// Points in the order of the knob; each line has its finest setting last.
     pub points: Vec<Point>,
-    /// The order of convergence that theory expects of the force, and why; `None`: the knob has none.
+    /// The order of convergence that theory expects, and why; `None` where theory gives no power law.
     pub expected: Option<Expected>,
-    /// Instead of a power: by which law the error falls by a share with each unit of the knob; empty: by none.
+    /// Why, by theory, each unit of the knob leaves a constant share of the error (instead of a power law); empty where
+    /// it does not.
     pub share: String,
-    /// Why the order may be another than theory's.
+    /// Reason that the report gives where the measured order differs from theory's.
     pub order_reason: String,
-    /// Why the errors may span less than two decades.
+    /// Reason that the report gives where the errors span less than two decades.
     pub span_reason: String,
-    /// The settings that are judged must have a force within this of the reference, of it.
+    /// Largest relative error of the force that a judged setting may have.
     pub bound: f64,
-    /// Which are judged.
+    /// Which settings are judged against the bound.
     pub judged: Judged,
-    /// Title of a plot that is not: what it shows beside is not the engine's.
+    /// Title of a panel that is not judged because it shows something else than the engine, for comparison; empty where
+    /// there is none.
     pub beside: String,
 }
 
 /// Which settings must be within a curve's bound.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Judged {
-    /// The finest of each line: another may be near by chance.
+    /// The finest setting of each line; a coarser one may be near the reference by chance.
     #[default]
     Finest,
-    /// The finest of each panel, where its lines are one set of settings.
+    /// The finest setting of each panel, where the lines of a panel are one set of settings.
     FinestOfPanel,
-    /// Every one, where none is finer than another.
+    /// Every setting, where none is finer than another.
     Every,
 }
 
-/// A line of a curve: points of one panel and name, in the order of the knob.
+/// A line of a curve's plot: the points of one panel and line name, in the order of the knob.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line<'a> {
-    /// Title of the plot that it is in.
+    /// Title of the panel that the line is in.
     pub panel: &'a str,
-    /// Its name there.
+    /// Name of the line in its panel.
     pub name: &'a str,
-    /// Its points.
+    /// Points of the line.
     pub points: Vec<&'a Point>,
 }
 
-/// What theory says of an error: that it falls as a power of the knob.
+/// The power law of the knob by which theory says that an error falls.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Expected {
-    /// The power.
+    /// Exponent of the knob.
     pub order: f64,
-    /// By which law.
+    /// Reason for it, in words.
     pub law: String,
-    /// Whether it is told from the displacements, and not from the force.
+    /// Whether the law is about the error of the displacements; else it is about that of the force.
     pub is_of_shape: bool,
 }
 
-/// A setting and what was measured.
+/// One setting of the knob, and what was measured with it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Point {
-    /// What it is called in a table: `jacobi to 1e-4`.
+    /// Name of the setting in tables: `jacobi to 1e-4`.
     pub setting: String,
-    /// Which of the curve's lines it is on; empty where there is one.
+    /// Name of the line that the point is on; empty where its panel has one line.
     pub line: String,
-    /// Title of the plot that the line is in, of several; empty where there is one.
+    /// Title of the panel that the point is in; empty where the curve has one panel.
     pub panel: String,
-    /// The knob's number.
+    /// Value of the knob.
     pub value: f64,
-    /// Error of the net force, of the reference's; `None`: nothing is touched, or it is not finite.
+    /// Largest error of the force on the tool, over the reference's largest force; `None`: nothing is touched, or the
+    /// error is not finite.
     pub force_error: Option<f64>,
-    /// Error of the displacements, largest over the largest of the reference's; `None` as above.
+    /// Largest error of the nodes' displacements, over the reference's largest displacement; `None`: it was not
+    /// compared, or is not finite.
     pub displacement_error: Option<f64>,
-    /// Solver iterations of a step, median.
+    /// Solver iterations of a step, median over the steps.
     pub iterations: f64,
-    /// Names of the flags that were raised.
+    /// Names of the flags that any of the steps raised.
     pub flags: Vec<String>,
-    /// Microseconds of the curve's stage, a step each, for each round.
+    /// Time of the curve's stage in each timed step, us; one list for each round.
     pub stage_us: Vec<Vec<f64>>,
-    /// Microseconds of a step, pose in and wrench out, for each round.
+    /// Wall time of each step, from the pose going in to the wrench coming out, us; one list for each round.
     pub step_us: Vec<Vec<f64>>,
-    /// Keys of a scene and what the setting has there, where a preset may come of it.
+    /// Keys of a scene file with the values that this setting gives them, where a preset may be chosen from the points;
+    /// else empty.
     pub keys: Vec<(String, String)>,
-    /// Seconds of the simulated world that a step is, where points differ in it; else 0.
+    /// Simulated time of one step, s, where the points of the curve differ in it; else 0.
     pub simulated_s: f64,
 }
 
 impl Point {
-    /// Milliseconds of a step: the median over the steps of a round, the median of those.
+    /// Time of a step, ms: the median over the rounds of the median over the steps of each.
     pub fn step_ms(&self) -> f64 {
         ms(&self.step_us)
     }
 
-    /// The same of the stage.
+    /// Time of the curve's stage in a step, ms: the median over the rounds of the median over the steps of each.
     pub fn stage_ms(&self) -> f64 {
         ms(&self.stage_us)
     }
 
-    /// From the fastest to the slowest round, or hand of few rounds (see [`hands`]), milliseconds a step.
+    /// Least and greatest time of a step, ms, among the medians of the rounds, or of the hands of few rounds (see
+    /// [`hands`]).
     pub fn step_range_ms(&self) -> [f64; 2] {
         let rounds: Vec<f64> = hands(&self.step_us).iter().map(|us| 1e-3 * us).collect();
         [rounds.iter().copied().fold(f64::INFINITY, f64::min), rounds.iter().copied().fold(0.0, f64::max)]
     }
 
-    /// The same in units of [`Point::cost`].
+    /// Least and greatest cost: [`Point::step_range_ms`] in the unit of [`Point::cost`].
     pub fn cost_range(&self) -> [f64; 2] {
         let unit = if self.simulated_s > 0.0 { 1e-3 / self.simulated_s } else { 1.0 };
         self.step_range_ms().map(|ms| unit * ms)
     }
 
-    /// Whether it costs less than another beyond noise: each of its rounds, or hands, than each of the other's, and its median
-    /// by 5 %.
+    /// Whether this point costs less than another beyond noise: its slowest round (or hand) is cheaper than the other's
+    /// fastest one, and its median by at least 5 %.
     pub fn is_cheaper(&self, other: &Point) -> bool {
         self.cost() < (1.0 - SAME_COST) * other.cost() && self.cost_range()[1] < other.cost_range()[0]
     }
 
-    /// What is paid: milliseconds of a step, or where steps differ in length their time over the time that they simulate.
+    /// Cost of the setting: milliseconds of a step, or, where steps differ in length, computing time over simulated
+    /// time.
     pub fn cost(&self) -> f64 {
         if self.simulated_s > 0.0 { 1e-3 * self.step_ms() / self.simulated_s } else { self.step_ms() }
     }
 
-    /// The error that counts: of the force, or of the displacements where nothing is touched.
+    /// The error that counts: that of the force, or that of the displacements where nothing is touched.
     pub fn error(&self) -> Option<f64> {
         self.force_error.or(self.displacement_error)
     }
 
-    /// Whether no other is at once cheaper and no less accurate, or more accurate and no dearer, each by 5 % at least; flagged
-    /// ones do not count.
+    /// Whether no point of `others` beats this one by being cheaper and as accurate, or more accurate and no dearer;
+    /// errors within 5 % count as equal, costs as [`Point::is_cheaper`] says. A flagged point is never best and beats
+    /// none.
     fn is_best_of(&self, others: &[Point]) -> bool {
         let Some(error) = self.error().filter(|_| self.flags.is_empty()) else { return false };
         let is_better = |other: &Point| match other.error().filter(|_| other.flags.is_empty()) {
@@ -179,7 +192,7 @@ impl Point {
 }
 
 impl Curve {
-    /// Its lines, in order of their first points.
+    /// The lines of the curve, in the order of their first points.
     pub fn lines(&self) -> Vec<Line<'_>> {
         let mut lines: Vec<Line> = Vec::new();
         for point in &self.points {
@@ -191,20 +204,21 @@ impl Curve {
         lines
     }
 
-    /// Which points are the best buys among those of their panel: no other is faster beyond noise and as accurate. None is of
-    /// what is not the engine's.
+    /// Whether each point is a best buy: no other point of its panel is as accurate and cheaper beyond noise, or more
+    /// accurate and no dearer. Points of the panel `beside`, which is not the engine's, are none.
     pub fn best(&self) -> Vec<bool> {
         let panel = |name: &str| self.points.iter().filter(|other| other.panel == name).cloned().collect::<Vec<_>>();
         let is_own = |point: &Point| self.beside.is_empty() || point.panel != self.beside;
         self.points.iter().map(|point| is_own(point) && point.is_best_of(&panel(&point.panel))).collect()
     }
 
-    /// Powers of ten that the errors of a line span, of the line where they are most.
+    /// Powers of ten that the errors of a line span, of the line whose errors span most.
     pub fn decades(&self) -> f64 {
         self.lines().iter().map(Line::decades).fold(0.0, f64::max)
     }
 
-    /// The error that counts for each line, or for all as one; `None`: it is no number.
+    /// The judged error of each line, or of each panel as one line (see [`Judged`]); `None`: a setting has no finite
+    /// error.
     pub fn counted(&self) -> Vec<(Line<'_>, Option<f64>)> {
         let lines = || self.lines().into_iter().filter(|line| self.beside.is_empty() || line.panel != self.beside);
         match self.judged {
@@ -218,37 +232,37 @@ impl Curve {
         }
     }
 
-    /// Those whose error that counts is beyond the bound, or no number.
+    /// The judged lines whose error is beyond the bound, or is missing or NaN.
     pub fn beyond(&self) -> Vec<(Line<'_>, Option<f64>)> {
         let all = self.counted().into_iter();
         all.filter(|(_, error)| error.is_none_or(|error| error > self.bound || error.is_nan())).collect()
     }
 
-    /// Whether every line is within the bound.
+    /// Whether there are judged lines and all of them are within the bound.
     pub fn is_within(&self) -> bool {
         !self.counted().is_empty() && self.beyond().is_empty()
     }
 }
 
 impl Line<'_> {
-    /// Its panel and its name, as far as it has them.
+    /// The titles of the panel and of the line, without empty ones.
     pub fn title(&self) -> String {
         let parts = [self.panel, self.name];
         parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
     }
 
-    /// The error of the finest setting.
+    /// The error of the finest setting, which is the last point.
     pub fn finest(&self) -> Option<f64> {
         self.points.last()?.error()
     }
 
-    /// The greatest error; `None` where one is no number.
+    /// The greatest error of the line; `None` where a point has none.
     pub fn worst(&self) -> Option<f64> {
         let errors: Option<Vec<f64>> = self.points.iter().map(|point| point.error()).collect();
         errors?.into_iter().max_by(f64::total_cmp)
     }
 
-    /// Powers of ten between the least and the greatest error above zero, without those that are small by chance.
+    /// Powers of ten between the least and the greatest error above zero; errors that are small by chance are left out.
     pub fn decades(&self) -> f64 {
         let all: Vec<f64> = self.points.iter().filter_map(|point| point.error()).filter(|error| *error > 0.0).collect();
         let is_chance = |k: usize| k > 0 && k + 1 < all.len() && CHANCE * all[k] < all[k - 1].min(all[k + 1]);
@@ -257,9 +271,9 @@ impl Line<'_> {
         if low < high { (high / low).log10() } else { 0.0 }
     }
 
-    /// The power of the knob by which the error falls, of the displacements or of the force, and of how many points: least
-    /// squares of the logarithms over the asymptotic part; `None` where that has fewer than three, or where neighbours have
-    /// powers of their own that are far from it.
+    /// The order of convergence (exponent of the knob), of the displacements' error if `is_of_shape`, else of the
+    /// force's, and the number of points: a least-squares fit of the logarithms over the asymptotic part. `None` where
+    /// that has fewer than three points, or where neighbouring points have orders that are far from the fitted one.
     pub fn order(&self, is_of_shape: bool) -> Option<(f64, usize)> {
         let fitted = self.asymptotic(&|point| error_of(point, is_of_shape), f64::ln);
         let order = fit::exponent(&fitted)?;
@@ -267,21 +281,22 @@ impl Line<'_> {
         is_one.then_some((order, fitted.len()))
     }
 
-    /// The power between each setting and the next whose errors are above zero.
+    /// The order of convergence between each two neighbouring points with errors above zero.
     pub fn local_orders(&self, is_of_shape: bool) -> Vec<f64> {
         let all = self.points.iter().filter_map(|point| Some((point.value, error_of(point, is_of_shape)?)));
         all.filter(|(_, error)| *error > 0.0).collect::<Vec<_>>().windows(2).map(local_order).collect()
     }
 
-    /// What a unit of the knob leaves of the error, and of how many points: the same with the knob itself.
+    /// The share of the error that one more unit of the knob leaves, and the number of points: as [`Line::order`], but
+    /// a fit of ln(error) against the knob itself.
     pub fn share(&self) -> Option<(f64, usize)> {
         let fitted = self.asymptotic(&Point::error, |x| x);
         let fitted: Vec<(f64, f64)> = fitted.iter().map(|(x, y)| (x.exp(), *y)).collect();
         Some((fit::exponent(&fitted)?.exp(), fitted.len()))
     }
 
-    /// Knob and error of the finest settings whose errors are small, without those that are no better than a coarser one.
-    /// `scale`: of the knob, along which the error falls evenly.
+    /// Knob and error of the points of the asymptotic part, finest first: those with small errors above the floor.
+    /// `scale` maps the knob to the axis along which ln(error) falls evenly.
     fn asymptotic(&self, error: &dyn Fn(&Point) -> Option<f64>, scale: fn(f64) -> f64) -> Vec<(f64, f64)> {
         let all = self.points.iter().filter_map(|point| Some((point.value, error(point)?)));
         let mut all: Vec<(f64, f64)> = all.filter(|(_, error)| *error > 0.0).collect();
@@ -297,7 +312,7 @@ impl Line<'_> {
     }
 }
 
-/// The power between the last two of some points; `None` where there are not two with errors above zero.
+/// The order of convergence between the last two of some points; `None` unless two have errors above zero.
 pub fn last_order(points: &[Point]) -> Option<f64> {
     let line = Line { panel: "", name: "", points: points.iter().collect() };
     line.local_orders(false).last().copied()

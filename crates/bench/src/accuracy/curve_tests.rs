@@ -1,3 +1,5 @@
+//! Tests of curves: best buys, orders of convergence, shares, and the verdict.
+
 use super::*;
 
 fn point(value: f64, ms: f64, error: Option<f64>) -> Point {
@@ -30,13 +32,14 @@ fn the_best_buys_are_those_that_nothing_beats_in_both() {
 fn noise_makes_no_best_buy() {
     let rounds =
         |us: [f64; 3], error| Point { step_us: us.map(|us| vec![us]).to_vec(), ..point(1.0, 1.0, Some(error)) };
-    // Cheaper by 2 %, and by 20 % with rounds that overlap: what is more accurate is the better buy.
+    // The cheaper point is so by 2 % only, or by 20 % with rounds that overlap: both are noise, and the more accurate
+    // wins.
     for (cheap, dear) in [([980.0; 3], [1000.0; 3]), ([700.0, 800.0, 990.0], [900.0, 1000.0, 1100.0])] {
         assert_eq!(curve(vec![rounds(cheap, 0.02), rounds(dear, 0.01)]).best(), [false, true]);
     }
     let clear = [rounds([700.0, 800.0, 850.0], 0.02), rounds([900.0, 1000.0, 1100.0], 0.01)];
     assert_eq!(curve(clear.to_vec()).best(), [true, true]);
-    // What noise tells apart only is as good as each other where it is as accurate.
+    // Of two equally accurate points that only noise tells apart, both are best buys.
     assert_eq!(curve(vec![rounds([980.0; 3], 0.01), rounds([1000.0; 3], 0.01)]).best(), [true, true]);
 }
 
@@ -52,7 +55,7 @@ fn luck_neither_spans_nor_judges_nor_makes_an_order() {
     assert!((lucky.lines()[0].local_orders(false)[0] - 2.0).abs() < 1e-9);
     let steady = curve(at(&[0.08, 0.02, 0.005, 0.00125, 0.0003125]));
     assert!((steady.lines()[0].order(false).unwrap().0 - 2.0).abs() < 1e-9 && steady.is_within());
-    // Of two lines that are far apart neither spans what is between them.
+    // A span is that of one line: here line `b` is far below line `a`, and the gap between them does not count.
     let named = |line: &str, k| Point { line: line.into(), ..point(1.0, 1.0, Some(k)) };
     assert!(curve(vec![named("a", 1.0), named("a", 0.5), named("b", 1e-4), named("b", 1e-4)]).decades() < 0.31);
 }
@@ -93,13 +96,14 @@ fn orders_are_fitted_where_errors_fall_and_not_to_floor_or_ceiling() {
     let points = [1.0, 0.4, 0.2, 0.1, 0.05, 0.001, 0.0005].map(|h| point(h, 1.0, second(h))).to_vec();
     let all = curve(points.clone());
     let (order, count) = all.lines()[0].order(false).unwrap();
-    // From 0.4, whose error is under a tenth; 0.001 is where the floor begins, and is not as fine as it says.
+    // The fit takes 0.4, the first error below a tenth, to 0.001, where the floor begins: its error is above the power
+    // law's, so that the order comes out below 2.
     assert!(count == 5 && order < 2.0, "{order} of {count}");
     let all = curve(points[..5].to_vec());
     let (order, count) = all.lines()[0].order(false).unwrap();
     assert!((order - 2.0).abs() < 1e-9 && count == 4, "{order} of {count}");
     assert!((all.decades() - (0.5f64 / 0.5 / 0.0025).log10()).abs() < 1e-9);
-    // The other way round, and of the displacements.
+    // Points in reverse order have the same order; displacements, which these points lack, have none.
     let turned = curve(points[..5].iter().rev().cloned().collect());
     assert!((turned.lines()[0].order(false).unwrap().0 - 2.0).abs() < 1e-9);
     assert!(turned.lines()[0].order(true).is_none());

@@ -1,4 +1,5 @@
-//! The report of the curves. Findings are computed: no number of a measurement is written here.
+//! The report of the accuracy curves: for each its table, plot and finding. Findings are computed from the
+//! measurements; none of their numbers is written here.
 
 use palpate::Result;
 use serde_json::Value;
@@ -8,26 +9,27 @@ use super::{Curve, Judged, Point, front, presets};
 use crate::plot::{self, Logarithmic, Panel, panels};
 use crate::{Section, Table};
 
-/// What buys less than this of the error is not worth a word.
+/// The most accurate setting is named beside the cheapest only where its error is less by at least this factor.
 const WORTH_TELLING: f64 = 2.0;
-/// Said where a curve gives no reason; no curve may come to that.
+/// Text of the report where a curve gives no reason for what it should explain; no shipped curve should come to that.
 const UNKNOWN: &str = "why is not known";
 
-/// How it was measured.
+/// How the curves were measured, and what the columns of their tables mean.
 pub fn preface(settings: &Value) -> String {
     let rounds = settings.get("rounds").and_then(Value::as_u64).unwrap_or(0);
     format!(
-        "`ms` is wall time of a step, pose in and wrench out: the median over the steps of a run, the median of runs ({rounds} \
-         of each setting), `from` and `to` those of the fastest and slowest of five runs, or of five hands that the steps of fewer are \
-         dealt into; the settings of a curve run a few steps in turn, twelve at once at most. `error` is the largest difference of the force on \
-         the tool from the reference's, over its largest force; `shape` the same of the nodes' displacements. `*` marks the \
-         best buys: nothing else in the plot is as accurate and faster, both by 5 % and in every run or hand, flagged settings left out. The dashed line is \
-         {}, which a person just notices.",
+        "`ms` is wall time of a step, pose in and wrench out: the median over the steps of a run, the median of runs \
+         ({rounds} of each setting), `from` and `to` those of the fastest and slowest of five runs or, with fewer than \
+         five runs, of five interleaved subsets of the steps; the settings of a curve run a few steps in turn, twelve \
+         at once at most. `error` is the largest difference of the force on the tool from the reference's, over its \
+         largest force; `shape` the same of the nodes' displacements. `*` marks the best buys: nothing else in the \
+         plot is as accurate and faster, both by 5 % and in every run or subset, flagged settings left out. The dashed \
+         line is {}, which a person just notices.",
         percent(JUST_NOTICEABLE)
     )
 }
 
-/// A section for each curve, and the presets after theirs.
+/// A section for each curve; the section of the presets follows that of the curve that they are chosen from.
 pub fn sections(curves: &[Curve]) -> Result<Vec<Section>> {
     let mut sections = Vec::new();
     for curve in curves {
@@ -39,7 +41,7 @@ pub fn sections(curves: &[Curve]) -> Result<Vec<Section>> {
     Ok(sections)
 }
 
-/// A curve's table, plot and finding.
+/// A curve's section: its table, plot and finding.
 pub fn section(curve: &Curve) -> Result<Section> {
     let is_by_time = curve.points.iter().any(|point| point.simulated_s > 0.0);
     let x = if is_by_time { "computing time over simulated time" } else { "ms a step" };
@@ -54,7 +56,7 @@ pub fn section(curve: &Curve) -> Result<Section> {
             None => drawn.push(Panel { title: line.panel.into(), lines: vec![new] }),
         }
     }
-    // What has no error has no logarithm.
+    // A panel without errors above zero cannot be drawn on a logarithmic axis.
     drawn.retain(|panel| panel.lines.iter().any(|line| line.points.iter().any(|(_, error)| *error > 0.0)));
     let plot = if drawn.is_empty() { None } else { Some(panels(&axes, &drawn)?) };
     let (finding, notes) = finding(curve);
@@ -72,7 +74,7 @@ fn table(curve: &Curve, is_by_time: bool) -> Table {
     let stage = format!("ms of {}", curve.stage);
     let mut heads = vec!["setting", "ms", "from", "to", stage.as_str()];
     if is_by_time {
-        heads.push("of real time");
+        heads.push("computing time / simulated time");
     }
     heads.extend(["iterations", "error", "shape", "flags", "best"]);
     let mut table = Table::new(heads);
@@ -91,8 +93,8 @@ fn table(curve: &Curve, is_by_time: bool) -> Table {
     table
 }
 
-/// The one sentence, and what stands below it: of a curve beyond its bound that it is; of settings none of which is finer than
-/// another that all are the same; else what the error costs.
+/// The sentence of the finding, and the notes below it. The sentence is the verdict where every setting is judged or
+/// the curve is beyond its bound; else it is what the error costs, and the verdict is a note.
 fn finding(curve: &Curve) -> (String, Vec<String>) {
     let (verdict, bought) = (verdict(curve), bought(curve));
     let [first, second] = match (curve.judged, curve.is_within()) {
@@ -104,7 +106,7 @@ fn finding(curve: &Curve) -> (String, Vec<String>) {
     (first, notes.into_iter().filter(|text| !text.is_empty()).collect())
 }
 
-/// What the settings that are judged promise.
+/// The verdict: whether the judged settings are within the curve's bound, and how far off they are.
 fn verdict(curve: &Curve) -> String {
     let bound = percent(curve.bound);
     let of = |error: Option<f64>| error.map_or("no finite force".into(), percent);
@@ -125,13 +127,14 @@ fn verdict(curve: &Curve) -> String {
     format!("NOT within {bound} of the reference: {}.", all.join("; "))
 }
 
-/// Curves that are not within their bounds, in words.
+/// Name and verdict of each curve that is not within its bound.
 pub fn faults(curves: &[Curve]) -> Vec<String> {
     let bad = curves.iter().filter(|curve| !curve.is_within());
     bad.map(|curve| format!("{}: {}", curve.name, verdict(curve).trim_end_matches('.'))).collect()
 }
 
-/// The cheapest setting below what is noticed, of each panel, and what the most accurate one costs beside it.
+/// For each panel the cheapest best buy with an error below the just noticeable difference, and what the most accurate
+/// one costs beside it.
 fn bought(curve: &Curve) -> String {
     let best = curve.best();
     let mut panels: Vec<&str> = curve.points.iter().map(|point| point.panel.as_str()).collect();
@@ -164,7 +167,8 @@ fn bought(curve: &Curve) -> String {
     }
 }
 
-/// Orders of convergence beside what theory has; where they are not that, those from setting to setting, and why.
+/// The fitted orders of convergence beside theory's; where they differ, the orders between neighbouring points as well,
+/// and the curve's reason.
 fn orders(curve: &Curve) -> String {
     let Some(expected) = &curve.expected else { return shares(curve) };
     let mut others = Vec::new();
@@ -177,7 +181,7 @@ fn orders(curve: &Curve) -> String {
         }
         match order {
             Some((order, count)) => format!("{order:.2}{} ({count} points)", named(line)),
-            None => format!("not to be told{}", named(line)),
+            None => format!("cannot be fitted{}", named(line)),
         }
     };
     let all: Vec<String> = curve.lines().iter().map(one).collect();
@@ -195,17 +199,21 @@ fn orders(curve: &Curve) -> String {
     )
 }
 
-/// What is left of the error with each unit of the knob.
+/// The share of the error that each unit of the knob leaves, for curves without a power law.
 fn shares(curve: &Curve) -> String {
     if curve.share.is_empty() {
         return String::new();
     }
     let one = |line: &super::Line| {
-        let share = line.share().map_or("not to be told".into(), |(x, count)| format!("{x:.2} ({count} points)"));
+        let share = line.share().map_or("cannot be fitted".into(), |(x, count)| format!("{x:.2} ({count} points)"));
         format!("{share}{}", named(line))
     };
     let all: Vec<String> = curve.lines().iter().map(one).collect();
-    format!("Each more leaves this of the error: {}; theory has a share, not a power: {}.", all.join(", "), curve.share)
+    format!(
+        "Each further unit leaves this share of the error: {}; theory predicts a constant factor, not a power law: {}.",
+        all.join(", "),
+        curve.share
+    )
 }
 
 fn named(line: &super::Line) -> String {
@@ -215,7 +223,7 @@ fn named(line: &super::Line) -> String {
 
 fn span(curve: &Curve) -> String {
     let decades = curve.decades();
-    // Where none is finer than another, errors fall along no line, however far they are apart.
+    // Where no setting is finer than another the errors follow no law, so that their span is always explained.
     if decades >= DECADES && curve.judged != Judged::Every {
         return String::new();
     }
@@ -226,7 +234,7 @@ fn reason(known: &str) -> &str {
     if known.is_empty() { UNKNOWN } else { known }
 }
 
-/// Three digits.
+/// A number such as a time in milliseconds, with about three digits.
 pub(super) fn ms(time: f64) -> String {
     match time {
         t if t < 10.0 => format!("{t:.2}"),
@@ -239,7 +247,7 @@ pub(super) fn digits(x: f64) -> String {
     if x < 0.01 { format!("{x:.0e}") } else { ms(x) }
 }
 
-/// Two digits.
+/// A share of one as a percentage, with about two digits.
 pub(super) fn percent(share: f64) -> String {
     match 100.0 * share {
         0.0 => "0 %".into(),

@@ -1,3 +1,5 @@
+//! Tests of the texts of the accuracy report.
+
 use super::*;
 use crate::accuracy::Expected;
 
@@ -11,7 +13,7 @@ fn curve(errors: &[f64]) -> Curve {
     Curve { name: "some".into(), points, expected, bound: 0.1, ..Curve::default() }
 }
 
-/// Sentence and notes as one.
+/// The finding's sentence and its notes as one text.
 fn finding(curve: &Curve) -> String {
     let (sentence, notes) = super::finding(curve);
     sentence + " " + &notes.join(" ")
@@ -36,7 +38,7 @@ fn an_order_and_a_span_have_reasons_of_their_own_and_an_empty_one_shows() {
     first.span_reason = "of the span".into();
     let told = finding(&first);
     assert!(told.contains("ten: of the span") && !told.contains(UNKNOWN), "{told}");
-    // As theory has it, and over two decades: nothing is to be explained.
+    // The order is theory's and the errors span over two decades, so that no reason is asked for.
     let second = finding(&curve(&[0.08, 0.02, 0.005, 0.00125, 0.0003125]));
     assert!(!second.contains(UNKNOWN) && second.contains("near enough"), "{second}");
 }

@@ -1,5 +1,6 @@
-//! All knobs at once, on a soft and on a stiff head that a sphere presses: which settings nothing beats, of which three have
-//! names ([`super::presets`]).
+//! The curve `presets` of `palpate bench accuracy`: time step, Newton iterations, solver tolerance and contact sides
+//! varied together, on a soft and on a stiff head that a sphere presses. It shows which settings no other beats in both
+//! error and cost; the presets of scenes are chosen from them ([`super::presets`]).
 
 use glam::{DQuat, DVec3};
 use palpate::scene::{Coupling, Key, Sides};
@@ -12,36 +13,38 @@ use crate::haptics;
 use crate::haptics::head::{self, CHEEK, Skin};
 use crate::solver::stiffness;
 
-/// Of the curve.
+/// Name of the curve.
 pub const NAME: &str = "presets";
-/// From the first touch of the cheek to where the hand ends, m.
+/// Depth of the sphere's last desired position below the first touch of the cheek, m.
 const TRAVEL: f64 = 0.008;
-/// Above the first touch, m.
+/// Height of its first desired position above the first touch, m.
 const ABOVE: f64 = 0.0005;
-/// Longest steps that the way down takes, and that a run has.
+/// Time in which the desired position goes down, in longest time steps ([`LONGEST`]).
 const DOWN: f64 = 1.5;
+/// Length of a run, in longest time steps.
 const UNITS: usize = 3;
-/// Young's moduli of the head, Pa: flesh, and what is a hundred times as stiff.
+/// Young's moduli of the head, Pa: flesh, and a hundred times as stiff.
 const YOUNG: [f64; 2] = [2e4, 2e6];
-/// Of the reference.
+/// Solver tolerance and Newton iterations of the reference.
 const TIGHT: (f64, u32) = (1e-5, 3);
-/// The force of the most accurate setting, of the reference's.
+/// Largest error of the most accurate setting's force, as a share of the reference's.
 const BOUND: f64 = 0.05;
 
+/// The values of each knob that are combined, the finest last.
 struct Grid {
     tolerances: &'static [f64],
     newton: &'static [u32],
     sides: &'static [(&'static str, Sides)],
-    /// Of the longest step, but for these of the settings.
+    /// How many of the finest time steps ([`Settings::halvings`] of the longest) are left out.
     spared: u32,
 }
 
-/// Of each knob the finest last.
+/// Contact at the vertices of the finer skin alone, or at those of both skins.
 const SIDES: &[(&str, Sides)] = &[("one", Sides::One), ("both", Sides::Both)];
 const FULL: Grid = Grid { tolerances: &[1e-1, 1e-2, 1e-3, 1e-4], newton: &[1, 2], sides: SIDES, spared: 1 };
 const QUICK: Grid = Grid { tolerances: &[1e-1, 1e-2], newton: &[1, 2], sides: SIDES, spared: 2 };
 
-/// Tolerance, Newton's iterations, contact's sides and time step, each with each, on both heads.
+/// Measures every combination of tolerance, Newton iterations, contact sides and time step on both heads.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let grid = if settings.is_quick { QUICK } else { FULL };
     let most = settings.halvings.saturating_sub(grid.spared).max(1);
@@ -101,7 +104,8 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
     })
 }
 
-/// Which knob has most of the error: how far settings of the same time step are apart, and how far time steps are.
+/// Which knob causes most of the error: compares by which factor the best errors of different time steps differ, and by
+/// which factor errors within one time step do.
 fn span_reason(points: &[Point]) -> String {
     let least = |own: &[Point]| own.iter().filter_map(Point::error).fold(f64::INFINITY, f64::min);
     let (mut steps, mut others) = (1.0f64, 1.0f64);
@@ -110,11 +114,14 @@ fn span_reason(points: &[Point]) -> String {
         steps = steps.max(factor(lines().map(least).filter(|error| error.is_finite())));
         others = lines().map(|own| factor(own.iter().filter_map(Point::error))).fold(others, f64::max);
     }
-    let most =
-        if steps > others { "most of the error is the time step's" } else { "the time step has not most of the error" };
+    let most = if steps > others {
+        "most of the error is that of the time step"
+    } else {
+        "the time step does not cause most of the error"
+    };
     format!(
-        "{most}: the best of each step are apart by a factor of {steps:.1}, settings of one step by {others:.1} at most, and \
-         steps so short as to span more are not worth their time here"
+        "{most}: the best errors of different time steps differ by a factor of {steps:.1}, those within one time step \
+         by at most {others:.1}, and time steps short enough to span more are not worth their time here"
     )
 }
 
@@ -141,7 +148,7 @@ fn point(scene: &Scene, sides: &str, panel: String) -> Point {
     }
 }
 
-/// The head, pressed, and its tetrahedra.
+/// The scene of the pressed head, and the number of its tetrahedra.
 fn scene(settings: &Settings) -> Result<(Scene, usize)> {
     let head = haptics::Settings { vertices: settings.vertices, cell: settings.cell, ..haptics::Settings::quick() };
     let at_origin = head::scene(&head, DVec3::ZERO);
@@ -151,7 +158,7 @@ fn scene(settings: &Settings) -> Result<(Scene, usize)> {
     let mut scene = head::scene(&head, start);
     scene.coupling = Some(Coupling { stiffness: 500.0, damping: 5.0, angular_stiffness: 0.5, angular_damping: 0.002 });
     scene.drive = vec![key(0.0, start), key(DOWN * LONGEST, end)];
-    // A head that sags under its weight while it is pressed would say more of the sag.
+    // Without gravity, since the force of a head that sags while it is pressed would say more about the sagging.
     scene.step.gravity = DVec3::ZERO;
     let body = crate::solver::prepared(&scene)?;
     let tetrahedra = crate::solver::layer(&body)?.tetrahedra.len();
@@ -168,6 +175,6 @@ mod tests {
         let told = span_reason(&[at("4 ms", 0.4), at("4 ms", 0.5), at("2 ms", 0.2), at("2 ms", 0.2)]);
         assert!(told.starts_with("most of") && told.contains("2.0") && told.contains("1.2"), "{told}");
         let told = span_reason(&[at("4 ms", 0.1), at("4 ms", 0.5), at("2 ms", 0.2), at("2 ms", 0.2)]);
-        assert!(told.starts_with("the time step has not"), "{told}");
+        assert!(told.starts_with("the time step does not"), "{told}");
     }
 }

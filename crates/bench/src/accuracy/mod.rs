@@ -1,4 +1,6 @@
-//! `palpate bench accuracy`: what each knob of a scene buys: the error of the force against the time of a step.
+//! `palpate bench accuracy`: what each knob of a scene buys, that is, the error of the force against the computing time
+//! of a step. A knob is a value of a scene (solver tolerance, time step, cell size ..) that is varied while the rest
+//! stays.
 
 pub mod curve;
 mod document;
@@ -24,38 +26,38 @@ use palpate::{Error, Options, Result};
 use super::suite::{from_value, to_value};
 use super::{Benchmark, Section};
 
-/// How much is measured.
+/// How large the scenes are and how often they are run.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
     /// Runs of each setting.
     pub rounds: usize,
-    /// See [`race::Rules`].
+    /// Least number of steps of a setting in a round: see [`race::Rules`].
     pub timed_steps: usize,
-    /// Of the blocks that are pressed, an edge.
+    /// Cells of the pressed blocks along x, y and z.
     pub cells: [u32; 3],
-    /// Steps of a press.
+    /// Steps of a press of a block.
     pub steps: usize,
-    /// Halvings of the longest time step.
+    /// How many times the longest time step is halved for the shortest one.
     pub halvings: u32,
-    /// Of the head's skin.
+    /// Vertices of the head's skin.
     pub vertices: usize,
-    /// Lattice cell of the head's layer, m.
+    /// Edge of a lattice cell of the head's layer (its tetrahedral mesh), m.
     pub cell: f64,
-    /// Whether this is a short form of the whole.
+    /// Whether this is the short form of the benchmark (`--quick`).
     pub is_quick: bool,
-    /// Device, by name or index; `None`: the best.
+    /// GPU device, by name or index; `None`: the best one.
     pub device: Option<String>,
-    /// See [`Options::replaced`].
+    /// Shaders to replace, for tests that plant faults: see [`Options::replaced`].
     #[serde(skip)]
     pub replaced: Vec<(String, Vec<u8>)>,
 }
 
-/// Why errors that fall to a floor span no more.
-const SINGLE: &str = "single precision has what is left of them";
+/// Reason that a curve gives where its errors end at the floor of single precision.
+const SINGLE: &str = "the remaining error is that of single precision";
 
 type Measure = fn(&Settings, &mut dyn FnMut(&str)) -> Result<Curve>;
 
-/// Every curve, and what measures it.
+/// Name of every curve, and the function that measures it.
 const CURVES: &[(&str, Measure)] = &[
     ("tolerance", tolerance::by_tolerance),
     ("iterations", tolerance::by_iterations),
@@ -72,7 +74,7 @@ const CURVES: &[(&str, Measure)] = &[
 ];
 
 impl Settings {
-    /// All of it.
+    /// The whole benchmark.
     pub fn full() -> Settings {
         Settings {
             rounds: 3,
@@ -88,35 +90,36 @@ impl Settings {
         }
     }
 
-    /// How settings race: whose times are summed, on which device.
+    /// The rules by which settings are run: `stages` are those whose times are summed, `options` open the engine.
     fn rules<'a>(&self, stages: &'a [&'a str], options: &'a Options) -> race::Rules<'a> {
         race::Rules { rounds: self.rounds, timed_steps: self.timed_steps, stages, options }
     }
 
-    /// Smaller bodies, one run: for a first look, not for figures.
+    /// A short form with smaller blocks and one run of each setting, for a first look; not for figures to quote.
     pub fn quick() -> Settings {
         Settings { rounds: 1, timed_steps: 0, cells: [7, 4, 7], steps: 50, is_quick: true, ..Settings::full() }
     }
 
-    /// What the engine is opened with.
+    /// Options with which the engine is opened.
     pub fn options(&self) -> Options {
         Options { device: self.device.clone(), replaced: self.replaced.clone(), ..Options::of_program() }
     }
 }
 
-/// Of all curves.
+/// Names of all curves.
 pub fn names() -> impl Iterator<Item = &'static str> {
     CURVES.iter().map(|(name, _)| *name)
 }
 
-/// Measures one curve; `watch` is told what begins. Errors: no curve of that name, a device or a reference that fails.
+/// Measures one curve; `watch` is called with the name of each part of the work that begins. Errors: there is no curve
+/// of that name, or opening the engine, a run or a reference fails.
 pub fn measure(name: &str, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let found = CURVES.iter().find(|(known, _)| *known == name);
     let (_, measure) = found.ok_or_else(|| Error::Simulation(format!("there is no curve `{name}`")))?;
     measure(settings, &mut |what| watch(&format!("{name}: {what}")))
 }
 
-/// The largest of some errors over the least; 1 without any.
+/// The largest of some errors over the least; 1 where there are none or they are equal.
 fn factor(errors: impl Iterator<Item = f64>) -> f64 {
     let (low, high) = errors.fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(x), high.max(x)));
     if low < high { high / low } else { 1.0 }
@@ -126,7 +129,7 @@ fn curves(parts: &Map<String, Value>) -> Result<Vec<Curve>> {
     names().filter_map(|name| parts.get(name)).map(from_value).collect()
 }
 
-/// The benchmark: a part for each curve.
+/// The benchmark `accuracy`; each curve is a part of it.
 pub struct Accuracy(pub Settings);
 
 impl Benchmark for Accuracy {

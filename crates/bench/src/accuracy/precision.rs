@@ -1,4 +1,5 @@
-//! What single precision costs: the engine, as tight as it can be asked for, against the same steps in f64.
+//! The curve `precision` of `palpate bench accuracy`: what single precision costs. The engine, solved as tightly as
+//! single precision allows, runs against the same steps of the f64 oracle.
 
 use palpate::Result;
 
@@ -8,29 +9,29 @@ use super::race::{Entrant, race};
 use super::twin::{Reference, reference};
 use super::{Curve, Judged, Point, Settings, factor};
 
-/// As tight as a scene can ask for with a purpose.
+/// Solver tolerance; single precision gains nothing from a tighter one.
 const TIGHTEST: f64 = 1e-7;
-/// And iterations for it.
+/// Cap on the solver iterations that this tolerance may take.
 const MANY: u32 = 2_000;
-/// Of the blocks: f64 steps are solved directly, which takes long.
+/// Cells of the blocks along x, y and z; few, because the oracle solves each f64 step directly, which takes long.
 const CELLS: [u32; 3] = [6, 4, 6];
 /// Young's moduli, Pa.
 const YOUNG: [f64; 6] = [1e3, 1e4, 1e5, 1e6, 1e7, 1e8];
-/// Edges of the block, m.
+/// Edges of the block, m, on the line that varies the size.
 const EDGES: [f64; 6] = [1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0];
-/// Of the block from the world's origin, along x and z, m.
+/// Offsets of the block from the world's origin, the same along x and z, m.
 const OFFSETS: [f64; 6] = [0.1, 1.0, 10.0, 1e2, 1e3, 1e4];
-/// Steps, of the usual number, over 10.
+/// Numbers of steps, in tenths of the usual number.
 const TENTHS: [usize; 6] = [5, 10, 20, 30, 40, 80];
 /// Edge of the usual block, m.
 const EDGE: f64 = 0.1;
-/// Every force, of the reference's.
+/// Largest error of any setting's force, as a share of the reference's.
 const BOUND: f64 = 1e-3;
 
-/// An error that changes by less than this factor changes by little.
+/// An error that changes by less than this factor along a line changes by little.
 const LITTLE: f64 = 3.0;
 
-/// Stiffness, size, place and number of steps, each from little to much.
+/// Varies the stiffness, the size, the place and the number of steps one at a time, each from little to much.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let usual = Press { cells: CELLS, ..Press::default() };
     let steps = if settings.is_quick { settings.steps / 2 } else { settings.steps };
@@ -41,7 +42,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
         let steps = (steps * tenths).div_ceil(10).max(1);
         ("steps", steps as f64, format!("{steps} steps"), usual, steps)
     });
-    // A first look goes two of the ways: f64 steps take long.
+    // The short form varies stiffness and offset alone, because the f64 steps take long.
     let all = if settings.is_quick { [stiff, far].concat() } else { [stiff, size, far, long].concat() };
     let options = settings.options();
     let longest = all.iter().filter(|(line, ..)| *line == "steps").map(|(.., steps)| *steps).max().unwrap_or(0);
@@ -80,12 +81,13 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
     })
 }
 
-/// The press of another size, in times that make the motion the same but for it.
+/// The usual press scaled to another size; all times are scaled with it, so that the motion stays similar.
 fn alike(size: f64, usual: &Press) -> Press {
     Press { size, dt: size * usual.dt, seconds: size * usual.seconds, damping: size * usual.damping, ..*usual }
 }
 
-/// Along which ways the error changes by little, and along which by how much.
+/// Reason for the span of the errors: the lines along which the error changes by little and those along which it
+/// changes by much, each with its factor.
 fn span_reason(points: &[Point]) -> String {
     let (mut little, mut much) = (Vec::new(), Vec::new());
     for own in points.chunk_by(|a, b| a.line == b.line) {
@@ -101,9 +103,9 @@ fn span_reason(points: &[Point]) -> String {
     let listed =
         |all: &[String], what: &str| if all.is_empty() { String::new() } else { format!("{what} {}", all.join(", ")) };
     let parts = [
-        listed(&little, "the error changes by little, a factor, along"),
-        listed(&much, "it changes by a factor with"),
-        "rounding is all that is left of it".into(),
+        listed(&little, "the error changes little (factor in brackets) along"),
+        listed(&much, "it changes much (factor in brackets) with"),
+        "the remaining error is rounding".into(),
     ];
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
 }

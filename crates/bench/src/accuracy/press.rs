@@ -1,47 +1,49 @@
-//! What is pressed: a block with a fixed bottom, and a sphere that a hand pushes into it and holds there.
+//! A scene that several accuracy curves measure: a block with a fixed bottom, and a sphere tool that the haptic device,
+//! through the virtual coupling, pushes into it and holds there.
 
 use glam::{DQuat, DVec3};
 use palpate::Scene;
 use palpate::scene::{self, Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Motion, Tool, ToolShape};
 
-/// Half of the block's edges, m.
+/// Half extents of the block, m.
 pub const HALF: DVec3 = DVec3::new(0.05, 0.03, 0.05);
-/// Of the sphere, m.
+/// Radius of the sphere, m.
 const RADIUS: f64 = 0.02;
-/// Of the sphere, kg.
+/// Mass of the sphere, kg.
 const MASS: f64 = 0.05;
-/// Between sphere and block at the start, m.
+/// Gap between sphere and block at the start, m.
 const GAP: f64 = 0.0005;
-/// Nodes this near the bottom are fixed, of half the height.
+/// Nodes within this share of half the height above the bottom are attached to the fixed core.
 const ON_FACE: f64 = 0.03;
 
-/// A press. Lengths, masses and the hand follow `size`; with times that do so too the motions are alike.
+/// A press of a sphere into a block. All lengths, masses and coupling gains scale with `size`; where `dt`, `seconds`
+/// and `damping` are scaled by the caller as well, motions of different sizes are similar.
 #[derive(Debug, Clone, Copy)]
 pub struct Press {
-    /// Of the block, an edge.
+    /// Cells of the block along x, y and z.
     pub cells: [u32; 3],
     /// Young's modulus, Pa.
     pub young: f64,
-    /// Of the block.
+    /// Material law of the block.
     pub law: Law,
     /// Time step, s.
     pub dt: f64,
-    /// How far the hand goes down, m.
+    /// Distance by which the haptic device goes down, m, at size 1.
     pub travel: f64,
-    /// In which time, s.
+    /// Time in which it does so, s; then it stays.
     pub seconds: f64,
-    /// Rayleigh damping by stiffness, s.
+    /// Stiffness-proportional Rayleigh damping, s.
     pub damping: f64,
-    /// Of the hand, N s/m.
+    /// Damping of the virtual coupling, N s/m, at size 1.
     pub hand_damping: f64,
-    /// All lengths, of the usual.
+    /// Factor on all lengths.
     pub size: f64,
-    /// Of the world's origin from the block, along x and z, m.
+    /// Offset of the block from the world's origin, the same along x and z, m.
     pub offset: f64,
 }
 
 impl Default for Press {
-    /// 5 mm in 40 ms, in steps of 1 ms.
+    /// The haptic device goes down by 5 mm in 40 ms, in steps of 1 ms.
     fn default() -> Press {
         Press {
             cells: [7, 4, 7],
@@ -59,12 +61,13 @@ impl Default for Press {
 }
 
 impl Press {
-    /// The scene.
+    /// The scene of this press.
     pub fn scene(&self) -> Scene {
         let origin = DVec3::new(self.offset, 0.0, self.offset);
         let start = origin + self.size * (HALF.y + RADIUS + GAP) * DVec3::Y;
         let key = |time: f64, position: DVec3| Key { time, position, orientation: DQuat::IDENTITY };
-        // As the block's own do: masses by the cube of the size, springs by its first power, dampers between them.
+        // The tool scales as the block does, where times scale with size: mass with its cube, stiffness with size,
+        // damping with its square; angular gains have two powers more.
         let (mass, size) = (MASS * self.size.powi(3), self.size);
         let tool = Tool {
             shape: ToolShape::Sphere(RADIUS * size),
@@ -88,7 +91,7 @@ impl Press {
             ..Scene::of_body("press", self.block(origin))
         };
         scene.step.dt = self.dt;
-        // A block at rest keeps its shape.
+        // Without gravity a block at rest keeps its shape.
         scene.step.gravity = DVec3::ZERO;
         scene.contact.depth_limit = RADIUS * size;
         scene
@@ -125,7 +128,7 @@ impl Press {
         }
     }
 
-    /// Tetrahedra of the block.
+    /// Number of tetrahedra of the block.
     pub fn tetrahedra(&self) -> u32 {
         6 * self.cells.iter().product::<u32>()
     }

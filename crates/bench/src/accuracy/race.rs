@@ -1,5 +1,6 @@
-//! The settings of a curve against each other: each does a few steps in turn, and the other way round in the next turn, so
-//! that what changes on the machine meanwhile favours none; where there are many, in heats.
+//! Runs the settings of a curve against each other and takes their times and errors. Each setting (an entrant) does a
+//! few steps in turn, in reverse order in every second turn, so that a change of the machine's speed favours none. A
+//! round is one run of every entrant; where there are more entrants than fit into memory, a round is split into heats.
 
 use std::time::Instant;
 
@@ -8,71 +9,73 @@ use palpate::{Flags, Options, Result, Scene, Simulation};
 
 use super::curve::Point;
 
-/// Parts of a run that are done in turn, where it has the steps for them.
+/// A run is split into so many turns, where it has enough steps.
 const TURNS: usize = 10;
-/// Steps of a part, at least: a run of fewer than twice as many is done in one.
+/// Least number of steps of a turn; a run of fewer than twice as many is done in one turn.
 const TURN: usize = 6;
-/// Steps whose stages are timed, which costs time of its own: every so many.
+/// Stages are timed in every so many steps; since timestamps cost time, the wall time of such a step does not count.
 const TIMED_EVERY: u64 = 4;
-/// Steps of each part before those that count: they find caches cold.
+/// Steps at the start of each turn whose times do not count, because they find caches cold.
 const WARM_UP: usize = 1;
-/// Simulations at once, at most: each has kernels of its own, which are some 150 MB on lavapipe. Those of more settings race in
-/// heats, the last one first in every second round, and each heat has settings from all over the list: what the machine did
-/// meanwhile is then no property of neighbours.
+/// Most simulations that are open at once, that is, entrants of a heat: each has kernels of its own, some 150 MB on
+/// lavapipe. Each heat takes settings from all over the list and every second round runs the heats in reverse order, so
+/// that a change of the machine's speed does not look like a property of neighbouring settings.
 const MOST_AT_ONCE: usize = 12;
 
-/// Who takes part: a setting, its scene, and how many steps of it.
+/// One setting that takes part: its scene, and the number of its steps.
 #[derive(Debug, Clone)]
 pub struct Entrant {
-    /// Its names and number; times and errors are filled in.
+    /// Names and knob value of the setting; [`race`] fills in times and errors.
     pub point: Point,
-    /// With the setting in it.
+    /// The scene, with the setting in it.
     pub scene: Scene,
-    /// From rest.
+    /// Number of steps from rest.
     pub steps: usize,
 }
 
-/// How it is run.
+/// How often and by which stages the entrants are measured.
 #[derive(Debug, Clone, Copy)]
 pub struct Rules<'a> {
-    /// Runs of each entrant.
+    /// Number of rounds.
     pub rounds: usize,
-    /// A run of fewer steps is done again in the same round, until it has so many: the median of a few says little.
+    /// Least number of steps of an entrant in a round: shorter runs are repeated, since the median of few steps says
+    /// little.
     pub timed_steps: usize,
-    /// The stages whose times are summed; see [`palpate::internal::stages`].
+    /// Names of the stages whose times are summed; see [`palpate::internal::stages`].
     pub stages: &'a [&'a str],
-    /// The device.
+    /// Options with which the engine is opened: GPU device and others.
     pub options: &'a Options,
 }
 
 impl Rules<'_> {
-    /// How often a run of so many steps is done in a round.
+    /// How often a run of so many steps is repeated in a round.
     fn repeats(&self, steps: usize) -> usize {
         self.timed_steps.div_ceil(steps.max(1)).max(1)
     }
 }
 
-/// What a run found.
+/// Results of one run.
 #[derive(Debug, Clone, Default)]
 pub struct Run {
-    /// Ends of the steps, s.
+    /// Time at the end of each step, s.
     pub times: Vec<f64>,
-    /// Force on the tool at each of them, world, N; empty without a tool.
+    /// Force on the tool at the end of each step, world axes, N; empty without a tool.
     pub forces: Vec<DVec3>,
     /// Displacements of the first body's nodes after the last step, rest axes, m; empty where it is not soft.
     pub displacement: Vec<DVec3>,
-    /// Of each step.
+    /// Solver iterations of each step.
     pub iterations: Vec<u32>,
-    /// All that were raised.
+    /// All flags that any step raised.
     pub flags: Flags,
     step_us: Vec<f64>,
     stage_us: Vec<f64>,
 }
 
-/// Errors of a run: of the force and of the displacements; `None`: not finite, or there is none.
+/// Relative errors of a run: of the force and of the displacements; `None`: not finite, or not compared.
 pub type Errors = (Option<f64>, Option<f64>);
 
-/// Runs all of them; `errors` judges the first run of each, by its index: all runs of a setting find the same.
+/// Runs all entrants for all rounds and returns their points. `errors(index, run)` judges the first run of each
+/// entrant; that is enough, since all runs of a setting give the same results.
 pub fn race(
     entrants: Vec<Entrant>,
     rules: &Rules,
@@ -95,7 +98,7 @@ pub fn race(
     Ok(points)
 }
 
-/// One scene by itself: for references.
+/// Runs one scene by itself, without taking times; used for references.
 pub fn run(scene: &Scene, steps: usize, options: &Options) -> Result<Run> {
     let mut simulation = Simulation::open(scene, options)?;
     let mut run = Run::default();
@@ -103,7 +106,7 @@ pub fn run(scene: &Scene, steps: usize, options: &Options) -> Result<Run> {
     run.finish(&simulation)
 }
 
-/// All runs of each entrant in one round.
+/// Does one round: all runs of each entrant.
 fn one_round(entrants: &[Entrant], rules: &Rules, round: usize) -> Result<Vec<Vec<Run>>> {
     let repeats: Vec<usize> = entrants.iter().map(|entrant| rules.repeats(entrant.steps)).collect();
     let again = |k: usize| repeats.iter().enumerate().filter(move |(_, own)| k < **own).map(|(index, _)| index);
@@ -123,15 +126,15 @@ fn one_round(entrants: &[Entrant], rules: &Rules, round: usize) -> Result<Vec<Ve
     Ok(runs)
 }
 
-/// Where there are more than one heat has, reorders them so that each heat has its share of every part of the list: by the
-/// multiples of the golden ratio, of which no few are near each other.
+/// Reorders entrants that do not fit into one heat so that each heat has its share of every part of the list: sorts
+/// them by multiples of the golden ratio modulo 2^64, which lie evenly spread.
 fn mix(all: &mut [usize]) {
     if all.len() > MOST_AT_ONCE {
         all.sort_by_cached_key(|index| (*index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     }
 }
 
-/// A run of each of these entrants, in turns.
+/// Runs each of the entrants `own` once, in turns.
 fn heat(entrants: &[Entrant], own: &[usize], rules: &Rules, round: usize) -> Result<Vec<Run>> {
     let open = |index: &usize| -> Result<(Simulation, Run)> {
         let mut simulation = Simulation::open(&entrants[*index].scene, rules.options)?;
@@ -151,8 +154,8 @@ fn heat(entrants: &[Entrant], own: &[usize], rules: &Rules, round: usize) -> Res
     under_way.into_iter().map(|(simulation, run)| run.finish(&simulation)).collect()
 }
 
-/// How many of its steps a run has done after a turn. Short ones have few turns, in the middle of all: else most of their
-/// steps would be the first of a turn, and find caches cold.
+/// Number of steps that a run of `steps` steps has done after turn `turn`. A short run has fewer turns, spread about
+/// the middle of all: otherwise most of its steps would be the first of a turn and find caches cold.
 fn done(steps: usize, turn: usize) -> usize {
     let own = (steps / TURN).clamp(1, TURNS);
     steps * ((turn * own + TURNS / 2) / TURNS) / own
@@ -178,7 +181,8 @@ impl Run {
         Ok(())
     }
 
-    /// In every second timed step the query's stages are one, and those that are asked for may not be there.
+    /// Adds the summed time of `stages`. In every second timed step the stages of the query are timed as one, so that
+    /// those asked for may be missing; then nothing is added.
     fn add_stage(&mut self, times: &[(String, f64)], stages: &[&str]) {
         let own: Vec<f64> =
             times.iter().filter(|(name, _)| stages.contains(&name.as_str())).map(|(_, us)| *us).collect();
@@ -193,11 +197,12 @@ impl Run {
     }
 }
 
-/// The largest difference over the largest of the reference; `None` where that is no number, or the reference is zero.
+/// The largest difference over the reference's largest length; `None` where that is not finite, the reference is zero,
+/// or the lengths of the lists differ.
 pub fn relative_error(found: &[DVec3], reference: &[DVec3]) -> Option<f64> {
     let largest = reference.iter().map(|x| x.length()).fold(0.0, f64::max);
     let differences = found.iter().zip(reference).map(|(a, b)| a.distance(*b));
-    // The maximum of a number and a NaN is the number.
+    // A maximum that keeps NaN, which `f64::max` drops.
     let error = differences.fold(0.0, |a: f64, b| if a > b || a.is_nan() { a } else { b }) / largest;
     (error.is_finite() && largest > 0.0 && found.len() == reference.len()).then_some(error)
 }

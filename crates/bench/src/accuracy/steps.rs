@@ -1,4 +1,5 @@
-//! What shorter time steps and more of Newton's iterations buy.
+//! The curves `time-step` and `newton` of `palpate bench accuracy`: what shorter time steps and more Newton iterations
+//! buy.
 
 use glam::DVec3;
 use palpate::scene::Law;
@@ -9,22 +10,24 @@ use super::race::{Entrant, Run, race, relative_error, run};
 use super::twin::{Reference, reference};
 use super::{Curve, Expected, Point, SINGLE, Settings};
 
-/// The longest time step, s: 30 steps a second. The others halve it, so that all end a step where it does.
+/// The longest time step, s: 30 steps a second. Shorter ones halve it repeatedly, so that all have a step that ends
+/// where a longest step ends.
 pub const LONGEST: f64 = 0.033;
-/// Newton's iterations of a step.
+/// Numbers of Newton iterations of a step that are tried.
 const NEWTON: [u32; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
-/// As many as change nothing more.
+/// Newton iterations of the reference; more change nothing.
 const CONVERGED: u32 = 14;
-/// For what is not about the solver.
+/// Solver tolerance of both curves; tight, because they are not about the solver.
 const TIGHT: f64 = 1e-6;
-/// And iterations for it.
+/// Cap on the solver iterations, which this tolerance does not reach.
 pub const MANY: u32 = 2_000;
-/// The force of the shortest step, of the reference's.
+/// Largest relative error of the force with the shortest step.
 const STEP_BOUND: f64 = 0.02;
-/// The force after most iterations, of the reference's.
+/// Largest relative error of the force with the most Newton iterations.
 const NEWTON_BOUND: f64 = 1e-3;
 
-/// The force wherever the longest step ends, in steps of that, halved ever again, against what they tend to.
+/// Measures the force at the end of each longest step for ever shorter time steps, against the limit of vanishing
+/// steps.
 pub fn by_time_step(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let (units, beyond) = if settings.is_quick { (5, 1) } else { (9, 2) };
     let most = settings.halvings;
@@ -51,7 +54,7 @@ pub fn by_time_step(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
     let order_reason = format!(
         "the longest step is a third of the press, which an error of higher order enters; at {} it is {}",
         points.last().map_or("", |point| &point.setting),
-        super::curve::last_order(&points).map_or("not to be told".into(), |order| format!("{order:.2}"))
+        super::curve::last_order(&points).map_or("cannot be determined".into(), |order| format!("{order:.2}"))
     );
     let shortest = 1e3 * LONGEST / f64::from(1u32 << (most + beyond));
     Ok(Curve {
@@ -79,7 +82,8 @@ pub fn by_time_step(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
     })
 }
 
-/// Newton's iterations in long steps of a deep press into a very soft block, by both laws.
+/// Measures a deep press into a very soft block in long steps with different numbers of Newton iterations, for both
+/// material laws.
 pub fn by_newton(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let steps = if settings.is_quick { 9 } else { 12 };
     let scene = |law: Law, newton: u32| {
@@ -109,8 +113,8 @@ pub fn by_newton(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Cur
         name: "newton".into(),
         title: "Newton's iterations".into(),
         question: format!(
-            "What does it buy to linearise a step more than once? A sphere is pressed some 15 mm into a block of 5 kPa ({} \
-             tetrahedra) in {steps} steps of 10 ms, against f64 steps of {CONVERGED} iterations.",
+            "What do further Newton iterations of a step gain? A sphere is pressed some 15 mm into a block of 5 kPa \
+             ({} tetrahedra) in {steps} steps of 10 ms, against f64 steps of {CONVERGED} iterations.",
             tetrahedra(settings)
         ),
         knob: "Newton's iterations".into(),
@@ -132,8 +136,8 @@ fn tight(mut scene: Scene, newton: u32) -> Scene {
     scene
 }
 
-/// The forces at the ends of `units` longest steps, as steps that are none would have them, by Richardson's extrapolation of
-/// an error of first order: from steps of the longest halved so often, and once less.
+/// The forces at the ends of `units` longest steps in the limit of vanishing time steps: Richardson extrapolation of a
+/// first-order error from runs whose step is the longest one halved `halvings` times and once less.
 pub fn extrapolated(
     scene: &dyn Fn(u32) -> Scene,
     halvings: u32,
@@ -147,7 +151,7 @@ pub fn extrapolated(
     Ok(fine.iter().zip(&coarse).map(|(fine, coarse)| 2.0 * *fine - *coarse).collect())
 }
 
-/// The forces at the ends of the longest steps, each of `steps` of this run.
+/// The forces at the ends of the longest steps, each of which is `steps` steps of this run.
 pub fn at_units(run: &Run, steps: usize) -> Vec<DVec3> {
     run.forces.chunks_exact(steps).filter_map(|unit| unit.last().copied()).collect()
 }

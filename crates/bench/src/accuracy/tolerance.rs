@@ -1,4 +1,5 @@
-//! What the solver's tolerance and its cap on iterations buy, against f64 steps solved directly.
+//! The curves `tolerance` and `iterations` of `palpate bench accuracy`: what the solver's tolerance and its cap on
+//! iterations buy, against steps of the f64 oracle that are solved directly.
 
 use palpate::scene::Preconditioner;
 use palpate::{Result, Scene};
@@ -11,35 +12,35 @@ use crate::solver::stiffness;
 
 /// Young's moduli of the blocks, Pa.
 const YOUNG: [f64; 2] = [2e4, 2e6];
-/// Residuals to stop at.
+/// Solver tolerances (relative residuals at which to stop) that are tried.
 const TOLERANCES: [f64; 7] = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7];
-/// With which preconditioners.
+/// Preconditioners, by their names in a scene file.
 const PRECONDITIONERS: [(&str, Preconditioner); 3] =
     [("jacobi", Preconditioner::Jacobi), ("coarse", Preconditioner::Coarse), ("auto", Preconditioner::Auto)];
-/// Iterations at most.
+/// Caps on the iterations of a solve.
 const CAPS: [u32; 8] = [1, 2, 4, 8, 16, 32, 64, 128];
-/// Iterations that a tolerance may take.
+/// Cap on the iterations where the tolerance is varied.
 const MANY: u32 = 2_000;
-/// Of the cap's curve: below what its longest runs reach.
+/// Solver tolerance where the cap is varied; few of the capped solves reach it.
 const TIGHT: f64 = 1e-5;
-/// The force of the tightest setting, of the reference's.
+/// Largest relative error of the force with the tightest setting.
 const BOUND: f64 = 1e-3;
-/// An error that is less than another by more than this factor is much less.
+/// An error is much less than another if it is so by more than this factor.
 const MUCH: f64 = 2.0;
-/// What the times are of.
+/// Stages whose times are summed.
 const STAGES: &[&str] = &["solve"];
 
 fn press(settings: &Settings, young: f64) -> Press {
     Press { cells: settings.cells, young, ..Press::default() }
 }
 
-/// In short only what a user gets and the plainest.
+/// The preconditioners to measure: in the short form only the default (`auto`) and the plainest one.
 fn preconditioners(settings: &Settings) -> impl Iterator<Item = &'static (&'static str, Preconditioner)> {
     let is_quick = settings.is_quick;
     PRECONDITIONERS.iter().filter(move |(_, kind)| !is_quick || *kind != Preconditioner::Coarse)
 }
 
-/// Residual to stop at, with every preconditioner, on a soft and on a stiff block.
+/// Varies the solver's tolerance, with every preconditioner, on a soft and on a stiff block.
 pub fn by_tolerance(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let of = |young: f64| {
         preconditioners(settings).flat_map(move |&(name, kind)| {
@@ -74,7 +75,7 @@ pub fn by_tolerance(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
     })
 }
 
-/// Iterations at most, to a tolerance that few of them reach.
+/// Varies the cap on the solver's iterations, at a tolerance that few of the capped solves reach.
 pub fn by_iterations(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let of = |young: f64| {
         CAPS.map(|cap| {
@@ -100,8 +101,8 @@ pub fn by_iterations(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result
     })
 }
 
-/// Why a shape's error may not fall with the residual: where a preconditioner leaves much less of it than Jacobi's at the
-/// loosest residual, the rest of the way to the floor is short.
+/// Reason why the error of the shape may not fall with the residual: where a preconditioner leaves much less of it than
+/// Jacobi's at the loosest tolerance, little is left between that and the floor of single precision.
 fn order_reason(points: &[Point]) -> String {
     let lines = points.chunk_by(|a, b| (&a.panel, &a.line) == (&b.panel, &b.line)).filter_map(|own| own.first());
     let lines: Vec<(&Point, f64)> = lines.filter_map(|point| Some((point, point.displacement_error?))).collect();

@@ -1,5 +1,6 @@
-//! Where the f64 oracle has it: the steps of a press, solved directly ([`palpate_oracle::step`]), with contacts by exact rays
-//! ([`palpate_oracle::contact`]). Only the direction of the region is the engine's, from a run beside it.
+//! The reference of the accuracy curves: the steps of a press by the f64 oracle, with a direct solver
+//! ([`palpate_oracle::step`]) and contacts by exact rays ([`palpate_oracle::contact`]). Only the normal of the contact
+//! patch (region) comes from the engine, from a run beside the oracle's.
 
 use glam::DVec3;
 use palpate::internal::prepare::{self, Shape};
@@ -13,22 +14,22 @@ use palpate_oracle::tool;
 
 use super::race::{Errors, Run, relative_error};
 
-/// As tight as a scene can ask for with a purpose: single precision ends here.
+/// Solver tolerance of the engine's run; single precision gains nothing from a tighter one.
 const TIGHT: f64 = 1e-7;
-/// Iterations that the run beside it may take.
+/// Cap on the solver iterations of the engine's run.
 const MANY: u32 = 2_000;
 
-/// What should be found.
+/// Results of the oracle's run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reference {
-    /// Force on the tool after each step, world, N.
+    /// Force on the tool at the end of each step, world axes, N.
     pub forces: Vec<DVec3>,
     /// Displacements of the body's nodes after the last step, rest axes, m.
     pub displacement: Vec<DVec3>,
 }
 
 impl Reference {
-    /// Errors of a run of as many steps, or of fewer: then of the force alone.
+    /// Errors of a run of as many steps as the reference, or of fewer; then there is none of the displacements.
     pub fn errors(&self, run: &Run) -> Errors {
         let forces = &self.forces[..run.forces.len().min(self.forces.len())];
         let is_whole = run.forces.len() == self.forces.len();
@@ -37,7 +38,7 @@ impl Reference {
     }
 }
 
-/// A soft body and a sphere, in f64.
+/// The f64 state of a soft body and a sphere tool, with both skins and the contact law.
 struct Twin {
     oracle: step::Simulation,
     skin: (prepare::Skin, Vec<prepare::Embedding>),
@@ -45,8 +46,8 @@ struct Twin {
     law: Law,
 }
 
-/// The reference of `steps` steps of a scene's one soft body and its rigid tool. Errors: another scene, a system that cannot
-/// be factorised.
+/// The reference of `steps` steps of a scene with one soft body and a rigid tool. Errors: the scene is another, or a
+/// system cannot be factorised.
 pub fn reference(scene: &Scene, steps: usize, options: &Options) -> Result<Reference> {
     let mut beside = scene.clone();
     (beside.solver.tolerance, beside.solver.max_iterations) = (TIGHT, MANY);
@@ -101,7 +102,7 @@ impl Twin {
         Ok(Twin { oracle, skin: (own.clone(), embedding.clone()), tool, law })
     }
 
-    /// Contacts of the present state along a direction, from the body to the tool; none without one.
+    /// Contacts of the present state for a normal from the body to the tool; none where the normal is zero.
     fn contacts(&self, normal: DVec3) -> Vec<contact::Contact> {
         let Some(tool) = self.oracle.tool.as_ref().filter(|_| normal != DVec3::ZERO) else { return Vec::new() };
         let tool = Surface {

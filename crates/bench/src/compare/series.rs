@@ -1,4 +1,4 @@
-//! What of `results.json` is compared, by where it stands there.
+//! Finds the measurements in `results.json` that are compared, by their paths there.
 
 use std::collections::BTreeMap;
 
@@ -7,21 +7,21 @@ use serde_json::Value;
 use crate::samples::hands;
 use crate::suite::Results;
 
-/// Something that is measured.
+/// One measurement.
 pub enum Series {
-    /// Medians of the rounds, us.
+    /// Time, us: medians of the rounds.
     Times(Vec<f64>),
-    /// NaN: it is no number.
+    /// Relative error; NaN where it was written as null.
     Error(f64),
-    /// Their mean, where there are many.
+    /// Solver iterations; the mean, where there is a list of them.
     Iterations(f64),
-    /// Passes or bytes.
+    /// Number of passes, or of bytes.
     Size(f64),
-    /// Names.
+    /// Names of flags.
     Flags(Vec<String>),
 }
 
-/// All series of results.
+/// All measurements of the results, by path.
 pub fn series_of(results: &Results) -> BTreeMap<String, Series> {
     let mut all = BTreeMap::new();
     for (name, measured) in &results.benchmarks {
@@ -32,8 +32,8 @@ pub fn series_of(results: &Results) -> BTreeMap<String, Series> {
     all
 }
 
-/// Keys that end in `_us` hold samples, in one round or a list of rounds; keys that end in `error` an error; others of which
-/// more is worse are known by their names.
+/// Collects the measurements below `path`. Keys that end in `_us` hold times, as one round or a list of rounds; keys
+/// that end in `error` hold an error; iterations, sizes and flags are known by their names.
 fn collect(all: &mut BTreeMap<String, Series>, path: &str, value: &Value, is_timed: bool) {
     let key = path.rsplit('/').next().unwrap_or_default();
     let number = || value.as_f64().or_else(|| mean(&numbers(value)?));
@@ -44,7 +44,7 @@ fn collect(all: &mut BTreeMap<String, Series>, path: &str, value: &Value, is_tim
         ("flags", Value::Array(names)) => {
             Some(Series::Flags(names.iter().filter_map(|name| Some(name.as_str()?.into())).collect()))
         }
-        // What is not a number is written as null.
+        // JSON has no NaN or infinity; they are written as null.
         (key, Value::Number(_) | Value::Null) if key.ends_with("error") => {
             Some(Series::Error(value.as_f64().unwrap_or(f64::NAN)))
         }
@@ -69,7 +69,7 @@ fn collect(all: &mut BTreeMap<String, Series>, path: &str, value: &Value, is_tim
     }
 }
 
-/// What tells an item of a list from the others, if it says so.
+/// Words that tell an item of a list from the others, from its keys; `None` where it has none of them.
 fn called(item: &Value) -> Option<String> {
     let parts = ["name", "line", "preconditioner", "setting", "tolerance"].into_iter().filter_map(|key| item.get(key));
     let words: Vec<String> = parts.map(|v| v.as_str().map_or_else(|| v.to_string(), Into::into)).collect();
@@ -84,7 +84,7 @@ fn mean(all: &[f64]) -> Option<f64> {
     (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
 }
 
-/// Medians of rounds, or of hands where there are too few rounds; `None`: there is nothing to tell.
+/// Medians of the rounds, or of the hands where there are few rounds (see [`hands`]); `None`: there are no samples.
 fn rounds(value: &Value) -> Option<Vec<f64>> {
     let each: Vec<Vec<f64>> = match numbers(value) {
         Some(one) => vec![one],

@@ -1,3 +1,5 @@
+//! Tests of comparing two results: what counts as worse, and what as noise.
+
 use serde_json::{Value, json};
 
 use super::*;
@@ -56,7 +58,7 @@ fn greater_errors_are_worse_and_rounding_is_none() {
 fn other_settings_are_not_compared() {
     let mut other = results(json!({}));
     other.benchmarks["solver"]["settings"] = json!({ "steps": 7 });
-    assert!(compare(&results(json!({})), &other).unwrap_err().to_string().contains("`solver` was measured"));
+    assert!(compare(&results(json!({})), &other).unwrap_err().to_string().contains("`solver` has different settings"));
     let mut other = results(json!({}));
     other.head.is_quick = false;
     assert!(compare(&results(json!({})), &other).is_err());
@@ -94,7 +96,7 @@ fn what_the_machine_took_longer_for_is_no_regression() {
     assert_eq!(only(&old, &new, "step_us").verdict, Verdict::Worse);
     assert_eq!((compared(5.0, 10.0).verdict, compared(5.0, 10.0).ratio[1]), (Verdict::Same, 1.0));
     assert_eq!(compared(5.0, 5.0).verdict, Verdict::Worse);
-    // Another device than the processor says nothing of its speed.
+    // The gauge measures the CPU, so it says nothing about results of a GPU.
     let other = |us| {
         let mut results = with_gauge(if us < 6.0 { old.clone() } else { new.clone() }, us);
         results.head.is_cpu = false;
@@ -136,12 +138,12 @@ fn a_part_that_is_slower_as_a_whole_is_told_and_one_time_out_of_the_ordinary() {
         worse.map(|c| c.path).collect::<Vec<_>>()
     };
     assert!(worse(&old).is_empty());
-    // All of q, by a half.
+    // All times of the part `q` grow by a half.
     let slower = worse(&of(&|k| if k < 8 { 10.0 } else { 15.0 }));
     assert_eq!(slower, ["solver/q"], "{slower:?}");
-    // One, where others differ by a few hundredths, and one of those.
+    // One time grows by a half where the others differ by a few hundredths: it is an outlier among the ratios.
     let slower = worse(&of(&|k| if k == 3 { 15.0 } else { 10.0 + 0.1 * (k % 4) as f64 }));
     assert_eq!(slower, ["solver/p/runs/3/step_us"], "{slower:?}");
-    // Noise of a busy machine: from half as fast to twice.
+    // Noise of a busy machine: ratios from a half to two.
     assert!(worse(&of(&|k| 10.0 * 2f64.powf((k % 5) as f64 / 2.0 - 1.0))).is_empty());
 }

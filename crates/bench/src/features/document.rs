@@ -1,4 +1,4 @@
-//! The report of the features.
+//! The report of the feature costs ([`super::Cost`]).
 
 use palpate::Result;
 
@@ -6,7 +6,7 @@ use super::{Cost, Feature, Run};
 use crate::plot::{self, Bar};
 use crate::{Section, Table};
 
-/// The table, a bar for each of the two, and what was found.
+/// The section: a row of the table and two bars (with the feature, without it) for each feature, and the finding.
 pub fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
     let heads = [
         "feature",
@@ -53,11 +53,12 @@ pub fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
     Ok(Section {
         title: "Time and memory of a step with each feature, and without it".into(),
         question:
-            "What does a feature cost where it is used, and where it is not? Iterations (of a step, mean), passes and dependent \
-             passes are with and without it; time over iterations leaves out that one may make systems harder to solve. `not used`: \
-             whether a simulation in which it is switched off has the pass list, arrays and bytes of one that never heard of it \
-             (friction, damping: written as zero; coarse level: Jacobi asked for where the body is too soft for another; stiffness, timestamps: used \
-             before); `-`: a scene that does without says nothing of it."
+            "What does a feature cost where it is used, and where it is not? Iterations (of a step, mean), passes and \
+             dependent passes are with and without it; time over iterations leaves out that one may make systems \
+             harder to solve. `not used`: whether a simulation in which it is switched off has the pass list, arrays \
+             and bytes of one whose scene does not mention it (friction, damping: written as zero; coarse level: \
+             Jacobi requested where the body is too soft for another; stiffness, timestamps: used before); `-`: \
+             without it a scene has no key for it."
                 .into(),
         table,
         plot: Some(plot::bars("ms a step", &bars)?),
@@ -73,7 +74,7 @@ fn beyond(costs: &[(Feature, Cost)]) -> String {
     costs.iter().map(one).collect::<Vec<_>>().join("; ")
 }
 
-/// The dearest in time, and in memory, and whether what is not used costs nothing.
+/// The features that cost most in time and in memory, and whether those that are switched off cost nothing.
 fn finding(costs: &[(Feature, Cost)]) -> String {
     let time = |cost: &Cost| cost.with.ms() / cost.without.ms();
     let bytes = |cost: &Cost| cost.with.plan.bytes_device as f64 / cost.without.plan.bytes_device.max(1) as f64;

@@ -1,5 +1,5 @@
-//! `palpate bench features`: what each feature costs in time and memory, switched off one by one; and that one which is not
-//! used costs nothing.
+//! `palpate bench features`: what each feature of the engine costs in time and memory, by scenes with and without it;
+//! and that a feature that is not used costs nothing.
 
 mod document;
 mod plan;
@@ -19,83 +19,83 @@ use palpate::{Error, Options, Result, RigidState, Scene, Simulation, StepReport,
 use super::suite::{from_value, to_value};
 use super::{Benchmark, Section, median};
 
-/// Of the scenes, s.
+/// Time step of the scenes, s.
 const STEP: f64 = 0.001;
 
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Steps before those that count: until the tool is pressed in.
+    /// Steps that are not measured, at the start: until the tool is pressed in.
     pub warm_up: usize,
-    /// Rounds; in each, both take their turn.
+    /// Number of rounds; in each, the scene with the feature and the one without it take their turns.
     pub rounds: usize,
-    /// Steps of each in a round.
+    /// Steps of each scene in a round.
     pub steps: usize,
-    /// Device, by name or index; `None`: the best.
+    /// GPU device, by name or index; `None`: the best one.
     pub device: Option<String>,
 }
 
 impl Settings {
-    /// Some minutes.
+    /// The whole benchmark, which takes some minutes.
     pub fn full() -> Settings {
         Settings { warm_up: 30, rounds: 10, steps: 20, device: None }
     }
 
-    /// A first look.
+    /// A short form of it, for a first look.
     pub fn quick() -> Settings {
         Settings { warm_up: 22, rounds: 3, steps: 5, ..Settings::full() }
     }
 }
 
-/// A scene with the feature, or without it.
+/// Measurements of a scene with the feature, or of that without it.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Run {
-    /// Microseconds, a step each, for each round.
+    /// Wall time of each step, us; one list for each round.
     pub step_us: Vec<Vec<f64>>,
-    /// What a step is made of.
+    /// Passes and memory of a step.
     pub plan: Plan,
-    /// Iterations of all steps that count.
+    /// Solver iterations of all measured steps together.
     pub iterations: u64,
 }
 
-/// A feature's cost.
+/// The cost of a feature.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Cost {
-    /// With it.
+    /// The scene with the feature.
     pub with: Run,
-    /// Without it.
+    /// The scene without it.
     pub without: Run,
-    /// Two simulations that cost the same where a feature that is not used costs nothing: one in which it is switched off, and
-    /// one that never heard of it; `None`: a scene that does not want it says nothing of it, and has no way to.
+    /// Passes and memory of two simulations that do not use the feature: in one it is switched off, in the other it was
+    /// never mentioned. They must be equal. `None`: a scene without the feature has no way to mention it.
     pub idle: Option<[Plan; 2]>,
 }
 
 impl Cost {
-    /// Whether a feature that is not used costs nothing; `None`: it cannot be switched off.
+    /// Whether the feature costs nothing where it is switched off; `None`: it cannot be switched off.
     pub fn is_free_when_idle(&self) -> Option<bool> {
         self.idle.as_ref().map(|[off, never]| off == never)
     }
 }
 
 impl Run {
-    /// Median over the steps of a round, the median of those, ms.
+    /// Time of a step, ms: the median over the rounds of the median over the steps of each.
     pub fn ms(&self) -> f64 {
         median(&self.step_us.iter().map(|round| 1e-3 * median(round)).collect::<Vec<_>>())
     }
 
-    /// Milliseconds over iterations, of a step.
+    /// Time of a step over its solver iterations, ms.
     fn ms_an_iteration(&self) -> f64 {
         self.ms() / self.mean_iterations()
     }
 
-    /// Of a step that counts.
+    /// Mean number of solver iterations of a measured step.
     fn mean_iterations(&self) -> f64 {
         let steps: usize = self.step_us.iter().map(Vec::len).sum();
         self.iterations as f64 / steps.max(1) as f64
     }
 }
 
-/// The benchmark: a part a feature.
+/// The benchmark `features`; each feature is a part of it.
 pub struct Features(pub Settings);
 
 impl Benchmark for Features {
@@ -141,7 +141,9 @@ impl Benchmark for Features {
 
     fn faults(&self, parts: &Map<String, Value>) -> Result<Vec<String>> {
         let bad = costs(parts)?.into_iter().filter(|(_, cost)| cost.is_free_when_idle() == Some(false));
-        Ok(bad.map(|(feature, _)| format!("{}: is not used, and costs something", feature.name())).collect())
+        Ok(bad
+            .map(|(feature, _)| format!("{}: costs passes or memory although it is switched off", feature.name()))
+            .collect())
     }
 }
 
@@ -150,10 +152,11 @@ fn costs(parts: &Map<String, Value>) -> Result<Vec<(Feature, Cost)>> {
     known.map(|(feature, value)| Ok((feature, from_value(value)?))).collect()
 }
 
-/// One of the two under way.
+/// A running simulation: with the feature, or without it.
 struct Side {
     simulation: Simulation,
-    /// A loop holds the tool, with stiffness and damping asked for in every step, or in the first of them alone.
+    /// For [`Feature::Stiffness`]: the input of a haptic loop that holds the tool, and whether every step computes
+    /// contact stiffness and damping for the loop; else only the last unmeasured step does.
     held: Option<(Held, bool)>,
     run: Run,
 }
@@ -168,16 +171,17 @@ impl Side {
         Ok(Side { simulation, held, run })
     }
 
-    /// Steps that do not count: those that the scene's keys take, and one that hands the tool to the loop, if there is one.
+    /// Does steps that are not measured: those in which the tool is pressed in, and for [`Feature::Stiffness`] one in
+    /// which the tool is handed to the loop.
     fn warm_up(&mut self, count: usize) -> Result<()> {
         (0..count).try_for_each(|_| self.simulation.step().map(drop))?;
         self.step_held().map(drop)
     }
 
-    /// A step in which stiffness and damping are asked for; `None`: there is no loop.
+    /// A step that also computes contact stiffness and damping for a haptic loop; `None`: there is no loop.
     fn step_held(&mut self) -> Result<Option<StepReport>> {
         let Some((held, _)) = &self.held else { return Ok(None) };
-        // The loop has the tool wherever the simulation has it, so that both sides go the same way.
+        // The loop's tool is put where the simulation's is, so that both simulations move alike.
         let now = self.simulation.tool().map(|tool| RigidState {
             position: tool.centre,
             orientation: tool.orientation,
@@ -188,7 +192,7 @@ impl Side {
         self.simulation.step_held(&held, STEP).map(Some)
     }
 
-    /// A round.
+    /// A round: measures `count` steps.
     fn steps(&mut self, count: usize) -> Result<()> {
         let mut times = Vec::with_capacity(count);
         for _ in 0..count {
@@ -208,7 +212,7 @@ fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     Simulation::open(scene, &options)
 }
 
-/// A loop whose device stays where the keys end.
+/// Input of a haptic loop whose haptic device stays at the last pose of the scene's `[drive]` keys.
 fn held(scene: &Scene) -> Option<Held> {
     let last = scene.drive.last()?;
     let state = RigidState::at_rest(last.position, last.orientation);
@@ -220,7 +224,7 @@ fn cost(feature: Feature, settings: &Settings) -> Result<Cost> {
     with.warm_up(settings.warm_up)?;
     without.warm_up(settings.warm_up)?;
     for round in 0..settings.rounds {
-        // First the one, then the other goes first.
+        // The two take turns in going first.
         let order = if round % 2 == 0 { [&mut with, &mut without] } else { [&mut without, &mut with] };
         for side in order {
             side.steps(settings.steps)?;
@@ -231,7 +235,7 @@ fn cost(feature: Feature, settings: &Settings) -> Result<Cost> {
             let [off, never] = both.each_ref().map(|scene| open(scene, settings).map(|s| Plan::of(&s)));
             Some([off?, never?])
         }
-        // What is asked for step by step: it was used, and is so no more.
+        // A feature that is asked for step by step was used before, and is not asked for any more.
         Some(scenes::Idle::Again(scene)) => {
             with.simulation.time_every(0)?;
             with.simulation.step()?;

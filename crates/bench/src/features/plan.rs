@@ -1,28 +1,28 @@
-//! What a step is made of: all that a feature can cost without being run.
+//! Passes and memory of a step: the costs of a feature that show without running it.
 
 use palpate::Simulation;
 use serde::{Deserialize, Serialize};
 
-/// Solver iterations of the step whose passes are counted.
+/// Number of solver iterations of the step whose passes are counted.
 pub const ITERATIONS: u32 = 16;
 
-/// Passes and memory of a step; two that are equal record the same and allocate the same.
+/// Passes and memory of a step; steps with equal plans record the same passes and allocate the same memory.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
-    /// Kernels, fills and copies in their order, and how often each runs in a step of `ITERATIONS`.
+    /// Recorded kernels, fills and copies in their order, and how often each runs in a step of [`ITERATIONS`].
     pub kernels: Vec<(String, f64)>,
-    /// Arrays, and their bytes.
+    /// GPU arrays by name, and their sizes, bytes.
     pub arrays: Vec<(String, u64)>,
     /// Passes of such a step.
     pub passes: u32,
-    /// Those of them that wait for an earlier one.
+    /// Passes of such a step that wait for an earlier one.
     pub dependent_passes: u32,
-    /// Memory on the device, as the driver gives it out.
+    /// GPU memory that the driver gave out for the simulation, bytes.
     pub bytes_device: u64,
 }
 
 impl Plan {
-    /// As the recordings have it.
+    /// The plan of a simulation, read from its recordings.
     pub fn of(simulation: &Simulation) -> Plan {
         let explained = simulation.explain(ITERATIONS);
         let kernels = explained.stages.iter().flat_map(|stage| &stage.kernels).filter(|kernel| kernel.recorded);
@@ -32,12 +32,12 @@ impl Plan {
             arrays: arrays.map(|array| (array.name.clone(), array.bytes)).collect(),
             passes: explained.passes,
             dependent_passes: explained.dependent_passes,
-            // Together with recordings and what is mapped.
+            // This counts all buffers of the GPU context, also those of recordings and mapped ones.
             bytes_device: simulation.context().bytes_allocated(),
         }
     }
 
-    /// What it has beyond another, in words.
+    /// The kernels and memory that this plan has beyond another, in words.
     pub fn beyond(&self, other: &Plan) -> String {
         let new: Vec<&str> = self
             .kernels

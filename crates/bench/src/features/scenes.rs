@@ -1,32 +1,32 @@
-//! The smallest scenes that show a feature, with it and without it.
+//! The smallest scenes that show a feature of the engine, with it and without it.
 
 use std::path::Path;
 
 use palpate::{Result, Scene};
 
-/// A feature that can be left out.
+/// A feature that a scene or a step can leave out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Feature {
-    /// Coulomb's, of all contacts.
+    /// Coulomb friction at all contacts.
     Friction,
-    /// Of the preconditioner.
+    /// Coarse level of the two-level preconditioner.
     CoarseLevel,
-    /// Vertices of both skins gather contacts.
+    /// Contacts gathered at the vertices of both skins instead of the finer one's alone.
     SecondSide,
-    /// By mass and by stiffness.
+    /// Rayleigh damping, by mass and by stiffness.
     Damping,
     /// A skin of ten times as many vertices.
     Skin,
-    /// Between cores.
+    /// Joints between the rigid cores of a body.
     Joints,
-    /// The wrench's, for a loop.
+    /// Contact stiffness and damping (6x6), which the wrench carries for a haptic loop.
     Stiffness,
-    /// Times of the stages in every step.
+    /// Timestamps of the stages in every step.
     Timestamps,
 }
 
 impl Feature {
-    /// All of them, in the order of the report.
+    /// All features, in the order of the report.
     pub const ALL: [Feature; 8] = [
         Feature::Friction,
         Feature::CoarseLevel,
@@ -38,7 +38,7 @@ impl Feature {
         Feature::Timestamps,
     ];
 
-    /// Its name, and that of its part.
+    /// Name of the feature, and of its part of the results.
     pub fn name(self) -> &'static str {
         match self {
             Feature::Friction => "friction",
@@ -52,21 +52,21 @@ impl Feature {
         }
     }
 
-    /// What is compared.
+    /// What is compared with what, for the report.
     pub fn question(self) -> &'static str {
         match self {
             Feature::Friction => "coefficient 0.5 against none, a sphere pressed into a block",
             Feature::CoarseLevel => "coarse level against block Jacobi, a sphere pressed into a block of 2 MPa",
-            Feature::SecondSide => "both skins gather contacts against the finer one, a sphere pressed into a head",
+            Feature::SecondSide => "contacts at both skins against the finer one alone, a sphere pressed into a head",
             Feature::Damping => "damped by mass and stiffness against not at all, a sphere pressed into a block",
             Feature::Skin => "20,000 skin vertices against 2,000 on the same layer, a sphere pressed into a head",
             Feature::Joints => "two cores of a bar joined against apart, let go",
-            Feature::Stiffness => "asked for in every step against not, a loop that presses a sphere into a block",
+            Feature::Stiffness => "computed in every step against never, a loop that presses a sphere into a block",
             Feature::Timestamps => "every step timed stage by stage against none, a sphere pressed into a block",
         }
     }
 
-    /// The scene; of the last two features it is the same with and without.
+    /// The scene with or without the feature; for the last two features it is the same, and the steps differ.
     pub fn scene(self, with: bool) -> Result<Scene> {
         let pick = |yes: &'static str, no: &'static str| if with { yes } else { no };
         let text = match self {
@@ -89,16 +89,16 @@ impl Feature {
     }
 }
 
-/// How a feature is not used.
+/// How a feature is left unused in two simulations that must cost the same.
 pub enum Idle {
-    /// A scene that switches it off, and one that says nothing of it.
+    /// A scene that switches the feature off, and one that does not mention it.
     Scenes(Box<[Scene; 2]>),
-    /// A scene where it is asked for step by step, and is so no more.
+    /// A scene whose steps ask for the feature no longer.
     Again(Box<Scene>),
 }
 
 impl Feature {
-    /// How a simulation that has heard of it does not use it; `None`: where it is not wanted nothing can be said of it.
+    /// How the feature is left unused; `None`: a scene without it has no way to mention it.
     pub fn idle(self) -> Result<Option<Idle>> {
         let scene = |text: String| Scene::parse(Path::new(self.name()), &text);
         let plain = || scene(block("", "", MATERIAL));
@@ -114,11 +114,11 @@ impl Feature {
 }
 
 const MATERIAL: &str = "young = 2e4, poisson = 0.45, density = 1000.0";
-/// A hand that holds the tool.
+/// Virtual coupling between the tool and the haptic device.
 const COUPLING: &str =
     "[coupling]\nstiffness = 500.0\ndamping = 2.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n";
 
-/// A sphere pressed 4 mm into a block within 20 ms, and held there.
+/// A block into which a sphere is pressed by 4 mm within 20 ms, and held there.
 fn block(contact: &str, solver: &str, material: &str) -> String {
     format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\n{contact}\n[solver]\n{solver}\n[[body]]\nname = \"block\"\n\
@@ -130,7 +130,7 @@ fn block(contact: &str, solver: &str, material: &str) -> String {
     )
 }
 
-/// A sphere pressed into the cheek of a head within 20 ms, and held there.
+/// A head into whose cheek a sphere is pressed within 20 ms, and held there.
 fn head(vertices: u32, contact: &str) -> String {
     format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\n{contact}\n[[body]]\nname = \"head\"\n\
@@ -141,7 +141,7 @@ fn head(vertices: u32, contact: &str) -> String {
     )
 }
 
-/// A bar with a dynamic core at either end that falls.
+/// A falling bar with a dynamic core at either end, which a joint may connect.
 fn bar(joined: bool) -> String {
     let joint = if joined { "[[body.joint]]\ncores = [\"left\", \"right\"]\npoint = [0.1, 0.01, 0.01]\n" } else { "" };
     format!(

@@ -1,8 +1,11 @@
-//! Passivity controllers side by side: the session's, Hannaford and Ryu's of 2002, reference energy following (Ryu and others
-//! 2005), and none, on a soft body that is pressed, held and let go of.
+//! Part `controllers` of `palpate bench haptics`: compares passivity controllers (which keep the energy that the hand
+//! receives below what it gave) on a soft body that is pressed, held and let go of: that of palpate's session, the one
+//! of Hannaford and Ryu (2002), reference energy following (Ryu and others 2005), and none.
 //!
-//! The published two look at the port alone and damp: F' = F - alpha v, alpha = (E_ref - E) / (T v^2), at most what the device
-//! renders, with E the energy that the hand gave and E_ref zero (2002) or what coupling and contact model store (2005).
+//! The published two observe the haptic device's port alone and inject damping: F' = F - alpha v, alpha = (E_ref - E) /
+//! (T v^2), with F the force to be played, v the hand's velocity, T the loop's period and E the energy that the hand
+//! gave. E_ref is zero (2002) or what coupling and contact model store (2005); alpha is at most the damping that the
+//! haptic device renders.
 
 use glam::DVec3;
 use palpate::internal::haptics::environment::Cushion;
@@ -16,33 +19,34 @@ use serde::{Deserialize, Serialize};
 use super::rig::{Mode, PERIOD, Rig, key, tool};
 use super::{Settings, profile};
 
-/// Bodies, N/m.
+/// Stiffnesses of the bodies, N/m.
 pub const BODIES: [f64; 2] = [300.0, 2000.0];
 /// Rates of the simulation, Hz.
 pub const RATES: [f64; 2] = [8.0, 60.0];
-/// How fast it is pressed, m/s.
+/// Speed at which the hand presses and lets go, m/s.
 pub const SPEED: f64 = 0.04;
-/// Above the body at the start, and below its surface where the hand means to be, m.
+/// Height above the body at the start, and depth below its surface that the hand intends, m.
 const WAY: [f64; 2] = [0.005, 0.012];
 /// When the press begins, and how long it is held, s.
 const TIMES: [f64; 2] = [0.3, 3.0];
 
-/// A controller.
+/// A passivity controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Controller {
-    /// The session's: energy is kept at its source, what is missing at the port is damped.
+    /// That of palpate's session: keeps energy from being generated at its source, and damps at the port what still
+    /// exceeds the budget.
     Session,
-    /// Hannaford and Ryu 2002.
+    /// B. Hannaford and J.-H. Ryu 2002.
     Observer,
-    /// Ryu, Preusche, Hannaford and Hirzinger 2005.
+    /// J.-H. Ryu, C. Preusche, B. Hannaford and G. Hirzinger 2005.
     Following,
-    /// None.
+    /// No controller.
     Off,
 }
 
 impl Controller {
-    /// Every one and its name.
+    /// All controllers and their names.
     pub const ALL: [(Controller, &'static str); 4] = [
         (Controller::Session, "session"),
         (Controller::Observer, "Hannaford and Ryu 2002"),
@@ -51,32 +55,33 @@ impl Controller {
     ];
 }
 
-/// A press, and what came of it.
+/// Results of a press with one controller.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Controlled {
-    /// What controlled.
+    /// The controller.
     pub controller: Controller,
-    /// The device's profile.
+    /// Name of the haptic device's profile.
     pub profile: String,
-    /// Of the body, N/m.
+    /// Stiffness of the body, N/m.
     pub body: f64,
-    /// Of the simulation, Hz.
+    /// Rate of the simulation, Hz.
     pub rate: f64,
-    /// Whether the way to the body was known before contact.
+    /// Whether wrenches before contact report the gap to the body.
     pub gap: bool,
-    /// Played in the last second of the hold, as a share of what springs at rest give.
+    /// Mean force played in the last second of the hold, over the force of body and coupling as springs in equilibrium.
     pub share: f64,
-    /// Standard deviation there, N.
+    /// Standard deviation of the force in that second, N.
     pub deviation: f64,
-    /// That the hand received more than it gave over all of it, J; of what was lent, what was not repaid.
+    /// Energy that the hand received beyond what it gave over the whole press, J; energy that it was lent and has not
+    /// repaid is part of it.
     pub net: f64,
-    /// Lent at most, J.
+    /// Greatest energy that the hand had been lent and not repaid at any time, J.
     pub lent: f64,
-    /// Share of the ticks in which the controller acted.
+    /// Share of the ticks (iterations of the haptic loop) in which the controller acted.
     pub acts: f64,
 }
 
-/// All controllers on all bodies at all rates.
+/// Measures all controllers on all bodies at all rates with all haptic devices.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Controlled>> {
     let mut all = Vec::new();
     for &name in &settings.devices {
@@ -93,19 +98,19 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<C
     Ok(all)
 }
 
-/// A published controller at the port.
+/// A published controller, which observes and damps at the haptic device's port.
 struct Port {
     controller: Controller,
-    /// N s/m.
+    /// Greatest damping that it may inject, N s/m.
     most: f64,
-    /// That the hand gave, less what it received, J.
+    /// Energy that the hand gave, less what it received, J.
     energy: f64,
     last: Option<(DVec3, Wrench)>,
     acted: u64,
 }
 
 impl Port {
-    /// What is played of what a tick wants.
+    /// The wrench to be played in place of the one that the tick wants.
     fn control(&mut self, tick: &Tick) -> Wrench {
         let state = tick.reading.map_or(tick.device, |reading| reading.state);
         if let Some((position, played)) = self.last {

@@ -1,4 +1,5 @@
-//! The report of [`Results`]. Findings are computed: no number of a measurement is written here.
+//! The report of the haptics benchmark ([`Results`]). Findings are computed from the measurements; none of their
+//! numbers is written here.
 
 mod controllers;
 mod forces;
@@ -22,14 +23,14 @@ pub fn preface(_: &Value) -> String {
          that a session would choose for the device, and a simulated hand holds it ({mass} kg, the arm {stiffness} N/m and \
          {damping} N s/m, the device {device_damping} N s/m and {friction} N of friction, encoders of {:.0} um), in virtual \
          time: the same numbers every time. Against walls, to find where the loop swings, the hand is a critical one: the arm \
-         {} N s/m, the device {} N s/m, no friction, no encoders. Late ticks alone are of real time.",
+         {} N s/m, the device {} N s/m, no friction, no encoders. Only the lateness of ticks is measured in real time.",
         1e6 * quantum,
         CRITICAL.damping,
         CRITICAL.device_damping
     )
 }
 
-/// Questions and answers, plots drawn.
+/// A section for each part that was measured.
 pub fn sections(results: &Results) -> Result<Vec<Section>> {
     let mut sections = Vec::new();
     if !results.widths.is_empty() {
@@ -56,7 +57,7 @@ pub fn sections(results: &Results) -> Result<Vec<Section>> {
     Ok(sections)
 }
 
-/// The least and the greatest; `None` of nothing.
+/// The least and the greatest of some numbers; `None` where there are none.
 fn span(numbers: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     numbers.fold(None, |span, x| match span {
         None => Some((x, x)),
@@ -64,7 +65,7 @@ fn span(numbers: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     })
 }
 
-/// From the least to the greatest, or the one that all are.
+/// The least and the greatest of some numbers as text, or the one text that both have.
 fn range(numbers: impl Iterator<Item = f64>, text: impl Fn(f64) -> String) -> String {
     let Some((low, high)) = span(numbers) else { return "nothing".into() };
     let (low, high) = (text(low), text(high));
@@ -73,10 +74,10 @@ fn range(numbers: impl Iterator<Item = f64>, text: impl Fn(f64) -> String) -> St
 
 fn jitter(sessions: &[Punctual]) -> Result<Section> {
     let mut table = Table::new(["thread", "while", "ticks", "median, us", "p99, us", "p99.9, us", "worst, us"]);
-    table.heads.extend(["missed", "missed, %", "steps", "force's age, ms", "p99, ms"].map(Into::into));
+    table.heads.extend(["missed", "missed, %", "steps", "wrench out of date by, ms", "p99, ms"].map(Into::into));
     let mut drawn = Vec::new();
     for session in sessions {
-        let what = if session.is_loaded { "the head is simulated" } else { "nothing is" };
+        let what = if session.is_loaded { "the head is simulated" } else { "no load" };
         for (kind, (name, late)) in
             [("loop", Some(session.servo)), ("bare timer", session.bare)].into_iter().enumerate()
         {

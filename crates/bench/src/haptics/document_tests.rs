@@ -1,3 +1,5 @@
+//! Tests of the findings and tables of the haptics report, on results made by hand.
+
 use super::*;
 use crate::haptics::{Change, Changes, Controlled, Controller, Held, Limit, Met, Mode, Slid, Spread, Width};
 

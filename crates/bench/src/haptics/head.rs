@@ -1,4 +1,4 @@
-//! The head of `assets/scenes/touch-head.toml`, and ways over its cheek.
+//! The soft head of `assets/scenes/touch-head.toml` with a sphere tool, and points above its cheek.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Shape};
@@ -8,10 +8,10 @@ use palpate::{Error, Options, Result, Scene, Simulation};
 use super::Settings;
 use super::rig::{MASS, RADIUS};
 
-/// Where the cheek is pressed, m.
+/// Point (x, y) at which the cheek is pressed, m.
 pub const CHEEK: [f64; 2] = [0.03, -0.02];
 
-/// The head, and a tool that starts at `centre`.
+/// A scene with the head, and a tool whose centre starts at `centre`.
 pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
     let material = Material {
         young: 2e4,
@@ -56,7 +56,7 @@ pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
     Scene { tool: Some(tool), ..Scene::of_body("head", body) }
 }
 
-/// The engine on a scene; no step is timed by stage, which would take time.
+/// Opens the engine on a scene; no step is timed by stage, since timestamps cost time.
 pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     let options = Options { device: settings.device.clone(), ..Options::of_program() };
     let mut simulation = Simulation::open(scene, &options)?;
@@ -64,13 +64,13 @@ pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     Ok(simulation)
 }
 
-/// The skin at rest, to find its height in.
+/// The head's skin at rest, in which heights are found.
 pub struct Skin {
     vertices: Vec<DVec3>,
 }
 
 impl Skin {
-    /// Of the scene's first body, prepared. Errors: a body that cannot be made, or is not soft.
+    /// The skin of the scene's first body, prepared. Errors: the body cannot be prepared, or is not soft.
     pub fn of(scene: &Scene) -> Result<Skin> {
         let missing = || Error::Simulation("a scene without a soft body".into());
         match prepare::body(scene.bodies.first().ok_or_else(missing)?, scene)?.shape {
@@ -79,7 +79,8 @@ impl Skin {
         }
     }
 
-    /// Where the tool's centre is when it first touches a vertex, coming down z at (x, y). Errors: nothing lies beneath.
+    /// Centre of the tool where it first touches a vertex, coming down along z at (x, y). Errors: no vertex lies
+    /// beneath it.
     pub fn touch(&self, [x, y]: [f64; 2]) -> Result<DVec3> {
         let height = |v: &DVec3| {
             let beside = (v.x - x).powi(2) + (v.y - y).powi(2);

@@ -1,4 +1,5 @@
-//! A person who holds still: how still the force keeps.
+//! Part `hold` of `palpate bench haptics`: a simulated person presses and holds still, and the noise of the force is
+//! measured.
 
 use glam::DVec3;
 use palpate::Result;
@@ -13,45 +14,46 @@ use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
 use super::width::{STILL, STILL_SHARE};
 use super::{Settings, profile};
 
-/// A hand that presses a few millimetres deep and feels less than this has been left without a force, N.
+/// A hand that presses a few millimetres deep and feels less force than this has been left without one, N.
 const LEAST: f64 = 0.05;
-/// Above what is pressed at the start, m.
+/// Height above the surface at the start, m.
 const ABOVE: f64 = 0.003;
-/// Below it where the person means to be, m.
+/// Depth below the surface that the person intends, m.
 pub const WITHIN: f64 = 0.005;
 
-/// What is held against.
+/// What the tool is held against.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Met {
     /// A wall of this stiffness, N/m.
     Wall(f64),
-    /// The soft head, by the engine.
+    /// The soft head, simulated by the engine.
     Head,
 }
 
-/// A force held, and what came of it in its last second.
+/// Results of holding a force, from the last second of the hold.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Held {
-    /// Against what.
+    /// What the tool was held against.
     pub met: Met,
-    /// The device's profile.
+    /// Name of the haptic device's profile.
     pub profile: String,
-    /// Of the simulation, Hz.
+    /// Rate of the simulation, Hz.
     pub rate: f64,
-    /// What the loop did.
+    /// How the loop used the simulation's wrenches.
     pub mode: Mode,
-    /// What was played, N.
+    /// Force that was played.
     pub force: Spread,
-    /// The same where the device has no friction to rest in; walls alone.
+    /// Force that was played where the haptic device has no friction for the hand to rest in; against walls alone.
     pub no_friction: Option<Spread>,
-    /// Where the device said that it was, m.
+    /// Position of the haptic device as read, with lengths in m instead of N.
     pub reading: Spread,
-    /// What one step of its encoders is worth by the coupling's stiffness and by its damping, N.
+    /// Forces that one step of the haptic device's encoders makes, through the coupling's stiffness and through its
+    /// damping, N.
     pub quantum_forces: [f64; 2],
 }
 
-/// Whether there is a force, and its standard deviation is within `STILL_SHARE` of it or `STILL`.
+/// Whether there is a force, and its standard deviation is within `STILL_SHARE` of it or within `STILL`.
 pub fn is_still(force: &Spread) -> bool {
     force.deviation <= (STILL_SHARE * force.mean).max(STILL) && is_there(force)
 }
@@ -61,7 +63,7 @@ pub fn is_there(force: &Spread) -> bool {
     force.mean > LEAST
 }
 
-/// Holds against walls and the head.
+/// Measures holds against walls and against the head.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Held>> {
     let mut holds = Vec::new();
     for &stiffness in &settings.walls {
@@ -84,7 +86,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<H
     Ok(holds)
 }
 
-/// Every device at every rate in every mode.
+/// All combinations of haptic device, rate and mode.
 pub fn cases(devices: &[&'static str], rates: &[f64]) -> Vec<(&'static str, f64, Mode)> {
     let of = |name: &&'static str| {
         let name = *name;
@@ -124,7 +126,7 @@ fn hold(
     })
 }
 
-/// Over the last second.
+/// Spread of a vector over the ticks of the last second.
 fn at_end(ticks: &[Tick], vector: fn(&Tick) -> DVec3) -> Spread {
     let last = &ticks[ticks.len().saturating_sub((1.0 / PERIOD) as usize)..];
     Spread::of_vectors(&last.iter().map(vector).collect::<Vec<_>>())

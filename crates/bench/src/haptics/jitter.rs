@@ -1,4 +1,5 @@
-//! How punctual the loop's ticks are in real time, beside a thread that does nothing but wake at the same deadlines.
+//! Part `ticks` of `palpate bench haptics`: how late the haptic loop's ticks (its iterations) come in real time, beside
+//! a thread that does nothing but wake at the same deadlines.
 
 use std::sync::Arc;
 
@@ -16,55 +17,55 @@ use super::head::{self, CHEEK, Skin};
 use super::rig::{PERIOD, key, tool, wall};
 use super::{Settings, profile};
 
-/// Of all deadlines, the share that the loop may miss beyond what the bare timer misses.
+/// Share of all deadlines that the loop may miss beyond those that the bare timer misses.
 pub const MORE: f64 = 1e-3;
-/// Of the device, whose force is not felt.
+/// Profile of the haptic device, which follows a script and plays no force.
 const DEVICE: &str = "scripted";
-/// Above the skin at the start and below it later, m.
+/// Height above the skin at the start and depth below it later, m.
 const DEEP: f64 = 0.005;
-/// The shortest step of the simulation, s.
+/// Shortest time step of the simulation, s.
 const SHORTEST_STEP: f64 = 1e-3;
 
-/// Ticks of the loop and of the bare timer beside it.
+/// Lateness of the loop's ticks and of the bare timer beside it.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Punctual {
     /// Whether the engine simulates the head meanwhile, without pause; else a wall, which takes no time.
     pub is_loaded: bool,
-    /// Of the loop.
+    /// Lateness of the loop.
     pub servo: Late,
-    /// Of the bare timer; `None`: there was no thread for it.
+    /// Lateness of the bare timer; `None`: it could not have a thread.
     pub bare: Option<Late>,
-    /// Steps of the simulation.
+    /// Number of steps of the simulation.
     pub steps: u64,
-    /// How old the newest wrench was at most, in half of the ticks and in 99 of 100, s.
+    /// By how much the newest wrench was out of date: median and 99th percentile over the ticks, s.
     pub age: [f64; 2],
-    /// What the session said of itself.
+    /// Remarks of the session on itself.
     pub notes: Vec<String>,
 }
 
 impl Punctual {
-    /// Whether the loop misses no more than the bare timer does, and `MORE` besides; without a bare timer, than that.
+    /// Whether the loop's share of missed deadlines is at most that of the bare timer (0 without one) plus `MORE`.
     pub fn is_punctual(&self) -> bool {
         self.servo.share_missed <= self.bare.map_or(0.0, |bare| bare.share_missed) + MORE
     }
 }
 
-/// How late ticks came.
+/// Distribution of the lateness of ticks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Late {
-    /// That came.
+    /// Number of ticks that came.
     pub ticks: u64,
-    /// Half of them came so late at most, s.
+    /// Median lateness, s.
     pub median: f64,
-    /// 99 of 100, s.
+    /// 99th percentile of the lateness, s.
     pub p99: f64,
-    /// 999 of 1000, s.
+    /// 99.9th percentile of the lateness, s.
     pub p999: f64,
-    /// The latest, s.
+    /// Greatest lateness, s.
     pub worst: f64,
-    /// Deadlines missed by more than 2 ms.
+    /// Number of deadlines missed by more than 2 ms.
     pub missed: u64,
-    /// The same, of all deadlines.
+    /// Share of all deadlines that were missed by more than 2 ms.
     pub share_missed: f64,
 }
 
@@ -82,7 +83,7 @@ impl Late {
     }
 }
 
-/// Without load, then with it.
+/// Measures without load, then while the engine simulates the head.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Punctual>> {
     watch("ticks: without load");
     let idle = session(settings, false, [DVec3::Y * DEEP, DVec3::Y * -DEEP], &mut wall(500.0, 0.0, DVec3::Y * DEEP))?;

@@ -1,5 +1,6 @@
-//! `palpate bench haptics`: what the hand feels of the loop: how stiff a wall may be, how still a force keeps, how far it
-//! jumps, and how punctual its ticks are.
+//! `palpate bench haptics`: what the hand feels of the haptic loop: how stiff a wall may be before the loop oscillates,
+//! how still a held force is, how far it jumps while sliding, and how punctual the loop's ticks (its 1 kHz iterations)
+//! are.
 
 mod controllers;
 mod document;
@@ -29,38 +30,38 @@ use super::{Benchmark, Section};
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Names of the devices' profiles.
+    /// Names of the haptic devices' profiles.
     pub devices: Vec<&'static str>,
-    /// Of the wall, N s/m.
+    /// Damping of the walls, N s/m.
     pub dampings: Vec<f64>,
-    /// Of the force, s.
+    /// Delays of the force between the loop and the haptic device, s.
     pub delays: Vec<f64>,
-    /// Of the simulation against walls, Hz.
+    /// Rates of the simulation against walls, Hz.
     pub rates: Vec<f64>,
-    /// The stiffest wall is found to this share of it.
+    /// Relative accuracy to which the stiffest wall is bisected.
     pub bisected: f64,
-    /// Walls to hold against, N/m.
+    /// Stiffnesses of the walls to hold against, N/m.
     pub walls: Vec<f64>,
-    /// Of the engine's simulation, Hz.
+    /// Rates of the engine's simulation of the head at which a force is held, Hz.
     pub head_rates: Vec<f64>,
-    /// Rates at which to slide over the head, Hz.
+    /// Rates of the engine's simulation at which the tool slides over the head, Hz.
     pub slide_rates: Vec<f64>,
-    /// Devices to slide over the head with.
+    /// Haptic devices that hold and slide on the head.
     pub slide_devices: Vec<&'static str>,
-    /// Of the head's skin.
+    /// Vertices of the head's skin.
     pub vertices: usize,
-    /// Lattice cell of the head's layer, m.
+    /// Edge of a lattice cell of the head's layer (its tetrahedral mesh), m.
     pub cell: f64,
-    /// Real time that each count of late ticks takes, s.
+    /// Real time of each measurement of late ticks, s.
     pub jitter_seconds: f64,
-    /// Whether this is a short form of the whole.
+    /// Whether this is the short form of the benchmark (`--quick`).
     pub is_quick: bool,
-    /// Device that simulates, by name or index; `None`: the best.
+    /// GPU device that simulates, by name or index; `None`: the best one.
     pub device: Option<String>,
 }
 
 impl Settings {
-    /// All of it: under ten minutes on two cores.
+    /// The whole benchmark: under ten minutes on two cores.
     pub fn full() -> Settings {
         Settings {
             devices: vec!["touch", "premium", "sigma.7"],
@@ -80,7 +81,7 @@ impl Settings {
         }
     }
 
-    /// One device, few cases: for a first look, not for figures.
+    /// A short form with one haptic device and few cases, for a first look; not for figures to quote.
     pub fn quick() -> Settings {
         Settings {
             devices: vec!["premium"],
@@ -97,7 +98,7 @@ impl Settings {
         }
     }
 
-    /// The profiles of the devices. Errors: a name of none.
+    /// Profiles of the haptic devices. Errors: a name is unknown.
     fn profiles(&self) -> Result<Vec<&'static Profile>> {
         self.devices.iter().map(|name| profile(name)).collect()
     }
@@ -107,27 +108,27 @@ fn profile(name: &str) -> Result<&'static Profile> {
     Profile::named(name).ok_or_else(|| Error::Simulation(format!("there is no device profile `{name}`")))
 }
 
-/// What was found; nothing of a part that was not measured.
+/// Results of the benchmark; parts that were not measured are empty.
 #[derive(Debug, Clone, Default)]
 pub struct Results {
-    /// Stiffest walls by their damping.
+    /// Stiffest walls by the wall's damping.
     pub widths: Vec<Width>,
-    /// Stiffest walls by delay.
+    /// Stiffest walls by the delay of the force.
     pub delays: Vec<Limit>,
     /// Stiffest walls by the simulation's rate.
     pub rates: Vec<Limit>,
-    /// Forces held.
+    /// Held forces.
     pub holds: Vec<Held>,
     /// Slides over the head.
     pub slides: Vec<Slid>,
-    /// Passivity controllers.
+    /// Presses with different passivity controllers.
     pub controllers: Vec<Controlled>,
-    /// Late ticks.
+    /// Lateness of ticks.
     pub jitter: Vec<Punctual>,
 }
 
 impl Results {
-    /// Of the parts that were measured. Errors: they are none of this benchmark.
+    /// Reads the results of those parts that were measured. Errors: a part does not have this benchmark's form.
     pub fn of(parts: &Map<String, Value>) -> Result<Results> {
         let [widths, delays, rates, holds, slides, controllers, jitter] = PARTS;
         Ok(Results {
@@ -142,10 +143,10 @@ impl Results {
     }
 }
 
-/// Names of the parts.
+/// Names of the parts of the benchmark.
 const PARTS: [&str; 7] = ["damping", "delay", "rate", "hold", "slide", "controllers", "ticks"];
 
-/// The benchmark: a part for each question.
+/// The benchmark `haptics`; each question is a part of it.
 pub struct Haptics(pub Settings);
 
 impl Benchmark for Haptics {

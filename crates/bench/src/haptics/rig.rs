@@ -1,4 +1,5 @@
-//! The loop as a session makes it, but in virtual time and held by the simulated hand: the same bits in every run.
+//! Runs the haptic loop as a session does, but in virtual time and held by the simulated hand: it gives the same bits
+//! in every run. A tick is one iteration of the loop; a force is played when it is commanded to the haptic device.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::haptics::Device;
@@ -15,44 +16,44 @@ use palpate::{Error, Result};
 use palpate_devices::hand::{Hand, HandParameters};
 use serde::{Deserialize, Serialize};
 
-/// Of the loop, s.
+/// Period of the loop, s.
 pub const PERIOD: f64 = 1e-3;
-/// Of the tool, a sphere, m.
+/// Radius of the tool, a sphere, m.
 pub const RADIUS: f64 = 0.01;
-/// Of the tool, kg.
+/// Mass of the tool, kg.
 pub const MASS: f64 = 0.05;
 
-/// What the loop does.
+/// How the loop uses the simulation's wrenches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
-    /// What a session does unless told otherwise: the local model and passivity control.
+    /// What a session does by default: the local contact model, and passivity control.
     Session,
-    /// The local model alone.
+    /// The local contact model without passivity control.
     Local,
-    /// The raw force, kept as it is from wrench to wrench.
+    /// The force of the newest wrench, unchanged until the next one arrives.
     Raw,
 }
 
 impl Mode {
-    /// Every mode and its name.
+    /// All modes and their names.
     pub const ALL: [(Mode, &'static str); 3] =
         [(Mode::Session, "as in a session"), (Mode::Local, "no passivity control"), (Mode::Raw, "raw force")];
 }
 
-/// A device, who holds it, and what the loop does.
+/// A haptic device, the simulated hand that holds it, and how the loop uses the simulation's wrenches.
 #[derive(Debug, Clone, Copy)]
 pub struct Rig {
-    /// Of the device; it also gives the gains.
+    /// Profile of the haptic device, from which the gains are chosen too.
     pub profile: &'static Profile,
-    /// Who holds it.
+    /// The simulated hand.
     pub hand: HandParameters,
-    /// What the loop does.
+    /// How the loop uses the simulation's wrenches.
     pub mode: Mode,
 }
 
 impl Rig {
-    /// The gains that a session would choose with the local model.
+    /// The gains of the virtual coupling that a session would choose with the local model.
     pub fn coupling(&self) -> Coupling {
         self.gains().coupling
     }
@@ -61,14 +62,15 @@ impl Rig {
         coupling::choose(self.profile, PERIOD, 0.0, MASS, inertia(), None)
     }
 
-    /// What one step of the hand's encoders is worth by the coupling, N: by its stiffness, and by its damping where the
-    /// velocity is told from a tick.
+    /// Forces that one step of the encoders makes through the coupling, N: through its stiffness, and through its
+    /// damping where velocity is the difference of two ticks.
     pub fn quantum_forces(&self) -> [f64; 2] {
         let Coupling { stiffness, damping, .. } = self.coupling();
         [self.hand.quantum * stiffness, self.hand.quantum * damping / PERIOD]
     }
 
-    /// Follows keys to the last; all ticks. `tool`: where it starts.
+    /// Lets the hand follow keys (desired poses) to the last one; returns all ticks. `tool` is the tool's initial
+    /// state.
     pub fn follow(
         &self,
         keys: &[Key],
@@ -79,7 +81,8 @@ impl Rig {
         self.follow_controlled(keys, tool, environment, schedule, |_| ())
     }
 
-    /// Follows keys as [`Rig::follow`] does, but that `control` may change what a tick plays before the device is told.
+    /// Follows keys like [`Rig::follow`], but `control` may change what a tick plays before it is commanded to the
+    /// haptic device.
     pub fn follow_controlled(
         &self,
         keys: &[Key],
@@ -110,12 +113,12 @@ impl Rig {
     }
 }
 
-/// Of the tool, a sphere, kg m^2.
+/// Moment of inertia of the tool, a sphere, kg m^2.
 fn inertia() -> f64 {
     0.4 * MASS * RADIUS * RADIUS
 }
 
-/// The tool at rest somewhere.
+/// The tool at rest, with its centre at `centre`.
 pub fn tool(centre: DVec3) -> Tool {
     Tool {
         mass: MASS,
@@ -128,7 +131,7 @@ pub fn tool(centre: DVec3) -> Tool {
     }
 }
 
-/// A device's pose at a time.
+/// A desired pose of the hand at a time (s).
 pub fn key(time: f64, position: DVec3) -> Key {
     Key { time, position, orientation: DQuat::IDENTITY }
 }
@@ -138,11 +141,11 @@ pub fn wall(stiffness: f64, damping: f64, centre: DVec3) -> Wall {
     Wall { stiffness, damping, tells_gap: true, tool: tool(centre), steps: 0 }
 }
 
-/// An environment, and all that it found.
+/// An environment that records all the wrenches that it gives.
 pub struct Recorded<'a> {
-    /// What is met.
+    /// The environment itself.
     pub inner: &'a mut dyn Environment,
-    /// In order.
+    /// Its wrenches, in their order.
     pub wrenches: Vec<ContactWrench>,
 }
 
@@ -154,19 +157,19 @@ impl Environment for Recorded<'_> {
     }
 }
 
-/// How a force kept still.
+/// Mean and spread of a force (in N) or of a position (in m).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
-    /// N.
+    /// Mean.
     pub mean: f64,
-    /// Standard deviation, N.
+    /// Standard deviation.
     pub deviation: f64,
-    /// From the least to the greatest, N.
+    /// Greatest less least value.
     pub swing: f64,
 }
 
 impl Spread {
-    /// Of samples; zero of nothing.
+    /// The spread of samples; zero where there are none.
     pub fn of(samples: impl Iterator<Item = f64> + Clone) -> Spread {
         let count = samples.clone().count().max(1) as f64;
         let mean = samples.clone().sum::<f64>() / count;
@@ -175,8 +178,8 @@ impl Spread {
         Spread { mean, deviation: variance.sqrt(), swing: (high - low).max(0.0) }
     }
 
-    /// Of vectors: the length of their mean, the root of the axes' summed variances, and the diagonal of the box that they
-    /// fill.
+    /// The spread of vectors: length of their mean, root of the axes' summed variances, and diagonal of the box that
+    /// they fill.
     pub fn of_vectors(vectors: &[DVec3]) -> Spread {
         let axes: [Spread; 3] = std::array::from_fn(|k| Spread::of(vectors.iter().map(|v| v[k])));
         let length = |part: fn(&Spread) -> f64| DVec3::from(axes.each_ref().map(part)).length();
@@ -210,7 +213,7 @@ mod tests {
             (ticks.last().unwrap().played.force.y, ticks.len(), recorded.wrenches.len())
         };
         let (force, ticks, steps) = run();
-        // Arm, coupling and wall in series; friction holds the hand within 0.05 N of balance.
+        // The force of arm, coupling and wall as springs in series; friction holds the hand within 0.05 N of it.
         let exact = 0.005 / (1.0 / 300.0 + 1.0 / 500.0 + 1.0 / rig.coupling().stiffness);
         assert!((force - exact).abs() < 0.05, "{force} N, {exact} N");
         assert_eq!((ticks, steps), (1000, 100));

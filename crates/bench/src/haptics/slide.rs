@@ -1,4 +1,5 @@
-//! A person who slides over the head's cheek: how far the force jumps from one tick to the next.
+//! Part `slide` of `palpate bench haptics`: a simulated person slides over the head's cheek, and it is measured how far
+//! the force jumps from one tick (iteration of the haptic loop) to the next.
 
 use glam::DVec3;
 use palpate::Result;
@@ -14,71 +15,74 @@ use super::hold::cases;
 use super::rig::{Mode, PERIOD, Recorded, Rig, Spread, key, tool};
 use super::{Settings, profile};
 
-/// How fast, m/s.
+/// Speed of the slide, m/s.
 pub const SPEED: f64 = 0.02;
-/// How far, m, along y: up from the cheek.
+/// Length of the slide along y, up from the cheek, m.
 pub const WAY: f64 = 0.03;
 /// A change is allowed up to this share of the force, or up to [`ALLOWED`].
 pub const ALLOWED_SHARE: f64 = 0.05;
-/// N.
+/// A change of the force by up to this is allowed in any case, N.
 pub const ALLOWED: f64 = 0.05;
-/// Above the skin at the start, m.
+/// Height above the skin at the start, m.
 const ABOVE: f64 = 0.003;
-/// Below it where the person means to be, m.
+/// Depth below the skin that the person intends, m.
 const WITHIN: f64 = 0.005;
-/// Between keys of the way, m.
+/// Distance between keys of the desired path, m.
 const SPACING: f64 = 0.0025;
-/// When the person begins to press, means to be within, and begins to slide, s.
+/// When the person begins to press, intends the full depth, and begins to slide, s.
 const TIMES: [f64; 3] = [0.3, 0.6, 1.0];
-/// Ticks between points of the trace.
+/// Number of ticks between points of the trace.
 const TRACED: usize = 5;
 
-/// The change of a force that is furthest beyond what is allowed, or nearest to it.
+/// The change of a force that is the greatest in proportion to what is allowed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Change {
-    /// N.
+    /// Length of the change, N.
     pub newtons: f64,
-    /// The greater of the force before and after it, N.
+    /// The greater of the forces before and after it, N.
     pub force: f64,
-    /// When, s.
+    /// When it happened, s.
     pub time: f64,
-    /// Over what is allowed: above 1 it is too much.
+    /// The change over what is allowed; above 1 it is too great.
     pub excess: f64,
 }
 
-/// The worst changes of a phase.
+/// The worst changes of a phase (touch or slide).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Changes {
-    /// Of what was played, from tick to tick.
+    /// Change of the played force, from tick to tick.
     pub played: Change,
-    /// Of the contact as the loop has it, from tick to tick.
+    /// Change of the contact force of the loop's local model, from tick to tick.
     pub contact: Change,
-    /// Of what the simulation found, from step to step: the jump of a force that is held between steps.
+    /// Change of the force that the simulation found, from step to step: how far a force that is kept between steps
+    /// jumps.
     pub raw: Change,
 }
 
-/// A slide, and what came of it.
+/// Results of a slide.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Slid {
-    /// The device's profile.
+    /// Name of the haptic device's profile.
     pub profile: String,
-    /// Of the simulation, Hz.
+    /// Rate of the simulation, Hz.
     pub rate: f64,
-    /// What the loop did.
+    /// How the loop used the simulation's wrenches.
     pub mode: Mode,
-    /// While sliding, N.
+    /// Magnitude of the played force while sliding.
     pub force: Spread,
-    /// What one step of the encoders is worth by the coupling's stiffness and by its damping, N.
+    /// Forces that one step of the haptic device's encoders makes, through the coupling's stiffness and through its
+    /// damping, N.
     pub quantum_forces: [f64; 2],
-    /// From the first touch until the slide begins.
+    /// Worst changes before the slide, the first touch among them.
     pub touch: Changes,
-    /// While sliding.
+    /// Worst changes while sliding.
     pub slide: Changes,
-    /// Time (s), and lengths of what was played, of contact and of what the simulation found (N), at some ticks of the slide.
+    /// Points of the slide: time (s), and magnitudes of the played force, of the local model's contact force and of the
+    /// newest force of the simulation (N).
     pub trace: Vec<[f64; 4]>,
 }
 
-/// Slides with every device of the settings, at every rate.
+/// Measures slides with every haptic device of the settings, at every rate, in every mode.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Slid>> {
     let keys = way(&Skin::of(&head::scene(settings, DVec3::ZERO))?)?;
     let scene = head::scene(settings, keys[0].position);
@@ -94,7 +98,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<S
     Ok(slides)
 }
 
-/// Down to the cheek, and along it at an even depth below the skin at rest.
+/// The desired path: down to the cheek, and along it at an even depth below the skin at rest.
 fn way(skin: &Skin) -> Result<Vec<Key>> {
     let [x, y] = CHEEK;
     let [presses, within, slides] = TIMES;
@@ -133,7 +137,7 @@ fn judge(rig: &Rig, rate: f64, ticks: &[Tick], wrenches: &[ContactWrench]) -> Sl
     }
 }
 
-/// The worst change of a force between neighbours of a phase.
+/// The worst change of a force between two successive times, the later of which is in the phase `is_in`.
 fn worst(forces: impl Iterator<Item = (f64, DVec3)>, is_in: &dyn Fn(f64) -> bool) -> Change {
     let (mut worst, mut last) = (Change::default(), None);
     for (time, now) in forces {

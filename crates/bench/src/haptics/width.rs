@@ -1,4 +1,7 @@
-//! How stiff a wall may be until the loop swings: by the wall's damping, by the force's delay, by the simulation's rate.
+//! Parts `damping`, `delay` and `rate` of `palpate bench haptics`: the stiffest wall that the haptic loop renders
+//! without oscillating (the Z-width), by the wall's damping, by the delay of the force and by the simulation's rate.
+//! The raw force is that of the newest wrench, unchanged until the next; the local model is the session's force law
+//! between wrenches.
 
 use glam::DVec3;
 use palpate::Result;
@@ -12,11 +15,12 @@ use serde::{Deserialize, Serialize};
 use super::Settings;
 use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
 
-/// The stiffest and the softest wall, N/m.
+/// Stiffness of the softest and of the stiffest wall tried, N/m.
 pub const RANGE: [f64; 2] = [10.0, 1e5];
-/// Walls tried to a power of ten on the way up, before the first that swings is narrowed down.
+/// Walls tried for each power of ten of stiffness, on the way up to the first that oscillates; then that one is
+/// bisected.
 const TRIED: f64 = 4.0;
-/// Who takes little: without friction and encoders, as the linear bounds have it.
+/// A critical hand, which dissipates little: without friction and encoders, as the linear bounds assume.
 pub const CRITICAL: HandParameters = HandParameters {
     mass: 0.15,
     stiffness: 300.0,
@@ -30,76 +34,79 @@ pub const CRITICAL: HandParameters = HandParameters {
     delay: 0.0,
     substep: 1e-4,
 };
-/// A force keeps still if it swings by no more than this share of its mean, or by [`STILL`].
+/// A force is still if it varies by no more than this share of its mean, or by [`STILL`], from least to greatest.
 pub const STILL_SHARE: f64 = 0.01;
-/// N.
+/// A force that varies by no more than this is still in any case, N.
 pub const STILL: f64 = 0.01;
-/// A swing grows if its second half is so many times its first.
+/// An oscillation grows if the second half's range is more than so many times the first half's.
 const GROWTH: f64 = 1.2;
-/// A force is there if it is at least this share of what springs at rest would give: one that was taken away is still too.
+/// A force counts as there if it is at least this share of that of the springs (arm, coupling, wall) in equilibrium;
+/// one that was taken away would be still as well.
 const THERE: f64 = 0.97;
-/// Where the hand means to be within the wall, m.
+/// Depth within the wall that the hand intends, m.
 const WITHIN: f64 = 0.01;
-/// Swings that are smaller are rounding, N.
+/// Oscillations with a smaller range than this are rounding, N.
 const NOTHING: f64 = 1e-6;
 
 const DELAY: &str = "delay";
 const RATE: &str = "rate";
 
-/// The stiffest wall that keeps still, N/m: 0 where none does, the end of [`RANGE`] where all do.
+/// The stiffest wall with a still force, N/m: 0 where no wall has one, the end of [`RANGE`] where all do.
 pub type Stiffest = f64;
 
-/// By the wall's own damping.
+/// Stiffest walls of one haptic device for one damping of the wall.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Width {
-    /// Of the device.
+    /// Name of the haptic device's profile.
     pub profile: String,
-    /// Of the coupling, N/m.
+    /// Stiffness of the virtual coupling, N/m.
     pub coupling: f64,
-    /// Of the wall, N s/m.
+    /// Damping of the wall, N s/m.
     pub damping: f64,
-    /// With the local model and passivity control.
+    /// Stiffest wall with the local model and passivity control.
     pub session: Stiffest,
-    /// With the local model.
+    /// Stiffest wall with the local model alone.
     pub local: Stiffest,
-    /// With the raw force.
+    /// Stiffest wall with the raw force.
     pub raw: Stiffest,
-    /// That passivity by Colgate and Schenkel allows without a coupling, N/m.
+    /// Stiffest passive wall without a coupling, by Colgate and Schenkel's condition, N/m.
     pub colgate: f64,
 }
 
-/// By delay or rate.
+/// Stiffest walls of one haptic device for one delay of the force and one rate of the simulation.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Limit {
-    /// Of the device.
+    /// Name of the haptic device's profile.
     pub profile: String,
-    /// Of the coupling, N/m.
+    /// Stiffness of the virtual coupling, N/m.
     pub coupling: f64,
-    /// From being told a force to playing it, s.
+    /// Delay of the haptic device from the command of a force to its being played, s.
     pub delay: f64,
-    /// Of the simulation, Hz.
+    /// Rate of the simulation, Hz.
     pub rate: f64,
-    /// With the local model.
+    /// Stiffest wall with the local model.
     pub local: Stiffest,
-    /// With the raw force.
+    /// Stiffest wall with the raw force.
     pub raw: Stiffest,
-    /// Of a wall that is sampled at that rate without further delay, by Colgate and Schenkel, N/m.
+    /// Stiffest passive wall that is sampled at that rate without further delay, by Colgate and Schenkel's condition,
+    /// N/m.
     pub colgate: f64,
-    /// Of the same with the delay, and by rate an interval more, by Gil and others, N/m.
+    /// Stiffest stable wall with the delay, for the part `rate` plus one interval between steps, by Gil and others'
+    /// bound, N/m.
     pub gil: f64,
 }
 
-/// What coupling and wall are together, N/m.
+/// Stiffness of coupling and wall in series, N/m.
 pub fn in_series(coupling: f64, wall: f64) -> f64 {
     if wall > 0.0 { 1.0 / (1.0 / coupling + 1.0 / wall) } else { 0.0 }
 }
 
-/// What the critical hand and its device dissipate, N s/m.
+/// Damping of the critical hand and its haptic device together, N s/m.
 pub fn dissipation() -> f64 {
     CRITICAL.damping + CRITICAL.device_damping
 }
 
-/// By the wall's damping at 1 kHz.
+/// Measures stiffest walls by the wall's damping, simulated at 1 kHz.
 pub fn by_damping(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Width>> {
     let mut widths = Vec::new();
     for profile in settings.profiles()? {
@@ -126,13 +133,13 @@ pub fn by_damping(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Ve
     Ok(widths)
 }
 
-/// By the delay of the force at 1 kHz.
+/// Measures stiffest walls by the delay of the force, simulated at 1 kHz.
 pub fn by_delay(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Limit>> {
     let cases: Vec<(f64, f64)> = settings.delays.iter().map(|&delay| (delay, 1.0 / PERIOD)).collect();
     limits(settings, DELAY, &cases, watch)
 }
 
-/// By the rate of the simulation, whose wrench arrives one interval later.
+/// Measures stiffest walls by the rate of the simulation, whose wrench arrives one interval after its step began.
 pub fn by_rate(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Limit>> {
     let cases: Vec<(f64, f64)> = settings.rates.iter().map(|&rate| (0.0, rate)).collect();
     limits(settings, RATE, &cases, watch)
@@ -148,7 +155,7 @@ fn limits(settings: &Settings, what: &str, cases: &[(f64, f64)], watch: &mut dyn
                 stiffest(settings, |stiffness| press(&rig, stiffness, 0.0, rate))
             };
             let interval = interval(rate);
-            // What is found comes an interval later, unless the local model makes up for it.
+            // In the part `rate` a wrench also arrives an interval late, unless the local model makes up for it.
             let late = delay + if what == RATE { interval } else { 0.0 };
             limits.push(Limit {
                 profile: profile.name.into(),
@@ -165,7 +172,7 @@ fn limits(settings: &Settings, what: &str, cases: &[(f64, f64)], watch: &mut dyn
     Ok(limits)
 }
 
-/// Between steps, in whole ticks, s.
+/// Time between two steps, in whole ticks, s.
 fn interval(rate: f64) -> f64 {
     f64::from(Schedule::at(rate, PERIOD).ticks_a_step) * PERIOD
 }
@@ -174,7 +181,7 @@ fn rig_of(profile: &'static Profile) -> Rig {
     Rig { profile, hand: CRITICAL, mode: Mode::Local }
 }
 
-/// The hand means to be so far within the wall; whether the force is there, and keeps still.
+/// Presses [`WITHIN`] into a wall of this stiffness and damping: whether the force is there at the end, and still.
 fn press(rig: &Rig, stiffness: f64, damping: f64, rate: f64) -> Result<bool> {
     let (start, within) = (DVec3::Y * 0.005, DVec3::Y * -WITHIN);
     let keys: [Key; 4] = [key(0.0, start), key(0.3, start), key(0.6, within), key(4.0, within)];
@@ -183,7 +190,8 @@ fn press(rig: &Rig, stiffness: f64, damping: f64, rate: f64) -> Result<bool> {
     Ok(keeps_still(&ticks, balance))
 }
 
-/// Over the last second; `balance`: the force of springs at rest, N.
+/// Whether the played force of the last second is there and still; `balance`: the force of the springs in equilibrium,
+/// N.
 fn keeps_still(ticks: &[Tick], balance: f64) -> bool {
     let second = (1.0 / PERIOD) as usize;
     let last: Vec<f64> = ticks[ticks.len().saturating_sub(second)..].iter().map(|tick| tick.played.force.y).collect();
@@ -193,7 +201,8 @@ fn keeps_still(ticks: &[Tick], balance: f64) -> bool {
     whole.swing <= (STILL_SHARE * whole.mean.abs()).max(STILL) && !grows && whole.mean >= THERE * balance
 }
 
-/// Up from the softest to the first that swings, then between the two.
+/// The stiffest wall that is still: tries walls from the softest up to the first that is not, then bisects between the
+/// last two.
 fn stiffest(settings: &Settings, mut is_still: impl FnMut(f64) -> Result<bool>) -> Result<Stiffest> {
     let steps = (TRIED * (RANGE[1] / RANGE[0]).log10()).round() as i32;
     let (mut still, mut swings) = (0.0, None);

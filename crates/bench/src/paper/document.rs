@@ -1,4 +1,5 @@
-//! The report of [`Results`]. Findings are computed: no number of a measurement is written here.
+//! The report of the paper benchmark ([`Results`]). Findings are computed from the measurements; none of their numbers
+//! is written here.
 
 use palpate::Result;
 use palpate::internal::stages::QUERY;
@@ -9,10 +10,10 @@ use crate::fit::exponent;
 use crate::plot::{Bar, Line, Logarithmic, Panel, bars, panels};
 use crate::{Section, Table};
 
-/// What follows the query in a step.
+/// Stages of a step after those of the query.
 const REST: [&str; 4] = ["elastic", "solve", "wrench", "fit"];
 
-/// Of the tables of growth.
+/// Columns of the tables of growth.
 const COLUMNS: [&str; 10] = [
     "bodies",
     "skin vertices",
@@ -37,7 +38,7 @@ pub fn preface(settings: &Value) -> String {
     )
 }
 
-/// Questions and answers, plots drawn.
+/// A section for each part that was measured, and one for the stages of the scenes.
 pub fn sections(results: &Results) -> Result<Vec<Section>> {
     let mut sections = Vec::new();
     if !results.scenes.is_empty() {
@@ -54,7 +55,7 @@ fn ms(time: f64) -> String {
     if time < 10.0 { format!("{time:.2}") } else { format!("{time:.1}") }
 }
 
-/// What the paper says of a scene.
+/// What the paper reports of a scene.
 fn told(ran: &Ran) -> Option<&'static Told> {
     SCENES.iter().find(|told| told.name == ran.name)
 }
@@ -192,12 +193,12 @@ fn growth(by: By, rows: &[Grown]) -> Result<Section> {
     })
 }
 
-/// To three digits after the point.
+/// A number rounded to three digits after the point.
 fn digits(x: f64) -> f64 {
     (1e3 * x).round() / 1e3
 }
 
-/// Heading, what differs, and the question.
+/// Heading, quantity on the horizontal axis, and question of a section of growth.
 fn words(by: By) -> (&'static str, &'static str, &'static str) {
     match by {
         By::Area => (

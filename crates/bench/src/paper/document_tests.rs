@@ -1,3 +1,5 @@
+//! Tests of the findings and tables of the report on the paper's scenes, on results made by hand.
+
 use super::*;
 
 fn times(query_ms: f64, step_ms: f64, contacts: u32) -> Times {

@@ -1,4 +1,5 @@
-//! What the loop costs, by contact area, by size of the mesh, and by number of bodies.
+//! Parts of `palpate bench paper` that measure how the time of a step grows with the contact area, the sizes of the
+//! meshes and the number of bodies.
 
 use std::path::Path;
 
@@ -9,29 +10,29 @@ use serde::{Deserialize, Serialize};
 use super::Settings;
 use super::watched::{Times, Watched};
 
-/// Steps in which the tool goes to where it stays, and in which the bodies come to lie, untimed.
+/// Steps that are not timed, in which the tool reaches its final position or the bodies come to lie on the ground.
 const APPROACH: usize = 80;
-/// How far a sphere is pressed into the head at most, m.
+/// Depth to which a sphere is pressed into the head at most, m.
 const DEEP: f64 = 0.004;
-/// Front of the head's cheek (see touch-head): where the sphere's centre is aimed at, m.
+/// Point on the front of the head's cheek (see `touch-head.toml`), towards which spheres are pressed, m.
 const CHEEK: DVec3 = DVec3::new(0.03, -0.02, 0.084);
-/// Edge of the blocks, m, and cells along it.
+/// Edge of the blocks, m, and number of cells along it.
 const BLOCK: (f64, u32) = (0.05, 5);
-/// Of the head and the blocks.
+/// Material of the head and of the blocks.
 const MATERIAL: &str = "young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002";
-/// Between blocks, m.
+/// Distance from block to block, edge included, m.
 const APART: f64 = 0.08;
 
-/// What differs from row to row.
+/// The quantity that differs from row to row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum By {
-    /// Radius of the sphere.
+    /// Contact area, by the radius of the sphere.
     Area,
-    /// Skin vertices of the head.
+    /// Number of skin vertices of the head.
     Skin,
-    /// Cells of the head's layer.
+    /// Number of tetrahedra of the head, by the cell size of its layer (tetrahedral mesh).
     Layer,
-    /// Blocks that lie on the ground.
+    /// Number of blocks that lie on the ground.
     Bodies,
 }
 
@@ -46,7 +47,7 @@ impl By {
         }
     }
 
-    /// All of them.
+    /// All quantities.
     pub const ALL: [By; 4] = [By::Area, By::Skin, By::Layer, By::Bodies];
 
     fn scene(self, value: f64) -> Result<Scene> {
@@ -59,27 +60,27 @@ impl By {
     }
 }
 
-/// A size and what it costs.
+/// Sizes of one scene, and what a step of it costs.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Grown {
     /// Name of the row.
     pub name: String,
-    /// Radius (m), vertices, cell (m) or bodies.
+    /// Value that was varied: radius (m), skin vertices, cell size (m) or number of bodies.
     pub value: f64,
-    /// That are soft.
+    /// Number of soft bodies.
     pub bodies: usize,
-    /// Of all soft bodies.
+    /// Tetrahedra of all soft bodies.
     pub tetrahedra: usize,
-    /// Of all skins but the tool's.
+    /// Skin vertices of all bodies but the tool.
     pub vertices: usize,
-    /// Bytes on the device.
+    /// GPU memory, bytes.
     pub bytes_device: u64,
     /// Times and contacts.
     #[serde(flatten)]
     pub times: Times,
 }
 
-/// A row a value: all come into contact, then each does a few steps in turn, and the other way round in the next turn.
+/// Measures a row for each value. All scenes are first brought into contact; then each does a few steps in turn.
 pub fn measure(by: By, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Grown>> {
     let mut all = Vec::new();
     for &value in settings.values(by) {
@@ -95,12 +96,13 @@ pub fn measure(by: By, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Resu
     }
     for turn in 0..settings.growth_steps {
         let mut order: Vec<_> = all.iter_mut().collect();
-        // Each way in turn, so that what changes on the machine meanwhile favours none.
+        // Every second turn goes in reverse order, so that a change of the machine's speed favours no scene.
         if turn % 2 == 1 {
             order.reverse();
         }
         for (watched, row) in order {
-            // One finds caches cold; of the others two are not timed by stage, and two are.
+            // The first step finds caches cold and does not count; of the next four, two are timed by stage and two are
+            // not.
             watched.step(None)?;
             (0..4).try_for_each(|_| watched.step(Some(&mut row.times)).map(drop))?;
         }
@@ -108,7 +110,7 @@ pub fn measure(by: By, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Resu
     Ok(all.into_iter().map(|(_, row)| row).collect())
 }
 
-/// A sphere pressed into the head's cheek.
+/// A sphere that is pressed into the head's cheek.
 fn head(radius: f64, vertices: usize, cell: f64) -> Result<Scene> {
     let end = CHEEK + DVec3::Z * (radius - DEEP);
     let start = end + DVec3::Z * (2.0 * DEEP);
@@ -142,7 +144,7 @@ fn head(radius: f64, vertices: usize, cell: f64) -> Result<Scene> {
     Scene::parse(Path::new("head"), &text)
 }
 
-/// Blocks that lie side by side on the ground; none touches another.
+/// Blocks that lie side by side on the ground without touching each other.
 fn blocks(count: usize) -> Result<Scene> {
     let (edge, cells) = BLOCK;
     let columns = (count as f64).sqrt().ceil() as usize;

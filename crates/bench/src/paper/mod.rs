@@ -1,4 +1,5 @@
-//! `palpate bench paper`: the paper's scenes, its figures beside ours; and what the loop's time follows.
+//! `palpate bench paper`: the scenes of the paper (Galoppo and others 2007) with its times beside palpate's, and how
+//! the time of a step grows with the size of contact, meshes and scene.
 
 mod document;
 mod growth;
@@ -22,28 +23,28 @@ use super::{Benchmark, Section};
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Folder of the scenes.
+    /// Folder of the scene files.
     pub scenes: PathBuf,
     /// Steps of each scene after its first contact.
     pub steps: usize,
-    /// A scene is left after so many seconds, s.
+    /// Longest wall time that a scene is run for, s.
     pub scene_seconds: f64,
     /// Radii of the sphere, m.
     pub radii: Vec<f64>,
-    /// Skin vertices of the head.
+    /// Numbers of skin vertices of the head.
     pub vertices: Vec<f64>,
-    /// Cells of the head's layer, m.
+    /// Cell sizes of the head's layer (its tetrahedral mesh), m.
     pub cells: Vec<f64>,
     /// Numbers of blocks.
     pub bodies: Vec<f64>,
-    /// Turns of four steps that count that each size has.
+    /// Number of turns that each row of growth has; in a turn four steps count.
     pub growth_steps: usize,
-    /// Device, by name or index; `None`: the best.
+    /// GPU device, by name or index; `None`: the best one.
     pub device: Option<String>,
 }
 
 impl Settings {
-    /// All of it: some minutes.
+    /// The whole benchmark, which takes some minutes.
     pub fn full() -> Settings {
         Settings {
             scenes: PathBuf::from("assets/scenes"),
@@ -58,7 +59,7 @@ impl Settings {
         }
     }
 
-    /// Every question with few samples: for a first look, not for figures.
+    /// A short form with few samples for every question, for a first look; not for figures to quote.
     pub fn quick() -> Settings {
         Settings {
             steps: 16,
@@ -81,17 +82,17 @@ impl Settings {
     }
 }
 
-/// What was found; nothing of a part that was not measured.
+/// Results of the benchmark; parts that were not measured are missing or empty.
 #[derive(Debug, Clone, Default)]
 pub struct Results {
-    /// The paper's scenes.
+    /// Results of the paper's scenes.
     pub scenes: Vec<Ran>,
-    /// By contact area, skin, layer and number of bodies.
+    /// Rows of growth by contact area, skin, layer and number of bodies.
     pub growth: Vec<(By, Vec<Grown>)>,
 }
 
 impl Results {
-    /// Of the parts that were measured. Errors: they are none of this benchmark.
+    /// Reads the results of those parts that were measured. Errors: a part does not have this benchmark's form.
     pub fn of(parts: &Map<String, Value>) -> Result<Results> {
         let scenes = SCENES.iter().filter_map(|told| parts.get(told.name)).map(from_value);
         let growth = By::ALL.into_iter().map(|by| Ok((by, part(parts, by.name())?)));
@@ -99,7 +100,7 @@ impl Results {
     }
 }
 
-/// The benchmark: a part for each scene, and one for each thing that time may follow.
+/// The benchmark `paper`; each scene is a part of it, and each quantity that times grow with.
 pub struct Paper(pub Settings);
 
 impl Benchmark for Paper {

@@ -1,4 +1,4 @@
-//! The paper's scenes as they run, steps with contact: the query alone, every stage, and the whole loop.
+//! Runs the scenes of the paper and measures the steps with contact: the query alone, every stage, and the whole step.
 
 use std::time::Instant;
 
@@ -8,17 +8,17 @@ use serde::{Deserialize, Serialize};
 use super::Settings;
 use super::watched::{Times, Watched};
 
-/// A scene of the paper and what it says of it (Galoppo and others 2007, a GeForce 7800 and a Pentium of 3.4 GHz): time of the
-/// query, an upper bound or about, and what is aimed at on two cores, ms.
+/// A scene of the paper, what the paper reports of it (Galoppo and others 2007, a GeForce 7800 and a Pentium of 3.4
+/// GHz), and the time that palpate aims at on two CPU cores.
 #[derive(Debug, Clone, Copy)]
 pub struct Told {
     /// Name of the scene's file.
     pub name: &'static str,
-    /// What touches what.
+    /// The bodies that touch, in words.
     pub what: &'static str,
-    /// Of the query, ms.
+    /// Time of the query that the paper reports, an upper bound or an approximate figure, ms.
     pub paper_ms: f64,
-    /// The same, ms.
+    /// Time of the query that palpate aims at, ms.
     pub goal_ms: f64,
 }
 
@@ -26,7 +26,7 @@ const fn told(name: &'static str, what: &'static str, paper_ms: f64, goal_ms: f6
     Told { name, what, paper_ms, goal_ms }
 }
 
-/// All five.
+/// The five scenes.
 pub const SCENES: [Told; 5] = [
     told("touch-head", "sphere on a head, 44,000 skin vertices", 2.0, 1.5),
     told("two-heads", "two heads, 44,000 each", 6.0, 2.5),
@@ -35,27 +35,28 @@ pub const SCENES: [Told; 5] = [
     told("touch-human", "sphere on a human, 10,382 tetrahedra", 2.0, 1.5),
 ];
 
-/// What came of a scene.
+/// Results of a scene.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Ran {
-    /// The scene.
+    /// Name of the scene.
     pub name: String,
-    /// Of all soft bodies.
+    /// Tetrahedra of all soft bodies.
     pub tetrahedra: usize,
-    /// Of all skins.
+    /// Skin vertices of all bodies but the tool.
     pub vertices: usize,
     /// Steps after that of the first contact.
     pub steps: usize,
-    /// Steps before them, untimed.
+    /// Steps up to the first contact, which are not timed.
     pub before: usize,
-    /// Times and contacts of those that touch.
+    /// Times and contacts of the steps with contact.
     #[serde(flatten)]
     pub times: Times,
-    /// Names of the flags that were raised.
+    /// Names of the flags that any step raised.
     pub flags: Vec<String>,
 }
 
-/// Steps to the first contact untimed, since taking times takes time; of those after it every other is timed.
+/// Runs a scene. Steps up to the first contact have no timestamps, which cost time; of those after it every other has
+/// them.
 pub fn run(name: &str, settings: &Settings) -> Result<Ran> {
     let file = settings.scenes.join(format!("{name}.toml"));
     if !file.exists() {

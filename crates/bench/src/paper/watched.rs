@@ -1,4 +1,5 @@
-//! A simulation whose steps with contact are timed: the whole by wall time in one step, its stages by the device in the next.
+//! A simulation whose steps with contact are timed: the whole step by wall time in one, its stages by GPU timestamps in
+//! the next.
 
 use std::collections::BTreeMap;
 
@@ -10,55 +11,56 @@ use serde::{Deserialize, Serialize};
 use super::Settings;
 use crate::median;
 
-/// In four steps two are not timed by stage, one is by all stages, and one by the query as a whole.
+/// Every second step has timestamps: of four steps two have none, one times each stage, and one times the query as a
+/// whole.
 const TIMED_EVERY: u64 = 2;
 
-/// Times and contacts of the steps that touch; microseconds, a step each.
+/// Times and contacts of the steps with contact; the lists have an entry for each step that measured it.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Times {
-    /// Steps that touched.
+    /// Number of steps with contact.
     pub touching: usize,
-    /// By stage.
+    /// Time of each stage by its name, us.
     pub stages_us: BTreeMap<String, Vec<f64>>,
-    /// Pose to contact, as one.
+    /// Time of the query (stages pose to contact) as a whole, us.
     pub query_us: Vec<f64>,
-    /// Wall time, pose in and wrench out, of steps that are not timed by stage.
+    /// Wall time of the steps without timestamps, from the pose going in to the wrench coming out, us.
     pub step_us: Vec<f64>,
-    /// Contacts of both skins.
+    /// Number of contacts, gathered at the vertices of both skins.
     pub contacts: Vec<u32>,
-    /// What they cover, projected on the normal, m^2.
+    /// Area of the contacts, projected on the contact normals, m^2.
     pub areas: Vec<f64>,
-    /// Solver iterations, of all solves of a step.
+    /// Solver iterations of all solves of the step.
     pub iterations: Vec<u32>,
 }
 
 impl Times {
-    /// Median of the query, ms.
+    /// Median time of the query, ms.
     pub fn query_ms(&self) -> f64 {
         1e-3 * median(&self.query_us)
     }
 
-    /// Median of a step, ms.
+    /// Median wall time of a step, ms.
     pub fn step_ms(&self) -> f64 {
         1e-3 * median(&self.step_us)
     }
 
-    /// Median of a stage, ms; `None`: the scene has none.
+    /// Median time of a stage, ms; `None`: the scene does not have it.
     pub fn stage_ms(&self, stage: &str) -> Option<f64> {
         self.stages_us.get(stage).map(|us| 1e-3 * median(us))
     }
 
-    /// Median contacts of a step.
+    /// Median number of contacts of a step.
     pub fn contacts(&self) -> f64 {
         of(&self.contacts)
     }
 
-    /// Median area, m^2.
+    /// Median area of the contacts, m^2.
     pub fn area(&self) -> f64 {
         median(&self.areas)
     }
 
-    /// Median iterations of a step.
+    /// Median number of solver iterations of a step.
     pub fn iterations(&self) -> f64 {
         of(&self.iterations)
     }
@@ -68,11 +70,11 @@ fn of(counts: &[u32]) -> f64 {
     median(&counts.iter().map(|&n| n.into()).collect::<Vec<f64>>())
 }
 
-/// A scene under way.
+/// A running simulation.
 pub struct Watched(Simulation);
 
 impl Watched {
-    /// Opens a scene; nothing is timed by stage yet. Errors: those of [`Simulation::new`].
+    /// Opens a scene; no step has timestamps yet. Errors: those of [`Simulation::new`].
     pub fn open(scene: &Scene, settings: &Settings) -> Result<Watched> {
         let options =
             Options { device: settings.device.clone(), threads: Some(Threads::Auto), ..Options::of_program() };
@@ -81,7 +83,7 @@ impl Watched {
         Ok(Watched(simulation))
     }
 
-    /// Tetrahedra, and skin vertices, of all bodies; those of a tool are not counted.
+    /// Number of tetrahedra and of skin vertices of all bodies; those of a tool are not counted.
     pub fn sizes(&self) -> (usize, usize) {
         let sizes = self.0.bodies().iter().map(|body| match &body.shape {
             Shape::Soft { layer, skin, .. } => (layer.tetrahedra.len(), skin.vertices.len()),
@@ -91,12 +93,12 @@ impl Watched {
         sizes.fold((0, 0), |sum, size| (sum.0 + size.0, sum.1 + size.1))
     }
 
-    /// On the device.
+    /// GPU memory that the buffers take, bytes.
     pub fn bytes(&self) -> u64 {
         self.0.context().bytes_allocated()
     }
 
-    /// A step, measured if there is somewhere to put it and it touches.
+    /// Does a step; if `times` is given and the step has contacts, adds its measurements to it.
     pub fn step(&mut self, times: Option<&mut Times>) -> Result<StepReport> {
         self.0.time_every(if times.is_some() { TIMED_EVERY } else { 0 })?;
         let row = self.0.step()?;

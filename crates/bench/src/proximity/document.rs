@@ -1,4 +1,5 @@
-//! The report of [`Results`]. Findings are computed: no number of a measurement is written here.
+//! The report of the proximity benchmark ([`Results`]). Findings are computed from the measurements; none of their
+//! numbers is written here.
 
 use palpate::Result;
 use palpate::internal::stages::QUERY;
@@ -8,9 +9,10 @@ use super::{Area, Peers, Place, Results, Sensitivity};
 use crate::plot::{Axis, Bar, Line, bars, lines};
 use crate::{Section, Table};
 
-/// The last size may take so many times as long as the first.
+/// Most times as long that the query may take for the largest skin as for the smallest.
 const ALLOWED_RATIO: f64 = 1.5;
-/// What closest points are known to take (ms) for the vertices in the box and for all 30,000, on one core of another machine.
+/// Times that closest-point queries took elsewhere (ms), on one core of another machine: for 713 vertices in the box,
+/// and for all 30,000.
 const QUOTED_MS: [f64; 2] = [2.3, 11.0];
 
 /// How it was measured.
@@ -22,7 +24,7 @@ pub fn preface(settings: &Value) -> String {
     )
 }
 
-/// Questions and answers, plots drawn.
+/// A section for each part that was measured.
 pub fn sections(results: &Results) -> Result<Vec<Section>> {
     let mut sections = Vec::new();
     if !results.sensitivity.is_empty() {
@@ -43,7 +45,7 @@ fn heads(first: &[&str]) -> Table {
     Table::new(first.chain(stages).chain(["total ms".to_string()]))
 }
 
-/// Stages and total.
+/// Table cells of the times: median of each stage, and total.
 fn times(place: &Place) -> impl Iterator<Item = String> {
     place.samples_us.medians_ms().into_iter().chain([place.samples_us.total_ms()]).map(ms)
 }
@@ -52,7 +54,7 @@ fn ms(time: f64) -> String {
     format!("{time:.3}")
 }
 
-/// The total and each stage over some axis.
+/// Lines of a plot: the total time and that of each stage, over the given x values.
 fn stage_lines<'a>(points: impl Iterator<Item = (f64, &'a Place)> + Clone) -> Vec<Line> {
     let total = points.clone().map(|(x, place)| (x, place.samples_us.total_ms())).collect();
     let stage = |(k, name): (usize, &str)| Line {
@@ -65,7 +67,7 @@ fn stage_lines<'a>(points: impl Iterator<Item = (f64, &'a Place)> + Clone) -> Ve
     all
 }
 
-/// What was flagged in any place, as a sentence; empty where nothing was.
+/// The flags that any query raised, as a sentence; empty where none was raised.
 fn flagged<'a>(flags: impl Iterator<Item = &'a String>) -> String {
     let mut names: Vec<&str> = flags.map(String::as_str).collect();
     names.sort_unstable();
@@ -137,7 +139,7 @@ fn area(rows: &[Area]) -> Result<Section> {
     })
 }
 
-/// From the first row in contact to the last: what more area costs.
+/// What more contact area costs, from the first row with contacts to the last.
 fn area_finding(rows: &[Area]) -> String {
     let touching: Vec<&Place> = rows.iter().map(|row| &row.place).filter(|place| place.contacts > 0).collect();
     let [first, second, .., before, last] = touching[..] else { return "too few contacts to say.".into() };

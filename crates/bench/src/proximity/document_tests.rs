@@ -1,3 +1,5 @@
+//! Tests of the findings and tables of the proximity report, on results made by hand.
+
 use palpate::internal::stages::POSE_TO_CONTACT;
 
 use super::*;
@@ -28,7 +30,7 @@ fn sensitivity_is_judged_by_the_last_and_the_first() {
 #[test]
 fn more_area_costs_more() {
     let row = |area: f64, time: f64| Area { place: place(time, (200.0 * area) as usize, area), ..Area::default() };
-    // Without contact: no part of it.
+    // The first row has no contact, so the finding leaves it out.
     let rows = [row(0.0, 9.0), row(1.0, 1.0), row(3.0, 2.0), row(10.0, 4.0), row(20.0, 14.0)];
     let finding = area_finding(&rows);
     assert!(finding.starts_with("From 1.0 to 20.0 cm^2, 20.0 times the area, the query takes 14.0 times"), "{finding}");

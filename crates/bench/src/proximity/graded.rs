@@ -1,49 +1,51 @@
-//! Round bodies of any number of vertices that are all alike about one pole: rings of vertices about the z axis, at a fixed
-//! spacing within a cap and ever coarser or finer beyond it.
+//! Round bodies (families of surface meshes) for the proximity benchmark. They have any number of vertices, but are
+//! identical, bit for bit, within a cap about one pole: rings of vertices about the z axis, at a fixed spacing within
+//! the cap and ever coarser or finer beyond it.
 
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-/// From ring to ring beyond the cap, spacings change by this at most.
+/// Beyond the cap, the spacing changes from ring to ring by at most this factor.
 const GROWTH: f64 = 1.1;
-/// Depth of the grooves of a lobed body, of its radius; deep enough that one hull cannot cover it.
+/// Depth of the grooves of a lobed body, as a share of its radius; so deep that one convex hull cannot cover the body.
 const GROOVE: f64 = 0.4;
+/// Number of lobes between the grooves.
 const LOBES: f64 = 5.0;
-/// Polar angle over which grooves reach their depth, rad.
+/// Polar angle from the cap's rim over which the grooves reach their depth, rad.
 const ONSET: f64 = 0.7;
 
 /// What all bodies of a family share.
 #[derive(Debug, Clone, Copy)]
 pub struct Family {
-    /// m.
+    /// Radius of the body, m.
     pub radius: f64,
-    /// Radius of the cap along the surface, about the pole at +z, m.
+    /// Radius of the cap, measured along the surface from the pole at +z, m.
     pub cap: f64,
-    /// Edge of the triangles within the cap, m.
+    /// Edge length of the triangles within the cap, m.
     pub spacing: f64,
-    /// Whether grooves run down the body beyond the cap, as they do on a pumpkin; without them it is a sphere.
+    /// Whether grooves run down the body beyond the cap, as on a pumpkin; without them it is a sphere.
     pub is_lobed: bool,
 }
 
-/// A closed surface, counter-clockwise seen from outside.
+/// A closed surface mesh with counter-clockwise triangles seen from outside.
 #[derive(Debug, Clone)]
 pub struct Graded {
-    /// m; those of the cap come first.
+    /// Vertices, m; those of the cap come first.
     pub vertices: Vec<DVec3>,
-    /// Those of the cap come first.
+    /// Triangles; those of the cap come first.
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Vertices at one polar angle.
+/// The vertices at one polar angle (rad) from the pole at +z.
 struct Ring {
     polar: f64,
     points: usize,
 }
 
 impl Family {
-    /// The member whose number of vertices is nearest to `count` (within a few in a hundred, unless the
-    /// cap and the way out of it have more).
+    /// The body whose number of vertices is nearest to `count`: within a few per cent, unless the cap and the
+    /// transition from it have more.
     pub fn member(&self, count: usize) -> Graded {
         let (mut fine, mut coarse) = (0.05 * self.spacing / self.radius, 0.5_f64);
         for _ in 0..50 {
@@ -59,7 +61,7 @@ impl Family {
         self.surface(if is_nearer { &more } else { &fewer })
     }
 
-    /// Vertices and triangles of the cap.
+    /// Numbers of vertices and of triangles of the cap.
     pub fn cap_counts(&self) -> (usize, usize) {
         let rings = self.cap_rings();
         (1 + 3 * rings * (rings + 1), 6 * rings * rings)
@@ -69,7 +71,7 @@ impl Family {
         (self.cap / self.spacing).round().max(1.0) as usize
     }
 
-    /// From pole to pole, `far` the angle between rings far from the cap.
+    /// The rings between the poles; `far` is the angle between rings far from the cap, rad.
     fn rings(&self, far: f64) -> Vec<Ring> {
         let near = self.spacing / self.radius;
         let cap = self.cap_rings();
@@ -125,7 +127,8 @@ fn total(rings: &[Ring]) -> usize {
     2 + rings.iter().map(|ring| ring.points).sum::<usize>()
 }
 
-/// Joins two rings, each given by its first vertex and its number of vertices: always to the nearer next vertex.
+/// Joins two rings, each given by its first vertex and its number of vertices, by triangles: always to the nearer next
+/// vertex.
 fn zip(triangles: &mut Vec<[usize; 3]>, (inner, m): (usize, usize), (outer, n): (usize, usize)) {
     let (mut i, mut j) = (0, 0);
     while i < m || j < n {
@@ -153,7 +156,7 @@ mod tests {
         for count in [3_000, 11_000, 44_000] {
             let Graded { vertices, triangles } = FAMILY.member(count);
             assert!(vertices.len().abs_diff(count) < count / 20, "{} of {count}", vertices.len());
-            // Euler: closed, and of one piece without handles.
+            // By Euler's formula, the surface is closed, in one piece and without handles.
             assert_eq!(triangles.len(), 2 * vertices.len() - 4);
             assert_eq!(skin::defects(&triangles), (0, 0));
             assert_eq!(skin::parts(vertices.len(), &triangles).1, 1);
@@ -173,7 +176,7 @@ mod tests {
         assert_eq!(a, b);
         assert_eq!(few.triangles[..triangles], many.triangles[..triangles]);
         assert!(few.triangles[..triangles].iter().flatten().all(|&v| (v as usize) < vertices));
-        // No other triangle lies within the cap.
+        // No triangle beyond the cap has all its vertices in it.
         let within = |t: &&[u32; 3]| t.iter().all(|&v| (v as usize) < vertices);
         assert_eq!(many.triangles.iter().filter(within).count(), triangles);
         // Without grooves every vertex is on the sphere.

@@ -1,4 +1,5 @@
-//! `palpate bench proximity`: what the proximity query costs, and what that depends on.
+//! `palpate bench proximity`: what the proximity query (broad phase, narrow phase, contacts) costs by itself, and what
+//! that cost depends on.
 
 mod document;
 pub mod graded;
@@ -20,28 +21,28 @@ use super::{Benchmark, Section};
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Runs of each query whose times are taken; half as many for contact areas.
+    /// Timed runs of each query; half as many for contact areas.
     pub runs: usize,
-    /// Runs of each before them.
+    /// Untimed runs of each query before them.
     pub warm_up: usize,
-    /// Vertices of the skins that share a patch, about.
+    /// Approximate numbers of vertices of the skins that share a contact patch.
     pub sizes: Vec<usize>,
     /// Contact areas, cm^2.
     pub areas_cm2: Vec<f64>,
-    /// Vertices of both skins of the area's series, about.
+    /// Approximate number of vertices of both skins in the part `area`.
     pub area_vertices: usize,
-    /// Vertices of the pumpkin, and of the head, that peers are compared on.
+    /// Numbers of vertices of the pumpkin and the head in the part `peers`.
     pub peer_vertices: [usize; 2],
-    /// Vertices of the pumpkin that are within the head, about.
+    /// Approximate number of the pumpkin's vertices that are within the head.
     pub peer_colliding: usize,
-    /// Whether this is a short form of the whole.
+    /// Whether this is the short form of the benchmark (`--quick`).
     pub is_quick: bool,
-    /// Device, by name or index; `None`: the best.
+    /// GPU device, by name or index; `None`: the best one.
     pub device: Option<String>,
 }
 
 impl Settings {
-    /// All of it: some minutes.
+    /// The whole benchmark, which takes some minutes.
     pub fn full() -> Settings {
         Settings {
             runs: 200,
@@ -56,7 +57,7 @@ impl Settings {
         }
     }
 
-    /// Every question with few samples: for a first look, not for figures.
+    /// A short form with few samples for every question, for a first look; not for figures to quote.
     pub fn quick() -> Settings {
         Settings {
             runs: 20,
@@ -69,19 +70,19 @@ impl Settings {
     }
 }
 
-/// What was found; nothing of a part that was not measured.
+/// Results of the benchmark; parts that were not measured are empty.
 #[derive(Debug, Clone, Default)]
 pub struct Results {
-    /// One patch on skins of several sizes.
+    /// Queries of one contact patch on skins of several sizes.
     pub sensitivity: Vec<Sensitivity>,
-    /// Two skins pressed together ever deeper.
+    /// Queries of two skins that are pressed together ever deeper.
     pub area: Vec<Area>,
-    /// The same work by others.
+    /// One pose solved by the query and by other software; `None`: not measured.
     pub peers: Option<Peers>,
 }
 
 impl Results {
-    /// Of the parts that were measured. Errors: they are none of this benchmark.
+    /// Reads the results of those parts that were measured. Errors: a part does not have this benchmark's form.
     pub fn of(parts: &Map<String, Value>) -> Result<Results> {
         let [sensitivity, area, peers] = PARTS;
         Ok(Results { sensitivity: part(parts, sensitivity)?, area: part(parts, area)?, peers: part(parts, peers)? })
@@ -91,7 +92,7 @@ impl Results {
 /// Names of the parts.
 const PARTS: [&str; 3] = ["sensitivity", "area", "peers"];
 
-/// The benchmark: a part for each question.
+/// The benchmark `proximity`; each question is a part of it.
 pub struct Proximity(pub Settings);
 
 impl Benchmark for Proximity {
@@ -130,7 +131,8 @@ impl Benchmark for Proximity {
     }
 }
 
-/// A fixed rigid body of a closed surface, its proxies as the engine makes them.
+/// A fixed rigid body with this closed surface as its skin, and with the collision proxies (convex hulls) that the
+/// engine makes.
 fn rigid(name: &str, vertices: Vec<glam::DVec3>, triangles: Vec<[u32; 3]>) -> Result<Body> {
     let mass::Properties { volume, centroid, inertia } = mass::properties(&vertices, &triangles);
     let skin = skin::build(vertices, triangles);
@@ -145,7 +147,7 @@ fn rigid(name: &str, vertices: Vec<glam::DVec3>, triangles: Vec<[u32; 3]>) -> Re
     })
 }
 
-/// Vertices, triangles and proxies of a rigid body.
+/// Numbers of vertices, triangles and collision proxies of a rigid body.
 fn counts(body: &Body) -> (usize, usize, usize) {
     match &body.shape {
         Shape::Rigid { skin, proxies, .. } => (skin.vertices.len(), skin.triangles.len(), proxies.len()),

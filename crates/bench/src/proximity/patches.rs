@@ -1,4 +1,5 @@
-//! Skins that are alike where they touch: one patch on ever larger skins, and ever larger patches on one skin.
+//! Parts `sensitivity` and `area` of `palpate bench proximity`: one contact patch on ever larger skins (surface
+//! meshes), and ever larger patches on one skin.
 
 use std::sync::Arc;
 
@@ -12,78 +13,79 @@ use super::graded::{Family, Graded};
 use super::{Settings, counts, rigid};
 use crate::Samples;
 
-/// Bodies that share a patch.
+/// Bodies that are identical within the contact patch.
 const BODY: Family = Family { radius: 0.1, cap: 0.015, spacing: 0.0005, is_lobed: true };
-/// What is pressed into it, as fine there.
+/// The ball that is pressed into them, with triangles of the same size there.
 const BALL: Family = Family { radius: 0.02, cap: 0.01, spacing: 0.0005, is_lobed: false };
 const BALL_VERTICES: usize = 6_000;
-/// m.
+/// Depth of the press, m.
 const BALL_DEPTH: f64 = 0.001;
-/// Beside the pole and turned, so that no two vertices lie over each other.
+/// Offset of the upper body from the lower one's pole, m; with the turn, no two vertices lie over each other.
 const BESIDE: DVec3 = DVec3::new(0.0007, 0.0004, 0.0);
-/// rad.
+/// Turn of the upper body about its axis, rad.
 const TURN: f64 = 0.3;
-/// Both bodies of the area's series.
+/// Both bodies of the part `area`.
 const BROAD: Family = Family { radius: 0.1, cap: 0.06, spacing: 0.0008, is_lobed: true };
-/// Between skins that do not touch, m: near enough that something has to be looked at.
+/// Distance between skins that do not touch, m; so near that the query still has to look at some vertices.
 const GAP: f64 = 0.0005;
-/// Poses of the area's series are many and some take long: each has this part of the runs.
+/// In the part `area` each pose has the number of runs divided by this, since poses are many and some take long.
 const AREA_RUNS: usize = 2;
 
-/// What a query found, and what it took.
+/// What a query found in one pose, and the time it took.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Place {
-    /// Colliding vertices of both skins.
+    /// Number of contacts: colliding vertices of both skins.
     pub contacts: usize,
-    /// Chunks of both skins, at most 64 vertices each, that were looked at.
+    /// Number of chunks of both skins (groups of at most 64 vertices that are culled together) that were looked at.
     pub chunks: u32,
-    /// Projected on the normal, m^2.
+    /// Area of the contacts, projected on their normal, m^2.
     pub area: f64,
-    /// m.
+    /// Greatest depth, m.
     pub max_depth: f64,
-    /// Names of the flags that were raised.
+    /// Names of the flags that the query raised.
     pub flags: Vec<String>,
-    /// Microseconds, a run each.
+    /// Times of the stages, and of the query as a whole, us.
     pub samples_us: Samples,
 }
 
-/// One patch on a skin of some size.
+/// The contact patch on a skin of some size.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Sensitivity {
-    /// Of the skin.
+    /// Number of vertices of the skin.
     pub vertices: usize,
-    /// Of the skin.
+    /// Number of triangles of the skin.
     pub triangles: usize,
-    /// Of the skin.
+    /// Number of the body's collision proxies.
     pub proxies: usize,
-    /// Preparing its proxies, s.
+    /// Time that preparing the body took, most of it for the proxies, s.
     pub prepare_seconds: f64,
-    /// The query.
+    /// Results of the query.
     #[serde(flatten)]
     pub place: Place,
 }
 
-/// One skin pressed into its like.
+/// A body that is pressed into another one of the same shape.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Area {
-    /// Of each skin.
+    /// Number of vertices of each skin.
     pub vertices: usize,
-    /// Of the circle where both meet, m^2; [`Place::area`] is what was found.
+    /// Area of the circle in which the two spheres (without grooves) meet, m^2; [`Place::area`] is what the query
+    /// found.
     pub circle: f64,
-    /// The query.
+    /// Results of the query.
     #[serde(flatten)]
     pub place: Place,
 }
 
-/// A pose of the second body of one of the queries.
+/// A query, by its index, and the pose of its second body.
 pub struct Case {
     query: usize,
     pose: (DVec3, DQuat),
 }
 
-/// Queries in turn, so that a machine that grows faster or slower does so for all of them. Each is asked several times for
-/// an answer and the last is timed: what it needs is in the caches, as it is from step to step. Runs are timed by stage and as
-/// one in turn, as many of each.
+/// Runs all cases in turn, so that a change of the machine's speed concerns all of them, and returns a place for each.
+/// A timed run is one in which caches already hold what the query needs, as they do from step to step. Runs are timed
+/// stage by stage and as a whole alternately.
 pub fn measure(queries: &mut [Query], cases: &[Case], settings: &Settings) -> Result<Vec<Place>> {
     let mut places = vec![Place::default(); cases.len()];
     for run in 0..settings.warm_up + 2 * settings.runs {
@@ -105,13 +107,13 @@ pub fn measure(queries: &mut [Query], cases: &[Case], settings: &Settings) -> Re
     Ok(places)
 }
 
-/// One pose of one query.
+/// Measures one pose of one query.
 pub fn measure_one(query: &mut Query, pose: (DVec3, DQuat), settings: &Settings) -> Result<Place> {
     let places = measure(std::slice::from_mut(query), &[Case { query: 0, pose }], settings)?;
     Ok(places.into_iter().next().unwrap_or_default())
 }
 
-/// The same patch on skins of all sizes.
+/// Measures the same contact patch on skins of all sizes.
 pub fn sensitivity(
     context: &Arc<Context>,
     settings: &Settings,
@@ -138,7 +140,7 @@ pub fn sensitivity(
     Ok(rows)
 }
 
-/// Two like skins, deeper and deeper.
+/// Measures two bodies of the same shape that are pressed together ever deeper.
 pub fn area(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Area>> {
     let settings = &Settings { runs: settings.runs.div_ceil(AREA_RUNS), ..settings.clone() };
     watch(&format!("area: {} poses, {} runs of each", settings.areas_cm2.len(), settings.runs));
@@ -156,7 +158,8 @@ pub fn area(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(&
     Ok(circles.into_iter().zip(places).map(|(circle, place)| Area { vertices, circle, place }).collect())
 }
 
-/// The second body's pole against the first one's, its centre that high above the first one's.
+/// A pose in which the second body's pole points at the first one's, with its centre `height` (m) above the first
+/// one's.
 fn against(height: f64) -> (DVec3, DQuat) {
     let turned = DQuat::from_rotation_x(std::f64::consts::PI) * DQuat::from_rotation_z(TURN);
     (BESIDE + DVec3::Z * height, turned)

@@ -1,6 +1,7 @@
-//! The same question answered by closest points: for each vertex of one body the nearest point of the other's surface, and
-//! whether it is inside, by a tree of boxes (parry3d, f64) on one core. Both bodies are rigid here; where they deform, the
-//! tree has to follow, and what that takes is measured too.
+//! Part `peers` of `palpate bench proximity`: the same pose solved by closest points, that is, for each vertex of one
+//! body the nearest point of the other's surface and whether the vertex is inside, by a bounding volume hierarchy
+//! (parry3d, f64) on one core. Both bodies are rigid; where they deform, the hierarchy has to be refitted, whose time
+//! is measured too.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -19,58 +20,60 @@ use super::patches::{Place, measure_one};
 use super::{Settings, rigid};
 use crate::median;
 
-/// A small pumpkin's vertices are about as far apart as the head's.
+/// Scale of the pumpkin, at which its vertices are about as far apart as the head's.
 const SCALE: f64 = 0.5;
-/// Where the pumpkin is, but for its distance behind the head, m.
+/// Position of the pumpkin, m, less its distance behind the head.
 const BEHIND: DVec3 = DVec3::new(0.0, 0.03, 0.0);
-/// Distances of the pumpkin's centre to search, m.
+/// Range of distances of the pumpkin's centre behind the head's in which the pose is searched, m.
 const DISTANCES: [f64; 2] = [0.11, 0.5];
+/// Bisection steps of that search.
 const HALVINGS: usize = 24;
-/// Refits of the tree take longer than queries, and vary less: one in so many runs is measured.
+/// Refits take longer than queries and vary less, so that only one is measured for this many runs.
 const REFIT_EVERY: usize = 10;
 
-/// Times of both, and on what.
+/// Sizes and times of both methods.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Peers {
-    /// Of the pumpkin and the head.
+    /// Numbers of vertices of the pumpkin and of the head.
     pub vertices: [usize; 2],
-    /// Vertices of the pumpkin within the head, by closest points.
+    /// Number of the pumpkin's vertices within the head, by closest points.
     pub inside: usize,
-    /// Vertices of the pumpkin in the box that the bodies' boxes have in common.
+    /// Number of the pumpkin's vertices in the intersection of the two bodies' bounding boxes.
     pub boxed: usize,
-    /// Colliding vertices of the pumpkin, and of the head, by the query.
+    /// Numbers of colliding vertices of the pumpkin and of the head, by palpate's query.
     pub colliding: [usize; 2],
-    /// The query.
+    /// Results of palpate's query.
     #[serde(flatten)]
     pub place: Place,
-    /// Closest points no farther than this are looked for, m: the query's `depth_limit`.
+    /// Greatest distance at which closest points are looked for, m: the query's `depth_limit`.
     pub reach: f64,
-    /// Closest points for the vertices in the box, which are picked out each time, microseconds, a run each.
+    /// Time of the closest points for the vertices in the box, which are selected anew each time, us; one entry for
+    /// each run.
     pub boxed_us: Vec<f64>,
-    /// Closest points for all vertices of the pumpkin, microseconds, a run each.
+    /// Time of the closest points for all vertices of the pumpkin, us; one entry for each run.
     pub all_us: Vec<f64>,
-    /// The head's tree after its vertices moved, microseconds, a refit each.
+    /// Time to refit the head's hierarchy after its vertices moved, us; one entry for each refit.
     pub refit_us: Vec<f64>,
 }
 
 impl Peers {
-    /// Closest points for the vertices in the box, ms.
+    /// Median time of the closest points for the vertices in the box, ms.
     pub fn boxed_ms(&self) -> f64 {
         1e-3 * median(&self.boxed_us)
     }
 
-    /// Closest points for all vertices of the pumpkin, ms.
+    /// Median time of the closest points for all vertices of the pumpkin, ms.
     pub fn all_ms(&self) -> f64 {
         1e-3 * median(&self.all_us)
     }
 
-    /// The head's tree after its vertices moved, ms.
+    /// Median time to refit the head's hierarchy, ms.
     pub fn refit_ms(&self) -> f64 {
         1e-3 * median(&self.refit_us)
     }
 }
 
-/// Both on one pose, in turn.
+/// Finds a pose with about the wanted number of colliding vertices, and measures both methods on it.
 pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Peers> {
     let [pumpkin_count, head_count] = settings.peer_vertices;
     watch(&format!("peers: a pumpkin of {pumpkin_count} vertices and a head of {head_count}"));
@@ -86,7 +89,7 @@ pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(
         let at = BEHIND - DVec3::Z * distance;
         points.iter().map(|x| *x + at).map(|x| Vector::new(x.x, x.y, x.z)).collect()
     };
-    // The pumpkin's box holds all of its vertices: those in the head's box are those in the box of both.
+    // The pumpkin's box contains all of its vertices, so those in the head's box are those in the intersection.
     let in_box = |x: &&Vector| (0..3).all(|k| (head_box[0][k]..=head_box[1][k]).contains(&x[k]));
     let inside = |points: &[Vector]| closest(&tree, points.iter().filter(in_box), f64::MAX).0;
     let [mut near, mut far] = DISTANCES;
@@ -127,14 +130,15 @@ pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(
     Ok(peers)
 }
 
-/// A surface that knows inside from outside.
+/// A triangle mesh of parry3d that tells inside from outside.
 fn tree(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Result<TriMesh> {
     let points = vertices.iter().map(|x| Vector::new(x.x, x.y, x.z)).collect();
     TriMesh::with_flags(points, triangles.to_vec(), TriMeshFlags::ORIENTED)
         .map_err(|problem| Error::Simulation(format!("parry3d refuses the head: {problem}")))
 }
 
-/// How many points are inside, and how deep they are together; none farther than `reach`.
+/// Number of points that are inside, and the sum of their depths (m); points farther than `reach` from the surface do
+/// not count.
 fn closest<'a>(tree: &TriMesh, points: impl Iterator<Item = &'a Vector>, reach: f64) -> (usize, f64) {
     let nearest =
         points.filter_map(|&point| Some((point, tree.project_local_point_with_max_dist(point, false, reach)?)));
@@ -143,7 +147,7 @@ fn closest<'a>(tree: &TriMesh, points: impl Iterator<Item = &'a Vector>, reach: 
         .fold((0, 0.0), |(count, depth), (point, nearest)| (count + 1, depth + (nearest.point - point).length()))
 }
 
-/// Microseconds.
+/// Time that some work takes, us.
 fn time<T>(work: impl FnOnce() -> T) -> f64 {
     let begun = Instant::now();
     black_box(work());

@@ -1,4 +1,4 @@
-//! What is measured: bodies of tetrahedra that hang from a fixed core under gravity, untouched.
+//! The scenes of the solver benchmark: soft bodies that hang from a fixed core under gravity, without contact.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Body, Shape};
@@ -8,19 +8,19 @@ use serde::{Deserialize, Serialize};
 
 /// Edge of the blocks, m.
 const EDGE: f64 = 0.1;
-/// Nodes this near the face x = 0 are on it, m.
+/// Nodes within this distance of the face x = 0 are attached to the core, m.
 const ON_FACE: f64 = 1e-6;
-/// Of the human's skin.
+/// Number of vertices of the human's skin.
 const HUMAN_VERTICES: usize = 13_000;
-/// Lattice cell of the human's layer, m: some 10,000 tetrahedra.
+/// Edge of a lattice cell of the human's layer (its tetrahedral mesh), m; it gives some 10,000 tetrahedra.
 const HUMAN_CELL: f64 = 0.0459;
-/// About the human's centroid its nodes are bound, m.
+/// Radius about the human's centroid within which nodes are attached to the core, m.
 const HUMAN_BOUND: f64 = 0.15;
 const POISSON: f64 = 0.45;
-/// kg/m^3.
+/// Density of the bodies, kg/m^3.
 const DENSITY: f64 = 1000.0;
 
-/// A body, its material, and the time step.
+/// A body with a stiffness, and the time step.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Case {
     /// The body.
@@ -29,44 +29,44 @@ pub struct Case {
     pub young: f64,
     /// Time step, s.
     pub dt: f64,
-    /// Steps from rest.
+    /// Number of steps, from rest.
     pub steps: usize,
 }
 
 impl Case {
-    /// Body, stiffness and time step: `block10k-20kPa-1ms`.
+    /// Name made of body, stiffness and time step: `block10k-20kPa-1ms`.
     pub fn name(&self) -> String {
         format!("{}-{}-{:.0}ms", self.mesh.name(), stiffness(self.young).replace(' ', ""), 1e3 * self.dt)
     }
 
-    /// Stiffness and time step, for readers.
+    /// Stiffness and time step as text for the report.
     pub fn label(&self) -> String {
         format!("{}, {:.0} ms", stiffness(self.young), 1e3 * self.dt)
     }
 
-    /// The scene, bound and at rest. Errors: a body that cannot be made.
+    /// The scene of this case, with the body at rest. Errors: the body cannot be prepared.
     pub fn scene(&self) -> Result<Scene> {
         self.mesh.scene(self.young, self.dt)
     }
 }
 
-/// Young's modulus with its unit.
+/// Young's modulus as text with its unit.
 pub fn stiffness(young: f64) -> String {
     if young < 1e6 { format!("{:.0} kPa", 1e-3 * young) } else { format!("{:.0} MPa", 1e-6 * young) }
 }
 
-/// A body that hangs.
+/// A body that hangs from its core.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mesh {
-    /// A cube of so many Kuhn cells an edge, its face x = 0 fixed.
+    /// A cube with this number of Kuhn cells (six tetrahedra each) along an edge, attached at its face x = 0.
     Block(u32),
-    /// A human, fixed about its centroid.
+    /// A human, attached about its centroid.
     Human,
 }
 
 impl Mesh {
-    /// Short name, by thousands of tetrahedra: `block10k`, `human`.
+    /// Short name with the number of tetrahedra in thousands: `block10k`, `human`.
     pub fn name(self) -> String {
         match self {
             Mesh::Block(cells) => format!("block{}k", 6 * u64::from(cells).pow(3) / 1000),
@@ -74,7 +74,8 @@ impl Mesh {
         }
     }
 
-    /// The scene, bound and at rest. `young`: Pa; `dt`: s. Errors: a body that cannot be made.
+    /// The scene with the body at rest. `young` is Young's modulus, Pa, and `dt` the time step, s. Errors: the body
+    /// cannot be prepared.
     pub fn scene(self, young: f64, dt: f64) -> Result<Scene> {
         let bind = match self {
             Mesh::Block(_) => Bind::Box { low: DVec3::splat(-ON_FACE), high: DVec3::new(ON_FACE, 1.0, 1.0) },
@@ -109,7 +110,7 @@ impl Mesh {
         let body = scene::Body {
             name: self.name(),
             shape: scene::Shape::Soft { surface, layer },
-            // Nothing touches it.
+            // Nothing touches the body, so that one collision proxy is enough.
             hulls: Some(1),
             scale: 1.0,
             position: DVec3::ZERO,
@@ -128,13 +129,13 @@ impl Mesh {
     }
 }
 
-/// The one body of a scene, prepared.
+/// The first body of a scene, prepared.
 pub fn prepared(scene: &Scene) -> Result<Body> {
     let body = scene.bodies.first().ok_or_else(|| Error::Simulation("a scene without a body".into()))?;
     prepare::body(body, scene)
 }
 
-/// The tetrahedra of a soft body.
+/// The tetrahedral mesh of a soft body.
 pub fn layer(body: &Body) -> Result<&prepare::Layer> {
     match &body.shape {
         Shape::Soft { layer, .. } => Ok(layer),

@@ -1,4 +1,5 @@
-//! The report of [`Results`]. Findings are computed: no number of a measurement is written here.
+//! The report of the solver benchmark ([`Results`]). Findings are computed from the measurements; none of their numbers
+//! is written here.
 
 use palpate::Result;
 use serde_json::Value;
@@ -10,24 +11,25 @@ use crate::fit::exponent;
 use crate::plot::{Line, Logarithmic, Panel, panels};
 use crate::{Section, Table};
 
-/// Time of an iteration may grow with such a power of the tetrahedra.
+/// Time of a solver iteration may grow with the number of tetrahedra to this power.
 const ALLOWED_EXPONENT: f64 = 1.05;
-/// Bytes on the device that a tetrahedron may take.
+/// GPU memory that a tetrahedron may take, bytes.
 const ALLOWED_BYTES: f64 = 400.0;
 
 /// How it was measured.
 pub fn preface(settings: &Value) -> String {
     format!(
-        "Bodies hang from a fixed core under gravity, untouched, from rest (Poisson's ratio 0.45, 1000 kg/m^3, no damping). \
-         `ms` is wall time of a step, pose in and wrench out: the median over the steps of a run, the median of at most {} \
-         runs, `from` and `to` those of the fastest and the slowest of five runs or of five hands that the steps of fewer are dealt into; \
-         all settings run a few steps in turn. `error` is the largest distance of a \
-         node after the last step from where f64 steps solved directly have it, over the largest displacement.",
+        "Bodies hang from a fixed core under gravity, untouched, from rest (Poisson's ratio 0.45, 1000 kg/m^3, no \
+         damping). `ms` is wall time of a step, pose in and wrench out: the median over the steps of a run, the median \
+         of at most {} runs, `from` and `to` those of the fastest and the slowest of five runs or, with fewer than \
+         five runs, of five interleaved subsets of the steps; all settings run a few steps in turn. `error` is the \
+         largest distance of a node after the last step from where f64 steps solved directly have it, over the largest \
+         displacement.",
         settings["repetitions"]
     )
 }
 
-/// Questions and answers, plots drawn.
+/// A section for each body, one for the peers and one for the growth, as far as they were measured.
 pub fn sections(results: &Results) -> Result<Vec<Section>> {
     let Results { cases, scaling } = results;
     let mut sections = Vec::new();
@@ -45,7 +47,7 @@ pub fn sections(results: &Results) -> Result<Vec<Section>> {
     Ok(sections)
 }
 
-/// Three digits.
+/// A time in milliseconds, with about three digits.
 fn ms(time: f64) -> String {
     match time {
         t if t < 10.0 => format!("{t:.2}"),
@@ -58,7 +60,7 @@ fn setting(run: &Run) -> String {
     format!("{} to {:.0e}", run.preconditioner, run.tolerance)
 }
 
-/// The cases of one body.
+/// The section of all cases of one body: error against time.
 fn accuracy(cases: &[Measured]) -> Result<Section> {
     let heads = ["case", "preconditioner", "tolerance", "ms", "from", "to", "iterations", "flagged", "error"];
     let mut table = Table::new(heads);
@@ -112,7 +114,7 @@ fn accuracy_finding(cases: &[Measured]) -> String {
             let iterations = run.median_iterations();
             format!("{} at {} ms ({}, {iterations:.0} iterations)", case.case.label(), ms(run.ms()), setting(run))
         }
-        None => format!("{} by no setting", case.case.label()),
+        None => format!("{}: not reached by any setting", case.case.label()),
     };
     let all: Vec<String> = cases.iter().map(best).collect();
     let mut flags: Vec<&str> =
@@ -216,7 +218,7 @@ fn growth(sizes: &[Size]) -> Result<Section> {
     })
 }
 
-/// Each time over the tetrahedra, and whether it is of an iteration.
+/// Lines of times over the number of tetrahedra, each with whether it is the time of an iteration (else of a step).
 fn growth_lines(sizes: &[Size]) -> Vec<(Line, bool)> {
     let Some(first) = sizes.first() else { return Vec::new() };
     let points = |time: &dyn Fn(&Size) -> f64| sizes.iter().map(|size| (size.tetrahedra as f64, time(size))).collect();

@@ -1,3 +1,5 @@
+//! Tests of the findings and tables of the solver report, on results made by hand.
+
 use super::*;
 use crate::solver::{Case, Iteration, Mesh, Steps};
 
@@ -33,7 +35,7 @@ fn the_fastest_setting_has_an_allowed_error_and_no_flags() {
     let cases = [case(2e4, runs), case(2e6, vec![run(1e-6, 9.0, f64::NAN, 0)])];
     let section = accuracy(&cases).unwrap();
     assert!(section.finding.contains("20 kPa, 1 ms at 4.00 ms (jacobi to 1e-4, 8 iterations)"), "{}", section.finding);
-    assert!(section.finding.contains("2 MPa, 1 ms by no setting. Flags were raised: not_converged."));
+    assert!(section.finding.contains("2 MPa, 1 ms: not reached by any setting. Flags were raised: not_converged."));
     let row = ["20 kPa, 1 ms", "jacobi", "1e-4", "4.00", "2.80", "8.00", "8", "0", "9.0e-5"];
     assert_eq!(section.table.rows[1], row);
     assert!(section.plot.unwrap().contains("20 kPa, 1 ms"));

@@ -1,4 +1,5 @@
-//! `palpate bench solver`: what a step costs for the error that it leaves, and how both grow.
+//! `palpate bench solver`: the time of a step for the error that its linear solver leaves, and how time and memory grow
+//! with the size of the mesh.
 
 mod cases;
 mod document;
@@ -20,35 +21,37 @@ use palpate::scene::Preconditioner;
 use super::suite::{from_value, part, to_value};
 use super::{Benchmark, Section};
 
-/// Every preconditioner that the engine knows, and what a scene calls it.
+/// Every preconditioner of the engine, with its name in a scene file.
 const PRECONDITIONERS: &[(&str, Preconditioner)] =
     &[("jacobi", Preconditioner::Jacobi), ("coarse", Preconditioner::Coarse)];
 
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Time against error.
+    /// Cases of time against error.
     pub cases: Vec<Case>,
-    /// Residuals to stop at.
+    /// Solver tolerances (relative residuals at which to stop).
     pub tolerances: Vec<f64>,
-    /// Iterations of a step at most.
+    /// Cap on the solver iterations of a step.
     pub max_iterations: u32,
-    /// Runs of each case with each preconditioner and tolerance, at most.
+    /// Most runs of each case with each preconditioner and tolerance.
     pub repetitions: usize,
-    /// They are not run again where their steps would take more than this in all, and steps of a size end after it, s.
+    /// Time budget, s: a setting is not run again where all its runs would exceed it, and the steps of each of the
+    /// blocks of several sizes end after it.
     pub seconds_each: f64,
-    /// Cells an edge of the blocks of several sizes.
+    /// Cells along an edge of the blocks of several sizes.
     pub scaling: Vec<u32>,
-    /// Steps of each of them, at most.
+    /// Most steps of each of these blocks.
     pub scaling_steps: usize,
-    /// Whether this is a short form of the whole.
+    /// Whether this is the short form of the benchmark (`--quick`).
     pub is_quick: bool,
-    /// Device, by name or index; `None`: the best.
+    /// GPU device, by name or index; `None`: the best one.
     pub device: Option<String>,
 }
 
 impl Settings {
-    /// All of it: the better part of an hour, and a quarter more where references are not cached yet.
+    /// The whole benchmark: the better part of an hour, and a quarter of an hour more where no f64 references are
+    /// cached yet.
     pub fn full() -> Settings {
         Settings {
             cases: cases(&[(Mesh::Block(12), 50), (Mesh::Block(26), 15), (Mesh::Human, 20)]),
@@ -63,7 +66,8 @@ impl Settings {
         }
     }
 
-    /// The smaller bodies, short steps and few samples: for a first look, not for figures.
+    /// A short form with the smaller bodies, short time steps and few samples, for a first look; not for figures to
+    /// quote.
     pub fn quick() -> Settings {
         let mut cases = cases(&[(Mesh::Block(12), 25), (Mesh::Human, 10)]);
         cases.retain(|case| case.dt == DT[0]);
@@ -78,14 +82,14 @@ impl Settings {
     }
 }
 
-/// Name of the blocks of several sizes.
+/// Name of the part that measures blocks of several sizes.
 const SCALING: &str = "scaling";
 /// Young's moduli, Pa.
 const YOUNG: [f64; 2] = [2e4, 2e6];
 /// Time steps, s.
 const DT: [f64; 2] = [1e-3, 1e-2];
 
-/// So many steps of each body, soft and stiff, with short steps and long ones.
+/// Cases of each body with its number of steps: soft and stiff, with the short and the long time step.
 fn cases(meshes: &[(Mesh, usize)]) -> Vec<Case> {
     let of = |&(mesh, steps): &(Mesh, usize)| {
         YOUNG.into_iter().flat_map(move |young| DT.map(|dt| Case { mesh, young, dt, steps }))
@@ -93,7 +97,7 @@ fn cases(meshes: &[(Mesh, usize)]) -> Vec<Case> {
     meshes.iter().flat_map(of).collect()
 }
 
-/// What was found.
+/// Results of the benchmark; parts that were not measured are missing.
 #[derive(Debug, Clone, Default)]
 pub struct Results {
     /// Time against error.
@@ -103,14 +107,14 @@ pub struct Results {
 }
 
 impl Results {
-    /// Of the parts that were measured. Errors: they are none of this benchmark.
+    /// Reads the results of those parts that were measured. Errors: a part does not have this benchmark's form.
     pub fn of(parts: &Map<String, Value>) -> Result<Results> {
         let cases = parts.iter().filter(|(name, _)| *name != SCALING).map(|(_, case)| from_value(case));
         Ok(Results { cases: cases.collect::<Result<_>>()?, scaling: part(parts, SCALING)? })
     }
 }
 
-/// The benchmark: a part for each case, and one for the blocks of several sizes.
+/// The benchmark `solver`; each case is a part of it, and the blocks of several sizes are one.
 pub struct Solver(pub Settings);
 
 impl Benchmark for Solver {

@@ -1,5 +1,5 @@
-//! Where the nodes should be: the same steps in f64, solved directly ([`palpate_oracle::step`]). Factorising the larger bodies
-//! takes minutes, so what was found is kept in the user's cache.
+//! The reference of the solver benchmark: node displacements after the same steps in f64 with a direct solver
+//! ([`palpate_oracle::step`]). Factorising the larger bodies takes minutes, so results are kept in the user's cache.
 
 use std::time::Instant;
 
@@ -10,7 +10,8 @@ use palpate::{Error, Result, Scene};
 use palpate_oracle::step::{Simulation, SoftBody};
 use serde::{Deserialize, Serialize};
 
-/// What the answer depends on beside its inputs. Which library solves the system shows in the thirteenth digit.
+/// Sources on which the reference depends besides its inputs; a change of them invalidates the cache. The library that
+/// solves the system is left out, because it changes the thirteenth digit only.
 const SOURCES: &[&str] = &[
     include_str!("../../../oracle/src/body.rs"),
     include_str!("../../../oracle/src/elastic.rs"),
@@ -18,17 +19,17 @@ const SOURCES: &[&str] = &[
     include_str!("../../../oracle/src/step.rs"),
 ];
 
-/// The nodes after the last step.
+/// Displacements after the last step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reference {
-    /// Displacement of each node from rest, rest axes, m.
+    /// Displacement of each node from rest, in the body's rest axes, m.
     pub displacement: Vec<[f64; 3]>,
-    /// What it took to find, s.
+    /// Time that computing it took, s.
     pub seconds: f64,
 }
 
 impl Reference {
-    /// Largest distance of a node from where it should be, over the largest displacement; NaN where nothing moved.
+    /// Largest distance of a node from its reference position, over the largest displacement; NaN where nothing moved.
     pub fn error(&self, displacement: &[DVec3]) -> f64 {
         let pairs = displacement.iter().zip(&self.displacement);
         pairs.map(|(x, y)| x.distance(DVec3::from_array(*y))).fold(0.0, greater) / self.largest()
@@ -40,13 +41,13 @@ impl Reference {
     }
 }
 
-/// The greater of two, and a NaN where one is.
+/// The greater of two numbers, or NaN where one of them is.
 fn greater(a: f64, b: f64) -> f64 {
     if a > b || a.is_nan() { a } else { b }
 }
 
-/// The reference of `steps` steps of a scene's one soft body, whose cores are fixed. `watch` is told of each step that has to
-/// be solved. Errors: a system that cannot be factorised.
+/// The reference of `steps` steps of a scene with one soft body on fixed cores, from the cache or computed. `watch` is
+/// called before each computed step. Errors: a system cannot be factorised.
 pub fn reference(
     scene: &Scene,
     body: &Body,
@@ -83,7 +84,8 @@ fn key(scene: &Scene, twin: &SoftBody, steps: usize) -> Result<Key> {
     maker.add(bytemuck::cast_slice(&nodes));
     maker.add(bytemuck::cast_slice(&twin.layer.tetrahedra));
     maker.add(&twin.layer.bound.iter().map(|bound| u8::from(*bound)).collect::<Vec<_>>());
-    // The debug form of a number is the shortest that reads back as the same.
+    // The debug format of a float is the shortest text that reads back as the same number, so that it tells inputs
+    // apart.
     let rest = (
         &twin.elements.materials[..1],
         twin.position,
@@ -118,7 +120,7 @@ mod tests {
             let (other, solved) = find(young, dt, steps);
             assert!(solved == steps && other.displacement != first.displacement);
         }
-        // It falls, and not as far as if it were free.
+        // The block falls, but less far than in free fall.
         let least = first.displacement.iter().map(|x| x[1]).fold(0.0, f64::min);
         assert!(least < -1e-4 && least > -9.81 * 0.01 * 0.01 * 6.0, "{least}");
     }

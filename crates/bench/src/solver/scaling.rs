@@ -1,4 +1,5 @@
-//! Blocks from small to large: time of an iteration and of a step, and memory.
+//! Part `scaling` of `palpate bench solver`: blocks from small to large, with the time of a solver iteration and of a
+//! step, and the memory.
 
 use std::time::Instant;
 
@@ -11,60 +12,62 @@ use super::speed::{asking, open};
 use super::{PRECONDITIONERS, Settings, YOUNG};
 use crate::median;
 
-/// Iterations of the two steps whose difference is taken.
+/// Caps on the iterations of the two steps whose difference in time gives the time of an iteration.
 const ITERATIONS: [u32; 2] = [32, 8];
-/// No step gets there in so few iterations.
+/// A tolerance that no step reaches within these iterations.
 const NEVER: f64 = 1e-30;
-/// Stiff, so that no step is done after so few iterations, Pa.
+/// Young's modulus of the block whose iterations are timed, Pa; stiff, so that no step converges within so few
+/// iterations.
 const STIFF: f64 = 2e6;
 /// Time step, s.
 const DT: f64 = 0.001;
 /// Steps before those that are measured, unless they take too long.
 const WARM_UP: usize = 2;
 
-/// A block's times.
+/// Measurements of a block.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Size {
-    /// Of the block.
+    /// Number of tetrahedra.
     pub tetrahedra: usize,
-    /// Of the block.
+    /// Number of nodes.
     pub nodes: usize,
-    /// Iterations of each preconditioner.
+    /// Cost of an iteration with each preconditioner.
     pub iterations: Vec<Iteration>,
-    /// Steps of each material.
+    /// Cost of whole steps for each Young's modulus.
     pub steps: Vec<Steps>,
 }
 
-/// What an iteration costs.
+/// Cost of a solver iteration.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Iteration {
     /// Name of the preconditioner.
     pub preconditioner: String,
-    /// Bytes on the device.
+    /// GPU memory, bytes.
     pub bytes_device: u64,
-    /// Microseconds of steps of the first number of `iterations`.
+    /// Times of steps with the greater number of iterations, us.
     pub long_us: Vec<f64>,
-    /// Microseconds of steps of the second number, in turn with the others.
+    /// Times of steps with the smaller number, us; both kinds alternate.
     pub short_us: Vec<f64>,
-    /// Iterations that those steps did.
+    /// Iterations that those steps did: the greater and the smaller number.
     pub iterations: [u32; 2],
 }
 
-/// Steps to the usual tolerance with the usual preconditioner.
+/// Cost of steps with the default tolerance and preconditioner.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Steps {
     /// Young's modulus, Pa.
     pub young: f64,
-    /// Of each step.
+    /// Solver iterations of each step.
     pub iterations: Vec<u32>,
-    /// Steps that raised a flag.
+    /// Number of steps that raised a flag.
     pub flagged: usize,
-    /// Microseconds, a step each.
+    /// Wall time of each step, us.
     pub step_us: Vec<f64>,
 }
 
 impl Iteration {
-    /// Milliseconds of an iteration: the difference of the medians over that of the iterations; NaN where that is none.
+    /// Time of an iteration, ms: the difference of the median times over that of the iterations; NaN where there is
+    /// none.
     pub fn ms(&self) -> f64 {
         let [long, short] = [&self.long_us, &self.short_us].map(|times| 1e-3 * median(times));
         (long - short) / (f64::from(self.iterations[0]) - f64::from(self.iterations[1]))
@@ -72,18 +75,18 @@ impl Iteration {
 }
 
 impl Steps {
-    /// Median, ms.
+    /// Median time of a step, ms.
     pub fn ms(&self) -> f64 {
         1e-3 * median(&self.step_us)
     }
 
-    /// Median.
+    /// Median number of solver iterations of a step.
     pub fn median_iterations(&self) -> f64 {
         median(&self.iterations.iter().map(|&n| f64::from(n)).collect::<Vec<_>>())
     }
 }
 
-/// Measures every size of the settings.
+/// Measures blocks of all sizes.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Size>> {
     let mut sizes = Vec::new();
     let mut pairs = Vec::new();
@@ -107,7 +110,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<S
     }
     for step in 1..=settings.scaling_steps {
         watch(&format!("scaling: iterations, run {step} of {}", settings.scaling_steps));
-        // All in turn, so that what changes on the machine meanwhile favours no size.
+        // All blocks take turns, so that a change of the machine's speed favours no size.
         let all = sizes.iter_mut().flat_map(|size| &mut size.iterations);
         for (iteration, pair) in all.zip(&mut pairs) {
             iteration.add_steps(pair)?;
@@ -133,7 +136,7 @@ fn pair_of(scene: &Scene, settings: &Settings) -> Result<[Simulation; 2]> {
 }
 
 impl Iteration {
-    /// A step of each; another before it finds the caches cold and is not measured.
+    /// Times a step of each of the two simulations, after one that finds caches cold and does not count.
     fn add_steps(&mut self, pair: &mut [Simulation; 2]) -> Result<()> {
         let times = [&mut self.long_us, &mut self.short_us];
         for ((simulation, us), iterations) in pair.iter_mut().zip(times).zip(&mut self.iterations) {

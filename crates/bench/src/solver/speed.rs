@@ -1,4 +1,5 @@
-//! Time of a step against the error that it leaves: every case with each preconditioner and tolerance.
+//! The parts of `palpate bench solver` that measure time against error: every case with each preconditioner and
+//! tolerance.
 
 use std::time::Instant;
 
@@ -14,71 +15,73 @@ use crate::median;
 use crate::samples::hands;
 use crate::suite::nan_of_null;
 
-/// Steps of one setting before another has its turn: enough for what the first of them finds cold to be no median.
+/// Steps of one setting before another has its turn: enough that the median is no step that finds caches cold.
 const TURN: usize = 5;
 
-/// A case and what was found.
+/// Measurements of a case.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Measured {
-    /// Its name.
+    /// Name of the case.
     pub name: String,
-    /// What it is.
+    /// Body, stiffness and time step.
     #[serde(flatten)]
     pub case: Case,
-    /// Of the body.
+    /// Number of tetrahedra of the body.
     pub tetrahedra: usize,
-    /// Of the body, bound ones included.
+    /// Number of nodes of the body, those attached to the core included.
     pub nodes: usize,
-    /// What the reference took on the machine that found it, s.
+    /// Time that computing the reference took on the machine that did it, s.
     pub reference_seconds: f64,
-    /// Largest displacement after the last step, by the reference, m.
+    /// Largest displacement after the last step in the reference, m.
     pub largest_displacement: f64,
-    /// What was measured.
+    /// Measurements of each setting of the solver.
     pub runs: Vec<Run>,
 }
 
-/// A preconditioner and a tolerance.
+/// Measurements of one preconditioner with one tolerance.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Run {
     /// Name of the preconditioner.
     pub preconditioner: String,
-    /// Residual to stop at.
+    /// Solver tolerance (relative residual at which to stop).
     pub tolerance: f64,
-    /// Largest distance of a node from the reference after the last step, over the largest displacement; the worst of all
-    /// repetitions; NaN, in JSON null, where the state is not finite.
+    /// Largest distance of a node from the reference after the last step, over the largest displacement; the worst of
+    /// all repetitions; NaN, which JSON writes as null, where the state is not finite.
     #[serde(deserialize_with = "nan_of_null")]
     pub error: f64,
-    /// Of each step.
+    /// Solver iterations of each step of the last repetition.
     pub iterations: Vec<u32>,
-    /// Steps that raised a flag.
+    /// Number of steps of the last repetition that raised a flag.
     pub flagged: usize,
-    /// Names of the flags.
+    /// Names of the flags that it raised.
     pub flags: Vec<String>,
-    /// Bytes on the device.
+    /// GPU memory, bytes.
     pub bytes_device: u64,
-    /// Microseconds, a step each, for each repetition.
+    /// Wall time of each step, us; one list for each repetition.
     pub step_us: Vec<Vec<f64>>,
 }
 
 impl Run {
-    /// Milliseconds of a step: the median over the steps of a repetition, the median of those.
+    /// Time of a step, ms: the median over the repetitions of the median over the steps of each.
     pub fn ms(&self) -> f64 {
         median(&self.medians_ms())
     }
 
-    /// The same of the fastest and the slowest repetition, or hand of few (see [`hands`]).
+    /// Least and greatest time of a step, ms, among the medians of the repetitions, or of the hands of few (see
+    /// [`hands`]).
     pub fn range_ms(&self) -> [f64; 2] {
         let hands = hands(&self.step_us);
         let (low, high) = hands.into_iter().fold((f64::INFINITY, 0.0f64), |(a, b), us| (a.min(us), b.max(us)));
         [1e-3 * low, 1e-3 * high]
     }
 
-    /// Median of the iterations of a step.
+    /// Median number of solver iterations of a step.
     pub fn median_iterations(&self) -> f64 {
         median(&self.iterations.iter().map(|&n| f64::from(n)).collect::<Vec<_>>())
     }
 
-    /// Whether one more repetition, as long as the others were, ends before so many seconds are spent on all of them.
+    /// Whether one more repetition, if it takes as long as the others, ends before this many seconds are spent on all
+    /// of them.
     fn is_worth_another(&self, seconds: f64) -> bool {
         let spent = 1e-6 * self.step_us.iter().flatten().sum::<f64>();
         let done = self.step_us.len() as f64;
@@ -100,7 +103,7 @@ impl Run {
     }
 }
 
-/// Measures a case with every setting of the solver, and tells `watch` of it.
+/// Measures a case with every setting of the solver; `watch` is called before each part of the work.
 pub fn measure(case: &Case, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Measured> {
     let scene = case.scene()?;
     let body = cases::prepared(&scene)?;
@@ -130,7 +133,7 @@ pub fn measure(case: &Case, settings: &Settings, watch: &mut dyn FnMut(&str)) ->
     })
 }
 
-/// The scene with a solver of its own.
+/// The scene with this preconditioner and tolerance.
 pub fn asking(scene: &Scene, preconditioner: Preconditioner, tolerance: f64, settings: &Settings) -> Scene {
     let mut scene = scene.clone();
     scene.solver.preconditioner = preconditioner;
@@ -139,7 +142,7 @@ pub fn asking(scene: &Scene, preconditioner: Preconditioner, tolerance: f64, set
     scene
 }
 
-/// The engine on a scene; no step is timed by stage, which would take time.
+/// Opens the engine on a scene; no step is timed by stage, since timestamps cost time.
 pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     let mut simulation =
         Simulation::open(scene, &Options { device: settings.device.clone(), ..Options::of_program() })?;
@@ -147,7 +150,7 @@ pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     Ok(simulation)
 }
 
-/// Runs all settings once more, a few steps of each in turn, so that what changes on the machine meanwhile favours none.
+/// Runs all settings once more, a few steps of each in turn, so that a change of the machine's speed favours none.
 fn repeat(runs: &mut [(Scene, Run)], steps: usize, reference: &Reference, settings: &Settings) -> Result<()> {
     let mut under_way = Vec::new();
     for (scene, run) in runs.iter_mut() {

@@ -1,4 +1,5 @@
-//! The rows of the matrix: what is varied, and along which values.
+//! The rows of the stability matrix: the axes (what is varied) and their values. A cell of the matrix is one value of
+//! an axis.
 
 use glam::DVec3;
 use palpate::Result;
@@ -13,28 +14,28 @@ use crate::meshes::MeshFolder;
 /// A value of an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cell {
-    /// With its unit.
+    /// The value as text, with its unit.
     pub label: String,
-    /// Whether it is of the region where all must pass.
+    /// Whether the value is in the axis's core range, where all cases must pass.
     pub is_core: bool,
-    /// Its simulations.
+    /// The simulations that are run for this value.
     pub cases: Vec<Case>,
 }
 
-/// What is varied.
+/// A quantity that is varied.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// As `--only` calls it.
+    /// Name on the command line (`--only`).
     pub name: &'static str,
-    /// For readers.
+    /// Title in the report.
     pub title: &'static str,
-    /// Whether its values are no numbers that rise.
+    /// Whether its values are alternatives in words instead of ascending numbers.
     pub is_listed: bool,
-    /// Its values, rising.
+    /// Its values, in ascending order.
     pub cells: Vec<Cell>,
 }
 
-/// Names of all axes, in order.
+/// Names of all axes, in the order of the matrix.
 pub const NAMES: [&str; 21] = [
     "young",
     "poisson",
@@ -59,14 +60,14 @@ pub const NAMES: [&str; 21] = [
     "bound",
 ];
 
-/// Which part of the matrix.
+/// Which part of the matrix is run.
 #[derive(Debug, Clone, Copy)]
 pub struct Extent<'a> {
-    /// Fewer values and steps.
+    /// The short form, with fewer values and steps.
     pub is_quick: bool,
-    /// A million steps of resting contact.
+    /// Adds a million steps of resting contact.
     pub is_soak: bool,
-    /// Where meshes are written.
+    /// Temporary folder for meshes.
     pub folder: &'a MeshFolder,
 }
 
@@ -76,11 +77,11 @@ fn with(change: impl Fn(&mut Setup)) -> Setup {
     setup
 }
 
-/// Values of an axis: those of the whole, and of them the few of the short form.
+/// Values of an axis: those of the whole matrix, and those of its short form.
 struct Values(&'static [f64], &'static [f64]);
 
 impl Values {
-    /// The row; `core`: the least and the greatest value that must pass; `None`: none must.
+    /// The axis with these values. `core` is the range of values that must pass, ends included; `None`: none must.
     fn axis(
         self,
         name: &'static str,
@@ -97,7 +98,7 @@ impl Values {
     }
 }
 
-/// The axis of a name; `None`: there is none. Errors: a mesh cannot be written.
+/// The axis of this name; `None`: there is none. Errors: a mesh cannot be written.
 pub fn axis(name: &str, extent: Extent) -> Result<Option<Axis>> {
     Ok(match material(name, extent).or_else(|| contact(name, extent)).or_else(|| motion(name, extent)) {
         Some(axis) => Some(axis),
@@ -172,7 +173,7 @@ fn contact(name: &str, extent: Extent) -> Option<Axis> {
     let setup = || Setup::default().damped();
     let stiffness = |x: f64| vec![press(Setup { stiffness: Some(x), ..setup() }, sphere(0.1))];
     Some(match name {
-        // The block weighs a kilogram.
+        // The block weighs 1 kg, so the sphere's mass in kg is the ratio.
         "mass-ratio" => {
             let all = &[1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5];
             let title = "Mass of tool to body";
@@ -298,7 +299,8 @@ fn motion(name: &str, extent: Extent) -> Option<Axis> {
 
 fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
     Ok(Some(match name {
-        // As stiff for its weight at any size: strains are the same.
+        // Young's modulus grows with the size, so that the strain under the block's own weight is the same at every
+        // size.
         "size" => Values(&[1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0], &[1e-3, 100.0]).axis(
             "size",
             "Size of the body",

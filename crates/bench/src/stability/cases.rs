@@ -1,4 +1,6 @@
-//! Cases of the matrix: how a block is let go, pressed, thrown at and torn, and what each case promises.
+//! Cases of the stability matrix: what is done to the block (it is let go, pressed, thrown at, stretched, spun), and
+//! what each case promises. A promise is an invariant that must hold at the case's end; lengths are shares of the
+//! block's edge where so stated.
 
 use palpate::scene::Law;
 
@@ -7,81 +9,85 @@ use super::modes;
 use super::setup::{Bound, RADIUS, Setup, Sphere};
 use super::trace::HALF_ULP;
 
-/// Steps of a case at least, and at most until it is at rest.
+/// Least number of steps of a case, and most steps that a case is given to come to rest.
 const STEPS: [f64; 2] = [40.0, 2500.0];
-/// Steps of pressing at most, of what is not at rest in time, and those after pressing.
+/// Most steps of pressing; also the number of steps of a case that cannot come to rest in time.
 const PRESS_STEPS: f64 = 400.0;
+/// Most steps after pressing.
 const AFTER_STEPS: f64 = 1000.0;
-/// Steps where nothing damps.
+/// Number of steps of a case without damping.
 const UNDAMPED: f64 = 200.0;
-/// Where a block is let go that nothing damps it is stretched by a tenth; a stiffer one than the usual by less, so that it has
-/// no more energy.
+/// Strain by which an undamped free block is stretched before it is let go. A block stiffer than the default one is
+/// stretched by less, so that it has no more energy.
 const PLUCKED: f64 = 0.1;
-/// Damping times time after which what swung is at rest, ln(1e-6).
+/// Damping rate times time after which an oscillation has decayed to about 1e-6 of its amplitude.
 const TO_REST: f64 = 14.0;
-/// s: how long the sphere is pressed in, held, drawn out, and left to itself.
+/// Duration of a press in which the sphere goes in, is held, is drawn out and stays away, s.
 const PRESS: f64 = 0.24;
-/// When each of these ends, of the whole.
+/// Times at which the first three of these phases end, as shares of the duration.
 const PHASES: [f64; 3] = [0.25, 0.5, 0.65];
-/// How deep the device goes, and how far it goes up at the end, of the block's edge.
+/// Depth to which the haptic device goes, in block edges.
 const DEPTH: f64 = 0.1;
+/// Height to which the haptic device goes at the end, in block edges.
 const AWAY: f64 = 0.2;
 
-/// A block dropped on the floor has settled after so many steps.
+/// Step from which on a block that was dropped on the floor has settled.
 const SETTLED: usize = 500;
-/// What nothing moves is where it was, of the block's edge.
+/// How far the centre may move where nothing moves it, in block edges.
 const STILL: f64 = 1e-9;
-/// What was let go is within this of its shape, of its edge. A block of the usual stiffness sags by a fortieth under its weight;
-/// of what sags by more than a half of this nothing is promised.
+/// How far a node may be from its rest position after the block was let go, in block edges. A block of the default
+/// stiffness sags by a fortieth of its edge under its weight; where it sags by more than half of this bound, nothing is
+/// promised.
 const SHAPE: f64 = 0.1;
-/// A thrown sphere that weighs less than the first of the block's mass bounces off; of more than the second, it goes through.
+/// A thrown sphere that weighs less than this share of the block's mass bounces off.
 const BOUNCES: f64 = 0.2;
+/// A thrown sphere that weighs more than this multiple of the block's mass goes through.
 const PASSES: f64 = 500.0;
-/// Sums within a body round their largest part some times over.
+/// Rounding of a sum over a body's interior, as a multiple of the rounding of its largest term.
 const INSIDE: f64 = 4.0;
-/// The sphere that is thrown, m/s.
+/// Speed of the thrown sphere, m/s.
 const THROWN: f64 = 0.5;
-/// Steps before the device is elsewhere, and as many until it is back.
+/// Time at which the haptic device jumps into the block, in steps; at five times that it jumps back.
 const TELEPORTED: f64 = 20.5;
 
-/// How the body begins.
+/// Initial state of the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Start {
     /// At rest.
     Rest,
-    /// Stretched along y from the plane y = 0, by this factor (below zero: inside out).
+    /// Stretched along y by this factor, with the plane y = 0 in place; below zero it is inside out.
     Stretched(f64),
-    /// Turning about its middle, rad/s, about an axis that is none of its own.
+    /// Turning about its centre at this angular speed, rad/s, about an axis that is no axis of symmetry.
     Spinning(f64),
 }
 
 /// One simulation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Case {
-    /// Which of its cell.
+    /// Name of what is done, which tells the cases of a cell apart.
     pub scenario: &'static str,
     /// The scene.
     pub setup: Setup,
-    /// How it begins.
+    /// Initial state of the body.
     pub start: Start,
-    /// How many.
+    /// Number of steps.
     pub steps: usize,
-    /// What it promises.
+    /// Invariants that must hold at the end.
     pub promise: Promise,
-    /// What it has to come to rest; `None`: nothing is promised of that, or `promise` says it.
+    /// Steps in which the case can come to rest; `None`: nothing is promised of that, or `promise` states it.
     pub settling: Option<Settling>,
 }
 
-/// What is left to come to rest in, and the slowest decay of what is not the body, of its velocity, a step.
+/// How many steps a case has to come to rest, and how fast the tool's own oscillation decays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settling {
-    /// Steps at least; `None`: those after the last in which anything pressed.
+    /// Least number of steps; `None`: those after the last step in which a contact pressed.
     pub steps: Option<usize>,
-    /// Of the tool; 0: there is none.
+    /// Factor by which the velocity of the tool's oscillation on its coupling decays in a step; 0: there is no tool.
     pub other: f64,
 }
 
-/// Let go under gravity.
+/// The block, attached at its side, is let go under gravity.
 pub fn hang(setup: Setup) -> Case {
     let setup = Setup { bound: Bound::Side, ..setup };
     let steps = damped_steps(&setup);
@@ -90,23 +96,26 @@ pub fn hang(setup: Setup) -> Case {
     Case { scenario, setup, start: Start::Rest, steps, promise: Promise::default(), settling }
 }
 
-/// How many steps it takes to come to rest; where those are too many, or nothing damps, some.
+/// Number of steps to come to rest; a smaller number where that would be too many, or where nothing damps.
 fn damped_steps(setup: &Setup) -> usize {
     let rate = setup.material.damping_mass;
     let steps = if rate > 0.0 { (TO_REST / rate / setup.dt).ceil() } else { UNDAMPED };
-    // What takes longer than is done is not at rest either way.
+    // A case that would take longer than the cap does not come to rest anyway, so that fewer steps do.
     if steps > STEPS[1] { PRESS_STEPS as usize } else { steps.max(STEPS[0]) as usize }
 }
 
-/// Let go where nothing holds, weighs or damps it: its middle stays, and it may swing no wider.
+/// The block is stretched and let go without attachment, gravity or damping: its centre must stay, and its energy must
+/// not grow.
 pub fn pluck(setup: Setup) -> Case {
     let usual = Setup::default();
     let stiffer = setup.material.young / usual.material.young * usual.edge / setup.edge;
     let stretch = PLUCKED * stiffer.max(1.0).sqrt().recip();
-    // No node is faster than the stretch a step; of that the solver leaves a share, with which the middle goes on.
+    // No node moves by more than the stretch in a step. The solver leaves a share of that motion unsolved, with which
+    // the centre drifts.
     let way = stretch * UNDAMPED;
     let solved = DRIFT * (1.0 + way);
-    // And what a step turns over of momentum inside, in waves' ways a step squared, is rounded.
+    // The momentum exchanged inside the block in a step is rounded as well; it grows with the square of the distance
+    // that a wave travels in a step.
     let waves = setup.material.young / setup.material.density * (setup.dt / setup.edge).powi(2);
     let rounded = INSIDE * HALF_ULP * waves * way;
     let promise = Promise { drift: Some((0, (solved + rounded) * setup.edge)), ..Promise::default() };
@@ -115,18 +124,18 @@ pub fn pluck(setup: Setup) -> Case {
     Case { scenario: "pluck", setup, start, steps, promise, settling: None }
 }
 
-/// How far the top of a block sinks under its own weight, m.
+/// How far the top of a block sags under its own weight, m.
 fn sag(setup: &Setup) -> f64 {
     0.5 * setup.material.density * setup.gravity * setup.edge.powi(2) / setup.material.young
 }
 
-/// Of the end of a case in which a tool touched a block: it is out again, and the block is as it was.
+/// The promise of a case in which a tool touched the block: at the end nothing presses, and the block has its shape.
 fn left_alone(setup: &Setup) -> Promise {
     let is_firm = sag(setup) <= 0.5 * SHAPE * setup.edge;
     Promise { shape: is_firm.then_some(SHAPE * setup.edge), touches: true, parts: is_firm, ..Promise::default() }
 }
 
-/// Pressed in by a held sphere, and released.
+/// A sphere on a coupling is pressed into the block, held, and drawn out.
 pub fn press(setup: Setup, sphere: Sphere) -> Case {
     let pressing = (PRESS / setup.dt).round().clamp(STEPS[0], PRESS_STEPS);
     let end = pressing * setup.dt;
@@ -134,7 +143,7 @@ pub fn press(setup: Setup, sphere: Sphere) -> Case {
     let after = ((1.0 - PHASES[2]) * pressing).max(damped_steps(&setup) as f64).min(AFTER_STEPS);
     let steps = (PHASES[2] * pressing + after).ceil() as usize;
     let gap = 0.02 * setup.edge;
-    // Where more than the usual weight has taken the top.
+    // Where gravity is greater than usual the top has sagged further, and the press goes deeper by that.
     let usual = Setup { gravity: Setup::default().gravity, ..setup.clone() };
     let sunk = (sag(&setup) - sag(&usual)).clamp(0.0, 0.5 * setup.edge);
     let deep = -DEPTH * setup.edge - sunk;
@@ -146,21 +155,21 @@ pub fn press(setup: Setup, sphere: Sphere) -> Case {
     Case { scenario, setup, start: Start::Rest, steps, promise, settling }
 }
 
-/// What a step leaves of a sphere's own swing on its coupling.
+/// Factor by which a sphere's own oscillation on its coupling decays in a step of `dt` seconds.
 fn swing(sphere: &Sphere, dt: f64) -> f64 {
     let (stiffness, damping) = sphere.coupling.unwrap_or((0.0, 0.0));
     modes::decay((stiffness / sphere.mass).sqrt(), damping / sphere.mass, dt)
 }
 
-/// A sphere of 50 g on a coupling of 500 N/m, scaled with the block.
+/// A sphere of 50 g on a coupling of 500 N/m and 5 N s/m for the default block, scaled to a block with this edge (m).
 pub fn sphere(edge: f64) -> Sphere {
     let scale = edge / Setup::default().edge;
     let coupling = Some((500.0 * scale.powi(2), 5.0 * scale.powf(2.5)));
     Sphere { mass: 0.05 * scale.powi(3), coupling, speed: 0.0, path: Vec::new() }
 }
 
-/// A free sphere that flies at the block, nothing weighs: for as long as it takes it to go through, and the block to come to
-/// rest then.
+/// A sphere of this mass (kg) without a coupling is thrown at the block, without gravity; the case lasts until it has
+/// gone through and the block has come to rest.
 pub fn throw(setup: Setup, mass: f64) -> Case {
     let sphere = Sphere { mass, coupling: None, speed: THROWN, path: Vec::new() };
     let setup = Setup { bound: Bound::Bottom, gravity: 0.0, ..setup };
@@ -174,7 +183,7 @@ pub fn throw(setup: Setup, mass: f64) -> Case {
     Case { scenario: "throw", setup, start: Start::Rest, steps, promise, settling }
 }
 
-/// Stretched, pressed or turned inside out, and let go.
+/// The block, attached at its bottom, is stretched, compressed or turned inside out by this factor, and let go.
 pub fn release(setup: Setup, factor: f64) -> Case {
     let setup = Setup { bound: Bound::Bottom, ..setup };
     let steps = damped_steps(&setup);
@@ -187,13 +196,13 @@ pub fn release(setup: Setup, factor: f64) -> Case {
     Case { scenario, setup, start: Start::Stretched(factor), steps, promise, settling }
 }
 
-/// As [`sphere`], on a coupling so stiff that it goes where the device goes.
+/// The tool of [`sphere`] on a coupling so stiff that it follows the haptic device.
 fn pushed(edge: f64) -> Sphere {
     let tool = sphere(edge);
     Sphere { coupling: tool.coupling.map(|(stiffness, damping)| (100.0 * stiffness, 10.0 * damping)), ..tool }
 }
 
-/// The device goes down through block and all at a speed, m/s, and stays below.
+/// The haptic device goes down through the block at this speed (m/s), and stays below it.
 pub fn thrust(setup: Setup, speed: f64) -> Case {
     let gap = 0.02 * setup.edge;
     let way = (1.5 + 2.0 * RADIUS) * setup.edge;
@@ -207,8 +216,8 @@ pub fn thrust(setup: Setup, speed: f64) -> Case {
     Case { scenario: "thrust", setup, start: Start::Rest, steps, promise, settling }
 }
 
-/// The device is elsewhere from one step to the next, into the block by so many metres, and later back above it. Reckoned from
-/// where the block's top is once it has sagged.
+/// The haptic device jumps from one step to the next into the block, by `way` (m) below its sagged top, and later back
+/// above it.
 pub fn teleport(setup: Setup, way: f64) -> Case {
     let gap = 0.02 * setup.edge;
     let [at, back] = [1.0, 5.0].map(|times| times * TELEPORTED * setup.dt);
@@ -223,14 +232,14 @@ pub fn teleport(setup: Setup, way: f64) -> Case {
     Case { scenario: "teleport", setup, start: Start::Rest, steps, promise, settling }
 }
 
-/// A free block that turns, nothing weighs: its middle stays.
+/// A free block spins at this angular speed (rad/s) without gravity: its centre must stay.
 pub fn spin(setup: Setup, speed: f64) -> Case {
     let promise = Promise { drift: Some((0, DRIFT * setup.edge)), ..Promise::default() };
     let setup = Setup { bound: Bound::Nothing, gravity: 0.0, ..setup };
     Case { scenario: "spin", setup, start: Start::Spinning(speed), steps: 200, promise, settling: None }
 }
 
-/// On a floor for so many steps: once settled, it stays.
+/// A block rests on a floor for this many steps: once settled, it must stay.
 pub fn rest(setup: Setup, steps: usize) -> Case {
     let setup = Setup { bound: Bound::Nothing, has_floor: true, ..setup };
     let drift = Some((SETTLED, DRIFT * setup.edge));
@@ -238,20 +247,20 @@ pub fn rest(setup: Setup, steps: usize) -> Case {
     Case { scenario: "rest", setup, start: Start::Rest, steps, promise, settling: None }
 }
 
-/// The same without weight: nothing moves at all.
+/// The case for a block that nothing moves (without weight, or with all nodes attached): its centre must stay.
 pub fn still(case: Case) -> Case {
     let promise = Promise { drift: Some((0, STILL * case.setup.edge)), ..case.promise };
     Case { promise, ..case }
 }
 
-/// Let go, and pressed, damped so that they come to rest.
+/// A block that is let go, and one that is pressed; both are damped so that they come to rest.
 pub fn both(setup: Setup) -> Vec<Case> {
     let edge = setup.edge;
     vec![hang(setup.clone().damped()), press(setup.damped(), sphere(edge))]
 }
 
-/// Let go damped, so that it comes to rest; pressed and plucked with nothing to damp it, so that no damping hides what the
-/// step does.
+/// A damped block that is let go and comes to rest; and a pressed and a plucked one without damping, which might hide
+/// errors of the step.
 pub fn bare(setup: Setup) -> Vec<Case> {
     let edge = setup.edge;
     vec![hang(setup.clone().damped()), press(setup.clone(), sphere(edge)), pluck(setup)]

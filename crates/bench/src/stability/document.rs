@@ -1,4 +1,5 @@
-//! The report of the matrix: the picture, where the safe region of each axis ends, and every case that did not pass.
+//! The report of the stability matrix: the heat map, where the safe range of each axis ends, and every case that did
+//! not pass.
 
 use palpate::Flags;
 
@@ -6,7 +7,7 @@ use super::laws::{Law, Verdict};
 use super::{AxisResult, CellResult, Judged, Results, heat_map, reasons};
 use crate::document::{Chapter, Document, Section, Table};
 
-/// The report.
+/// The whole report.
 pub fn document(results: &Results) -> Document {
     let count = |verdict: Verdict| results.cases().filter(|(_, _, case)| case.verdict == verdict).count();
     let preface = format!(
@@ -55,14 +56,14 @@ pub fn document(results: &Results) -> Document {
     Document { title: "Stability on stiff and extreme cases".into(), preface, chapters: vec![chapter] }
 }
 
-/// Each law, its bound, and how many cases it was held against.
+/// A table of the invariants (`Law`), with their bounds and the number of cases in which each was checked.
 fn laws(results: &Results) -> Table {
     let mut table = Table::new(["law", "bound", "cases"]);
     for (law, bound) in [
-        (Law::Finite, "all that a step tells is a number"),
-        (Law::Energy, "at most the start's and what was put in, within 1e-3 of what was turned over"),
+        (Law::Finite, "all reported numbers are finite"),
+        (Law::Energy, "at most the initial energy plus the energy supplied, within 1e-3 of the energy turned over"),
         (Law::Force, "the wrench is the sum of its contacts' area (k depth + d rate): within 1e-3, or f32's rounding"),
-        (Law::Push, "no contact pulls by more than that"),
+        (Law::Push, "no contact pulls by more than the bound of `force`"),
         (Law::Residual, "b - A x in f64, contacts and tool included: 1e-3 of b or of weight, or f32's rounding"),
         (Law::Balance, "force, weight and coupling move the tool: within 1e-2 of the largest"),
         (
@@ -72,13 +73,14 @@ fn laws(results: &Results) -> Table {
         ),
         (
             Law::Drift,
-            "what nothing moves stays within 1e-5 of its edge; plucked, of its edge and what it is stretched by a step",
+            "a body that nothing pushes stays within 1e-5 of its edge; a plucked one has 1e-5 of its stretch per step \
+             in addition",
         ),
         (Law::Shape, "over the last tenth every node is within a tenth of the edge of where it was, where rest is due"),
-        (Law::Touch, "something presses in a case that is to touch"),
+        (Law::Touch, "contacts press in a case in which the tool or the floor should touch"),
         (Law::Parted, "over the last tenth nothing presses where the tool was drawn out or went through"),
     ] {
-        // Of these a case without a tool measures nothing.
+        // In a case without a tool these invariants have nothing to check, so that it does not count.
         let may_be_idle = matches!(law, Law::Force | Law::Push | Law::Balance);
         let has_tool = |judged: &Judged| judged.findings.iter().any(|f| f.law == Law::Balance && f.worst != 0.0);
         let is_held = |judged: &Judged| {
@@ -90,7 +92,7 @@ fn laws(results: &Results) -> Table {
     table
 }
 
-/// So many values are listed one by one.
+/// Up to so many consecutive values are listed one by one; more are written as a range.
 const LISTED: usize = 6;
 
 fn safe(results: &Results) -> Section {
@@ -121,7 +123,8 @@ fn safe(results: &Results) -> Section {
     }
 }
 
-/// The values that pass, or those that do not with what became of them. Many that follow one another are a range.
+/// The labels of the values that pass, or of those that do not with their verdicts; many consecutive ones are written
+/// as a range.
 fn values(axis: &AxisResult, is_pass: bool) -> String {
     let of = |cell: &CellResult| (cell.verdict == Verdict::Pass) == is_pass;
     let runs = axis.cells.chunk_by(|a, b| of(a) == of(b)).filter(|run| of(&run[0]));
@@ -154,7 +157,7 @@ fn rest(results: &Results) -> Section {
         plot: None,
         finding: match results.faults().as_slice() {
             [] => "No failure is silent, and all that must pass passes.".into(),
-            faults => format!("Not as it must be: {}.", faults.join("; ")),
+            faults => format!("Requirements not met: {}.", faults.join("; ")),
         },
         ..Section::default()
     }

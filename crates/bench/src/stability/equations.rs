@@ -1,5 +1,7 @@
-//! What a step leaves of its linear system, b - A x, in f64 and matrix by matrix as the equations are written down: elasticity
-//! linearised at the start, damping, weight, contacts, and the tool with its coupling.
+//! The residual b - A x of a step's linear system, computed in f64, matrix by matrix as the equations are written down.
+//! x is the change of the velocities of nodes and tool, b are impulses (N s) and A has the unit of mass (kg). The terms
+//! are elasticity linearised at the start of the step, damping, weight, contacts, and the tool with its virtual
+//! coupling.
 
 use glam::{DQuat, DVec3};
 use palpate::RigidState;
@@ -9,39 +11,40 @@ use palpate_oracle::step::SoftBody;
 use super::touch::{Motion, Pressing};
 use super::trace::{HALF_ULP, ROUNDINGS};
 
-/// The body at the start of a step, linearised there.
+/// The body and the tool at the start of a step, with elasticity linearised there.
 pub struct Before {
     body: SoftBody,
     rotations: Vec<DQuat>,
     tool: Option<Tool>,
 }
 
-/// What a step did to it.
+/// Inputs and results of the step.
 pub struct Done<'a> {
-    /// s.
+    /// Length of the step, s.
     pub h: f64,
-    /// m/s^2.
+    /// Gravity, m/s^2.
     pub gravity: DVec3,
-    /// Velocities of nodes at the end, m/s.
+    /// Velocities of the nodes at the end of the step, m/s.
     pub end: &'a [DVec3],
-    /// The tool at the end, and the device.
+    /// The tool at the end of the step, and the haptic device there.
     pub tool: Option<(&'a Tool, RigidState)>,
-    /// Contacts that were not dropped.
+    /// Contacts that act (that the solver did not release).
     pub contacts: &'a [Pressing],
 }
 
-/// Squares in the norm of A's diagonal.
+/// Squared norms of vectors of the system: sums of squares, each divided by A's diagonal entry.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Left {
-    /// Of b - A x.
+    /// Squared norm of the residual b - A x.
     pub left2: f64,
-    /// Of b; of weight where forces cancel.
+    /// Squared norm of b, with the weight added for nodes on which forces cancel.
     pub size2: f64,
-    /// Of what rounding alone may leave.
+    /// Squared norm of what f32 rounding alone may leave of the residual.
     pub floor2: f64,
 }
 
-/// Sums that contacts add to a row: impulse at the end and at the start of the step, its rounding, and the diagonal.
+/// Contact terms of a node's or the tool's equation: impulses at the velocities of the step's end and start (N s),
+/// their rounding (N s), and the term on A's diagonal (kg).
 #[derive(Clone, Copy, Default)]
 struct Pushed {
     end: DVec3,
@@ -51,7 +54,7 @@ struct Pushed {
 }
 
 impl Before {
-    /// Now.
+    /// Linearises the body's elasticity at its present state.
     pub fn of(body: &SoftBody, rotations: &[DQuat], tool: Option<&Tool>) -> Before {
         let rotations = rotations.to_vec();
         let mut body = body.clone();
@@ -59,7 +62,7 @@ impl Before {
         Before { body, rotations, tool: tool.cloned() }
     }
 
-    /// What the step left.
+    /// The residual after the step, the size of b, and the floor of rounding.
     pub fn left(&self, done: &Done) -> Left {
         let (h, elements) = (done.h, &self.body.elements);
         let (start, end) = (&self.body.velocity, done.end);
@@ -78,7 +81,7 @@ impl Before {
                 + mass * (start[i].length() + end[i].length() + h * done.gravity.length())
                 + h * damping * (start[i].length() + end[i].length());
             left.left2 += (own + push.end - image).length_squared() / diagonal;
-            // Where forces cancel, weight tells how large they are.
+            // Where forces cancel, b is small; the weight still tells how large they are.
             let weight2 = (h * mass * done.gravity).length_squared();
             left.size2 += ((own + push.start).length_squared() + weight2) / diagonal;
             left.floor2 += (ROUNDINGS * HALF_ULP * floor + push.rounding).powi(2) / diagonal;
@@ -96,7 +99,7 @@ impl Before {
         [motion(&self.body.velocity, self.tool.as_ref()), motion(done.end, done.tool.as_ref().map(|(tool, _)| *tool))]
     }
 
-    /// What contacts give to each node, N s and kg.
+    /// Contact terms of every node's equation.
     fn pushed(&self, done: &Done) -> Vec<Pushed> {
         let mut pushed = vec![Pushed::default(); self.body.velocity.len()];
         let [start, end] = self.motions(done);
@@ -115,7 +118,7 @@ impl Before {
         pushed
     }
 
-    /// The tool's six.
+    /// Adds the six equations of the tool.
     fn tool_rows(&self, done: &Done, left: &mut Left) {
         let (Some(before), Some((after, device))) = (&self.tool, &done.tool) else { return };
         let h = done.h;
@@ -147,14 +150,16 @@ impl Before {
         }
     }
 
-    /// At each node: the stiffness on the diagonal (kg), and the sizes of what its elements add up (N s).
+    /// For each node: an estimate of the elastic term on A's diagonal (kg), and the sum of the magnitudes of its
+    /// elements' impulses (N s), which bounds their rounding.
     fn sizes(&self, h: f64, start: &[DVec3], end: &[DVec3]) -> Vec<(f64, f64)> {
         let elements = &self.body.elements;
         let mut sizes = vec![(0.0, 0.0); start.len()];
         let spread = |nodes: &[u32; 4], of: &[DVec3]| {
             nodes.iter().map(|i| of[*i as usize].distance(of[nodes[0] as usize])).fold(0.0, f64::max)
         };
-        // A velocity is rounded as a whole, whatever of it its element feels.
+        // A velocity is rounded in proportion to its magnitude, even where an element feels only a small difference of
+        // velocities.
         let greatest =
             |nodes: &[u32; 4], of: &[DVec3]| nodes.iter().map(|i| of[*i as usize].length()).fold(0.0, f64::max);
         for (e, nodes) in elements.tetrahedra.iter().enumerate() {
@@ -167,7 +172,8 @@ impl Before {
                 + lag * (greatest(nodes, start) + greatest(nodes, end));
             for i in nodes {
                 let at = &mut sizes[*i as usize];
-                // A node has a third to all of the steepest gradient; a half stands for it.
+                // A node's own gradient is between a third and all of the steepest one of its tetrahedron; a half of
+                // the term stands for it.
                 *at = (at.0 + 0.5 * lag, at.1 + size);
             }
         }

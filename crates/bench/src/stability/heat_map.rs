@@ -1,4 +1,5 @@
-//! The matrix as a picture: a row an axis, a cell a value. A cell has a colour that the colour-blind tell apart, and a letter.
+//! The stability matrix as an image (SVG): a row for each axis, a cell for each value. A cell has a colour that
+//! colour-blind readers can tell apart, and a letter for its verdict.
 
 use std::fmt::Write;
 
@@ -6,19 +7,20 @@ use super::laws::Verdict;
 use super::{AxisResult, CellResult, Results};
 use crate::page::escaped;
 
-/// Of the whole picture, in its own units: it is as wide as the page.
+/// Width of the image in its own units; on the page it is as wide as the page.
 const WIDTH: usize = 1240;
-/// Of the names of rows.
+/// Width of the column with the names of the rows.
 const NAMES: usize = 250;
+/// Height of a row.
 const ROW: usize = 66;
-/// Width of a letter of a label, about.
+/// Approximate width of a letter of a label.
 const LETTER: usize = 7;
-/// Above the first row: the legend.
+/// Height of the legend above the first row.
 const TOP: usize = 40;
 
 const VERDICTS: [Verdict; 5] = [Verdict::Pass, Verdict::Degraded, Verdict::Fail, Verdict::Silent, Verdict::Refused];
 
-/// Letter, colour of the cell, colour of what is written on it (after Okabe and Ito 2008).
+/// Letter of a verdict, colour of its cells, and colour of the text on them (after Okabe and Ito 2008).
 fn look(verdict: Verdict) -> (&'static str, &'static str, &'static str) {
     match verdict {
         Verdict::Pass => ("P", "#bfe3f7", "#000000"),
@@ -29,7 +31,7 @@ fn look(verdict: Verdict) -> (&'static str, &'static str, &'static str) {
     }
 }
 
-/// The picture, SVG.
+/// The image as SVG.
 pub fn svg(results: &Results) -> String {
     let columns = results.axes.iter().map(|axis| axis.cells.len()).max().unwrap_or(1).max(1);
     let cell = ((WIDTH - NAMES) / columns).min(160);
@@ -103,7 +105,8 @@ fn cell_at(svg: &mut String, cell: &CellResult, x: usize, y: usize, width: usize
     }
 }
 
-/// A label in lines of so many letters at most, where its words allow it; a number stays with its unit.
+/// Splits a label between words into lines of at most `most` letters, as far as possible; a number stays with its per
+/// cent sign.
 fn lines(label: &str, most: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in label.split(' ') {

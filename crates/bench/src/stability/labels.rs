@@ -1,6 +1,6 @@
-//! How values of axes read.
+//! Texts for the values of axes of the stability matrix.
 
-/// How a factor along an edge reads.
+/// A factor of stretch along an edge in words.
 pub fn stretched(factor: f64) -> String {
     let percent = (100.0 * factor.abs()).round();
     match factor {
@@ -11,12 +11,12 @@ pub fn stretched(factor: f64) -> String {
     }
 }
 
-/// As a power of ten.
+/// A number as a power of ten: `1e3`.
 pub fn power(value: f64) -> String {
     format!("{value:.0e}")
 }
 
-/// A number with its unit and thousands' prefix.
+/// A number with its unit and an SI prefix.
 pub fn si(value: f64, unit: &str) -> String {
     let (scale, prefix) = match value.abs() {
         x if x >= 1e12 => (1e-12, "T"),

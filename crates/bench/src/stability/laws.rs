@@ -1,4 +1,6 @@
-//! Laws that every step keeps, judged from measured steps alone; each verdict says the first step that broke a law.
+//! The invariants (`Law`) that every step of a case must keep, judged from measured steps alone. Each finding names the
+//! first step that broke one, and a case's verdict follows from its findings. A step that breaks an invariant is
+//! excused if it raised a flag that warns of just that; a break without such a flag is a silent failure.
 
 use glam::DVec3;
 use palpate::Flags;
@@ -6,53 +8,56 @@ use serde::Serialize;
 
 use super::trace::Sample;
 
-/// Energy may exceed what was there and what was put in by this much of what was turned over: the solver stops at 1e-5 of
-/// the right-hand side in its own norm, and the state is f32.
+/// Energy may exceed that of the start plus what was supplied by this share of the energy turned over: the solver stops
+/// at 1e-5 of the right-hand side in its own norm, and the state is f32.
 pub const ENERGY: f64 = 1e-3;
-/// Kinetic energy that is no longer motion, of the most that the body had of kinetic and elastic.
+/// A body is at rest when its kinetic energy is below this share of the most kinetic and elastic energy that it had.
 pub const AT_REST: f64 = 1e-4;
-/// What the wrench may miss of its contacts, of all they push: f32 sums, and the law of a contact cancels as it lets go.
+/// The wrench may differ from the sum of its contacts by this share of all their pushes: sums are f32, and the terms of
+/// the contact law cancel as a contact parts.
 pub const FORCE: f64 = 1e-3;
-/// What a step may leave of its linear system: the engine speaks up at ten times the tolerance of 1e-5, in the norm of its
-/// preconditioner; the diagonal's, used here, may be ten times off.
+/// Bound on the relative residual of a step's linear system: the engine raises a flag at ten times its tolerance of
+/// 1e-5, in its preconditioner's norm, from which that of the diagonal, used here, may differ tenfold.
 pub const RESIDUAL: f64 = 1e-3;
-/// What the tool's momentum may miss, of its largest part; the tool's rows are six of many in the residual.
+/// The change of the tool's momentum may miss the impulses on it by this share of the largest one; larger than
+/// [`RESIDUAL`], since the tool has only six of the system's many equations.
 pub const BALANCE: f64 = 1e-2;
-/// Laws of a case's end are judged over this much of its steps: one step may be a turning point.
+/// Invariants of a case's end are judged over this last share of its steps, because a single step may be a turning
+/// point.
 pub const END: f64 = 0.1;
-/// Where nothing pushes, the centre of a body stays within this of its edge; f32 places.
+/// Where nothing pushes, the centre of a body may move by this share of its edge, which is f32 precision.
 pub const DRIFT: f64 = 1e-5;
 
-/// A law.
+/// An invariant that is tested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Law {
-    /// All that is told is a number.
+    /// All reported numbers are finite.
     Finite,
-    /// No energy from nothing.
+    /// Energy does not appear from nothing.
     Energy,
-    /// The wrench is the sum of its contacts by the contact law.
+    /// The wrench is the sum of its contacts' forces by the contact law.
     Force,
-    /// Contacts push, and never pull.
+    /// Contacts push and never pull.
     Push,
     /// The linear system is solved.
     Residual,
-    /// The force told is the force that moves the tool.
+    /// The reported force is the one that moves the tool.
     Balance,
-    /// What is damped comes to rest.
+    /// A damped case comes to rest.
     Rest,
-    /// What is not pushed stays.
+    /// A body that nothing pushes stays in place.
     Drift,
-    /// What was let go is no longer inside out or out of shape.
+    /// A body that was let go is back in shape, not inside out.
     Shape,
-    /// What is to touch does.
+    /// A case that should have contact has it.
     Touch,
-    /// What is drawn out or gone through touches no longer.
+    /// A tool that was drawn out or went through has no contact any more.
     Parted,
 }
 
 impl Law {
-    /// For readers.
+    /// Name in the report.
     pub fn name(self) -> &'static str {
         match self {
             Law::Finite => "finite",
@@ -69,99 +74,104 @@ impl Law {
         }
     }
 
-    /// Whether breaking it makes good nothing of what the hand feels: a failure even where a flag says so.
+    /// Whether breaking it makes the felt force wrong, so that it is a failure even where a flag warns of it.
     fn is_hard(self) -> bool {
         matches!(self, Law::Finite | Law::Energy | Law::Force | Law::Push)
     }
 
-    /// Flags that say that this law may be broken in their step; any other says nothing of it.
+    /// The flags that warn that this invariant may be broken in their step; other flags do not excuse it.
     pub fn excuses(self) -> Flags {
         match self {
-            // Said of the very number.
+            // The flag says that a number was not finite.
             Law::Finite => Flags::NON_FINITE,
-            // Rotations frozen over a step feed what spins; and of a tetrahedron inside out the elastic energy depends on which
-            // of its rotations is taken, from outside as within.
+            // Rotations are frozen over a step, which adds energy to a spinning body; and the elastic energy of an
+            // inverted tetrahedron depends on which of its several polar rotations is chosen, in this measurement as in
+            // the engine.
             Law::Energy => Flags::TURNS_TOO_FAR | Flags::INVERTED,
-            // Those that pull count as zero in the wrench, and not in the solution.
+            // Contacts that pull count as zero in the wrench, but act in the solution.
             Law::Push => Flags::ADHESIVE_DROPPED_TWICE,
-            // The sum leaves out what pulls, as the wrench does: nothing excuses that.
+            // The sum computed here leaves out pulling contacts as the wrench does, so that no flag explains a
+            // difference.
             Law::Force | Law::Touch => Flags(0),
-            // The flag says just this; a rotation inside out cannot be followed from outside, so the system is another; and in
-            // blocks of 1 TPa that spin it is missed while they gain energy, presumably by the rounding of so much stress.
+            // The first flag says just this. The rotation of an inverted tetrahedron cannot be followed from outside,
+            // so that the system here differs from the engine's. Blocks of 1 TPa that spin break it while they gain
+            // energy, presumably by rounding of their large stress.
             Law::Residual => Flags::NOT_CONVERGED | Flags::INVERTED | Flags::TURNS_TOO_FAR,
-            // The tool's rows are left with the others; pulls that the wrench leaves out move the tool; of a step done in parts
-            // the last part's force is told; stopped is stopped.
+            // The tool's equations share the solver's residual; contacts that pull move the tool but are left out of
+            // the wrench; a step that was retried in parts reports the force of its last part; a frozen tool does not
+            // move.
             Law::Balance => Flags::NOT_CONVERGED | Flags::ADHESIVE_DROPPED_TWICE | Flags::STEP_RETRIED | Flags::FROZEN,
-            // What is left unsolved may push the whole; and the same blocks drift.
+            // The solver's residual may push the body as a whole, and the spinning blocks of 1 TPa drift as well.
             Law::Drift => Flags::NOT_CONVERGED | Flags::TURNS_TOO_FAR,
-            // A body caught inside out creeps, and does not swing as it does at rest.
+            // A body caught inside out creeps, and does not decay as predicted for oscillations about rest.
             Law::Rest => Flags::INVERTED,
-            // It says so: it is not back, or will not be.
+            // The flags say that the body is not back in shape, or will not be.
             Law::Shape => Flags::INVERTED | Flags::FROZEN,
-            // A contact that deep is none, so the body may be caught on it; or caught inside out.
+            // A contact beyond the depth limit is left out, so that the body may be caught on the tool; or it is caught
+            // inside out.
             Law::Parted => Flags::DEPTH_BEYOND_LIMIT | Flags::INVERTED | Flags::FROZEN,
         }
     }
 
-    /// Whether flags excuse it.
+    /// Whether one of these flags excuses breaking the invariant.
     fn is_excused(self, flags: Flags) -> bool {
         self.excuses().0 & flags.0 != 0
     }
 }
 
-/// What a case promises at its end, beside what every step keeps.
+/// The invariants that a case promises at its end, besides those of every step.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Promise {
-    /// How much kinetic energy is left at the end, at most, of the most that the body had of kinetic and elastic; `None`: it is
-    /// not due to be at rest.
+    /// Most kinetic energy at the end, as a share of the most kinetic and elastic energy that the body had; `None`: the
+    /// case need not come to rest.
     pub rest: Option<f64>,
-    /// How far the centre of the free nodes may be from where it was, m, from the step on that is given.
+    /// From this step on, how far the centre of the free nodes may be from where it was in that step, m.
     pub drift: Option<(usize, f64)>,
-    /// How far any node may be from rest at the end, m.
+    /// How far any node may be from its rest position at the end, m.
     pub shape: Option<f64>,
-    /// Whether something presses, sooner or later.
+    /// Whether a contact must press in some step.
     pub touches: bool,
-    /// Whether nothing presses at the end.
+    /// Whether no contact may press at the end.
     pub parts: bool,
 }
 
-/// How a law was kept in a case.
+/// How an invariant was kept in a case.
 #[derive(Debug, Clone, Serialize)]
 pub struct Finding {
-    /// Which.
+    /// The invariant.
     pub law: Law,
-    /// The value nearest to its bound, or furthest beyond, and that bound.
+    /// The measured value that is nearest to its bound or furthest beyond it.
     pub worst: f64,
-    /// See `worst`.
+    /// The bound of that value.
     pub bound: f64,
-    /// The step of it, from 1; 0: the start.
+    /// The step of that value, from 1; 0: the start.
     pub step: usize,
-    /// The first step that broke it; if any did without a flag that says so, the first of these.
+    /// The first step that broke the invariant; where any did so without an excusing flag, the first of these.
     pub broken: Option<usize>,
-    /// The flags of that step.
+    /// The flags of the step in `broken`.
     pub flags: u32,
-    /// Whether any step that broke it had no flag that says so.
+    /// Whether any step that broke it had no excusing flag.
     pub is_silent: bool,
 }
 
-/// What became of a case.
+/// Verdict on a case, from best to worst.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// All laws hold, and no flag was raised.
+    /// All invariants hold, and no flag was raised.
     Pass,
-    /// The scene is not taken, and it is said why.
+    /// The engine refused the scene with an error.
     Refused,
-    /// A flag was raised, and no law of energy or force is broken; what else is broken it says.
+    /// A flag was raised. Invariants of energy and force hold; others may be broken where a flag warns of it.
     Degraded,
-    /// A law of energy or force is broken, and a flag of that step says that it may be.
+    /// An invariant of energy or force is broken, and a flag of that step warns of it.
     Fail,
-    /// A law is broken, and no flag of that step says that it may be.
+    /// An invariant is broken in a step without a flag that warns of it.
     Silent,
 }
 
 impl Verdict {
-    /// For readers.
+    /// Name in the report.
     pub fn name(self) -> &'static str {
         match self {
             Verdict::Pass => "pass",
@@ -174,7 +184,7 @@ impl Verdict {
 }
 
 impl Finding {
-    /// A step broke it: the first is told, or the first that no flag excuses.
+    /// Records a step that broke the invariant; the first one is kept, or the first one that no flag excuses.
     fn note(&mut self, step: usize, flags: Flags, is_silent: bool) {
         if self.broken.is_none() || (is_silent && !self.is_silent) {
             (self.broken, self.flags) = (Some(step), flags.0);
@@ -182,21 +192,21 @@ impl Finding {
         self.is_silent |= is_silent;
     }
 
-    /// Which law was broken, and where; `None`: none was.
+    /// The broken invariant, its step, flags and worst value as text; `None`: it was not broken.
     pub fn in_words(&self) -> Option<String> {
         let step = self.broken?;
         let names: Vec<&str> = Flags(self.flags).names().collect();
         let flags = if names.is_empty() { "no flag".into() } else { names.join(", ") };
         let Finding { law, worst, bound, .. } = self;
         Some(match law {
-            Law::Finite => format!("finite: step {step} tells what is no number ({flags})"),
+            Law::Finite => format!("finite: step {step} reports a number that is not finite ({flags})"),
             Law::Touch => "touch: nothing presses in any step".into(),
             _ => format!("{} from step {step} ({flags}): {worst:.2e} at worst, {bound:.2e} allowed", law.name()),
         })
     }
 }
 
-/// Every law against the steps of a case; the first sample is the start.
+/// Judges every invariant for the steps of a case; the first sample is the state before the first step.
 pub fn judge(samples: &[Sample], promise: &Promise) -> Vec<Finding> {
     let from_first = |law, measure: fn(&Sample) -> (f64, f64)| worst(law, samples, 1, measure);
     let mut findings = vec![
@@ -230,7 +240,7 @@ pub fn judge(samples: &[Sample], promise: &Promise) -> Vec<Finding> {
     findings
 }
 
-/// The step from which on laws of the end are judged.
+/// Index of the first sample of a case's end.
 pub fn end_of(samples: &[Sample]) -> usize {
     samples.len() - (END * samples.len() as f64).ceil() as usize
 }
@@ -250,7 +260,7 @@ fn energy(samples: &[Sample]) -> Finding {
         at += 1;
         gains[at]
     });
-    // What a step gained with a flag that says so stays: of later steps only what they add to it is theirs.
+    // Energy that a flagged step gained stays, so that later steps answer only for what they add to it.
     let mut told = 0.0f64;
     finding.is_silent = false;
     for (step, (sample, &(gain, bound))) in samples.iter().zip(&gains).enumerate() {
@@ -263,7 +273,7 @@ fn energy(samples: &[Sample]) -> Finding {
     finding
 }
 
-/// The sample from a step on that is nearest to its bound, or furthest beyond; a value that is no number breaks any.
+/// Finds the sample from step `from` on that is nearest to its bound or furthest beyond it; NaN breaks any bound.
 fn worst(law: Law, samples: &[Sample], from: usize, mut measure: impl FnMut(&Sample) -> (f64, f64)) -> Finding {
     let mut finding = Finding { law, worst: 0.0, bound: 0.0, step: from, broken: None, flags: 0, is_silent: false };
     let mut most = f64::NEG_INFINITY;
@@ -272,7 +282,7 @@ fn worst(law: Law, samples: &[Sample], from: usize, mut measure: impl FnMut(&Sam
         if is_beyond(value, bound) {
             finding.note(step, sample.flags, !law.is_excused(sample.flags));
         }
-        // Of a bound of zero any value is beyond.
+        // Any positive value breaks a bound of zero; such values are compared by themselves.
         let share = if bound > 0.0 { value / bound } else { value };
         if share > most || value.is_nan() {
             (most, finding.worst, finding.bound, finding.step) = (share, value, bound, step);
@@ -281,7 +291,7 @@ fn worst(law: Law, samples: &[Sample], from: usize, mut measure: impl FnMut(&Sam
     finding
 }
 
-/// What is no number is beyond any bound, and so is anything beyond a bound that is none.
+/// NaN fails the check, as a value and as a bound.
 fn is_beyond(value: f64, bound: f64) -> bool {
     value > bound || value.is_nan() || bound.is_nan()
 }

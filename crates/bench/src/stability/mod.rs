@@ -1,7 +1,9 @@
-//! `palpate stability`: a matrix of stiff and extreme cases, each with a verdict from laws and not from eyesight.
+//! `palpate stability`: a matrix of stiff and extreme simulations, each with a verdict from invariants that are checked
+//! in every step.
 //!
-//! `axes` says what is varied, `cases` what is done with the block and what must come of it, `setup` makes the scene, `trace`
-//! measures each step from outside in f64, `laws` judges the measured steps, and `document` reports.
+//! `axes` lists what is varied, `cases` what is done to the block and what must hold then, `setup` makes the scene,
+//! `trace` measures each step from outside in f64, `laws` judges the measured steps by invariants, and `document`
+//! reports.
 
 pub mod axes;
 pub mod cases;
@@ -27,21 +29,21 @@ use palpate::Flags;
 
 use laws::{Finding, Verdict};
 
-/// Version of the format of `results.json`: raised when a field changes its meaning or goes.
+/// Version of the format of `results.json`: raised when a field changes its meaning or is removed.
 pub const SCHEMA: u32 = 2;
 
-/// What is run.
+/// Which part of the matrix is run, and how.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Settings {
-    /// Fewer values and steps.
+    /// The short form (`--quick`), with fewer values and steps.
     pub is_quick: bool,
-    /// A million steps of resting contact.
+    /// Adds a million steps of resting contact (`--soak`).
     pub is_soak: bool,
-    /// These axes alone; empty: all.
+    /// Names of the axes to run; empty: all of them.
     pub only: Vec<String>,
-    /// Device, by name or index; `None`: the best.
+    /// GPU device, by name or index; `None`: the best one.
     pub device: Option<String>,
-    /// See `replaced` of the options that a device is opened with.
+    /// Shaders to replace, for tests that plant faults: see [`palpate::Options::replaced`].
     #[serde(skip)]
     pub replaced: Vec<(String, Vec<u8>)>,
 }
@@ -49,54 +51,54 @@ pub struct Settings {
 /// A simulation and its verdict.
 #[derive(Debug, Clone, Serialize)]
 pub struct Judged {
-    /// Which of its cell.
+    /// Name of the case within its cell.
     pub scenario: String,
-    /// What became of it.
+    /// The verdict.
     pub verdict: Verdict,
-    /// Steps done.
+    /// Number of steps done.
     pub steps: usize,
-    /// Flags of all steps.
+    /// Flags of all steps together, as a bit mask.
     pub flags: u32,
-    /// Steps that raised any.
+    /// Number of steps that raised a flag.
     pub flagged: usize,
-    /// The first of them.
+    /// The first step that raised a flag.
     pub first_flagged: Option<usize>,
-    /// Tetrahedra that were inside out at once, at most.
+    /// Most tetrahedra that were inside out at once.
     pub inverted: usize,
-    /// Laws.
+    /// How each invariant was kept.
     pub findings: Vec<Finding>,
-    /// Why it was refused.
+    /// The engine's error message, where it refused the scene.
     pub refusal: Option<String>,
-    /// Some of its steps, the first and the last among them, where it does not pass.
+    /// Some of the steps, the first and the last among them, of a case that does not pass; else empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub trace: Vec<Traced>,
     /// Wall time, s.
     pub seconds: f64,
 }
 
-/// What was measured of a step of a case that does not pass.
+/// Measurements of one step of a case that does not pass.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Traced {
-    /// From 1; 0: the start.
+    /// Number of the step, from 1; 0: the start.
     pub step: usize,
-    /// Kinetic, elastic, gravity's and the coupling's, J.
+    /// Kinetic, elastic, gravitational and coupling energy, J.
     pub energy: f64,
-    /// Put in since the start, J.
+    /// Energy supplied from outside since the start, J.
     pub supplied: f64,
-    /// On the tool, N.
+    /// Contact force on the tool, N.
     pub force: f64,
-    /// Of b - A x, of b; f64.
+    /// Residual b - A x of the step's linear system, computed in f64, relative to b.
     pub residual: f64,
-    /// What the tool's momentum is missed by, of the largest impulse.
+    /// By how much the tool's change of momentum misses the impulses on it, relative to the largest impulse.
     pub balance: f64,
-    /// Tetrahedra inside out.
+    /// Number of tetrahedra that are inside out.
     pub inverted: usize,
-    /// The step's.
+    /// Flags of the step, as a bit mask.
     pub flags: u32,
 }
 
 impl Judged {
-    /// Verdict, flags, and the laws that were broken.
+    /// Verdict, flags and broken invariants as text.
     pub fn in_words(&self) -> String {
         let names: Vec<&str> = Flags(self.flags).names().collect();
         let mut words = vec![self.verdict.name().to_string()];
@@ -112,49 +114,50 @@ impl Judged {
 /// A value of an axis and its verdict.
 #[derive(Debug, Clone, Serialize)]
 pub struct CellResult {
-    /// Value with its unit.
+    /// The value as text, with its unit.
     pub label: String,
     /// Whether it must pass.
     pub is_core: bool,
-    /// The worst of its cases.
+    /// The worst verdict of its cases.
     pub verdict: Verdict,
     /// Its simulations.
     pub cases: Vec<Judged>,
 }
 
-/// A row of the matrix.
+/// A row of the matrix: an axis and its values.
 #[derive(Debug, Clone, Serialize)]
 pub struct AxisResult {
-    /// Name.
+    /// Name on the command line.
     pub name: String,
-    /// For readers.
+    /// Title in the report.
     pub title: String,
-    /// Whether its values are no numbers that rise.
+    /// Whether its values are alternatives in words instead of ascending numbers.
     pub is_listed: bool,
     /// Its values.
     pub cells: Vec<CellResult>,
 }
 
-/// All of it.
+/// Results of the whole run.
 #[derive(Debug, Clone, Serialize)]
 pub struct Results {
     /// Version of this format.
     pub schema: u32,
-    /// Of palpate.
+    /// Version of palpate.
     pub version: String,
-    /// The commit that it was built from, changes since then not counted; `unknown` outside a repository.
+    /// The git commit that it was built from, with `-changed` where the sources differed from it; `unknown` outside a
+    /// repository.
     pub commit: String,
-    /// Name of the device.
+    /// Name of the GPU device.
     pub device: String,
-    /// Its driver.
+    /// Name and version of its driver.
     pub driver: String,
-    /// Threads of the machine.
+    /// Number of hardware threads of the machine.
     pub threads: usize,
-    /// What was asked.
+    /// What was asked for.
     pub settings: Settings,
-    /// Rows.
+    /// Rows of the matrix.
     pub axes: Vec<AxisResult>,
-    /// Wall time, s.
+    /// Wall time of the run, s.
     pub seconds: f64,
 }
 
@@ -165,8 +168,8 @@ impl Results {
         cells.flat_map(|(axis, cell)| cell.cases.iter().map(move |case| (axis, cell, case)))
     }
 
-    /// What must not happen: failures without a flag, scenes that are refused, and cases of the core that do not pass. A line
-    /// each.
+    /// What must not happen, a line for each: failures without a flag, refused scenes, and cases that must pass but do
+    /// not.
     pub fn faults(&self) -> Vec<String> {
         let bad = self.cases().filter(|(_, cell, case)| {
             let is_fault = matches!(case.verdict, Verdict::Silent | Verdict::Refused);

@@ -1,40 +1,43 @@
-//! How fast what was let go comes to rest: the slowest mode of a body at rest, and how implicit Euler damps a mode.
+//! Predicts how fast a body comes to rest: the slowest mode of vibration of a body at rest, and how implicit Euler
+//! damps a mode.
 
 use glam::DQuat;
 use palpate::Result;
 use palpate_oracle::linear::{Entries, Solver};
 use palpate_oracle::step::SoftBody;
 
-/// Rounds of inverse iteration at most, and the change of the frequency's square that ends them, of itself.
+/// Most rounds of inverse iteration.
 const ROUNDS: usize = 200;
+/// Relative change of the squared frequency that ends the iteration.
 const DONE: f64 = 1e-9;
 
-/// What a body near rest keeps of its velocity over a step of `h` seconds, in the mode that keeps most; 0: nothing of it is
-/// free. The damping of all of it is that of its first tetrahedron.
+/// Factor by which implicit Euler scales the velocity of a body near rest in a step of `h` seconds, in its
+/// slowest-decaying mode; 0: no node is free. The damping of the first tetrahedron is taken for all.
 pub fn slowest_decay(body: &SoftBody, h: f64) -> Result<f64> {
     let Some(square) = slowest_square(body)? else { return Ok(0.0) };
     let Some(material) = body.elements.materials.first() else { return Ok(0.0) };
     let (alpha, beta) = (material.damping_mass, material.damping_stiffness);
-    // Damped by stiffness, the fastest modes creep at 1 / beta: as fast as h + beta and beta are one to the other.
+    // With damping by stiffness (beta), the fastest modes are overdamped and creep back at the rate 1 / beta, of which
+    // implicit Euler keeps beta / (h + beta) in a step.
     Ok(decay(square.sqrt(), alpha + beta * square, h).max(beta / (h + beta)))
 }
 
-/// What implicit Euler leaves of x'' = -w^2 x - a x' over a step, per step: |1 / (1 - h s)| of the slower root s of
-/// s^2 + a s + w^2.
+/// Mean factor by which implicit Euler scales the solution of x'' = -w^2 x - a x' in a step of `h` seconds (w:
+/// `frequency`, rad/s; a: `damping`, 1/s): |1 / (1 - h s)| for the slower root s of s^2 + a s + w^2 = 0.
 pub fn decay(frequency: f64, damping: f64, h: f64) -> f64 {
     let square = frequency * frequency;
     let inside = 0.25 * damping * damping - square;
     if inside < 0.0 {
         return (1.0 + h * damping + h * h * square).powf(-0.5);
     }
-    // The product of both roots is w^2: nothing cancels.
+    // The product of both roots is w^2, so that the slow one follows from the fast one without cancellation.
     let fast = 0.5 * damping + inside.sqrt();
     let slow = if fast > 0.0 { square / fast } else { 0.0 };
     1.0 / (1.0 + h * slow)
 }
 
-/// The least w^2 of K x = w^2 M x over the free nodes of a body at rest, by inverse iteration; `None`: nothing is
-/// free. Errors: K cannot be factorised.
+/// The least w^2 of K x = w^2 M x over the free nodes of a body at rest (K: stiffness, M: lumped mass), by inverse
+/// iteration; `None`: no node is free. Errors: K cannot be factorised.
 fn slowest_square(body: &SoftBody) -> Result<Option<f64>> {
     let (elements, bound) = (&body.elements, &body.layer.bound);
     let mut unknown = vec![None; bound.len()];
@@ -42,7 +45,7 @@ fn slowest_square(body: &SoftBody) -> Result<Option<f64>> {
     let count = free.enumerate().map(|(k, (i, _))| unknown[i] = Some(3 * k)).count();
     match count {
         0 => return Ok(None),
-        // It moves as a whole, and stiffness has no inverse.
+        // A body without attached nodes moves as a whole at frequency 0, and its stiffness matrix is singular.
         n if n == bound.len() => return Ok(Some(0.0)),
         _ => {}
     }
@@ -62,12 +65,13 @@ fn slowest_square(body: &SoftBody) -> Result<Option<f64>> {
         at.iter().for_each(|at| masses[*at..*at + 3].fill(*mass));
     }
     let (mut solver, mut square) = (Solver::default(), f64::INFINITY);
-    // No mode's, and orthogonal to none.
+    // The initial vector is no mode's, and orthogonal to none.
     let mut x: Vec<f64> = (0..3 * count).map(|k| 1.0 + 0.7 * (1.3 * k as f64).sin()).collect();
     for _ in 0..ROUNDS {
         let momentum: Vec<f64> = x.iter().zip(&masses).map(|(x, m)| x * m).collect();
         let next = solver.solve(&stiffness, &momentum)?;
-        // Of `next`: K next = momentum, so that both forms are sums at hand.
+        // Rayleigh quotient of `next`: since K next = momentum, both of its quadratic forms are dot products of known
+        // vectors.
         let strain: f64 = next.iter().zip(&momentum).map(|(a, b)| a * b).sum();
         let motion: f64 = next.iter().zip(&masses).map(|(x, m)| m * x * x).sum();
         let (last, size) = (square, motion.sqrt());
@@ -105,7 +109,8 @@ mod tests {
 
     #[test]
     fn a_slender_bar_bends_at_the_frequency_of_a_cantilever() {
-        // w = 1.875^2 sqrt(E I / (rho A)) / L^2, square of edge a: I / A = a^2 / 12; linear tetrahedra are a little stiff.
+        // A cantilever's frequency is w = 1.875^2 sqrt(E I / (rho A)) / L^2 with Young's modulus E, density rho, length
+        // L and, for a square section of edge a, I / A = a^2 / 12; linear tetrahedra are a little too stiff.
         let (length, edge) = (1.0, 0.1);
         let body = bar([40, 4, 4], DVec3::new(length, edge, edge), 0.0);
         let want = 1.875f64.powi(2) * (2e4f64 / 1000.0 / 12.0).sqrt() * edge / length.powi(2);
@@ -127,7 +132,7 @@ mod tests {
                 (x, v) = (x / size, v / size);
                 sizes.push(size);
             }
-            // Of what swings, the mean; the fast root is gone.
+            // The mean over 2000 steps evens out the oscillation; the fast root has died out before them.
             let mean = (sizes[2000..].iter().map(|s| s.ln()).sum::<f64>() / 2000.0).exp();
             let want = decay(w, a, h);
             assert!((mean - want).abs() < 2e-3 * (1.0 - want), "{w} {a} {h}: {mean}, {want} expected");

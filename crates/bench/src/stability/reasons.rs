@@ -1,12 +1,12 @@
-//! Why a case did not pass: a sentence or two, of what was done to the block, what came of it, and what mends it if anything
-//! does.
+//! Texts for the stability report on why a case did not pass: what was done to the block, what came of it, and a remedy
+//! if there is one.
 
 use palpate::Flags;
 
 use super::laws::Verdict;
 use super::{AxisResult, CellResult, Judged};
 
-/// What a flag means where no more is known, the gravest first.
+/// Meaning of each flag, for cases of which no more is known; the gravest flag first.
 const FLAGS: [(Flags, &str); 9] = [
     (Flags::FROZEN, "no step short enough could be solved, and everything was stopped where it was"),
     (Flags::NON_FINITE, "a number left single precision's range, and the step was done again in halves"),
@@ -22,7 +22,7 @@ const FLAGS: [(Flags, &str); 9] = [
     (Flags::NOT_A_HEIGHT_FIELD, "the skin folds over itself before the sphere"),
 ];
 
-/// Why a case of an axis was degraded or failed, and what can be done about it.
+/// Why a case of an axis was degraded or failed, and the remedy.
 pub fn reason(axis: &AxisResult, cell: &CellResult, case: &Judged) -> String {
     let flags = Flags(case.flags);
     let plain = FLAGS.iter().find(|(flag, _)| flags.contains(*flag)).map(|(_, why)| capital(why));
@@ -43,7 +43,7 @@ pub fn reason(axis: &AxisResult, cell: &CellResult, case: &Judged) -> String {
     remedy.map_or(words.clone(), |remedy| format!("{words} {remedy}.")).trim().into()
 }
 
-/// What was done, and came of it; and what mends that.
+/// Cause and remedy for the cases that are understood.
 fn known(axis: &AxisResult, cell: &CellResult, case: &Judged) -> Option<(String, Option<&'static str>)> {
     let flags = Flags(case.flags);
     let is_deep = flags.contains(Flags::DEPTH_BEYOND_LIMIT);

@@ -1,4 +1,4 @@
-//! Runs the matrix, several cases side by side: each is a small simulation of one thread.
+//! Runs the stability matrix, several cases side by side; each is a small simulation that runs on one thread.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
@@ -15,17 +15,19 @@ use super::trace::{Observer, Sample};
 use super::{AxisResult, CellResult, Judged, Results, Settings, Traced, modes};
 use crate::meshes::MeshFolder;
 
-/// Where this much at most is left of kinetic energy, a twentieth at most is left of the way: the shape is back.
+/// The shape is due to be back where at most this share of the kinetic energy may be left, by a bound with a safety
+/// factor of ten: then at most a twentieth of the displacement is left.
 const SHAPED: f64 = 1e-2;
-/// Steps that a trace tells, about.
+/// About how many steps of a case are kept as its trace.
 const TRACED: usize = 200;
-/// Simulations side by side at most: each holds a device of its own.
+/// Most simulations side by side; each opens a Vulkan device of its own.
 const MOST_WORKERS: usize = 8;
 
-/// Runs the matrix; `watch` is told of each case that is done.
+/// Runs the matrix; `watch` is called after each case.
 pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> {
     let begun = Instant::now();
-    // Opened first, so that the choice of one thread is made before there are others.
+    // The device is opened before the workers start, since the number of the driver's threads must be chosen while
+    // there are no other threads.
     let context = Context::open(&options(settings))?;
     let (device, driver) = (context.device_name().to_string(), context.driver().to_string());
     let threads = std::thread::available_parallelism().map_or(1, Into::into);
@@ -74,7 +76,7 @@ fn cell_result(cell: &axes::Cell, judged: &mut impl Iterator<Item = Judged>) -> 
     CellResult { label: cell.label.clone(), is_core: cell.is_core, verdict, cases }
 }
 
-/// Every case, shared out among workers; in the order given.
+/// Runs all cases on `workers` threads; the results are in the order of the cases.
 fn all(
     cases: &[(String, &Case)],
     settings: &Settings,
@@ -91,7 +93,7 @@ fn all(
                 let take = || next.fetch_add(1, Ordering::Relaxed);
                 let mut at = take();
                 while let Some((_, case)) = cases.get(at) {
-                    // Nobody listens any more where another case could not be run.
+                    // Sending fails once the receiver has stopped at the error of another case.
                     if sender.send((at, judge(case, settings))).is_err() {
                         break;
                     }
@@ -119,7 +121,7 @@ fn options(settings: &Settings) -> Options {
     }
 }
 
-/// Runs a case and judges it. Errors: a device fails; a scene that is refused is a verdict.
+/// Runs a case and judges it. A scene that the engine refuses gets a verdict. Errors: the GPU device fails.
 fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
     let begun = Instant::now();
     let scene = case.setup.scene(case.scenario);
@@ -146,14 +148,14 @@ fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
     Ok(judged(case, &samples, &promise(case, decay, &samples), begun))
 }
 
-/// What the case promises, with what may be left of its motion: as its slowest mode decays, and ten times that, since what
-/// swings at first has not only one mode. Where that is all of it, or the shape is not due to be back, nothing is promised of
-/// either. `decay`: what the body keeps of its velocity, a step.
+/// The case's promise with a bound on the kinetic energy that is left: what the slowest mode keeps, times ten, since
+/// the motion begins in several modes. Where that bound is too high to say anything of rest or shape, nothing is
+/// promised of them. `decay` is the factor on the body's velocity in a step.
 fn promise(case: &Case, decay: f64, samples: &[Sample]) -> Promise {
     let Some(settling) = case.settling else { return case.promise };
     let since_pressed = || samples.iter().rev().take_while(|sample| sample.pressed == 0.0).count();
     let steps = settling.steps.unwrap_or_else(since_pressed);
-    // The end begins earlier than the last step.
+    // The end that is judged begins before the last step.
     let due = steps.saturating_sub(samples.len() - laws::end_of(samples));
     let left = 10.0 * decay.max(settling.other).powf(2.0 * due as f64);
     let shape = case.promise.shape.filter(|_| left < SHAPED);
@@ -178,7 +180,7 @@ fn judged(case: &Case, samples: &[Sample], promise: &Promise, begun: Instant) ->
     }
 }
 
-/// Every step of a short case, else evenly some; the last always.
+/// The trace of a case: every step of a short one, else about [`TRACED`] evenly spaced steps; always the last.
 fn traced(samples: &[Sample]) -> Vec<Traced> {
     let every = samples.len().div_ceil(TRACED);
     let is_kept = |step: &usize| step.is_multiple_of(every) || *step + 1 == samples.len();
@@ -195,7 +197,7 @@ fn traced(samples: &[Sample]) -> Vec<Traced> {
     samples.iter().enumerate().filter(|(step, _)| is_kept(step)).map(of).collect()
 }
 
-/// Puts the nodes where the case begins.
+/// Sets the nodes to the case's initial state.
 fn begin(simulation: &mut Simulation, case: &Case) -> Result<()> {
     let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { return Ok(()) };
     let rest = layer.nodes.clone();

@@ -1,4 +1,5 @@
-//! Scenes of the matrix: a block that hangs from a face and is let go, or that a sphere is pressed into, all else as asked.
+//! Scenes of the stability matrix: a block that is attached at a face, floats free or stands on a floor, with a sphere
+//! tool where the case has one.
 
 use std::path::PathBuf;
 
@@ -8,68 +9,68 @@ use palpate::scene::{
     Bind, Body, Core, Coupling, Dilatation, Key, Law, Layer, Material, Motion, Shape, Tool, ToolShape,
 };
 
-/// Nodes this near a face are on it, of the block's edge.
+/// Nodes within this share of the block's edge of a face are on it.
 const ON_FACE: f64 = 1e-6;
-/// Radius of the sphere, of the block's edge.
+/// Radius of the sphere, in block edges.
 pub const RADIUS: f64 = 0.2;
-/// How far above the block the sphere begins, of the block's edge.
+/// Height of the sphere above the block at the start, in block edges.
 const GAP: f64 = 0.02;
 
-/// What is bound.
+/// Which nodes are attached to the fixed core.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Bound {
     /// The face x = 0, from which the block hangs out sideways.
     Side,
-    /// The face y = 0, on which it stands.
+    /// The face y = 0, on which the block stands.
     Bottom,
-    /// Nothing.
+    /// No nodes.
     Nothing,
-    /// Everything.
+    /// All nodes.
     All,
-    /// All but the last node.
+    /// All nodes but the last.
     AllButOne,
 }
 
-/// Where the device takes the sphere, heights of its centre above where it would touch the block, m, at times, s.
+/// Path of the haptic device: times (s), and heights (m) of the sphere's centre above where it would touch the block.
 pub type Way = Vec<(f64, f64)>;
 
-/// A sphere above the block.
+/// The sphere tool.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sphere {
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
-    /// Stiffness and damping of its coupling, N/m and N s/m; `None`: it is thrown.
+    /// Stiffness (N/m) and damping (N s/m) of its virtual coupling; `None`: it flies freely.
     pub coupling: Option<(f64, f64)>,
-    /// Downwards at the start, m/s.
+    /// Downward speed at the start, m/s.
     pub speed: f64,
-    /// Of the device.
+    /// Path of the haptic device.
     pub path: Way,
 }
 
-/// A scene of the matrix, before it is one.
+/// Parameters of a scene of the matrix.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setup {
     /// Edge of the block, m.
     pub edge: f64,
-    /// Cells along it.
+    /// Number of cells along the edge.
     pub cells: u32,
-    /// A mesh instead.
+    /// A mesh file in place of the cells.
     pub mesh: Option<PathBuf>,
-    /// Of all of it.
+    /// Material of the whole block.
     pub material: Material,
     /// Time step, s.
     pub dt: f64,
-    /// Downwards, m/s^2.
+    /// Gravity, downward, m/s^2.
     pub gravity: f64,
-    /// Where the block's corner is, m.
+    /// Position of the block's lowest corner, m.
     pub origin: DVec3,
-    /// What is held.
+    /// Nodes that are attached.
     pub bound: Bound,
-    /// Tool.
+    /// The sphere tool; `None`: there is none.
     pub sphere: Option<Sphere>,
-    /// Whether there is a floor at y = 0 of the block.
+    /// Whether there is a floor at the block's bottom.
     pub has_floor: bool,
-    /// Contact stiffness, N/m^3; `None`: the engine's choice.
+    /// Contact stiffness, N/m^3; `None`: the engine chooses it.
     pub stiffness: Option<f64>,
 }
 
@@ -100,19 +101,19 @@ impl Default for Setup {
 }
 
 impl Setup {
-    /// Angular frequency of the slowest swing of the block along its edge from the held face, rad/s; sideways it swings at less
-    /// than half of that (`modes`).
+    /// Angular frequency of the slowest longitudinal vibration of the block, attached at one face, rad/s; bending is
+    /// slower, at less than half of it (see `modes`).
     pub fn frequency(&self) -> f64 {
         0.5 * std::f64::consts::PI * (self.material.young / self.material.density).sqrt() / self.edge
     }
 
-    /// The same with damping by mass at which it is soon at rest: near to where its slowest mode no longer swings.
+    /// The setup with mass-proportional damping at which it soon comes to rest: close to critical for its slowest mode.
     pub fn damped(mut self) -> Setup {
         self.material.damping_mass = self.frequency();
         self
     }
 
-    /// Where the sphere's centre is when it touches the block's top, m.
+    /// Centre of the sphere when it touches the block's top, m.
     pub fn touching(&self) -> DVec3 {
         self.origin + self.edge * DVec3::new(0.5, 1.0 + RADIUS, 0.5)
     }
@@ -149,7 +150,7 @@ impl Setup {
         let key =
             |(time, height): &(f64, f64)| Key { time: *time, position: at(*height), orientation: DQuat::IDENTITY };
         scene.drive = sphere.path.iter().map(key).collect();
-        // Of turning as of moving, at the sphere's radius.
+        // Angular gains are the linear ones at a lever arm of the sphere's radius.
         let arm2 = (RADIUS * self.edge).powi(2);
         scene.coupling = sphere.coupling.map(|(stiffness, damping)| Coupling {
             stiffness,

@@ -1,5 +1,5 @@
-//! Contacts as a step left them, in f64: how each moves with nodes and tool, and what the contact law makes of it. Stiffness and
-//! damping are the scene's, and not those that the device says it used.
+//! The contacts of a step, evaluated in f64: how each depends on the motion of nodes and tool, and its force by the
+//! contact law. Stiffness and damping are computed from the scene, not taken from what the GPU reports.
 
 use glam::DVec3;
 use palpate::internal::prepare::Shape;
@@ -9,55 +9,56 @@ use palpate_oracle::contact_law::{Penalty, auto_stiffness};
 
 use super::trace::{HALF_ULP, ROUNDINGS};
 
-/// The skin that touches, and the law it touches by.
+/// The skin (surface mesh) of the body, and its contact law.
 pub struct Skin {
-    /// Nodes and weights of each vertex.
+    /// Nodes and weights by which each vertex is embedded in the layer (tetrahedral mesh).
     vertices: Vec<Vec<(usize, f64)>>,
     triangles: Vec<[u32; 3]>,
     penalty: Penalty,
 }
 
-/// Velocities, m/s and rad/s: of all nodes, and of the tool's centre and turning.
+/// Velocities of the nodes (m/s) and of the tool (m/s, rad/s).
 #[derive(Clone, Copy)]
 pub struct Motion<'a> {
-    /// World.
+    /// Velocities of the nodes, world axes.
     pub nodes: &'a [DVec3],
-    /// Zero without a tool.
+    /// Velocity of the tool's centre; zero without a tool.
     pub linear: DVec3,
-    /// The same.
+    /// Angular velocity of the tool; zero without a tool.
     pub angular: DVec3,
 }
 
-/// A contact that was not dropped.
+/// A contact that acts, because the solver did not release it.
 pub struct Pressing {
     normal: DVec3,
-    /// Weights of nodes in the depth's rate along the normal; both bodies' signs are in them.
+    /// Weights of the nodes in the rate of depth along the normal; the signs of both bodies are included.
     pub nodes: Vec<(usize, f64)>,
-    /// Of the tool in the same, along the normal and about its centre; zero where it has no part.
+    /// Coefficients of the tool's velocity and angular velocity in the rate of depth; zero where the tool takes no
+    /// part.
     pub tool: [DVec3; 2],
     area: f64,
     depth: f64,
     penalty: Penalty,
 }
 
-/// What contacts do to the tool by the law, against what the wrench tells.
+/// The contact forces on the tool by the contact law, compared with the wrench that the step reported.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Held {
-    /// Pushes, summed by size, N.
+    /// Sum of the magnitudes of all pushes, N.
     pub pressed: f64,
-    /// The largest pull of one, N; 0: none pulls.
+    /// Largest pull of a contact, N; zero or less: none pulls.
     pub pulled: f64,
-    /// By which force, and torque over the tool's radius, miss the sum, N.
+    /// Distance of the reported force from the sum of the contacts, plus that of the torque over the tool's radius, N.
     pub missed: f64,
-    /// What f32 may miss, N.
+    /// What f32 rounding may make of the sum, N.
     pub rounding: f64,
 }
 
 impl Skin {
-    /// Of the first body of a scene. Errors: it is not soft.
+    /// The skin of a body, with the contact law of its scene. Errors: the body is not soft.
     pub fn new(shape: &Shape, scene: &Scene) -> Result<Skin> {
         let Shape::Soft { layer, materials, embedding, skin, .. } = shape else {
-            return Err(Error::Simulation("the matrix follows soft bodies".into()));
+            return Err(Error::Simulation("the stability matrix needs a soft body first in the scene".into()));
         };
         let nodes = |e: &palpate::internal::prepare::Embedding| {
             let corners = layer.tetrahedra[e.tetrahedron as usize];
@@ -72,14 +73,15 @@ impl Skin {
         })
     }
 
-    /// Those of the contacts that were not dropped. The body comes first, so that its vertices and triangles do.
+    /// The contacts that act. The body is the scene's first one, so that the numbers of its vertices and triangles
+    /// begin at 0.
     pub fn pressing(&self, contacts: &[shaders::Contact]) -> Vec<Pressing> {
         contacts.iter().filter(|contact| contact.stiffness != 0.0).map(|contact| self.one(contact)).collect()
     }
 
     fn one(&self, contact: &shaders::Contact) -> Pressing {
         let wide = |x: [f32; 3]| DVec3::from(x.map(f64::from));
-        // Of the side whose vertex it is.
+        // The sign of the body whose vertex this is: the pair's first (1) or second (-1).
         let sign = if contact.side.is_multiple_of(2) { 1.0 } else { -1.0 };
         let mut nodes: Vec<(usize, f64)> = Vec::new();
         let mut add = |vertex: usize, share: f64| {
@@ -108,23 +110,24 @@ impl Skin {
 }
 
 impl Pressing {
-    /// Of depth, m/s.
+    /// Rate of depth, m/s.
     fn rate(&self, motion: &Motion) -> f64 {
         let nodes: f64 = self.nodes.iter().map(|(node, weight)| weight * self.normal.dot(motion.nodes[*node])).sum();
         nodes + self.tool[0].dot(motion.linear) + self.tool[1].dot(motion.angular)
     }
 
-    /// How force answers to the rate, N s/m, over a step of `h` s.
+    /// Slope of the force over the rate of depth at the end of a step of `h` seconds, N s/m.
     pub fn slope(&self, h: f64) -> f64 {
         self.area * self.penalty.slope(h)
     }
 
-    /// area (k depth + (h k + d) rate), N: the law at the end of a step that ends with this motion; below zero it pulls.
+    /// Force at the end of a step of `h` seconds that ends with this motion, N: area (k depth + (h k + d) rate) with
+    /// stiffness k and damping d; below zero it pulls.
     pub fn push(&self, h: f64, motion: &Motion) -> f64 {
         self.area * self.penalty.end_pressure(self.depth, self.rate(motion), h)
     }
 
-    /// What f32 may make of the same, N.
+    /// What f32 rounding may make of that force, N.
     pub fn rounding(&self, h: f64, motion: &Motion) -> f64 {
         let nodes: f64 = self.nodes.iter().map(|(node, weight)| weight.abs() * motion.nodes[*node].length()).sum();
         let tool = self.tool[0].length() * motion.linear.length() + self.tool[1].length() * motion.angular.length();
@@ -132,13 +135,14 @@ impl Pressing {
         ROUNDINGS * HALF_ULP * size
     }
 
-    /// The impulse's direction at a node, of weight one.
+    /// Direction of the impulse on a node of weight one.
     pub fn normal(&self) -> DVec3 {
         self.normal
     }
 }
 
-/// Holds what the wrench tells against the sum of contacts, of a tool of such a radius, m; `told`: none without a tool.
+/// Compares the reported wrench with the sum of the contacts; `radius` is the tool's (m), and `told` is `None` without
+/// a tool.
 pub fn held(contacts: &[Pressing], h: f64, motion: &Motion, told: Option<&ToolReport>, radius: f64) -> Held {
     let mut held = Held::default();
     let (mut force, mut torque) = (DVec3::ZERO, DVec3::ZERO);
@@ -161,7 +165,8 @@ pub fn held(contacts: &[Pressing], h: f64, motion: &Motion, told: Option<&ToolRe
 mod tests {
     use super::*;
 
-    /// A vertex on one node against a tool above it that is b: 2 m^2, 100 N/m^3 and 10 N s/m^3, 0.1 m deep.
+    /// A contact of a vertex on one node with a tool above it, which is the pair's second body: 2 m^2, 100 N/m^3, 10 N
+    /// s/m^3, 0.1 m deep.
     fn one() -> Pressing {
         Pressing {
             normal: DVec3::Y,
@@ -175,7 +180,7 @@ mod tests {
 
     #[test]
     fn the_law_by_hand_and_what_misses_it() {
-        // 2 (100 0.1 + (0.01 100 + 10) (0.5 - 0.2)) = 26.6 N, upwards on the tool.
+        // By hand: 2 (100 0.1 + (0.01 100 + 10) (0.5 - 0.2)) = 26.6 N, upwards on the tool.
         let nodes = [DVec3::Y * 0.5];
         let motion = Motion { nodes: &nodes, linear: DVec3::Y * 0.2, angular: DVec3::ZERO };
         let told = ToolReport { force: DVec3::Y * 26.6, ..ToolReport::default() };
@@ -190,7 +195,7 @@ mod tests {
     fn what_parts_faster_than_the_spring_pushes_pulls() {
         let nodes = [DVec3::Y * -2.0];
         let motion = Motion { nodes: &nodes, linear: DVec3::ZERO, angular: DVec3::ZERO };
-        // 2 (10 - 11 2) = -24 N, which the wrench leaves out.
+        // By hand: 2 (10 - 11 2) = -24 N, a pull, which the wrench leaves out.
         let pulling = held(&[one()], 0.01, &motion, Some(&ToolReport::default()), 0.02);
         assert!((pulling.pulled - 24.0).abs() < 1e-3 && pulling.missed == 0.0 && pulling.pressed == 0.0, "{pulling:?}");
     }

@@ -1,5 +1,5 @@
-//! What a step did, measured from outside in f64: energies, work, and what the equations of motion are missed by. Shares no
-//! code with the shaders.
+//! Measures a step from outside in f64: energies, work, and by how much the equations of motion are missed. It shares
+//! no code with the shaders.
 
 use std::collections::{HashMap, HashSet};
 
@@ -15,71 +15,76 @@ use super::equations::{Before, Done};
 use super::setup::RADIUS;
 use super::touch::{self, Motion, Skin};
 
-/// Half a unit in the last place of f32.
+/// Half a unit in the last place of an f32 near 1.
 pub const HALF_ULP: f64 = 6e-8;
-/// Roundings that a sum over the elements or contacts of a node adds up.
+/// Number of roundings that a sum over the elements or contacts of a node may accumulate.
 pub const ROUNDINGS: f64 = 16.0;
 
-/// What one step left, and what was measured of it.
+/// Measurements of the state after one step.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Sample {
-    /// Whether all that the step tells is finite.
+    /// Whether all numbers that the step reports are finite.
     pub is_finite: bool,
-    /// Kinetic, elastic, gravity's and the coupling's, J; of gravity since the start.
+    /// Kinetic, elastic, gravitational (relative to the start) and coupling energy, J.
     pub energy: f64,
-    /// Work of the device, and energy of contacts that were found inside, since the start, J.
+    /// Work of the haptic device, and energy of contacts that were already deep when they were found, since the start,
+    /// J.
     pub supplied: f64,
-    /// What bounds rounding of `energy`: the sum of its parts' sizes, J.
+    /// Sum of the magnitudes of the parts of `energy` and `supplied`, which bounds their rounding, J.
     pub turned_over: f64,
-    /// Kinetic of the body, and of the tool where a coupling holds it: what comes to rest, J.
+    /// Kinetic energy of the body, and of the tool where a coupling holds it, J: what should come to rest.
     pub motion: f64,
-    /// The same and the body's elastic energy, J.
+    /// `motion` plus the body's elastic energy, J.
     pub stirred: f64,
-    /// What this step and the last leave of their linear systems, of the right-hand sides; the diagonal's norm.
+    /// Residual of the step's linear system relative to the right-hand sides of this step and the last, in the norm of
+    /// the diagonal; the residual that the last step carried over is in it.
     pub residual: f64,
-    /// What rounding alone leaves of it.
+    /// The part of `residual` that f32 rounding alone may cause.
     pub residual_floor: f64,
-    /// What the tool's momentum misses force, weight and coupling by, of the largest of them.
+    /// By how much the tool's change of momentum misses the impulses of force, weight and coupling, over the largest
+    /// impulse so far.
     pub balance: f64,
-    /// On the tool, N.
+    /// Contact force on the tool, N.
     pub force: f64,
-    /// What contacts push with, all sizes summed, N.
+    /// Sum of the magnitudes of all contacts' pushes, N.
     pub pressed: f64,
-    /// What the wrench on the tool misses of the sum of its contacts, force and torque over radius, N.
+    /// Difference between the wrench on the tool and the sum of its contacts: of force, plus of torque over radius, N.
     pub missed: f64,
-    /// The largest pull of a contact, N.
+    /// Largest pull of a contact, N.
     pub pulled: f64,
-    /// What f32 may make of a sum of these contacts, N.
+    /// What f32 rounding may make of the sum of the contacts, N.
     pub touch_floor: f64,
-    /// How far, and which way, the centre of the free nodes is from where it was, m.
+    /// Displacement of the centre of mass of the free nodes since the start, m.
     pub moved: DVec3,
-    /// Tetrahedra that are inside out.
+    /// Number of tetrahedra that are inside out.
     pub inverted: usize,
-    /// The largest displacement of a node from rest, m.
+    /// Largest displacement of a node from rest, m.
     pub deformed: f64,
-    /// Flags of the step's wrench.
+    /// Flags of the step.
     pub flags: Flags,
 }
 
-/// Follows a simulation step by step.
+/// Follows a simulation step by step and measures it.
 pub struct Observer {
     body: SoftBody,
-    /// Of each tetrahedron, followed from step to step: where it is inside out there are several, and the last one leads.
+    /// Polar rotation of each tetrahedron, followed from step to step: an inverted one has several, of which that
+    /// nearest to the last is followed.
     rotations: Vec<DQuat>,
     skin: Skin,
-    /// The largest impulse on the tool so far, N s.
+    /// Largest impulse on the tool so far, N s.
     largest: f64,
     gravity: DVec3,
     dt: f64,
-    /// Of the last step's right-hand side, the size: it left some of it, which this one makes good. `None`: unknown, it was
-    /// done in parts.
+    /// Size of the last step's right-hand side: this step's residual contains what the last one carried over. `None`:
+    /// unknown, since that step was retried in parts.
     last_size: Option<f64>,
+    /// By how much the last step missed the tool's balance of momentum, N s; the next step is to make it good.
     tool_leftover: DVec3,
     tool: Option<Tool>,
     device: Option<(DVec3, DQuat)>,
-    /// Side and vertex of what touches.
+    /// Contacts of the last step, by side and vertex.
     touching: HashSet<(u32, u32)>,
-    /// The most that each vertex that ever touched could press, J.
+    /// Greatest energy that the contact of each side and vertex has had, J.
     pressed: HashMap<(u32, u32), f64>,
     start: Option<DVec3>,
     tool_start: DVec3,
@@ -88,11 +93,11 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// Of the first body of a scene, as it is now.
+    /// Observes the first body of a scene, from its present state on.
     pub fn new(simulation: &Simulation, scene: &Scene, edge: f64) -> Result<Observer> {
         let placed = &simulation.bodies()[0];
         let Shape::Soft { layer, materials, .. } = &placed.shape else {
-            return Err(palpate::Error::Simulation("the matrix follows soft bodies".into()));
+            return Err(palpate::Error::Simulation("the stability matrix needs a soft body first in the scene".into()));
         };
         let body = SoftBody::new(layer.clone(), materials, placed.position, placed.orientation, placed.velocity);
         let tool = simulation.tool();
@@ -119,7 +124,7 @@ impl Observer {
         Ok(observer)
     }
 
-    /// The body as it is.
+    /// The body in its present state.
     pub fn body(&self) -> &SoftBody {
         &self.body
     }
@@ -148,7 +153,7 @@ impl Observer {
         if mass > 0.0 { sum / mass } else { DVec3::ZERO }
     }
 
-    /// The state before the first step.
+    /// Measurements of the state before the first step.
     pub fn at_start(&self) -> Sample {
         let mut sample = Sample { is_finite: true, ..Sample::default() };
         self.energies(&mut sample);
@@ -175,7 +180,7 @@ impl Observer {
             self.balance(tool, &told, &device, &mut sample);
         }
         let last = self.last_size.take();
-        // What is read of a step that was done in parts is its last part's.
+        // A step that was retried in parts reports its last part only, so that its system cannot be checked.
         if !row.flags.contains(Flags::STEP_RETRIED) {
             let pressing = self.skin.pressing(&contacts);
             let tool = simulation.tool().zip(device);
@@ -183,8 +188,8 @@ impl Observer {
             let (h, gravity) = (self.dt, self.gravity);
             let done = Done { h, gravity, end: &self.body.velocity, tool, contacts: &pressing };
             let left = before.left(&done);
-            // Both steps leave their share; to carry it along would add up what f32 rounds the same way in every step of a
-            // body at rest.
+            // The residual contains both steps' shares. The last share is not subtracted from step to step, because
+            // that would add up what f32 rounds the same way in every step of a body at rest.
             let size = left.size2.sqrt();
             if let Some(all) = last.map(|last| size + last).filter(|all| *all > 0.0) {
                 (sample.residual, sample.residual_floor) = (left.left2.sqrt() / all, left.floor2.sqrt() / all);
@@ -197,7 +202,7 @@ impl Observer {
         Ok(sample)
     }
 
-    /// The wrench against its contacts.
+    /// Compares the wrench with the contacts that it should be the sum of.
     fn touching_laws(
         &self,
         pressing: &[touch::Pressing],
@@ -213,7 +218,7 @@ impl Observer {
         (sample.missed, sample.touch_floor) = (held.missed, held.rounding);
     }
 
-    /// The device at the end of the step, which it came to evenly.
+    /// The haptic device at the end of the step, to which it moves at constant velocity.
     fn device_now(&self, told: &ToolReport) -> RigidState {
         let (position, orientation) = (told.device.position, told.device.orientation);
         let (last_place, last_turn) = self.device.unwrap_or((position, orientation));
@@ -225,8 +230,9 @@ impl Observer {
         }
     }
 
-    /// A contact that is found inside brings energy with it: what it can press beyond all that it had pressed before. One
-    /// that comes and goes brings it once.
+    /// Adds the energy of newly found contacts to what was supplied: a contact that is already deep brings the energy
+    /// of its penalty spring, as far as that exceeds what its vertex had before. One that comes and goes brings it
+    /// once.
     fn found(&mut self, touch: &[Contact]) {
         let stiffest = touch.iter().map(|c| c.stiffness).fold(0.0, f32::max);
         let mut now = HashSet::new();
@@ -243,7 +249,8 @@ impl Observer {
         self.touching = now;
     }
 
-    /// Force, weight and coupling against the tool's momentum, and what the device puts in.
+    /// Compares the tool's change of momentum with the impulses on it, and adds the work of the haptic device to what
+    /// was supplied.
     fn balance(&mut self, tool: &Tool, told: &ToolReport, device: &RigidState, sample: &mut Sample) {
         let h = self.dt;
         let velocity = self.tool.as_ref().map_or(tool.velocity, |before| before.velocity);
@@ -253,7 +260,7 @@ impl Observer {
         let change = tool.mass * (tool.velocity - velocity);
         let missed = h * (told.force + weight + pull.force) - change + self.tool_leftover;
         let sizes = [change, h * told.force, h * weight, h * pull.force].map(|x| x.length());
-        // Of the largest so far: when all is over, what is left is rounding.
+        // Relative to the largest impulse so far, since after the motion only rounding is left.
         self.largest = sizes.into_iter().fold(self.largest, f64::max);
         sample.balance = if self.largest > 0.0 { missed.length() / self.largest } else { 0.0 };
         self.tool_leftover = missed;
@@ -291,11 +298,12 @@ impl Observer {
     }
 }
 
-/// Rounds at most, and the turn that is none, rad.
+/// Most iterations of [`followed`].
 const ROUNDS: usize = 200;
+/// Turn below which the iteration has converged, rad.
 const DONE: f64 = 1e-12;
 
-/// The rotation of F that is reached from the last one (Mueller et al. 2016).
+/// The polar rotation of F that is nearest to the last one, by the iteration of Mueller et al. (2016).
 fn followed(f: DMat3, from: DQuat) -> DQuat {
     let mut q = from;
     for _ in 0..ROUNDS {

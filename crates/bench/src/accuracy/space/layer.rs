@@ -1,5 +1,6 @@
-//! How fine the layer must be: blocks and a dome pressed by a ball, the same bodies with ever finer cells, against the limit
-//! that they tend to.
+//! The curve `layer` of `palpate bench accuracy`: how fine the layer (the tetrahedral mesh of a body) must be. A ball
+//! is pressed into blocks and a dome meshed with ever finer cells; the error of the force is against the limit of
+//! vanishing cells.
 
 use std::path::Path;
 
@@ -15,27 +16,29 @@ use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Expected, Settings};
 use crate::meshes::MeshFolder;
 
-/// Cells across blocks, and across domes: in full and in short.
+/// Cells across the blocks and the dome: in the whole benchmark and in its short form.
 const CELLS: [[u32; 6]; 2] = [[4, 6, 8, 10, 12, 16], [4, 6, 8, 10, 12, 14]];
-/// The limit is extrapolated from two meshes, the second twice as fine as the first: in full and in short.
+/// Cells across the two meshes from which the limit is extrapolated: in the whole benchmark and in its short form.
 const REFERENCES: [[u32; 2]; 2] = [[12, 24], [10, 20]];
+/// Order of convergence of the force in the size of the cells.
 const ORDER: f64 = 2.0;
-/// Cells are finer by one more than this where the ball touches: across the block, and from its top down.
+/// Grading of the block's cells (see [`super::shapes::graded`]): where the ball touches they are finer by one more than
+/// this, across the block (x, z) and from its top down (y).
 pub const GRADES: DVec3 = DVec3::new(1.0, 0.5, 1.0);
-/// Of the ball's mesh, a quarter of its girth, and by how much it is finer where it touches.
+/// The ball's mesh: triangle edges along a quarter of its girth, and its grading.
 const BALL: (u32, f64) = (32, 3.0);
-/// Across the dome's skin.
+/// Cells across the dome's skin (its surface mesh).
 const DOME_SKIN: u32 = 48;
-/// Of the ball, so large that it touches several cells, m.
+/// Radius of the ball, m; so large that the ball touches several cells.
 const RADIUS: f64 = 0.1;
-/// How deep it goes, m.
+/// Depth of the press, m.
 const DEPTH: f64 = 0.004;
-/// The force of the finest layer, of the limit.
+/// Largest error of the force with the finest layer, as a share of the limit.
 const BOUND: f64 = 0.12;
-/// What the times are of.
+/// Stages whose times are summed.
 const STAGES: &[&str] = &["solve"];
 
-/// A body, however fine.
+/// A line of the curve: one body, meshed with different numbers of cells.
 struct Line {
     name: &'static str,
     is_dome: bool,
@@ -50,17 +53,19 @@ const LINES: [Line; 3] = [
 ];
 const PATCHED: Line =
     Line { name: "block, nu 0.49, patch", is_dome: false, poisson: 0.49, dilatation: Dilatation::Patch };
-/// What locks: told beside the others.
+/// The block whose elements lock (nearly incompressible, linear tetrahedra); the question tells by how much it is too
+/// stiff.
 const LOCKING: Line = Line { name: "block, nu 0.49", dilatation: Dilatation::Element, ..PATCHED };
 
-/// The block of these presses, as a file; its cells are the finer by one more than `grades` where the ball touches.
+/// Writes the block of these presses as a mesh file; where the ball touches, its cells are finer by one more than
+/// `grades`.
 pub fn block(folder: &MeshFolder, cells: u32, grades: DVec3) -> Result<Layer> {
     let size = DVec3::new(HALF_WIDTH, HEIGHT, HALF_WIDTH);
     let file = graded_block(folder, &format!("block{cells}"), size, [cells, cells.div_ceil(2), cells], grades)?;
     Ok(Layer::File(file))
 }
 
-/// The ball's mesh, fine where it touches.
+/// Writes the mesh of the ball, which is fine where it touches.
 pub fn fine_ball(folder: &MeshFolder, radius: f64) -> Result<std::path::PathBuf> {
     folder.surface("ball", &ball(radius, BALL.0, BALL.1))
 }
@@ -80,13 +85,13 @@ impl Line {
     }
 }
 
-/// Cells across the layer.
+/// Measures the force for different numbers of cells across the layer.
 pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let folder = MeshFolder::new()?;
     let skin = folder.surface("dome", &dome(HEIGHT, DOME_SKIN))?;
     let quick = usize::from(settings.is_quick);
     let (references, all_cells) = (REFERENCES[quick], CELLS[quick]);
-    // What takes longest is left to the whole.
+    // The short form leaves out the block of nu 0.49, which takes longest.
     let lines = if settings.is_quick { &LINES[..2] } else { &LINES[..] };
     let mut limits = Vec::new();
     let mut entrants: Vec<Entrant> = Vec::new();
@@ -109,7 +114,7 @@ pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
     } else {
         watch("what locks");
         let locked = force(&LOCKING.press(&folder, &skin, finest)?.scene(), settings)?;
-        // The last line is the same block without locking.
+        // The last line is the same block with `dilatation = "patch"`, which does not lock.
         let too_stiff = limits.last().map_or(f64::NAN, |limit| 100.0 * (locked / limit - 1.0));
         format!(
             " `patch` is `dilatation = \"patch\"`: without it the block of nu 0.49 locks, and with {finest} cells is \
@@ -142,9 +147,10 @@ pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
         expected: Some(Expected {
             order: ORDER,
             is_of_shape: false,
-            law: "linear elements: energies, and so forces at given ways, with the square of the cell".into(),
+            law: "linear elements: energies, and so forces at given displacements, with the square of the cell size"
+                .into(),
         }),
-        order_reason: "what nodes lie under the ball changes from mesh to mesh, and coarse ones have few".into(),
+        order_reason: "the nodes under the ball differ from mesh to mesh, and coarse meshes have few there".into(),
         span_reason,
         bound: BOUND,
         ..Curve::default()

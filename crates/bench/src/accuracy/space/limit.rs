@@ -1,6 +1,7 @@
-//! Where a sequence of refined answers leads: Richardson's extrapolation.
+//! Richardson extrapolation: the limit of an answer as the mesh is refined.
 
-/// The limit of answers at two lengths, the second the shorter, whose error falls with the power `order` of the length.
+/// The limit of answers at two mesh sizes, the second the smaller, where the error falls with the power `order` of the
+/// size.
 pub fn limit([(coarse, first), (fine, second)]: [(f64, f64); 2], order: f64) -> f64 {
     second + (second - first) / ((coarse / fine).powf(order) - 1.0)
 }

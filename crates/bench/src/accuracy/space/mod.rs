@@ -1,5 +1,6 @@
-//! Curves of what is cut into pieces in space: layers, skins, contact's springs, texels, proxies. A stiffly held ball is
-//! pressed into a body ([`press`]) until all is at rest, and the force that is felt then is compared.
+//! The accuracy curves about resolution in space: cells of the layer (tetrahedral mesh), vertices of skins (surface
+//! meshes), contact stiffness, texels, collision proxies. In all of them a stiffly coupled ball is pressed into a body
+//! ([`press`]), and the contact force is compared once all is at rest.
 
 mod layer;
 mod limit;
@@ -24,23 +25,23 @@ use super::race::{self, Entrant, Errors, Run};
 use super::{Point, Settings};
 use press::Press;
 
-/// A setting on a press.
+/// A setting that takes part in the race: a press, the panel and line of its point, its name and the knob's value.
 fn entrant(press: &Press, panel: &str, line: &str, setting: String, value: f64) -> Entrant {
     let point = Point { setting, panel: panel.into(), line: line.into(), value, ..Point::default() };
     Entrant { point, scene: press.scene(), steps: press::STEPS }
 }
 
-/// The force on the ball once all is at rest, N.
+/// The force on the ball after the last step, when all is at rest, N.
 fn at_rest(run: &Run) -> DVec3 {
     run.forces.last().copied().unwrap_or(DVec3::NAN)
 }
 
-/// The same of a scene that runs by itself.
+/// Magnitude of the force at rest of a scene that is run by itself, N.
 fn force(scene: &Scene, settings: &Settings) -> Result<f64> {
     Ok(at_rest(&race::run(scene, press::STEPS, &settings.options())?).length())
 }
 
-/// How far a run's force is from where it should be, of that.
+/// Relative error of the magnitude of a run's force at rest.
 fn error_against(reference: f64, run: &Run) -> Errors {
     let error = (at_rest(run).length() - reference).abs() / reference.abs();
     (error.is_finite().then_some(error), None)

@@ -1,5 +1,6 @@
-//! What the curves in space press: a body with its touched point in the origin, and a stiffly held ball that is pushed into
-//! it along -y (a head: along -z) and held there until all is at rest.
+//! The scene of the accuracy curves about resolution in space: a body whose touched point is the origin (a head: a
+//! point of its cheek), and a ball, stiffly coupled to the haptic device, that is pushed into it along -y (a head:
+//! along -z) and held there until all is at rest.
 
 use std::path::PathBuf;
 
@@ -9,66 +10,67 @@ use palpate::scene::{
     self, Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Model, Motion, Sides, Surface, Tool, ToolShape,
 };
 
-/// Time step, s: what matters is where everything comes to rest.
+/// Time step, s; long, since only the state at rest counts.
 const DT: f64 = 0.02;
-/// Steps in which the ball goes down ...
+/// Number of steps in which the ball goes down.
 const DOWN: usize = 12;
-/// ... and in which it is held.
+/// Number of steps in which it is then held.
 const HELD: usize = 10;
-/// Of a press.
+/// Number of steps of a press.
 pub const STEPS: usize = DOWN + HELD;
-/// Height of blocks, and radius of domes, m.
+/// Height of the blocks, and radius of the domes, m.
 pub const HEIGHT: f64 = 0.04;
 /// Half the width of blocks, m.
 pub const HALF_WIDTH: f64 = 0.06;
-/// Between ball and body at the start, of the way into it.
+/// Gap between ball and body at the start, as a share of the press depth.
 const GAP: f64 = 0.1;
-/// Nodes this near the base are held, m.
+/// Nodes within this distance of the base are attached to the fixed core, m.
 const ON_BASE: f64 = 1e-4;
-/// Of the head, about where a ball that comes along -z meets it, m.
+/// Point of the head, about where a ball that comes along -z meets it, m.
 const CHEEK: DVec3 = DVec3::new(0.03, -0.02, 0.08);
-/// Pa.
+/// Young's modulus of the body, Pa.
 pub const YOUNG: f64 = 2e4;
-/// Of the ball, kg.
+/// Mass of the ball, kg.
 const MASS: f64 = 0.05;
 
-/// Of contact unless said otherwise, N/m^3.
+/// Contact stiffness where a curve does not say otherwise, N/m^3.
 pub const STIFFNESS: f64 = 2e7;
 
-/// A press.
+/// A press of a ball into a body.
 #[derive(Debug, Clone)]
 pub struct Press {
-    /// What is pressed.
+    /// The body that is pressed.
     pub body: Body,
     /// Poisson's ratio.
     pub poisson: f64,
-    /// Against locking, or not.
+    /// Whether the volumetric strain is averaged over patches of elements (F-bar) against locking.
     pub dilatation: Dilatation,
-    /// Of the ball, m.
+    /// Radius of the ball, m.
     pub radius: f64,
-    /// A mesh of it; `None`: the engine's.
+    /// File of a mesh of the ball; `None`: the engine's own sphere mesh.
     pub ball: Option<PathBuf>,
-    /// How deep it goes beyond the first touch, m.
+    /// How deep the ball goes beyond the first touch, m.
     pub depth: f64,
-    /// Contact stiffness, N/m^3; `None`: the engine's.
+    /// Contact stiffness, N/m^3; `None`: the engine chooses it.
     pub stiffness: Option<f64>,
-    /// Whose vertices are asked.
+    /// Whose vertices gather contacts: both skins', or the finer one's alone.
     pub sides: Sides,
-    /// Residual to stop at.
+    /// Relative residual at which the solver stops.
     pub tolerance: f64,
 }
 
-/// What is pressed.
+/// A body that is pressed.
 #[derive(Debug, Clone)]
 pub enum Body {
-    /// On a held base, [`HEIGHT`] below the origin.
+    /// A body whose base, [`HEIGHT`] below the origin, is attached to a fixed core: its skin (`None`: the layer's
+    /// boundary) and its layer.
     Based(Option<Surface>, Layer),
-    /// The engine's head of so many skin vertices, with so many proxies, pressed in its cheek.
+    /// The generated head, pressed in its cheek: number of skin vertices, and of collision proxies at most.
     Head(usize, Option<u32>),
 }
 
 impl Press {
-    /// A ball of 6 cm, 3 mm into a body.
+    /// A press of a ball of 6 cm radius, 3 mm into a body.
     pub fn new(body: Body) -> Press {
         Press {
             body,
@@ -83,7 +85,7 @@ impl Press {
         }
     }
 
-    /// Where the ball's middle is when it has gone in, m, and the direction in which it came out of the body.
+    /// Centre of the ball at its full depth, m, and the outward direction, against which it was pressed.
     pub fn pressed(&self) -> (DVec3, DVec3) {
         let (touch, outward) = self.touch();
         (touch + (self.radius - self.depth) * outward, outward)
@@ -96,7 +98,7 @@ impl Press {
         }
     }
 
-    /// The scene.
+    /// The scene of this press.
     pub fn scene(&self) -> Scene {
         let (touch, outward) = self.touch();
         let centre = |out: f64| touch + (self.radius + out) * outward;
@@ -114,7 +116,7 @@ impl Press {
             scale: 1.0,
             repair: true,
         };
-        // So stiff that the ball is where it should be to a few micrometres.
+        // The coupling is so stiff that the ball is within a few micrometres of its desired position.
         let coupling = Coupling { stiffness: 1e6, damping: 2e3, angular_stiffness: 50.0, angular_damping: 1.0 };
         let mut scene = Scene {
             tool: Some(tool),
@@ -123,7 +125,7 @@ impl Press {
             ..Scene::of_body("press", self.body())
         };
         scene.step.dt = DT;
-        // A body at rest keeps its shape.
+        // Without gravity a body at rest keeps its shape.
         scene.step.gravity = DVec3::ZERO;
         scene.contact.stiffness = self.stiffness;
         scene.contact.sides = self.sides;

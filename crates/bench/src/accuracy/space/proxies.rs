@@ -1,4 +1,5 @@
-//! How many proxies a body needs: they say what may touch, and not how hard.
+//! The curve `proxies` of `palpate bench accuracy`: the force must not depend on the number of collision proxies
+//! (convex hulls for the broad phase), which only say what may touch.
 
 use palpate::Result;
 
@@ -7,20 +8,20 @@ use super::{at_rest, entrant, error_against, force};
 use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Judged, Settings};
 
-/// Convex hulls at most.
+/// Largest numbers of convex hulls that are tried.
 const HULLS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
-/// Of the reference: none of those.
+/// Largest number of hulls of the reference, which is none of [`HULLS`].
 const REFERENCE: u32 = 40;
-/// Skin vertices of the head, in full and in short.
+/// Skin vertices of the head: in the whole benchmark and in its short form.
 const VERTICES: [usize; 2] = [20_000, 8_000];
-/// Of the head.
+/// Radius of the ball, m.
 const RADIUS: f64 = 0.02;
-/// Every number of hulls: what may differ is rounding.
+/// Largest relative error of the force with any number of hulls; only rounding may differ.
 const BOUND: f64 = 1e-3;
-/// What the times are of.
+/// Stages whose times are summed.
 const STAGES: &[&str] = &["cull"];
 
-/// Proxies of a head.
+/// Measures the force on a head with different numbers of collision proxies.
 pub fn by_proxies(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let vertices = VERTICES[usize::from(settings.is_quick)];
     let press = |hulls: u32| Press { radius: RADIUS, ..Press::new(Body::Head(vertices, Some(hulls))) };

@@ -1,5 +1,5 @@
-//! What texels would have cost: the depth of skins as the paper finds it, by heights of both at the middles of texels, in f64
-//! on the CPU, beside the rays that the engine's depth is held against.
+//! The error that a depth texture would make: contact depths as the paper finds them, from heights of both skins
+//! sampled at the centres of texels, computed in f64 on the CPU, beside those by exact rays, which the engine uses.
 
 use glam::DVec3;
 use palpate_oracle::rays::Rays;
@@ -8,29 +8,29 @@ use palpate_oracle::skin;
 /// Two skins in one pose, and the direction from the first to the second.
 #[derive(Clone, Copy)]
 pub struct Pose<'a> {
-    /// Of the skin that looks: positions (m), triangles, and the share of a vertex in the skin (m^2).
+    /// The skin whose vertices find depths: positions (m), triangles, and the area that each vertex stands for (m^2).
     pub first: (&'a [DVec3], &'a [[u32; 3]], &'a [f64]),
-    /// Of the other skin: positions, triangles.
+    /// The other skin: positions (m), triangles.
     pub second: (&'a [DVec3], &'a [[u32; 3]]),
-    /// Unit.
+    /// Unit direction from the first skin to the second.
     pub normal: DVec3,
 }
 
 impl Pose<'_> {
-    /// Volume of the overlap as vertices of the first skin find it, each by its own ray, m^3: a penalty's force, of its
-    /// stiffness.
+    /// Volume of the overlap, m^3, with the depth at each vertex of the first skin by its own ray: the sum of depth
+    /// times projected area, which is a penalty's force over its stiffness.
     pub fn exact(&self) -> f64 {
         let rays = Rays::new(self.normal, self.second.0, self.second.1);
         self.sum(|x| self.depth(&rays, x))
     }
 
-    /// The same with depths looked up in texels of this edge (m): how far the skins overlap on the line through the middle of
-    /// the texel that a vertex lies in.
+    /// Volume of the overlap, m^3, with depths looked up in texels of edge `texel` (m): the depth at a vertex is how
+    /// far the skins overlap on the line along the normal through the centre of the vertex's texel.
     pub fn sampled(&self, texel: f64) -> f64 {
         let above = Rays::new(self.normal, self.first.0, self.first.1);
         let below = Rays::new(-self.normal, self.second.0, self.second.1);
         let tangents = self.normal.any_orthonormal_pair();
-        // From so far off that both are seen from without.
+        // Rays start so far off that they meet both skins from outside.
         let off = 2.0 * self.first.0.iter().chain(self.second.0).map(|x| x.length()).fold(0.0, f64::max) * self.normal;
         self.sum(|x| {
             let middle = |t: DVec3| ((x.dot(t) / texel).floor() + 0.5) * texel * t;
@@ -78,7 +78,7 @@ mod tests {
         let error = |texel: f64| (pose.sampled(texel) / exact - 1.0).abs();
         let errors = [0.008, 0.002, 0.0001].map(error);
         assert!(errors[0] > 0.02 && errors[1] < 0.5 * errors[0] && errors[2] < 0.2 * errors[1], "{errors:?}");
-        // Apart, nothing overlaps.
+        // Skins that are apart have no overlap.
         let up: Vec<DVec3> = vertices.iter().map(|x| *x + 0.01 * DVec3::Y).collect();
         let apart = Pose { first: (&up, &triangles, &areas), ..pose };
         assert_eq!((apart.exact(), apart.sampled(0.001)), (0.0, 0.0));

@@ -1,5 +1,5 @@
-//! Meshes of the presses in space: blocks whose cells are finest where they are touched, skins of any fineness, a dome, a
-//! ball.
+//! Meshes for the presses of the accuracy curves: blocks whose cells are finest where they are touched, their skins
+//! with any number of cells, a dome, a ball.
 
 use std::path::PathBuf;
 
@@ -9,43 +9,47 @@ use palpate::internal::prepare::layer::kuhn_box;
 
 use crate::meshes::{MeshFolder, Surface};
 
-/// Writes a block of `cells` ([`graded`] by `grades`), its top at y = 0; its path.
+/// Writes a tetrahedral block with its top at y = 0 and `cells` along each axis, [`graded`] by `grades`; returns the
+/// file's path.
 pub fn graded_block(folder: &MeshFolder, name: &str, size: DVec3, cells: [u32; 3], grades: DVec3) -> Result<PathBuf> {
     let mut layer = kuhn_box(DVec3::new(-1.0, -1.0, -1.0), DVec3::new(1.0, 0.0, 1.0), cells);
     layer.nodes.iter_mut().for_each(|x| *x = block_point(*x, size, grades));
     folder.layer(name, &layer.nodes, &layer.tetrahedra)
 }
 
-/// From -1..1 to -1..1, steeper towards the ends: even cells become finer by 1 + `grade` at 0.
+/// Grades a coordinate from -1..1 to -1..1: even cells become finer by the factor 1 + `grade` at 0, coarser at the
+/// ends.
 pub fn graded(u: f64, grade: f64) -> f64 {
     (u + grade * u.powi(3)) / (1.0 + grade)
 }
 
-/// A point of the unit block (x and z from -1 to 1, y from -1 to 0) in the block; `size`: half widths along x and z, height.
+/// Maps a point of the unit block (x and z from -1 to 1, y from -1 to 0) into the block; `size`: half width along x,
+/// height, half width along z.
 fn block_point(x: DVec3, size: DVec3, grades: DVec3) -> DVec3 {
     size * DVec3::new(graded(x.x, grades.x), graded(x.y, grades.y), graded(x.z, grades.z))
 }
 
-/// Skin of that block: the same surface whatever its cells.
+/// Surface of the block of [`graded_block`]; its shape does not depend on the number of cells.
 pub fn block_skin(size: DVec3, cells: [u32; 3], grades: DVec3) -> Surface {
     let (vertices, triangles) = unit_box(cells);
     let place = |x: &DVec3| block_point(DVec3::new(2.0 * x.x - 1.0, x.y - 1.0, 2.0 * x.z - 1.0), size, grades);
     (vertices.iter().map(place).collect(), triangles)
 }
 
-/// The upper half of a ball on a flat base, its top in the origin; `cells` across.
+/// The upper half of a ball with a flat base, its top in the origin; `cells` across.
 pub fn dome(radius: f64, cells: u32) -> Surface {
     let (vertices, triangles) = unit_box([cells, cells.div_ceil(2), cells]);
     let place = |x: &DVec3| {
         let x = DVec3::new(2.0 * x.x - 1.0, x.y, 2.0 * x.z - 1.0);
-        // Cubes about the middle become spheres.
+        // Maps concentric cubes to concentric spheres.
         let reach = x.abs().max_element();
         radius * (if reach > 0.0 { x * (reach / x.length()) } else { x } - DVec3::Y)
     };
     (vertices.iter().map(place).collect(), triangles)
 }
 
-/// A ball about the origin with `cells` a quarter of its girth, finer by 1 + `grade` where the axes leave it.
+/// A ball about the origin with `cells` along a quarter of its girth, finer by the factor 1 + `grade` where the axes
+/// meet it.
 pub fn ball(radius: f64, cells: u32, grade: f64) -> Surface {
     let (vertices, triangles) = unit_box([cells; 3]);
     let place = |x: &DVec3| {
@@ -55,7 +59,7 @@ pub fn ball(radius: f64, cells: u32, grade: f64) -> Surface {
     (vertices.iter().map(place).collect(), triangles)
 }
 
-/// Surface of the box from 0 to 1, two triangles a square.
+/// Surface of the box from 0 to 1, two triangles for each square.
 fn unit_box(cells: [u32; 3]) -> Surface {
     let size = UVec3::from_array(cells);
     let mut vertices = Vec::new();
@@ -68,7 +72,7 @@ fn unit_box(cells: [u32; 3]) -> Surface {
         })
     };
     for axis in 0..3 {
-        // Two axes that make a right-handed system with this one.
+        // The other two axes, in the order that makes a right-handed system with this one.
         let along =
             [(axis + 1) % 3, (axis + 2) % 3].map(|k| UVec3::from_array(std::array::from_fn(|i| (i == k) as u32)));
         for side in [0, cells[axis]] {

@@ -1,4 +1,5 @@
-//! How fine skins must be: the same block in skins of any fineness, and the same ball, for neither should count.
+//! The curves `skin` and `sides` of `palpate bench accuracy`: how fine skins (surface meshes) must be. The shapes of
+//! block and ball stay, only the number of their skin vertices changes, so that the force should not.
 
 use std::path::PathBuf;
 
@@ -16,20 +17,22 @@ use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Expected, Point, Settings};
 use crate::meshes::MeshFolder;
 
-/// Cells across the block's skin, and a quarter of the ball's girth.
+/// Cells across the block's skin, and along a quarter of the ball's girth.
 const CELLS: [u32; 6] = [6, 8, 12, 16, 24, 32];
-/// Of the skins that the reference is extrapolated from: finer than any of those.
+/// Cells of the two skins from which the reference is extrapolated: finer than any of [`CELLS`].
 const REFERENCE: [u32; 2] = [40, 80];
-/// Of the other side, while one is varied: not a divisor of theirs.
+/// Cells of the other skin while one is varied; no divisor or multiple of the varied numbers, so that vertices do not
+/// coincide.
 const OTHER: u32 = 44;
-/// Vertices are the finer by one more than this where they touch.
+/// Where the skins touch, their cells are finer by one more than this.
 const GRADE: f64 = 2.0;
-/// Across the layer.
+/// Cells across the layer.
 const LAYER: u32 = 8;
+/// Order of convergence of the force in the size of the skin's cells.
 const ORDER: f64 = 2.0;
-/// The finest skin.
+/// Largest error of the force with the finest skin, as a share of the limit.
 const BOUND: f64 = 0.02;
-/// What is varied, the block's skin or the ball's or both, and whose vertices are asked.
+/// A line of the curve: whether the skins of the block and of the ball are varied, and whose vertices gather contacts.
 struct Line {
     name: &'static str,
     is_varied: [bool; 2],
@@ -45,7 +48,7 @@ const BOTH: [Line; 2] = [
     Line { name: "one side", is_varied: [true, true], sides: Sides::One },
 ];
 
-/// Vertices of either skin.
+/// Measures the force with different numbers of vertices of either skin.
 pub fn by_skin(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let (points, _) = compared(&EITHER, false, settings, watch)?;
     Ok(Curve {
@@ -61,7 +64,7 @@ pub fn by_skin(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
     })
 }
 
-/// Contact at the vertices of both skins, or of the finer one alone.
+/// Measures the force with contacts gathered at the vertices of both skins, and at those of the finer skin alone.
 pub fn by_sides(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let (points, limits) = compared(&BOTH, true, settings, watch)?;
     Ok(Curve {
@@ -116,7 +119,8 @@ impl Line {
     }
 }
 
-/// The points of all lines, and the limit of each; `is_shared`: all are measured against the first line's.
+/// The points of all lines, and the limit of the force on each, N; `is_shared`: the errors of both are against the
+/// first limit.
 fn compared(
     lines: &[Line; 2],
     is_shared: bool,

@@ -1,4 +1,5 @@
-//! How stiff contact must be: against the limit of ever stiffer contact on the same mesh, and against Hertz's law.
+//! The curve `stiffness` of `palpate bench accuracy`: how stiff penalty contact must be. The force is compared with the
+//! limit of ever stiffer contact on the same mesh, and with Hertz's law.
 
 use glam::DVec3;
 use palpate::Result;
@@ -11,32 +12,34 @@ use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Expected, Point, Settings};
 use crate::meshes::MeshFolder;
 
-/// N/m^3.
+/// Contact stiffnesses that are tried, N/m^3.
 const STIFFNESSES: [f64; 10] = [1e4, 1e5, 1e6, 1e7, 3e7, 6e7, 1e8, 2e8, 3e8, 1e9];
-/// The limit is extrapolated from two of them.
+/// The two stiffnesses from which the limit is extrapolated, N/m^3.
 const LAST: [f64; 2] = [3e8, 1e9];
-/// A penalty's depth is its pressure over its stiffness.
+/// Order of convergence in one over the stiffness: the depth of a penalty contact is its pressure over its stiffness.
 const ORDER: f64 = 1.0;
-/// Cells across the block, in full and in short.
+/// Cells across the block: in the whole benchmark and in its short form.
 const CELLS: [u32; 2] = [16, 12];
-/// What the mesh makes of Hertz's law is extrapolated from blocks of these cells, in full and in short.
+/// Cells across the two blocks from which the error of the mesh is extrapolated: in the whole benchmark and in its
+/// short form.
 const MESHES: [[u32; 2]; 2] = [[12, 24], [8, 12]];
-/// Cells are finer by one more than this where the ball touches, which is a small place: several lie under it.
+/// Where the ball touches, cells are finer by one more than this: the contact patch is small, and several should lie
+/// under it.
 const GRADES: DVec3 = DVec3::new(2.0, 1.0, 2.0);
-/// Without much locking, since the law has none.
+/// Poisson's ratio; so low that elements hardly lock, as Hertz's law knows no locking.
 const POISSON: f64 = 0.3;
-/// Of the ball, m.
+/// Radius of the ball, m.
 const RADIUS: f64 = 0.06;
-/// Small beside ball and block, as the law wants, m.
+/// Depth of the press, m; small beside ball and block, as Hertz's law assumes.
 const DEPTH: f64 = 0.001;
-/// The stiffest contact, of the limit or the law.
+/// Largest relative error of the force with the stiffest contact, against the limit and against the law.
 const BOUND: f64 = 0.05;
-/// What the times are of.
+/// Stages whose times are summed.
 const STAGES: &[&str] = &["solve"];
 const LIMIT: &str = "against ever stiffer contact";
 const HERTZ: &str = "against Hertz's law";
 
-/// Contact stiffness over five decades.
+/// Measures the force for contact stiffnesses over five decades.
 pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let folder = MeshFolder::new()?;
     let (cells, meshes) = (CELLS[usize::from(settings.is_quick)], MESHES[usize::from(settings.is_quick)]);
@@ -57,7 +60,8 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         *last = (1.0 / stiffness, force(&press(cells, stiffness)?.scene(), settings)?);
     }
     let (limit_force, law) = (limit(last, ORDER), hertz(RADIUS));
-    // What the mesh makes of the law, taken off: forces of two meshes, extrapolated.
+    // The factor by which the mesh of `cells` is too stiff, with the stiffest contact: its force over the limit of
+    // finer meshes.
     let stiffest = LAST[1];
     let mut by_mesh = [(0.0, 0.0); 2];
     for (by_mesh, cells) in by_mesh.iter_mut().zip(meshes) {
@@ -74,7 +78,7 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
     let rules = settings.rules(STAGES, &options);
     let mut by_law = Vec::new();
     let mut points = race(entrants, &rules, watch, &mut |_, run| {
-        // The law knows no mesh.
+        // Hertz's law is for a continuum, so the mesh's factor is applied to it.
         by_law.push(error_against(law * mesh, run).0);
         error_against(limit_force, run)
     })?;
@@ -89,10 +93,11 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         name: "stiffness".into(),
         title: "Contact stiffness".into(),
         question: format!(
-            "How stiff must contact be for the force to be the body's? A ball of 6 cm goes 1 mm into a block of {cells} x {} x \
-             {cells} cells (12 x 4 x 12 cm, 20 kPa, nu 0.3). The limit, {limit_force:.4} N, is extrapolated from {:.0e} and \
-             {:.0e} N/m^3. Hertz's law, for a layer on a base as Dimitriadis and others (2002) have it, says {law:.4} N; \
-             the mesh makes that {:.1} % more, by {} and {} cells extrapolated, which is taken off.",
+            "How stiff must contact be for the force to be the body's? A ball of 6 cm goes 1 mm into a block of \
+             {cells} x {} x {cells} cells (12 x 4 x 12 cm, 20 kPa, nu 0.3). The limit, {limit_force:.4} N, is \
+             extrapolated from {:.0e} and {:.0e} N/m^3. Hertz's law, for a layer on a base as Dimitriadis and others \
+             (2002) have it, says {law:.4} N; the mesh is {:.1} % too stiff (extrapolated from {} and {} cells), which \
+             is corrected for.",
             cells.div_ceil(2),
             LAST[0],
             LAST[1],
@@ -109,8 +114,8 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
             is_of_shape: false,
         }),
         order_reason:
-            "the springs' way is small beside the ball's only at last; against the law an error of its own and of the \
-                       mesh is left"
+            "the penalty depth is small beside the indentation only for the stiffest contacts; against Hertz's law its \
+             own error and that of the mesh remain"
                 .into(),
         span_reason: "at the softest the error is the whole force, which is the most that it can be".into(),
         bound: BOUND,
@@ -118,8 +123,9 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
     })
 }
 
-/// Force of a rigid ball pressed [`DEPTH`] into a layer that is bonded to a rigid base: Hertz's law with the series of
-/// Dimitriadis, Horkay, Maresca, Kachar and Chadwick (2002, equation 13), N.
+/// Force of a rigid ball pressed [`DEPTH`] into a layer of thickness [`HEIGHT`] bonded to a rigid base, N: Hertz's law
+/// times the series of Dimitriadis, Horkay, Maresca, Kachar and Chadwick (2002, equation 13) in x = sqrt(radius depth)
+/// / thickness.
 fn hertz(radius: f64) -> f64 {
     let nu = POISSON;
     let a = -(1.2876 - 1.4678 * nu + 1.3442 * nu * nu) / (1.0 - nu);
@@ -141,7 +147,7 @@ mod tests {
         let plain = 4.0 / 3.0 * YOUNG / (1.0 - POISSON * POISSON) * 0.06f64.sqrt() * DEPTH.powf(1.5);
         let ratio = hertz(0.06) / plain;
         assert!((0.9..1.5).contains(&(ratio / 1.1)) && ratio > 1.1, "{ratio}");
-        // By hand: 1 + 0.8806 x + 0.7754 x^2 + 0.2298 x^3 - 0.296 x^4 at x = sqrt(6e-5) / 0.04.
+        // The series with its coefficients at nu = 0.3 computed by hand, at x = sqrt(6e-5) / 0.04.
         let x: f64 = 6e-5f64.sqrt() / 0.04;
         let by_hand = 1.0 + 0.8806 * x + 0.7754 * x * x + 0.2298 * x.powi(3) - 0.296 * x.powi(4);
         assert!((ratio - by_hand).abs() < 1e-3, "{ratio} {by_hand}");

@@ -1,5 +1,6 @@
-//! What texels and paths of the depth stage change: its time. Beside them what depths sampled at texels, as the paper has
-//! them, would have cost.
+//! The curve `texel` of `palpate bench accuracy`: the cell size of the min-max depth grid (`contact.texel`) and the
+//! path of the depth stage (compute or graphics) change its time, not the force. Beside it stands the error of depths
+//! sampled at texel centres, as in the paper.
 
 use std::time::Instant;
 
@@ -15,25 +16,26 @@ use super::sampled::Pose;
 use crate::accuracy::race::{self, Entrant, race};
 use crate::accuracy::{Curve, Judged, Point, Settings};
 
-/// Edges of the engine's squares, m.
+/// Cell sizes of the engine's min-max depth grid, m.
 const TEXELS: [f64; 6] = [1e-2, 5e-3, 3e-3, 2e-3, 1e-3, 5e-4];
-/// And of the sampled ones.
+/// Texel sizes of the sampled depths, m.
 const SAMPLED: [f64; 7] = [1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4];
 const PATHS: [DepthPath; 2] = [DepthPath::Compute, DepthPath::Graphics];
-/// Skin vertices of the head, in full and in short.
+/// Skin vertices of the head: in the whole benchmark and in its short form.
 const VERTICES: [usize; 2] = [20_000, 8_000];
-/// Of the ball, m.
+/// Radius of the ball, m.
 const RADIUS: f64 = 0.02;
-/// What the times are of.
+/// Stages whose times are summed.
 const STAGES: &[&str] = &["depth"];
-/// The engine's forces are those of its own choice in every step, bit for bit.
+/// Largest relative error of the engine's forces: they must equal, bit for bit and in every step, those with its own
+/// choice of cell size.
 const BOUND: f64 = 0.0;
-/// Title of the engine's plot, which is empty: zeros have no logarithm.
+/// Title of the engine's panel; nothing is drawn there, since errors of zero have no logarithm.
 const ENGINE: &str = "the engine: rays, no error to draw";
-/// And of that of sampled depths, whose time is no step's.
+/// Title of the panel of sampled depths, which is not judged; its times are those of the sums on the CPU, not of steps.
 const CPU: &str = "depths at texels' middles, f64, CPU";
 
-/// Squares of the depth stage by both paths, and sampled depths.
+/// Measures the depth stage with different cell sizes by both paths, and the error of sampled depths.
 pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let vertices = VERTICES[usize::from(settings.is_quick)];
     let press = Press { radius: RADIUS, ..Press::new(Body::Head(vertices, None)) };
@@ -61,10 +63,11 @@ pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
         name: "texel".into(),
         title: "Size of texels, and path of the depth stage".into(),
         question: format!(
-            "What do texels and paths change? A ball of 2 cm goes 3 mm into the cheek of a head of {vertices} skin vertices, with \
-             squares of {} to {} mm, by compute and by graphics; against the engine's own choice. Beside it the same two skins, \
-             not deformed, with depths taken at the middles of texels, as in the paper, against every vertex's own ray: \
-             force of a penalty, both sides in half; its time is that of one such sum on the CPU in f64.",
+            "What do texels and paths change? A ball of 2 cm goes 3 mm into the cheek of a head of {vertices} skin \
+             vertices, with cells of {} to {} mm in the min-max depth grid, by compute and by graphics; against the \
+             engine's own choice. Beside it the same two skins, not deformed, with depths taken at the middles of \
+             texels, as in the paper, against every vertex's own ray: force of a penalty, both sides in half; its time \
+             is that of one such sum on the CPU in f64.",
             1e3 * TEXELS[0],
             1e3 * TEXELS[TEXELS.len() - 1]
         ),
@@ -73,8 +76,8 @@ pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
         points,
         expected: None,
         span_reason: format!(
-            "squares only share out the work, every vertex has its own ray: of {all} forces of steps {others} differ in a bit \
-             from the reference's, and the errors that there are belong to sampled depths"
+            "grid cells only divide the work, every vertex has its own ray: of {all} forces of steps {others} differ \
+             in a bit from the reference's, and all errors are those of sampled depths"
         ),
         bound: BOUND,
         judged: Judged::Every,
@@ -90,7 +93,7 @@ fn by_path(press: &Press, path: DepthPath, texel: Option<f64>) -> palpate::Scene
     scene
 }
 
-/// Whether the device has what a path needs.
+/// Whether the GPU device can run this path.
 fn can(press: &Press, path: DepthPath, settings: &Settings) -> bool {
     race::run(&by_path(press, path, None), 1, &settings.options()).is_ok()
 }

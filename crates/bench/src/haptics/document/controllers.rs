@@ -1,4 +1,4 @@
-//! Passivity controllers side by side.
+//! The section of the report that compares passivity controllers.
 
 use palpate::Result;
 
@@ -7,10 +7,10 @@ use crate::haptics::controllers::SPEED;
 use crate::haptics::{Controlled, Controller};
 use crate::{Section, Table};
 
-/// A force is there if it is within this share of what springs at rest give.
+/// A force counts as there if it differs from that of the springs in equilibrium by at most this share.
 const WITHIN: f64 = 0.03;
 
-/// What each controller leaves of a steady force, and what the hand gains.
+/// The section: what each controller leaves of a steady force, and the energy that the hand gains.
 pub fn controllers(all: &[Controlled]) -> Result<Section> {
     let heads = [
         "controller",

@@ -1,4 +1,4 @@
-//! Forces held, and forces while sliding.
+//! The sections of the report about held forces, and about forces while sliding.
 
 use palpate::Result;
 
@@ -10,9 +10,9 @@ use crate::haptics::{Change, Changes, Held, Met, Mode, Slid, Spread};
 use crate::plot::{Axis, Line, Logarithmic, Panel, lines, panels};
 use crate::{Section, Table};
 
-/// What is less is drawn there, N.
+/// Smaller forces are drawn at this one, N, since the axis is logarithmic.
 const DRAWN: f64 = 1e-6;
-/// Points of the slide that are drawn.
+/// Number of points of the slide that are drawn, the last ones.
 const POINTS: usize = 60;
 
 fn name_of(met: Met) -> String {
@@ -26,7 +26,7 @@ fn quantum([stiffness, damping]: &[f64; 2]) -> String {
     format!("{:.0} + {:.0}", 1e3 * stiffness, 1e3 * damping)
 }
 
-/// Forces held.
+/// The section about held forces: how much noise is in them.
 pub fn holds(holds: &[Held]) -> Result<Section> {
     let mut table = Table::new(["against", "device", "rate, Hz"]);
     for (_, name) in Mode::ALL {
@@ -51,12 +51,12 @@ pub fn holds(holds: &[Held]) -> Result<Section> {
     Ok(Section {
         title: "How still a held force keeps".into(),
         question: format!(
-            "How much noise is in the force of a person who means to be {:.0} mm deep, over the last of three seconds? Allowed \
-             are {:.0} % of the force or {STILL} N; `noise` is its standard deviation, `swing` from the least to the greatest, \
-             both of all axes together; the same where the device has no friction for the \
-             hand to rest in, against walls alone. The reading's swing is that of the device in a session, and the encoder's step what \
-             one of its quanta is worth by the coupling's stiffness and, over a tick, by its damping. In the plots the worst of all devices; what is below {DRAWN:.0e} N is \
-             drawn there.",
+            "How much noise is in the force of a person who means to press {:.0} mm deep, over the last of three \
+             seconds? Allowed are {:.0} % of the force or {STILL} N; `noise` is its standard deviation, `swing` from \
+             the least to the greatest, both of all axes together; the same where the device has no friction for the \
+             hand to rest in, against walls alone. The reading's swing is that of the device in a session, and the \
+             encoder's step what one of its quanta is worth by the coupling's stiffness and, over a tick, by its \
+             damping. In the plots the worst of all devices; what is below {DRAWN:.0e} N is drawn there.",
             1e3 * WITHIN,
             1e2 * STILL_SHARE
         ),
@@ -67,7 +67,8 @@ pub fn holds(holds: &[Held]) -> Result<Section> {
     })
 }
 
-/// The worst of all devices by rate, a line each mode; rates as they come.
+/// The noisiest held force of all haptic devices by rate, with a line for each mode; rates in the order of the
+/// measurements.
 fn noise(holds: &[Held]) -> Panel {
     let short = [(Mode::Session, "session"), (Mode::Local, "local"), (Mode::Raw, "raw")];
     let line = |(mode, name)| {
@@ -94,7 +95,7 @@ fn hold_finding(holds: &[Held]) -> String {
     format!("Still enough are: {}.", Mode::ALL.map(of).join("; "))
 }
 
-/// How many of forces are still, the noisiest, and how many are none.
+/// How many of these forces are still, which is the noisiest, and how many are missing.
 fn judged(forces: &[(&Held, Spread)]) -> String {
     let still = forces.iter().filter(|(_, force)| is_still(force)).count();
     let there = || forces.iter().filter(|(_, force)| is_there(force));
@@ -108,7 +109,7 @@ fn judged(forces: &[(&Held, Spread)]) -> String {
     format!("{still} of {}{worst}{gone}", forces.len())
 }
 
-/// Forces while sliding.
+/// The section about forces while sliding: how far they jump.
 pub fn slides(slides: &[Slid]) -> Result<Section> {
     let mut table = Table::new(["device", "rate, Hz", "loop", "force, N"]);
     for phase in ["touch", "slide"] {

@@ -1,4 +1,4 @@
-//! Stiffest walls.
+//! The sections of the report about the stiffest wall that the haptic loop renders without oscillating.
 
 use palpate::Result;
 
@@ -8,10 +8,10 @@ use crate::haptics::{Limit, Width};
 use crate::plot::{Line, Logarithmic, Panel, panels};
 use crate::{Section, Table};
 
-/// Part of the stiffest wall tried from which on a limit is taken for none.
+/// A stiffness from this share of the stiffest wall tried on counts as unlimited.
 const END: f64 = 0.999;
 
-/// Without a limit in the range that was tried.
+/// Whether no limit was found within the range that was tried.
 fn is_above(stiffness: f64) -> bool {
     stiffness >= END * RANGE[1]
 }
@@ -28,7 +28,7 @@ fn from_to(limits: impl Iterator<Item = f64> + Clone) -> String {
     range(limits, newtons_a_metre)
 }
 
-/// By the wall's damping.
+/// The section by the wall's damping.
 pub fn widths(widths: &[Width]) -> Result<Section> {
     let heads =
         ["device", "coupling", "wall's damping", "in a session", "no passivity control", "raw force", "felt, raw"];
@@ -89,7 +89,7 @@ fn width_finding(widths: &[Width]) -> String {
     )
 }
 
-/// By the delay of the force.
+/// The section by the delay of the force.
 pub fn delays(limits: &[Limit]) -> Result<Section> {
     let x = |limit: &Limit| 1e3 * limit.delay + 0.5;
     Ok(Section {
@@ -105,7 +105,7 @@ pub fn delays(limits: &[Limit]) -> Result<Section> {
     })
 }
 
-/// By the simulation's rate.
+/// The section by the simulation's rate.
 pub fn rates(limits: &[Limit]) -> Result<Section> {
     Ok(Section {
         title: "How stiff a wall may be, by the simulation's rate".into(),
@@ -152,7 +152,7 @@ fn plot(limits: &[Limit], x: &str, at: impl Fn(&Limit) -> f64) -> Result<String>
     panels(&Logarithmic { x, y: "stiffest wall, N/m", level: None }, &drawn)
 }
 
-/// Of the kindest and the hardest case, by Gil's bound, and of all against that bound.
+/// The limits in the easiest and in the hardest case, by Gil's bound, and how all limits compare with that bound.
 fn limits_finding(limits: &[Limit], of: impl Fn(&Limit) -> String) -> String {
     let Some((low, high)) = span(limits.iter().map(|limit| limit.gil)) else { return "nothing was measured.".into() };
     let at = |gil: f64| {

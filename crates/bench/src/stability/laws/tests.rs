@@ -1,8 +1,9 @@
-//! Each law is broken once, with a flag and without; what keeps them all passes.
+//! Each invariant is broken once, with an excusing flag and without; a case that keeps all of them passes.
 
 use super::*;
 
-/// Ten steps in which everything is as it should be: energy of 1 J falls, a force of half its bound.
+/// A start and ten steps that keep every invariant: energy falls from 1 J, and contacts press with 0.5 N until shortly
+/// before the end.
 fn kept() -> Vec<Sample> {
     let step = |k: usize| {
         let energy = 1.0 - 0.05 * k as f64;
@@ -15,7 +16,7 @@ fn kept() -> Vec<Sample> {
 
 const PROMISE: Promise =
     Promise { rest: Some(1e-3), drift: Some((5, 1e-6)), shape: Some(0.1), touches: true, parts: true };
-/// Every flag there is.
+/// All flags as a bit mask.
 const ALL: u32 = 0x7ff;
 
 fn verdict_of(samples: &[Sample]) -> Verdict {
@@ -93,7 +94,7 @@ fn the_end_is_its_last_tenth_and_a_step_that_no_flag_excuses_is_the_one_told() {
     samples[0].pressed = 0.5;
     samples[179].motion = 1.0;
     assert_eq!(verdict_of(&samples), Verdict::Pass);
-    // A turning point at the last step hides nothing.
+    // Motion in any step of the last tenth breaks `Rest`, even where the last step happens to be a turning point.
     samples[181].motion = 1.0;
     assert_eq!(verdict_of(&samples), Verdict::Silent);
     samples[181].flags = Flags::INVERTED;
@@ -109,14 +110,14 @@ fn a_flagged_step_excuses_no_later_one() {
     assert_eq!(verdict_of(&samples), Verdict::Degraded);
     samples[8].residual = 2e-3;
     assert_eq!(verdict_of(&samples), Verdict::Silent);
-    // Energy that was gained stays; what is gained besides is another matter.
+    // Energy that a flagged step gained stays and is excused; energy gained on top of it is not.
     let mut samples = kept();
     samples.iter_mut().skip(6).for_each(|s| s.energy = 1.5);
     samples[6].flags = Flags::TURNS_TOO_FAR;
     assert_eq!(verdict_of(&samples), Verdict::Fail);
     samples[9].energy = 1.51;
     assert_eq!(verdict_of(&samples), Verdict::Silent);
-    // Sideways is drift as well, however far the body sagged before.
+    // A sideways move is drift as well, however far the body has sagged before.
     let mut samples = kept();
     samples.iter_mut().for_each(|s| s.moved.y = -1e-3);
     samples[9].moved.x = 2e-6;
