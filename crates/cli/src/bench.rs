@@ -1,4 +1,5 @@
-//! `palpate bench`: measures, prints the report, and writes it with every sample; joins shards; compares with before.
+//! `palpate bench`: measures, prints the report, and writes it with every sample; joins shards (parts measured apart);
+//! compares with earlier results.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -81,15 +82,15 @@ fn benchmarks(arguments: &Arguments) -> Vec<Box<dyn Benchmark>> {
     ]
 }
 
-/// Measures or joins, writes what was found, prints it, and compares it. Errors after all that: something became worse, or is
-/// not within its bounds.
+/// Measures, or joins shards; then writes, prints and compares the results. Fails after all that if something became
+/// worse or is not within its bounds.
 pub fn bench(arguments: &Arguments) -> Result<()> {
     let benchmarks = benchmarks(arguments);
     let asked = asked(&arguments.names, &benchmarks)?;
     if arguments.list {
         return print(&asked.iter().map(|(name, part)| format!("{name}/{part}\n")).collect::<String>());
     }
-    // What is to be compared with is read before minutes are spent.
+    // Earlier results are read first, so that a wrong path fails before minutes are spent.
     let old = arguments.compare.as_deref().map(results_in).transpose()?;
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
     let (results, mut failed) = if arguments.merge.is_empty() {
@@ -114,7 +115,7 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
     if failed.is_empty() { Ok(()) } else { Err(Error::Simulation(failed.join("; "))) }
 }
 
-/// Benchmark and part of all that the names call. Errors: a name that calls nothing.
+/// Benchmark and part of everything that the names select. Errors: a name that selects nothing.
 fn asked(names: &[String], benchmarks: &[Box<dyn Benchmark>]) -> Result<Vec<(&'static str, String)>> {
     let mut all: Vec<(&'static str, String)> = Vec::new();
     for benchmark in benchmarks {
@@ -135,12 +136,13 @@ fn asked(names: &[String], benchmarks: &[Box<dyn Benchmark>]) -> Result<Vec<(&'s
     Ok(all.into_iter().filter(|part| names.is_empty() || names.iter().any(|asked| calls(asked, part))).collect())
 }
 
-/// Of a directory or the file itself.
+/// The results in a directory, or in the file itself.
 fn results_in(path: &Path) -> Result<Results> {
     if path.is_dir() { suite::read(&path.join(RESULTS)) } else { suite::read(path) }
 }
 
-/// Prints the ratios; says how many became worse, if any did. Errors: the two cannot be compared.
+/// Prints the ratios of new to old results; returns a line on how many became worse, if any did. Errors: the two cannot
+/// be compared.
 fn compared(old: &Results, new: &Results) -> Result<Option<String>> {
     let (all, lonely) = compare::compare(old, new)?;
     let of = |head: &Head| format!("{} ({}), commit {}", head.device, head.driver, head.commit);

@@ -1,10 +1,10 @@
-//! `palpate devices`: one line a device, its index first, as `--device` takes it.
+//! `palpate devices`: one line per Vulkan device, beginning with the index that `--device` takes.
 
 use palpate::{Error, Result};
 
 use crate::{engine, print};
 
-/// Lists all devices, and of those that cannot be used says why.
+/// Lists all Vulkan devices, with the reason for those that cannot be used.
 pub fn devices() -> Result<()> {
     let devices = engine::devices()?;
     let mut lines = String::new();

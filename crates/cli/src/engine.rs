@@ -1,4 +1,5 @@
-//! The seam between the program and the engine: a run's samples, and what is left of it at the end.
+//! Connects the program to the engine: does the steps of a run, collects their times, and reads back the results at the
+//! end.
 
 use glam::DVec3;
 use palpate::internal::gpu::DeviceInfo;
@@ -9,7 +10,7 @@ use palpate::{Context, Error, Options, Result, Scene, Simulation, StepReport};
 
 use crate::report::{Facts, Plan, StageSamples};
 
-/// A simulation under way, and the times of its stages.
+/// A running simulation, and the times of its stages.
 pub struct Engine {
     simulation: Simulation,
     stages: Vec<StageSamples>,
@@ -17,69 +18,69 @@ pub struct Engine {
     steps: u64,
 }
 
-/// What is left when a run is over.
+/// Results of a run.
 pub struct Outcome {
-    /// Device, plan and times.
+    /// Vulkan device, step plan and times.
     pub facts: Facts,
-    /// Layers of the soft bodies.
+    /// Layers (tetrahedral meshes) of the soft bodies.
     pub layers: Vec<LayerResult>,
-    /// Skins of the soft bodies.
+    /// Skins (surface meshes) of the soft bodies.
     pub skins: Vec<SkinResult>,
 }
 
-/// A layer at the end of a run, for `NAME.vtk`.
+/// A layer (tetrahedral mesh) at the end of a run, for `NAME.vtk`.
 pub struct LayerResult {
-    /// The body.
+    /// Name of the body.
     pub name: String,
     /// Deformed world positions, m, in input order.
     pub nodes: Vec<DVec3>,
-    /// Four nodes each.
+    /// Four nodes per tetrahedron.
     pub tetrahedra: Vec<[u32; 4]>,
-    /// From rest as placed, world axes, m; one a node.
+    /// Displacement of each node from its rest position in the placed body, world axes, m.
     pub displacement: Vec<DVec3>,
 }
 
-/// A skin at the end of a run, for `NAME.obj`.
+/// A skin (surface mesh) at the end of a run, for `NAME.obj`.
 pub struct SkinResult {
-    /// The body.
+    /// Name of the body.
     pub name: String,
     /// Deformed world positions, m, in file order.
     pub vertices: Vec<DVec3>,
-    /// Three vertices each.
+    /// Three vertices per triangle.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl Engine {
-    /// Prepares the scene, opens the device and records the step.
+    /// Prepares the scene, opens the Vulkan device and records the step.
     pub fn open(scene: &Scene, options: &Options) -> Result<Self> {
         let simulation = Simulation::open(scene, options)?;
         Ok(Engine { simulation, stages: Vec::new(), iterations: 0, steps: 0 })
     }
 
-    /// What was done to the scene's files, a line each.
+    /// Notes on what was changed in the contents of the scene's files, one line each.
     pub fn notes(&self) -> impl Iterator<Item = &str> {
         self.simulation.reports().flat_map(|(_, report)| report.notes.iter().map(String::as_str))
     }
 
-    /// One step of the scene's own.
+    /// Does a step with the scene's own time step and keys.
     pub fn step(&mut self) -> Result<StepReport> {
         let row = self.simulation.step()?;
         Ok(self.counted(row))
     }
 
-    /// A step of `h` s from what the loop holds, and what the tool felt in it.
+    /// Does a step of `h` s with the haptic loop's inputs; returns its report and the contact wrench on the tool.
     pub fn step_held(&mut self, held: &Held, h: f64) -> Result<(StepReport, ContactWrench)> {
         let row = self.simulation.step_held(held, h)?;
         let wrench = self.simulation.contact_wrench().copied().unwrap_or(ContactWrench::none(held.tool));
         Ok((self.counted(row), wrench))
     }
 
-    /// The simulation itself.
+    /// The simulation.
     pub fn simulation(&self) -> &Simulation {
         &self.simulation
     }
 
-    /// The simulation, to look at between two steps.
+    /// The simulation, to be drawn between two steps.
     #[cfg(feature = "view")]
     pub fn shown(&mut self) -> &mut Simulation {
         &mut self.simulation
@@ -97,7 +98,7 @@ impl Engine {
         row
     }
 
-    /// Reads back what is left.
+    /// Ends the run and reads back its results.
     pub fn finish(mut self) -> Result<Outcome> {
         let mean_iterations = self.iterations.div_ceil(self.steps.max(1)) as u32;
         let (passes, _) = self.simulation.passes(mean_iterations);
@@ -138,7 +139,7 @@ impl Engine {
     }
 }
 
-/// The devices of this machine, usable or not.
+/// The Vulkan devices of this machine, usable or not.
 pub fn devices() -> Result<Vec<DeviceInfo>> {
     let devices = Context::list()?;
     if devices.is_empty() {

@@ -1,4 +1,5 @@
-//! `palpate figures`: the pictures of the README, each after a figure of the paper, from the scenes of this repository.
+//! `palpate figures`: renders the README's images, each after a figure of the paper (Galoppo et al. 2007), from the
+//! scenes of this repository.
 
 use std::path::PathBuf;
 
@@ -29,20 +30,20 @@ pub struct Arguments {
     device: Option<String>,
 }
 
-/// A picture of a scene at a time.
+/// One image: a scene at a simulated time.
 struct Shot {
     scene: &'static str,
-    /// s.
+    /// Simulated time, s.
     time: f64,
     shown: &'static [Overlay],
     from: View,
-    /// From the middle of all bodies, m.
+    /// Offset of the camera's target from the middle of all bodies, m.
     aside: [f64; 3],
-    /// Pixels.
+    /// Width and height, pixels.
     size: [u32; 2],
 }
 
-/// Shots side by side.
+/// A figure: images side by side.
 struct Figure {
     number: u32,
     name: &'static str,
@@ -121,7 +122,7 @@ const FIGURES: [Figure; 6] = [
     },
 ];
 
-/// Makes all figures, or some.
+/// Renders all figures, or those that are asked for.
 pub fn figures(arguments: &Arguments) -> Result<()> {
     let known = FIGURES.map(|figure| figure.number);
     if let Some(number) = arguments.only.iter().find(|number| !known.contains(number)) {

@@ -1,4 +1,5 @@
-//! `palpate film`: a scene from the first step to the last as a film, or as pictures in a folder; no display is needed.
+//! `palpate film`: renders a scene from the first step to the last as a film, or as images in a folder; no display is
+//! needed.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -13,13 +14,13 @@ use crate::report::Output;
 use crate::run::positive;
 use crate::tell;
 
-/// Of pictures, pixels.
+/// Default size of images, pixels.
 pub const SIZE: [u32; 2] = [1280, 720];
-/// Pixels a side at most, as devices draw them.
+/// Greatest width and height of an image that GPUs can draw, pixels.
 const LARGEST: u32 = 16_384;
-/// Pictures of a film at most.
+/// Greatest number of images in a film.
 const MOST_PICTURES: f64 = 1e5;
-/// What can be shown, by its name.
+/// Overlays that `--show` accepts, by name.
 const CHOICES: [(&str, Overlay); 9] = [
     ("pressure", Overlay::Pressure),
     ("depth", Overlay::Depth),
@@ -73,18 +74,18 @@ pub struct Look {
     show: Vec<Overlay>,
 }
 
-/// Where a picture is taken from.
+/// Camera of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
-    /// To the right of the front, degrees.
+    /// Angle to the right of the front, degrees.
     pub yaw: f64,
-    /// Above the horizon, degrees.
+    /// Angle above the horizon, degrees.
     pub pitch: f64,
-    /// How many times as near.
+    /// Factor by which the camera is nearer than where it shows all bodies.
     pub nearer: f64,
 }
 
-/// Width and height, as in `1280x720`.
+/// Parses a width and a height, as in `1280x720`.
 pub fn size(text: &str) -> std::result::Result<[u32; 2], String> {
     let side = |text: &str| text.parse().ok().filter(|side| (1..=LARGEST).contains(side));
     let sides = text.split_once('x').and_then(|(width, height)| Some([side(width)?, side(height)?]));
@@ -117,7 +118,7 @@ fn overlay(text: &str) -> std::result::Result<Overlay, String> {
 }
 
 impl Look {
-    /// What is shown; refuses more than can be.
+    /// The overlays to show. Errors: several scalar fields, of which only one can be shown.
     pub fn shown(&self) -> Result<Overlays> {
         let shown = Overlays::of(&self.show);
         match CHOICES.iter().find(|(_, overlay)| self.show.contains(overlay) && !shown.has(*overlay)) {
@@ -132,12 +133,12 @@ impl Look {
         self.size.unwrap_or(SIZE)
     }
 
-    /// Whether any of it was asked for.
+    /// Whether any of these options was given.
     pub fn is_asked_for(&self) -> bool {
         self.size.is_some() || self.camera.is_some() || self.at.is_some() || !self.show.is_empty()
     }
 
-    /// What takes pictures of a simulation that look so.
+    /// A studio that renders images of a simulation with these options.
     pub fn studio(&self, simulation: &mut Simulation) -> Result<Studio> {
         let shown = self.shown()?;
         let mut studio = Studio::new(simulation, Settings { size: self.size(), samples: SAMPLES })?;
@@ -154,7 +155,7 @@ impl Look {
 pub const SAMPLES: u32 = 4;
 
 impl View {
-    /// Takes pictures from here.
+    /// Sets a studio's camera to this view.
     pub fn aim(&self, studio: &mut Studio) {
         let camera = &mut studio.camera;
         (camera.yaw, camera.pitch) = (self.yaw.to_radians(), self.pitch.clamp(-89.0, 89.0).to_radians());
@@ -184,7 +185,7 @@ pub fn film(arguments: &Arguments) -> Result<()> {
     let mut output = Output::create(folder)?;
     let bar = ProgressBar::new(pictures as u64).with_finish(ProgressFinish::AndClear);
     let mut take = |k: u64| -> Result<Picture> {
-        // The last step that is not beyond the picture's time, by more than half of one.
+        // The image shows the first step whose time is no more than half a step before the image's.
         while simulation.time() + 0.5 * scene.step.dt < k as f64 * apart {
             simulation.step()?;
         }
@@ -206,7 +207,7 @@ pub fn film(arguments: &Arguments) -> Result<()> {
     output.commit()
 }
 
-/// The folder that is written into, and the name of an animated picture.
+/// The folder to write into, and the file's name if the film is one animated image.
 fn target(out: &Path) -> (&Path, Option<&str>) {
     let is_file =
         out.extension().is_some_and(|end| end.eq_ignore_ascii_case("apng") || end.eq_ignore_ascii_case("png"));

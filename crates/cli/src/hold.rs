@@ -1,4 +1,5 @@
-//! A scene held by a haptic device: the device, the session, its recording.
+//! Runs a scene whose tool is held by a haptic device: makes the device, runs the session (one run of the haptic loop)
+//! and records it.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -18,22 +19,23 @@ use palpate_devices::{Hand, Haply, Replay, Scripted, haply};
 use crate::engine::Engine;
 use crate::tell;
 
-/// Besides those that end a program: the terminal has gone, or wants it to sleep with the last force standing.
+/// Signals that end a session besides those that end a program: the terminal is closed (SIGHUP), or suspends the
+/// program (SIGTSTP), which would leave the last force on the device.
 #[cfg(unix)]
 const OTHER_SIGNALS: &[i32] = &[signal_hook::consts::SIGHUP, signal_hook::consts::SIGTSTP];
 #[cfg(not(unix))]
 const OTHER_SIGNALS: &[i32] = &[];
 
-/// A profile that is built in: the one a scene names, else this.
+/// The built-in profile that the scene names, or else the one named `default`.
 fn profile_of(scene: &Scene, default: &str) -> Profile {
     let profile = scene.haptics.profile.or_else(|| Profile::named(default));
     profile.unwrap_or(&PROFILES[0]).clone()
 }
 
-/// Gives the scene's device a profile by its name, whatever the scene says of it.
+/// Sets the profile of the scene's haptic device by name, whatever the scene says.
 ///
 /// # Errors
-/// Nothing is held, or what is held cannot have that profile.
+/// There is no such profile, no haptic device holds the tool, or the device cannot have that profile.
 pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
     let wrong = |problem: &str, remedy: &str| Err(Error::Usage(format!("--profile {name} {problem}: {remedy}")));
     let Some(profile) = Profile::named(name) else {
@@ -57,7 +59,7 @@ pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
     Ok(())
 }
 
-/// The device that a scene asks for.
+/// Makes the haptic device that a scene asks for.
 pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
     let haptics = &scene.haptics;
     let drive = Drive::new(&scene.drive, start);
@@ -79,14 +81,14 @@ pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
                 service: haptics.haply.clone(),
             };
             let mut haply = Haply::new(settings);
-            // A session takes limits from the profile before it opens the device.
+            // The session takes limits from the profile before it opens the device, so the type must be known now.
             haply.identify().map_err(|fault| Error::NoDevice(fault.to_string()))?;
             Box::new(haply)
         }
     })
 }
 
-/// The engine as what the tool meets; whoever watches sees the row of every step.
+/// The environment of the haptic loop: the engine, with `watch` called with every step report.
 struct Watched<'a> {
     engine: &'a mut Engine,
     watch: &'a mut dyn FnMut(&StepReport) -> Result<()>,
@@ -100,7 +102,8 @@ impl Environment for Watched<'_> {
     }
 }
 
-/// Holds the scene's tool for so many seconds, or until the program is told to end; `watch` sees the row of every step.
+/// Runs a session with the scene's haptic device for `seconds`, or until a signal ends it; `watch` is called with every
+/// step report.
 pub fn hold(
     engine: &mut Engine,
     scene: &Scene,
@@ -141,7 +144,8 @@ fn recording(path: &Path, engine: &Engine, scene: &Scene, profile: &Profile) -> 
     Recording::create(path, &header)
 }
 
-/// Set by the first signal to end, so that the device is let go of in order; the second ends the program at once.
+/// A flag that the first terminating signal sets, so that the session ends in order and releases the device; a second
+/// signal ends the program at once.
 pub fn stopped_by_signals() -> Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     let failed = |error| Error::Simulation(format!("signals cannot be heard: {error}"));

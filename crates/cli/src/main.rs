@@ -84,14 +84,14 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             let message = error.to_string().lines().collect::<Vec<_>>().join(" ");
-            // A closed stderr leaves the exit status to speak.
+            // A closed stderr is ignored; the exit status remains.
             let _ = writeln!(std::io::stderr(), "error: {message}");
             ExitCode::from(error.exit_status())
         }
     }
 }
 
-/// Help and version as they are; a mistake on the command line as one line, like every other error.
+/// Prints help and version as they are, and a mistake on the command line as one line, like every other error.
 fn usage(error: &clap::Error) -> ExitCode {
     if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         let _ = error.print();
@@ -99,17 +99,17 @@ fn usage(error: &clap::Error) -> ExitCode {
     }
     let text = error.to_string();
     let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
-    // A closed stderr leaves the exit status to speak.
+    // A closed stderr is ignored; the exit status remains.
     let _ = writeln!(std::io::stderr(), "{}", lines.join("; "));
     ExitCode::from(error.exit_code() as u8)
 }
 
-/// Something to know, on standard error; a closed one stops nothing.
+/// Writes a note for the user to standard error, ignoring a closed one.
 fn tell(note: &str) {
     drop(writeln!(std::io::stderr(), "note: {note}"));
 }
 
-/// Tells whoever waits at a terminal what is under way.
+/// Writes what is under way to standard error, if that is a terminal.
 fn watch(what: &str) {
     let mut stderr = std::io::stderr();
     if stderr.is_terminal() {
@@ -118,7 +118,7 @@ fn watch(what: &str) {
     }
 }
 
-/// Prints to standard output. Whoever closed the other end has read enough: that is not an error.
+/// Prints to standard output. A closed pipe is not an error: its reader has read enough.
 fn print(text: &str) -> palpate::Result<()> {
     let mut stdout = std::io::stdout().lock();
     match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {

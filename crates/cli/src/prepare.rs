@@ -1,4 +1,5 @@
-//! `palpate prepare`: from a surface to a layered body, with a report, pictures, and a scene that presses into it.
+//! `palpate prepare`: makes a layered body of a surface: skin (the surface mesh), layer (a tetrahedral mesh around a
+//! rigid core) and proxies (convex collision hulls). Writes it with a report, images, and a scene that presses into it.
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -20,7 +21,7 @@ use crate::report::{Output, figure};
 /// Steps of the progress bar after the body is made: pictures, files.
 const AFTER: u64 = 2;
 
-/// Cells along a surface's largest extent.
+/// Default number of lattice cells along a surface's largest extent.
 const CELLS: u32 = 40;
 
 /// Options of `palpate prepare`.
@@ -72,7 +73,8 @@ fn grade(text: &str) -> std::result::Result<u32, String> {
     grade.ok_or_else(|| "give 1, 2, 4 or 8".into())
 }
 
-/// Prepares a surface as it is prepared without options, and writes the body and its scene into a folder.
+/// Prepares a surface with default options, and writes the body and its scene into a folder; `watch` is called with the
+/// name of each stage.
 #[cfg(feature = "view")]
 pub fn quietly(surface: &Path, out: &Path, watch: &mut dyn FnMut(&str)) -> Result<()> {
     let arguments = Arguments {
@@ -152,7 +154,7 @@ fn run_path(arguments: &Arguments) -> String {
     arguments.out.join("scene.toml").display().to_string()
 }
 
-/// A scene of one soft body, made of the options.
+/// A scene of one soft body, made from the options.
 fn scene_of(arguments: &Arguments) -> Result<Scene> {
     let surface = surface_of(&arguments.surface)?;
     let (cells, grade, thickness) = (arguments.cells, arguments.grade, arguments.thickness);
@@ -189,12 +191,13 @@ fn scene_of(arguments: &Arguments) -> Result<Scene> {
     Ok(Scene::of_body(&arguments.surface, body))
 }
 
-/// Characters that a body's name keeps: it becomes part of file names and keys.
+/// Whether a body's name keeps a character; the name becomes part of file names and keys.
 fn is_plain(c: char) -> bool {
     c.is_ascii_alphanumeric() || c == '_' || c == '-'
 }
 
-/// A file, or a model's name, with its number of vertices after a colon where it is not the usual one.
+/// Reads an argument as a surface: a file, or a built-in model's name with, optionally, a colon and a number of
+/// vertices.
 pub fn surface_of(text: &str) -> Result<Surface> {
     let (name, count) = text.split_once(':').map_or((text, None), |(name, count)| (name, Some(count)));
     let model = Model::ALL.into_iter().find(|model| model.name() == name);
@@ -217,7 +220,7 @@ pub fn surface_of(text: &str) -> Result<Surface> {
     Ok(Surface::File(path))
 }
 
-/// An error about a key of the scene made here, told in the words of the command line.
+/// Translates an error about a key of the scene made here into the terms of the command line.
 fn in_options(error: Error, surface: &str) -> Error {
     let Error::Key { key, problem, remedy, .. } = error else { return error };
     let option = match key.rsplit('.').next().unwrap_or_default() {
@@ -229,7 +232,7 @@ fn in_options(error: Error, surface: &str) -> Error {
     Error::Key { file: surface.into(), key: option.into(), problem, remedy }
 }
 
-/// A bar on standard error, drawn only where that is a terminal.
+/// A progress bar on standard error, drawn only where that is a terminal.
 fn progress() -> ProgressBar {
     let bar = ProgressBar::new(Stage::ALL.len() as u64 + AFTER).with_finish(ProgressFinish::AndClear);
     bar.enable_steady_tick(Duration::from_millis(200));
@@ -241,12 +244,12 @@ fn progress() -> ProgressBar {
 
 fn show(bar: &ProgressBar, stage: Stage) {
     bar.set_message(stage.name());
-    // The cache is asked first and told last.
+    // The cache is read first and written last under the same stage name, so the bar may not go back.
     let reached = Stage::ALL.iter().position(|&s| s == stage).unwrap_or(0) as u64;
     bar.set_position(reached.max(bar.position()));
 }
 
-/// Proxies, the layer cut open, the skin; and the three beside each other.
+/// Writes images of the collision proxies, of the layer cut open, of the skin, and of the three side by side.
 fn write_pictures(output: &mut Output, body: &Body, layer: &Layer, skin: &Skin) -> Result<()> {
     let (Shape::Soft { proxies, .. } | Shape::Rigid { proxies, .. }) = &body.shape else { return Ok(()) };
     let view = figure::view(skin);
@@ -258,7 +261,7 @@ fn write_pictures(output: &mut Output, body: &Body, layer: &Layer, skin: &Skin) 
     output.write("figure.png", |w| Picture::beside(&all).write_png(w))
 }
 
-/// The body, in metres, and the scene.
+/// Writes the body's files, in metres, and the scene.
 fn write_body(
     output: &mut Output,
     layer: &Layer,

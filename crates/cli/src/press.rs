@@ -8,31 +8,33 @@ use palpate::internal::prepare::{Layer, Skin, layer};
 
 /// Radius of the sphere, as a share of the body's largest extent.
 const RADIUS: f64 = 0.04;
-/// How far the device goes beyond the first touch, in radii.
+/// Distance that the haptic device goes beyond the first touch, in radii.
 const TRAVEL: f64 = 0.5;
-/// Gap before the sphere touches, in radii.
+/// Gap between sphere and skin at the start, in radii.
 const GAP: f64 = 0.05;
-/// The sphere has met the skin when it is within this share of its radius.
+/// The sphere counts as touching the skin when it is nearer than this share of its radius.
 const NEAR: f64 = 1e-3;
-/// Nodes deeper than this share of the deepest of their part are held.
+/// Nodes deeper than this share of the greatest depth in their connected part are attached to a rigid core.
 const HELD: f64 = 0.5;
 
-/// Where and how hard to press.
+/// A sphere that is pressed into a body: its radius, and where the press begins and ends.
 pub struct Press {
-    /// m.
+    /// Radius of the sphere, m.
     radius: f64,
     start: DVec3,
     end: DVec3,
 }
 
 impl Press {
-    /// Along z towards the deepest node, where there is most body behind the skin; `depths` are those of the nodes.
+    /// A press along z towards the deepest node, where there is most body behind the skin; `depths` are the nodes'
+    /// depths below the skin, m.
     pub fn into(skin: &Skin, layer: &Layer, depths: &[f64]) -> Press {
         let points = || skin.vertices.iter().copied();
         let low = points().fold(DVec3::INFINITY, DVec3::min);
         let high = points().fold(DVec3::NEG_INFINITY, DVec3::max);
         let radius = RADIUS * (high - low).max_element();
-        // The first of the deepest. Adding zero turns a negative zero into one that reads well.
+        // The deepest node, the first of equals. Adding zero turns a negative zero into a positive one, which reads
+        // better.
         let deepest = (0..depths.len()).rev().max_by(|&i, &j| depths[i].total_cmp(&depths[j]));
         let target = deepest.map_or(0.5 * (low + high), |node| layer.nodes[node]) + DVec3::ZERO;
         let touching =
@@ -41,8 +43,8 @@ impl Press {
         Press { radius, start: at(GAP), end: at(-TRAVEL) }
     }
 
-    /// Writes the scene; `cores`: see [`cores`]. Stiffness and mass of the hand grow with
-    /// the sphere, so that a body of any size is pressed in the same time.
+    /// Writes the scene; `cores` are the values of `bind` from [`cores`]. Stiffness and damping of the coupling and the
+    /// mass of the tool grow with the sphere, so that a body of any size is pressed in the same time.
     pub fn write(&self, w: &mut impl Write, name: &str, cores: &[String]) -> std::io::Result<()> {
         let (r, s, e) = (self.radius, self.start, self.end);
         writeln!(
@@ -64,8 +66,8 @@ impl Press {
     }
 }
 
-/// Height at which a sphere that comes down from `from` meets the skin, m: sphere tracing (J. Hart 1996); `None` where it
-/// passes by, below `lowest`, or where the skin cannot be searched.
+/// Height z, m, at which a sphere that comes down along z from `from` meets the skin, by sphere tracing (J. Hart 1996);
+/// `None` where it passes by, falling below `lowest`, or where no distance to the skin can be computed.
 fn met(skin: &Skin, from: DVec3, radius: f64, lowest: f64) -> Option<f64> {
     let solid = Solid::new(&skin.vertices, &skin.triangles).ok()?;
     let mut centre = from;
@@ -79,8 +81,9 @@ fn met(skin: &Skin, from: DVec3, radius: f64, lowest: f64) -> Option<f64> {
     None
 }
 
-/// What holds the body, from the depth of each node (m): values of `bind`, a core for each part of the layer, and which
-/// nodes those hold. One part is held from an inset, several each by its own deepest nodes.
+/// The rigid cores that hold the body, from the depth of each node (m): the value of `bind` for a core in each
+/// connected part of the layer, and whether each node is attached to one. A single part is attached from a depth
+/// (`inset`) on, several parts each by a list of their deepest nodes.
 pub fn cores(layer: &Layer, depths: &[f64]) -> (Vec<String>, Vec<bool>) {
     let (labels, count) = layer::parts(layer);
     let mut deepest = vec![f64::NEG_INFINITY; count];

@@ -1,4 +1,5 @@
-//! `palpate query`: where two surfaces overlap, undeformed; their vertices within each other, a picture, stage times.
+//! `palpate query`: finds where two surfaces overlap, undeformed; reports the vertices of each within the other, an
+//! image of the depths, and stage times.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -19,7 +20,7 @@ use crate::print;
 use crate::report::query::{Subject, write_contacts};
 use crate::report::{Output, QueryReport, StageSamples, field};
 
-/// Coordinates and lengths beyond it leave single precision no room.
+/// Greatest coordinates and lengths that are accepted; beyond them single precision is too coarse.
 const LARGEST: f64 = 1e9;
 const CONTACTS: &str = "contacts.csv";
 const PICTURE: &str = "depth.png";
@@ -55,7 +56,7 @@ pub struct Arguments {
 /// Position and orientation.
 type Pose = (DVec3, DQuat);
 
-/// So many finite numbers between commas.
+/// Parses `N` finite numbers with commas between them.
 fn numbers<const N: usize>(text: &str) -> std::result::Result<[f64; N], String> {
     let parsed: Option<Vec<f64>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
     let parsed = parsed.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
@@ -81,7 +82,8 @@ fn length(text: &str) -> std::result::Result<f64, String> {
     number.ok_or_else(|| format!("give a number greater than zero, {LARGEST:e} at most"))
 }
 
-/// Asks once and again for the times. Input is read and prepared before the device is opened, and output is made after.
+/// Runs the query, and repeats it for the times. Input is read and prepared before the Vulkan device is opened, and
+/// output is made after.
 pub fn query(arguments: &Arguments) -> Result<()> {
     let (a, b) = (Part::read(&arguments.a)?, Part::read(&arguments.b)?);
     let mut settings = QuerySettings::of(&a.body, &b.body);
@@ -122,7 +124,8 @@ pub fn query(arguments: &Arguments) -> Result<()> {
     print(&report.to_string())
 }
 
-/// The answer, and the times of all runs: by stage, and from question to answer.
+/// Runs the query `runs` times; returns the answer, the times by stage, and the wall time of each run, microseconds.
+/// Runs are timed by stage and as a whole in turn.
 fn run(query: &mut Query, pose_b: Pose, runs: u32) -> Result<(Answer, Vec<StageSamples>, Vec<f64>)> {
     let passes = |stage: &palpate::internal::gpu::StagePasses| StageSamples {
         stage: stage.stage.clone(),
@@ -154,7 +157,7 @@ fn run(query: &mut Query, pose_b: Pose, runs: u32) -> Result<(Answer, Vec<StageS
 struct Part {
     surface: String,
     body: Body,
-    /// Where its triangles are in the file; empty where they are not from one.
+    /// For each triangle its origin in the file; empty if the surface is not from a file.
     origins: Vec<Origin>,
 }
 
@@ -215,7 +218,7 @@ impl Part {
         field::Solid { vertices, triangles: triangles.to_vec() }
     }
 
-    /// A contact with a triangle of this surface, its number and corners as in the file.
+    /// A contact with a triangle of this surface, with the triangle's number and order of corners as in the file.
     fn in_file(&self, contact: &QueryContact) -> QueryContact {
         let Some(origin) = self.origins.get(contact.triangle as usize) else { return *contact };
         let [u, v, w] = contact.barycentric;
@@ -224,7 +227,7 @@ impl Part {
     }
 }
 
-/// An error about a key of the scene made here, told of the file.
+/// Translates an error about a key of the scene made here into one about the file.
 fn of_file(error: Error, surface: &str) -> Error {
     match error {
         Error::Key { problem, remedy, .. } => Error::input(Path::new(surface), None, problem, remedy),

@@ -1,4 +1,5 @@
-//! `palpate replay`: a recorded session again, compared bit for bit; or its ticks as a table.
+//! `palpate replay`: runs a recorded session again and compares it bit for bit; or writes its ticks (iterations of the
+//! haptic loop) as a table.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -41,7 +42,7 @@ pub fn replay(arguments: &Arguments) -> Result<()> {
     print(&result?)
 }
 
-/// The recording, and a bar on standard error that follows how far it was read, drawn only where that is a terminal.
+/// Opens the recording, with a progress bar for reading it on standard error, drawn only where that is a terminal.
 fn open(path: &Path) -> Result<(Recorded, ProgressBar)> {
     let unreadable = |error| {
         let remedy = "give a file that `palpate run --record` wrote";
@@ -83,7 +84,7 @@ fn again(recorded: Recorded, arguments: &Arguments) -> Result<String> {
     Ok(format!("replayed {} ticks and {} steps: the same bits\n", replayed.ticks, replayed.steps))
 }
 
-/// The scene that was recorded; another only where the user names it.
+/// Loads the scene that was recorded, or another one that the user names.
 fn scene_of(header: &Header, arguments: &Arguments) -> Result<Scene> {
     let path = arguments.scene.as_deref().unwrap_or(Path::new(&header.scene));
     if arguments.scene.is_none() && !path.exists() {
@@ -112,7 +113,7 @@ fn depth_of(header: &Header, file: &Path) -> Result<Option<DepthPath>> {
     Ok(known.ok_or_else(unknown)?.1)
 }
 
-/// All ticks as a table, which appears when it is whole.
+/// Writes all ticks as a table; the file appears when it is complete.
 fn export(recorded: Recorded, out: &Path) -> Result<String> {
     let failed = |source| Error::Output { file: out.into(), source };
     let name = out.file_name().and_then(|name| name.to_str());

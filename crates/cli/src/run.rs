@@ -1,4 +1,4 @@
-//! `palpate run`: a scene from the first step to the last, a trace of it, and its state at the end.
+//! `palpate run`: simulates a scene from the first step to the last, and writes a trace and the state at the end.
 
 use std::path::PathBuf;
 
@@ -17,16 +17,16 @@ use crate::report::summary::ClosingTable;
 use crate::report::{self, Output, Summary, Tally, Trace};
 use crate::{hold, print, tell};
 
-/// Threads that a machine may have.
+/// Greatest number of threads that is accepted.
 const MOST_THREADS: u32 = 1024;
 const TRACE: &str = "trace.csv";
 const SUMMARY: &str = "summary.json";
-/// A day at one kilohertz, and some; the times of all steps are kept for the closing table.
+/// Greatest number of steps, a little more than a day at 1 kHz; the times of all steps are kept for the closing table.
 const MOST_STEPS: u64 = 100_000_000;
-/// As a scene's cap.
+/// Greatest number of solver iterations, as in a scene file.
 const MOST_ITERATIONS: u32 = 10_000;
 const EXPLANATION: &str = "explain.json";
-/// Kinds of arrays, and what they are called.
+/// Names of the kinds of buffers through which kernels read their arrays.
 const ARRAYS: [(&str, Arrays); 2] = [("texel", Arrays::Texel), ("storage", Arrays::Storage)];
 
 /// Options of `palpate run`.
@@ -127,7 +127,8 @@ pub fn steps(text: &str) -> std::result::Result<u64, String> {
     steps.ok_or_else(|| format!("give a whole number from 1 to {MOST_STEPS}"))
 }
 
-/// How long a device is held: one that a person holds, until told to end; a recorded one, as long as it lasted at that rate.
+/// Duration of a session with a haptic device, s, if none is given: unlimited for hardware, which a person holds; for a
+/// recording, its number of ticks at the scene's rate; otherwise that of the scene.
 fn seconds_of(arguments: &Arguments, scene: &Scene) -> Result<f64> {
     if let Some(steps) = arguments.steps {
         let problem = format!("{steps} steps were asked for, and a session with a haptic device lasts some time");
@@ -141,7 +142,7 @@ fn seconds_of(arguments: &Arguments, scene: &Scene) -> Result<f64> {
     }
 }
 
-/// How many steps to do; refuses more than anyone waits for.
+/// The number of steps to do; refuses more than [`MOST_STEPS`].
 fn steps_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
     let seconds = arguments.seconds.unwrap_or(scene.duration());
     let steps = arguments.steps.unwrap_or_else(|| (seconds / scene.step.dt).round().max(1.0) as u64);
@@ -152,7 +153,7 @@ fn steps_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
     Err(palpate::Error::key(&scene.file, "step.dt", problem, "give a longer step, or fewer by --steps or --seconds"))
 }
 
-/// Runs a scene. Input is read and prepared before the device is opened, and output is made after.
+/// Runs a scene. Input is read and prepared before the Vulkan device is opened, and output is made after.
 pub fn run(arguments: &Arguments) -> Result<()> {
     #[cfg(feature = "view")]
     arguments.look.shown()?;
@@ -203,7 +204,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     ))
 }
 
-/// Says what a step does, and what it leaves out.
+/// Prints which passes a step records, which it leaves out, and why.
 fn explain(arguments: &Arguments, scene: &Scene, iterations: u32) -> Result<()> {
     let engine = Engine::open(scene, &arguments.device_options())?;
     engine.notes().for_each(tell);
@@ -216,22 +217,22 @@ fn explain(arguments: &Arguments, scene: &Scene, iterations: u32) -> Result<()> 
     print(&explanation.to_string())
 }
 
-/// How far a run goes.
+/// Length of a run.
 enum Extent {
-    /// Steps of the scene's `dt`.
+    /// Number of steps of the scene's `dt`.
     Steps(u64),
-    /// Of the world's time, held by a device.
+    /// Real time, s, with the tool held by a haptic device.
     Seconds(f64),
 }
 
-/// What a run leaves.
+/// Results of a run.
 struct Done {
     tally: Tally,
     outcome: Outcome,
     report: Option<Report>,
 }
 
-/// All steps, each with its row in the trace.
+/// Does all steps, each with its row in the trace.
 fn simulate(
     mut engine: Engine,
     scene: &Scene,
@@ -285,7 +286,7 @@ fn simulate(
     Ok(Done { tally, outcome: engine.finish()?, report })
 }
 
-/// Pictures every so many steps.
+/// Images every so many steps: the number of steps, and the studio that renders them.
 #[cfg(feature = "view")]
 struct Snapshots(Option<(u64, palpate_view::Studio)>);
 
@@ -306,7 +307,7 @@ impl Snapshots {
     }
 }
 
-/// None: this program was built without pictures.
+/// Does nothing: this program was built without rendering.
 #[cfg(not(feature = "view"))]
 struct Snapshots;
 
@@ -321,7 +322,7 @@ impl Snapshots {
     }
 }
 
-/// A bar on standard error, drawn only where that is a terminal.
+/// A progress bar on standard error, drawn only where that is a terminal.
 fn progress(extent: &Extent) -> ProgressBar {
     let (length, template) = match extent {
         Extent::Steps(steps) => (*steps, "{wide_bar} {pos}/{len} steps, {eta} left"),
@@ -334,7 +335,7 @@ fn progress(extent: &Extent) -> ProgressBar {
     }
 }
 
-/// The files that are written once, at the end.
+/// Writes the files of the run's end: layers (tetrahedral meshes), skins (surface meshes) and the summary.
 fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
     let Done { tally, outcome, report } = done;
     for layer in &outcome.layers {

@@ -12,7 +12,7 @@ use crate::{print, watch};
 
 const RESULTS: &str = "results.json";
 const REPORT: &str = "report.html";
-/// Faults that are named at the end; the report has all.
+/// Number of faults that are named at the end; the report has all.
 const TOLD: usize = 3;
 
 /// Options of `palpate stability`.
@@ -39,8 +39,8 @@ pub struct Arguments {
     out: Option<PathBuf>,
 }
 
-/// Runs the matrix, writes the report into a directory, if there is one, and prints it. Errors: a failure that no flag told,
-/// or a case of the core that does not pass.
+/// Runs the matrix, writes the report into a directory, if one is given, and prints it. Errors: an invariant is broken
+/// without a warning flag, or a case with usual parameters, which must pass, does not.
 pub fn stability(arguments: &Arguments) -> Result<()> {
     let settings = Settings {
         is_quick: arguments.quick,
@@ -62,7 +62,7 @@ pub fn stability(arguments: &Arguments) -> Result<()> {
     if faults.is_empty() { Ok(()) } else { Err(Error::Simulation(in_short(&faults))) }
 }
 
-/// How many, and the first of them.
+/// The number of faults and the first of them, in one line.
 fn in_short(faults: &[String]) -> String {
     let first = faults[..faults.len().min(TOLD)].join("; ");
     let more = if faults.len() > TOLD { "; the report has the others" } else { "" };

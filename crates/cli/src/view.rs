@@ -1,4 +1,4 @@
-//! `palpate view`: a window onto a scene under way, and a hand in it.
+//! `palpate view`: a window that shows a running scene, whose tool the user holds with the mouse or a haptic device.
 
 mod app;
 mod closing;
@@ -62,7 +62,8 @@ pub struct Arguments {
     validation: bool,
 }
 
-/// Opens the window and stays until it is closed. Input is read first; whatever ends it, the device is let go of.
+/// Opens the window and returns when it is closed. Input is read first; whatever ends the window, the haptic device is
+/// released.
 pub fn view(arguments: &Arguments) -> Result<()> {
     let mut scene = Scene::load(&arguments.scene)?;
     let name = arguments.device.as_deref().unwrap_or(if scene.tool.is_some() { "mouse" } else { "drive" });
@@ -126,7 +127,7 @@ pub fn view(arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// How far it goes. Where the keys lead, time is counted in steps.
+/// When the simulation ends. Where the tool follows the scene's keys, a time is converted to steps.
 fn extent_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
     match (arguments.steps, arguments.seconds) {
         (None, None) => Ok(Extent::Endless),
@@ -142,7 +143,7 @@ fn extent_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
 
 fn no_display(scene: &Path, error: &winit::error::EventLoopError) -> Error {
     let (scene, error) = (scene.display(), error.to_string());
-    // Before the reason winit says where in its own source it was found.
+    // winit's text begins with a place in its own source, which is cut off.
     let error =
         error.rsplit(".rs:").next().map_or("", |end| end.trim_start_matches(|c: char| c.is_ascii_digit() || c == ':'));
     let error = error.trim().trim_end_matches('.');
@@ -151,14 +152,14 @@ fn no_display(scene: &Path, error: &winit::error::EventLoopError) -> Error {
     ))
 }
 
-/// What leads the tool, by its name; the mouse by the goal.
+/// What moves the tool, by its name on the command line; `goal` is given if that is the mouse.
 fn lead(name: &str, goal: Option<&Goal>, haptics: &Haptics) -> Lead {
     if name == "drive" {
         return Lead::Drive;
     }
     let (goal, haptics) = (goal.cloned(), haptics.clone());
     let make: MakeDevice = Box::new(move |simulation, start: Key| match &goal {
-        // Of a surface that was dropped the device stays what the user chose.
+        // After a surface was dropped, the haptic device stays the one that the user chose.
         None => hold::device(&Scene { haptics: haptics.clone(), ..simulation.scene().clone() }, start),
         Some(goal) => {
             goal.place(start.position, start.orientation);
@@ -168,7 +169,7 @@ fn lead(name: &str, goal: Option<&Goal>, haptics: &Haptics) -> Lead {
     Lead::Device { name: name.into(), make }
 }
 
-/// The trace, written by the simulation's thread and finished by this one.
+/// The trace, written by the simulation's thread and finished by the window's.
 struct Shared {
     trace: Arc<Mutex<Option<Trace<BufWriter<File>>>>>,
     file: PathBuf,
@@ -186,7 +187,7 @@ impl Shared {
         Ok(Shared { trace: Arc::new(Mutex::new(trace)), file })
     }
 
-    /// Writes rows as they come.
+    /// The function that writes each step report into the trace.
     fn watch(&self) -> Watch {
         let (trace, file) = (self.trace.clone(), self.file.clone());
         Box::new(move |row: &StepReport| {

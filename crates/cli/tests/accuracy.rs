@@ -1,12 +1,12 @@
-//! `palpate bench accuracy`: every curve, however small, against its reference; a fault planted in a kernel shows in the
-//! verdict; what is refused. No times are judged.
+//! Tests of `palpate bench accuracy` on tiny cases: every curve agrees with its reference, a fault planted in a kernel
+//! shows in the verdict, and wrong names are refused. No times are judged.
 
 #[path = "../../../vk-tests/harness/spoil.rs"]
 mod spoil;
 
 use palpate_bench::accuracy::{self, Curve, Settings};
 
-/// Of blocks and heads that are quickly solved, both by engine and by reference.
+/// Settings with blocks and heads that both engine and reference solve quickly.
 fn tiny() -> Settings {
     Settings {
         device: std::env::var("PALPATE_TEST_DEVICE").ok(),
@@ -39,7 +39,7 @@ fn measure(name: &str, settings: &Settings) -> Curve {
 fn forces_of_tight_solves_are_the_references_and_of_loose_ones_are_not() {
     let curve = measure("tolerance", &tiny());
     assert!(curve.is_within(), "{:?}", curve.beyond());
-    // In short two preconditioners, each on two stiffnesses.
+    // The quick settings have two preconditioners, each on two stiffnesses.
     let titles: Vec<String> = curve.lines().iter().map(|line| line.title()).collect();
     assert_eq!(titles, ["20 kPa, jacobi", "20 kPa, auto", "2 MPa, jacobi", "2 MPa, auto"]);
     assert!(curve.decades() > 2.0, "{}", curve.decades());
@@ -70,7 +70,7 @@ fn shorter_steps_and_more_linearisations_are_more_accurate() {
 #[test]
 #[ignore = "long: 16 s"]
 fn single_precision_loses_little_of_the_force_wherever_it_is() {
-    // In fewer steps the shortest run would touch nothing.
+    // With fewer steps the shortest run would touch nothing.
     let curve = measure("precision", &Settings { steps: 50, ..tiny() });
     assert!(curve.is_within() && curve.lines().len() == 2, "{curve:?}");
     assert!(curve.points.iter().all(|point| point.error().is_some()), "{curve:?}");
@@ -96,7 +96,7 @@ fn presets_are_settings_that_were_measured() {
 #[test]
 #[ignore = "long: 17 s"]
 fn a_wrong_sign_in_a_kernel_turns_the_verdict_red() {
-    // Contacts pull where they should push; the solver does not mind.
+    // Contacts pull where they should push; the solver converges all the same.
     let bytes = spoil::spoiled("solve/assemble", "b -= f * n;", "b += f * n;");
     let curve = measure("tolerance", &Settings { replaced: vec![("solve/assemble".into(), bytes)], ..tiny() });
     let finding = accuracy::section(&curve).unwrap().finding;

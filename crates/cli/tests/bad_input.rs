@@ -1,5 +1,5 @@
-//! Bad input through the built program: exit status 2, one line on standard error that says what, where and what to
-//! do, no panic, and nothing left in the output directory. All of it happens before a device is opened.
+//! Tests of bad input through the built program: exit status 2, one line on standard error that says what, where and
+//! what to do, no panic, and nothing left in the output directory. All of it happens before a Vulkan device is opened.
 
 #[path = "../../../tests/real_meshes/mod.rs"]
 mod real_meshes;
@@ -25,7 +25,7 @@ fn palpate(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_palpate")).args(arguments).output().unwrap()
 }
 
-/// Runs a scene with `--out`, insists on a clean refusal, and returns the message.
+/// Runs a scene with `--out`, checks that it is cleanly refused, and returns the message.
 fn refusal(folder: &Path, scene: &str) -> String {
     let (file, out) = (folder.join("scene.toml"), folder.join("made/out"));
     fs::write(&file, scene).unwrap();
@@ -74,7 +74,7 @@ fn mistakes_in_a_scene() {
         (body.replace("cube.obj", "cub.obj"), "there is no file"),
         (
             format!("{body}[[body.region]]\ngroup = \"fat\"\nmaterial = {{ young = 1e3 }}\n"),
-            "`body.a.region[0].group`: the layer is made here and has no groups; give `box` or `sphere`",
+            "`body.a.region[0].group`: the layer is generated and has no groups; give `box` or `sphere`",
         ),
         (
             format!("{body}[[body.region]]\nsphere = [9, 9, 9, 1]\nmaterial = {{ young = 1e3 }}\n"),
@@ -139,27 +139,27 @@ fn mistakes_on_the_command_line() {
     assert!(message.contains("1e300 s are more than 100000000 steps"), "{message}");
 }
 
-/// What becomes of a mesh of `bad/`.
+/// Expected outcome of a mesh in `bad/`, the folder of defective files.
 enum Answer {
     /// It is refused, with these words.
     Refused(&'static str),
     /// It is prepared with cells of this edge, and these are the notes (without the file and its line).
     Cells(f64, &'static [&'static str]),
-    /// It is prepared as a layer, with these notes.
+    /// It is prepared as a layer (tetrahedral mesh), with these notes.
     Layer(&'static [&'static str]),
 }
 use Answer::{Cells, Layer, Refused};
 
-/// Every mesh of `bad/`.
+/// Every mesh in `bad/`, with its expected outcome.
 const ANSWERS: [(&str, Answer); 25] = [
     ("duplicate_faces.obj", Cells(0.1, &["300 triangles given more than once dropped"])),
     ("empty.obj", Refused("has no vertices")),
-    // No scale is right for it: the digits are gone.
-    ("far_from_origin.obj", Refused("from the origin, where single precision steps by")),
-    ("flipped_10pct.obj", Cells(0.1, &["1619 edges between triangles wound opposite ways; 599 triangles turned"])),
+    // No `scale` of the scene helps, because the coordinates' digits are lost already.
+    ("far_from_origin.obj", Refused("from the origin, where neighbouring f32 numbers are")),
+    ("flipped_10pct.obj", Cells(0.1, &["1619 edges with inconsistently oriented triangles; 599 triangles reversed"])),
     ("huge_coords.obj", Refused("coordinates reach 8.491e17")),
     ("index_out_of_range.obj", Refused("obj:5: a face names vertex 0")),
-    ("inside_out.obj", Cells(0.1, &["1 pieces were inside out, and turned"])),
+    ("inside_out.obj", Cells(0.1, &["1 pieces were inside out, and reversed"])),
     ("moebius.obj", Refused("one side only and cannot be oriented")),
     ("nan_inf.obj", Refused("obj:2: coordinate `nan` is not a finite number")),
     ("nan_node.v22.msh", Refused("msh:7: a node's coordinate is not a finite number")),
@@ -168,7 +168,7 @@ const ANSWERS: [(&str, Answer); 25] = [
         "nonmanifold_edge_welded.obj",
         Cells(0.2, &["1 edges of more than two triangles, kept; contact is not followed across them"]),
     ),
-    // A pyramid: closed, once every dialect in it is understood.
+    // A pyramid, which is closed if every dialect of the format in it is understood.
     ("ok_dialects.obj", Cells(0.2, &[])),
     (
         "open_holes.obj",
@@ -178,32 +178,32 @@ const ANSWERS: [(&str, Answer); 25] = [
                the surface)"],
         ),
     ),
-    // A head without a neck's end, wound inwards.
+    // A head that is open at the neck and wound inwards.
     (
         "real_cgal_head_open.obj",
         Cells(
             1.0,
             &[
-                "1 pieces were inside out, and turned",
+                "1 pieces were inside out, and reversed",
                 "58 edges of one triangle around 3 holes, left open; for volume and mass fans close them (8.96 % of \
                  the surface)",
             ],
         ),
     ),
-    // Clothes, lashes and joints of the rig lie in the same file, some of them open sheets.
+    // The file also holds clothes, lashes and joints of the rig, some of them open sheets.
     (
         "real_makehuman_base.obj",
         Cells(
             0.7,
             &[
-                "2 pieces were inside out, and turned",
+                "2 pieces were inside out, and reversed",
                 "784 edges of one triangle around 28 holes, left open; for volume and mass fans close them (17.30 % \
                  of the surface)",
-                "2390 pairs of triangles cross, first 410 and 35121 (from 0), kept",
+                "2390 pairs of triangles intersect, first 410 and 35121 (from 0), kept",
             ],
         ),
     ),
-    ("self_intersect_tori.obj", Cells(0.3, &["256 pairs of triangles cross, first 8 and 2469 (from 0), kept"])),
+    ("self_intersect_tori.obj", Cells(0.3, &["256 pairs of triangles intersect, first 8 and 2469 (from 0), kept"])),
     ("sparse_ids_ok.v22.msh", Layer(&[])),
     ("triangle_soup.obj", Cells(0.1, &["14988 vertices joined with others at the same place, where edges were open"])),
     ("truncated.obj", Refused("obj:14: a vertex with 1 coordinates")),
@@ -215,7 +215,7 @@ const ANSWERS: [(&str, Answer); 25] = [
             &[
                 "156 triangles without area dropped",
                 "78 vertices joined with others at the same place, where edges were open",
-                "3 pairs of triangles cross, first 2973 and 2977 (from 0), kept",
+                "3 pairs of triangles intersect, first 2973 and 2977 (from 0), kept",
             ],
         ),
     ),
@@ -224,7 +224,7 @@ const ANSWERS: [(&str, Answer); 25] = [
     ("out_of_range.ele", Refused("out_of_range.ele:2: tetrahedron 0 names node 4, which is not there")),
 ];
 
-/// The body of a scene, prepared.
+/// Prepares the body of a scene.
 fn prepared(folder: &Path, scene: &str) -> palpate::Result<prepare::Body> {
     let file = folder.join("scene.toml");
     fs::write(&file, scene).unwrap();
@@ -232,7 +232,8 @@ fn prepared(folder: &Path, scene: &str) -> palpate::Result<prepare::Body> {
     prepare::body(&scene.bodies[0], &scene)
 }
 
-/// Finite, covered, embedded; and the notes are these.
+/// Checks that a prepared body is finite, that its skin is embedded and covered by proxies, and that the notes are
+/// these.
 fn assert_prepared(name: &str, path: &Path, body: &prepare::Body, notes: &[&str]) {
     let (skin, proxies) = match &body.shape {
         prepare::Shape::Soft { layer, embedding, skin, proxies, .. } => {
@@ -250,7 +251,7 @@ fn assert_prepared(name: &str, path: &Path, body: &prepare::Body, notes: &[&str]
     assert!(proxies.iter().flat_map(|proxy| &proxy.hull).all(|corner| corner.is_finite()), "{name}");
     assert_eq!(proxies.iter().map(|proxy| proxy.vertices.len()).sum::<usize>(), skin.vertices.len(), "{name}");
     assert_eq!(proxies.iter().map(|proxy| proxy.triangles.len()).sum::<usize>(), skin.triangles.len(), "{name}");
-    // The others are about what cells of this size cannot follow.
+    // Other notes are about what cells of this size cannot follow.
     let of_file = body.report.notes.iter().filter(|note| note.starts_with(&path.display().to_string()));
     let said: Vec<&str> = of_file.map(|note| note.split_once(": ").unwrap().1).collect();
     assert_eq!(said, notes, "{name}");
@@ -280,9 +281,9 @@ fn every_bad_mesh_is_prepared_with_a_report_or_refused_with_the_reason() {
                 assert_prepared(name, &path, &prepared(folder.path(), &rigid).unwrap(), notes);
                 assert_prepared(name, &path, &prepared(folder.path(), &cells(*cell)).unwrap(), notes);
                 println!("{name}: {:.1?}", start.elapsed());
-                // Without repair, what would be mended is refused; crossings alone are not.
+                // Without repair, a mesh that would be mended is refused; triangles that intersect alone are no reason.
                 let strict = prepared(folder.path(), &format!("{rigid}repair = false\n"));
-                let is_sound = notes.iter().all(|note| note.contains("pairs of triangles cross"));
+                let is_sound = notes.iter().all(|note| note.contains("pairs of triangles intersect"));
                 assert_eq!(strict.is_ok(), is_sound, "{name}: {:?}", strict.err());
             }
             Layer(notes) => assert_prepared(name, &path, &prepared(folder.path(), &layer).unwrap(), notes),
@@ -321,8 +322,8 @@ fn every_good_mesh_is_read() {
     }
 }
 
-/// Hulls of a soup against those of the sound surface, by the sum of their boxes' diagonals: vertices that were joined lie
-/// in hulls at their place. One in a distant hull would draw that out over the body.
+/// Greatest ratio of the hulls' size (sum of their boxes' diagonals) of a triangle soup to that of the sound surface.
+/// Joined vertices must lie in hulls at their place: one in a distant hull would stretch that hull over the body.
 const SAME_HULLS: f64 = 1.05;
 
 #[test]
@@ -371,7 +372,7 @@ fn a_run_says_what_was_repaired() {
         println!("skipped: a run says what was repaired: no device");
         return;
     }
-    let (said, note) = (String::from_utf8(output.stderr).unwrap(), "4 edges between triangles wound opposite ways");
+    let (said, note) = (String::from_utf8(output.stderr).unwrap(), "4 edges with inconsistently oriented triangles");
     assert!(said.starts_with("note: ") && said.contains("cube.obj:9: ") && said.contains(note), "{said}");
     let summary: serde_json::Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
     let told = &summary["files"]["a"];

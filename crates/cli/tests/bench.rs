@@ -1,4 +1,5 @@
-//! `palpate bench`: every question is answered, however small; what is written; bad input. No times are judged.
+//! Tests of `palpate bench`: tiny runs answer every question of the report; shards, comparison with earlier results,
+//! and bad input. No times are judged.
 
 use std::process::{Command, Output};
 
@@ -10,7 +11,7 @@ use palpate_bench::suite::{self, Head, Shard};
 use palpate_bench::{Benchmark, Document};
 use serde_json::{Map, Value};
 
-/// All parts of a benchmark, what was told meanwhile, and the report.
+/// Measures all parts of a benchmark; returns them, the progress lines, and the report as HTML.
 fn measure(benchmark: Box<dyn Benchmark>) -> (Map<String, Value>, Vec<String>, String) {
     let mut told = Vec::new();
     let benchmarks = [benchmark];
@@ -51,7 +52,7 @@ fn a_tiny_run_answers_every_question_of_the_query() {
     assert_eq!(["pose", "contact", "pose to contact"].map(runs), [3; 3]);
     let areas: Vec<f64> = results.area.iter().map(|row| 1e4 * row.place.area).collect();
     assert!(results.area[0].place.contacts == 0 && areas[0] == 0.0);
-    // Coarse triangles on a coarse border, and the ball is a little beside the pole.
+    // The triangles at the border of the area are coarse, and the ball is a little beside the pole.
     assert!((areas[1] - 1.0).abs() < 0.15 && (areas[2] - 2.0).abs() < 0.2, "{areas:?}");
     let peers = results.peers.as_ref().unwrap();
     assert!(peers.inside.abs_diff(20) <= 3 && peers.colliding.iter().all(|&n| n > 0), "{peers:?}");
@@ -83,9 +84,9 @@ fn a_tiny_run_answers_every_question_of_the_solver() {
         for runs in by_preconditioner {
             let [loose, tight] = runs else { panic!("{runs:?}") };
             assert_eq!((loose.tolerance, tight.tolerance), (1e-1, 1e-6));
-            // On the stiff block with long steps 1e-6 is more than single precision can promise.
+            // On the stiff block with long steps a residual of 1e-6 is more than single precision can promise.
             assert!(case.case.young > 2e4 || tight.flagged == 0, "{tight:?}");
-            // The solver's tolerance, and f32 displacements.
+            // The bound covers the solver's tolerance and the rounding of f32 displacements.
             assert!(tight.error < 1e-5 && tight.error > 0.0 && tight.error < loose.error, "{runs:?}");
             assert!(tight.iterations.iter().zip(&loose.iterations).all(|(many, few)| many > few), "{runs:?}");
             assert!(tight.step_us.len() == 2 && tight.step_us.iter().all(|steps| steps.len() == 4));
@@ -126,7 +127,7 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
     let [prompt, late] = &results.delays[..] else { panic!("{:?}", results.delays) };
     assert!(prompt.local > late.local && late.local > late.gil && prompt.delay == 0.0, "{prompt:?} {late:?}");
     let [slow] = &results.rates[..] else { panic!("{:?}", results.rates) };
-    // The raw force of a slow simulation swings on walls that the local model holds: that is what it is for.
+    // On a slow simulation the raw force oscillates at walls that the local model holds steadily, which is its purpose.
     assert!(slow.rate == 50.0 && slow.local > 10.0 * slow.raw, "{slow:?}");
 
     use haptics::{Met, Mode};
@@ -151,7 +152,7 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
 #[ignore = "long: 19 s"]
 fn a_tiny_run_answers_every_question_of_the_papers_scenes() {
     let folder = tempfile::tempdir().unwrap();
-    // Five names for one small scene.
+    // The five scenes are replaced by one small scene under their names.
     for told in paper::SCENES {
         let scene =
             include_str!("../../../assets/scenes/touch-head.toml").replace("44000", "4000").replace("0.018", "0.04");
@@ -207,7 +208,7 @@ fn two_shards_joined_give_the_report_of_the_whole_and_every_part_is_in_one() {
         assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
         String::from_utf8(done.stdout).unwrap()
     };
-    // In virtual time, and so with the same numbers every time.
+    // These run in virtual time, and give the same numbers every time.
     let asked = ["bench", "haptics/damping", "haptics/delay", "haptics/rate", "--quick"];
     let with = |more: &[&str]| ok(&[&asked[..], more].concat());
     assert_eq!(with(&["--list"]), "haptics/damping\nhaptics/delay\nhaptics/rate\n");
@@ -220,7 +221,7 @@ fn two_shards_joined_give_the_report_of_the_whole_and_every_part_is_in_one() {
     assert_eq!(read("both", "report.html"), read("whole", "report.html"));
     let results = |name: &str| {
         let mut value: Value = serde_json::from_str(&read(name, "results.json")).unwrap();
-        // How fast the machine was is another each time.
+        // The measured speed of the machine differs from run to run.
         value["benchmarks"]["haptics"].as_object_mut().unwrap().remove("gauges").unwrap();
         value
     };
@@ -238,7 +239,7 @@ fn what_is_slower_than_before_ends_with_status_4() {
     let same = palpate(&["bench", "--merge", &dir("new"), "--compare", &dir("new")]);
     assert!(same.status.success(), "{}", String::from_utf8_lossy(&same.stderr));
     assert!(String::from_utf8_lossy(&same.stdout).contains("0 of"));
-    // Before, everything took a hundredth.
+    // Old results are made in which the contact stage took a hundredth of the time.
     let file = folder.path().join("new/results.json");
     let mut json: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
     let contact = &mut json["benchmarks"]["proximity"]["parts"]["peers"]["samples_us"]["contact"];

@@ -1,5 +1,5 @@
-//! The package: what `install.sh` puts under a prefix is found by CMake and pkg-config, programs link and run with it from
-//! wherever it was moved, and the library gives away nothing but its interface.
+//! Tests of the package: what `install.sh` puts under a prefix is found by CMake and pkg-config, programs link and run
+//! with it from wherever it was moved, and the library exports nothing but its interface.
 
 #[path = "../../capi/tests/ffi_help/mod.rs"]
 mod ffi_help;
@@ -16,7 +16,8 @@ fn output(command: &mut Command) -> String {
     text(&done.stdout)
 }
 
-/// Installs what this test was built with, and moves it; where it is now, and a scene.
+/// Installs the program and libraries that this test was built with, and moves them; returns their new prefix and a
+/// scene.
 fn installed(folder: &Path) -> (PathBuf, PathBuf) {
     let (built, first, second) = (folder.join("built"), folder.join("first"), folder.join("second place"));
     std::fs::create_dir(&built).unwrap();
@@ -33,7 +34,7 @@ fn installed(folder: &Path) -> (PathBuf, PathBuf) {
     (second, scene)
 }
 
-/// The example in C gives a line a step.
+/// Runs the example in C, which must print a line per step.
 fn runs(program: &Path, scene: &Path) {
     let said = output(Command::new(program).arg(scene).arg("3"));
     assert_eq!(said.lines().count(), 3, "{said}");
@@ -71,7 +72,7 @@ fn cmake_and_pkg_config_find_what_was_installed() {
     assert_eq!(ask(&["--modversion"]), env!("CARGO_PKG_VERSION"));
     let (flags, libraries) = (ask(&["--cflags", "--libs"]), ask(&["--static", "--libs"]));
     let program = folder.path().join("touch");
-    // A shell takes the words apart: the prefix has a blank.
+    // A shell splits the flags into words, because the prefix has a blank in it.
     let line =
         format!("gcc '{}' {flags} '-Wl,-rpath,{}/lib' -o '{}'", source.display(), prefix.display(), program.display());
     output(Command::new("sh").args(["-c", &line]));

@@ -1,6 +1,7 @@
-//! Pictures: golden ones, compared as eyes compare; films and snapshots through the built program.
+//! Tests of rendered images: they look like the golden (stored) ones; films and snapshots through the built program.
 //!
-//! `PALPATE_WRITE_GOLDEN=1 cargo test --release --test pictures` makes the golden pictures again. Look at them before they are kept.
+//! `PALPATE_WRITE_GOLDEN=1 cargo test --release --test pictures` makes the golden images again. Look at them before
+//! they are kept.
 #![cfg(feature = "view")]
 
 use std::fs;
@@ -19,25 +20,28 @@ use tempfile::TempDir;
 #[path = "../../../vk-tests/harness/spoil.rs"]
 mod spoil;
 
-/// Pixels.
+/// Width and height of the images, pixels.
 const SIZE: [u32; 2] = [480, 270];
-/// Pixels of a picture whose mean is compared, a side: nobody sees noise of single ones.
+/// Side of the squares whose mean colours are compared, pixels, as noise of single pixels is invisible.
 const BLUR: u32 = 3;
-/// Means a side of a tile. The worst one counts: a patch of contact is a small part of a picture.
+/// Width and height of a tile, in such squares. The least similar tile counts, because a contact patch is a small part
+/// of an image.
 const TILE: [u32; 2] = [16, 15];
-/// The least structural similarity (Wang et al. 2004) of a tile, in the worst of its colours. Noise of 1/255 leaves 0.94 (the crate
-/// adds up variances over a window where the paper takes their mean, and so is strict with it), two degrees of the camera 0.8.
+/// Least structural similarity (Wang et al. 2004) of a tile, in its worst colour channel, for images to count as alike.
+/// Noise of 1/255 leaves 0.94 (the crate sums variances over a window where the paper takes their mean, and so is
+/// stricter); a turn of the camera by two degrees leaves 0.8.
 const ALIKE: f64 = 0.87;
 
-/// A golden picture.
+/// A golden image: the scene and the camera that it is made with.
 struct Golden {
     name: &'static str,
     scene: &'static str,
     steps: usize,
     shown: &'static [Overlay],
-    /// Degrees to the right and above, and how many times as near.
+    /// The camera's angles to the right and above, degrees, and the factor by which it is nearer than where it shows
+    /// all.
     from: [f64; 3],
-    /// Of what is looked at from the middle of all bodies, m.
+    /// Offset of the camera's target from the middle of all bodies, m.
     aside: [f64; 3],
 }
 
@@ -102,7 +106,7 @@ fn device() -> Option<String> {
     std::env::var("PALPATE_TEST_DEVICE").ok()
 }
 
-/// A scene after some steps, and what takes pictures of it.
+/// A scene after some steps, and a studio that renders it.
 fn studio(scene: &str, steps: usize, replaced: Vec<(String, Vec<u8>)>) -> (Simulation, Studio) {
     let scene = Scene::load(&golden_folder().join(format!("{scene}.toml"))).unwrap();
     let options = Options { device: device(), threads: Some(Threads::Auto), replaced, ..Options::of_program() };
@@ -139,7 +143,7 @@ fn read(file: &Path) -> RgbImage {
     ImageBuffer::from_raw(info.width, info.height, bytes).unwrap()
 }
 
-/// Means of [`BLUR`] pixels a side.
+/// The mean colours of squares of [`BLUR`] pixels a side.
 fn blurred(image: &RgbImage) -> RgbImage {
     RgbImage::from_fn(SIZE[0] / BLUR, SIZE[1] / BLUR, |x, y| {
         let pixels = (0..BLUR * BLUR).map(|k| image.get_pixel(BLUR * x + k % BLUR, BLUR * y + k / BLUR));
@@ -149,7 +153,7 @@ fn blurred(image: &RgbImage) -> RgbImage {
     })
 }
 
-/// How alike two pictures are where they are least alike, 0 to 1.
+/// Structural similarity of two images in their least similar tile, 0 to 1.
 fn likeness(a: &RgbImage, b: &RgbImage) -> f64 {
     assert_eq!((a.dimensions(), b.dimensions()), (SIZE.into(), SIZE.into()));
     let (a, b) = (blurred(a), blurred(b));
@@ -193,7 +197,7 @@ fn pictures_look_like_the_golden_ones() {
     }
 }
 
-/// Without the legend, whose letters differ where its field does.
+/// The image without its legend, whose letters differ between fields.
 fn unlabelled(mut image: RgbImage) -> RgbImage {
     for (x, y, pixel) in image.enumerate_pixels_mut() {
         if x < 300 && y > 150 {
@@ -214,7 +218,7 @@ fn the_comparison_sees_what_eyes_see() {
     let sun = DVec3::new(-0.25, 0.85, 0.8);
     let [plain, pressed, ..] = &GOLDEN;
     let head = sun_at(&mut studio, plain, sun);
-    // Noise is not seen.
+    // Noise does not count as a difference.
     let mut noise = head.clone();
     let mut state = 1u32;
     for byte in noise.iter_mut() {
@@ -229,7 +233,7 @@ fn the_comparison_sees_what_eyes_see() {
         println!("{what} {alike:.3}");
         assert!(alike < ALIKE, "{what}: {alike}");
     };
-    // From the other side; from below, which throws no shadow on the ground.
+    // The light comes from elsewhere; from below, it throws no shadow on the ground.
     expect_seen("light from the right", &head, &sun_at(&mut studio, plain, DVec3::new(0.8, 0.85, 0.3)));
     expect_seen("light 10 degrees lower", &head, &sun_at(&mut studio, plain, DVec3::new(-0.25, 0.62, 0.95)));
     expect_seen("light from below", &head, &sun_at(&mut studio, plain, -sun));
@@ -241,7 +245,7 @@ fn the_comparison_sees_what_eyes_see() {
             expect_seen(&format!("{}, camera {right} {up}", golden.name), &before, &sun_at(&mut studio, &moved, sun));
         }
     }
-    // The map of pressure exchanged for that of depth, which is spread alike.
+    // The colour map of pressure is exchanged for that of depth, a field with a similar distribution.
     let [pressure, depth] = [Overlay::Pressure, Overlay::Depth].map(|field| {
         pressed.aim(&mut studio);
         studio.renderer().set_sun(sun);
@@ -271,7 +275,7 @@ fn the_comparison_sees_that_a_shadow_is_missing() {
     }
 }
 
-/// A ball of 50 g close above a soft block.
+/// A scene with a ball of 50 g, the tool, close above a soft block.
 const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
     layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [4, 3, 4] }\n\
     material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
@@ -291,7 +295,7 @@ fn folder() -> TempDir {
 fn palpate(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
     command.args(arguments).current_dir(folder);
-    // No command of these opens a window.
+    // None of these commands opens a window.
     command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
     if let Some(device) = device().filter(|_| arguments[0] != "devices") {
         command.args(["--device", &device]);
@@ -351,17 +355,17 @@ fn films_are_the_same_every_time() {
     for (name, (frame, _)) in expected.iter().zip(&animated) {
         assert!(read(&folder.path().join("frames").join(name)) == *frame, "{name} is not the film's");
     }
-    // Half as fast: twice the pictures, each second one the same.
+    // At half the speed there are twice as many images, and every other one shows the same moment.
     let slow = ["--size", "96x54", "--fps", "100", "--speed", "0.5", "--seconds", "0.04", "--show", "pressure,force"];
     succeed(folder.path(), &[&["film", "scene.toml", "--out", "slow.apng"][..], &slow].concat());
     let slow = frames(&folder.path().join("slow.apng"));
     assert_eq!(slow.len(), 9);
-    // The scale of pressure may have begun in between.
+    // Only the first is compared, because the scale of pressure may begin at an image in between.
     assert!(slow[0].0 == animated[0].0);
     assert_eq!(names(folder.path()), ["frames", "one.apng", "scene.toml", "slow.apng", "two.png"]);
 }
 
-/// A trace without how long its steps took.
+/// A trace without the column of the steps' times.
 fn untimed(file: &Path) -> Vec<Vec<String>> {
     let mut reader = csv::Reader::from_path(file).unwrap();
     let timed = reader.headers().unwrap().iter().position(|name| name == "step_us").unwrap();
@@ -408,7 +412,7 @@ fn a_snapshot_is_what_the_studio_takes() {
     assert!(read(&folder.path().join("out/snapshot-000020.png")) == taken);
 }
 
-/// Insists on a clean refusal that leaves nothing, and returns the message.
+/// Checks that the program refuses the arguments in one line and leaves nothing; returns the message.
 fn refusal(folder: &Path, arguments: &[&str]) -> String {
     let before = names(folder);
     let output = palpate(folder, arguments);

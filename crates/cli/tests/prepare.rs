@@ -1,5 +1,5 @@
-//! `palpate prepare` through the built program: what it writes, what it keeps in its cache, and what it refuses. No
-//! device is opened.
+//! Tests of `palpate prepare` through the built program: what it writes, what it keeps in its cache, and what it
+//! refuses. No Vulkan device is opened.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -86,7 +86,7 @@ fn a_body_from_the_cache_is_the_same_to_the_last_bit() {
     let mut entries = names(&cache);
     entries.retain(|name| name.ends_with(".body"));
     assert_eq!(entries.len(), 1);
-    // Other options, another body; scale is applied afterwards.
+    // Other options make another body, except the scale, which is applied after the cache.
     assert_eq!(prepared(&cache, &out("d"), &[&SMALL[..], &["--scale", "3"]].concat())["cache"], "found");
     assert_eq!(prepared(&cache, &out("e"), &[&SMALL[..], &["--hulls", "7"]].concat())["cache"], "made");
 }

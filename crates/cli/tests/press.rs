@@ -1,4 +1,5 @@
-//! From a surface to a touch with two commands: `palpate prepare`, then `palpate run` of the scene it wrote.
+//! Tests of the way from a surface to a touch in two commands: `palpate prepare`, then `palpate run` of the scene it
+//! wrote.
 
 #[path = "../../../tests/real_meshes/mod.rs"]
 mod real_meshes;
@@ -10,7 +11,8 @@ use real_meshes::meshes;
 
 /// Cells along the largest extent: coarser than the default, so that the test is short.
 const CELLS: &str = "20";
-/// Greatest change of force in a step, of the greatest force: a contact that pops in or out would change more.
+/// Greatest change of the force in a step, as a share of the peak force: a contact that appears or vanishes at once
+/// would change it more.
 const JUMP: f64 = 0.1;
 
 fn palpate(arguments: &[&str], cache: &Path) {
@@ -43,7 +45,7 @@ fn press(name: &str, surface: &str) {
     assert!(peak > 0.01 && jump < JUMP * peak, "{name}: {peak} N, {jump} N");
 }
 
-/// A ball that rests on a block, so that both have skins and depth is needed.
+/// A scene with a ball on a block: both have skins (surface meshes), so that the depth stage is needed.
 const BLOCK: &str = "[contact]\ndepth = \"graphics\"\n[[body]]\nname = \"block\"\n\
     layer = { box = [[-0.05, -0.05, -0.05], [0.05, 0.0, 0.05]], cells = [6, 3, 6] }\n\
     material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\

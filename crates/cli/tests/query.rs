@@ -1,5 +1,5 @@
-//! `palpate query` through the built program: contacts in the numbers of the files, whatever repair made of them; what
-//! is written beside; bad input.
+//! Tests of `palpate query` through the built program: contacts have the numbers of the files' vertices and triangles,
+//! whatever repair changed; the other output files; bad input.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 
 use glam::{DQuat, DVec3};
 
-/// Depths and points, of the size of the bodies.
+/// Tolerance of depths and points, as a share of the bodies' size.
 const EXACT: f64 = 1e-5;
 
 fn palpate(arguments: &[&str]) -> Output {
@@ -25,7 +25,7 @@ struct Row {
     barycentric: [f64; 3],
 }
 
-/// Vertices and triangles of a file, polygons (convex ones) as fans: what the numbers count.
+/// Vertices and triangles of an OBJ file in the order that contacts count; convex polygons are split into fans.
 fn parse(text: &str) -> (Vec<DVec3>, Vec<[usize; 3]>) {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for line in text.lines() {
@@ -61,7 +61,7 @@ impl Case {
         self.folder.path().join(name).to_str().unwrap().into()
     }
 
-    /// Rows and standard output; `None` where there is no device.
+    /// Runs a query; returns the rows of `contacts.csv` and standard output, or `None` if there is no Vulkan device.
     fn ask(&self, options: &[&str]) -> Option<(Vec<Row>, String)> {
         let (a, b, out) = (self.path("a.obj"), self.path("b.obj"), self.path("out"));
         let mut arguments = vec!["query", &a, &b, "--out", &out, "--runs", "2"];
@@ -90,7 +90,8 @@ impl Case {
         Some((rows, String::from_utf8(output.stdout).unwrap()))
     }
 
-    /// Every row says what the files say: the vertex, moved back by its depth, is the point named in the triangle.
+    /// Checks every row against the files: the vertex, moved back by its depth along the normal, is the point of the
+    /// named triangle that the barycentric coordinates give.
     fn check(&self, rows: &[Row], pose_b: (DVec3, DQuat), size: f64) {
         let [a, mut b] = self.files.each_ref().map(|text| parse(text));
         b.0.iter_mut().for_each(|x| *x = pose_b.0 + pose_b.1 * *x);
@@ -112,7 +113,7 @@ impl Case {
     }
 }
 
-/// A box of quads.
+/// An OBJ file of a box with six quads.
 fn cube(low: DVec3, high: DVec3) -> String {
     let at = |k: usize, axis: usize| if (k >> axis) & 1 == 0 { low[axis] } else { high[axis] };
     let lines: String = (0..8).map(|k| format!("v {} {} {}\n", at(k, 0), at(k, 1), at(k, 2))).collect();
@@ -123,7 +124,7 @@ fn unit() -> String {
     cube(DVec3::ZERO, DVec3::ONE)
 }
 
-/// A cube of half the size above its middle, the lower face at height `z`.
+/// A cube with half the unit cube's edge, above its middle, the lower face at height `z`.
 fn small(z: f64) -> String {
     let low = DVec3::new(0.27, 0.31, z);
     cube(low, low + 0.5)
@@ -134,7 +135,7 @@ fn two_cubes_in_a_known_overlap() {
     let case = Case::new(&unit(), &small(0.96));
     let Some((rows, said)) = case.ask(&[]) else { return };
     case.check(&rows, (DVec3::ZERO, DQuat::IDENTITY), 1.0);
-    // The four lower corners of b, 0.04 below the top of a: the second face, triangles 2 and 3.
+    // The four lower corners of b lie 0.04 below the top of a, which is its second face: triangles 2 and 3.
     assert_eq!(
         rows.iter().map(|row| (row.body.as_str(), row.vertex)).collect::<Vec<_>>(),
         [("b", 0), ("b", 1), ("b", 2), ("b", 3)]
@@ -161,7 +162,7 @@ fn two_cubes_in_a_known_overlap() {
 
 #[test]
 fn a_pose_a_direction_and_a_limit_are_obeyed() {
-    // b from below, turned over about x, and a little forward.
+    // b comes from below, turned over about x and shifted a little.
     let case = Case::new(&unit(), &small(0.9));
     let pose = (DVec3::new(-0.05, 1.1, 0.95), DQuat::from_array([1.0, 0.0, 0.0, 0.0]));
     let Some((rows, _)) = case.ask(&["--pose-b", "-0.05,1.1,0.95,1,0,0,0"]) else { return };
@@ -170,7 +171,7 @@ fn a_pose_a_direction_and_a_limit_are_obeyed() {
         rows.len() == 4
             && rows.iter().all(|r| (r.depth - 0.05).abs() < EXACT && (r.normal + DVec3::Z).length() < EXACT)
     );
-    // Aslant, depth is longer.
+    // Along a slanted direction depth is greater.
     let (rows, said) = case.ask(&["--direction", "0,3,4", "--depth-limit", "0.01"]).unwrap();
     case.check(&rows, (DVec3::ZERO, DQuat::IDENTITY), 1.0);
     assert!(rows.len() == 4 && rows.iter().all(|r| (r.depth - 0.125).abs() < EXACT), "{rows:?}");
@@ -180,7 +181,7 @@ fn a_pose_a_direction_and_a_limit_are_obeyed() {
     assert!(rows.is_empty() && said.contains("flags: none"), "{said}");
 }
 
-/// A sphere of squares and two caps of n-gons, `rings` from pole to pole.
+/// An OBJ file of a sphere with quads and two caps of n-gons, `rings` from pole to pole.
 fn sphere(centre: DVec3, radius: f64, rings: usize) -> String {
     let n = 2 * rings;
     let mut text = String::new();
@@ -216,7 +217,7 @@ fn spheres_of_any_unit_with_polygons() {
         let of = |body: &str| rows.iter().filter(|row| row.body == body).count();
         assert!(of("a") > 5 && of("b") > 5 && said.contains("flags: none"), "{said}");
         let deepest = rows.iter().map(|row| row.depth).fold(0.0, f64::max);
-        // The true spheres overlap by a tenth; the meshes by a little less.
+        // The exact spheres overlap by a tenth of the radius, the meshes by a little less.
         assert!(deepest < 0.1 * radius && deepest > 0.08 * radius, "{deepest}");
         assert!(rows.iter().all(|row| row.normal.dot(towards) > 0.995));
     }
@@ -224,16 +225,18 @@ fn spheres_of_any_unit_with_polygons() {
 
 #[test]
 fn numbers_are_those_of_the_file_after_repair() {
-    // An unused vertex first; a flat face and a copy before the top; the top with corners of its own, and wound wrongly.
+    // The file has an unused vertex first; before the top a degenerate face and a duplicate; and a top that has
+    // vertices of its own and is wound the wrong way.
     let dirty = "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
                  v 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nf 5 4 3 2\nf 2 2 3\nf 5 4 3 2\nf 13 12 11 10\n\
                  f 2 3 7 6\nf 3 4 8 7\nf 4 5 9 8\nf 5 2 6 9\n";
     let case = Case::new(dirty, &small(0.9));
     let Some((rows, _)) = case.ask(&[]) else { return };
     case.check(&rows, (DVec3::ZERO, DQuat::IDENTITY), 1.0);
-    // Two triangles of the bottom, the flat one, two copies: the top's are 5 and 6.
+    // Triangles are counted as in the file: two of the bottom, the degenerate one, two duplicates, and so the top's are
+    // 5 and 6.
     assert!(rows.len() == 4 && rows.iter().all(|row| row.body == "b" && [5, 6].contains(&row.triangle)), "{rows:?}");
-    // The other way round: the vertices of the dirty one are counted by its lines.
+    // With the roles exchanged, the vertices of the defective file are numbered by its lines.
     let case = Case::new(dirty, &cube(DVec3::new(-1.0, -1.1, 0.95), DVec3::new(2.0, 1.9, 3.95)));
     let (rows, _) = case.ask(&[]).unwrap();
     case.check(&rows, (DVec3::ZERO, DQuat::IDENTITY), 3.0);
@@ -290,20 +293,21 @@ fn bad_input_is_one_line_and_leaves_nothing() {
         assert!(message.contains(words), "{arguments:?}: {message}");
         assert!(!Path::new(&case.path("made")).exists(), "{arguments:?}");
     }
-    // A place that cannot be written to; only said where there is a device to ask.
+    // An output path that cannot be written is an error, which comes only if there is a Vulkan device to run the query.
     let under = PathBuf::from(case.path("file")).join("under");
     let output = palpate(&["query", &a, &b, "--out", under.to_str().unwrap()]);
     if output.status.code() != Some(3) {
         let message = refused(&["query", &a, &b, "--out", under.to_str().unwrap()]);
         assert!(message.contains("cannot write") && message.contains("under"), "{message}");
-        // A folder in the place of the last file: none of the others is there either.
+        // If a folder is in the place of the last file, none of the other files is written either.
         fs::create_dir_all(case.path("taken/query.json")).unwrap();
         refused(&["query", &a, &b, "--runs", "1", "--out", &case.path("taken")]);
         assert_eq!(fs::read_dir(case.path("taken")).unwrap().count(), 1);
     }
 }
 
-/// The message of a refusal: exit status 2, one line, nothing on standard output.
+/// Checks that the program refuses the arguments (exit status 2, one line, nothing on standard output); returns the
+/// message.
 fn refused(arguments: &[&str]) -> String {
     let output = palpate(arguments);
     let message = String::from_utf8(output.stderr).unwrap();

@@ -1,4 +1,5 @@
-//! `palpate replay` through the built program: a session with the engine again, and every reason not to.
+//! Tests of `palpate replay` through the built program: a session with the engine is replayed, and every reason to
+//! refuse one.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use palpate::scene::{Lowered, Profile};
 use palpate::{Options, RigidState, Scene, Simulation};
 use palpate_devices::record::{Header, Recording};
 
-/// A ball of 50 g that is pushed into a soft block.
+/// A scene with a ball of 50 g, the tool, which is pushed into a soft block.
 const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
     layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [4, 3, 4] }\n\
     material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
@@ -21,17 +22,18 @@ const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block
     [tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.0505, 0.0]\n\
     [coupling]\nstiffness = 500.0\ndamping = 2.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n";
 const TICKS: u64 = 120;
-/// Ticks from one step to the next; a wrench is there at once.
+/// Ticks from one simulation step to the next; the wrench of a step is there in the same tick.
 const EVERY: u64 = 15;
 
-/// Exit status, standard output and standard error.
+/// Runs the program; returns exit status, standard output and standard error.
 fn palpate(arguments: &[&str]) -> (i32, String, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_palpate")).args(arguments).output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
     (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
 }
 
-/// A scene and a session with it; `spoil` sees every tick before it is recorded.
+/// Writes a scene and a recorded session with it; returns both files. `spoil` may change every tick before it is
+/// recorded.
 fn record(folder: &Path, has_end: bool, spoil: impl Fn(&mut Tick)) -> (PathBuf, PathBuf) {
     let (scene, file) = (folder.join("scene.toml"), folder.join("session"));
     fs::write(&scene, SCENE).unwrap();
@@ -80,7 +82,7 @@ fn a_session_is_replayed_to_the_same_bits_and_written_as_a_table() {
     assert_eq!(wrote, (0, format!("wrote {TICKS} ticks\n"), String::new()));
     assert_eq!(fs::read_to_string(&table).unwrap().lines().count(), 1 + TICKS as usize);
 
-    // A scene that says the same in other words has other bytes.
+    // A scene file with the same meaning but other bytes is replayed with a note.
     let elsewhere = folder.path().join("elsewhere.toml");
     fs::write(&elsewhere, format!("# The same.\n{SCENE}")).unwrap();
     let (status, out, notes) = palpate(&["replay", file, "--scene", elsewhere.to_str().unwrap()]);

@@ -1,4 +1,4 @@
-//! Sessions with a haptic device through the built program: held, recorded, replayed, stopped, refused.
+//! Tests of sessions with a haptic device through the built program: held, recorded, replayed, stopped, refused.
 
 use std::fs;
 use std::io::Write;
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use tungstenite::Message;
 
-/// A ball of 50 g above a soft block, and a device that goes down into it.
+/// A scene with a ball of 50 g, the tool, above a soft block, and a device that goes down into it.
 const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
     layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [4, 3, 4] }\n\
     material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
@@ -23,7 +23,7 @@ fn program() -> Command {
     Command::new(env!("CARGO_BIN_EXE_palpate"))
 }
 
-/// Exit status, standard output and standard error.
+/// Runs the program; returns exit status, standard output and standard error.
 fn palpate(arguments: &[&str]) -> (i32, String, String) {
     let output = program().args(arguments).output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
@@ -36,7 +36,7 @@ fn scene(folder: &Path, more: &str) -> PathBuf {
     file
 }
 
-/// Holds for a second and a half; the summary's part on it.
+/// Runs a session of a second and a half; returns the summary's entry on it.
 fn hold(folder: &Path, more: &str) -> Value {
     let (scene, out, record) = (scene(folder, more), folder.join("out"), folder.join("session.palpate"));
     let [scene, out_name, record] = [&scene, &out, &record].map(|path| path.to_str().unwrap());
@@ -77,7 +77,7 @@ fn a_scene_lowers_limits_and_is_told_where_it_would_raise_them() {
     assert!(high["peak_force_n"].as_f64().unwrap() <= 3.3, "{high}");
     let notes = high["notes"].to_string();
     for key in ["haptics.max_force", "haptics.max_torque", "haptics.workspace"] {
-        assert!(notes.contains(&format!("{key} is above what the profile touch allows")), "{notes}");
+        assert!(notes.contains(&format!("{key} exceeds the limit of profile touch")), "{notes}");
     }
 }
 
@@ -86,7 +86,7 @@ fn a_profile_of_the_command_line_takes_the_place_of_the_scenes() {
     let folder = tempfile::tempdir().unwrap();
     let file = scene(folder.path(), "[haptics]\ndevice = \"hand\"\nprofile = \"sigma.7\"\n");
     let (file, out) = (file.to_str().unwrap(), folder.path().join("out"));
-    // By the scene's device, and by one of the command line.
+    // With the scene's device, and with one that the command line names.
     for more in [&[][..], &["--haptics", "scripted"]] {
         let arguments = ["run", file, "--seconds", "0.3", "--profile", "touch", "--out", out.to_str().unwrap()];
         let (status, _, stderr) = palpate(&[&arguments, more].concat());
@@ -96,8 +96,8 @@ fn a_profile_of_the_command_line_takes_the_place_of_the_scenes() {
     }
 }
 
-/// Answers every message of one connection after another as an Inverse service with one resting device of a type does, and
-/// keeps the greatest force that it was sent, N.
+/// Starts a simulated Inverse service (of Haply's devices) with one device of this type at rest, which answers every
+/// message; returns its address and the greatest force that it was sent, N.
 fn inverse_service(kind: &'static str) -> (String, Arc<Mutex<f64>>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("ws://{}", listener.local_addr().unwrap());

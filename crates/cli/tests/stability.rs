@@ -1,4 +1,5 @@
-//! `palpate stability`: a part of the matrix passes, a planted fault turns it red, bad input is refused.
+//! Tests of `palpate stability`: a part of the matrix of cases passes, a fault planted in a kernel makes cases fail,
+//! and bad input is refused.
 
 #[path = "../../../vk-tests/harness/spoil.rs"]
 mod spoil;
@@ -9,7 +10,7 @@ use palpate::Flags;
 use palpate_bench::stability::laws::{Law, Verdict};
 use palpate_bench::stability::{self, Results, Settings, document};
 
-/// An axis or more of the short form.
+/// Runs some axes of the matrix in its quick form.
 fn run(only: &[&str], replaced: Vec<(String, Vec<u8>)>) -> Results {
     let settings = Settings {
         is_quick: true,
@@ -33,7 +34,7 @@ fn a_part_of_the_matrix_passes_and_its_report_has_a_letter_for_every_cell() {
     assert_eq!(names, ["tetrahedron", "bound"]);
     let document = document(&results);
     let svg = document.chapters[0].sections[0].plot.as_ref().unwrap();
-    // Four cells, and the legend's.
+    // The letter is in four cells and in the legend.
     assert_eq!(svg.matches(">P</text>").count(), 5, "{svg}");
     let html = document.html();
     assert!(html.contains("all but one") && html.contains("<svg"));
@@ -51,7 +52,7 @@ fn turning_too_far_and_being_inside_out_are_told_in_the_steps_concerned() {
     assert_eq!(flags("100 rad/s").0, Flags::default());
     let (told, flagged, steps) = flags("300 rad/s");
     assert!(told.contains(Flags::TURNS_TOO_FAR) && flagged == steps, "{told:?} in {flagged} of {steps} steps");
-    // Let go inside out, it turns back.
+    // A body that is released inside out turns back.
     let (told, flagged, steps) = flags("turned inside out");
     assert!(told.contains(Flags::INVERTED) && flagged < steps / 2, "{told:?} in {flagged} of {steps} steps");
     assert!(results.cases().all(|(.., case)| case.verdict != Verdict::Silent), "{:?}", results.faults());
@@ -62,9 +63,9 @@ fn turning_too_far_and_being_inside_out_are_told_in_the_steps_concerned() {
 fn a_fault_in_a_kernel_turns_verdicts_red_by_the_law_that_it_breaks() {
     let law = "contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping";
     let faults = [
-        // Elastic forces drive the body on from rest.
+        // Elastic forces accelerate the body away from rest.
         ("elastic/rotate", "float impulse = -params.dt", "float impulse = params.dt", "bound", Law::Residual),
-        // Damping by mass drives on instead of braking.
+        // Mass-proportional damping accelerates instead of braking.
         ("solve/assemble", "- damping * v)", "+ damping * v)", "bound", Law::Residual),
         // Damping of contacts is left out of the right-hand side.
         (
@@ -74,7 +75,7 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_law_that_it_breaks() {
             "contact-stiffness",
             Law::Residual,
         ),
-        // The wrench pulls where the tool is pushed, or tells a fifth too much.
+        // The reported wrench pulls where the tool is pushed, or is a fifth too great.
         ("wrench/reduce", "-= force * column[k]", "+= force * column[k]", "contact-stiffness", Law::Force),
         (
             "wrench/reduce",
@@ -91,7 +92,7 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_law_that_it_breaks() {
             "contact-stiffness",
             Law::Force,
         ),
-        // A contact pulls by a tenth of what it pushed before it is let go.
+        // A contact is released only when it pulls by more than a tenth of the pressure with which its depth pushes.
         (
             "solve/conclude",
             "bool pulls = end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0;",

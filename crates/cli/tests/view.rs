@@ -1,4 +1,5 @@
-//! The window through the built program, in a real X server without a screen: held with the mouse, resized, hidden, closed.
+//! Tests of the window through the built program, in a real X server without a screen: the tool is held with the mouse,
+//! the window is resized, hidden and closed.
 #![cfg(all(unix, feature = "view"))]
 
 use std::fs;
@@ -7,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// A ball of 50 g close above a soft block.
+/// A scene with a ball of 50 g, the tool, close above a soft block.
 const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
     layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [4, 3, 4] }\n\
     material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
@@ -16,10 +17,10 @@ const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block
     [coupling]\nstiffness = 500.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.005\n\
     [drive]\nkeys = [[0.0, 0.0, 0.053, 0.0], [0.1, 0.0, 0.043, 0.0]]\n";
 
-/// Nothing takes longer.
+/// Longest wait of a test.
 const PATIENCE: Duration = Duration::from_secs(90);
 
-/// An X server without a screen; it ends with its owner.
+/// An X server without a screen, which ends when this is dropped.
 struct Display {
     server: Child,
     name: String,
@@ -27,9 +28,9 @@ struct Display {
 
 impl Display {
     fn start() -> Display {
-        // The server looks for a free number itself, and says which.
+        // The server finds a free display number itself, and prints it.
         let mut server = Command::new("Xvfb")
-            // Without -noreset it begins anew whenever its last client goes, and refuses whoever comes meanwhile.
+            // Without -noreset it restarts whenever its last client leaves, and refuses clients meanwhile.
             .args(["-displayfd", "1", "-noreset", "-screen", "0", "1280x1024x24", "-nolisten", "tcp"])
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
@@ -43,7 +44,7 @@ impl Display {
             number.push(byte[0].into());
         }
         let display = Display { server, name: format!(":{}", number.trim()) };
-        // It says its number a moment before it lets anybody in.
+        // The server prints its number a moment before it accepts clients.
         let answers = || {
             let asked = Command::new("xdotool").arg("getdisplaygeometry").env("DISPLAY", &display.name).output();
             asked.expect("xdotool is installed by setup.sh").status.success()
@@ -59,7 +60,7 @@ impl Display {
     fn program(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
         command.args(arguments).env("DISPLAY", &self.name).env_remove("WAYLAND_DISPLAY");
-        // No input method and no other display is asked for.
+        // The program uses no input method and no other display.
         command.env("XMODIFIERS", "@im=none").stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }
@@ -71,7 +72,7 @@ impl Display {
         String::from_utf8(output.stdout).unwrap().trim().into()
     }
 
-    /// The id of the window whose title this is, once it is there.
+    /// Waits for the window with this title; returns its id.
     fn window(&self, title: &str, program: &mut Child) -> String {
         let begun = Instant::now();
         loop {
@@ -93,7 +94,8 @@ impl Display {
 
 impl Drop for Display {
     fn drop(&mut self) {
-        // Told to end and not killed, it takes its socket and its lock away, and the next may have its number.
+        // The server is asked to end and not killed, so that it removes its socket and lock, and its number is free
+        // again.
         let _ = Command::new("kill").arg(self.server.id().to_string()).status();
         let _ = self.server.wait();
     }
@@ -105,14 +107,14 @@ fn scene(folder: &Path) -> PathBuf {
     file
 }
 
-/// Exit status, standard output and standard error, once it has ended.
+/// Waits for the program's end; returns exit status, standard output and standard error.
 fn end(program: Child) -> (Option<i32>, String, String) {
     let output = program.wait_with_output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
     (output.status.code(), text(output.stdout), text(output.stderr))
 }
 
-/// The columns of a trace by their heads, row by row.
+/// The values of a trace's column with this heading, row by row.
 fn column(trace: &str, head: &str) -> Vec<f64> {
     let mut lines = trace.lines();
     let at = lines.next().unwrap().split(',').position(|name| name == head).unwrap();
@@ -144,7 +146,7 @@ fn the_mouse_presses_a_body_in_a_window_that_is_resized_hidden_and_closed() {
     display.xdotool(&["key", "s"]);
     pause(0.5);
     display.xdotool(&["mouseup", "1"]);
-    // A turn about the scene and a look from nearer.
+    // The camera orbits and zooms in.
     display.xdotool(&["mousedown", "3", "mousemove_relative", "--", "40", "10", "mouseup", "3", "click", "4"]);
     for key in ["1", "h", "Left", "space", "period", "space"] {
         display.xdotool(&["key", key]);
@@ -162,7 +164,7 @@ fn the_mouse_presses_a_body_in_a_window_that_is_resized_hidden_and_closed() {
     display.xdotool(&["key", "r"]);
     pause(0.3);
     assert!(program.try_wait().unwrap().is_none(), "it is still there");
-    // At any moment of a step.
+    // The window closes at any moment of a step.
     display.xdotool(&["key", "Escape"]);
     let (status, text, stderr) = end(program);
     assert_eq!(status, Some(0), "{stderr}");

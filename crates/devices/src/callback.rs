@@ -1,16 +1,18 @@
-//! A device of the host program: it says where the hand is and takes what is to be played.
+//! A haptic device that the program which embeds palpate implements by two functions: one returns the device's pose,
+//! the other takes the wrench to *play*, that is to exert on the hand. A *tick* is one iteration of the haptic loop.
 
 use palpate::Wrench;
 use palpate::internal::haptics::{Device, Fault, Reading};
 use palpate::scene::Profile;
 
-/// Says where the device is at a time, s since the loop began. The loop's thread calls it once a tick.
+/// Returns a measurement of the device at a time, s since the loop began. The loop's thread calls it once a tick.
 pub type Read = Box<dyn FnMut(f64) -> Result<Reading, Fault> + Send>;
-/// Takes the wrench to play until the next. The loop's thread calls it once a tick, and with zero on opening and closing.
+/// Takes the wrench that the device plays until the next call. The loop's thread calls it once a tick, and with a zero
+/// wrench on opening and on closing.
 pub type Write = Box<dyn FnMut(&Wrench) -> Result<(), Fault> + Send>;
 
-/// A pair of functions as a device. Neither may wait for longer than a small part of a tick. What they answer is passed on
-/// as it is: the loop guards against poses that cannot be.
+/// A haptic device made of two functions. Neither may block for longer than a small part of a tick. What they return is
+/// passed on unchecked, because the loop itself rejects impossible poses.
 pub struct Callback {
     profile: Profile,
     read: Read,
@@ -18,10 +20,10 @@ pub struct Callback {
 }
 
 impl Callback {
-    /// A device with the limits of `profile`: a built-in one, or the host's own figures.
+    /// A device with the limits of `profile`: a built-in profile, or one with the embedding program's own figures.
     ///
     /// # Errors
-    /// What is wrong with the profile, one line; see [`Profile::check`].
+    /// One line that says what is wrong with the profile; see [`Profile::check`].
     pub fn new(profile: Profile, read: Read, write: Write) -> Result<Callback, String> {
         profile.check()?;
         Ok(Callback { profile, read, write })
@@ -46,7 +48,7 @@ impl Device for Callback {
     }
 
     fn close(&mut self) {
-        // A host whose device is gone has nothing to let go of.
+        // The result is ignored: where the device is gone there is no force left to release.
         let _ = (self.write)(&Wrench::ZERO);
     }
 }

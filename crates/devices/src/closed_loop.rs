@@ -1,4 +1,6 @@
-//! Tests of the whole loop against a wall of known stiffness, held by the simulated hand, in virtual time.
+//! Tests of the whole haptic loop in virtual time: the simulated hand presses the tool against a wall of known
+//! stiffness, with and without the local model (which extrapolates the contact wrench between simulation steps) and the
+//! passivity controller.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::haptics::environment::Wall;
@@ -31,7 +33,8 @@ fn key(time: f64, y: f64) -> Key {
     Key { time, position: DVec3::Y * y, orientation: DQuat::IDENTITY }
 }
 
-/// A servo and a wall for a device of this profile.
+/// The servo (the haptic loop's controller, called once a tick) for a device of this profile, and a wall of this
+/// stiffness, N/m.
 fn make(profile: &Profile, stiffness: f64, adjust: impl FnOnce(&mut Settings)) -> (Servo, Wall) {
     let (limits, _) = Limits::new(profile, &Lowered::default());
     let gains = coupling::choose(profile, PERIOD, 0.0, 0.05, 2e-6, None);
@@ -50,12 +53,14 @@ fn make(profile: &Profile, stiffness: f64, adjust: impl FnOnce(&mut Settings)) -
     (Servo::new(settings, tool), wall)
 }
 
-/// Presses by an intended way and holds.
+/// Runs a hand that intends to go 10 mm into the wall and to stay there; returns all ticks and the hand. `rate` is the
+/// number of simulation steps a second, Hz.
 fn press(profile: &str, stiffness: f64, rate: f64, adjust: impl FnOnce(&mut Settings)) -> (Vec<Tick>, Hand) {
     follow(&[key(0.0, 0.005), key(0.3, 0.005), key(0.6, -0.01)], profile, stiffness, rate, adjust)
 }
 
-/// Three seconds of a hand that means to follow keys; all ticks.
+/// Runs the loop for three seconds with a hand that intends to follow the keys (poses at given times); returns all
+/// ticks (iterations of the loop) and the hand.
 fn follow(
     keys: &[Key],
     profile: &str,
@@ -73,7 +78,7 @@ fn follow(
     (ticks, hand)
 }
 
-/// Presses, holds and releases.
+/// Runs a hand that intends to go 10 mm into the wall, to stay there for a second and to leave again.
 fn cycle(profile: &str, stiffness: f64, rate: f64, adjust: impl FnOnce(&mut Settings)) -> (Vec<Tick>, Hand) {
     let keys = [key(0.0, 0.005), key(0.3, 0.005), key(0.6, -0.01), key(1.6, -0.01), key(2.0, 0.01)];
     follow(&keys, profile, stiffness, rate, adjust)
@@ -109,7 +114,8 @@ fn a_prompt_force_is_the_same_with_and_without_the_local_model() {
         let with =
             |local_model: bool| force_at_end(&press(profile, 300.0, 1000.0, |s| s.local_model = local_model).0).0;
         let (local, raw) = (with(true), with(false));
-        // Arm, coupling and wall in series; friction holds the hand within 0.05 N of balance.
+        // Arm, virtual coupling and wall are springs in series, stretched by 10 mm in all; friction may hold the hand
+        // at a force that differs by up to 0.05 N.
         let coupling = coupling::choose(Profile::named(profile).unwrap(), PERIOD, 0.0, 0.05, 2e-6, None).coupling;
         let exact = 0.01 / (1.0 / 300.0 + 1.0 / 300.0 + 1.0 / coupling.stiffness);
         assert!((local - exact).abs() < 0.05 && (raw - exact).abs() < 0.05, "{profile}: {local} {raw}, {exact} N");

@@ -1,5 +1,6 @@
-//! Every fault that the loop must survive: the force stays within its limits, the fault is told by its event, and where it
-//! passes, the force comes back.
+//! Tests of every fault that the haptic loop must survive: the played force (the one commanded to the device) stays
+//! within its limits, the tick (iteration of the loop) raises the fault's event, and the force returns once the fault
+//! has passed.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::Wrench;
@@ -18,28 +19,28 @@ use palpate::scene::{Key, Lowered};
 use super::hand::{Hand, HandParameters};
 
 const PERIOD: f64 = 1e-3;
-/// A wrench every so many ticks, there so many ticks later.
+/// Ticks from one simulation step to the next, and from a step's beginning until the loop has its wrench.
 const INTERVAL: u64 = 20;
-/// When the fault comes, tick.
+/// Tick in which the fault begins.
 const FAULT: u64 = 1500;
 const TICKS: u64 = 4000;
 
-/// What a tick is given; a fault changes it.
+/// Inputs of one tick, which a test changes to simulate a fault.
 struct Inputs {
     time: f64,
     reading: Result<Reading, Fault>,
     newest: ContactWrench,
-    /// Whether the device takes what is to be played.
+    /// Whether the haptic device accepts the wrench to be played.
     is_taken: bool,
 }
 
-/// What makes a session.
+/// Parameters of a session: one run of the haptic loop with the simulated hand, which presses on a wall.
 #[derive(Clone)]
 struct Making {
     profile: Profile,
     settings: Settings,
     tool: Tool,
-    /// Of the wall, N/m.
+    /// Stiffness of the wall, N/m.
     wall: f64,
 }
 
@@ -68,8 +69,9 @@ fn making(profile: &str) -> Making {
     Making { profile, settings, tool, wall: 1000.0 }
 }
 
-/// Presses on a wall of 1000 N/m and holds, four seconds in all, with passivity control and without; every tick is checked
-/// against the limits. Gives back the ticks of the second.
+/// Runs a session of four seconds, in which the hand presses on the wall and holds, twice: with the passivity
+/// controller and without. Every tick is checked against the limits. Returns the ticks of the run without the
+/// controller.
 fn session(making: Making, mut fault: impl FnMut(u64, &mut Inputs)) -> Vec<Tick> {
     let [_, ticks] = [true, false].map(|passivity| {
         let mut making = making.clone();
@@ -114,12 +116,13 @@ fn check(limits: &Limits, last: Option<&Tick>, tick: &Tick) {
     assert!(force <= limits.force && torque <= limits.torque, "tick {}: {force} N, {torque} N m", tick.index);
     let before = last.map_or(DVec3::ZERO, |tick| tick.played.force);
     let change = (tick.played.force - before).length();
-    // A tick may integrate over four periods; a force that is cut goes at once.
+    // The slew limit holds over the time that a tick integrates, at most four periods; a force that is cut off drops to
+    // zero at once.
     let most = 4.0 * limits.slew * PERIOD * (1.0 + 1e-9);
     assert!(change <= most || tick.played.force == DVec3::ZERO, "tick {}: {change} N in a tick", tick.index);
 }
 
-/// The ticks in which an event was.
+/// Indices of the ticks that raised an event.
 fn with(ticks: &[Tick], event: Event) -> Vec<u64> {
     ticks.iter().filter(|tick| tick.events.has(event)).map(|tick| tick.index).collect()
 }
@@ -128,7 +131,7 @@ fn force(ticks: &[Tick], at: u64) -> f64 {
     ticks[at as usize].played.force.length()
 }
 
-/// Whether the force at the end is that of a session without fault.
+/// Whether the force at the end is, to 0.05 N, that of a session without fault.
 fn has_recovered(ticks: &[Tick]) -> bool {
     let whole = session(making("premium"), |_, _| ());
     (force(ticks, TICKS - 1) - force(&whole, TICKS - 1)).abs() < 0.05
@@ -145,7 +148,7 @@ fn nothing_is_told_of_a_session_without_fault() {
     assert!(*with(&ticks, Event::Engaging).last().unwrap() < 250);
 }
 
-/// The wrench of the moment before is offered for so many ticks.
+/// Ticks of a session whose simulation stalls: from tick `FAULT` on, for `ticks` ticks, the loop gets no new wrench.
 fn stalled(ticks: u64, passivity: bool) -> Vec<Tick> {
     let (mut last, mut making) = (None, making("premium"));
     making.settings.passivity = passivity;
@@ -171,10 +174,11 @@ fn a_simulation_that_stalls_for_longer_lets_the_force_fade() {
     for passivity in [true, false] {
         let ticks = stalled(1500, passivity);
         let stale = with(&ticks, Event::StaleWrench);
-        // The wrench was 20 to 40 ms old when the stall began, and is stale from a second on.
+        // When the stall began the wrench was out of date by 20 to 40 ms; it becomes stale when it is out of date by 1
+        // s.
         assert!((FAULT + 960..=FAULT + 980).contains(&stale[0]), "{stale:?}");
         assert!(force(&ticks, stale[0] - 1) > 1.0);
-        // Faded within 50 ms, and still so at the end of the stall.
+        // The force has faded within 50 ms and is still zero at the end of the stall.
         assert!(force(&ticks, stale[0] + 50) < 1e-9 && force(&ticks, FAULT + 1499) < 1e-9);
         assert!(*stale.last().unwrap() < FAULT + 1500 && has_recovered(&ticks));
     }
@@ -210,7 +214,8 @@ fn an_unplugged_device_is_told_nothing_until_it_is_back() {
     for ticks in [at_reading, at_writing] {
         assert_eq!(with(&ticks, Event::DeviceLost), (FAULT..FAULT + 500).collect::<Vec<_>>());
         assert!((FAULT..FAULT + 500).all(|k| force(&ticks, k) == 0.0) && force(&ticks, FAULT - 1) > 1.0);
-        // A twentieth of it after ten ticks; the hand sank in meanwhile.
+        // The force takes 200 ms to rise: after ten ticks a twentieth of it is played. The hand has sunk in meanwhile,
+        // so the whole force is greater than before the fault.
         assert!(force(&ticks, FAULT + 510) < 0.3, "it rises slowly: {}", force(&ticks, FAULT + 510));
         assert!(has_recovered(&ticks));
     }
@@ -236,7 +241,7 @@ fn a_pose_that_is_no_number_is_not_used() {
             assert!(has_recovered(&ticks));
         }
     }
-    // One alone is hardly felt.
+    // A single bad reading hardly changes the force.
     let ticks = session(making("premium"), |k, inputs| {
         if let (Ok(reading), FAULT) = (&mut inputs.reading, k) {
             reading.state.position.x = f64::NAN;
@@ -262,7 +267,7 @@ fn a_pose_that_jumps_is_taken_only_once_the_force_has_gone() {
         let before = ticks[FAULT as usize - 1].device.position;
         assert!((device - before - 0.1 * jump).length() < 0.01, "{jump}");
     }
-    // One alone, there and back, is not taken at all.
+    // A single reading that jumps there and back is ignored.
     let ticks = session(making("premium"), |k, inputs| {
         if let (Ok(reading), FAULT) = (&mut inputs.reading, k) {
             reading.state.position.x += 0.1;
@@ -303,10 +308,10 @@ fn gains_ten_times_too_high_stay_within_the_limits() {
             coupling.angular_stiffness *= 10.0;
             coupling.angular_damping *= 10.0;
         }
-        // A soft wall is borne even so; a hard one is not.
+        // A soft wall is held steadily even with such gains, a hard one is not.
         for (passivity, wall) in [(true, 1000.0), (false, 1000.0), (true, 1e5), (false, 1e5)] {
             (making.settings.passivity, making.wall) = (passivity, wall);
-            // The session itself checks every tick.
+            // `one_session` checks every tick against the limits.
             let ticks = one_session(making.clone(), |_, _| ());
             let events = [Event::Clamped, Event::SlewLimited, Event::Damped];
             events.iter().zip(&mut told).for_each(|(event, count)| *count += with(&ticks, *event).len());
@@ -335,7 +340,7 @@ fn a_wrench_that_is_no_number_is_not_taken() {
     });
     assert!(with(&ticks, Event::BadWrench).len() > 200 && !with(&ticks, Event::StaleWrench).is_empty());
     assert!(has_recovered(&ticks));
-    // As many newtons as there are is a number: the limits hold it.
+    // A huge but finite force is accepted, and the limits bound what is played.
     session(making("premium"), |k, inputs| {
         if k > FAULT {
             inputs.newest.wrench.force.y = 1e30;

@@ -1,5 +1,6 @@
-//! A simulated person who holds a simulated device: a mass on the arm's spring and damper, pulled towards where the person
-//! intends to be and pushed by what is played. Deterministic; closed-loop tests and `bench haptics` hold it.
+//! A simulated haptic device together with the person who holds it: a mass (hand and handle) which the arm's spring and
+//! damper pull towards the pose that the person intends, and which the *played* wrench (the one commanded to the
+//! device) pushes. It is deterministic; closed-loop tests and `bench haptics` use it as their device.
 
 use std::collections::VecDeque;
 
@@ -20,45 +21,47 @@ pub use palpate::scene::HandParameters;
 
 use limb::{Limb, Load};
 
-/// See [`HandParameters::EARLY`].
+/// Rounding tolerance of times, in substeps; see [`HandParameters::EARLY`].
 const EARLY: f64 = HandParameters::EARLY;
 
-/// Substeps that a reading moves the hand by at most: a reading is never slow, whatever the clock does.
+/// Greatest number of substeps that one reading advances the hand by, so that it takes bounded time whatever the clock
+/// does.
 const CATCH_UP: u64 = 1000;
 
-/// Where the hand's energy came from and went, J. The change of [`Hand::stored`] is `force + torque + intent - lost`: to
-/// rounding in translation, and in rotation that keeps to one axis; about changing axes it differs by a little that vanishes
-/// with the substep, and is a loss where the person intends no turn.
+/// Energy balance of the hand, J. The change of [`Hand::stored`] is `force + torque + intent - lost`. For translation,
+/// and for rotation about a fixed axis, this is exact up to rounding. Where the axis of rotation changes there is a
+/// small difference, which vanishes with the substep and is a loss if the person intends no rotation.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct HandEnergy {
-    /// Work of the played force on the hand: the integral of force by true motion.
+    /// Work of the played force on the hand: the integral of the force over the true motion, not the sensed one.
     pub force: f64,
-    /// Work of the played torque.
+    /// Work of the played torque on the hand.
     pub torque: f64,
-    /// Work of the person, who moves the intended pose.
+    /// Work that the person does by moving the intended pose.
     pub intent: f64,
-    /// Taken by the arm's, the wrist's and the device's damping and by friction; never negative.
+    /// Energy dissipated by the damping of arm, wrist and device and by friction; never negative.
     pub lost: f64,
 }
 
 impl HandEnergy {
-    /// What the hand received from what was played, J: positive where the loop gave energy.
+    /// Energy that the hand received from the played wrench, J: positive where the loop gave it energy.
     pub fn received(&self) -> f64 {
         self.force + self.torque
     }
 }
 
-/// The simulated person with the device. Time advances in whole substeps from 0, when the hand is at rest in the intended
-/// pose; a wrench is held until the next one is played.
+/// The simulated person with the device. Time advances in whole substeps from 0, when the hand is at rest in the
+/// intended pose; a played wrench stays constant until the next one.
 #[derive(Debug, Clone)]
 pub struct Hand {
     parameters: HandParameters,
     profile: Profile,
     intended: Drive,
     state: RigidState,
-    /// Substeps done.
+    /// Number of substeps done.
     done: u64,
-    /// Wrenches on their way, with the substep that first plays them.
+    /// Wrenches that were written but, because of the device's delay, do not act yet; each with the substep that first
+    /// plays it.
     coming: VecDeque<(u64, Wrench)>,
     played: Wrench,
     window: AdaptiveWindow,
@@ -66,11 +69,11 @@ pub struct Hand {
 }
 
 impl Hand {
-    /// A hand that intends to follow `intended`, on a device with the limits of `profile`. Torque acts only where the
-    /// profile plays it.
+    /// A hand that intends to follow the trajectory `intended`, on a device with the limits of `profile`. Torque acts
+    /// only if a device of that profile plays torque.
     ///
     /// # Errors
-    /// What is out of range, one line; see [`HandParameters::check`].
+    /// One line that says which parameter is out of range; see [`HandParameters::check`].
     pub fn new(parameters: HandParameters, intended: Drive, profile: Profile) -> Result<Hand, String> {
         parameters.check()?;
         let (position, orientation) = intended.pose(0.0);
@@ -87,27 +90,27 @@ impl Hand {
         })
     }
 
-    /// How far the hand has moved in time, s.
+    /// Time that the hand has simulated so far, s.
     pub fn time(&self) -> f64 {
         self.done as f64 * self.parameters.substep
     }
 
-    /// True pose and twist, at [`Hand::time`].
+    /// True pose and twist of the hand at [`Hand::time`].
     pub fn state(&self) -> &RigidState {
         &self.state
     }
 
-    /// Moves the hand elsewhere, or sets it in motion; a test's way to disturb it. The energy that this takes is not counted.
+    /// Sets pose and twist of the hand; tests disturb it so. The energy of this change is not counted.
     pub fn place(&mut self, state: RigidState) {
         self.state = state;
     }
 
-    /// Energy since the start, or since [`Hand::reset_energy`].
+    /// Energy balance since the start, or since [`Hand::reset_energy`].
     pub fn energy(&self) -> HandEnergy {
         self.energy
     }
 
-    /// Counts energy from zero.
+    /// Sets the energy balance to zero.
     pub fn reset_energy(&mut self) {
         self.energy = HandEnergy::default();
     }
@@ -120,7 +123,7 @@ impl Hand {
             + Limb::wrist(&self.parameters).stored(turn, self.state.angular_velocity)
     }
 
-    /// One substep. The intended pose goes straight from where it is at the start to where it is at the end.
+    /// Does one substep, during which the intended pose moves uniformly from its value at the start to that at the end.
     fn advance(&mut self) {
         while let Some(&(_, wrench)) = self.coming.front().filter(|(due, _)| *due <= self.done) {
             self.played = wrench;
@@ -150,7 +153,8 @@ impl Hand {
         self.energy.lost += moved.lost + turned.lost;
     }
 
-    /// What the device senses of the hand.
+    /// Pose and twist as the device senses them: the position quantised by its encoders, the velocity estimated from
+    /// quantised positions, and rotation only if the profile senses it.
     fn sensed(&mut self) -> RigidState {
         let quantum = self.parameters.quantum;
         let mut sensed = self.state;
@@ -181,10 +185,11 @@ impl Device for Hand {
         &self.profile
     }
 
-    /// Moves the hand to the last whole substep by `time`, but by a thousand substeps at most; the reading's time says how far
-    /// it got. Positions are quantised, and the velocity is estimated from them; angular velocity is the true one.
+    /// Advances the hand to the last whole substep that ends by `time`, but by a thousand substeps at most; the
+    /// reading's time is the time reached. Positions are quantised, and the velocity is estimated from them; the
+    /// angular velocity is the true one.
     fn read(&mut self, time: f64) -> Result<Reading, Fault> {
-        // As an integer: a time that is negative or not a number becomes 0, and the hand stays.
+        // The cast turns a time that is negative or NaN into 0, so that the hand stays where it is.
         let target = (time / self.parameters.substep + EARLY).floor() as u64;
         let last = target.min(self.done + CATCH_UP);
         while self.done < last {
@@ -200,7 +205,7 @@ impl Device for Hand {
         }
         let torque = if self.profile.plays_torque() { wrench.torque } else { DVec3::ZERO };
         let due = self.done + self.parameters.delay_substeps();
-        // Of several told at one time only the last is played, and the others need no room.
+        // Of several wrenches written at the same time only the last is played; the others are removed from the queue.
         if self.coming.back().is_some_and(|(last, _)| *last == due) {
             self.coming.pop_back();
         }

@@ -1,4 +1,5 @@
-//! Haptic devices, real and simulated, and sessions recorded with them and run again.
+//! Haptic devices, real and simulated, for the haptic loop of `palpate`; and recordings of sessions with them, which
+//! can be replayed.
 
 pub mod callback;
 #[cfg(test)]

@@ -1,5 +1,6 @@
-//! A mouse as a hand of six degrees of freedom: whoever reads the mouse moves a goal, and the device follows it, smoothly and
-//! no faster than a hand. Nothing is felt: the force shows as the lag between the goal and the tool.
+//! A mouse as a haptic device of six degrees of freedom: the window's thread moves a goal pose with the mouse, and the
+//! simulated device follows it smoothly and no faster than a hand. The user feels no force, but sees it as the lag
+//! between the goal and the tool.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -11,31 +12,33 @@ use palpate::scene::Profile;
 use palpate::scene::profile::MOUSE;
 use palpate::{RigidState, Wrench};
 
-/// How quickly the device follows, 1/s: critically damped. A pixel's step is spread over some fifty ticks.
+/// Natural frequency of the critically damped motion towards the goal, 1/s: a step of one pixel is spread over about
+/// fifty ticks (iterations of the haptic loop).
 const FOLLOWS: f64 = 40.0;
-/// The device does not move faster, m/s.
+/// Greatest speed of the device, m/s.
 const FASTEST: f64 = 1.0;
-/// Nor turn, rad/s.
+/// Greatest angular speed of the device, rad/s.
 const FASTEST_TURN: f64 = 10.0;
-/// The longest time that is gone through at once, s; more is gone through in parts of it.
+/// Longest time that is integrated at once, s; longer times are divided into equal parts.
 const TICK: f64 = 1e-3;
-/// The longest time that a reading goes through, s: one is never slow, whatever the clock does.
+/// Longest time that one reading integrates over, s, so that it takes bounded time whatever the clock does.
 const CATCH_UP: f64 = 0.25;
-/// How often a reading looks for a goal that is not being changed; then it keeps the last.
+/// Number of attempts of a reading to copy the goal while another thread changes it; after them it uses the last goal.
 const LOOKS: u32 = 4;
 
-/// What the mouse holds: set by one thread, followed by another's device, which never waits for it.
+/// The pose that the device follows. One thread sets it with the mouse; the device, on another thread, reads it without
+/// ever waiting (a sequence lock).
 #[derive(Debug, Clone, Default)]
 pub struct Goal(Arc<Shared>);
 
 #[derive(Debug, Default)]
 struct Shared {
-    /// Odd while the numbers change.
+    /// Version of the numbers; odd while they change.
     version: AtomicU64,
-    /// Position and orientation, as bits.
+    /// Position and orientation (x y z w), each as the bits of an f64.
     numbers: [AtomicU64; 7],
     is_pressed: AtomicBool,
-    /// Of those who set it.
+    /// The goal as its setters see it; the device never takes this lock.
     own: Mutex<Pose>,
 }
 
@@ -46,34 +49,34 @@ struct Pose {
 }
 
 impl Goal {
-    /// At a pose, and not pressed.
+    /// A goal at a pose, with the button up.
     pub fn new(position: DVec3, orientation: DQuat) -> Goal {
         let goal = Goal::default();
         goal.place(position, orientation);
         goal
     }
 
-    /// Sets it to a pose.
+    /// Sets the goal to a pose.
     pub fn place(&self, position: DVec3, orientation: DQuat) {
         self.set(|_| Pose { position, orientation });
     }
 
-    /// Moves it, m.
+    /// Moves the goal, m.
     pub fn shift(&self, by: DVec3) {
         self.set(|pose| Pose { position: pose.position + by, ..pose });
     }
 
-    /// Turns it in place about a world axis by the vector's length, rad.
+    /// Turns the goal in place about a world axis by the vector's length, rad.
     pub fn turn(&self, by: DVec3) {
         self.set(|pose| Pose { orientation: (DQuat::from_scaled_axis(by) * pose.orientation).normalize(), ..pose });
     }
 
-    /// Whether the button is down.
+    /// Sets whether the button is down.
     pub fn press(&self, is_pressed: bool) {
         self.0.is_pressed.store(is_pressed, Ordering::Relaxed);
     }
 
-    /// Where it is.
+    /// Position (m) and orientation of the goal.
     pub fn pose(&self) -> (DVec3, DQuat) {
         let pose = *self.0.own.lock().unwrap_or_else(PoisonError::into_inner);
         (pose.position, pose.orientation)
@@ -82,7 +85,7 @@ impl Goal {
     fn set(&self, change: impl FnOnce(Pose) -> Pose) {
         let mut own = self.0.own.lock().unwrap_or_else(PoisonError::into_inner);
         let pose = change(*own);
-        // A mouse cannot do that.
+        // A pose that is not finite is ignored.
         if !pose.position.is_finite() || !pose.orientation.is_finite() {
             return;
         }
@@ -94,7 +97,7 @@ impl Goal {
         self.0.version.store(version + 2, Ordering::SeqCst);
     }
 
-    /// The pose, unless it changes just now.
+    /// Copies the pose; `None` if it was being changed during all attempts.
     fn look(&self) -> Option<(DVec3, DQuat)> {
         for _ in 0..LOOKS {
             let version = self.0.version.load(Ordering::SeqCst);
@@ -117,13 +120,13 @@ pub struct Mouse {
 }
 
 impl Mouse {
-    /// At rest where the goal is.
+    /// A device at rest at the goal.
     pub fn new(goal: Goal) -> Mouse {
         let (position, orientation) = goal.pose();
         Mouse { goal, last: (position, orientation), state: RigidState::at_rest(position, orientation), time: 0.0 }
     }
 
-    /// Goes on for `h` s.
+    /// Moves the device towards the goal for `h` s.
     fn advance(&mut self, h: f64) {
         let state = &mut self.state;
         let away = self.last.0 - state.position;
@@ -136,8 +139,9 @@ impl Mouse {
     }
 }
 
-/// Movement and velocity after `h` s, exact for x'' = w^2 (goal - x) - 2 w x'. A goal that is `away` farther than the
-/// distance at which it would be followed at the fastest speed is drawn nearer: then the speed never exceeds that.
+/// Displacement and velocity after `h` s, exact for x'' = w^2 (goal - x) - 2 w x' with w = `FOLLOWS`; `away` is goal -
+/// x at the start. It is shortened to 2 `fastest` / w, the distance at which a goal is followed at the speed `fastest`,
+/// so that the speed never exceeds that.
 fn follow(away: DVec3, velocity: DVec3, fastest: f64, h: f64) -> (DVec3, DVec3) {
     let away = away.clamp_length_max(2.0 * fastest / FOLLOWS);
     let c = velocity - FOLLOWS * away;
@@ -158,7 +162,7 @@ impl Device for Mouse {
 
     fn read(&mut self, time: f64) -> Result<Reading, Fault> {
         self.last = self.goal.look().unwrap_or(self.last);
-        // A time that runs backwards or is none moves nothing.
+        // A time that runs backwards or is NaN leaves the device where it is.
         let span = (time - self.time).clamp(0.0, CATCH_UP);
         if span > 0.0 {
             let parts = (span / TICK).ceil();
@@ -258,7 +262,7 @@ mod tests {
         let (goal, mut device) = start();
         let (pixel, mut time) = (2e-4, 0.0);
         let mut states = Vec::new();
-        // Sixty events a second, a pixel each: 12 mm/s.
+        // Sixty mouse events a second, a pixel each: 12 mm/s.
         for _ in 0..120 {
             goal.shift(DVec3::X * pixel);
             states.extend(readings(&mut device, time, 0.0167, 1e-3 * 1.04375));

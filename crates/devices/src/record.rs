@@ -1,9 +1,10 @@
-//! A session on record: every tick of the loop and every step of the simulation, in a file of which all of it can be had
-//! again, bit for bit.
+//! Recording of a session (one run of the haptic loop with a device): every tick of the loop and every step of the
+//! simulation go to a file, from which `replay.rs` can run the session again, bit for bit.
 //!
-//! The file: eight bytes `palpate` and a zero, the version (u32, little endian), the [`Header`], then [`Entry`] after entry,
-//! the last of them [`Entry::End`]. Header and entries are postcard, each after its length in bytes (u32, little endian).
-//! Where a process was killed the end is missing, and what was written before can be read.
+//! Format of the file: the eight bytes `palpate` and zero, the version (u32, little endian), the [`Header`], then one
+//! [`Entry`] after another, the last of them [`Entry::End`]. Header and entries are encoded with the crate `postcard`,
+//! each preceded by its length in bytes (u32, little endian). If the process was killed the end is missing, and all
+//! that was written before can be read.
 
 pub mod fields;
 mod read;
@@ -24,41 +25,42 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 pub use table::Table;
 
-/// Opens a recording.
+/// First bytes of a recording.
 const MAGIC: &[u8; 8] = b"palpate\0";
-/// Of the format. It changes with anything that is recorded.
+/// Version of the format, which changes whenever the content of header or entries changes.
 const VERSION: u32 = 2;
-/// No header or entry is longer, bytes.
+/// Greatest length of a header or an entry, bytes.
 const MOST_BYTES: usize = 1 << 20;
-/// Written at once, bytes.
+/// Size of the write buffer, bytes.
 const BUFFER: usize = 1 << 16;
 
-/// What a session was made of, the simulation's side.
+/// The simulation's side of what a session ran with; [`Begin`] holds the loop's side.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// Version of palpate.
     pub program: String,
     /// The scene file's absolute path.
     pub scene: String,
-    /// SHA-256 of the scene file. Files that the scene names are not in it.
+    /// SHA-256 of the scene file alone, without the files that the scene names.
     pub scene_digest: [u8; 32],
     /// Name of the Vulkan device.
     pub device: String,
-    /// Its driver.
+    /// Driver of the Vulkan device.
     pub driver: String,
-    /// Path of the depth stage, by [`name`](palpate::scene::DepthPath::name), where the step has one.
+    /// Name of the depth stage's implementation, see [`name`](palpate::scene::DepthPath::name); `None` if the step has
+    /// no depth stage.
     pub depth: Option<String>,
     /// Name of the haptic device's profile.
     pub profile: String,
-    /// The haptic device, as the user names it.
+    /// The haptic device, by the name that the user gives it.
     pub haptic_device: String,
 }
 
 impl Header {
-    /// Of a simulation of a scene that was loaded from a file, held by a device of that profile.
+    /// The header of a session with a simulation, whose scene was loaded from a file, and a device of that profile.
     pub fn new(scene: &Scene, simulation: &Simulation, profile: &str, haptic_device: &str) -> Result<Header> {
         let context = simulation.context();
-        // Without a working directory there are no absolute paths: the scene must be given to replay it.
+        // Without a working directory there are no absolute paths; then a replay must be given the scene's path.
         let absolute = std::path::absolute(&scene.file).unwrap_or_else(|_| scene.file.clone());
         Ok(Header {
             program: env!("CARGO_PKG_VERSION").into(),
@@ -80,56 +82,57 @@ pub fn digest(scene: &Path) -> Result<[u8; 32]> {
     Ok(Sha256::digest(bytes).into())
 }
 
-/// What the servo was made with.
+/// What the servo (the haptic loop's controller, called once a tick) was made with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Begin {
-    /// Its settings, its rate among them.
+    /// Settings of the servo, including the period of a tick.
     pub settings: Settings,
-    /// The tool, coupling included.
+    /// The tool, including the virtual coupling to the device.
     pub tool: Tool,
 }
 
 /// A step of the simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Step {
-    /// What it started from.
+    /// Inputs of the step: pose and twist of haptic device and tool.
     pub held: Held,
-    /// Its length, s.
+    /// Length of the step, s.
     pub h: f64,
-    /// What it found.
+    /// Contact wrench that the step returned.
     pub wrench: ContactWrench,
 }
 
-/// How many entries a whole recording holds.
+/// Numbers of entries in a recording.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Totals {
-    /// Ticks.
+    /// Ticks recorded.
     pub ticks: u64,
-    /// Steps.
+    /// Steps recorded.
     pub steps: u64,
-    /// Ticks that are missing between others.
+    /// Ticks missing between recorded ones.
     pub lost: u64,
 }
 
-/// What a recording holds, in order.
+/// An entry of a recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Entry {
-    /// The servo, as it begins: the first entry.
+    /// What the servo was made with: the first entry.
     Begin(Box<Begin>),
     /// A tick of the loop.
     Tick(Box<Tick>),
-    /// A step of the simulation. It may stand after ticks that felt it already.
+    /// A step of the simulation. It may come after ticks that already used its wrench.
     Step(Box<Step>),
-    /// The session ended in order.
+    /// The regular end of the session: the last entry.
     End(Totals),
 }
 
-/// A recording being written. Dropped before [`Recording::finish`] it has no end, but all that came before.
+/// A recording being written. If it is dropped before [`Recording::finish`], its end is missing, but all entries before
+/// are there.
 pub struct Recording {
     file: PathBuf,
     sink: Sink,
     totals: Totals,
-    /// Index of the next tick where none is lost.
+    /// Index that the next tick has if none is missing.
     next: u64,
 }
 
@@ -139,7 +142,7 @@ enum Sink {
 }
 
 impl Recording {
-    /// A new file; one that was there before is replaced. A name that ends in `.csv` takes the ticks alone, as a table (see
+    /// Creates the file, replacing an existing one. If its name ends in `.csv` it gets the ticks alone, as a table (see
     /// [`Table`]), which cannot be replayed.
     pub fn create(path: &Path, header: &Header) -> Result<Recording> {
         let is_table = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
@@ -156,12 +159,12 @@ impl Recording {
         Ok(Recording { file: path.into(), sink, totals: Totals::default(), next: 0 })
     }
 
-    /// The servo, as it begins: before all ticks and steps.
+    /// Records what the servo was made with; called before the first tick and the first step.
     pub fn begin(&mut self, settings: &Settings, tool: &Tool) -> Result<()> {
         self.put(Entry::Begin(Box::new(Begin { settings: *settings, tool: tool.clone() })))
     }
 
-    /// A tick of the loop.
+    /// Records a tick of the loop.
     pub fn tick(&mut self, tick: &Tick) -> Result<()> {
         self.totals.ticks += 1;
         self.totals.lost += tick.index.saturating_sub(self.next);
@@ -172,13 +175,13 @@ impl Recording {
         }
     }
 
-    /// A step of `h` s: what it started from, what it found.
+    /// Records a step of `h` s with its inputs and the contact wrench that it returned.
     pub fn step(&mut self, held: &Held, h: f64, wrench: &ContactWrench) -> Result<()> {
         self.totals.steps += 1;
         self.put(Entry::Step(Box::new(Step { held: *held, h, wrench: *wrench })))
     }
 
-    /// Writes the end; how much there was.
+    /// Writes the end and returns the numbers of entries.
     pub fn finish(mut self) -> Result<Totals> {
         self.put(Entry::End(self.totals))?;
         let flushed = match self.sink {
@@ -189,14 +192,14 @@ impl Recording {
         Ok(self.totals)
     }
 
-    /// A table has no place for it.
+    /// Writes an entry; does nothing where the file is a table.
     fn put(&mut self, entry: Entry) -> Result<()> {
         let Sink::Binary(file) = &mut self.sink else { return Ok(()) };
         write(file, &entry).map_err(|source| Error::Output { file: self.file.clone(), source })
     }
 }
 
-/// A value after its length.
+/// Writes a value, preceded by its length.
 fn write(file: &mut impl Write, value: &impl Serialize) -> std::io::Result<()> {
     let bytes = postcard::to_stdvec(value).map_err(std::io::Error::other)?;
     if bytes.len() > MOST_BYTES {

@@ -1,5 +1,5 @@
-//! A recorded session run again: the same readings and times into a new servo, the same steps in a new environment, and
-//! every value compared with the recorded one, bit for bit.
+//! Replay of a recorded session: a new servo (the haptic loop's controller) gets the recorded readings and times, a new
+//! environment (the simulation) does the same steps, and every value is compared with the recorded one, bit for bit.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -15,38 +15,38 @@ use palpate::{Error, Result};
 use super::record::fields::{self, Field};
 use super::record::{Begin, Entry, Recorded, Step};
 
-/// What came of a replay.
+/// Result of a replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replayed {
-    /// Ticks that were the same.
+    /// Number of ticks that were the same.
     pub ticks: u64,
-    /// Steps that were the same.
+    /// Number of steps that were the same.
     pub steps: u64,
-    /// Whether the recording has its end; else what there is of it was replayed.
+    /// Whether the recording is complete; otherwise the part of it that exists was replayed.
     pub is_whole: bool,
     /// The first difference; nothing after it was replayed.
     pub difference: Option<Difference>,
 }
 
-/// Where a replay left the recording.
+/// The first value in which a replay differs from its recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Difference {
-    /// The tick or the step.
+    /// The tick or the step that differs.
     pub place: Place,
     /// Name of the value, as in [`fields`].
     pub field: String,
-    /// As recorded.
+    /// The value as recorded.
     pub recorded: String,
-    /// As it is now.
+    /// The value as replayed.
     pub replayed: String,
 }
 
 /// A place in a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
-    /// A tick, from 0.
+    /// A tick of the haptic loop, numbered from 0.
     Tick(u64),
-    /// A step of the simulation, from 1.
+    /// A step of the simulation, numbered from 1.
     Step(u64),
 }
 
@@ -66,7 +66,7 @@ impl fmt::Display for Difference {
     }
 }
 
-/// What the device gave at a tick, faults included.
+/// What reading the device gave in a recorded tick, faults included.
 pub fn reading_of(tick: &Tick) -> std::result::Result<Reading, Fault> {
     match tick.reading {
         Some(reading) => Ok(reading),
@@ -75,9 +75,9 @@ pub fn reading_of(tick: &Tick) -> std::result::Result<Reading, Fault> {
     }
 }
 
-/// Runs a recording again up to its end, or to the first difference. The environment is one that has not stepped yet, made as
-/// the recorded one was. Fails where the recording holds no session that can be run again (ticks are lost, entries are out of
-/// order), and where the environment does.
+/// Replays a recording up to its end or to the first difference. The environment must be made as the recorded one was,
+/// and must not have stepped yet. Fails if the recording holds no session that can be replayed (ticks are missing,
+/// entries are out of order), and if the environment fails.
 pub fn replay(recorded: Recorded, environment: &mut dyn Environment) -> Result<Replayed> {
     let mut replay = Replay {
         source: Source { recorded, ticks: VecDeque::new(), steps: VecDeque::new(), is_over: false, is_whole: false },
@@ -90,7 +90,7 @@ pub fn replay(recorded: Recorded, environment: &mut dyn Environment) -> Result<R
     Ok(Replayed { ticks, steps, is_whole: replay.source.is_whole, difference })
 }
 
-/// The recording, read as far ahead as needed: a step stands after ticks that ran while it was computed.
+/// The recording, read ahead as far as needed: a step may come after the ticks that ran while it was computed.
 struct Source {
     recorded: Recorded,
     ticks: VecDeque<Box<Tick>>,
@@ -100,7 +100,7 @@ struct Source {
 }
 
 impl Source {
-    /// Reads on until the next tick and the next step are known, or there are none.
+    /// Reads on until the next tick and the next step are known, or the recording ends.
     fn look_ahead(&mut self) -> Result<()> {
         while (self.ticks.is_empty() || self.steps.is_empty()) && !self.is_over {
             match self.recorded.next().transpose()? {
@@ -123,9 +123,9 @@ impl Source {
 struct Replay<'a> {
     source: Source,
     environment: &'a mut dyn Environment,
-    /// Wrenches that the servo may still take, by rising step.
+    /// Contact wrenches that the servo may still take, by rising step.
     wrenches: VecDeque<ContactWrench>,
-    /// Ticks and steps that were the same.
+    /// Numbers of ticks and of steps that were the same.
     done: (u64, u64),
 }
 
@@ -133,7 +133,7 @@ impl Replay<'_> {
     fn run(&mut self) -> Result<Option<Difference>> {
         let begin = match self.source.recorded.next().transpose()? {
             Some(Entry::Begin(begin)) => begin,
-            // Cut short before it.
+            // The file was cut short before its first entry.
             None => return Ok(None),
             Some(_) => return Err(self.source.wrong("the servo does not come first".into())),
         };
@@ -166,7 +166,7 @@ impl Replay<'_> {
         }
     }
 
-    /// A step, from what the servo holds.
+    /// Repeats a step, from the servo's present state.
     fn step(&mut self, recorded: &Step, servo: &Servo) -> Result<Option<Difference>> {
         let number = self.done.1 + 1;
         if recorded.held.ticks < self.done.0 {
@@ -189,7 +189,8 @@ impl Replay<'_> {
         Ok(difference)
     }
 
-    /// The wrench that lay before the servo at a tick; `None`: the recording was cut short before it.
+    /// The contact wrench that the servo was given in a tick; `None` if the recording was cut short before that
+    /// wrench's step.
     fn offered(&mut self, tick: &Tick, servo: &Servo) -> Result<Option<ContactWrench>> {
         if tick.index != self.done.0 {
             let problem = format!("ticks {} to {} were lost in the recording", self.done.0, tick.index - 1);
@@ -199,7 +200,7 @@ impl Replay<'_> {
             self.wrenches.pop_front();
         }
         if tick.events.has(Event::BadWrench) {
-            // The servo refuses it, and keeps the one that it had.
+            // The servo refuses such a wrench and keeps the one that it had.
             let bad = self.wrenches.iter().find(|wrench| wrench.step > tick.step && !wrench.is_finite());
             return Ok(Some(bad.copied().unwrap_or(servo.newest())));
         }
@@ -229,7 +230,7 @@ impl Replay<'_> {
     }
 }
 
-/// What no servo can be made with: files come from anywhere.
+/// The reason why no servo can be made with these settings, which may come from a damaged file; `None` if one can.
 fn problem_of(settings: &Settings) -> Option<String> {
     let Settings { period, limits, most_damping, trust, arm, .. } = *settings;
     let Limits { force, torque, slew, angular_slew, workspace, watchdog } = limits;

@@ -1,4 +1,4 @@
-//! A device that says again what another said in a recorded session.
+//! A haptic device that gives the readings of a recorded session again.
 
 use std::path::Path;
 
@@ -9,8 +9,8 @@ use palpate::{Error, Result, RigidState, Wrench};
 use crate::record::{Entry, Recorded};
 use crate::replay::reading_of;
 
-/// The readings of a recording, tick for tick: the n-th read gives the n-th one, faults included, whatever the time. After
-/// them it rests where it was last. What it is told to play, nobody feels.
+/// The readings of a recording, tick for tick: the n-th call to read gives the n-th reading, faults included, whatever
+/// the time. After the last one the device rests at its last pose. The wrench written to it has no effect.
 pub struct Replay {
     profile: &'static Profile,
     readings: std::vec::IntoIter<std::result::Result<Reading, Fault>>,
@@ -36,7 +36,7 @@ impl Replay {
         Ok(Replay { profile, readings: readings.into_iter(), last: None })
     }
 
-    /// Ticks that are still to come.
+    /// Number of recorded ticks that have not been read yet.
     pub fn ticks(&self) -> usize {
         self.readings.len()
     }

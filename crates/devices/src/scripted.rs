@@ -1,4 +1,4 @@
-//! A device that follows a script, whatever is played.
+//! A simulated haptic device that follows a given trajectory, whatever wrench is written to it.
 
 use glam::{DQuat, DVec3};
 use palpate::Wrench;
@@ -6,7 +6,7 @@ use palpate::internal::haptics::{Device, Fault, Reading};
 use palpate::internal::step::drive::Drive;
 use palpate::scene::Profile;
 
-/// A script's pose over time.
+/// A device whose pose is a given function of time.
 #[derive(Debug, Clone)]
 pub struct Scripted {
     drive: Drive,
@@ -15,8 +15,8 @@ pub struct Scripted {
 }
 
 impl Scripted {
-    /// Follows `drive`, within the limits of `profile`. `tick`: s between readings; a reading's velocity is the mean over
-    /// the tick before it.
+    /// A device that follows the trajectory `drive`, with the limits of `profile`. `tick` is the time between readings,
+    /// s; a reading's velocity is the mean over the tick before it.
     pub fn new(drive: Drive, profile: Profile, tick: f64) -> Scripted {
         Scripted { drive, profile, tick }
     }

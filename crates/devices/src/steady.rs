@@ -1,6 +1,8 @@
-//! Tests that ask whether what is played is the force that is there: on a soft body that is pressed slowly, held and let go of,
-//! with the passivity controller on, by a scripted device and by the simulated hand, in virtual time. And that the hand gets
-//! no energy but what is lent, by a sum of its own, whatever happens to the simulation.
+//! Tests that the force played at rest is the static force, with the passivity controller on: a soft body is pressed
+//! slowly, held and released, by a scripted device and by the simulated hand, in virtual time. Others check that the
+//! hand receives no energy beyond what the controller has lent it, whatever happens to the simulation; they sum the
+//! energy themselves. The controller *lends* energy for a force that comes up where the hand has already moved
+//! unopposed.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::haptics::environment::{Cushion, Environment};
@@ -18,40 +20,41 @@ use palpate::scene::{Key, Lowered};
 use super::{Hand, HandParameters, Scripted};
 
 const PERIOD: f64 = 1e-3;
-/// Above the surface at the start, m.
+/// Height of the device and the tool above the surface at the start, m.
 const ABOVE: f64 = 0.005;
-/// The press begins at this time, s.
+/// Time at which the press begins, s.
 const BEGIN: f64 = 0.3;
-/// Of the static force, and of the force of the step, so much must be played at rest.
+/// Greatest relative difference, at rest, of the played force from the static force and from the simulation step's
+/// force.
 const WITHIN: f64 = 0.03;
-/// Standard deviation at rest, share of the force or N.
+/// Greatest standard deviation of the force at rest: as a share of the force, or in N, whichever is greater.
 const STILL: [f64; 2] = [0.01, 0.01];
-/// Of all ticks of a slow press, hold and release, those in which the controller may act.
+/// Greatest share of the ticks of a slow press, hold and release in which the passivity controller may act.
 const ACTING: f64 = 0.01;
-/// Profiles, of small limits, middling and stiff.
+/// Device profiles with low, middling and high limits.
 const PROFILES: [&str; 3] = ["touch", "premium", "sigma.7"];
 
-/// A press, and what happens meanwhile.
+/// Parameters of a press, and of what disturbs it.
 #[derive(Clone, Copy)]
 struct Case {
     profile: &'static str,
-    /// Else the simulated hand.
+    /// Whether a scripted device presses, and not the simulated hand.
     is_scripted: bool,
-    /// Of the cushion, N/m.
+    /// Stiffness of the cushion, the soft body of one degree of freedom that is pressed, N/m.
     stiffness: f64,
-    /// Of the simulation, Hz.
+    /// Number of simulation steps a second, Hz.
     rate: f64,
-    /// Of the press, m/s.
+    /// Speed of the press, m/s.
     speed: f64,
     tells_gap: bool,
     far_end: fn(f64) -> f64,
-    /// Ticks that wrenches come later than a step takes.
+    /// Ticks (iterations of the haptic loop) by which wrenches come later than a step takes.
     late: u64,
-    /// First and last tick of each stall.
+    /// First and last tick of each stall of the simulation.
     stalls: &'static [[u64; 2]],
-    /// Below the surface at rest, m; `None`: as far as a few newtons need.
+    /// Depth below the undeformed surface to which the device goes, m; `None`: enough for a few newtons.
     depth: Option<f64>,
-    /// How long it is held, s.
+    /// Duration of the hold, s.
     hold: f64,
 }
 
@@ -69,12 +72,12 @@ const SLOW: Case = Case {
     hold: 2.0,
 };
 
-/// What came of a press.
+/// Result of a press.
 struct Came {
     ticks: Vec<Tick>,
-    /// Force of each step, N.
+    /// Contact force of each simulation step, N.
     steps: Vec<f64>,
-    /// Seconds between which the device holds still, but for its first half second.
+    /// Begin and end of the hold without its first half second, s.
     hold: [f64; 2],
     depth: f64,
     coupling: f64,
@@ -167,7 +170,9 @@ impl Case {
 }
 
 impl Came {
-    /// Energy by the readings and the forces alone, less what was lent, the greatest at any tick, J; and what encoders may add.
+    /// Two energies, J: the greatest at any tick that the hand has received beyond what was lent, computed from
+    /// readings and played forces alone; and a bound on it, which is the error that encoders of resolution `quantum`
+    /// (m) may cause.
     fn unpaid(&self, quantum: f64) -> (f64, f64) {
         let (mut net, mut worst, mut peak, mut variation) = (0.0f64, 0.0f64, 0.0f64, 0.0);
         for pair in self.ticks.windows(2) {
@@ -189,7 +194,7 @@ impl Came {
         self.ticks.iter().filter(move |tick| (from..to).contains(&tick.time))
     }
 
-    /// Mean and standard deviation of the force while the device holds still, N.
+    /// Mean and standard deviation of the played force during the hold, N.
     fn force(&self) -> (f64, f64) {
         let count = self.held().count() as f64;
         let mean = self.held().map(|tick| tick.played.force.y).sum::<f64>() / count;
@@ -201,13 +206,14 @@ impl Came {
         self.held().last().and_then(|tick| self.steps.get(tick.step as usize - 1).copied()).unwrap()
     }
 
-    /// The share of ticks in which the controller acted.
+    /// Share of the ticks in which the passivity controller acted.
     fn acting(&self) -> f64 {
         let acts = |tick: &&Tick| tick.events.has_any(&[Event::Damped, Event::Unpaid]);
         self.ticks.iter().filter(acts).count() as f64 / self.ticks.len() as f64
     }
 
-    /// Springs in a row at rest: the cushion, the coupling and, where a hand holds the device where it means to be not, that.
+    /// Static force, N: cushion and virtual coupling are springs in series, pressed to where the device is at the end
+    /// of the hold; it is cut at the force limit.
     fn at_rest(&self) -> f64 {
         let device = self.held().last().unwrap().reading.unwrap().state.position.y;
         (-device / (1.0 / self.felt + 1.0 / self.coupling)).min(self.limit)
@@ -242,7 +248,7 @@ fn a_steady_force_is_played_as_it_is_and_the_controller_leaves_it_alone() {
 
 #[test]
 fn a_force_that_needs_more_than_the_device_has_is_the_limit_everywhere() {
-    // Pressed so deep that coupling and body would push with 7 N.
+    // The device goes so deep that coupling and cushion in series would push with 7 N.
     let case = Case { profile: "touch", is_scripted: true, stiffness: 450.0, speed: 0.02, rate: 125.0, ..SLOW };
     let came = Case { depth: Some(0.045), ..case }.run();
     let profile = Profile::named(case.profile).unwrap();
@@ -251,14 +257,15 @@ fn a_force_that_needs_more_than_the_device_has_is_the_limit_everywhere() {
     assert!((came.of_step() - profile.max_force).abs() < 0.03, "the simulation presses with {} N", came.of_step());
 }
 
-/// Steps of 125 and 250 ms, a hand in a hurry, a body that tells no gap: what it went unopposed is lent, and no more.
+/// Steps of 125 and 250 ms with a fast hand still give the static force. Energy is lent only where the body reports no
+/// gap before contact, and then at most for the depth that the hand went unopposed.
 #[test]
 fn slow_steps_do_not_mute() {
     for (profile, is_scripted) in PROFILES.into_iter().flat_map(|name| [(name, false), (name, true)]) {
         for (rate, tells_gap) in [(8.0, true), (8.0, false), (4.0, true)] {
             let case = Case { profile, is_scripted, rate, tells_gap, speed: 0.05, hold: 6.0, ..SLOW };
             let (mut came, name) = (case.run(), case.name());
-            // A few steps are a second.
+            // At these rates a few steps take a second, so the force settles later.
             came.hold[0] += 4.0;
             let (force, _) = came.force();
             let still = came.at_rest();
@@ -306,7 +313,8 @@ fn whatever_the_simulation_does_the_hand_gets_no_more_than_it_is_lent() {
 
 #[test]
 fn repeated_stalls_lend_no_more_than_one() {
-    // Shorter than the watchdog; as long; and so long that the force is away each time.
+    // Stalls that are shorter than the watchdog's limit of 1 s, as long, and so long that the force has faded each
+    // time.
     let stalls: [[&[[u64; 2]]; 2]; 3] = [
         [&[[2000, 2900]], &[[2000, 2900], [3500, 4400], [5000, 5900], [6500, 7400]]],
         [&[[2000, 3000]], &[[2000, 3000], [3500, 4500], [5000, 6000], [6500, 7500]]],
@@ -329,13 +337,13 @@ fn a_driven_body_that_pushes_gives_a_tenth_of_a_watt() {
     for (profile, is_scripted) in PROFILES.into_iter().flat_map(|name| [(name, false), (name, true)]) {
         let case = Case { profile, is_scripted, far_end: push, stiffness: 2000.0, speed: 0.05, hold: 4.0, ..SLOW };
         let came = case.run();
-        // Lent beyond what there was before the push.
+        // Energy that was lent since the push began.
         let before = came.ticks.iter().filter(|tick| tick.time < 2.0).map(|tick| tick.energy.lent).fold(0.0, f64::max);
         let lent = came.greatest_loan() - before;
         let quantum = if is_scripted { 0.0 } else { HandParameters::default().quantum };
         let (unpaid, most) = came.unpaid(quantum);
         assert!(unpaid <= most && lent <= 0.1 * 1.1, "{}: {unpaid} of {most} J, {lent} lent", case.name());
-        // A hand that gives way is pushed.
+        // The body pushes the hand away, so some energy must be lent.
         assert!(lent > 1e-3, "{}: {lent} J", case.name());
     }
 }

@@ -1,60 +1,61 @@
-//! The camera: where one looks from, what that makes of a point, and what a cursor means in the world. World y is up; pixels
-//! are counted from the picture's upper left corner.
+//! The camera of a rendered image: its pose, its projection of points to pixels, and what a cursor's movement means in
+//! the world. World y is up; pixels are counted from the image's upper left corner.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
-/// Nearest and farthest that is drawn, in distances of the eye from the target.
+/// Near and far clipping plane, as multiples of the eye's distance from the target.
 const NEAR: f64 = 0.01;
 const FAR: f64 = 100.0;
-/// Height of the view, rad.
+/// Vertical field of view, rad.
 const FOVY: f64 = 40.0 * PI / 180.0;
-/// Room about a box that is framed.
+/// Factor by which the view is larger than the sphere around a box that is to be shown.
 const ROOM: f64 = 1.15;
-/// Up and down no farther than this, rad: from straight above right and left have no meaning.
+/// Greatest pitch upwards and downwards, rad, short of vertical, where left and right are undefined.
 const STEEPEST: f64 = FRAC_PI_2 - 0.01;
-/// The eye's distance from the target stays within these, m.
+/// Least and greatest distance of the eye from the target, m.
 const NEAREST: f64 = 1e-4;
 const FARTHEST: f64 = 1e4;
 
 /// An eye that looks at a target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// What is looked at, m.
+    /// The point that is looked at, m.
     pub target: DVec3,
-    /// Of the eye from the target, m.
+    /// Distance of the eye from the target, m.
     pub distance: f64,
-    /// About the world's y, rad; 0: from the front, from +z towards -z.
+    /// Angle about the world's y axis, rad; at 0 the eye looks from +z towards -z.
     pub yaw: f64,
-    /// Above the horizon, rad.
+    /// Angle of the eye above the horizon, rad.
     pub pitch: f64,
-    /// Height of the view, rad.
+    /// Vertical field of view, rad.
     pub fovy: f64,
 }
 
-/// The camera's directions in the world, unit.
+/// The camera's axes in the world, unit vectors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Axes {
-    /// Towards the picture's right.
+    /// Axis towards the image's right.
     pub right: DVec3,
-    /// Towards its top.
+    /// Axis towards the image's top.
     pub up: DVec3,
-    /// Into it.
+    /// Axis into the image, from the eye to the target.
     pub forward: DVec3,
 }
 
 /// A half-line from the eye through a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
-    /// The eye, m.
+    /// Position of the eye, m.
     pub origin: DVec3,
-    /// Unit.
+    /// Unit vector away from the eye.
     pub direction: DVec3,
 }
 
 impl Camera {
-    /// From the front and a little from the right and above, so far away that the box of these corners fits.
+    /// A camera that looks from the front, a little from the right and above, and so far away that the box of these
+    /// corners fits into the view.
     pub fn around(low: DVec3, high: DVec3) -> Camera {
         let radius = 0.5 * low.distance(high);
         let sound = radius.is_finite() && radius > 0.0;
@@ -63,12 +64,12 @@ impl Camera {
         Camera { target, distance, yaw: 0.5, pitch: 0.3, fovy: FOVY }
     }
 
-    /// Where the eye is, m.
+    /// Position of the eye, m.
     pub fn eye(&self) -> DVec3 {
         self.target - self.distance * self.axes().forward
     }
 
-    /// Its directions.
+    /// The camera's axes.
     pub fn axes(&self) -> Axes {
         let ((sy, cy), (sp, cp)) = (self.yaw.sin_cos(), self.pitch.sin_cos());
         Axes {
@@ -78,19 +79,20 @@ impl Camera {
         }
     }
 
-    /// Nearest and farthest that is drawn, m from the eye along [`Axes::forward`].
+    /// Near and far clipping plane, m from the eye along [`Axes::forward`].
     pub fn planes(&self) -> [f64; 2] {
         [NEAR * self.distance, FAR * self.distance]
     }
 
-    /// From the world to the camera's axes: right, up, and back towards the eye.
+    /// The view matrix, from the world to the camera's axes: right, up, and backwards from target to eye.
     pub fn view(&self) -> DMat4 {
         let (Axes { right, up, forward }, eye) = (self.axes(), self.eye());
         let row = |axis: DVec3| axis.extend(-axis.dot(eye));
         DMat4::from_cols(row(right), row(up), row(-forward), DVec4::W).transpose()
     }
 
-    /// From the world to Vulkan's clip space for a picture of this size: y down, depth from 0 at the nearest to 1.
+    /// The matrix from the world to Vulkan's clip space for an image of this size: y down, depth from 0 at the near
+    /// plane to 1 at the far one.
     pub fn matrix(&self, width: u32, height: u32) -> DMat4 {
         let ([near, far], scale) = (self.planes(), 1.0 / (0.5 * self.fovy).tan());
         let aspect = f64::from(width.max(1)) / f64::from(height.max(1));
@@ -104,39 +106,40 @@ impl Camera {
         projection * self.view()
     }
 
-    /// The pixel that shows a point; `None`: it is behind the eye.
+    /// The pixel that shows a point; `None` if the point is behind the eye.
     pub fn project(&self, point: DVec3, width: u32, height: u32) -> Option<DVec2> {
         let clip = self.matrix(width, height) * point.extend(1.0);
         let size = DVec2::new(width.into(), height.into());
         (clip.w > 0.0).then(|| 0.5 * (DVec2::new(clip.x, clip.y) / clip.w + 1.0) * size)
     }
 
-    /// What is behind a pixel.
+    /// The ray from the eye through a pixel.
     pub fn ray(&self, x: f64, y: f64, width: u32, height: u32) -> Ray {
         let (Axes { right, up, forward }, pixel) = (self.axes(), self.pixel(1.0, height));
         let [across, down] = [x - 0.5 * f64::from(width), y - 0.5 * f64::from(height)].map(|d| pixel * d);
         Ray { origin: self.eye(), direction: (forward + across * right - down * up).normalize() }
     }
 
-    /// How far a cursor's movement, in pixels, takes a point that it holds in the camera's plane, m.
+    /// World displacement, m, of a point that is dragged parallel to the image by a cursor's movement of (`dx`, `dy`)
+    /// pixels.
     pub fn drag(&self, point: DVec3, dx: f64, dy: f64, height: u32) -> DVec3 {
         let Axes { right, up, forward } = self.axes();
         let pixel = self.pixel(forward.dot(point - self.eye()).max(self.planes()[0]), height);
         pixel * (dx * right - dy * up)
     }
 
-    /// Turns about the target, rad.
+    /// Turns the camera about its target, rad.
     pub fn orbit(&mut self, yaw: f64, pitch: f64) {
         self.yaw = (self.yaw + yaw).rem_euclid(2.0 * PI);
         self.pitch = (self.pitch + pitch).clamp(-STEEPEST, STEEPEST);
     }
 
-    /// Moves aside, so that what is at the target goes with the cursor.
+    /// Moves the camera sideways, so that what is at the target follows the cursor.
     pub fn pan(&mut self, dx: f64, dy: f64, height: u32) {
         self.target -= self.drag(self.target, dx, dy, height);
     }
 
-    /// Changes the distance by a factor; what is as far as the target stays under the cursor.
+    /// Changes the distance by a factor; a point at the target's depth under the cursor stays there.
     pub fn zoom(&mut self, factor: f64, x: f64, y: f64, width: u32, height: u32) {
         let distance = (factor * self.distance).clamp(NEAREST, FARTHEST);
         let (dx, dy) = (x - 0.5 * f64::from(width), y - 0.5 * f64::from(height));

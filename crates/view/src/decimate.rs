@@ -1,11 +1,12 @@
-//! Fewer triangles over the same vertices, for shadows: by clusters of vertices on a lattice (J. Rossignac and P. Borrel 1993,
-//! "Multi-resolution 3D approximations for rendering complex scenes").
+//! Decimation of the meshes that cast shadows: fewer triangles over the same vertices, by clustering vertices on a
+//! lattice (J. Rossignac and P. Borrel 1993, "Multi-resolution 3D approximations for rendering complex scenes").
 
 use std::collections::{HashMap, HashSet};
 
 use glam::DVec3;
 
-/// Triangles whose corners were moved to one vertex each cell; what lost its area went. Cells have edges of `cell` m.
+/// The triangles after each corner was replaced by the first vertex in its lattice cell, without those that collapsed.
+/// Cells have edges of `cell` m.
 pub fn clustered(vertices: &[DVec3], triangles: &[[u32; 3]], cell: f64) -> Vec<[u32; 3]> {
     let mut first: HashMap<[i64; 3], u32> = HashMap::new();
     let place = |x: &DVec3| (*x / cell).floor().to_array().map(|x| x as i64);
@@ -15,7 +16,7 @@ pub fn clustered(vertices: &[DVec3], triangles: &[[u32; 3]], cell: f64) -> Vec<[
     moved
         .filter(|[a, b, c]| a != b && b != c && c != a)
         .filter(|t| {
-            // The same three corners, turned, are one triangle.
+            // Triangles with the same corners in the same cyclic order are one.
             let least = (0..3).min_by_key(|k| t[*k]).unwrap_or(0);
             seen.insert([t[least], t[(least + 1) % 3], t[(least + 2) % 3]])
         })
@@ -26,7 +27,7 @@ pub fn clustered(vertices: &[DVec3], triangles: &[[u32; 3]], cell: f64) -> Vec<[
 mod tests {
     use super::*;
 
-    /// A square of n x n cells in the plane.
+    /// A unit square in the plane, of n x n cells with two triangles each.
     fn square(n: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         let at = |i: u32, k: u32| DVec3::new(f64::from(i) / f64::from(n), f64::from(k) / f64::from(n), 0.0);
         let vertices = (0..=n).flat_map(|k| (0..=n).map(move |i| at(i, k))).collect();

@@ -1,4 +1,4 @@
-//! What a picture's colours and arrows stand for, written onto it.
+//! The legend of a rendered image: what its colours and arrows stand for, drawn onto it.
 
 use std::sync::Arc;
 
@@ -15,17 +15,18 @@ use super::renderer::Legend;
 use super::scale::with_unit;
 use super::tessellated;
 
-/// Height of a picture whose letters have their own size, pixels; larger ones have larger letters.
+/// Height of an image, pixels, up to which a point (egui's unit of length) is a pixel; on higher images the legend is
+/// scaled up.
 const PLAIN: f32 = 720.0;
-/// Points: from the picture's edge, of the colours' bar, of letters.
+/// Sizes in points: margin to the image's edge, the colour bar, the letters.
 const EDGE: f32 = 18.0;
 const BAR: Vec2 = Vec2::new(230.0, 12.0);
 const LETTERS: f32 = 15.0;
-/// Letters are read whatever is behind.
+/// Colours of the legend's background, so that letters are legible over any image, and of its letters.
 const PAPER: Color32 = Color32::from_rgba_premultiplied(190, 191, 193, 200);
 const INK: Color32 = Color32::from_rgb(40, 42, 48);
 
-/// Writes legends.
+/// Draws legends.
 pub struct Labels {
     egui: egui::Context,
     painter: Painter,
@@ -33,13 +34,13 @@ pub struct Labels {
 }
 
 impl Labels {
-    /// Nothing written yet.
+    /// Prepares to draw legends.
     pub fn new(context: &Arc<Context>) -> Result<Labels> {
         Ok(Labels { egui: egui::Context::default(), painter: Painter::new(context)?, atlas: Atlas::default() })
     }
 
-    /// What writes the legend onto a picture with one sample a pixel; `None`: there is nothing to explain. The last recording
-    /// is done.
+    /// The recording that draws the legend onto an image with one sample a pixel; `None` if there is nothing to
+    /// explain. The GPU must have finished the recording returned before.
     pub fn paint(&mut self, moment: &Moment, legend: &Legend, image: &Image) -> Result<Option<Recording>> {
         let lines = lines(moment, legend);
         if lines.is_empty() && legend.field.is_none() {
@@ -50,7 +51,7 @@ impl Labels {
         self.egui.set_pixels_per_point(scale);
         let screen = Rect::from_min_size(Pos2::ZERO, Vec2::new(size[0] as f32, size[1] as f32) / scale);
         let input = egui::RawInput { screen_rect: Some(screen), ..egui::RawInput::default() };
-        // The first time egui learns of the scale only afterwards.
+        // egui takes up a new scale only in the next run, so the first run is repeated.
         let rounds = if self.egui.pixels_per_point() == scale { 1 } else { 2 };
         let mut written = Default::default();
         for _ in 0..rounds {
@@ -68,7 +69,7 @@ impl Labels {
     }
 }
 
-/// What is said of force and torque.
+/// The legend's lines on force and torque, with their colours.
 fn lines(moment: &Moment, legend: &Legend) -> Vec<(Color32, String)> {
     if !moment.shown.has(Overlay::Arrows) || moment.tool.is_none() {
         return Vec::new();
@@ -112,7 +113,7 @@ fn write(painter: &egui::Painter, screen: Rect, lines: &[(Color32, String)], leg
         let colour = map(field).eval_rational(k, steps);
         let width = BAR.x / steps as f32;
         let left = Pos2::new(at.x + k as f32 * width, at.y);
-        // A little wider, so that no gap is left.
+        // Strips overlap a little, so that no gap shows between them.
         let rect = Rect::from_min_size(left, Vec2::new(width + 0.5, BAR.y));
         painter.rect_filled(rect, 0.0, Color32::from_rgb(colour.r, colour.g, colour.b));
     }
@@ -120,7 +121,7 @@ fn write(painter: &egui::Painter, screen: Rect, lines: &[(Color32, String)], leg
     painter.text(at, Align2::LEFT_BOTTOM, field.name(), font, INK);
 }
 
-/// A number on a field's scale.
+/// A value on a field's colour scale, as text.
 fn tick(field: Field, x: f64) -> String {
     match field.unit() {
         "J/m^3" => with_unit(x, "J/m\u{b3}"),

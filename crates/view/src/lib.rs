@@ -1,5 +1,5 @@
-//! What is seen: where one looks from, the picture, and the simulation that goes on beside it. No window: whoever opens one
-//! (`palpate view`) or writes files (`palpate film`) stands on this.
+//! Rendering of a simulation: the camera, the images, and the thread on which the simulation runs while it is drawn.
+//! There is no window here: `palpate view`, which opens one, and `palpate film`, which writes files, build on this.
 
 pub mod camera;
 mod decimate;

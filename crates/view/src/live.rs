@@ -1,6 +1,6 @@
-//! The simulation's own thread beside whoever looks: it steps, held by a device or led by the scene's keys, does what it is
-//! told between two steps, and publishes what it found; nobody ever waits for whoever looks but within its turn
-//! (see [`Turns`]).
+//! The thread on which a simulation runs while other threads draw it. Its tool is held by a haptic device or follows
+//! the scene's keys (key frames of the desired pose). Between two steps the thread executes commands; after each step
+//! it publishes the results. It waits for drawing only at the GPU's queue, which both use in turns (see [`Turns`]).
 
 mod held;
 mod snapshot;
@@ -23,81 +23,83 @@ use super::turns::Turns;
 pub use snapshot::{LoopState, Sample, Settings, Snapshot, State};
 use worker::Worker;
 
-/// Samples that wait to be taken at most: more are dropped, the oldest kept.
+/// Capacity of the queue of samples; where it is full, new samples are dropped.
 const SAMPLES: usize = 1 << 14;
 
-/// Makes the device for a session that begins with the tool at a pose.
+/// Makes the haptic device for a session (one run of the haptic loop) that begins at a pose.
 pub type MakeDevice = Box<dyn FnMut(&Simulation, Key) -> Result<Box<dyn Device>> + Send>;
 
-/// Hears every row; an error ends the run.
+/// Is called with every step report; an error ends the run.
 pub type Watch = Box<dyn FnMut(&StepReport) -> Result<()> + Send>;
 
-/// What is done with a simulation between two steps; the number changes with the simulation.
+/// A function that is called with the simulation between two steps, and with a number that changes when the simulation
+/// is replaced.
 pub type Question = Box<dyn FnOnce(&mut Simulation, u64) + Send>;
 
-/// What leads the tool.
+/// What moves the tool.
 pub enum Lead {
-    /// The scene's keys, step after step, no faster than the world.
+    /// The scene's keys, step after step, no faster than real time.
     Drive,
-    /// A device in a hand, by the haptic loop.
+    /// A haptic device, through the haptic loop.
     Device {
-        /// As the user names it.
+        /// Name by which the user chose the device.
         name: String,
-        /// A session takes one; another begins after each pause, reset, or change of the coupling.
+        /// Makes the device of each session; another session begins after each pause, reset, or change of the coupling.
         make: MakeDevice,
     },
 }
 
-/// How far it goes.
+/// When the simulation ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Extent {
-    /// Until told to quit.
+    /// It ends when told to quit.
     Endless,
-    /// Steps of the keys.
+    /// It ends after this number of steps along the keys.
     Steps(u64),
-    /// Of a session, s.
+    /// It ends after this time of a session, s.
     Seconds(f64),
 }
 
 /// What the thread begins with.
 pub struct Begin {
-    /// Of which no step was done.
+    /// The simulation, which must not have stepped yet.
     pub simulation: Simulation,
-    /// What leads its tool.
+    /// What moves its tool.
     pub lead: Lead,
-    /// How far it goes.
+    /// When it ends.
     pub extent: Extent,
-    /// Hears every row.
+    /// Is called with every step report.
     pub watch: Watch,
-    /// Where recordings go.
+    /// Folder for recordings.
     pub folder: PathBuf,
 }
 
-/// What may be told between two steps.
+/// A command, which is executed between two steps.
 pub enum Command {
-    /// Rest, or go on.
+    /// Pause, or go on.
     Pause,
-    /// One step, and rest.
+    /// Do one step, then pause.
     Step,
-    /// As it was at the start.
+    /// Restore the state before the first step.
     Reset,
-    /// Another material of a body, at its index.
+    /// Change a material: the body, the index among its materials, and the new material.
     Material(usize, usize, Material),
-    /// Another contact law.
+    /// Change the contact law.
     Contact(Contact),
-    /// Another coupling; a session begins anew with it, for the loop chooses what is safe.
+    /// Change the virtual coupling. A session begins anew with it, because the haptic loop limits the gains when it
+    /// begins.
     Coupling(Coupling),
-    /// Record a session from the start on, or end the recording.
+    /// Record a new session from the state before the first step, or end the recording.
     Record,
-    /// Another scene with its bodies.
+    /// Replace the scene and its bodies.
     Replace(Box<(Scene, Bodies)>),
-    /// Come to an end.
+    /// End the thread.
     Quit,
-    /// Anything else, within a turn of drawing.
+    /// Call a function with the simulation, within a turn of drawing at the GPU's queue.
     Ask(Question),
 }
 
-/// The running thread; dropped, it ends after the step under way.
+/// The running thread; when this is dropped, it ends after the current step.
 pub struct Live {
     link: Link,
     thread: Option<JoinHandle<()>>,
@@ -107,7 +109,7 @@ pub struct Live {
     sessions: Receiver<Report>,
 }
 
-/// What tells the thread; one for each who does.
+/// Sends commands to the thread; every sender has a clone.
 #[derive(Clone)]
 pub struct Link {
     commands: Sender<Command>,
@@ -115,10 +117,10 @@ pub struct Link {
 }
 
 impl Live {
-    /// Begins to step.
+    /// Starts the thread, which begins to step.
     ///
     /// # Errors
-    /// The state at the start cannot be saved, or there is no thread to be had.
+    /// The initial state cannot be saved, or no thread can be started.
     pub fn start(begin: Begin) -> Result<Live> {
         let turns = Arc::new(Turns::new());
         let (commands, told) = channel();
@@ -137,37 +139,37 @@ impl Live {
         Ok(Live { link: Link { commands, turns }, thread: Some(thread), snapshots, samples, notes, sessions })
     }
 
-    /// What tells it, for another thread as well.
+    /// The sender of commands, which may be cloned for another thread.
     pub fn link(&self) -> &Link {
         &self.link
     }
 
-    /// The newest that it published.
+    /// The newest snapshot that the thread published.
     pub fn snapshot(&mut self) -> &Snapshot {
         self.snapshots.read()
     }
 
-    /// What steps found since this was last asked, the oldest first.
+    /// Samples of the steps since the last call, the oldest first.
     pub fn samples(&mut self) -> impl Iterator<Item = Sample> + '_ {
         std::iter::from_fn(|| self.samples.pop().ok())
     }
 
-    /// Lines that the user should read.
+    /// Lines that the user should read, since the last call.
     pub fn notes(&self) -> impl Iterator<Item = String> + '_ {
         self.notes.try_iter()
     }
 
-    /// What came of sessions with a device that ended since this was last asked, the oldest first.
+    /// Reports of sessions with a device that ended since the last call, the oldest first.
     pub fn sessions(&self) -> impl Iterator<Item = Report> + '_ {
         self.sessions.try_iter()
     }
 
-    /// Whether the thread is there.
+    /// Whether the thread is running.
     pub fn is_running(&self) -> bool {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// Ends it after the step under way, and lets the device go. Says whether it ended in order.
+    /// Ends the thread after the current step and releases the device. Returns whether it ended without a panic.
     pub fn quit(&mut self) -> bool {
         self.link.tell(Command::Quit);
         self.thread.take().is_none_or(|thread| thread.join().is_ok())
@@ -181,22 +183,23 @@ impl Drop for Live {
 }
 
 impl Link {
-    /// Tells it; a thread that has ended hears nothing.
+    /// Sends a command; nothing happens if the thread has ended.
     pub fn tell(&self, command: Command) {
         let _ = self.commands.send(command);
     }
 
-    /// Has something done with the simulation between two steps, and waits for it; `None`: the thread has ended.
+    /// Has the thread call a function with the simulation between two steps, and waits for the result; `None` if the
+    /// thread has ended.
     pub fn ask<R: Send + 'static>(&self, what: impl FnOnce(&mut Simulation, u64) -> R + Send + 'static) -> Option<R> {
         let (reply, answer) = channel();
         self.tell(Command::Ask(Box::new(move |simulation, generation| {
-            // Who asked may be gone.
+            // The caller may be gone.
             let _ = reply.send(what(simulation, generation));
         })));
         answer.recv().ok()
     }
 
-    /// Turns at the device, for slices of drawing.
+    /// The turns at the GPU's queue, which a slice (part) of drawing must take.
     pub fn turns(&self) -> &Arc<Turns> {
         &self.turns
     }

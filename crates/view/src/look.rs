@@ -1,4 +1,5 @@
-//! The colours of what is shown; how light falls on it, say shaders/shared/look.glsl and surface.glsl.
+//! Colours and materials of rendered images. How light falls on them is computed in shaders/shared/look.glsl and
+//! surface.glsl.
 
 use glam::{DMat4, DVec3};
 use palpate::internal::shaders;
@@ -10,21 +11,22 @@ pub mod flags {
     pub use palpate::internal::shaders::{BARE, EVEN, FLAT, GLASS, NUMBERED, UNLIT, VALUED};
 }
 
-/// What is behind everything, as shown.
+/// Background colour, sRGB.
 pub const BACKGROUND: [f32; 4] = [0.93, 0.94, 0.95, 1.0];
-/// Of bodies, in order, as shown: warm and cold in turn, of like lightness, told apart by the colour-blind as well.
+/// Colours of bodies, in order, sRGB: warm and cold in turn, of similar lightness, and distinguishable for the
+/// colour-blind.
 const BODIES: [[u8; 3]; 6] =
     [[226, 178, 146], [142, 176, 204], [212, 196, 120], [176, 160, 200], [150, 190, 164], [205, 160, 165]];
 
-/// Materials in the making.
+/// Constructors of materials.
 pub trait Look: Sized {
-    /// Of one colour (as shown, sRGB).
+    /// A material of one colour (sRGB).
     fn plain(colour: [u8; 3]) -> Self;
-    /// The `index`-th body's.
+    /// The material of the `index`-th body.
     fn body(index: usize) -> Self;
-    /// With these flags as well.
+    /// The material with these flags added.
     fn with(self, flags: u32) -> Self;
-    /// Seen through.
+    /// The material made transparent, with this opacity.
     fn glass(self, alpha: f32) -> Self;
 }
 
@@ -48,10 +50,10 @@ impl Look for Material {
     }
 }
 
-/// Colours of a scale, and of numbers.
+/// Number of colours of a scale; as many follow it for whole numbers.
 pub const SCALE_COLOURS: usize = shaders::SCALE_COLOURS as usize;
 
-/// The map that a field is shown with: perceptually uniform, and read by the colour-blind as by others.
+/// The colour map of a field: perceptually uniform, and legible for the colour-blind.
 pub fn map(field: Field) -> colorous::Gradient {
     match field {
         Field::Depth | Field::StrainEnergy => colorous::VIRIDIS,
@@ -60,7 +62,7 @@ pub fn map(field: Field) -> colorous::Gradient {
     }
 }
 
-/// A map's colours, then those of numbers, linear.
+/// The colours of a field's map, then those of whole numbers, linear.
 pub fn colours(field: Option<Field>) -> Vec<[f32; 4]> {
     let shown = |colour: colorous::Color| {
         let [r, g, b] = [colour.r, colour.g, colour.b].map(linear);
@@ -68,31 +70,32 @@ pub fn colours(field: Option<Field>) -> Vec<[f32; 4]> {
     };
     let map = map(field.unwrap_or(Field::Pressure));
     let scale = (0..SCALE_COLOURS).map(|k| shown(map.eval_rational(k, SCALE_COLOURS)));
-    // Neighbours in number are far apart in hue.
+    // Consecutive numbers get hues that are far apart.
     let golden = |k: usize| (k as f64 * 0.618_033_988_749_895).fract();
     let numbers = (0..SCALE_COLOURS).map(|k| shown(colorous::RAINBOW.eval_continuous(golden(k))));
     let pale = |c: [f32; 4]| [0.25 + 0.6 * c[0], 0.25 + 0.6 * c[1], 0.25 + 0.6 * c[2], 1.0];
     scale.chain(numbers.map(pale)).collect()
 }
 
-/// From a byte of sRGB to linear.
+/// Converts a byte of sRGB to linear intensity.
 pub fn linear(byte: u8) -> f32 {
     let x = f32::from(byte) / 255.0;
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
-/// By columns, for the device.
+/// The columns of a matrix, as the GPU reads them.
 pub fn columns(matrix: DMat4) -> [[f32; 4]; 4] {
     matrix.as_mat4().to_cols_array_2d()
 }
 
-/// Unit vectors across the sun's rays.
+/// Two unit vectors perpendicular to the sun's rays and to each other.
 pub fn across(sun: DVec3) -> [DVec3; 2] {
     let right = sun.any_orthonormal_vector();
     [right, sun.cross(right)]
 }
 
-/// From the world to what the sun sees of a ball: x and y from 0 to 1, depth from 0 (nearest to the sun) to 1.
+/// The shadow map's matrix: from the world to what the sun sees of a sphere around `middle` of radius `reach` (m), with
+/// x and y from 0 to 1 and depth from 0 (nearest to the sun) to 1.
 pub fn light(sun: DVec3, middle: DVec3, reach: f64) -> DMat4 {
     let [right, up] = across(sun);
     let scale = 0.5 / reach;

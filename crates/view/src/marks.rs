@@ -1,4 +1,4 @@
-//! Arrows, rods and squares: meshes that the host makes for each picture.
+//! Meshes of arrows, rods and rectangles, which the CPU makes for each rendered image.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -10,9 +10,9 @@ use palpate::{Context, Result};
 
 use super::pieces::Arrays;
 
-/// Sides of what is round.
+/// Number of sides of cylinders and cones.
 const SIDES: u32 = 20;
-/// An arrow's head: its length and radius by the shaft's radius.
+/// Length and radius of an arrow's head, in radii of its shaft.
 const HEAD: [f64; 2] = [6.0, 2.6];
 
 /// Triangles with normals, positions relative to an origin.
@@ -29,12 +29,13 @@ impl Marks {
         Marks { origin, positions: Vec::new(), normals: Vec::new(), triangles: Vec::new() }
     }
 
-    /// An arrow from one point to another; its indices. Nothing where they are one.
+    /// Adds an arrow from one point to another; returns the range of its indices, which is empty if the points
+    /// coincide.
     pub fn arrow(&mut self, from: DVec3, to: DVec3, radius: f64) -> Range<u32> {
         let length = from.distance(to);
         let first = self.index_count();
         if let Some(axis) = (to - from).try_normalize() {
-            // A short one is all head, smaller.
+            // A short arrow is a smaller head without a shaft.
             let radius = radius.min(length / HEAD[0]);
             let neck = to - HEAD[0] * radius * axis;
             self.cone([from, neck], [radius; 2]);
@@ -45,7 +46,7 @@ impl Marks {
         first..self.index_count()
     }
 
-    /// A rod from one point to another; its indices.
+    /// Adds a rod from one point to another; returns the range of its indices.
     pub fn rod(&mut self, from: DVec3, to: DVec3, radius: f64) -> Range<u32> {
         let first = self.index_count();
         if from != to {
@@ -54,7 +55,7 @@ impl Marks {
         first..self.index_count()
     }
 
-    /// Both sides of a rectangle; its indices.
+    /// Adds both sides of a rectangle with these half sides; returns the range of its indices.
     pub fn rectangle(&mut self, centre: DVec3, half: [DVec3; 2]) -> Range<u32> {
         let first = self.index_count();
         let [u, v] = half;
@@ -78,7 +79,7 @@ impl Marks {
         self.positions.len() as u32 - 1
     }
 
-    /// The side of a cone between two circles.
+    /// Adds the lateral surface of a cone between two circles.
     fn cone(&mut self, ends: [DVec3; 2], radii: [f64; 2]) {
         let along = ends[1] - ends[0];
         let Some(axis) = along.try_normalize() else { return };
@@ -99,7 +100,7 @@ impl Marks {
         }
     }
 
-    /// What lies between two circles, the inner one first.
+    /// Adds a flat ring between two circles, the inner radius first.
     fn ring(&mut self, centre: DVec3, normal: DVec3, radii: [f64; 2]) {
         let (u, v) = normal.any_orthonormal_pair();
         let first = self.positions.len() as u32;
@@ -115,7 +116,7 @@ impl Marks {
         }
     }
 
-    /// Puts them on the device; `None` where there are none.
+    /// Uploads the mesh to the GPU; `None` if it is empty.
     pub fn upload(&self, context: &Arc<Context>) -> Result<Option<Arrays>> {
         if self.triangles.is_empty() {
             return Ok(None);

@@ -1,4 +1,4 @@
-//! What a picture shows of a simulation between two steps: what the device filled, and what the host knows.
+//! What a rendered image shows of a simulation between two steps: arrays on the GPU, and values on the CPU.
 
 use glam::DVec3;
 use palpate::internal::gpu::Buffer;
@@ -7,32 +7,33 @@ use palpate::{Result, Simulation};
 
 use super::overlay::{Overlay, Overlays};
 
-/// A simulation as it was when [`Moment::of`] looked. The arrays it names stay as they are until it looks again.
+/// A simulation as it was when [`Moment::of`] was called. The arrays that it refers to keep their content until the
+/// next call.
 #[derive(Clone)]
 pub struct Moment {
-    /// What is shown besides the skins.
+    /// What is shown besides the skins (the bodies' surface meshes).
     pub shown: Overlays,
-    /// Where the tool is, m.
+    /// Position of the tool, m.
     pub tool: Option<DVec3>,
-    /// Where the device that holds it is, m; whoever knows sets it.
+    /// Position of the haptic device that holds the tool, m; set by a caller that knows it.
     pub device: Option<DVec3>,
     /// Contact force on the tool, N.
     pub force: DVec3,
     /// Contact torque on the tool about its centre, N m.
     pub torque: DVec3,
-    /// Of all skins; others than before where the simulation made them anew.
+    /// Positions of the vertices of all skins; another buffer than before if the simulation made its arrays anew.
     pub(super) positions: Buffer,
     pub(super) normals: Buffer,
-    /// Where the first frame of each body is, the tool's last, m.
+    /// Origin of the first rigid coordinate frame of each body, the tool's last, m.
     pub(super) frames: Vec<Option<DVec3>>,
-    /// What skins are coloured by.
+    /// The scalar field that skins are coloured by.
     pub(super) field: Option<FieldValues>,
     pub(super) meshes: Vec<(step::Overlay, Mesh)>,
     pub(super) regions: Vec<RegionSquare>,
 }
 
 impl Moment {
-    /// Fills the arrays of what is shown, relative to `origin`. Between two steps.
+    /// Fills the arrays of what is shown, with positions relative to `origin`. Must be called between two steps.
     pub fn of(simulation: &mut Simulation, origin: DVec3, shown: Overlays) -> Result<Moment> {
         let skins = simulation.skins(origin)?;
         let (positions, normals) = (skins.positions.clone(), skins.normals.clone());

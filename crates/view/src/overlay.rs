@@ -1,8 +1,8 @@
-//! What can be shown besides the skins, each toggled by a key.
+//! Overlays: what an image can show besides the skins (the bodies' surface meshes), each toggled by a key.
 
 use palpate::internal::step::Field;
 
-/// One of them.
+/// An overlay.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Overlay {
@@ -12,13 +12,13 @@ pub enum Overlay {
     Depth,
     /// Force and torque on the tool as arrows.
     Arrows,
-    /// Proxies.
+    /// Collision proxies (convex hulls).
     Proxies,
-    /// Regions with their planes.
+    /// Contact patches (areas with one contact normal) as rectangles with normals.
     Regions,
-    /// The layer cut open.
+    /// The tetrahedral mesh (layer), cut open.
     Layer,
-    /// Cores and bones.
+    /// Rigid cores and bones.
     Cores,
     /// Strain energy density as colours.
     Energy,
@@ -27,7 +27,7 @@ pub enum Overlay {
 }
 
 impl Overlay {
-    /// Every one with its name; its key is its place, from 1.
+    /// Every overlay with its name; its key is its number in this list, from 1.
     pub const ALL: [(Overlay, &'static str); 9] = [
         (Overlay::Pressure, "pressure"),
         (Overlay::Depth, "depth"),
@@ -40,21 +40,21 @@ impl Overlay {
         (Overlay::Displacement, "displacement"),
     ];
 
-    /// Colours on the skin, of which one is shown at a time.
+    /// Overlays that colour the skin; only one of them is shown at a time.
     const COLOURS: [Overlay; 4] = [Overlay::Pressure, Overlay::Depth, Overlay::Energy, Overlay::Displacement];
 }
 
-/// Those that are shown.
+/// A set of overlays that are shown.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Overlays(u32);
 
 impl Overlays {
-    /// Whether it is shown.
+    /// Whether an overlay is shown.
     pub fn has(self, overlay: Overlay) -> bool {
         self.0 >> overlay as u32 & 1 == 1
     }
 
-    /// These.
+    /// The set of these overlays.
     pub fn of(all: &[Overlay]) -> Overlays {
         let show = |mut shown: Overlays, overlay: &Overlay| {
             if !shown.has(*overlay) {
@@ -65,7 +65,7 @@ impl Overlays {
         all.iter().fold(Overlays::default(), show)
     }
 
-    /// What skins are coloured by.
+    /// The scalar field that skins are coloured by.
     pub fn field(self) -> Option<Field> {
         let all = [
             (Overlay::Pressure, Field::Pressure),
@@ -76,7 +76,7 @@ impl Overlays {
         all.into_iter().find(|(overlay, _)| self.has(*overlay)).map(|(_, field)| field)
     }
 
-    /// Shows it, or no longer; of colours on the skin the others go.
+    /// Shows or hides an overlay. One that colours the skin hides the others that do.
     pub fn toggle(&mut self, overlay: Overlay) {
         let had = self.has(overlay);
         if Overlay::COLOURS.contains(&overlay) {

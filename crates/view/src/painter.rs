@@ -1,4 +1,5 @@
-//! Flat triangles over a picture: the panel's, whoever makes them. Corners and atlas are written by the host each time.
+//! Paints flat triangles over a rendered image, for the panel and the legend. Their corners are written by the CPU for
+//! each image, and so is the atlas (the texture with the letters) whenever it changes.
 
 use std::sync::Arc;
 
@@ -6,44 +7,44 @@ use palpate::internal::gpu::{Before, Buffer, Canvas, Drawn, Image, Memory, Onto,
 use palpate::internal::shaders;
 use palpate::{Context, Error, Result};
 
-/// Words of a corner: place (2), place in the atlas (2), colour.
+/// Number of words of a corner: position (2), position in the atlas (2), colour.
 pub const CORNER_WORDS: usize = 5;
-/// Arrays grow to the next multiple, bytes.
+/// Arrays grow to the next multiple of this, bytes.
 const GROWTH: u64 = 1 << 18;
 
-/// Triangles that are drawn at once.
+/// Triangles that are drawn with one clipping rectangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Piece {
-    /// The part of the picture that they may cover: left, top, width, height, pixels.
+    /// Clipping rectangle: left, top, width, height, pixels.
     pub part: [u32; 4],
-    /// The first of the indices, and how many.
+    /// First index, and number of indices.
     pub range: (u32, u32),
 }
 
-/// What is painted.
+/// Triangles to paint.
 #[derive(Debug, Clone, Default)]
 pub struct Flat {
-    /// [`CORNER_WORDS`] a corner: x and y in points from the upper left; x and y in the atlas from 0 to 1; red, green, blue
-    /// and alpha, a byte each, as shown and multiplied by alpha.
+    /// [`CORNER_WORDS`] words per corner: x and y in points from the upper left; x and y in the atlas from 0 to 1; red,
+    /// green, blue and alpha, a byte each, sRGB and multiplied by alpha.
     pub corners: Vec<u32>,
-    /// Three corners a triangle.
+    /// Three corners per triangle.
     pub indices: Vec<u32>,
-    /// In order.
+    /// The pieces, in the order in which they are painted.
     pub pieces: Vec<Piece>,
-    /// Size of the picture, points.
+    /// Size of the image, points.
     pub points: [f32; 2],
 }
 
-/// Texels that triangles are filled with.
+/// Texture that triangles are filled with.
 #[derive(Debug, Clone, Default)]
 pub struct Atlas {
-    /// Width and height.
+    /// Width and height, texels.
     pub size: [usize; 2],
-    /// Red, green, blue and alpha, a byte each, as shown and multiplied by alpha.
+    /// Red, green, blue and alpha, a byte each, sRGB and multiplied by alpha.
     pub texels: Vec<[u8; 4]>,
 }
 
-/// Paints onto pictures with one sample a pixel.
+/// Paints onto images with one sample a pixel.
 pub struct Painter {
     context: Arc<Context>,
     pipeline: RasterPipeline,
@@ -54,7 +55,7 @@ pub struct Painter {
 }
 
 impl Painter {
-    /// With an empty atlas.
+    /// A painter with an empty atlas.
     pub fn new(context: &Arc<Context>) -> Result<Painter> {
         let onto = Onto { has_colour: true, blends: true, samples: 1, ..Onto::default() };
         let array = |name| Buffer::new(context, name, GROWTH, Memory::Upload);
@@ -68,14 +69,14 @@ impl Painter {
         })
     }
 
-    /// Takes another atlas; the last recording is done.
+    /// Replaces the atlas. The GPU must have finished the recording returned last.
     pub fn set_atlas(&mut self, atlas: &Atlas) -> Result<()> {
         write(&self.context, &mut self.atlas, bytemuck::cast_slice(&atlas.texels))?;
         self.size = atlas.size.map(|side| side as u32);
         Ok(())
     }
 
-    /// What paints this onto an image; the last recording is done.
+    /// The recording that paints triangles onto an image. The GPU must have finished the recording returned before.
     pub fn paint(&mut self, flat: &Flat, image: &Image) -> Result<Recording> {
         let corners = (flat.corners.len() / CORNER_WORDS) as u32;
         if flat.indices.iter().any(|index| *index >= corners) {
@@ -104,7 +105,7 @@ impl Painter {
     }
 }
 
-/// Writes bytes to the start of an array, a larger one where they need it.
+/// Writes bytes to the start of an array, which is replaced by a larger one where it is too small.
 fn write(context: &Arc<Context>, array: &mut Buffer, bytes: &[u8]) -> Result<()> {
     if array.bytes() < bytes.len() as u64 {
         let room = (bytes.len() as u64).next_multiple_of(GROWTH);

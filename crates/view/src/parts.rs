@@ -1,4 +1,5 @@
-//! What is drawn of a simulation's bodies: triangles over the shown vertices, and where they were at first.
+//! The skins (surface meshes) that are drawn of a simulation's bodies: their triangles, their materials, and where the
+//! bodies were at first.
 
 use std::sync::Arc;
 
@@ -10,37 +11,37 @@ use palpate::{Context, Result, Simulation};
 use super::decimate::clustered;
 use super::look::{Look, Material};
 
-/// A body's edge in cells of what casts its shadow.
+/// Number of lattice cells along a body's largest extent, to which the mesh that casts its shadow is decimated.
 const SHADOW_CELLS: f64 = 32.0;
-/// Of the tool where it is none of the bodies, as shown.
+/// Colour of a tool that is not one of the bodies, sRGB.
 const TOOL: [u8; 3] = [90, 130, 170];
-/// What is left of its own colour.
+/// Opacity of that tool.
 const TOOL_ALPHA: f32 = 0.42;
 
-/// A body's skin.
+/// Skin of a body or of the tool.
 pub struct Part {
-    /// Whose; the tool comes after the bodies.
+    /// Index of the body; the tool comes after the bodies.
     pub body: usize,
-    /// Three vertices a triangle, of all shown.
+    /// Three vertices per triangle, indices into the vertices of all skins.
     pub indices: Buffer,
-    /// How many.
+    /// Number of indices.
     pub index_count: u32,
     pub material: Material,
-    /// The tool, which is seen through.
+    /// Whether it is the tool, which is transparent.
     pub is_tool: bool,
-    /// Whether it deforms.
+    /// Whether the body is soft.
     pub is_soft: bool,
     /// Mean edge of its triangles, m.
     pub edge: f64,
-    /// Whether its triangles are as small as the shadow's texels.
+    /// Whether its triangles are so small, compared with the shadow map's texels, that it is shaded per vertex.
     pub is_fine: bool,
-    /// Where it was at first, m: centre and radius.
+    /// Sphere around its initial vertices: centre and radius, m.
     pub ball: (DVec3, f64),
-    /// Where its first frame was then.
+    /// Initial origin of the body's first rigid coordinate frame, m.
     pub frame: Option<DVec3>,
 }
 
-/// All of them, the tool's last, and what casts shadows.
+/// All skins, the tool's last, and the triangles that cast shadows.
 pub struct Parts {
     pub skins: Vec<Part>,
     pub casters: Buffer,
@@ -50,7 +51,7 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// Of a simulation as it is now.
+    /// The parts of a simulation as it is now.
     pub fn new(context: &Arc<Context>, simulation: &Simulation) -> Result<Parts> {
         let ranges = simulation.skin_ranges();
         let (mut skins, mut casters, mut lowest) = (Vec::new(), Vec::new(), f64::INFINITY);
@@ -103,13 +104,13 @@ impl Parts {
     }
 }
 
-/// The corners of the box around points.
+/// The lower and the upper corner of the box around points.
 pub fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
     let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     points.iter().fold(none, |(low, high), x| (low.min(*x), high.max(*x)))
 }
 
-/// Mean edge of triangles, m.
+/// Mean length of the triangles' first edges, m.
 fn edge(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
     let first = |t: &[u32; 3]| vertices[t[0] as usize].distance(vertices[t[1] as usize]);
     triangles.iter().map(first).sum::<f64>() / triangles.len().max(1) as f64

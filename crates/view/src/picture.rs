@@ -1,20 +1,20 @@
-//! Pictures as they are written to files.
+//! Images in the CPU's memory, and as PNG files.
 
 use std::io::Write;
 
-/// Rows from the top, sRGB.
+/// An image: rows from the top, sRGB.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Picture {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
     /// Red, green, blue and alpha, a byte each.
     pub pixels: Vec<[u8; 4]>,
 }
 
 impl Picture {
-    /// Writes it as a PNG file.
+    /// Writes the image as a PNG file.
     pub fn write_png(&self, out: impl Write) -> std::io::Result<()> {
         let mut encoder = png::Encoder::new(out, self.width, self.height);
         encoder.set_color(png::ColorType::Rgb);
@@ -24,7 +24,7 @@ impl Picture {
         Ok(writer.finish()?)
     }
 
-    /// Pictures of one height from left to right; lower ones end in white.
+    /// Joins images from left to right; lower ones are filled up with white.
     pub fn beside(pictures: &[Picture]) -> Picture {
         let width = pictures.iter().map(|picture| picture.width).sum();
         let height = pictures.iter().map(|picture| picture.height).max().unwrap_or(0);
@@ -36,7 +36,7 @@ impl Picture {
         Picture { width, height, pixels: pixels.collect() }
     }
 
-    /// Without alpha: pictures hide what is behind them.
+    /// Red, green and blue of all pixels, without alpha, because images are opaque.
     pub fn rgb(&self) -> Vec<u8> {
         self.pixels.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect()
     }

@@ -1,4 +1,4 @@
-//! Which meshes a picture shows, each with its looks.
+//! The list of meshes that a rendered image shows, each with its style and material.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -15,29 +15,30 @@ use super::overlay::Overlay;
 use super::parts::Part;
 use super::renderer::Legend;
 
-/// What is left of a skin's colour where cores are seen through it, and of a region's plane.
+/// Opacity of a skin through which cores are seen, and of the rectangle of a contact patch.
 const SHEER: f32 = 0.28;
-/// As shown: the inside of a layer, cores and bones, force, torque, regions, the rod from tool to device.
+/// Colours, sRGB: the inside of a tetrahedral mesh (layer) that is cut open, cores and bones, force, torque, contact
+/// patches, and the rod from the tool to the haptic device.
 const INSIDE: [u8; 3] = [240, 200, 120];
 const BONE: [u8; 3] = [236, 228, 206];
 const FORCE: [u8; 3] = [200, 50, 40];
 const TORQUE: [u8; 3] = [70, 80, 190];
 const REGION: [u8; 3] = [60, 150, 140];
 const LEAD: [u8; 3] = [110, 110, 120];
-/// Of the height that is seen around the middle of the picture: the longest arrow, an arrow's radius, a rod's, a region's
-/// normal.
+/// Sizes as shares of the height that the image shows at the camera's target: the longest arrow, an arrow's radius, a
+/// rod's radius, and the length of a contact patch's normal.
 const ARROW: [f64; 4] = [0.3, 0.006, 0.0025, 0.12];
 
 /// How a mesh is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Style {
-    /// From outside, each pixel shaded.
+    /// Only front faces, shaded per pixel.
     Solid,
-    /// From outside, each vertex shaded.
+    /// Only front faces, shaded per vertex.
     Fine,
-    /// From both sides.
+    /// Both sides of faces, shaded per pixel.
     Open,
-    /// Seen through, last.
+    /// Transparent; drawn after everything opaque.
     Glass,
 }
 
@@ -50,37 +51,37 @@ pub struct Arrays {
     pub indices: Buffer,
 }
 
-/// Some triangles.
+/// Triangles that are drawn together.
 pub struct Piece {
     pub arrays: Arrays,
-    /// Of its indices.
+    /// Range of indices.
     pub range: Range<u32>,
     pub style: Style,
-    /// Which of the materials.
+    /// Index among the image's materials.
     pub material: usize,
 }
 
-/// All that a picture shows.
+/// All that an image shows.
 #[derive(Default)]
 pub struct Pieces {
     pub all: Vec<Piece>,
     pub materials: Vec<Material>,
 }
 
-/// What pieces are made of.
+/// Inputs that pieces are made from.
 pub struct Source<'a> {
     pub context: &'a Arc<Context>,
     pub moment: &'a Moment,
     pub skins: &'a [Part],
-    /// Zeros.
+    /// Vertex values for meshes that have none: zeros.
     pub no_values: &'a Buffer,
     pub origin: DVec3,
-    /// What the picture's height shows around its middle, m.
+    /// Height that the image shows at the camera's target, m.
     pub height: f64,
     pub legend: &'a Legend,
 }
 
-/// Whether a field is everywhere in a body, and not where it is touched alone.
+/// Whether a field has values everywhere in a body, and not only in contact.
 pub fn is_of_bodies(field: Field) -> bool {
     matches!(field, Field::StrainEnergy | Field::Displacement)
 }
@@ -99,7 +100,7 @@ impl Pieces {
 }
 
 impl Source<'_> {
-    /// All of them.
+    /// All pieces of the image.
     pub fn pieces(&self) -> Result<Pieces> {
         let mut pieces = Pieces::default();
         self.skins(&mut pieces);
@@ -108,11 +109,11 @@ impl Source<'_> {
         Ok(pieces)
     }
 
-    /// With values as colours where a field is shown.
+    /// The material, coloured by vertex values if a field is shown.
     fn coloured(&self, material: Material) -> Material {
         let Some((field, high)) = self.legend.field else { return material };
         let flags = if is_of_bodies(field) { flags::VALUED | flags::EVEN } else { flags::VALUED };
-        // Before anything was found the whole scale is at its beginning.
+        // As long as there was no value above zero, the scale's end is arbitrary, and all shows the colour of zero.
         Material { low: 0.0, high: if high > 0.0 { high as f32 } else { 1.0 }, ..material.with(flags) }
     }
 
@@ -146,7 +147,7 @@ impl Source<'_> {
         for (overlay, mesh) in &self.moment.meshes {
             let arrays = Arrays {
                 positions: mesh.positions.clone(),
-                // It is shown flat, by the shape of its faces.
+                // Normals are not used, as the mesh is shaded flat, by its faces.
                 normals: mesh.positions.known_as(&["normals"]),
                 values: mesh.values.clone(),
                 indices: mesh.triangles.clone(),

@@ -1,5 +1,5 @@
-//! From a simulation's arrays to a picture, in slices: the simulation steps between any two of them. Nothing of a mesh is read
-//! back.
+//! Renders a simulation's arrays to an image in *slices*, parts that are submitted one by one so that the simulation
+//! can step between two of them. No mesh is read back to the CPU. A *skin* is a body's surface mesh.
 
 use std::sync::Arc;
 
@@ -21,25 +21,27 @@ use super::picture::Picture;
 use super::pieces::{Piece, Pieces, Source, Style, is_of_bodies};
 use super::scale::Scale;
 
-/// Texels along the shadow's edge: four a texel of its array, of which every device takes 65,536.
+/// Texels along a side of the shadow map. Shaders read it from a texel buffer with four depths per element, which may
+/// have 65,536 elements on every Vulkan device.
 const SHADOW_SIDE: u32 = 508;
-/// How far a shadow's caster must lie in front, of what the sun sees.
+/// Shadow bias: by how much something must be nearer to the sun to shade a point, as a share of the shadow map's depth.
 const BIAS: f64 = 0.006;
-/// Towards the sun.
+/// Direction towards the sun.
 const SUN: DVec3 = DVec3::new(-0.25, 0.85, 0.8);
-/// What the sun sees, of a ball around all bodies.
+/// Extent of the shadow map, as a multiple of the sphere around all bodies.
 const ROOM: f64 = 1.05;
-/// Half the edge of the box that is framed, of the ball around all bodies, which they seldom fill.
+/// Half the edge of the box that the first camera shows, as a share of the radius of the sphere around all bodies,
+/// which they seldom fill.
 const SNUG: f64 = 0.5;
-/// Meshes whose edges are shorter than so many of the shadow's texels are shaded at their vertices.
+/// Meshes whose edges are shorter than this number of the shadow map's texels are shaded per vertex.
 const FINE: f64 = 4.0;
-/// Materials of a picture at most.
+/// Greatest number of materials in an image.
 const MATERIALS: usize = 1024;
-/// Triangles of a slice on a device that draws on the processor, and on any other.
+/// Greatest number of triangles in a slice, on a device that draws on the CPU and on a GPU.
 const CPU_SLICE: u32 = 30_000;
 const GPU_SLICE: u32 = 1 << 22;
 
-/// How pictures are made.
+/// Settings of rendered images.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
     /// Width and height, pixels.
@@ -48,14 +50,14 @@ pub struct Settings {
     pub samples: u32,
 }
 
-/// What the colours and arrows of a picture stand for.
+/// What the colours and arrows of an image stand for.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Legend {
-    /// What skins are coloured by, and where its scale ends; it begins at zero.
+    /// The field that skins are coloured by, and the upper end of its scale, which begins at zero.
     pub field: Option<(Field, f64)>,
-    /// N of the longest arrow of force, which is the length that the legend tells; 0: there was none yet.
+    /// Force that the longest arrow stands for, N; 0 if there was no force yet.
     pub force: f64,
-    /// N m of the longest arrow of torque.
+    /// Torque that the longest arrow stands for, N m; 0 if there was no torque yet.
     pub torque: f64,
 }
 
@@ -63,9 +65,9 @@ pub struct Legend {
 pub struct Renderer {
     context: Arc<Context>,
     settings: Settings,
-    /// Where positions are measured from, m.
+    /// World position that positions are relative to, m.
     origin: DVec3,
-    /// How far all bodies go from there at first, m.
+    /// Radius of the sphere around all initial bodies, m; its centre is the origin.
     reach: f64,
     parts: Parts,
     no_values: Buffer,
@@ -79,9 +81,9 @@ pub struct Renderer {
     legend: Legend,
     scales: [Scale; 6],
     slices: Vec<Recording>,
-    /// Unit, towards the sun.
+    /// Unit vector towards the sun.
     sun: DVec3,
-    /// Triangles of a slice at most.
+    /// Greatest number of triangles in a slice.
     most: u32,
 }
 
@@ -94,12 +96,12 @@ struct Pipelines {
     caster: RasterPipeline,
 }
 
-/// Scales of force and torque, after those of fields.
+/// Indices of the scales of force and torque, which follow those of the fields.
 const FORCE: usize = 4;
 const TORQUE: usize = 5;
 
 impl Renderer {
-    /// For a simulation as it is now: where its bodies are decides where positions are measured from.
+    /// A renderer for a simulation, whose present bodies determine the world position that positions are relative to.
     pub fn new(simulation: &mut Simulation, settings: Settings) -> Result<Renderer> {
         let context = simulation.context().clone();
         let mut parts = Parts::new(&context, simulation)?;
@@ -132,17 +134,17 @@ impl Renderer {
         })
     }
 
-    /// Where positions are measured from, m: what [`Moment::of`] is given.
+    /// World position that positions are relative to, m; to be given to [`Moment::of`].
     pub fn origin(&self) -> DVec3 {
         self.origin
     }
 
-    /// Shows all bodies, as they were at first.
+    /// A camera that shows all bodies as they were at first.
     pub fn camera(&self) -> Camera {
         Camera::around(self.origin - SNUG * self.reach, self.origin + SNUG * self.reach)
     }
 
-    /// Makes pictures of another size from the next [`Renderer::look`] on.
+    /// Changes the size of images, from the next [`Renderer::look`] on.
     pub fn resize(&mut self, size: [u32; 2]) -> Result<()> {
         let settings = Settings { size, ..self.settings };
         self.canvas = canvas(&self.context, &settings)?;
@@ -150,22 +152,22 @@ impl Renderer {
         Ok(())
     }
 
-    /// Lights pictures from elsewhere from the next [`Renderer::look`] on; zero is no direction, and changes nothing.
+    /// Changes the direction towards the sun, from the next [`Renderer::look`] on; a zero vector changes nothing.
     pub fn set_sun(&mut self, towards: DVec3) {
         self.sun = towards.try_normalize().unwrap_or(self.sun);
     }
 
-    /// Draws so many triangles a slice at most from the next [`Renderer::look`] on.
+    /// Changes the greatest number of triangles in a slice, from the next [`Renderer::look`] on.
     pub fn set_slice(&mut self, triangles: u32) {
         self.most = triangles.clamp(1, GPU_SLICE);
     }
 
-    /// What colours and arrows stand for, since the last [`Renderer::look`].
+    /// What colours and arrows stand for in the image of the last [`Renderer::look`].
     pub fn legend(&self) -> &Legend {
         &self.legend
     }
 
-    /// Sets out what the next picture shows; the slices draw it.
+    /// Prepares the next image; its slices draw it.
     pub fn look(&mut self, moment: &Moment, camera: &Camera) -> Result<()> {
         self.read_scales(moment);
         self.write_view(moment, camera)?;
@@ -228,18 +230,18 @@ impl Renderer {
         Ok(())
     }
 
-    /// What draws the picture, in order: each is submitted by itself.
+    /// The slices that draw the image, in order; each is submitted by itself.
     pub fn slices(&self) -> &[Recording] {
         &self.slices
     }
 
-    /// Draws all slices at once and reads the picture.
+    /// Submits all slices at once and reads the image.
     pub fn picture(&self) -> Result<Picture> {
         Recording::submit_all(&self.slices.iter().collect::<Vec<_>>())?;
         self.read()
     }
 
-    /// The picture that was drawn last.
+    /// Reads the image that was drawn last.
     pub fn read(&self) -> Result<Picture> {
         let image = self.image()?;
         let array = Buffer::new(&self.context, "picture", image.bytes(), Memory::Readback)?;
@@ -251,13 +253,13 @@ impl Renderer {
         Ok(Picture { width, height, pixels: array.read()? })
     }
 
-    /// What the slices draw onto; it has one sample a pixel.
+    /// The image that the slices draw, with one sample a pixel.
     pub fn image(&self) -> Result<&Image> {
         let seen = self.canvas.mean.as_ref().or(self.canvas.colour.as_ref());
         seen.ok_or_else(|| Error::Simulation("a canvas has no colour".into()))
     }
 
-    /// The shadow and what hides what is behind it, slice by slice, and with the last of those all that is seen through.
+    /// Records the shadow map and the opaque pieces, slice by slice, and with the last slice all transparent pieces.
     fn record(&self, pieces: &[Piece], positions: &Buffer) -> Result<Vec<Recording>> {
         let (glass, opaque): (Vec<&Piece>, Vec<&Piece>) = pieces.iter().partition(|piece| piece.style == Style::Glass);
         let glass = glass.into_iter().map(|piece| (piece, piece.range.clone()));
@@ -322,7 +324,8 @@ impl Renderer {
             .collect();
         let ground = shaders::view::DrawGround { view: &self.view, shadow: &self.shadow_depths };
         let mut all = Vec::with_capacity(pieces.len() + 1);
-        // Between what hides it and what it is seen through.
+        // The ground is drawn after the opaque pieces, which hide it, and before the transparent ones, through which it
+        // is seen.
         let under = pieces.iter().position(|(piece, _)| piece.style == Style::Glass).unwrap_or(pieces.len());
         for (k, ((piece, range), mesh)) in pieces.iter().zip(&meshes).enumerate() {
             if k == under && with_ground {
@@ -344,7 +347,7 @@ impl Renderer {
     }
 }
 
-/// The six corners that a pipeline makes up itself.
+/// A draw without indices, of six vertices that the vertex shader makes up itself.
 fn whole<'a>(pipeline: &'a RasterPipeline, arguments: &'a dyn Arguments) -> Drawn<'a> {
     Drawn { pipeline, arguments, indices: None, range: (0, 6), instances: 1, part: None }
 }
@@ -369,14 +372,15 @@ impl Pipelines {
     }
 }
 
-/// Whether something is coloured by a field: a soft body's skin, or its layer where nodes have it.
+/// Whether something shown is coloured by a field: a soft body's skin, or its tetrahedral mesh if the field has values
+/// at nodes.
 fn shows(moment: &Moment, field: Field, skins: &[Part]) -> bool {
     let has_skins = !moment.shown.has(Overlay::Proxies) && !moment.shown.has(Overlay::Layer);
     let has_layers = moment.shown.has(Overlay::Layer) && is_of_bodies(field);
     (has_skins || has_layers) && skins.iter().any(|part| part.is_soft)
 }
 
-/// The greatest number of what is coloured.
+/// The greatest value of all that is coloured.
 fn greatest_shown(moment: &Moment, values: &FieldValues, skins: &[Part]) -> f32 {
     let soft = skins.iter().filter(|part| part.is_soft && !moment.shown.has(Overlay::Layer));
     let of_skins = soft.filter_map(|part| values.greatest.get(part.body));
@@ -384,7 +388,7 @@ fn greatest_shown(moment: &Moment, values: &FieldValues, skins: &[Part]) -> f32 
     of_skins.copied().chain(layers.map(|(_, mesh)| mesh.greatest)).fold(0.0, f32::max)
 }
 
-/// Pieces in slices of so many indices at most, three a triangle.
+/// Divides pieces into slices of at most `most` indices, three per triangle.
 fn sliced<'a>(pieces: impl Iterator<Item = &'a Piece>, most: u32) -> Vec<Vec<(&'a Piece, std::ops::Range<u32>)>> {
     let (mut slices, mut room) = (vec![Vec::new()], most);
     for piece in pieces {
@@ -411,7 +415,7 @@ fn canvas(context: &Arc<Context>, settings: &Settings) -> Result<Canvas> {
     })
 }
 
-/// A ball around balls.
+/// A sphere around spheres: centre and radius, m.
 fn around(balls: impl Iterator<Item = (DVec3, f64)> + Clone) -> (DVec3, f64) {
     let corners = balls.clone().flat_map(|(x, r)| [x - r, x + r]);
     let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);

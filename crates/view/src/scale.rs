@@ -1,17 +1,17 @@
-//! What a colour or an arrow's length stands for: round numbers that change seldom.
+//! Scales of colours and arrow lengths: they end at round numbers that change seldom.
 
-/// From zero to a round number.
+/// A scale from zero to a round number.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Scale {
-    /// Where it ends; 0: nothing was shown yet.
+    /// Upper end of the scale; 0 if nothing was shown yet.
     pub high: f64,
 }
 
-/// Below this share of the scale a smaller one is taken.
+/// If the greatest value falls below this share of the scale, the scale is made smaller.
 const SMALL: f64 = 0.15;
 
 impl Scale {
-    /// Takes in the greatest number that is shown now.
+    /// Adapts the scale to the greatest value that is shown now.
     pub fn show(&mut self, greatest: f64) {
         if greatest.is_finite() && greatest > 0.0 && (greatest > self.high || greatest < SMALL * self.high) {
             self.high = round_up(greatest);
@@ -19,14 +19,14 @@ impl Scale {
     }
 }
 
-/// The next of 1, 2, 5 times a power of ten, no less than a positive number.
+/// The least of 1, 2 and 5 times a power of ten that is no less than a positive number.
 fn round_up(x: f64) -> f64 {
     let power = 10f64.powf(x.log10().floor());
     let leading = [1.0, 2.0, 5.0, 10.0].into_iter().find(|digit| digit * power >= x * (1.0 - 1e-12));
     leading.unwrap_or(10.0) * power
 }
 
-/// A number with its unit and prefix, three digits: `0.0123` N is `12.3 mN`.
+/// A number with unit and prefix, in three digits: `0.0123` N is `12.3 mN`.
 pub fn with_unit(x: f64, unit: &str) -> String {
     const PREFIXES: [(f64, &str); 7] =
         [(1e-9, "n"), (1e-6, "\u{b5}"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"), (1e9, "G")];

@@ -1,4 +1,5 @@
-//! Pictures of a simulation without a window: for films, figures and tests. The same arrays give the same picture on a device.
+//! Renders images of a simulation without a window, for films, figures and tests. On one GPU the same state gives the
+//! same image.
 
 use palpate::{Result, Simulation};
 
@@ -9,30 +10,30 @@ use super::overlay::Overlays;
 use super::picture::Picture;
 use super::renderer::{Renderer, Settings};
 
-/// Takes pictures of one simulation.
+/// Renders images of one simulation, with legends.
 pub struct Studio {
     renderer: Renderer,
     labels: Labels,
-    /// Where from.
+    /// The camera of the next image.
     pub camera: Camera,
-    /// What is shown besides the skins.
+    /// What the next image shows besides the skins (the bodies' surface meshes).
     pub shown: Overlays,
 }
 
 impl Studio {
-    /// Of a simulation as it is now, all of it in the picture.
+    /// A studio whose camera shows all of a simulation as it is now.
     pub fn new(simulation: &mut Simulation, settings: Settings) -> Result<Studio> {
         let renderer = Renderer::new(simulation, settings)?;
         let labels = Labels::new(simulation.context())?;
         Ok(Studio { camera: renderer.camera(), renderer, labels, shown: Overlays::default() })
     }
 
-    /// What draws the pictures.
+    /// The renderer of the images.
     pub fn renderer(&mut self) -> &mut Renderer {
         &mut self.renderer
     }
 
-    /// How the simulation looks now. Between two steps; nothing of it is changed.
+    /// Renders the simulation as it is now. Must be called between two steps; it changes nothing of the simulation.
     pub fn picture(&mut self, simulation: &mut Simulation) -> Result<Picture> {
         let moment = Moment::of(simulation, self.renderer.origin(), self.shown)?;
         self.renderer.look(&moment, &self.camera)?;

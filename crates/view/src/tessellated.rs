@@ -1,4 +1,4 @@
-//! From egui's triangles and textures to what the painter takes.
+//! Converts the triangles and textures of egui (the user interface library) to the painter's form.
 
 use egui::epaint::textures::TexturesDelta;
 use egui::epaint::{ImageData, Primitive};
@@ -6,10 +6,10 @@ use egui::{ClippedPrimitive, TextureId};
 
 use super::painter::{Atlas, CORNER_WORDS, Flat, Piece};
 
-/// The texture that fonts are in; the panel has no other.
+/// The texture with the fonts; the panel has no other.
 const FONTS: TextureId = TextureId::Managed(0);
 
-/// Triangles of a picture of this size, pixels.
+/// egui's triangles in the painter's form, for an image of this size, pixels.
 pub fn flat(primitives: &[ClippedPrimitive], pixels_per_point: f32, size: [u32; 2]) -> Flat {
     let points = size.map(|side| side as f32 / pixels_per_point);
     let mut flat = Flat { points, ..Flat::default() };
@@ -34,7 +34,7 @@ pub fn flat(primitives: &[ClippedPrimitive], pixels_per_point: f32, size: [u32; 
     flat
 }
 
-/// Brings the atlas up to date; whether it changed.
+/// Brings the atlas (the texture with the letters) up to date; returns whether it changed.
 pub fn update(atlas: &mut Atlas, delta: &TexturesDelta) -> bool {
     let Some(changes) = delta.set.get(&FONTS) else { return false };
     for change in changes {

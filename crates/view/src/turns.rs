@@ -1,6 +1,6 @@
-//! Turns at the device between the simulation's steps and slices of drawing, which share one queue. While both want it they
-//! alternate: a step is delayed by at most one slice, and drawing gets on however long the simulation does not rest. The
-//! haptic loop takes no turns: it waits for nobody.
+//! Turns at the GPU's queue, which the simulation's steps share with *slices*, the parts in which an image is drawn.
+//! While both want the queue they alternate: a step is delayed by at most one slice, and drawing makes progress even if
+//! the simulation never pauses. The haptic loop takes no turns: it runs on the CPU and waits for nobody.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard};
@@ -8,16 +8,16 @@ use std::time::{Duration, Instant};
 
 use palpate::internal::haptics::clock::Lateness;
 
-/// Steps whose delays are kept.
+/// Number of steps whose delays are kept.
 const RECENT: usize = 128;
-/// A step that is due is asked for within this, or the simulation waits for something else.
+/// Time within which a due step must ask for its turn; after it slices no longer wait for that step.
 const SOON: Duration = Duration::from_millis(20);
-/// What a slice may take, of a step.
+/// Greatest duration of a slice, in durations of a step.
 const SLICE: f64 = 1.5;
-/// Steps whose lengths are kept: they change at once where contact begins.
+/// Number of steps whose durations are kept; few, because durations change at once where contact begins.
 const NEWEST: usize = 7;
 
-/// Who may use the device now.
+/// The turns at the GPU's queue.
 #[derive(Debug, Default)]
 pub struct Turns {
     state: Mutex<State>,
@@ -34,15 +34,15 @@ enum Who {
 #[derive(Debug)]
 struct State {
     is_taken: bool,
-    /// Steps and slices that wait.
+    /// Numbers of steps and of slices that wait.
     waiting: [u32; 2],
-    /// Whose the last turn was.
+    /// Whether the last turn was a step's or a slice's.
     last: Who,
-    /// A slice took place where a step was due: that step comes next, and waited for so long.
+    /// Set where a slice was drawn while a step was due: that step comes next, and has been delayed by this time.
     owed: Option<Duration>,
     owed_since: Option<Instant>,
     delays: VecDeque<Duration>,
-    /// How long recent steps took, without waiting.
+    /// Durations of recent steps, without waiting.
     lengths: VecDeque<Duration>,
     steps: u64,
     slices: u64,
@@ -68,40 +68,40 @@ impl Default for State {
     }
 }
 
-/// How turns went lately.
+/// Statistics of recent turns.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Delays {
     /// How long the last step waited for drawing, s.
     pub last: f64,
-    /// The median of recent steps, s.
+    /// Median delay of recent steps, s.
     pub median: f64,
-    /// The longest of recent steps, s.
+    /// Longest delay of recent steps, s.
     pub most: f64,
-    /// Steps so far.
+    /// Number of steps so far.
     pub steps: u64,
-    /// Slices so far.
+    /// Number of slices so far.
     pub slices: u64,
-    /// The longest slice since this was last asked, s.
+    /// Duration of the longest slice since the last call, s.
     pub longest_slice: f64,
 }
 
-/// The device, until it is dropped.
+/// A turn, which lasts until it is dropped.
 #[derive(Debug)]
 pub struct Turn<'a> {
     turns: &'a Turns,
     who: Who,
-    /// It was taken by the thread that steps.
+    /// Whether it is a slice's turn that the simulation's thread took before its step.
     is_before_step: bool,
     begun: Instant,
 }
 
 impl Turns {
-    /// Nobody's turn.
+    /// Turns of which none is taken.
     pub fn new() -> Turns {
         Turns::default()
     }
 
-    /// The simulation's turn; waits for it.
+    /// Takes the turn for a step; waits for it.
     pub fn step(&self) -> Turn<'_> {
         let asked = Instant::now();
         let turn = self.take(Who::Step);
@@ -114,43 +114,43 @@ impl Turns {
         turn
     }
 
-    /// The turn of a slice of drawing; waits for it.
+    /// Takes the turn for a slice; waits for it.
     pub fn slice(&self) -> Turn<'_> {
         self.take(Who::Slice)
     }
 
-    /// The turn of a slice that the thread which steps draws itself before its next step, which it delays: until that step, if it
-    /// comes soon, or [`Turns::rest`], no other slice begins.
+    /// Takes the turn for a slice that the simulation's thread draws itself before its next step, which it delays. No
+    /// other slice begins until that step, if it comes soon, or until [`Turns::rest`].
     pub fn slice_before_step(&self) -> Turn<'_> {
         self.take_as(Who::Slice, true)
     }
 
-    /// No step is due.
+    /// Declares that no step is due, so that slices need not wait for one.
     pub fn rest(&self) {
         self.state().owed = None;
         self.freed.notify_all();
     }
 
-    /// How long a slice may take, s: one and a half times as long as the last steps took, in the median. Drawing then leaves the
-    /// simulation two fifths of its pace at least, and a picture that fits is drawn at once however long steps are.
+    /// Greatest duration of a slice, s: one and a half times the median duration of the last steps. Drawing then leaves
+    /// the simulation at least two fifths of its speed, and an image that takes no longer is drawn in one slice.
     pub fn slice_length(&self) -> f64 {
         let lengths = self.state().lengths.clone();
         SLICE * median(lengths).as_secs_f64()
     }
 
-    /// How all steps since [`Turns::forget`] waited.
+    /// Delays of all steps since [`Turns::forget`].
     pub fn all_delays(&self) -> Lateness {
         self.state().all.clone()
     }
 
-    /// What was so far does not count: a first picture has its pipelines compiled within its turn.
+    /// Resets the statistics, which the first image spoils: its pipelines are compiled within its turn.
     pub fn forget(&self) {
         let mut state = self.state();
         state.delays.clear();
         (state.all, state.longest_slice) = (Lateness::new(), Duration::ZERO);
     }
 
-    /// How it went lately.
+    /// Statistics of recent turns.
     pub fn delays(&self) -> Delays {
         let (recent, last, slices, steps, longest) = {
             let mut state = self.state();
@@ -208,12 +208,12 @@ impl Drop for Turn<'_> {
             }
         }
         drop(state);
-        // Of several that wait each looks for itself whether it is its turn.
+        // All waiting threads are woken, and each checks for itself whether it is its turn.
         self.turns.freed.notify_all();
     }
 }
 
-/// Adds the newest, and keeps so many.
+/// Appends the newest value and keeps at most `most`.
 fn keep(recent: &mut VecDeque<Duration>, newest: Duration, most: usize) {
     if recent.len() == most {
         recent.pop_front();
@@ -238,7 +238,7 @@ mod tests {
     fn until(what: impl Fn() -> bool) {
         let begun = Instant::now();
         while !what() {
-            assert!(begun.elapsed() < Duration::from_secs(20), "it does not come");
+            assert!(begun.elapsed() < Duration::from_secs(20), "it never came");
             thread::sleep(Duration::from_micros(200));
         }
     }
@@ -254,7 +254,7 @@ mod tests {
             let order = Mutex::new(Vec::new());
             thread::scope(|scope| {
                 let slice = turns.slice();
-                // A second one that draws is there first, and still comes after.
+                // A second slice asks before the step does, and still comes after it.
                 scope.spawn(|| {
                     let _turn = turns.slice();
                     order.lock().unwrap().push("slice");
@@ -294,7 +294,8 @@ mod tests {
             }
             stop.store(true, Ordering::Relaxed);
         });
-        // Between the count and the question one may end and another begin; the test before this one is exact.
+        // Between the reading of the count and the request one slice may end and another begin, and then two are
+        // counted; the test before this one is exact.
         assert!(worst <= 2, "a step waited for {worst} slices");
         assert!(slices.load(Ordering::SeqCst) > 250, "{slices:?} slices beside 1000 steps");
         let delays = turns.delays();
@@ -322,7 +323,7 @@ mod tests {
         });
         assert_eq!(*order.lock().unwrap(), ["step", "slice"]);
         assert!(turns.delays().last >= 5e-3, "{:?}", turns.delays());
-        // The thread that steps never waits for its own step.
+        // The simulation's thread never waits for its own step.
         (0..2).for_each(|_| drop(turns.slice_before_step()));
         turns.rest();
         drop(turns.slice());

@@ -1,7 +1,8 @@
-//! The picture of a query: both bodies from the side, and their depth field along the normal, with a legend.
+//! The image of a query: both bodies from the side, and a map of their penetration depth along the normal, with a
+//! legend.
 //!
-//! The field is drawn from the surfaces themselves and not from the vertices found, so that it says where they should be:
-//! through each pixel a line along the normal, and on it the longest stretch within both bodies.
+//! The map is computed from the surfaces themselves and not from the contacts, so that it shows independently where
+//! these must be: on the line along the normal through each pixel, depth is the longest part within both bodies.
 
 use glam::DVec3;
 use palpate::QueryContact;
@@ -9,19 +10,19 @@ use palpate::QueryContact;
 use super::letters;
 use super::picture::{Face, Picture, View, draw};
 
-/// Pixels a side of each of the two pictures.
+/// Side of each of the two images, pixels.
 const SIDE: usize = 600;
-/// Pixels of the legend's width.
+/// Width of the legend, pixels.
 const LEGEND: usize = 190;
-/// Pixels a dot of a letter.
+/// Side of a dot of a letter, pixels.
 const DOT: usize = 2;
-/// Half side of the field's window, of the reach of the contacts.
+/// Half side of the map, as a multiple of the half extent of the contacts.
 const ROOM: f64 = 1.25;
-/// The same against the greatest depth, where contacts are few.
+/// Least half side of the map, as a multiple of the greatest depth; it matters where contacts are few.
 const LEAST_ROOM: f64 = 2.0;
-/// How often the window doubles while the field runs out of it.
+/// Greatest number of times that the map is doubled in size because the overlap reaches its rim.
 const DOUBLINGS: usize = 5;
-/// Contacts whose normals have a lesser cosine belong to another region.
+/// Contacts belong to the same contact patch if the cosine between their normals is greater than this.
 const SAME_NORMAL: f64 = 0.999;
 const A: [f64; 3] = [0.80, 0.52, 0.36];
 const B: [f64; 3] = [0.36, 0.55, 0.74];
@@ -30,9 +31,9 @@ const INK: [u8; 3] = [30; 3];
 
 /// A placed surface.
 pub struct Solid {
-    /// World positions.
+    /// World positions of the vertices, m.
     pub vertices: Vec<DVec3>,
-    /// Counter-clockwise seen from outside.
+    /// Three vertices per triangle, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 
@@ -42,8 +43,8 @@ impl Solid {
     }
 }
 
-/// Bodies a and b from the side, a to the left, and the field of the region of the deepest contact, seen along its
-/// normal with a behind; without contact the bodies alone.
+/// Image of bodies a and b from the side, a to the left, and of the depth map of the contact patch with the deepest
+/// contact, seen along its normal with a behind; without contact the bodies alone.
 pub fn picture(solids: [&Solid; 2], contacts: &[QueryContact]) -> Picture {
     let deepest = contacts.iter().max_by(|x, y| x.depth.total_cmp(&y.depth));
     let normal = deepest.map_or(DVec3::X, |contact| contact.normal);
@@ -62,7 +63,7 @@ fn bodies(solids: [&Solid; 2], right: DVec3) -> Picture {
     draw(&faces(0).chain(faces(1)).collect::<Vec<_>>(), &view, SIDE)
 }
 
-/// The picture in the middle of a white square.
+/// The image in the middle of a white square.
 fn square(picture: Picture) -> Picture {
     let (left, top) = (SIDE.saturating_sub(picture.width) / 2, SIDE.saturating_sub(picture.height) / 2);
     let mut canvas = blank(SIDE, SIDE);
@@ -77,20 +78,20 @@ fn blank(width: usize, height: usize) -> Picture {
     Picture { width, height, pixels: vec![WHITE; width * height] }
 }
 
-/// Depth by pixel along a normal.
+/// Map of penetration depth along a normal.
 struct Field {
-    /// To the right, up, and towards the viewer: the normal.
+    /// Unit vectors to the right, up, and towards the viewer; the last is the normal.
     axes: [DVec3; 3],
     middle: DVec3,
-    /// Half side of the window, m.
+    /// Half side of the map, m.
     half: f64,
-    /// Metres, rows from the top; 0: none.
+    /// Depth of each pixel, m, rows from the top; 0 without overlap.
     depth: Vec<f64>,
-    /// Whether each body is there at all.
+    /// Whether each body covers the pixel.
     covered: Vec<[bool; 2]>,
 }
 
-/// Where the line through a pixel passes a skin.
+/// A hit of the line through a pixel with a surface.
 struct Crossing {
     pixel: u32,
     body: u8,
@@ -99,7 +100,7 @@ struct Crossing {
 }
 
 impl Field {
-    /// A window around contacts, large enough to hold the field.
+    /// A map around contacts, large enough to hold the whole overlap.
     fn around(solids: [&Solid; 2], contacts: &[&QueryContact], deepest: &QueryContact) -> Field {
         let normal = deepest.normal;
         let up = if normal.y.abs() < 0.9 { DVec3::Y } else { DVec3::Z };
@@ -128,12 +129,12 @@ impl Field {
         field
     }
 
-    /// Pixels from the left and from the top, and the height.
+    /// Projects a point: pixels from the left and from the top, and height along the normal, m.
     fn project(&self, x: DVec3) -> DVec3 {
         let from = x - self.middle;
         let scale = SIDE as f64 / (2.0 * self.half);
         let middle = 0.5 * SIDE as f64;
-        // A little off, so that no line passes along an edge of a box that stands straight.
+        // A small offset, so that no line runs along an edge of a box that is aligned with the axes.
         let (right, up) = (scale * from.dot(self.axes[0]) + 0.137, scale * from.dot(self.axes[1]) + 0.071);
         DVec3::new(middle + right, middle - up, from.dot(self.axes[2]))
     }
@@ -162,7 +163,7 @@ impl Field {
         }
     }
 
-    /// The pixels whose lines pass a triangle.
+    /// Adds the hits of all pixels' lines with a triangle.
     fn cross(&self, body: u8, corners: [DVec3; 3], crossings: &mut Vec<Crossing>) {
         let p = corners.map(|x| self.project(x));
         let edge = |a: DVec3, b: DVec3, x: f64, y: f64| (b.x - a.x) * (y - a.y) - (b.y - a.y) * (x - a.x);
@@ -181,7 +182,8 @@ impl Field {
                 let w = [0, 1, 2].map(|k| edge(p[(k + 1) % 3], p[(k + 2) % 3], x, y) / area);
                 if w.iter().all(|w| *w >= 0.0) {
                     let height = w[0] * p[0].z + w[1] * p[1].z + w[2] * p[2].z;
-                    // Rows run down: outward faces towards the viewer come out negative, and there the line leaves.
+                    // Rows run down, so that faces towards the viewer have a negative area; there the line leaves the
+                    // body.
                     crossings.push(Crossing { pixel: (row * SIDE + column) as u32, body, height, enters: area > 0.0 });
                 }
             }
@@ -192,7 +194,7 @@ impl Field {
         self.depth.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Field in colour, bodies pale around it; vertices of a as white dots, of b as black ones.
+    /// Image of the map: depths in colour, bodies pale around them; vertices of a as white dots, of b as black ones.
     fn picture(&self, solids: [&Solid; 2], contacts: &[&QueryContact]) -> Picture {
         let mut picture = blank(SIDE, SIDE);
         let greatest = self.greatest().max(f64::MIN_POSITIVE);
@@ -212,7 +214,7 @@ impl Field {
         picture
     }
 
-    /// Colours and depths, the scale, the two kinds of dots.
+    /// Image of the legend: colours with their depths, the two kinds of dots, and a scale bar.
     fn legend(&self) -> Picture {
         let mut picture = blank(LEGEND, SIDE);
         let (greatest, top, height) = (self.greatest(), 60, 360);
@@ -232,7 +234,7 @@ impl Field {
             dot(&mut picture, 12.0, row as f64 + 7.0, is_a);
             write(&mut picture, 26, row, name);
         }
-        // A bar of a round length below a hundred pixels.
+        // The scale bar has a round length of at most a hundred pixels.
         let pixel = 2.0 * self.half / SIDE as f64;
         let decade = 10f64.powf((100.0 * pixel).log10().floor());
         let length = [5.0, 2.0, 1.0].map(|k| k * decade).into_iter().find(|l| *l <= 100.0 * pixel).unwrap_or(decade);
@@ -246,7 +248,7 @@ impl Field {
     }
 }
 
-/// A unit in which a length is between one and a thousand, and how many of it are a metre.
+/// A unit in which a length is between one and a thousand, and the number of these units in a metre.
 fn unit_of(length: f64) -> (&'static str, f64) {
     match length {
         l if l >= 1e3 => ("km", 1e-3),
@@ -257,7 +259,7 @@ fn unit_of(length: f64) -> (&'static str, f64) {
     }
 }
 
-/// Three digits.
+/// A number with three digits, as text.
 fn short(number: f64) -> String {
     let decimals = match number {
         n if n == 0.0 || n >= 99.95 => 0,
@@ -278,7 +280,7 @@ fn write(picture: &mut Picture, left: usize, top: usize, text: &str) {
     }
 }
 
-/// A white dot with a dark rim, or a dark one with a white rim.
+/// Draws a white dot with a dark rim, or a dark one with a white rim.
 fn dot(picture: &mut Picture, x: f64, y: f64, is_white: bool) {
     let (inner, rim) = if is_white { (WHITE, INK) } else { (INK, WHITE) };
     for (row, column) in (-3..=3).flat_map(|row| (-3..=3).map(move |column| (row, column))) {
@@ -291,7 +293,8 @@ fn dot(picture: &mut Picture, x: f64, y: f64, is_white: bool) {
     }
 }
 
-/// From dark to light in steps that look equal: viridis (S. van der Walt and N. Smith 2015), between nine of its colours.
+/// The colour map viridis (S. van der Walt and N. Smith 2015), perceptually uniform from dark to light, interpolated
+/// between nine of its colours.
 fn viridis(share: f64) -> [u8; 3] {
     const COLOURS: [[u8; 3]; 9] = [
         [68, 1, 84],
@@ -322,7 +325,7 @@ mod tests {
 
     #[test]
     fn the_field_of_two_boxes_is_their_overlap() {
-        // The upper one is sunk by 0.1 and smaller: 0.6 across.
+        // The upper box is smaller, 0.6 across, and overlaps the lower one by 0.1.
         let (a, b) = (cube(DVec3::ZERO, DVec3::ONE), cube(DVec3::new(0.2, 0.2, 0.9), DVec3::new(0.8, 0.8, 1.5)));
         let below = (0..b.vertices.len() as u32).filter(|v| b.vertices[*v as usize].z < 1.0);
         let contact = |vertex| QueryContact {

@@ -1,5 +1,5 @@
-//! The pictures of a prepared body: proxies each in its own colour, the layer cut open, the skin; as Figure 2 of
-//! Galoppo et al. 2007.
+//! Images of a prepared body, as in Figure 2 of Galoppo et al. 2007: the proxies (convex collision hulls), each in its
+//! own colour; the layer (tetrahedral mesh), cut open; the skin (surface mesh).
 
 use std::collections::BTreeSet;
 
@@ -8,18 +8,19 @@ use palpate::internal::prepare::{Layer, Proxy, Skin, hull, layer};
 
 use super::picture::{Colour, Face, Picture, View, draw};
 
-/// Pixels along the longer side of each picture.
+/// Longer side of each image, pixels.
 pub const SIDE: usize = 900;
-/// From the body to the viewer: a little from the right and from above its front.
+/// Direction from the body to the viewer: a little from the right and from above its front.
 const TOWARDS: DVec3 = DVec3::new(0.5, 0.35, 1.0);
-/// A corner is drawn sharp where the cosine between the face and the mean around the corner is less.
+/// A triangle's corner is shaded by the face's normal where the cosine between it and the mean normal there is less
+/// than this.
 const SHARP: f64 = 0.8;
 const SKIN: Colour = [0.80, 0.58, 0.44];
 const OUTSIDE: Colour = [0.36, 0.55, 0.74];
 const INSIDE: Colour = [0.95, 0.74, 0.36];
 const CORE: Colour = [0.86, 0.85, 0.80];
 
-/// The camera that all pictures of a skin share.
+/// The camera that all images of a body share.
 pub fn view(skin: &Skin) -> View {
     View::of(skin.vertices.iter().copied(), TOWARDS, DVec3::Y)
 }
@@ -32,7 +33,7 @@ pub fn skin(skin: &Skin, view: &View) -> Picture {
         let [a, b, c] = corners(t);
         t.iter().for_each(|&i| normals[i as usize] += (b - a).cross(c - a));
     }
-    // A sharp edge stays sharp: where a corner's mean normal leaves the face's by far, the face's own is taken.
+    // Sharp edges stay sharp: where a corner's mean normal differs much from the face's, the face's is used.
     let faces = skin.triangles.iter().map(|t| {
         let mut face = Face::flat(corners(t), SKIN, false);
         for k in 0..3 {
@@ -58,7 +59,8 @@ pub fn proxies(proxies: &[Proxy], view: &View) -> Picture {
     draw(&faces, view, SIDE)
 }
 
-/// The tetrahedra of a layer, the quarter towards the viewer's right taken away; bound ones pale.
+/// The tetrahedra of a layer, without the quarter towards the viewer's right; pale where all nodes are attached to a
+/// core.
 pub fn layer(layer: &Layer, view: &View) -> Picture {
     let [right, _, towards] = view.axes();
     let low = layer.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
@@ -90,7 +92,7 @@ fn sorted(mut triangle: [u32; 3]) -> [u32; 3] {
     triangle
 }
 
-/// Colours that differ between neighbours in order: steps of the golden ratio around the hues.
+/// The colour of an index, which differs from its neighbours': hues in steps of the golden ratio.
 fn hue(index: usize) -> Colour {
     let at = (index as f64 * 0.618_033_988_749_895 + 0.05).fract() * 6.0;
     let ramp = |shift: f64| (((at + shift) % 6.0 - 3.0).abs() - 1.0).clamp(0.0, 1.0);

@@ -1,4 +1,4 @@
-//! What came of a session, for `summary.json` and for the terminal.
+//! The report of a session with a haptic device, for `summary.json` and for the terminal.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use palpate::internal::haptics::event::EventCounts;
 use palpate::internal::haptics::session::Report;
 use serde_json::{Value, json};
 
-/// `haptics` of `summary.json`. Times are in the units of their names; `null`: not measured.
+/// The entry `haptics` of `summary.json`. Units are part of the names; `null` means not measured.
 pub fn summary(report: &Report) -> Value {
     let energy = report.energy;
     let events: serde_json::Map<String, Value> = report
@@ -60,7 +60,7 @@ fn lateness(lateness: &Lateness) -> Value {
     })
 }
 
-/// The lines that a session closes with.
+/// The lines that are printed at the end of a session.
 pub struct Closing<'a>(pub &'a Report);
 
 impl fmt::Display for Closing<'_> {

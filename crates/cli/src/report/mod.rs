@@ -1,4 +1,5 @@
-//! What a run leaves behind: a trace row a step, a summary, and a directory that appears whole or not at all.
+//! The files and tables that runs and queries write: a trace with a row per step, summaries, images, and a directory
+//! that appears complete or not at all.
 
 pub mod field;
 pub mod figure;

@@ -1,8 +1,8 @@
-//! A directory of results that appears whole or not at all.
+//! A directory of results that appears complete or not at all.
 //!
-//! Files are written into a hidden folder inside the directory and moved to their names by [`Output::commit`]. Dropped
-//! before that, whatever the reason, nothing is left, not even the directory where it was made for the run. A killed
-//! process can leave the hidden folder, never a half-written result.
+//! Files are written into a hidden folder inside the directory and moved to their names by [`Output::commit`]. If an
+//! [`Output`] is dropped before that, nothing is left, not even the directory if it was made for the run. A killed
+//! process can leave the hidden folder, but never a half-written result.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use palpate::{Error, Result};
 
-/// Files on their way into a directory.
+/// Files that are being written into a directory.
 pub struct Output {
     directory: PathBuf,
     hidden: PathBuf,
@@ -35,7 +35,7 @@ impl Output {
     /// A new file that will be called `name`.
     pub fn file(&mut self, name: &str) -> Result<BufWriter<File>> {
         let failed = |source| Error::Output { file: self.path(name), source };
-        // Found here and not at the commit: by then other files would have their names.
+        // This is found here and not at the commit, by which other files would already have their names.
         if self.path(name).is_dir() {
             return Err(failed(std::io::ErrorKind::IsADirectory.into()));
         }
@@ -73,8 +73,8 @@ impl Output {
 }
 
 impl Drop for Output {
-    /// Removes the hidden folder, and after a failure the directories made for the run where they are empty. What
-    /// cannot be removed stays: there is nobody left to tell.
+    /// Removes the hidden folder, and after a failure the directories made for the run if they are empty. What cannot
+    /// be removed is left without an error.
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(&self.hidden);
         if !self.is_committed {

@@ -1,13 +1,13 @@
-//! Pictures without a GPU: a z-buffered orthographic rasteriser, smoothed by supersampling, and PNG files of it.
+//! Images without a GPU: a z-buffered orthographic rasteriser, smoothed by supersampling, and PNG files of its images.
 //!
-//! For reports, not for speed. The same faces give the same bytes everywhere: only correctly rounded operations, in a
-//! fixed order.
+//! It is made for reports, not for speed. The same faces give the same bytes on every machine, because it uses only
+//! correctly rounded operations in a fixed order.
 
 use std::io::Write;
 
 use glam::DVec3;
 
-/// Samples a side of each pixel.
+/// Number of samples along a side of each pixel.
 const SAMPLES: usize = 3;
 /// Width of a drawn edge, samples.
 const EDGE: f64 = 1.3;
@@ -15,9 +15,9 @@ const EDGE: f64 = 1.3;
 const EDGE_SHADE: f64 = 0.35;
 /// Distance, in samples, of the neighbours that a sample's depth is compared with.
 const RELIEF_REACH: i64 = 5;
-/// How strongly a step in depth darkens what lies behind, per share of the picture's width.
+/// Strength with which a step in depth darkens what lies behind it; steps count as shares of the image's width.
 const RELIEF: f64 = 9.0;
-/// Share of the picture's width and height left free around what is drawn.
+/// Share of the image's width and height left free around what is drawn.
 const BORDER: f64 = 0.04;
 
 /// Red, green and blue, linear, 0 to 1.
@@ -44,12 +44,12 @@ impl Face {
     }
 }
 
-/// Where the picture is taken from: an orthographic camera.
+/// The orthographic camera of an image.
 #[derive(Debug, Clone, Copy)]
 pub struct View {
-    /// Unit vectors: to the right of the picture, up, and towards the viewer.
+    /// Unit vectors to the right of the image, up, and towards the viewer.
     axes: [DVec3; 3],
-    /// Centre of what is shown.
+    /// Centre of what is shown, m.
     centre: DVec3,
     /// Half width and half height shown, m.
     half: [f64; 2],
@@ -75,24 +75,24 @@ impl View {
         View { axes, centre, half }
     }
 
-    /// Unit vectors to the right of the picture, up, and towards the viewer.
+    /// Unit vectors to the right of the image, up, and towards the viewer.
     pub fn axes(&self) -> [DVec3; 3] {
         self.axes
     }
 }
 
-/// A finished picture: rows from the top, sRGB.
+/// A finished image: rows from the top, sRGB.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Picture {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// Red, green, blue of each pixel.
     pub pixels: Vec<[u8; 3]>,
 }
 
-/// A picture of faces on white, its longer side `longest` pixels.
+/// Draws faces on white; the longer side of the image has `longest` pixels.
 pub fn draw(faces: &[Face], view: &View, longest: usize) -> Picture {
     let mut canvas = Canvas::new(view, longest);
     faces.iter().for_each(|face| canvas.add(face));
@@ -102,11 +102,11 @@ pub fn draw(faces: &[Face], view: &View, longest: usize) -> Picture {
 
 struct Canvas<'a> {
     view: &'a View,
-    /// Samples a row, and rows of samples.
+    /// Number of samples per row, and number of rows of samples.
     size: [usize; 2],
     /// Samples per metre.
     scale: f64,
-    /// Height towards the viewer of what is seen, m.
+    /// Height towards the viewer of the nearest face at each sample, m.
     depth: Vec<f32>,
     colour: Vec<[f32; 3]>,
 }
@@ -120,7 +120,7 @@ impl<'a> Canvas<'a> {
         Canvas { view, size, scale: SAMPLES as f64 * scale, depth, colour: vec![[1.0; 3]; count] }
     }
 
-    /// Samples from the left, from the top, and the height towards the viewer.
+    /// Projects a point: samples from the left and from the top, and height towards the viewer, m.
     fn project(&self, point: DVec3) -> DVec3 {
         let [right, up, towards] = self.view.axes;
         let from = point - self.view.centre;
@@ -131,7 +131,7 @@ impl<'a> Canvas<'a> {
 
     fn add(&mut self, face: &Face) {
         let p = face.corners.map(|corner| self.project(corner));
-        // Twice the signed area; y runs down, so that outward faces come out negative.
+        // Twice the signed area; y runs down, so that faces towards the viewer have a negative area.
         let cross = |a: DVec3, b: DVec3, x: f64, y: f64| (b.x - a.x) * (y - a.y) - (b.y - a.y) * (x - a.x);
         let area = cross(p[0], p[1], p[2].x, p[2].y);
         if area == 0.0 || !area.is_finite() {
@@ -163,7 +163,8 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// A light from the upper left, a weak one from the right, and the sky; both sides of a face alike.
+    /// Colour of a face at barycentric weights `w`, lit from the upper left, weakly from the right, and by the sky;
+    /// both sides of a face look alike.
     fn shade(&self, face: &Face, w: [f64; 3], is_edge: bool) -> [f32; 3] {
         let [right, up, towards] = self.view.axes;
         let normal = (0..3).map(|k| face.normals[k] * w[k]).sum::<DVec3>().normalize_or_zero();
@@ -228,7 +229,7 @@ fn srgb(linear: f64) -> u8 {
 }
 
 impl Picture {
-    /// Pictures of one height side by side, from the left.
+    /// Joins images side by side, from the left.
     pub fn beside(pictures: &[&Picture]) -> Picture {
         let height = pictures.iter().map(|p| p.height).max().unwrap_or(0);
         let width = pictures.iter().map(|p| p.width).sum();

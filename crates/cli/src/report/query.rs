@@ -1,4 +1,4 @@
-//! What `palpate query` leaves behind: a table on the terminal, `contacts.csv` and `query.json`.
+//! The output of `palpate query`: a table on the terminal, `contacts.csv` and `query.json`.
 
 use std::fmt;
 use std::io::Write;
@@ -17,51 +17,51 @@ const HEAD: &str = "body,vertex,depth_m,nx,ny,nz,triangle,u,v,w";
 /// A surface of the query.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Subject {
-    /// Its file, or model.
+    /// File or model of the surface.
     pub surface: String,
-    /// Vertices of the skin.
+    /// Number of vertices.
     pub vertices: usize,
-    /// Triangles of the skin.
+    /// Number of triangles.
     pub triangles: usize,
-    /// Vertices of it within the other.
+    /// Number of its vertices that lie within the other surface.
     pub contacts: usize,
-    /// What was done to the file, a line each.
+    /// Notes on what was changed in the file's contents, one line each.
     pub notes: Vec<String>,
 }
 
 /// The contents of `query.json`.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct QueryReport {
-    /// Name of the device.
+    /// Name of the Vulkan device.
     pub device: String,
     /// Name and version of its driver.
     pub driver: String,
-    /// How triangles found the vertices that they cross.
+    /// Implementation of the depth stage, which finds where triangles meet the rays of opposing vertices.
     pub depth_path: String,
     /// The first surface.
     pub a: Subject,
     /// The second one.
     pub b: Subject,
-    /// Position and orientation (x y z w) of b, m.
+    /// Position (m) and orientation (x y z w) of b.
     pub pose_b: [f64; 7],
-    /// m.
+    /// Depth beyond which a flag is raised, m.
     pub depth_limit_m: f64,
-    /// How often it was asked; every run has the same answer.
+    /// Number of runs; every run gives the same answer.
     pub runs: usize,
-    /// `median` and `p99` by stage, of all as one (`pose to contact`; in turn with runs timed by stage), and of the whole `query`
-    /// (wall time, timestamps included), microseconds.
+    /// `median` and `p99`, microseconds: by stage; of all stages timed as one (`pose to contact`, in turn with runs
+    /// timed by stage); and of the whole `query` (wall time, timestamps included).
     pub stage_us: Map<String, Value>,
-    /// Passes by stage.
+    /// Number of passes by stage.
     pub passes: Map<String, Value>,
-    /// Chunks of the skins, at most 64 vertices each, that were looked at.
+    /// Number of chunks (groups of at most 64 skin vertices, the unit of culling) that passed culling.
     pub chunks: u32,
-    /// Places where a triangle crosses a vertex's ray.
+    /// Number of ray hits: triangles met by the ray along the normal from an opposing vertex.
     pub crossings: u32,
-    /// Colliding vertices of both.
+    /// Number of colliding vertices of both surfaces.
     pub contacts: usize,
     /// Greatest depth, m; null without contact.
     pub max_depth_m: Option<f64>,
-    /// `normal`, and `extent_m` along the two tangents, of each region.
+    /// `normal` of each contact patch, and its `extent_m` along the two tangents.
     pub regions: Vec<Value>,
     /// Names of the flags that were raised.
     pub flags: Vec<&'static str>,
@@ -73,13 +73,13 @@ pub struct QueryReport {
 }
 
 impl QueryReport {
-    /// Adds what was found.
+    /// Adds the answer of a query.
     pub fn add_answer(&mut self, answer: &Answer) {
         let of = |body: usize| answer.contacts.iter().filter(|contact| contact.body == body).count();
         (self.a.contacts, self.b.contacts) = (of(0), of(1));
         (self.chunks, self.crossings) = (answer.counts.chunks, answer.counts.hits);
         self.contacts = answer.contacts.len();
-        // The first of the deepest.
+        // The deepest contact, the first of equals.
         let deepest = answer.contacts.iter().rev().max_by(|x, y| x.depth.total_cmp(&y.depth));
         self.max_depth_m = deepest.map(|contact| contact.depth);
         self.deepest = deepest.map(|contact| (contact.body, contact.vertex));
@@ -129,7 +129,8 @@ impl fmt::Display for QueryReport {
     }
 }
 
-/// Writes contacts as CSV: a row a colliding vertex, that of a first. Numbers are the shortest that read back the same.
+/// Writes contacts as CSV: one row per colliding vertex, those of a first. Numbers have the shortest form that reads
+/// back the same.
 pub fn write_contacts(w: &mut impl Write, contacts: &[QueryContact]) -> std::io::Result<()> {
     writeln!(w, "{HEAD}")?;
     for contact in contacts {

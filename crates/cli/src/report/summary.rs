@@ -1,4 +1,4 @@
-//! `summary.json`: what a run was, in one screen; and the closing table on the terminal.
+//! The summary of a run, as `summary.json` and as the closing table on the terminal.
 
 use std::fmt;
 
@@ -9,10 +9,10 @@ use palpate::{Flags, StepReport};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-/// What the engine knows of itself at the end of a run.
+/// What the engine reports of itself at the end of a run.
 #[derive(Debug, Clone, Default)]
 pub struct Facts {
-    /// Name of the device.
+    /// Name of the Vulkan device.
     pub device: String,
     /// Name and version of its driver.
     pub driver: String,
@@ -20,35 +20,35 @@ pub struct Facts {
     pub arrays: String,
     /// Which stages the step records, and which it leaves out and why.
     pub plan: Vec<Plan>,
-    /// Passes of one step.
+    /// Number of passes in a step.
     pub passes_per_step: u32,
-    /// Memory on the device, bytes.
+    /// Memory allocated on the Vulkan device, bytes.
     pub bytes_device: u64,
     /// Times of the stages.
     pub stages: Vec<StageSamples>,
-    /// What was found in the files of each body and the tool, by name.
+    /// Findings in the files of each body and of the tool, by name.
     pub files: Vec<(String, BodyReport)>,
 }
 
-/// One stage in the step plan.
+/// A stage in the step plan, the list of stages that a step records or leaves out.
 #[derive(Debug, Clone)]
 pub struct Plan {
-    /// The stage.
+    /// Name of the stage.
     pub stage: String,
     /// Whether the step records it.
     pub recorded: bool,
-    /// Why, above all where it is left out.
+    /// Reason for recording it or leaving it out.
     pub reason: String,
 }
 
 /// Times of one stage.
 #[derive(Debug, Clone)]
 pub struct StageSamples {
-    /// The stage.
+    /// Name of the stage.
     pub stage: String,
-    /// Passes of this stage in a step.
+    /// Number of passes of this stage in a step.
     pub passes: u32,
-    /// Microseconds, a step each.
+    /// Time in each step, microseconds.
     pub us: Vec<f64>,
 }
 
@@ -59,7 +59,7 @@ impl StageSamples {
     }
 }
 
-/// Median and 99th percentile by nearest rank; `None` of nothing.
+/// Median and 99th percentile by nearest rank; `None` without samples.
 pub fn quantiles(samples: &[f64]) -> Option<(f64, f64)> {
     let mut sorted = samples.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -67,33 +67,34 @@ pub fn quantiles(samples: &[f64]) -> Option<(f64, f64)> {
     if sorted.is_empty() { None } else { Some((sorted[rank(50)], sorted[rank(99)])) }
 }
 
-/// Shorter ways of the tool in a step say nothing of how the normal turns along them, m.
+/// Least distance that the tool must move in a step for the turn of a normal per distance to be meaningful, m.
 const SLIDING: f64 = 1e-6;
 
-/// What the rows of a run add up to.
+/// Sums and extremes over the step reports of a run.
 #[derive(Debug, Clone, Default)]
 pub struct Tally {
-    /// Steps done.
+    /// Number of steps done.
     pub steps: u64,
     /// Greatest contact force on the tool, N; `None` without a tool.
     pub peak_force: Option<f64>,
-    /// Greatest turn of a region's normal in a step, rad; `None` where nothing can collide.
+    /// Greatest angle by which a contact patch's normal turned in a step, rad; `None` where nothing can collide.
     pub normal_turn: Option<f64>,
-    /// The same per way that the tool went in that step, rad/mm, of steps in which it went at least [`SLIDING`].
+    /// Greatest such angle per distance that the tool moved in the step, rad/mm, over steps in which it moved at least
+    /// [`SLIDING`].
     pub normal_turn_per_mm: Option<f64>,
     last_tool: Option<DVec3>,
     /// Conjugate gradient iterations of all steps together.
     pub iterations: u64,
-    /// Most iterations of a step.
+    /// Greatest number of iterations in a step.
     pub most_iterations: u32,
-    /// Steps that raised each flag, in the order of [`Flags::ALL`].
+    /// Number of steps that raised each flag, in the order of [`Flags::ALL`].
     pub flags: [u64; Flags::ALL.len()],
     /// Wall time of each step, microseconds.
     pub step_us: Vec<f64>,
 }
 
 impl Tally {
-    /// Adds a step.
+    /// Adds a step report.
     pub fn add(&mut self, row: &StepReport) {
         self.steps += 1;
         if let Some(tool) = &row.tool {
@@ -124,7 +125,7 @@ impl Tally {
 /// The contents of `summary.json`.
 #[derive(Debug, Clone, Serialize)]
 pub struct Summary {
-    /// Name of the device.
+    /// Name of the Vulkan device.
     pub device: String,
     /// Name and version of its driver.
     pub driver: String,
@@ -132,31 +133,32 @@ pub struct Summary {
     pub arrays: String,
     /// Name of the scene.
     pub scene: String,
-    /// Steps done.
+    /// Number of steps done.
     pub steps: u64,
     /// Time step, s.
     pub dt_s: f64,
     /// `median` and `p99` by stage, and of the whole `step` (wall time), microseconds.
     pub stage_us: Map<String, Value>,
-    /// Passes of one step.
+    /// Number of passes in a step.
     pub passes_per_step: u32,
-    /// `recorded`: stages; `reasons`: of each of them; `left_out`: stage and reason.
+    /// `recorded`: names of the stages recorded; `reasons`: the reason for each of them; `left_out`: stages left out,
+    /// with reasons.
     pub plan: Value,
-    /// Memory on the device, bytes.
+    /// Memory allocated on the Vulkan device, bytes.
     pub bytes_device: u64,
     /// Greatest contact force on the tool, N; null without a tool.
     pub peak_force_n: Option<f64>,
-    /// `most_rad` in a step, `most_rad_per_mm` of the tool's way: how the normals of regions turned; null where nothing can
-    /// collide.
+    /// Greatest angle by which a contact patch's normal turned in a step: `most_rad`, and `most_rad_per_mm` per
+    /// distance that the tool moved; null where nothing can collide.
     pub normal_turn: Value,
     /// How many steps raised each flag; every flag is listed.
     pub flags: Map<String, Value>,
-    /// By body: what was found in its files (`repair`, `notes`); bodies without files, or nothing to say, are left out.
+    /// By body: the findings in its files (`repair`, `notes`); bodies without findings are left out.
     pub files: Map<String, Value>,
-    /// The preset that the scene names, and what it decided; left out without one.
+    /// The preset that the scene names, and the settings that it chose; left out without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<Chosen>,
-    /// The loop of a session with a haptic device, see [`summary`](super::haptics::summary); left out of other runs.
+    /// Report of a session with a haptic device, see [`summary`](super::haptics::summary); left out of other runs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub haptics: Option<Value>,
     /// Version of palpate.
@@ -164,7 +166,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Sums a run up.
+    /// Summarises a run.
     pub fn new(scene: &str, dt: f64, facts: &Facts, tally: &Tally) -> Self {
         let times = |(median, p99): (f64, f64)| json!({ "median": median, "p99": p99 });
         let mut stage_us: Map<String, Value> =
@@ -200,9 +202,9 @@ impl Summary {
 
 /// The table that closes a run on the terminal.
 pub struct ClosingTable<'a> {
-    /// What the engine knows.
+    /// What the engine reports.
     pub facts: &'a Facts,
-    /// What the rows add up to.
+    /// Sums and extremes over the steps.
     pub tally: &'a Tally,
 }
 

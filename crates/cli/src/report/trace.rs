@@ -1,4 +1,4 @@
-//! `trace.csv`: one row at the end of each step.
+//! `trace.csv`: the reports of a run's steps, one row at the end of each step.
 
 use std::io::Write;
 
@@ -7,10 +7,11 @@ use palpate::StepReport;
 const HEAD: &str = "step,time_s,tool_x,tool_y,tool_z,tool_qx,tool_qy,tool_qz,tool_qw,device_x,device_y,device_z,\
 device_qx,device_qy,device_qz,device_qw,force_x,force_y,force_z,torque_x,torque_y,torque_z,contacts,max_depth_m,\
 iterations,residual,flags,step_us";
-/// Columns that a scene without a tool leaves empty: two poses, force and torque.
+/// Number of columns that a scene without a tool leaves empty: two poses, force and torque.
 const TOOL_COLUMNS: usize = 20;
 
-/// Writes rows as CSV. Numbers are the shortest that read back as the same f64 (`step_us` has one decimal).
+/// Writes step reports as rows of CSV. Numbers have the shortest form that reads back as the same f64 (`step_us` has
+/// one decimal).
 pub struct Trace<W: Write> {
     writer: W,
     probes: usize,
@@ -58,7 +59,7 @@ impl<W: Write> Trace<W> {
     }
 }
 
-/// f64's debug form is the shortest that reads back the same, with an exponent where that is shorter.
+/// Writes numbers in f64's debug form, the shortest that reads back the same, with an exponent where that is shorter.
 fn write_numbers(w: &mut impl Write, numbers: &[f64]) -> std::io::Result<()> {
     numbers.iter().try_for_each(|number| write!(w, ",{number:?}"))
 }

@@ -1,4 +1,5 @@
-//! The window's thread: events in, frames ordered, the panel laid out. It waits for neither the simulation nor the device.
+//! The window's thread: it handles events, lays out the panel, and orders frames (rendered images) from the drawing
+//! thread. It waits for neither the simulation nor the GPU.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -27,35 +28,35 @@ use super::panel::{Panel, WIDTH};
 use crate::report::haptics::Closing;
 use crate::{print, tell};
 
-/// A frame takes at least this.
+/// Least time from one frame to the next.
 const FRAME: Duration = Duration::from_millis(15);
 
-/// What other threads tell the window's.
+/// Messages from other threads to the window's.
 #[derive(Debug)]
 pub enum Said {
     /// A frame was drawn, or drawing has failed.
     Frame(Result<Drawn>),
-    /// What a dropped file is being made into.
+    /// Progress in preparing a dropped file.
     Progress(String),
-    /// A dropped file is ready, or cannot be used.
+    /// A dropped file is prepared, or cannot be used.
     Ready(Result<Box<(Scene, Bodies)>>),
 }
 
-/// What the window is opened with.
+/// Settings of the window.
 pub struct Setup {
     pub size: [u32; 2],
-    /// Of the mouse, where it leads.
+    /// Goal pose that the mouse moves, if the mouse moves the tool.
     pub goal: Option<Goal>,
-    /// For pictures.
+    /// Folder for image files.
     pub folder: PathBuf,
-    /// Whether it closes by itself, after so much.
+    /// Whether the window closes by itself after a number of steps or seconds.
     pub ends: bool,
-    /// Set by a signal.
+    /// Set when a signal asks the program to end.
     pub stop: Arc<AtomicBool>,
     pub scene: Scene,
 }
 
-/// All of the window.
+/// State of the window.
 pub struct App {
     setup: Setup,
     live: Live,
@@ -70,10 +71,10 @@ pub struct App {
     hand: Hand,
     camera: Camera,
     atlas: Atlas,
-    /// Not yet painted with.
+    /// Whether the atlas (the texture with the letters) has changed since a frame was shown.
     is_atlas_new: bool,
     is_drawing: bool,
-    /// The camera looks at all of the next simulation.
+    /// Whether the camera is to show all of the next simulation.
     reframes: bool,
     due: Instant,
     picture: Option<PathBuf>,
@@ -106,7 +107,7 @@ impl App {
         }
     }
 
-    /// Ends drawing, then the simulation; the first error.
+    /// Ends drawing, then the simulation; returns the first error.
     pub fn end(&mut self) -> Result<()> {
         self.drawing = None;
         self.input = None;
@@ -122,7 +123,7 @@ impl App {
         }
         self.error.take().map_or(Ok(()), Err)?;
         print(&self.frames.summary(&delays))?;
-        // Of several, after pauses, the last tells how it stood at the end.
+        // Each pause ends a session; the report of the last one describes the end.
         self.live.sessions().last().map_or(Ok(()), |report| print(&Closing(&report).to_string()))
     }
 
@@ -136,7 +137,7 @@ impl App {
         let window = Arc::new(window.map_err(|error| Error::NoDevice(format!("no window can be opened: {error}")))?);
         let shown = Window::new(&self.context, window.clone())?;
         let said = self.said.clone();
-        // The loop may have ended.
+        // The event loop may have ended.
         let tell = move |drawn| drop(said.send_event(Said::Frame(drawn)));
         self.drawing = Some(Drawing::start(shown, self.context.clone(), self.live.link().clone(), tell)?);
         let (scale, theme) = (Some(window.scale_factor() as f32), window.theme());
@@ -188,7 +189,7 @@ impl App {
     fn drawn(&mut self, drawn: Drawn) {
         self.is_drawing = false;
         if drawn.is_shown {
-            // A frame that is not shown did not take it.
+            // A frame that is not shown did not take up the atlas.
             self.is_atlas_new = false;
             self.panel.shown(drawn.took, drawn.slices);
             self.frames.add(drawn.took, drawn.slices, drawn.framed.is_some());
@@ -205,7 +206,7 @@ impl App {
         match drawn.picture {
             Some(Ok(file)) => {
                 let line = format!("picture: {}", file.display());
-                // Whoever closed the other end has read enough.
+                // A closed standard output is ignored.
                 let _ = print(&format!("{line}\n"));
                 self.panel.say(line);
             }
@@ -265,7 +266,7 @@ impl App {
     }
 }
 
-/// The whole scene.
+/// A camera that shows the whole scene.
 fn framed(live: &Live) -> Camera {
     let corners = live.link().ask(|simulation, _| {
         let bodies = 0..=simulation.bodies().len();
@@ -297,10 +298,10 @@ impl ApplicationHandler<Said> for App {
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         let (Some(window), Some(input)) = (&self.window, &mut self.input) else { return };
-        // What the panel makes of it, it shows in the next frame.
+        // The response is not needed: the panel is laid out anew for the next frame.
         let _ = input.on_window_event(window, &event);
         if matches!(event, WindowEvent::KeyboardInput { .. }) && self.egui.egui_wants_keyboard_input() {
-            // A number is being written.
+            // The user types a number into the panel.
             return;
         }
         let edge = f64::from(window.inner_size().width) - f64::from(WIDTH) * window.scale_factor();

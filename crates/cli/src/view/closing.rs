@@ -1,21 +1,23 @@
-//! What is said when a window closes: how fast it drew, and what that cost the simulation.
+//! The lines that are printed when a window closes: how fast frames (rendered images) were drawn, and how much that
+//! delayed the simulation's steps.
 
 use std::time::Instant;
 
 use palpate::internal::haptics::clock::Lateness;
 
-/// The frames of a window.
+/// Statistics of a window's frames.
 #[derive(Default)]
 pub struct Frames {
     first: Option<Instant>,
     last: Option<Instant>,
-    /// s each.
+    /// Duration of each frame, s.
     took: Vec<f32>,
     slices: usize,
 }
 
 impl Frames {
-    /// One was shown. The first after a change of simulation compiled what it is drawn with, and counts anew from there.
+    /// Adds a frame that was shown. At the first one of a simulation, during which pipelines are compiled, counting
+    /// begins anew.
     pub fn add(&mut self, took: f64, slices: usize, is_first: bool) {
         let now = Instant::now();
         if is_first {
@@ -27,7 +29,7 @@ impl Frames {
         self.slices += slices;
     }
 
-    /// Two lines; none where nothing was shown.
+    /// Two lines of text; none if no frame was shown.
     pub fn summary(&self, delays: &Lateness) -> String {
         let (Some(first), Some(last), false) = (self.first, self.last, self.took.is_empty()) else {
             return String::new();

@@ -1,4 +1,5 @@
-//! The drawing thread: a frame at a time, each slice in its turn, so that the window's thread never waits for the device.
+//! The drawing thread: it draws a frame (rendered image) at a time in *slices*, parts that take turns at the GPU's
+//! queue with the simulation's steps, so that the window's thread never waits for the GPU.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -16,47 +17,48 @@ use palpate_view::painter::{Atlas, Flat};
 
 use super::easel::Easel;
 
-/// Where nothing can be shown, it is looked again after this.
+/// Pause before the next attempt if the window cannot show anything.
 const UNSEEN: Duration = Duration::from_millis(50);
 
 /// A frame to draw.
 pub struct Order {
-    /// Of the window, pixels.
+    /// Size of the window, pixels.
     pub size: [u32; 2],
     pub camera: Camera,
     pub overlays: Overlays,
-    /// Where the device is, m.
+    /// Position of the haptic device, m.
     pub device: Option<DVec3>,
     pub panel: Flat,
-    /// Where it changed.
+    /// The atlas (the texture with the letters), if it changed.
     pub atlas: Option<Atlas>,
-    /// Where a picture of the scene goes.
+    /// File for an image of the scene, if one is asked for.
     pub picture: Option<PathBuf>,
 }
 
 /// A frame that was drawn.
 #[derive(Debug, Default)]
 pub struct Drawn {
-    /// Whether it was shown, and not left out.
+    /// Whether the frame was shown; it is left out if the window cannot show it.
     pub is_shown: bool,
-    /// s.
+    /// Duration of the frame, s.
     pub took: f64,
-    /// Slices.
+    /// Number of slices.
     pub slices: usize,
-    /// From where all of the simulation is seen, where it is another than in the frame before.
+    /// A camera that shows all of the simulation, if that was replaced since the frame before.
     pub framed: Option<Camera>,
-    /// The picture that was written, or why it was not.
+    /// The image file that was written, or the error; `None` if none was asked for.
     pub picture: Option<Result<PathBuf>>,
 }
 
-/// The thread; dropped, it ends after the frame under way.
+/// The thread; when this is dropped, it ends after the current frame.
 pub struct Drawing {
     orders: Option<Sender<Order>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Drawing {
-    /// Draws into a window; `tell` hears of each frame, or of the error that ended it.
+    /// Starts the thread, which draws into a window; `tell` is called with each frame, or with the error that ended the
+    /// thread.
     pub fn start(
         window: Window,
         context: Arc<Context>,
@@ -73,7 +75,7 @@ impl Drawing {
 
     /// Orders a frame.
     pub fn order(&self, order: Order) {
-        // A thread that ended said why.
+        // A thread that has ended has reported why.
         if let Some(orders) = &self.orders {
             drop(orders.send(order));
         }
@@ -87,9 +89,9 @@ impl Drop for Drawing {
     }
 }
 
-/// What draws.
+/// State of the drawing thread.
 struct Artist {
-    /// With the simulation's thread while that looks; lost where that has ended.
+    /// It moves to the simulation's thread and back for each frame; `None` where that thread has ended.
     easel: Option<Easel>,
     link: Link,
 }
@@ -116,7 +118,8 @@ impl Artist {
         }
         let turns = self.link.turns().clone();
         let most = Duration::from_secs_f64(turns.slice_length());
-        // What fits goes with looking, which the simulation's thread does between two steps.
+        // The simulation's thread captures the scene between two steps, and at once draws the parts that fit into a
+        // slice.
         let answer = self.link.ask(move |simulation, generation| {
             let looked = Instant::now();
             let frame = easel.begin(simulation, generation, order);

@@ -1,4 +1,5 @@
-//! A surface that is dropped on the window: prepared in a thread of its own, as `palpate prepare` does, and touched.
+//! A surface that is dropped onto the window: a thread of its own makes it a body and a scene, as `palpate prepare`
+//! does.
 
 use std::path::{Path, PathBuf};
 
@@ -10,11 +11,11 @@ use winit::event_loop::EventLoopProxy;
 
 use super::app::Said;
 
-/// Prepares a file and says how it goes.
+/// Prepares a file on a new thread; progress and result go to the window's thread.
 pub fn prepare(file: PathBuf, said: EventLoopProxy<Said>) {
     let tell = said.clone();
     let work = move || {
-        // The loop may have ended.
+        // The event loop may have ended.
         let made = made(&file, &mut |line| drop(tell.send_event(Said::Progress(line))));
         drop(tell.send_event(Said::Ready(made.map(Box::new))));
     };
@@ -42,7 +43,7 @@ fn made(file: &Path, say: &mut dyn FnMut(String)) -> Result<(Scene, Bodies)> {
 mod tests {
     use super::*;
 
-    /// A box of 4 cm.
+    /// A box with edges of 4 (in the file's units), as an OBJ file.
     const BOX: &str = "v -2 -2 -2\nv 2 -2 -2\nv 2 2 -2\nv -2 2 -2\nv -2 -2 2\nv 2 -2 2\nv 2 2 2\nv -2 2 2\n\
         f 1 3 2\nf 1 4 3\nf 5 6 7\nf 5 7 8\nf 1 2 6\nf 1 6 5\nf 3 4 8\nf 3 8 7\nf 2 3 7\nf 2 7 6\nf 1 5 8\nf 1 8 4\n";
 

@@ -1,4 +1,5 @@
-//! What a frame is drawn with, in parts: it begins on the simulation's thread, between two steps, and goes on where there is time.
+//! Draws a frame (rendered image) in parts: it begins on the simulation's thread, between two steps, and goes on where
+//! there is time.
 
 use std::fs::{self, File};
 use std::io::BufWriter;
@@ -17,24 +18,24 @@ use super::drawing::{Drawn, Order};
 /// Samples a pixel.
 const SAMPLES: u32 = 1;
 
-/// Window, renderer, and what writes onto pictures.
+/// The window, the renderer, and what paints legend and panel onto its images.
 pub struct Easel {
     painter: Painter,
     labels: Labels,
     window: Window,
     seen: Option<Seen>,
-    /// How long each part of the frame before took.
+    /// Duration of each part of the frame before.
     took: Vec<Duration>,
 }
 
-/// A simulation's renderer, and the simulation's number.
+/// A simulation's renderer; `generation` is the simulation's number, which changes when it is replaced.
 struct Seen {
     renderer: Renderer,
     generation: u64,
     size: [u32; 2],
 }
 
-/// A frame under way.
+/// A frame that is being drawn.
 pub struct Frame {
     order: Order,
     labels: Option<Recording>,
@@ -46,25 +47,25 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Whether it is shown.
+    /// Whether all parts are drawn, and the frame is shown.
     pub fn is_done(&self) -> bool {
         self.took.len() == self.parts
     }
 }
 
 impl Easel {
-    /// Nothing drawn yet.
+    /// An easel that has drawn nothing yet.
     pub fn new(context: &Arc<Context>, window: Window) -> Result<Easel> {
         let (painter, labels) = (Painter::new(context)?, Labels::new(context)?);
         Ok(Easel { painter, labels, window, seen: None, took: Vec::new() })
     }
 
-    /// Takes the image that is shown next; whether there is one.
+    /// Acquires the window's next image; returns whether there is one.
     pub fn acquire(&mut self, width: u32, height: u32) -> Result<bool> {
         self.window.acquire(width, height)
     }
 
-    /// Looks at a simulation between two steps; nothing is drawn yet.
+    /// Captures a simulation between two steps; nothing is drawn yet.
     pub fn begin(&mut self, simulation: &mut Simulation, generation: u64, order: Order) -> Result<Frame> {
         if let Some(atlas) = &order.atlas {
             self.painter.set_atlas(atlas)?;
@@ -89,12 +90,12 @@ impl Easel {
         let panel = self.painter.paint(&order.panel, renderer.image()?)?;
         let framed = (before != Some(generation)).then(|| renderer.camera());
         let drawn = Drawn { is_shown: true, framed, ..Drawn::default() };
-        // The last writes onto the picture and shows it.
+        // The last part paints legend and panel onto the image and shows it.
         let parts = renderer.slices().len() + 1;
         Ok(Frame { order, labels, panel, parts, took: Vec::new(), picture: None, drawn })
     }
 
-    /// Draws parts that will be done by then, as far as the frame before tells.
+    /// Draws the parts that, judging by the frame before, will be done by `until`.
     pub fn go_on(&mut self, frame: &mut Frame, until: Instant) -> Result<()> {
         while let Some(part) = self.took.get(frame.took.len()) {
             if frame.is_done() || Instant::now() + *part > until {
@@ -127,7 +128,7 @@ impl Easel {
         Ok(())
     }
 
-    /// Writes the picture that was asked for, where one was.
+    /// Ends the frame, and writes the image file if one was asked for.
     pub fn end(&mut self, frame: Frame) -> Drawn {
         let Frame { order, took, picture, drawn, .. } = frame;
         self.took = took;
@@ -136,15 +137,15 @@ impl Easel {
     }
 }
 
-/// All of the file, or nothing.
+/// Writes an image file completely or not at all.
 fn write(picture: &Picture, file: &Path) -> Result<()> {
-    // Not an `Output`: the session may be writing one into the same folder.
+    // This is no `Output`, because the session may be writing one into the same folder.
     let partial = file.with_extension("png.partial");
     let written = File::create(&partial)
         .and_then(|out| picture.write_png(BufWriter::new(out)))
         .and_then(|()| fs::rename(&partial, file));
     written.map_err(|source| {
-        // What cannot be removed stays: there is nobody left to tell.
+        // If the partial file cannot be removed it is left; the error below is the one to report.
         let _ = fs::remove_file(&partial);
         Error::Output { file: file.into(), source }
     })

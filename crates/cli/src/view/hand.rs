@@ -1,4 +1,4 @@
-//! What the mouse and the keys do to the tool and to the camera.
+//! Input of the window: what mouse and keys do to the tool and to the camera.
 
 use glam::{DVec2, DVec3};
 use palpate_devices::mouse::Goal;
@@ -6,18 +6,18 @@ use palpate_view::Camera;
 use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent};
 use winit::keyboard::{KeyCode, ModifiersState, PhysicalKey};
 
-/// Of a pixel, rad.
+/// Turn of the camera per pixel of the cursor's movement, rad.
 const ORBIT: f64 = 0.006;
-/// Of the distance, a notch of the wheel.
+/// Factor on the camera's distance per notch of the wheel.
 const ZOOM: f64 = 0.9;
-/// Depth of a notch while the tool is held, of the distance.
+/// Movement of the held tool into the image per notch of the wheel, as a share of the camera's distance.
 const DEPTH: f64 = 0.01;
-/// Pixels of a notch, where a touch pad counts them.
+/// Pixels that count as a notch, for touch pads, which report pixels.
 const NOTCH: f64 = 40.0;
-/// Of a key, rad.
+/// Turn of the tool per key press, rad.
 const TURN: f64 = 0.087;
 
-/// Where the cursor is and what it holds.
+/// Position of the cursor, and what it drags.
 #[derive(Debug, Default)]
 pub struct Hand {
     cursor: DVec2,
@@ -28,10 +28,10 @@ pub struct Hand {
 }
 
 impl Hand {
-    /// Does what an event says. What happens over the panel, from `edge` on to the right, is the panel's, but for buttons that
-    /// are let go.
+    /// Handles an event. Events over the panel, which begins `edge` pixels from the left, belong to the panel, except
+    /// releases of buttons.
     pub fn hear(&mut self, event: &WindowEvent, edge: f64, camera: &mut Camera, goal: Option<&Goal>, size: [u32; 2]) {
-        // Not asked of the panel: until it is laid out again it knows only where the cursor was before.
+        // The panel itself is not asked: until it is laid out again it knows only the cursor's earlier position.
         let over_panel = self.cursor.x >= edge;
         match event {
             WindowEvent::ModifiersChanged(modifiers) => self.modifiers = modifiers.state(),
@@ -73,7 +73,7 @@ impl Hand {
                 let (PhysicalKey::Code(code), Some(goal)) = (event.physical_key, goal) else { return };
                 goal.turn(TURN * turn_of(code, camera));
             }
-            // What was held is let go: the button may come up elsewhere.
+            // All drags end, as the button may be released outside the window.
             WindowEvent::Focused(false) => {
                 (self.tool, self.orbit, self.pan) = (false, false, false);
                 goal.into_iter().for_each(|goal| goal.press(false));
@@ -93,7 +93,7 @@ impl Hand {
     }
 }
 
-/// The axis that a key turns the tool about, as seen.
+/// The axis about which a key turns the tool, as seen by the camera.
 fn turn_of(code: KeyCode, camera: &Camera) -> DVec3 {
     let axes = camera.axes();
     match code {

@@ -1,4 +1,5 @@
-//! The panel: what is felt, what it costs, and what can be changed.
+//! The panel of the window: contact force and state of the simulation, times of steps and frames, and sliders for
+//! materials, contact and coupling.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -9,35 +10,35 @@ use palpate_view::live::{Command, Sample, Settings, Snapshot, State};
 use palpate_view::overlay::{Overlay, Overlays};
 use palpate_view::turns::Delays;
 
-/// Width, points.
+/// Width of the panel, points.
 pub const WIDTH: f32 = 250.0;
-/// Of simulated time in the traces, s.
+/// Simulated time that the force plot covers, s.
 const SPAN: f64 = 4.0;
-/// Points of a trace's height.
+/// Height of the force plot, points.
 const TRACE: f32 = 56.0;
-/// Sliders act at most so often while they are dragged: a material takes a few steps' time to set.
+/// Least time between two commands of a slider that is being dragged: setting a material takes as long as a few steps.
 const OFTEN: Duration = Duration::from_millis(200);
-/// Lines that are kept.
+/// Number of lines of text that are kept.
 const LINES: usize = 5;
-/// Stages that are listed, the slowest first.
+/// Number of stages that are listed, the slowest first.
 const STAGES: usize = 6;
 
 const HELP: &str = "left drag: move the tool, with the wheel its depth\narrows, q, e: turn the tool\nright drag: orbit   middle \
     drag: pan   wheel: zoom\nspace: pause   . : one step   r: reset\ns: picture   t: record a session\n1 pressure   2 depth   \
     3 force\n4 proxies   5 regions   6 layer   7 cores\n8 strain energy   9 displacement\nh: this help   Esc: close";
 
-/// What the panel keeps between frames.
+/// State of the panel between frames.
 pub struct Panel {
     samples: VecDeque<Sample>,
     lines: VecDeque<String>,
     frame: Frames,
-    /// What is being dragged, whether it was sent as it is, and when something was.
+    /// What is being dragged, whether its present value was sent, and when a value was sent last.
     dragged: Option<Dragged>,
     is_sent: bool,
     sent: Instant,
     pub shows_help: bool,
     pub overlays: Overlays,
-    /// What is under way beside it.
+    /// Progress in preparing a dropped file.
     pub progress: Option<String>,
 }
 
@@ -80,7 +81,7 @@ impl Panel {
         }
     }
 
-    /// Says a line.
+    /// Adds a line of text.
     pub fn say(&mut self, line: String) {
         self.lines.push_back(line);
         while self.lines.len() > LINES {
@@ -88,7 +89,7 @@ impl Panel {
         }
     }
 
-    /// Takes samples; older ones than are shown go, and all that were before a reset.
+    /// Adds samples to the plot; drops those that are older than it shows, and all from before a reset.
     pub fn take(&mut self, samples: impl Iterator<Item = Sample>) {
         for sample in samples {
             if self.samples.back().is_some_and(|last| sample.time < last.time) {
@@ -102,7 +103,7 @@ impl Panel {
         }
     }
 
-    /// A frame was shown.
+    /// Counts a frame that was shown.
     pub fn shown(&mut self, took: f64, slices: usize) {
         let frame = &mut self.frame;
         (frame.took, frame.slices) = (took, slices);
@@ -112,7 +113,7 @@ impl Panel {
         }
     }
 
-    /// Draws it; what the sliders want.
+    /// Lays out the panel; returns the command that a slider gives.
     pub fn show(&mut self, ui: &mut Ui, snapshot: &Snapshot, delays: &Delays) -> Option<Command> {
         let mut command = None;
         egui::Panel::right("panel").exact_size(WIDTH).show(ui, |ui| {
@@ -170,7 +171,7 @@ impl Panel {
         }
     }
 
-    /// The force over the last seconds, scaled to its greatest.
+    /// Plots the force over the last seconds, scaled to its greatest value.
     fn trace(&self, ui: &mut Ui) {
         let (response, painter) = ui.allocate_painter(Vec2::new(ui.available_width(), TRACE), Sense::hover());
         let area = response.rect;
@@ -183,7 +184,7 @@ impl Panel {
             let x = f64::from(area.right()) - ago * f64::from(area.width());
             Pos2::new(x as f32, (f64::from(area.bottom() - 2.0) - scale * sample.force.length()) as f32)
         };
-        // No more points than there are to tell apart.
+        // No more points than can be told apart.
         let every = (self.samples.len() / 400).max(1);
         painter.line(self.samples.iter().step_by(every).map(place).collect(), Stroke::new(1.5, Color32::LIGHT_BLUE));
         let text = format!("{most:.3} N, {SPAN} s");
@@ -206,12 +207,12 @@ impl Panel {
         }
     }
 
-    /// Sliders act while they are dragged, but not too often, and when they are let go.
+    /// Lays out the sliders. They give commands while they are dragged, but not too often, and when they are released.
     fn sliders(&mut self, ui: &mut Ui, settings: &Settings) -> Option<Command> {
         let mut touched = None;
         let mut is_let_go = false;
         let mut slide = |ui: &mut Ui, value: &mut f64, range: [f64; 2], text: &str, is_log: bool| {
-            // What the scene says stays as it is until somebody moves it, within the range or not.
+            // A value outside the slider's range stays as the scene has it until the user moves the slider.
             let slider = Slider::new(value, range[0]..=range[1]).text(text).logarithmic(is_log);
             let slider = slider.clamping(SliderClamping::Never).update_while_editing(false);
             let response = ui.add(slider.custom_formatter(|x, _| shown(x)));
@@ -266,14 +267,14 @@ impl Panel {
             });
         }
         let Some(touched) = touched else {
-            // A drag that rests has its last value sent as well.
+            // While a drag rests, its last value is sent as well.
             let is_due = !self.is_sent && self.sent.elapsed() >= OFTEN;
             let waiting = self.dragged.as_ref().filter(|dragged| is_due && !matches!(dragged, Dragged::Coupling(_)));
             let command = waiting.map(Dragged::command)?;
             (self.is_sent, self.sent) = (true, Instant::now());
             return Some(command);
         };
-        // A coupling begins a session anew: only when it is let go.
+        // A new coupling begins a new session, so it is sent only on release.
         let waits = matches!(touched, Dragged::Coupling(_)) || self.sent.elapsed() < OFTEN;
         if waits && !is_let_go {
             (self.dragged, self.is_sent) = (Some(touched), false);
@@ -285,7 +286,7 @@ impl Panel {
     }
 }
 
-/// A slider's number: four digits.
+/// A slider's value as text, with four digits.
 fn shown(x: f64) -> String {
     if x == 0.0 {
         return "0".into();

@@ -1,27 +1,28 @@
-//! A mass on a spring and a damper, with friction: one step of the simulated hand, in translation or rotation. The implicit
-//! midpoint rule is stable at any stiffness, and what it does to the energy is exact: work, loss and change of the stored
-//! energy balance to rounding. Coulomb friction acts after it as an impulse that slows and never reverses.
+//! One step of the simulated hand in translation or in rotation: a mass on a spring and a damper, with friction. The
+//! implicit midpoint rule is stable at any stiffness and keeps an exact energy balance: work, loss and change of the
+//! stored energy add up, to rounding. Coulomb friction acts afterwards as an impulse that slows the mass and never
+//! reverses it.
 
 use glam::DVec3;
 use palpate::scene::HandParameters;
 
-/// Constants; in rotation read kg m^2, N m/rad, N m s/rad and N m.
+/// Constants in the units of translation; for rotation they are kg m^2, N m/rad, N m s/rad and N m.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limb {
-    /// kg.
+    /// Mass, kg.
     pub(super) mass: f64,
-    /// Of the spring towards where the person intends to be, N/m.
+    /// Stiffness of the spring towards the position that the person intends, N/m.
     pub(super) stiffness: f64,
-    /// Of the damper towards the intended velocity, N s/m.
+    /// Damping towards the intended velocity, N s/m.
     pub(super) damping: f64,
-    /// Towards rest: the device's, N s/m.
+    /// The device's own damping, towards rest, N s/m.
     pub(super) drag: f64,
     /// Coulomb friction of the device, N, the same in all directions.
     pub(super) friction: f64,
 }
 
 impl Limb {
-    /// Of translation.
+    /// The arm, for translation.
     pub(super) fn arm(hand: &HandParameters) -> Limb {
         Limb {
             mass: hand.mass,
@@ -32,7 +33,7 @@ impl Limb {
         }
     }
 
-    /// Of rotation.
+    /// The wrist, for rotation.
     pub(super) fn wrist(hand: &HandParameters) -> Limb {
         Limb {
             mass: hand.inertia,
@@ -47,7 +48,7 @@ impl Limb {
 /// What acts on a limb during a step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Load {
-    /// Actual less intended position at the start, m.
+    /// Actual minus intended position at the start, m.
     pub(super) stretch: DVec3,
     /// Mean intended velocity, m/s.
     pub(super) intended: DVec3,
@@ -55,26 +56,26 @@ pub(super) struct Load {
     pub(super) force: DVec3,
 }
 
-/// What a step does.
+/// Result of a step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stride {
-    /// Mean velocity, m/s: the step's length times this is the way.
+    /// Mean velocity over the step, m/s; times the step's length it is the displacement.
     pub(super) mean: DVec3,
     /// Velocity at the end, m/s.
     pub(super) velocity: DVec3,
     /// Work of the played force, J.
     pub(super) played: f64,
-    /// Work of the person, who moves the intended position, J.
+    /// Work that the person does by moving the intended position, J.
     pub(super) intent: f64,
-    /// Taken by dampers and friction, J; never negative.
+    /// Energy dissipated by dampers and friction, J; never negative.
     pub(super) lost: f64,
 }
 
 impl Limb {
-    /// A step of `h` seconds from a velocity, m/s.
+    /// Does a step of `h` seconds that begins at a velocity, m/s.
     pub(super) fn step(&self, h: f64, velocity: DVec3, load: &Load) -> Stride {
         let Load { stretch, intended, force } = *load;
-        // The equation of motion at the midpoint is inertia x (mean - velocity) + resistance x mean = push.
+        // The equation of motion at the midpoint is inertia * (mean - velocity) + resistance * mean = push.
         let inertia = 2.0 * self.mass / h;
         let resistance = 0.5 * h * self.stiffness + self.damping + self.drag;
         let push = force - self.stiffness * (stretch - 0.5 * h * intended) + self.damping * intended;
@@ -101,7 +102,7 @@ impl Limb {
     }
 }
 
-/// A velocity shortened by `by`, at most to rest.
+/// A velocity whose magnitude is reduced by `by`, at most to zero.
 fn slowed(velocity: DVec3, by: f64) -> DVec3 {
     let speed = velocity.length();
     if speed > by { velocity * (1.0 - by / speed) } else { DVec3::ZERO }

@@ -1,10 +1,12 @@
+//! Tests of the simulated hand: its motion, friction, energy balance, quantised readings and delay.
+
 use palpate::scene::Key;
 
 use super::*;
 
 const TICK: f64 = 1e-3;
 
-/// No damping, no friction, no encoder: spring and mass alone.
+/// Parameters without damping, friction and encoder resolution: a mass on a spring alone.
 const IDEAL: HandParameters = HandParameters {
     mass: 0.1,
     stiffness: 400.0,
@@ -36,8 +38,9 @@ fn assert_near(found: f64, expected: f64, tolerance: f64, what: &str) {
     assert!((found - expected).abs() <= tolerance, "{what}: {found} is not within {tolerance} of {expected}");
 }
 
-/// Greatest error of position over 0.1 s (relative to the start) and of angle, from a displaced start, against
-/// e^(-d t) (cos w t + d / w sin w t).
+/// Greatest errors of position and of angle over 0.1 s, each relative to its initial value, of a hand that is released
+/// at rest away from the intended pose. The exact motion is e^(-d t) (cos w t + d / w sin w t) times the initial value,
+/// with d = damping / (2 mass) and w^2 = stiffness / mass - d^2.
 fn error_of_swing(substep: f64) -> (f64, f64) {
     let parameters = HandParameters { damping: 2.0, device_damping: 1.0, angular_damping: 0.02, substep, ..IDEAL };
     let mut hand = hand(parameters, &[]);
@@ -59,7 +62,7 @@ fn error_of_swing(substep: f64) -> (f64, f64) {
     worst
 }
 
-/// The implicit midpoint rule is of second order: half the substep, a quarter of the error.
+/// The implicit midpoint rule is of second order: half the substep gives a quarter of the error.
 #[test]
 fn a_free_swing_is_the_damped_oscillator() {
     let (coarse, fine) = (error_of_swing(1e-4), error_of_swing(5e-5));
@@ -83,7 +86,7 @@ fn a_constant_wrench_deflects_by_force_over_stiffness() {
     assert_near((rotation_vector(hand.state().orientation) - wrench.torque / 2.0).length(), 0.0, 1e-12, "angle");
 }
 
-/// A device without motors for rotation leaves the wrist alone, and one that does not sense it says nothing of it.
+/// A device that plays no torque leaves the wrist alone, and one that senses no rotation reports none.
 #[test]
 fn torque_and_rotation_are_the_profiles() {
     let turning = [key(0.0, DVec3::ZERO, DVec3::ZERO), key(1.0, DVec3::ZERO, DVec3::Y)];
@@ -99,7 +102,8 @@ fn torque_and_rotation_are_the_profiles() {
     }
 }
 
-/// Below the friction nothing moves by a bit; above it, it does; and what slides comes to an exact rest.
+/// A force below the friction does not move the hand by a single bit, a greater force does, and a hand that slides
+/// comes to an exact rest.
 #[test]
 fn coulomb_friction_sticks() {
     let parameters = HandParameters { friction: 0.2, ..IDEAL };
@@ -124,7 +128,8 @@ fn coulomb_friction_sticks() {
     assert_eq!(*hand.state(), held);
 }
 
-/// Nothing but friction: a push comes to rest after m v^2 / (2 f), and never turns back. Friction is of first order.
+/// With friction f alone, a mass m of initial speed v comes to rest after m v^2 / (2 f) and never moves back. The
+/// tolerance is wide because the friction impulse is of first order in the substep.
 #[test]
 fn coulomb_friction_stops_and_never_reverses() {
     let parameters = HandParameters { stiffness: 0.0, friction: 0.2, ..IDEAL };
@@ -143,7 +148,7 @@ fn coulomb_friction_stops_and_never_reverses() {
     assert_near(hand.energy().lost, 0.5 * 0.1 * 0.05 * 0.05, 1e-18, "lost");
 }
 
-/// Rounding alone may change it: 100,000 substeps of a few units in the last place.
+/// Only rounding may change the energy: 100,000 substeps of a few units in the last place each.
 #[test]
 fn without_damping_energy_stays() {
     let mut hand = hand(IDEAL, &[]);
@@ -159,7 +164,7 @@ fn without_damping_energy_stays() {
     assert!(drift < 1e-10, "{drift}");
 }
 
-/// About changing axes the curvature of rotation takes a little energy and gives none.
+/// Where the axis of rotation changes, integration loses a little energy and never adds any.
 #[test]
 fn turning_about_many_axes_makes_no_energy() {
     let mut hand = hand(IDEAL, &[]);
@@ -189,12 +194,12 @@ fn with_damping_energy_only_falls() {
         assert!(hand.stored() <= last, "{} J after {last} J", hand.stored());
         last = hand.stored();
     }
-    // What is left is what the stuck friction holds: f^2 / 2 k.
+    // The energy left is at most what a spring stores that is held by friction f: f^2 / (2 k).
     assert!(last <= 0.05 * 0.05 / 600.0, "{last}");
     assert_near(hand.energy().lost, start - last, 1e-12 * start, "lost");
 }
 
-/// Through pushes, turns about one axis, friction and a moving intention.
+/// The energy balance holds under forces, rotation about one axis, friction and a moving intended pose.
 #[test]
 fn energy_is_accounted_for() {
     let keys = [key(0.0, DVec3::ZERO, DVec3::ZERO), key(0.7, DVec3::new(0.05, 0.02, 0.0), DVec3::Z * 0.6)];
@@ -217,7 +222,7 @@ fn energy_is_accounted_for() {
     assert_eq!(hand.energy(), HandEnergy::default());
 }
 
-/// The work of a constant force is force by way.
+/// The work of a constant force is the force times the displacement.
 #[test]
 fn energy_received_is_the_integral_of_force_by_motion() {
     let mut hand = hand(HandParameters::default(), &[]);
@@ -250,7 +255,7 @@ fn readings_are_quantised() {
     assert_eq!(at_rest.state.velocity, DVec3::ZERO);
 }
 
-/// A wrench told at 4 ms with 3 ms of delay first acts in the substep that ends at 7.1 ms.
+/// A wrench written at 4 ms with 3 ms of delay first acts in the substep that ends at 7.1 ms.
 #[test]
 fn a_delayed_force_acts_from_its_time_plus_the_delay() {
     for delay in [0.0, 0.0003, 0.003, 0.02] {
@@ -263,11 +268,11 @@ fn a_delayed_force_acts_from_its_time_plus_the_delay() {
         let after = hand.read(0.0041 + delay).unwrap();
         let accelerated = 0.5 * 1e-8 / 0.1;
         assert_near(after.state.position.x, accelerated, 1e-4 * accelerated, "moved");
-        assert_eq!(after.state.position.y, 0.0, "a wrench that was told over was played");
+        assert_eq!(after.state.position.y, 0.0, "a wrench that a later one replaced was played");
     }
 }
 
-/// One wrench a tick, each delayed by 5 ticks, is the same as the sequence shifted by 5 ticks.
+/// One wrench a tick, each delayed by 5 ticks, acts like the same sequence begun 5 ticks later without delay.
 #[test]
 fn delayed_forces_keep_their_order() {
     let run = |delay: f64, first: i32| {

@@ -1,4 +1,6 @@
-//! The loop closed as simply as can be: the hand presses on a virtual wall, rendered directly at 1 kHz.
+//! Tests of the simplest closed loop: the simulated hand presses on a virtual wall, a spring that turns each reading
+//! into a force at 1 kHz, without the engine's haptic loop. The stiffness at which the loop becomes unstable is
+//! compared with theory.
 
 use palpate::scene::Key;
 
@@ -7,23 +9,25 @@ use super::*;
 const TICK: f64 = 1e-3;
 /// Viscous damping of the devices tried, N s/m.
 const DAMPINGS: [f64; 5] = [0.1, 0.3, 0.8, 2.0, 5.0];
-/// The arm's damping: of the worst person, who takes nothing, and of the default one, N s/m.
+/// Damping of the person's arm, N s/m: the worst case, which dissipates nothing, and the default.
 const PERSONS: [f64; 2] = [0.0, 5.0];
-/// Where the person wants to be, 10 mm within the wall, m.
+/// Depth within the wall at which the person intends to be, m.
 const WITHIN: f64 = 0.01;
 
-/// A stability limit is found to this part of it.
+/// Relative precision to which a stability limit is bisected.
 const BISECTED: f64 = 1e-3;
 
-/// The wall starts at x = 0: F = -K x. Greatest speed in every second, from a start at a place and the intention at once
-/// within the wall, m/s.
+/// Greatest speed of the hand in each second, m/s. The wall fills x > 0 and pushes with F = -K x, where K is
+/// `stiffness`, N/m. The hand is released at rest at x = `start`, m, and intends to be at x = `WITHIN` from the
+/// beginning.
 fn peaks(parameters: HandParameters, stiffness: f64, start: f64, seconds: usize) -> Vec<f64> {
     let intended = Key { time: 0.0, position: DVec3::X * WITHIN, orientation: DQuat::IDENTITY };
     let profile = Profile::named("scripted").unwrap().clone();
     let mut hand = Hand::new(parameters, Drive::new(&[], intended), profile).unwrap();
     hand.place(RigidState::at_rest(DVec3::X * start, DQuat::IDENTITY));
     let wall = |x: f64| Wrench { force: DVec3::X * (-stiffness * x).min(0.0), torque: DVec3::ZERO };
-    // As if it had been held there: what is on its way is not zero.
+    // The force that acts at first, and the first one on its way through the delay, are those of a hand held at
+    // `start`.
     hand.write(&wall(start)).unwrap();
     hand.played = wall(start);
     let mut peaks = vec![0.0f64; seconds];
@@ -35,13 +39,14 @@ fn peaks(parameters: HandParameters, stiffness: f64, start: f64, seconds: usize)
     peaks
 }
 
-/// No friction and no encoder, which the linear theory leaves out.
+/// Parameters without friction and encoder resolution, which the linear theory leaves out.
 fn linear(damping: f64, device_damping: f64, delay: f64) -> HandParameters {
     HandParameters { damping, device_damping, delay, friction: 0.0, quantum: 0.0, ..Default::default() }
 }
 
-/// Whether a disturbance of a thousandth of the way to balance grows; what has grown until it leaves the wall is faster than
-/// it ever was.
+/// Whether a disturbance by a thousandth of the depth at balance grows: the peak speed rises from the second to the
+/// seventh second, or it ends above twice the peak speed of the undamped oscillation, as where the hand has come to
+/// bounce off the wall.
 fn grows(parameters: HandParameters, stiffness: f64) -> bool {
     let both = parameters.stiffness + stiffness;
     let balance = parameters.stiffness * WITHIN / both;
@@ -59,8 +64,9 @@ fn found_limit(parameters: HandParameters) -> f64 {
     stable
 }
 
-/// The same from the exact discretisation of mass, damping and arm under a force held for a tick: the characteristic
-/// polynomial's last coefficient reaches one.
+/// The stiffness limit by linear theory, N/m: mass, damping and arm are discretised exactly under a force that is
+/// constant over a tick; the loop becomes unstable where the constant coefficient of the characteristic polynomial
+/// reaches one.
 fn exact_limit(p: &HandParameters) -> f64 {
     let decay = (p.damping + p.device_damping) / (2.0 * p.mass);
     let w = (p.stiffness / p.mass - decay * decay).sqrt();
@@ -74,7 +80,8 @@ fn exact_limit(p: &HandParameters) -> f64 {
     (1.0 - kept * kept) / (b[1] * a[0][1] - b[0] * a[1][1])
 }
 
-/// Colgate and Schenkel 1997, "Passivity of a class of sampled-data systems": b > K T / 2.
+/// J. E. Colgate and G. G. Schenkel 1997, "Passivity of a class of sampled-data systems": passive for b > K T / 2, with
+/// the device's damping b, the wall's stiffness K and the tick's length T.
 #[test]
 fn a_wall_is_stable_below_the_passivity_bound_and_unstable_above_its_limit() {
     for damping in PERSONS {
@@ -87,7 +94,8 @@ fn a_wall_is_stable_below_the_passivity_bound_and_unstable_above_its_limit() {
                 found / bound
             );
             assert!((found / exact - 1.0).abs() < 0.01, "found {found} N/m, exact {exact}");
-            // Without the arm's damping the bound is the limit itself, to less than the bisection shows.
+            // Without damping of the arm the passivity bound is the stability limit itself, to less than the bisection
+            // resolves.
             assert!(exact >= bound && found >= bound * (1.0 - 2.0 * BISECTED), "{found} N/m, bound {bound}");
             for part in [0.5, 0.95] {
                 let peaks = peaks(parameters, part * bound, -0.005, 60);
@@ -98,8 +106,8 @@ fn a_wall_is_stable_below_the_passivity_bound_and_unstable_above_its_limit() {
     }
 }
 
-/// With a delay d the bound is K < b / (T / 2 + d) (J. J. Gil, E. Sánchez, T. Hulin, C. Preusche and G. Hirzinger 2009,
-/// "Stability boundary for haptic rendering: influence of damping and delay").
+/// With a delay d the bound is K < b / (T / 2 + d) for damping b and tick T (J. J. Gil, E. Sánchez, T. Hulin, C.
+/// Preusche and G. Hirzinger 2009, "Stability boundary for haptic rendering: influence of damping and delay").
 #[test]
 fn delay_lowers_the_limit_to_the_bound_with_delay() {
     for delay in [0.001, 0.002, 0.005] {
@@ -110,7 +118,8 @@ fn delay_lowers_the_limit_to_the_bound_with_delay() {
                 "delay {delay} s, device {device_damping} N s/m: limit {found:.0} N/m, {:.3} of it",
                 found / bound
             );
-            // The bound is the limit of slow swings; the fastest here turn by 0.5 rad in the delay, and lie 4 % above.
+            // The bound is the limit of slow oscillations; the phase of the fastest here advances by 0.5 rad within the
+            // delay, and their limit lies 4 % above the bound.
             assert!((1.0 - 2.0 * BISECTED..1.05).contains(&(found / bound)), "{found} N/m, bound {bound}");
         }
     }

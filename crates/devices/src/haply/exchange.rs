@@ -1,5 +1,7 @@
-//! The thread that talks to the Inverse service: a message a period, a frame an answer. It shares with the haptic loop only
-//! the newest frame and the newest force, by wait-free exchange, and plays nothing where the loop or the service is silent.
+//! The thread that talks to Haply's Inverse service (see `mod.rs`): each period it sends a message with a force and
+//! reads a *frame*, the service's JSON text with the state of the device. It shares with the haptic loop only the
+//! newest state and the newest force, through wait-free triple buffers, and sends zero force where the loop or the
+//! service is silent.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -18,46 +20,47 @@ use super::kind::Identity;
 use super::link::{Address, Link};
 use super::protocol::{self, State};
 
-/// Oldest state that is still true of the device, and the longest wait for an answer before the next message.
+/// Greatest age of a state that still counts as the device's, and the longest wait for an answer before the next
+/// message is sent.
 pub const STATE_LIFE: Duration = Duration::from_millis(50);
-/// As many garbled frames in a row and the device counts as garbled.
+/// Number of garbled (malformed or implausible) frames in a row after which reading the device is a fault.
 pub const MANY_GARBLED: u32 = 5;
-/// Oldest force of the loop that is still played.
+/// Greatest age of a force from the haptic loop that is still sent; zero force is sent after it.
 pub const FORCE_LIFE: Duration = Duration::from_millis(20);
-/// A connection without a usable state for so long is made anew.
+/// A connection that gives no usable state for this long is replaced by a new one.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Wait for the inventory of a new connection.
+/// Longest wait for a new connection's inventory, the first frame, which lists the devices.
 const INVENTORY_WAIT: Duration = Duration::from_millis(500);
-/// Waits before a new connection: the first, doubled up to the last.
+/// Pauses before another connection is tried: the first one, and the longest, up to which they double.
 const FIRST_WAIT: Duration = Duration::from_millis(100);
 const LAST_WAIT: Duration = Duration::from_secs(2);
-/// Most answers that the service may owe, or may send unasked within a period.
+/// Greatest number of answers that the service may be behind by, or that it may send unasked within a period.
 const MOST_OWED: u32 = 16;
 
-/// What the thread knows of the device.
+/// What the thread knows of the device; the haptic loop reads the newest.
 #[derive(Debug, Clone, Default)]
 pub struct Shot {
-    /// The newest usable state, and when it came.
+    /// The newest usable state, and when it arrived.
     pub state: Option<(Instant, State)>,
-    /// Garbled frames since.
+    /// Number of garbled frames since that state.
     pub garbled: u32,
-    /// What went wrong since.
+    /// The last fault since that state.
     pub trouble: Option<Fault>,
-    /// Which device it is, once the service has said so; from then on it is this one and no other, which would be somewhere
-    /// else and might bear less.
+    /// Identity of the device, once the service has reported it. From then on any other device is refused, because it
+    /// would be at another position and might bear less force.
     pub identity: Option<Arc<Identity>>,
 }
 
-/// What the loop wants played.
+/// The force that the haptic loop commands.
 #[derive(Debug, Clone, Default)]
 pub struct Order {
-    /// N, palpate's axes.
+    /// Force, N, in palpate's axes (y up).
     pub force: DVec3,
-    /// When it was written; `None`: never.
+    /// When the force was written; `None`: never.
     pub written: Option<Instant>,
 }
 
-/// What has happened since the device was made.
+/// Counts of what has happened since the device was made; see `Counts` in `mod.rs`.
 #[derive(Debug, Default)]
 pub struct Tally {
     pub frames: AtomicU64,
@@ -71,16 +74,16 @@ fn count(counter: &AtomicU64) {
     counter.fetch_add(1, Relaxed);
 }
 
-/// The thread's side.
+/// The thread's side of the exchange.
 pub struct Exchange {
     pub address: Address,
-    /// Device to talk to where none was found before; `None`: the first.
+    /// Id of the device to talk to as long as none was found; `None`: the first one listed.
     pub device_id: Option<String>,
-    /// Dialect to speak; `None`: what the service's version asks for.
+    /// Dialect (key under which a force is written) to use; `None`: the one that the service's version asks for.
     pub dialect: Option<Dialect>,
-    /// Of a message.
+    /// Time from one message to the next.
     pub period: Duration,
-    /// A profile that lowers the device's own.
+    /// Profile that the user asks for; it can only lower the limits of the device's own.
     pub asked: Option<&'static Profile>,
     /// Greatest force, N: that of the connected device's profile.
     pub max_force: f64,
@@ -88,7 +91,7 @@ pub struct Exchange {
     pub orders: Output<Order>,
     pub stop: Arc<AtomicBool>,
     pub tally: Arc<Tally>,
-    /// The newest that was published.
+    /// The value that was published last through `shots`.
     pub shot: Shot,
 }
 
@@ -100,9 +103,10 @@ struct Partner {
 }
 
 impl Exchange {
-    /// Connects, and connects again, until told to stop.
+    /// Connects, and reconnects where a connection ends, until told to stop.
     pub fn run(mut self) {
-        // The loop says where this is not permitted: it asks for the same.
+        // A failure is ignored here: the haptic loop asks for the same priority and tells the user if it is not
+        // permitted.
         let _ = raise_priority();
         let mut wait = FIRST_WAIT;
         while !self.stopping() {
@@ -111,7 +115,7 @@ impl Exchange {
             let has_served = self.shot.state.map(|(at, _)| at) != before;
             self.report(fault);
             wait = if has_served { FIRST_WAIT } else { wait };
-            // Cut short where the device is closed.
+            // `Haply::close` ends this pause early.
             thread::park_timeout(wait);
             wait = (2 * wait).min(LAST_WAIT);
         }
@@ -121,7 +125,7 @@ impl Exchange {
         self.stop.load(Relaxed)
     }
 
-    /// One connection from its first message to its last, which plays nothing, whatever happened between.
+    /// Runs one connection from its first message to its last, which always commands zero force.
     fn connection(&mut self) -> Result<(), Fault> {
         let mut link = self.address.connect()?;
         count(&self.tally.connections);
@@ -132,7 +136,7 @@ impl Exchange {
         self.max_force = identity.kind.profile(self.asked).max_force;
         match &self.shot.identity {
             Some(known) if **known != identity => {
-                // Limits were chosen for what was there before.
+                // The limits in use were chosen for the device that was found before.
                 let (before, now) = (&known.kind, &identity.kind);
                 let what = format!("the service reported {before} of {device_id:?} and now reports {now}");
                 return Err(Fault::Lost(format!("{what}: end the session and begin another")));
@@ -145,19 +149,20 @@ impl Exchange {
         link.send(protocol::greeting(&device_id, dialect))?;
         let mut partner = Partner { link, device_id, dialect };
         let ended = self.ticks(&mut partner);
-        // The first thing after a fault, and all that can be done where it fails too.
+        // After a fault zero force is sent at once; where this fails too, nothing more can be done.
         let _ = self.play(&mut partner, DVec3::ZERO);
         partner.link.close();
         ended
     }
 
-    /// The device that is asked for: the one that was found, or the user's.
+    /// Id of the device to look for: the one that was found before, or else the one that the user names.
     fn wanted(&self) -> Option<&str> {
         let found = self.shot.identity.as_ref().map(|identity| identity.device_id.as_str());
         found.or(self.device_id.as_deref())
     }
 
-    /// A frame and a message a period, the greeting being sent.
+    /// Reads a frame and sends a message each period until told to stop. The greeting, the first message, was sent
+    /// before.
     fn ticks(&mut self, partner: &mut Partner) -> Result<(), Fault> {
         let (mut due, mut sent) = (Instant::now(), Instant::now());
         let mut patience = sent;
@@ -170,7 +175,7 @@ impl Exchange {
             }
             due = (due + self.period).max(Instant::now());
             thread::sleep(due.saturating_duration_since(Instant::now()));
-            // Answers that came late: the newest counts.
+            // Read the answers that came late; the newest one counts.
             let mut late = 0;
             while let Some(text) = partner.link.receive(sent)? {
                 self.take(&text, &mut owed);
@@ -191,7 +196,7 @@ impl Exchange {
         Ok(())
     }
 
-    /// Reads a frame.
+    /// Publishes the state in a frame, or the fault if the frame has none that is usable.
     fn take(&mut self, text: &str, owed: &mut u32) {
         *owed = owed.saturating_sub(1);
         count(&self.tally.frames);
@@ -218,7 +223,7 @@ impl Exchange {
         self.shots.write(self.shot.clone());
     }
 
-    /// What the loop wants played, or nothing where it or the service is silent.
+    /// The force to send: the haptic loop's, or zero where the loop or the service is silent.
     fn force(&mut self) -> DVec3 {
         let order = self.orders.read();
         let is_seen = self.shot.state.is_some_and(|(at, _)| at.elapsed() <= STATE_LIFE);
@@ -232,7 +237,7 @@ impl Exchange {
         DVec3::ZERO
     }
 
-    /// Sends a force, and never more than the device's greatest.
+    /// Sends a force, shortened to the greatest that the device's profile allows.
     fn play(&mut self, partner: &mut Partner, force: DVec3) -> Result<(), Fault> {
         let limited = if force.is_finite() { force.clamp_length_max(self.max_force) } else { DVec3::ZERO };
         if limited != force {

@@ -1,4 +1,6 @@
-//! An Inverse service of the tests' own: one inventory a connection, then what a script says for each message.
+//! A fake Inverse service for the tests. On each connection it sends an inventory (the frame that lists the devices),
+//! then reacts to each message as a script says. A *frame* is a JSON text with the state of all devices and their
+//! grips.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -12,15 +14,15 @@ use glam::DVec3;
 use serde_json::{Value, json};
 use tungstenite::{Error, Message};
 
-/// What the service does with a message.
+/// How the service reacts to a message.
 pub enum Act {
-    /// Answers.
+    /// Answers with this text.
     Reply(String),
-    /// Answers later; nothing else is done meanwhile.
+    /// Answers after a delay, during which it reads no other message.
     Late(Duration, String),
-    /// Answers with what is no text.
+    /// Answers with a binary message.
     Binary,
-    /// Answers so many times.
+    /// Answers several times: the number, and the text.
     Flood(usize, String),
     /// Does not answer.
     Silence,
@@ -28,7 +30,7 @@ pub enum Act {
     HangUp,
 }
 
-/// A message that came.
+/// A message that the service received.
 #[derive(Debug, Clone)]
 pub struct Heard {
     pub at: Instant,
@@ -37,17 +39,17 @@ pub struct Heard {
 }
 
 impl Heard {
-    /// Its force under a key of `set_cursor_force`, service's axes, N.
+    /// The message's force, N, in the service's axes, under a key of `set_cursor_force`: "vector" or "values".
     pub fn force(&self, key: &str) -> Option<DVec3> {
         let vector = &self.message["inverse3"][0]["commands"]["set_cursor_force"][key];
         Some(DVec3::new(vector["x"].as_f64()?, vector["y"].as_f64()?, vector["z"].as_f64()?))
     }
 }
 
-/// Says what to do with a message, by its connection's number and its own in it, both from 0.
+/// Chooses the reaction to a message by the number of its connection and by its own number within it, both from 0.
 pub type Script = dyn Fn(usize, usize) -> Act + Send + Sync;
 
-/// The inventory of a connection, by its number from 0.
+/// Gives the inventory of a connection by the connection's number, from 0.
 pub type Inventory = dyn Fn(usize) -> String + Send + Sync;
 
 /// What all threads of a service share.
@@ -61,35 +63,35 @@ struct Shared {
     stop: AtomicBool,
 }
 
-/// A service on a port of its own; ends when it is dropped.
+/// A running service on a port of its own; it ends when it is dropped.
 pub struct Fake {
     shared: Arc<Shared>,
     url: String,
     thread: Option<JoinHandle<()>>,
 }
 
-/// A frame of one device, without grips.
+/// A frame of one device, without grips (handles that sense orientation).
 pub fn frame(id: &str, position: [f64; 3], velocity: [f64; 3]) -> String {
     json!({"session_id": 7, "inverse3": [arm(id, position, velocity)], "verse_grip": []}).to_string()
 }
 
-/// A frame of one resting device with grips.
+/// A frame of one device at rest with these wired and wireless grips.
 pub fn grips(id: &str, wired: Value, wireless: Value) -> String {
     let arms = [arm(id, [0.0; 3], [0.0; 3])];
     json!({"inverse3": arms, "verse_grip": wired, "wireless_verse_grip": wireless}).to_string()
 }
 
-/// One device in a frame.
+/// The entry of one Inverse3 in a frame.
 pub fn arm(id: &str, position: [f64; 3], velocity: [f64; 3]) -> Value {
     arm_of(json!({"type": "inverse3"}), id, position, velocity)
 }
 
-/// An inventory of one resting device "A" of a type.
+/// An inventory of one device "A" at rest, of this type.
 pub fn inventory(kind: Value) -> String {
     json!({ "inverse3": [arm_of(json!({ "type": kind }), "A", [0.0, -0.12, 0.15], [0.0; 3])] }).to_string()
 }
 
-/// One device in a frame, of a configuration.
+/// The entry of one device with this `config` in a frame.
 fn arm_of(config: Value, id: &str, position: [f64; 3], velocity: [f64; 3]) -> Value {
     let vector = |[x, y, z]: [f64; 3]| json!({"x": x, "y": y, "z": z});
     let state =
@@ -98,12 +100,12 @@ fn arm_of(config: Value, id: &str, position: [f64; 3], velocity: [f64; 3]) -> Va
 }
 
 impl Fake {
-    /// Starts one with a device "A" at (0, -0.12, 0.15) m.
+    /// Starts a service of version 3.5.0 with a device "A" at (0, -0.12, 0.15) m.
     pub fn start(script: impl Fn(usize, usize) -> Act + Send + Sync + 'static) -> Fake {
         Fake::with(Some("3.5.0"), resting(), script)
     }
 
-    /// Starts one of a version and an inventory.
+    /// Starts a service of this version, with this inventory on every connection.
     pub fn with(
         version: Option<&'static str>,
         inventory: String,
@@ -112,7 +114,7 @@ impl Fake {
         Fake::listing(version, move |_| inventory.clone(), script)
     }
 
-    /// Starts one whose inventory is another at each connection.
+    /// Starts a service whose inventory depends on the connection.
     pub fn listing(
         version: Option<&'static str>,
         inventory: impl Fn(usize) -> String + Send + Sync + 'static,
@@ -139,12 +141,12 @@ impl Fake {
         &self.url
     }
 
-    /// All messages so far.
+    /// All messages received so far.
     pub fn heard(&self) -> Vec<Heard> {
         self.shared.heard.lock().unwrap().clone()
     }
 
-    /// Frames sent so far, without inventories.
+    /// Number of frames sent so far, without inventories.
     pub fn sent(&self) -> usize {
         self.shared.sent.load(SeqCst)
     }
@@ -157,7 +159,7 @@ impl Drop for Fake {
     }
 }
 
-/// The frame of "A" at rest.
+/// A frame of the device "A" at rest.
 pub fn resting() -> String {
     frame("A", [0.0, -0.12, 0.15], [0.0; 3])
 }
@@ -216,7 +218,7 @@ fn serve(mut stream: TcpStream, shared: &Shared) -> Option<()> {
         number += 1;
         for answer in answers {
             shared.sent.fetch_add(1, SeqCst);
-            // A client that has gone may still have said something: read on.
+            // A client that has gone may have sent messages before: read on.
             let _ = socket.send(answer);
         }
     }

@@ -1,4 +1,5 @@
-//! The device against a fake service that goes wrong: silence, garbage, floods, hang-ups, and no service at all.
+//! Tests of the Haply device against a fake service that goes wrong: silence, garbage, floods, closed connections, and
+//! no service at all.
 
 use std::net::TcpListener;
 use std::time::{Duration, Instant};
@@ -10,7 +11,8 @@ use super::fake::{Act, Fake, frame, resting};
 use super::tests::{device, force, last_force, ms, opened, tick_until, wait_until};
 use super::*;
 
-/// Frames that are swallowed from the `first` on, and for how long.
+/// A script that does not answer the first connection's messages from number `first` on, for a time, and answers all
+/// others.
 fn silence(first: usize, lasting: Duration) -> impl Fn(usize, usize) -> Act + Send + Sync {
     let began = std::sync::OnceLock::<Instant>::new();
     move |connection, number| {
@@ -27,8 +29,8 @@ fn a_silent_service_is_lost_gets_zeros_and_recovers() {
     let swallowed = fake.heard().len();
     tick_until(&mut device, DVec3::X, |reading| reading.is_ok());
     let heard = fake.heard();
-    assert!(heard.len() > swallowed, "zeros keep the service going");
-    // Whatever came after the first swallowed message and before the first answer is zero.
+    assert!(heard.len() > swallowed, "messages of zero force go on");
+    // Every message after the first unanswered one and before the first answer has zero force.
     assert!(heard[101..=swallowed].iter().all(|h| force(h) == DVec3::ZERO), "{:?}", &heard[101..=swallowed]);
     tick_until(&mut device, DVec3::X, |_| last_force(&fake) == DVec3::X);
     assert_eq!(device.counts().connections, 1);
@@ -42,7 +44,7 @@ fn a_service_that_stalls_and_then_answers_all_is_caught_up_with() {
     tick_until(&mut device, DVec3::X, |reading| reading.is_err());
     tick_until(&mut device, DVec3::X, |reading| reading.is_ok());
     tick_until(&mut device, DVec3::X, |_| last_force(&fake) == DVec3::X);
-    // What had been sent by now is read soon, however busy the machine is.
+    // All frames sent up to now are read soon, however busy the machine is.
     let (sent, begun) = (fake.sent(), Instant::now());
     while (device.counts().frames as usize) < sent {
         assert!(begun.elapsed() < ms(5000), "{} of {sent} frames read", device.counts().frames);
@@ -74,14 +76,14 @@ fn a_garbled_frame_is_passed_over_and_several_are_a_fault() {
     let fake = Fake::start(script);
     let mut device = opened(&fake);
     tick_until(&mut device, DVec3::X, |reading| {
-        // Four in a row are no fault, and none of their readings is used.
+        // Four garbled frames in a row are no fault, and none of them is used as a reading.
         assert!(fake.heard().len() >= 100 || reading.as_ref().is_ok_and(|r| r.state.position.y == 2.0), "{reading:?}");
         matches!(reading, Err(Fault::Garbled(why)) if why.contains("cursor_position"))
     });
     tick_until(&mut device, DVec3::X, |reading| reading.is_ok());
     assert_eq!(device.counts().garbled, 44);
     let heard = fake.heard();
-    // The fifth garbled frame answers message 104.
+    // The fifth garbled frame in a row answers message 104; zero force is sent after it.
     assert!(heard[106..140].iter().all(|h| force(h) == DVec3::ZERO));
 }
 
@@ -101,7 +103,7 @@ fn an_oversized_message_or_one_without_text_ends_the_connection_and_another_is_m
         let counts = device.counts();
         assert_eq!((counts.connections, counts.garbled), (2, 1));
         let first: Vec<_> = fake.heard().into_iter().filter(|h| h.connection == 0).collect();
-        assert_eq!(first.last().map(force), Some(DVec3::ZERO), "{is_binary}: zero is the last word");
+        assert_eq!(first.last().map(force), Some(DVec3::ZERO), "binary {is_binary}: zero force comes last");
         assert_eq!(first.len(), 52);
     }
 }
@@ -139,7 +141,7 @@ fn another_machine_is_refused_unless_trusted_and_so_is_a_rate_beyond_bounds() {
 fn nobody_there_or_nothing_plugged_in_is_said_with_a_remedy() {
     let free = TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("ws://{}", free.local_addr().unwrap());
-    // A port on which somebody listens, but says nothing.
+    // A port that accepts connections and never answers.
     let mut mute = Haply::new(Settings {
         service: HaplyService { url: url.clone(), ..HaplyService::default() },
         ..Settings::default()
@@ -155,7 +157,7 @@ fn nobody_there_or_nothing_plugged_in_is_said_with_a_remedy() {
     assert!(matches!(nobody.open(), Err(Fault::Lost(why)) if why.contains(&url) && why.contains("refused")));
     let empty = Fake::with(None, r#"{"inverse3":[]}"#.into(), |_, _| Act::Silence);
     assert!(matches!(device(&empty).open(), Err(Fault::Lost(why)) if why.contains("plug it in")));
-    assert!(empty.heard().is_empty(), "nothing is sent to nobody");
+    assert!(empty.heard().is_empty(), "without a device no message is sent");
 }
 
 #[test]

@@ -1,5 +1,6 @@
-//! Which of Haply's devices the Inverse service reports, and the limits that each is given. The type decides, and not the
-//! user: a force that an Inverse3 bears is several times what a Minverse does.
+//! Types of Haply's haptic devices as the Inverse service reports them, and the profile (limits of force, workspace and
+//! so on) that each gets. The reported type decides and not the user, because an Inverse3 may exert several times the
+//! force of a Minverse.
 
 use std::fmt;
 use std::sync::Arc;
@@ -7,27 +8,29 @@ use std::sync::Arc;
 use palpate::scene::profile::{HAPLY_SMALLEST, INVERSE3, MINVERSE, Profile};
 use serde_json::Value;
 
-/// The types that the service reports as `config.type` in its inventory, as Haply's own client library lists them (crate
-/// `haply` 1.3, `device_model/enums.rs`), and their profiles. Nothing is published of the Inverse3x by itself; Haply's
-/// tutorials use one set of figures for it and the Inverse3 (docs.haply.co, Inverse service 3.5, tutorial 06).
+/// The types that the service reports as `config.type` in its inventory, as Haply's own client library lists them
+/// (crate `haply` 1.3, `device_model/enums.rs`), and their profiles. No figures are published for the Inverse3x by
+/// itself; Haply's tutorials use one set of figures for it and the Inverse3 (docs.haply.co, Inverse service 3.5,
+/// tutorial 06).
 const KNOWN: [(&str, &Profile); 3] = [("inverse3", &INVERSE3), ("inverse3x", &INVERSE3), ("minverse", &MINVERSE)];
-/// Longest name of a type that is repeated to the user, characters.
+/// Greatest length of a type's name in messages to the user, characters; the rest is cut off.
 const LONGEST: usize = 40;
 
 /// A device type as the service reports it; it may report none.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Kind(Option<Arc<str>>);
 
-/// One device of the service's.
+/// Identity of a device that the service lists.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Identity {
-    /// As it is addressed.
+    /// Id by which messages address the device.
     pub device_id: String,
     pub kind: Kind,
 }
 
 impl Kind {
-    /// From the `config` of a device in an inventory.
+    /// Reads the type from the `config` of a device in an inventory (the first frame of a connection, which lists the
+    /// devices).
     pub fn of_config(config: Option<&Value>) -> Kind {
         let told = config.and_then(|config| config.get("type")).filter(|told| !told.is_null());
         let text = |told: &Value| told.as_str().map_or_else(|| told.to_string(), String::from);
@@ -39,14 +42,14 @@ impl Kind {
         KNOWN.iter().find(|(known, _)| *known == name).map(|(_, profile)| *profile)
     }
 
-    /// The profile that holds for a device of this type: its own, or the smallest of Haply's where the type is not known.
-    /// A profile that the user asks for takes its place only where it is one of Haply's and no figure of it is greater.
+    /// The profile used for a device of this type: its own, or the smallest of Haply's where the type is not known. A
+    /// profile that the user asks for replaces it only if it is one of Haply's and none of its figures is greater.
     pub fn profile(&self, asked: Option<&'static Profile>) -> &'static Profile {
         let own = self.known().unwrap_or(&HAPLY_SMALLEST);
         asked.filter(|asked| asked.is_haplys() && asked.is_within(own)).unwrap_or(own)
     }
 
-    /// What the user should know of the profile that holds; a line each.
+    /// What the user should know about the profile that is used, one line each.
     pub fn notes(&self, asked: Option<&'static Profile>) -> Vec<String> {
         let granted = self.profile(asked);
         let mut notes = Vec::new();
@@ -68,7 +71,7 @@ impl Kind {
 impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match &self.0 {
-            // Quoted, with control characters escaped: the text is another program's.
+            // The name is quoted with control characters escaped, because it comes from another program.
             Some(name) => write!(f, "the device type {name:?}"),
             None => write!(f, "no device type"),
         }

@@ -1,5 +1,5 @@
-//! The connection to the Inverse service: which addresses are allowed, and a socket on which nothing waits beyond a
-//! deadline and no message is larger than a bound.
+//! The connection to Haply's Inverse service: which addresses are allowed, and a WebSocket on which no call waits
+//! beyond a deadline and no message is larger than a limit.
 
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{IpAddr, Shutdown, SocketAddr, TcpStream, ToSocketAddrs};
@@ -12,20 +12,21 @@ use tungstenite::http::Uri;
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, Message, Utf8Bytes, WebSocket};
 
-/// Greatest message, B; an inventory of several devices has some 5 kB.
+/// Greatest size of a message, B; an inventory (list) of several devices has about 5 kB.
 const LARGEST: usize = 64 * 1024;
-/// Greatest answer to the question for the version, B.
+/// Greatest size of the answer to the HTTP request for the service's version, B.
 const LARGEST_VERSION: u64 = 16 * 1024;
-/// Longest wait for a connection and its handshake, for an answer over HTTP, and for the service to take a message.
+/// Longest waits: for a connection with its handshake, for the service's version over HTTP, and until the service
+/// accepts a message.
 const CONNECT_WAIT: Duration = Duration::from_millis(500);
 const VERSION_WAIT: Duration = Duration::from_millis(300);
 const SEND_WAIT: Duration = Duration::from_millis(20);
-/// Most messages read in search of a text; more of them is a flood.
+/// Greatest number of messages without text that are skipped in search of one with text; more count as a flood.
 const MOST_OTHERS: usize = 64;
-/// The service's own port, taken where a URL names none.
+/// The service's default port, used where a URL names none.
 const PORT: u16 = 10001;
 
-/// Where the service is.
+/// Address of the service.
 #[derive(Debug, Clone)]
 pub struct Address {
     url: String,
@@ -35,10 +36,11 @@ pub struct Address {
 }
 
 impl Address {
-    /// From a URL such as `ws://localhost:10001`.
+    /// Reads a URL such as `ws://localhost:10001`.
     ///
     /// # Errors
-    /// Where it is no such URL, or its host is neither `localhost` nor a loopback address and not trusted.
+    /// [`Fault::Lost`] if it is no such URL, or if its host is neither `localhost` nor a loopback address and a remote
+    /// service is not trusted.
     pub fn new(url: &str, trust_remote: bool) -> Result<Address, Fault> {
         let refuse = |why: &str| Err(Fault::Lost(format!("{url:?} {why}")));
         let Some(uri) = url.parse::<Uri>().ok().filter(|uri| uri.host().is_some()) else {
@@ -48,7 +50,7 @@ impl Address {
             return refuse("is no WebSocket without TLS: use one such as ws://localhost:10001");
         }
         let name = uri.host().unwrap_or_default();
-        // `Uri` tells no difference between a port that is missing and one that is too large.
+        // `Uri` does not distinguish a missing port from one that is too large.
         let port = match uri.authority().and_then(|all| all.as_str().strip_prefix(name)) {
             Some("") => Some(PORT),
             rest => rest.and_then(|rest| rest.strip_prefix(':')).and_then(|port| port.parse().ok()),
@@ -64,7 +66,7 @@ impl Address {
         Ok(Address { url: url.into(), host, port, trust_remote })
     }
 
-    /// As it was given.
+    /// The URL as it was given.
     pub fn url(&self) -> &str {
         &self.url
     }
@@ -76,10 +78,10 @@ impl Address {
         if allowed.is_empty() { Err(none()) } else { Ok(allowed) }
     }
 
-    /// Connects to the first of its socket addresses that answers.
+    /// Connects to the first socket address of the host that answers.
     ///
     /// # Errors
-    /// What the last of them failed with.
+    /// The failure of the last address that was tried.
     pub fn connect(&self) -> Result<Link, Fault> {
         let mut failure = None;
         for peer in self.resolve()? {
@@ -117,7 +119,7 @@ impl Link {
         }
     }
 
-    /// The service's version, which it tells over HTTP on the same port and nowhere else; `None` where it does not.
+    /// The service's version, which it gives only over HTTP, on the same port; `None` if it gives none.
     pub fn version(&self) -> Option<String> {
         #[derive(Deserialize)]
         struct Version {
@@ -136,15 +138,17 @@ impl Link {
             line.clear();
             answer.read_line(&mut line).ok()?;
         }
-        // Read no further than the value's end: a service may leave the connection open.
+        // The deserializer reads no further than the end of the value: a service may leave the connection open.
         let version = Version::deserialize(&mut serde_json::Deserializer::from_reader(answer)).ok()?;
         Some(version.project_version)
     }
 
-    /// The next text that arrives by `deadline`; `None` where none does. A deadline that is past takes what is there.
+    /// The next text that arrives by `deadline`; `None` if none does. A deadline in the past takes only what has
+    /// arrived already.
     ///
     /// # Errors
-    /// [`Fault::Garbled`] for what is no text or too large, [`Fault::Lost`] where the connection has ended.
+    /// [`Fault::Garbled`] for a message that is not text or is too large, [`Fault::Lost`] where the connection has
+    /// ended.
     pub fn receive(&mut self, deadline: Instant) -> Result<Option<Utf8Bytes>, Fault> {
         self.socket.get_mut().deadline = deadline;
         for _ in 0..MOST_OTHERS {
@@ -162,16 +166,17 @@ impl Link {
         Err(Fault::Garbled(format!("{MOST_OTHERS} messages without a text")))
     }
 
-    /// Sends a text.
+    /// Sends a text message.
     ///
     /// # Errors
-    /// [`Fault::Lost`] where the service does not take it in time.
+    /// [`Fault::Lost`] if the service does not accept it in time.
     pub fn send(&mut self, text: String) -> Result<(), Fault> {
         self.socket.get_mut().deadline = Instant::now() + SEND_WAIT;
         self.socket.send(Message::text(text)).map_err(|e| lost(&e))
     }
 
-    /// Closes it so that what was sent last still arrives: a socket closed with unread input would take it back.
+    /// Closes the connection so that the last message still arrives: if a socket is closed with unread input, TCP
+    /// resets the connection and may discard what was sent.
     pub fn close(mut self) {
         let deadline = Instant::now() + SEND_WAIT;
         self.socket.get_mut().deadline = deadline;
@@ -183,7 +188,7 @@ impl Link {
     }
 }
 
-/// A stream on which nothing waits beyond a deadline, however slowly the other side drips.
+/// A TCP stream on which no call waits beyond a deadline, however slowly the peer sends.
 struct Timed {
     stream: TcpStream,
     deadline: Instant,
@@ -202,7 +207,7 @@ impl Timed {
     }
 }
 
-/// One kind for what took too long, which differs between systems.
+/// Gives timeouts the one error kind `WouldBlock`; which kind they have differs between operating systems.
 fn late(e: io::Error) -> io::Error {
     if e.kind() == ErrorKind::TimedOut { ErrorKind::WouldBlock.into() } else { e }
 }

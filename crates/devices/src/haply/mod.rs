@@ -1,6 +1,8 @@
-//! The Haply Inverse3 and Minverse, through the Inverse service's WebSocket. Spoken over `tungstenite` and not over the crate `haply`
-//! (1.3): that holds 1 kHz too, but takes messages of up to 64 MiB and what it can save of malformed ones, speaks to
-//! service 3.5 only, and spins without end once a connection has ended.
+//! Haply's haptic devices Inverse3 and Minverse, through the WebSocket of Haply's Inverse service, a program on the
+//! same machine that sends *frames* (JSON texts with the devices' state) and takes forces. The protocol is implemented
+//! here on the crate `tungstenite`. Haply's own crate `haply` (1.3) reaches 1 kHz too, but it accepts messages of up to
+//! 64 MiB and parts of malformed ones, supports version 3.5 of the service only, and loops for ever once a connection
+//! has ended.
 
 mod exchange;
 #[cfg(test)]
@@ -30,23 +32,23 @@ use exchange::{Exchange, MANY_GARBLED, Order, STATE_LIFE, Shot, Tally};
 use kind::Identity;
 use link::Address;
 
-/// Longest wait for the first state.
+/// Longest time that opening waits for the first state of the device.
 const OPEN_WAIT: Duration = Duration::from_secs(2);
-/// Longest wait for the thread's end; it ends by itself where it takes longer.
+/// Longest time that closing waits for the thread's end; a slower thread ends by itself later.
 const CLOSE_WAIT: Duration = Duration::from_millis(200);
-/// Rates at which the service can be asked, Hz.
+/// Rates at which messages can be exchanged with the service, Hz.
 const RATES: std::ops::RangeInclusive<f64> = 50.0..=4000.0;
 
-/// Where the service is, and how it is used.
+/// Settings of the connection: where the service is, and how it is used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// The service.
+    /// Address of the service, and which device and which dialect to use there.
     pub service: HaplyService,
-    /// World position of the first reading, m; the others lie about it as they do in the hand.
+    /// World position of the first reading, m; later readings are displaced from it as the device is from where it was.
     pub home: DVec3,
-    /// Messages a second, that of the loop: 50 to 4000 Hz.
+    /// Messages a second, 50 to 4000 Hz: the rate of the haptic loop.
     pub rate: f64,
-    /// A profile of Haply's to stay within; one that is above the device's own has no effect.
+    /// A profile of Haply's whose limits are not to be exceeded; it has no effect where it is above the device's own.
     pub profile: Option<&'static Profile>,
 }
 
@@ -56,65 +58,67 @@ impl Default for Settings {
     }
 }
 
-/// What has happened since the device was made.
+/// Counts of what has happened since the device was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Frames that came.
+    /// Frames received.
     pub frames: u64,
-    /// Of them, and of connections, those that were refused as implausible.
+    /// Frames that were refused as malformed or implausible, and connections that ended for such a reason.
     pub garbled: u64,
     /// Connections made.
     pub connections: u64,
-    /// Forces that were beyond the profile's greatest or not finite, and were sent as it or as nothing.
+    /// Forces above the profile's greatest, which were shortened to it, and forces that were not finite, sent as zero.
     pub limited: u64,
-    /// Forces that were not sent, the loop or the service having been silent.
+    /// Forces of which zero was sent instead, because the loop or the service was silent.
     pub withheld: u64,
 }
 
-/// A device of Haply's. Its type, which the service reports, decides its profile: until it is known, and where this version
-/// does not know it, that is the smallest of all. Orientation and buttons are those of a Verse grip that the service lists; without one the orientation
-/// is the identity. A grip's angular velocity is not known, and read as zero.
+/// A haptic device of Haply. The type that the service reports decides the profile, which is the smallest of Haply's as
+/// long as the type is not reported, or if this version does not know it. Orientation and buttons come from a Verse
+/// grip (a handle that senses orientation) that the service lists; without one the orientation is the identity. The
+/// angular velocity of a grip is not known, and is reported as zero.
 pub struct Haply {
     settings: Settings,
     profile: Profile,
-    /// The device that was found when it was identified or opened first; from then on it is this one and no other.
+    /// Identity of the device that was found first, by [`Haply::identify`] or on opening; any other is refused from
+    /// then on.
     identity: Option<Arc<Identity>>,
     tally: Arc<Tally>,
     line: Option<Line>,
 }
 
-/// The loop's side of the exchange.
+/// The haptic loop's side of the exchange with the thread.
 struct Line {
     shots: Output<Shot>,
     orders: Input<Order>,
     stop: Arc<AtomicBool>,
     handle: JoinHandle<()>,
     url: String,
-    /// From the device's origin to the world's, m.
+    /// World position of the device's origin, m.
     offset: DVec3,
-    /// The grip's newest, held where it falls asleep.
+    /// The newest orientation of the grip, which is kept while the grip sleeps.
     orientation: DQuat,
 }
 
 impl Haply {
-    /// A device that is not open yet; nothing is asked of the service.
+    /// A device that is not open yet; the service is not contacted.
     pub fn new(settings: Settings) -> Haply {
         Haply { settings, profile: HAPLY_SMALLEST, identity: None, tally: Arc::default(), line: None }
     }
 
-    /// Finds out which device the service has, so that its profile holds before it is opened; plays nothing, and closes it
-    /// again. Who takes limits from [`Device::profile`] before [`Device::open`] calls this first: the smallest are taken
-    /// otherwise.
+    /// Opens and closes the device without playing a force, so that its type and with it its profile are known. A
+    /// caller that takes limits from [`Device::profile`] before [`Device::open`] must call this first, or it gets the
+    /// smallest limits.
     ///
     /// # Errors
-    /// As [`Device::open`].
+    /// The errors of [`Device::open`].
     pub fn identify(&mut self) -> Result<(), Fault> {
         self.open()?;
         self.close();
         Ok(())
     }
 
-    /// What has happened so far.
+    /// The counts so far.
     pub fn counts(&self) -> Counts {
         let tally = &*self.tally;
         Counts {
@@ -156,7 +160,7 @@ impl Haply {
 }
 
 impl Device for Haply {
-    /// Connects and waits for the first state, 2 s at most. Another device than the one found before is refused.
+    /// Connects and waits for the first state, 2 s at most. Any device but the one found before is refused.
     fn open(&mut self) -> Result<(), Fault> {
         self.close();
         let line = self.line.insert(self.start()?);
@@ -188,7 +192,7 @@ impl Device for Haply {
         self.identity.as_ref().map_or_else(Vec::new, |identity| identity.kind.notes(self.settings.profile))
     }
 
-    /// The newest state. Never waits.
+    /// Returns the newest state without waiting.
     fn read(&mut self, time: f64) -> Result<Reading, Fault> {
         let line = self.line.as_mut().ok_or_else(closed)?;
         let shot = line.shots.read();
@@ -207,8 +211,8 @@ impl Device for Haply {
         Ok(Reading { time: time - age.as_secs_f64(), state: rigid, buttons: state.buttons })
     }
 
-    /// The force goes out with the thread's next message; the torque is not played. Never waits. A force that is not
-    /// followed by another within 20 ms is followed by nothing.
+    /// Hands the force to the thread, which sends it with its next message; the torque is not played. Does not wait. If
+    /// no other force follows within 20 ms, the thread sends zero.
     fn write(&mut self, wrench: &Wrench) -> Result<(), Fault> {
         let line = self.line.as_mut().ok_or_else(closed)?;
         line.orders.write(Order { force: wrench.force, written: Some(Instant::now()) });

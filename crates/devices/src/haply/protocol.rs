@@ -1,6 +1,7 @@
-//! What this program and the Inverse service say to each other: JSON text in SI units, z up, quaternions w x y z
-//! (docs.haply.co, Inverse service 3.5, "Simulation channel" and "Control commands"). Nothing that the service says is
-//! trusted: what is needed must be there, be of the right type, finite and plausible.
+//! The messages between this program and Haply's Inverse service: JSON text in SI units, z up, quaternions w x y z
+//! (docs.haply.co, Inverse service 3.5, "Simulation channel" and "Control commands"). A *frame* is a text with the
+//! state of all devices; the *cursor* is the point of the device that the user moves. Nothing from the service is
+//! trusted: all that is needed must be there, of the right type, finite and plausible.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::haptics::Fault;
@@ -10,14 +11,15 @@ use serde_json::{Value, json};
 
 use super::kind::{Identity, Kind};
 
-/// Farthest that a cursor can plausibly be from the device's origin, m: seven times its workspace.
+/// Greatest plausible distance of a cursor from the device's origin, m: seven times the workspace.
 const FARTHEST: f64 = 1.0;
-/// Fastest that a cursor can plausibly move, m/s.
+/// Greatest plausible speed of a cursor, m/s.
 const FASTEST: f64 = 50.0;
-/// Greatest error of a plausible quaternion's norm; real grips send it rounded, off by 0.2 %.
+/// Greatest plausible difference of a quaternion's norm from 1; real grips send it rounded, off by 0.2 %.
 const NORM_ERROR: f64 = 0.01;
 
-/// How a service of a version such as `3.5.0` wants its forces; `None` where it is no version.
+/// The dialect (key under which a force is written) of a service of a version such as `3.5.0`; `None` if the text is no
+/// version.
 pub fn dialect_of(version: &str) -> Option<Dialect> {
     let mut numbers = version.split('.').map(|part| part.parse::<u32>().ok());
     let (major, minor) = (numbers.next()??, numbers.next()??);
@@ -31,35 +33,35 @@ fn key_of(dialect: Dialect) -> &'static str {
     }
 }
 
-/// What a frame says of one device, in palpate's axes.
+/// State of one device in a frame, in palpate's axes (y up).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct State {
-    /// From the device's origin, m.
+    /// Position of the cursor from the device's origin, m.
     pub position: DVec3,
-    /// m/s.
+    /// Velocity of the cursor, m/s.
     pub velocity: DVec3,
-    /// That of the first grip that is awake; `None` where there is none.
+    /// Orientation of the first grip (handle that senses orientation) that is awake; `None` if there is none.
     pub orientation: Option<DQuat>,
-    /// Of that grip; a bit each.
+    /// Pressed buttons of that grip, one bit each.
     pub buttons: u32,
 }
 
-/// A vector in palpate's axes (y up) from the service's (z up): a quarter turn about x.
+/// Converts a vector from the service's axes (z up) to palpate's (y up): a quarter turn about x.
 fn from_service(v: DVec3) -> DVec3 {
     DVec3::new(v.x, v.z, -v.y)
 }
 
-/// The other way round.
+/// Converts a vector from palpate's axes (y up) to the service's (z up).
 fn to_service(v: DVec3) -> DVec3 {
     DVec3::new(v.x, -v.z, v.y)
 }
 
-/// The message of one tick: a force in palpate's axes, N; finite.
+/// The message of one tick: it commands a finite force, given in palpate's axes, N.
 pub fn command(device_id: &str, dialect: Dialect, force: DVec3) -> String {
     tick(device_id, dialect, force).to_string()
 }
 
-/// The first message of a connection: it names this program to the service, and plays nothing.
+/// The first message of a connection: it names this program to the service and commands zero force.
 pub fn greeting(device_id: &str, dialect: Dialect) -> String {
     let mut message = tick(device_id, dialect, DVec3::ZERO);
     message["session"] = json!({"configure": {"profile": {"name": "palpate:hand"}}});
@@ -72,11 +74,11 @@ fn tick(device_id: &str, dialect: Dialect, force: DVec3) -> Value {
     json!({"inverse3": [{"device_id": device_id, "commands": {"set_cursor_force": force}}]})
 }
 
-/// The device to talk to: the wanted one, else the first of an inventory; with its state. Its type is in the inventory alone:
-/// later frames have no `config`.
+/// Identity and state of the wanted device in a frame, or of the first one listed if `wanted` is `None`. Only the
+/// inventory, a connection's first frame, gives the type: later frames have no `config`.
 ///
 /// # Errors
-/// [`Fault::Lost`] where the service does not list it, [`Fault::Garbled`] where the text is not a plausible frame.
+/// [`Fault::Lost`] if the service does not list the device, [`Fault::Garbled`] if the text is not a plausible frame.
 pub fn find(text: &str, wanted: Option<&str>) -> Result<(Identity, State), Fault> {
     let frame: Frame = serde_json::from_str(text).map_err(|e| garbled(format!("not a state frame: {e}")))?;
     let is_wanted = |arm: &&Arm| wanted.is_none_or(|id| arm.device_id == id);
@@ -129,7 +131,8 @@ struct Grip {
 }
 
 impl Grip {
-    /// A wireless grip that sleeps or is out of reach is listed with what it last said.
+    /// Whether the listed state is current: a wireless grip that sleeps or is out of reach is listed with its last
+    /// state.
     fn is_awake(&self) -> bool {
         self.status.as_ref().is_none_or(|s| s.connected.unwrap_or(true) && s.awake.unwrap_or(true))
     }
@@ -144,7 +147,7 @@ struct GripStatus {
 #[derive(Deserialize)]
 struct GripState {
     orientation: Option<Quaternion>,
-    /// A wired grip's only one.
+    /// The only button of a wired grip.
     button: Option<bool>,
     buttons: Option<Buttons>,
 }
@@ -180,7 +183,7 @@ struct Vector {
 impl Vector {
     fn checked(&self, name: &str, longest: f64) -> Result<DVec3, Fault> {
         let v = DVec3::new(self.x, self.y, self.z);
-        // Not `>`: what is not a number must fail too.
+        // `<=` instead of a negated `>`, so that NaN is refused too.
         if v.length() <= longest { Ok(v) } else { Err(garbled(format!("a {name} of {v}"))) }
     }
 }
@@ -194,7 +197,7 @@ struct Quaternion {
 }
 
 impl Quaternion {
-    /// In palpate's axes, of unit length.
+    /// The rotation in palpate's axes, normalised; refused if its norm is implausible.
     fn checked(&self) -> Result<DQuat, Fault> {
         let v = from_service(DVec3::new(self.x, self.y, self.z));
         let q = DQuat::from_xyzw(v.x, v.y, v.z, self.w);
@@ -231,7 +234,7 @@ mod tests {
         let read = state(&grips("A", wired, json!([]))).unwrap();
         assert!(read.orientation.unwrap().dot(DQuat::from_rotation_y(2.0 * half)).abs() > 1.0 - 1e-12);
         assert_eq!(read.buttons, 1);
-        // Any vector turned by the read orientation is the service's vector turned by what it sent.
+        // The orientation read turns any vector, in palpate's axes, as the orientation sent does in the service's axes.
         let sent = DQuat::from_xyzw(0.48, -0.36, 0.64, 0.48);
         let q = json!({"w": sent.w, "x": sent.x, "y": sent.y, "z": sent.z});
         let wireless = json!([{"state": {"orientation": q, "buttons": {"a": false, "b": true, "c": true}}}]);

@@ -1,5 +1,5 @@
-//! The device against a fake service: what must arrive, and what must not. Waits are bounded; nothing is timed
-//! against a clock but the fake's own delays.
+//! Tests of the Haply device against a fake service: what must reach the service, and what must not. Waits are bounded,
+//! and the only times that are tested are the fake's own delays.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
@@ -14,7 +14,7 @@ use serde_json::json;
 use super::fake::{Act, Fake, Heard, arm, frame, grips, inventory, resting};
 use super::*;
 
-/// Longer than anything here takes.
+/// Longest wait of a test, longer than anything here takes.
 const PATIENCE: Duration = Duration::from_secs(8);
 
 pub const fn ms(count: u64) -> Duration {
@@ -41,7 +41,8 @@ fn push(force: DVec3) -> Wrench {
     Wrench { force, torque: DVec3::ZERO }
 }
 
-/// Ticks, writing a force, until a condition holds; panics where it never does.
+/// Reads the device and writes a force, once a millisecond, until a condition on the reading holds; panics if it never
+/// does.
 pub fn tick_until(device: &mut Haply, force: DVec3, mut done: impl FnMut(Result<Reading, Fault>) -> bool) {
     let started = Instant::now();
     loop {
@@ -50,7 +51,7 @@ pub fn tick_until(device: &mut Haply, force: DVec3, mut done: impl FnMut(Result<
         if done(reading) {
             return;
         }
-        assert!(started.elapsed() < PATIENCE, "nothing came of it: {:?}", device.counts());
+        assert!(started.elapsed() < PATIENCE, "the condition never held: {:?}", device.counts());
         thread::sleep(ms(1));
     }
 }
@@ -104,7 +105,7 @@ fn one_message_a_frame_and_the_session_in_the_first_only() {
     assert_eq!(heard[0].message["session"], json!({"configure": {"profile": {"name": "palpate:hand"}}}));
     assert!(heard[1..].iter().all(|h| h.message.get("session").is_none()));
     assert!(heard.iter().all(|h| h.message["inverse3"][0]["device_id"] == "A" && force(h) == DVec3::ZERO));
-    // The last message is the zero of the closing, whose frame nobody reads.
+    // The last message is the zero force of closing, whose answer nobody reads.
     let frames = device.counts().frames as usize;
     assert!(frames + 2 >= heard.len() && frames <= heard.len(), "{frames} of {}", heard.len());
 }
@@ -152,7 +153,7 @@ fn nothing_is_played_once_the_loop_is_silent() {
     wait_until("zero", || last_force(&fake) == DVec3::ZERO);
     let since = |h: &Heard| h.at.saturating_duration_since(stopped);
     let played = fake.heard().into_iter().filter(|h| force(h) != DVec3::ZERO && since(h) > exchange::FORCE_LIFE);
-    // The fake hears later than it was sent: one message may be on its way.
+    // A message reaches the fake later than it was sent, so one may have been on its way.
     assert!(played.count() <= 1);
     assert!(device.counts().withheld > 0);
     assert!(device.read(0.0).is_ok(), "the device itself is well");
@@ -186,7 +187,7 @@ fn no_more_than_the_devices_force_leaves() {
     assert!(fake.heard().iter().all(|h| force(h).length() <= 10.0 + 1e-9));
 }
 
-/// Pushes with 50 N for a while; the greatest force that arrived.
+/// Writes a force of 50 N for a while; returns the greatest force that reached the service, N.
 fn most_played(fake: &Fake, device: &mut Haply) -> f64 {
     let (started, mut ticks) = (Instant::now(), 0);
     while ticks < 100 && started.elapsed() < PATIENCE {
@@ -255,8 +256,8 @@ fn a_device_that_comes_back_as_another_type_is_lost_and_plays_nothing() {
         DVec3::X,
         |reading| matches!(reading, Err(Fault::Lost(why)) if why.contains("\"inverse3\"") && why.contains("\"minverse\"")),
     );
-    assert!(fake.heard().iter().all(|h| h.connection == 0), "nothing is sent to it");
-    // Nor is it opened by who has limits for the other.
+    assert!(fake.heard().iter().all(|h| h.connection == 0), "no message is sent to the other type");
+    // A `Haply` that has found a device of another type before refuses to open this one.
     let mut before = super::tests::device(&fake);
     before.identity = Some(Arc::new(Identity { device_id: "A".into(), kind: kind::Kind::default() }));
     assert!(matches!(before.open(), Err(Fault::Lost(why)) if why.contains("begin another")));
@@ -271,11 +272,12 @@ fn slow_answers_hold_nobody_up() {
     let mut device = opened(&fake);
     let (frames, started) = (device.counts().frames, Instant::now());
     for _ in 0..CALLS {
-        // A state of 30 ms is still one; nothing is said of a machine that is too busy to bring it.
+        // A state 30 ms old is still valid. The result is not checked, because a busy machine may deliver the state too
+        // late.
         let _ = device.read(0.0);
         device.write(&push(DVec3::X)).unwrap();
     }
-    // Had each call waited for a frame, there would be as many frames, and 30 s would have passed.
+    // If each call had waited for a frame, there would be as many frames as calls, and 30 s would have passed.
     assert!(started.elapsed() < DELAY * CALLS / 10);
     assert!(device.counts().frames - frames < u64::from(CALLS) / 10);
     let mut oldest = 0.0_f64;
@@ -317,7 +319,7 @@ fn the_first_device_stays_the_one_however_they_are_listed_later() {
     assert!(fake.heard().iter().all(|h| h.message["inverse3"][0]["device_id"] == "A"));
 }
 
-/// Frames a second and the intervals between messages, as the fake service sees them.
+/// Measures frames a second and the intervals between messages, as the fake service sees them.
 #[test]
 #[ignore = "lasting: a measurement"]
 fn lasting_rate_held() {

@@ -1,4 +1,5 @@
-//! Ticks and steps as flat lists of named values: what is compared, and what a table shows.
+//! Ticks (iterations of the haptic loop) and simulation steps of a recording as flat lists of named values. A replay
+//! compares these values, and a CSV table shows them.
 
 use glam::DVec3;
 use palpate::internal::haptics::device::Reading;
@@ -12,10 +13,10 @@ use palpate::{RigidState, Wrench};
 use super::Step;
 
 const XYZ: [&str; 3] = ["_x", "_y", "_z"];
-/// Linear, then angular.
+/// Suffixes of linear, then angular components.
 const SIX: [&str; 6] = ["_x", "_y", "_z", "_rx", "_ry", "_rz"];
 
-/// One value, its name in up to three parts.
+/// One named value; the name is made of up to three parts.
 #[derive(Debug, Clone, Copy)]
 pub struct Field {
     name: [&'static str; 3],
@@ -25,23 +26,23 @@ pub struct Field {
 /// A value of a field.
 #[derive(Debug, Clone, Copy)]
 pub enum Value {
-    /// There is none: the device could not be read.
+    /// No value, as where the device could not be read.
     Nothing,
     /// A whole number.
     Count(u64),
-    /// A number, of which every bit counts.
+    /// A number, of which every bit is compared.
     Number(f64),
-    /// Names of events, joined with `|`.
+    /// A set of events, shown as names joined with `|`.
     Events(Events),
 }
 
 impl Field {
-    /// Its name: the head of its column.
+    /// The field's name, which is also the head of its column.
     pub fn name(&self) -> String {
         self.name.concat()
     }
 
-    /// Its value: the shortest that reads back the same.
+    /// The value as text: a number as the shortest one that reads back the same.
     pub fn text(&self) -> String {
         match self.value {
             Value::Nothing => String::new(),
@@ -51,7 +52,7 @@ impl Field {
         }
     }
 
-    /// Its value as a message shows it: no two that differ look alike.
+    /// The value as a message shows it: values that differ never look alike.
     pub fn told(&self) -> String {
         match self.value {
             Value::Nothing => "nothing".into(),
@@ -62,7 +63,7 @@ impl Field {
         }
     }
 
-    /// Whether two values are the same bits.
+    /// Whether two values agree in every bit.
     pub fn is_same(&self, other: &Field) -> bool {
         match (self.value, other.value) {
             (Value::Nothing, Value::Nothing) => true,
@@ -74,8 +75,9 @@ impl Field {
     }
 }
 
-/// All of a tick. Poses are `_x _y _z` (m) and `_qx _qy _qz _qw`, twists `_vx _vy _vz` (m/s) and `_wx _wy _wz` (rad/s), world
-/// axes; energies (J) by axis, `_rx _ry _rz` about them; what the hand received less what it gave is net.
+/// All values of a tick. Poses are `_x _y _z` (m) and `_qx _qy _qz _qw`, twists `_vx _vy _vz` (m/s) and `_wx _wy _wz`
+/// (rad/s), in world axes. Energies (J) are given per axis, `_rx _ry _rz` for rotation about it; the net energy given
+/// to the hand is `energy_given` minus `energy_taken`.
 pub fn of_tick(tick: &Tick) -> Vec<Field> {
     let Tick { index, time, late, reading, device, tool, contact, played, step, age, gain, damping, energy, events } =
         *tick;
@@ -102,7 +104,7 @@ pub fn of_tick(tick: &Tick) -> Vec<Field> {
     fields.0
 }
 
-/// All of a step.
+/// All values of a step.
 pub fn of_step(step: &Step) -> Vec<Field> {
     let Step { held, h, wrench } = *step;
     let mut fields = List::default();
@@ -173,7 +175,7 @@ impl List {
         self.numbers(angular, XYZ, wrench.torque.to_array());
     }
 
-    /// As the device said it.
+    /// Adds a reading as the device gave it, or empty values if it gave none.
     fn reading(&mut self, reading: Option<Reading>) {
         let first = self.0.len();
         let nothing = Reading { time: 0.0, state: RigidState::at_rest(DVec3::ZERO, Default::default()), buttons: 0 };

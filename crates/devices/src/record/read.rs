@@ -1,4 +1,4 @@
-//! Reading a recording back. Files come from anywhere: nothing in one is believed before it is checked.
+//! Reads recordings back. A file may come from anywhere: nothing in it is trusted before it is checked.
 
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -11,16 +11,16 @@ use super::{Entry, Header, MAGIC, MOST_BYTES, Totals, VERSION};
 
 const REMEDY: &str = "give a file that `palpate run --record` wrote";
 
-/// A recording; iterates over its entries. Where the file was cut short they end without [`Entry::End`], after the last
-/// whole one.
+/// An open recording, which iterates over its entries. If the file was cut short they end after the last whole one,
+/// without [`Entry::End`].
 pub struct Recorded {
-    /// What was recorded.
+    /// Header of the recording.
     pub header: Header,
     file: PathBuf,
     bytes: Box<dyn Read>,
-    /// Bytes read.
+    /// Number of bytes read.
     position: u64,
-    /// Entries read.
+    /// Numbers of entries read.
     totals: Totals,
     next: u64,
     is_over: bool,
@@ -34,7 +34,7 @@ impl Recorded {
         Recorded::read(path, BufReader::new(file))
     }
 
-    /// The same from anything that reads the file of that name.
+    /// Reads the header from any reader of a recording; `path` is the name used in errors.
     pub fn read(path: &Path, bytes: impl Read + 'static) -> Result<Recorded> {
         let mut bytes: Box<dyn Read> = Box::new(bytes);
         let not_one = |problem: String| Error::input(path, None, problem, REMEDY);
@@ -56,12 +56,12 @@ impl Recorded {
         Ok(Recorded { header, file, bytes, position, totals, next: 0, is_over: false })
     }
 
-    /// The file.
+    /// Path of the file.
     pub fn file(&self) -> &Path {
         &self.file
     }
 
-    /// The next entry, and that it fits to those before.
+    /// Reads the next entry and checks that it is consistent with those before.
     fn entry(&mut self) -> Result<Option<Entry>> {
         let at = self.position;
         let Some(entry) = value::<Entry>(&self.file, &mut self.bytes, &mut self.position)? else { return Ok(None) };
@@ -104,7 +104,7 @@ impl Iterator for Recorded {
     }
 }
 
-/// A value after its length; `None` where the file ends before it does.
+/// Reads a value that is preceded by its length; `None` where the file ends before the value does.
 fn value<T: DeserializeOwned>(file: &Path, bytes: &mut impl Read, position: &mut u64) -> Result<Option<T>> {
     let at = *position;
     let mut length = [0; 4];
@@ -127,7 +127,7 @@ fn value<T: DeserializeOwned>(file: &Path, bytes: &mut impl Read, position: &mut
     }
 }
 
-/// Fills a buffer; whether there was enough.
+/// Fills a buffer; returns whether there were enough bytes.
 fn fill(bytes: &mut impl Read, buffer: &mut [u8]) -> std::io::Result<bool> {
     match bytes.read_exact(buffer) {
         Ok(()) => Ok(true),

@@ -1,4 +1,4 @@
-//! Ticks as CSV.
+//! Ticks of a recording (iterations of the haptic loop) as a CSV table.
 
 use std::io::Write;
 
@@ -6,20 +6,20 @@ use palpate::internal::haptics::servo::Tick;
 
 use super::fields;
 
-/// Writes ticks as CSV: a heading, then a row each, numbers the shortest that read back as the same f64. The columns are
-/// those of [`fields::of_tick`]; what could not be read is empty.
+/// Writes ticks as CSV: a heading, then one row a tick, with numbers in the shortest form that reads back as the same
+/// f64. The columns are those of [`fields::of_tick`]; cells without a value are empty.
 pub struct Table<W: Write> {
     writer: csv::Writer<W>,
     has_heading: bool,
 }
 
 impl<W: Write> Table<W> {
-    /// A table; its heading comes with the first tick.
+    /// An empty table; its heading is written with the first tick.
     pub fn new(writer: W) -> Table<W> {
         Table { writer: csv::Writer::from_writer(writer), has_heading: false }
     }
 
-    /// Writes a row.
+    /// Writes the row of a tick.
     pub fn write(&mut self, tick: &Tick) -> std::io::Result<()> {
         let fields = fields::of_tick(tick);
         if !std::mem::replace(&mut self.has_heading, true) {

@@ -1,3 +1,6 @@
+//! Tests of recordings: writing, reading back, damaged files and tables. The tests of `replay` use their session too. A
+//! *tick* is one iteration of the haptic loop.
+
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
@@ -11,12 +14,12 @@ use palpate::scene::{Coupling, Lowered, Profile};
 
 use super::*;
 
-/// Ticks from one step to the next, and from a step's beginning until its wrench is there.
+/// Ticks from one simulation step to the next, and from a step's beginning until the loop has its wrench.
 const EVERY: u64 = 20;
 const DELAY: u64 = 5;
-/// Steps before the first tick.
+/// Simulation steps before the first tick.
 const FIRST: u64 = 2;
-/// Ticks at which the device is lost, garbled, says no numbers, takes no force.
+/// Ticks in which the haptic device is lost, is garbled, reads a NaN, and refuses the wrench to be played.
 const FAULTS: [u64; 4] = [301, 351, 401, 451];
 pub const TICKS: u64 = 500;
 
@@ -45,7 +48,7 @@ fn tool() -> Tool {
     }
 }
 
-/// What the session of the tests meets: a wall, of which one step finds what is no number.
+/// Environment of the tests' session: a wall, of which one step returns a NaN.
 pub struct Walled(Wall);
 
 impl Walled {
@@ -64,7 +67,7 @@ impl Environment for Walled {
     }
 }
 
-/// A device that goes up and down through the wall's face.
+/// Reading of a device that moves up and down through the wall's surface.
 fn reading(time: f64) -> Reading {
     let turn = 20.0 * time;
     let state = RigidState {
@@ -74,7 +77,7 @@ fn reading(time: f64) -> Reading {
     Reading { time, state, buttons: u32::from(time > 0.1) }
 }
 
-/// A session in virtual time, as the program records it: each entry as it is known.
+/// Runs a session in virtual time and passes on its entries in the order in which the program would record them.
 fn session(mut keep: impl FnMut(Entry)) {
     let (limits, _) = Limits::new(Profile::named("premium").unwrap(), &Lowered::default());
     let settings = Settings {
@@ -115,7 +118,7 @@ fn session(mut keep: impl FnMut(Entry)) {
             servo.unplayed(&mut tick);
         }
         waiting.push(Entry::Tick(Box::new(tick)));
-        // Steps are on record before the first tick that feels them, except every third one.
+        // A step is recorded before the ticks that ran during it, except every third one, which comes after them.
         if k % EVERY == DELAY + 2 || k + 1 == TICKS {
             let step = under_way.take().map(|step| Entry::Step(Box::new(step)));
             let at = if (k / EVERY).is_multiple_of(3) { waiting.len() } else { 0 };
@@ -143,7 +146,7 @@ fn write_all(recording: &mut Recording, entries: &[Entry]) {
     }
 }
 
-/// The session of the tests in a file, with its end.
+/// Records the tests' session, each entry changed by `spoil`, up to its regular end; returns the file.
 pub fn recorded(folder: &Path, spoil: impl Fn(&mut Entry)) -> PathBuf {
     let path = folder.join("session.palpate");
     let mut recording = Recording::create(&path, &header()).unwrap();
@@ -154,7 +157,7 @@ pub fn recorded(folder: &Path, spoil: impl Fn(&mut Entry)) -> PathBuf {
     path
 }
 
-/// Where each part of a file begins, header first, and the file's length.
+/// Offsets at which header and entries of a file begin, and the file's length, bytes.
 fn places(bytes: &[u8]) -> Vec<usize> {
     let (mut at, mut places) = (12, vec![12]);
     while at < bytes.len() {
@@ -189,7 +192,7 @@ fn what_is_recorded_reads_back_the_same_not_numbers_included() {
     };
     let all = entries();
     assert_eq!(bytes(read), bytes(&all));
-    // The session is one worth recording: it presses, it lets go, and everything out of the ordinary happens.
+    // The session covers what a recording must hold: contact, times without contact, and every kind of fault.
     let ticks: Vec<&Tick> =
         all.iter().filter_map(|entry| if let Entry::Tick(tick) = entry { Some(&**tick) } else { None }).collect();
     let seen = |event| ticks.iter().filter(|tick| tick.events.has(event)).count();
@@ -246,7 +249,7 @@ fn every_way_a_file_can_be_wrong_is_one_line_that_says_where() {
         std::fs::write(&path, &spoiled).unwrap();
         assert!(error_of(&path).contains(&words), "{words}: {}", error_of(&path));
     }
-    // A tick that is there twice.
+    // A tick is repeated.
     let mut twice = bytes.clone();
     twice.splice(at..at, bytes[at..places[31]].to_vec());
     std::fs::write(&path, &twice).unwrap();

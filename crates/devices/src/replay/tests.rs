@@ -1,3 +1,5 @@
+//! Tests of replays: of whole, shortened and changed recordings, and of the replaying device.
+
 use std::path::Path;
 
 use palpate::internal::haptics::Device;
@@ -33,7 +35,7 @@ fn tick(index: u64, change: impl Fn(&mut Tick)) -> impl Fn(&mut Entry) {
     }
 }
 
-/// Changes one step, from 1.
+/// Changes one step, numbered from 1.
 fn step(number: u64, change: impl Fn(&mut Step)) -> impl Fn(&mut Entry) {
     move |entry| {
         if let Entry::Step(step) = entry
@@ -54,7 +56,7 @@ fn a_session_with_every_fault_replays_to_the_same_bits() {
     let path = recorded(folder.path(), |_| {});
     let result = replayed(&path).unwrap();
     assert_eq!(result, Replayed { ticks: TICKS, steps: 27, is_whole: true, difference: None });
-    // Cut short, what there is of it.
+    // Of a recording that was cut short, the part that exists is replayed.
     let bytes = std::fs::read(&path).unwrap();
     let mut most = 0;
     for eighths in 1..8 {
@@ -79,7 +81,7 @@ fn one_bit_is_found_and_named_where_it_is() {
         difference(step(5, |step| flip(&mut step.wrench.stiffness[1][3]))),
         "step 5 differs first in stiffness_y_rx: ",
     );
-    // A last bit of what is read may be lost in rounding where the device is smoothed.
+    // Smoothing of the device's pose may round off a change of a reading's last bit, so these changes are larger.
     let moved = tick(200, |tick| tick.reading.as_mut().unwrap().state.position.y += 1e-9);
     starts(difference(moved), "tick 200 differs first in device_");
     starts(difference(tick(200, |tick| tick.time += 1e-9)), "tick 200 differs first in device_");
@@ -141,14 +143,15 @@ fn no_spoiled_byte_ends_in_a_panic() {
     let folder = tempfile::tempdir().unwrap();
     let path = recorded(folder.path(), |_| {});
     let bytes = std::fs::read(&path).unwrap();
-    // All that decides how the servo begins, then every so many bytes; sign, exponent and last bit of a number among them.
+    // Each byte that determines the servo is changed, then one in 1499; the changed bits include sign, exponent and
+    // last bit of a number.
     let begin = 3000;
     for at in (0..begin).chain((begin..bytes.len()).step_by(1499)) {
         for flip in [1, 0x40, 0x80, 0xff] {
             let mut spoiled = bytes.clone();
             spoiled[at] ^= flip;
             let recorded = Recorded::read(&path, std::io::Cursor::new(spoiled));
-            // Whatever comes of it: names in the header may change without any difference.
+            // The result does not matter: a changed name in the header, for example, makes no difference.
             let _ = recorded.and_then(|recorded| replay(recorded, &mut Walled::new()));
         }
     }

@@ -1,4 +1,5 @@
-//! A session with a device, as the simulation's thread leads it: each step within its turn, and commands between two steps.
+//! A session with a haptic device (one run of the haptic loop) on the simulation's thread: each step takes its turn at
+//! the GPU's queue, and commands are executed between two steps.
 
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -21,10 +22,11 @@ use super::snapshot::LoopState;
 use super::worker::{Next, Worker, no_tool};
 use super::{Extent, Lead};
 
-/// How often quantiles of the lateness are taken: that goes through a large table.
+/// Time between two evaluations of the quantiles of the ticks' lateness, which go through a large histogram. A tick is
+/// an iteration of the haptic loop.
 const REFRESH: Duration = Duration::from_millis(250);
 
-/// What is known of the loop.
+/// What the haptic loop has reported.
 struct Heard {
     state: LoopState,
     lateness: Lateness,
@@ -34,7 +36,7 @@ struct Heard {
 }
 
 impl Heard {
-    /// For the next snapshot.
+    /// The loop's state for the next snapshot; the events are reset.
     fn taken(&mut self) -> LoopState {
         if self.lateness.ticks() > 0 && self.refreshed.is_none_or(|at| at.elapsed() > REFRESH) {
             self.state.late = [self.lateness.quantile(0.5), self.lateness.quantile(0.99), self.lateness.worst()];
@@ -46,7 +48,7 @@ impl Heard {
     }
 }
 
-/// What the tool meets.
+/// The environment of the haptic loop: the simulation, of which a snapshot is published after each step.
 struct Felt<'a, 'b> {
     worker: &'a RefCell<&'b mut Worker>,
     heard: Rc<RefCell<Heard>>,
@@ -66,13 +68,14 @@ impl Environment for Felt<'_, '_> {
 }
 
 impl Worker {
-    /// Holds the tool until something else is to come, or the time is over, or the device stays lost.
+    /// Runs a session until another task is requested, its time is over, or the device stays lost. Records it if a file
+    /// is given.
     pub fn hold(&mut self, record: Option<PathBuf>) -> Result<()> {
         let scene = self.simulation.scene().clone();
         let mut tool = self.simulation.tool().cloned().ok_or_else(|| no_tool(&scene))?;
         tool.coupling = scene.coupling;
         if self.last_held.is_some() {
-            // After a rest nothing moves.
+            // After a pause the tool starts at rest.
             (tool.velocity, tool.angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
         }
         let (position, orientation) = match &self.last_held {
@@ -111,7 +114,7 @@ impl Worker {
         let worker = RefCell::new(self);
         let hear = |moment: Moment| {
             match moment {
-                // Who reads may be gone.
+                // The receiver may be gone.
                 Moment::Note(note) => drop(notes.send(note.into())),
                 Moment::Tick(tick) => {
                     let mut heard = ears.borrow_mut();
@@ -128,7 +131,8 @@ impl Worker {
                 (Some(recording), Moment::Step(held, h, wrench)) => recording.step(held, h, wrench)?,
                 _ => {}
             }
-            // The loop has the step's wrench, and the next begins with what the hand does then.
+            // Commands are executed here, because the loop already has the step's wrench, and the inputs of the next
+            // step are taken afterwards.
             if let Moment::Step(..) = moment {
                 let mut worker = worker.borrow_mut();
                 worker.obey_all();
@@ -150,7 +154,7 @@ impl Worker {
         if let (Some(why), None) = (&report.ended, &this.next) {
             this.out.note(format!("the session ended: {why}"));
         }
-        // Who reads may be gone.
+        // The receiver may be gone.
         let _ = this.out.sessions.send(report);
         Ok(())
     }

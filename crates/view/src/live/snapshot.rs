@@ -1,4 +1,5 @@
-//! What the simulation's thread publishes: the newest state, which replaces the one before, samples and lines.
+//! What the simulation's thread publishes: the newest state, which replaces the one before; a sample of each step; and
+//! lines for the user.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -9,97 +10,97 @@ use palpate::internal::haptics::session::Report;
 use palpate::scene::{Contact, Coupling, Material};
 use palpate::{Simulation, StepReport, Wrench};
 
-/// What the thread does.
+/// What the thread is doing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub enum State {
-    /// Steps.
+    /// It steps.
     #[default]
     Running,
-    /// Rests until told to go on.
+    /// It waits for a command to go on.
     Paused,
-    /// Steps, and a session is recorded into this file.
+    /// It steps, and the session is recorded into this file.
     Recording(PathBuf),
-    /// A step failed, for this reason; it rests.
+    /// A step failed for this reason, and it waits for a command.
     Failed(String),
-    /// It went as far as it was to go.
+    /// It has done all steps, or the session's time is over.
     Ended,
 }
 
-/// What can be changed, as it is now.
+/// What the user can change, with its present values.
 #[derive(Debug, Clone, Default)]
 pub struct Settings {
-    /// Body, index among its materials, what it is called, and the material.
+    /// For each material: index of the body, index among the body's materials, name for the user, and the material.
     pub materials: Vec<(usize, usize, String, Material)>,
     /// The contact law.
     pub contact: Option<Contact>,
-    /// Of the stiffest pair of bodies, N/m^3: what "auto" stands for.
+    /// Contact stiffness of the stiffest pair of bodies, N/m^3, which is used where the scene says "auto".
     pub stiffness: f64,
-    /// The coupling asked for.
+    /// The virtual coupling that was asked for.
     pub coupling: Option<Coupling>,
-    /// Whether the loop chooses what the coupling may be.
+    /// Whether the tool is held by a device, so that the haptic loop limits the coupling.
     pub is_held: bool,
 }
 
-/// The haptic loop lately.
+/// Recent state of the haptic loop.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LoopState {
-    /// Ticks of the session.
+    /// Number of ticks (iterations of the loop) in the session.
     pub ticks: u64,
     /// How late ticks came: the median, the 99th percentile and the worst of the session, s.
     pub late: [f64; 3],
-    /// What is played.
+    /// The wrench played last (commanded to the device).
     pub played: Wrench,
-    /// Names of what happened since the step before.
+    /// Names of the loop's events since the step before.
     pub events: Vec<&'static str>,
 }
 
-/// The newest.
+/// The newest state of the simulation.
 #[derive(Debug, Clone, Default)]
 pub struct Snapshot {
-    /// Changes where the simulation is replaced.
+    /// Number of the simulation, which changes when it is replaced.
     pub generation: u64,
-    /// What the thread does.
+    /// What the thread is doing.
     pub state: State,
-    /// Of the last step.
+    /// Report of the last step.
     pub row: Option<StepReport>,
-    /// Names of the row's probes.
+    /// Names of the probes in the step report.
     pub probes: Arc<Vec<String>>,
-    /// Of the last step that was timed, microseconds.
+    /// Stages of the last step that was timed, with their times, microseconds.
     pub stages: Vec<(String, f64)>,
-    /// Where a device is held.
+    /// State of the haptic loop; `None` if no device holds the tool.
     pub haptics: Option<LoopState>,
-    /// What can be changed.
+    /// What the user can change.
     pub settings: Arc<Settings>,
 }
 
-/// A step, for the traces of the panel.
+/// Values of one step, for the panel's plots.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// Of the simulation, s.
+    /// Simulated time, s.
     pub time: f64,
-    /// On the tool, N.
+    /// Contact force on the tool, N.
     pub force: DVec3,
-    /// On the tool, N m.
+    /// Contact torque on the tool, N m.
     pub torque: DVec3,
 }
 
-/// The thread's ends.
+/// The thread's ends of the channels to its users.
 pub(super) struct Out {
     pub out: triple_buffer::Input<Snapshot>,
     pub samples: rtrb::Producer<Sample>,
     pub notes: Sender<String>,
-    /// What came of sessions with a device.
+    /// Reports of sessions with a device.
     pub sessions: Sender<Report>,
 }
 
 impl Out {
-    /// Says something to the user.
+    /// Sends a line to the user.
     pub fn note(&self, line: impl Into<String>) {
-        // Who reads may be gone.
+        // The receiver may be gone.
         let _ = self.notes.send(line.into());
     }
 
-    /// Publishes a step; the samples that nobody takes are dropped.
+    /// Publishes the sample of a step; it is dropped if the queue is full.
     pub fn sample(&mut self, row: &StepReport) {
         if let Some(tool) = &row.tool {
             let _ = self.samples.push(Sample { time: row.time, force: tool.force, torque: tool.torque });
@@ -107,7 +108,7 @@ impl Out {
     }
 }
 
-/// What can be changed of a simulation.
+/// What the user can change of a simulation, with its present values.
 pub(super) fn settings(simulation: &Simulation, is_held: bool) -> Settings {
     let scene = simulation.scene();
     let of_body = |(index, body): (usize, &palpate::scene::Body)| {

@@ -1,3 +1,5 @@
+//! Tests of the simulation's thread: drawing beside it, its commands, a failure, and a recorded session.
+
 use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,7 +13,7 @@ use palpate_devices::mouse::Goal;
 
 use super::*;
 
-/// A ball above a soft block, which goes down into it.
+/// A scene in which a ball, the tool, goes down into a soft block.
 const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
     layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [4, 3, 4] }\n\
     material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
@@ -20,7 +22,8 @@ const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block
     [coupling]\nstiffness = 500.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.005\n\
     [drive]\nkeys = [[0.0, 0.0, 0.053, 0.0], [0.06, 0.0, 0.04, 0.0]]\n";
 
-/// Waits for its turn with the validation layer, and has it until the test's thread ends: see the vk-tests' harness.
+/// Waits until no other test uses the validation layer, and reserves it until the test's thread ends, as the harness of
+/// the vk-tests does.
 fn turn() {
     static TURN: Mutex<()> = Mutex::new(());
     thread_local!(static HELD: Cell<Option<MutexGuard<'static, ()>>> = const { Cell::new(None) });
@@ -39,7 +42,7 @@ fn simulation(folder: &std::path::Path) -> Simulation {
     Simulation::open(&Scene::load(&file).unwrap(), &options).unwrap()
 }
 
-/// All that a trace holds but the time that the step took.
+/// A step report as text, without the time that the step took.
 fn bits(row: &StepReport) -> String {
     format!("{:?}", StepReport { step_us: 0.0, ..row.clone() })
 }
@@ -67,7 +70,7 @@ fn until(live: &mut Live, what: impl Fn(&Snapshot) -> bool) -> Snapshot {
         if what(&snapshot) {
             return snapshot;
         }
-        assert!(begun.elapsed() < Duration::from_secs(60), "it does not come: {:?}", snapshot.state);
+        assert!(begun.elapsed() < Duration::from_secs(60), "it never came: {:?}", snapshot.state);
         std::thread::sleep(Duration::from_millis(2));
     }
 }
@@ -87,7 +90,7 @@ fn beside_drawing_the_trace_is_the_same_bits() {
     std::thread::scope(|scope| {
         scope.spawn(|| {
             while !stop.load(Ordering::Relaxed) {
-                // The skins of this moment, from a changing origin; then slices that read them.
+                // Captures the skins relative to a changing origin, then submits slices that read them.
                 let origin = DVec3::X * f64::from(captures % 7);
                 let copy = link.ask(move |simulation, _| {
                     let context = simulation.context().clone();
@@ -197,7 +200,7 @@ fn a_mouse_presses_is_recorded_from_the_start_and_replays_to_the_same_bits() {
         tool.is_some_and(|tool| tool.force.y > 0.01)
     };
     until(&mut live, pressed);
-    // A material of its own, and a coupling, that the recording has not.
+    // Changes a material and the coupling; the recording must be made with the scene's own.
     let material = Material { young: 5e4, ..live.snapshot().settings.materials[0].3 };
     live.link().tell(Command::Material(0, 0, material));
     let coupling = Coupling { stiffness: 300.0, damping: 3.0, angular_stiffness: 0.1, angular_damping: 0.001 };

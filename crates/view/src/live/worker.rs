@@ -1,4 +1,6 @@
-//! The thread itself: what it does from one command to the next.
+//! The work of the simulation's thread: it does one task after another (run, pause, reset, record, replace, quit) and
+//! executes commands between two steps. It shares the GPU's queue with the thread that draws *slices* (parts) of
+//! images: each takes turns.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -13,7 +15,7 @@ use super::snapshot::{self, LoopState, Out, Snapshot, State};
 use super::{Begin, Command, Extent, Lead, Watch};
 use crate::turns::Turns;
 
-/// The simulation and all that is known of it.
+/// The simulation and the state of its thread.
 pub(super) struct Worker {
     pub simulation: Simulation,
     pub lead: Lead,
@@ -21,29 +23,30 @@ pub(super) struct Worker {
     pub folder: PathBuf,
     pub out: Out,
     pub snapshot: Snapshot,
-    /// What the last step of a session started from.
+    /// Inputs of the last step of a session: pose and twist of haptic device and tool.
     pub last_held: Option<Held>,
-    /// Told to end what runs, and what comes then.
+    /// The next task, once it is requested; the present one then ends.
     pub next: Option<Next>,
     watch: Watch,
     turns: Arc<Turns>,
     commands: Receiver<Command>,
-    /// The scene as it was given, without what was changed since.
+    /// The scene as it was given, without changes by commands.
     given: Scene,
-    /// The state before the first step.
+    /// Saved state before the first step.
     first: Vec<u8>,
     is_changed: bool,
-    /// It is another scene than that of the beginning, which nobody watches and no file replays.
+    /// Whether the scene was replaced: then its steps are not passed to `watch`, and it cannot be recorded, as there is
+    /// no scene file for a replay.
     is_replaced: bool,
-    /// Steps of [`Extent::Steps`] that were done.
+    /// Number of steps of [`Extent::Steps`] done.
     done: u64,
 }
 
-/// What comes after what runs.
+/// A task of the thread.
 pub(super) enum Next {
     Run,
     Rest(State),
-    /// From the start, and then running or not.
+    /// Restore the state before the first step, then run or, if `rests`, pause.
     Reset {
         rests: bool,
     },
@@ -77,7 +80,7 @@ impl Worker {
         Ok(worker)
     }
 
-    /// Until told to quit.
+    /// Does one task after another until told to quit.
     pub fn run(mut self) {
         let mut next = Next::Run;
         loop {
@@ -101,14 +104,14 @@ impl Worker {
                 Err(error) => {
                     let line = error.to_string().lines().collect::<Vec<_>>().join(" ");
                     self.out.note(line.clone());
-                    // Whoever wanted something else meanwhile has it.
+                    // A task that was requested meanwhile goes first.
                     self.next.take().unwrap_or(Next::Rest(State::Failed(line)))
                 }
             };
         }
     }
 
-    /// Steps until something else comes, or the end.
+    /// Steps until another task is requested or the end is reached.
     pub fn go(&mut self, record: Option<PathBuf>) -> Result<()> {
         self.set_state(record.as_ref().map_or(State::Running, |file| State::Recording(file.clone())));
         let done = match self.lead {
@@ -119,7 +122,7 @@ impl Worker {
         done
     }
 
-    /// By the scene's keys, at the pace of the world at most.
+    /// Steps along the scene's keys, no faster than real time.
     fn drive(&mut self) -> Result<()> {
         let mut due = Instant::now();
         while self.next.is_none() {
@@ -129,21 +132,21 @@ impl Worker {
             let row = self.in_turn(Simulation::step)?;
             self.done += 1;
             self.found(&row)?;
-            // Time that was lost is not made up for.
+            // Time lost by a slow step is not made up for by faster ones.
             due = (due + Duration::from_secs_f64(self.simulation.scene().step.dt)).max(Instant::now());
             self.obey_until(due);
         }
         Ok(())
     }
 
-    /// A step within the simulation's turn.
+    /// Does a step within a turn at the GPU's queue.
     pub fn in_turn<R>(&mut self, step: impl FnOnce(&mut Simulation) -> Result<R>) -> Result<R> {
         let turns = self.turns.clone();
         let _turn = turns.step();
         step(&mut self.simulation)
     }
 
-    /// Publishes what a step found.
+    /// Publishes a step report.
     pub fn found(&mut self, row: &StepReport) -> Result<()> {
         if !self.is_replaced {
             (self.watch)(row)?;
@@ -178,8 +181,8 @@ impl Worker {
         self.publish();
     }
 
-    /// Does what was told, until something else is to come or nothing is left, or a slice was drawn: the next step waits for
-    /// one at most.
+    /// Executes waiting commands until another task is requested, none is left, or a slice was drawn: the next step
+    /// waits for one slice at most.
     pub fn obey_all(&mut self) {
         while self.next.is_none() {
             match self.commands.try_recv() {
@@ -195,7 +198,7 @@ impl Worker {
         }
     }
 
-    /// The same, and where no step is due before then all else that is told meanwhile.
+    /// Executes waiting commands, and those that arrive before the next step is due.
     fn obey_until(&mut self, due: Instant) {
         self.obey_all();
         while self.next.is_none() && Instant::now() < due {
@@ -208,7 +211,7 @@ impl Worker {
         }
     }
 
-    /// Does nothing but what is told.
+    /// Executes commands without stepping, until another task is requested.
     fn rest(&mut self, state: State) {
         self.set_loop(None);
         self.set_state(state);
@@ -247,7 +250,8 @@ impl Worker {
         }
     }
 
-    /// What a slider sets. A recording would not have it.
+    /// Changes a material, the contact law or the coupling; refused during a recording, which would not hold the
+    /// change.
     fn change(&mut self, command: Command) {
         if matches!(self.snapshot.state, State::Recording(_)) {
             self.out.note("sliders rest while a session is recorded");
@@ -270,7 +274,7 @@ impl Worker {
         drop(turn);
         self.is_changed = true;
         if !had_friction && self.simulation.scene().contact.friction > 0.0 {
-            // Recorded with friction, it has other arrays to draw.
+            // The step was recorded anew with friction, and has other arrays to draw from.
             self.snapshot.generation += 1;
         }
         if let Err(error) = changed {
@@ -279,7 +283,7 @@ impl Worker {
         self.show_settings();
     }
 
-    /// A step by hand, from what the hand held last.
+    /// Does a single step while paused, with the inputs that the device gave last.
     fn step_once(&mut self) {
         let h = self.simulation.scene().step.dt;
         let held = self.simulation.tool().map(|tool| {
@@ -310,7 +314,8 @@ impl Worker {
         Ok(())
     }
 
-    /// A session from the start on, with nothing changed: what a replay makes of the scene's file.
+    /// Records a session from the state before the first step, without changes by commands, so that a replay of the
+    /// scene's file gives the same.
     fn record(&mut self) -> Result<()> {
         if self.is_changed {
             let (context, path) = (self.simulation.context().clone(), self.simulation.depth_path());
@@ -326,7 +331,7 @@ impl Worker {
         self.go(file)
     }
 
-    /// Another scene, with its own first state; where it cannot be, the old one goes on.
+    /// Replaces the scene; where the new one cannot be simulated, the old one goes on.
     fn replace(&mut self, (scene, bodies): (Scene, Bodies)) {
         let context = self.simulation.context().clone();
         let made =
@@ -349,13 +354,13 @@ impl Worker {
 }
 
 impl Drop for Worker {
-    /// Whatever ended it, drawing goes on.
+    /// Lets drawing go on, whatever ended the thread.
     fn drop(&mut self) {
         self.turns.rest();
     }
 }
 
-/// A scene without a tool cannot be held.
+/// The error for a scene without a tool, which no device can hold.
 pub(super) fn no_tool(scene: &Scene) -> Error {
     Error::key(&scene.file, "tool", "is missing: a haptic device has nothing to hold", "add a [tool]")
 }
