@@ -35,7 +35,7 @@ use crate::gpu::Context;
 use crate::plan::Plan;
 use crate::prepare::{Body, BodyReport, Shape};
 use crate::scene::{Coupling, Key, Scene};
-use crate::shaders::{self, Counts, Frame, Link, Pair, Region, Report, StepParams};
+use crate::shaders::{self, ContactPatch, Counts, Frame, Link, Pair, Report, StepParams};
 pub use crate::stages::Flags;
 use crate::stages::depth::Path;
 use crate::stages::joints::Joint;
@@ -49,7 +49,7 @@ pub use held::Held;
 use probes::ProbePlace;
 pub use report::{Pose, StepReport, ToolReport};
 pub use rigid::{RigidState, Wrench};
-pub use shown::{Cut, Field, FieldValues, Mesh, Overlay, Part, RegionSquare, Skins};
+pub use shown::{ContactPatchRectangle, Cut, Field, FieldValues, Mesh, Overlay, Part, Skins};
 use stage_set::Stages;
 use tool::Tool;
 
@@ -316,12 +316,12 @@ impl Simulation {
     /// contact has stiffness 0); empty where nothing can touch. Positions are relative to the origin of that step. This
     /// costs transfers from the GPU and is meant for tests and export.
     #[doc(hidden)]
-    pub fn touch(&self) -> Result<(Vec<Region>, Vec<shaders::Contact>)> {
+    pub fn touch(&self) -> Result<(Vec<ContactPatch>, Vec<shaders::Contact>)> {
         let Some(touch) = &self.stages.touch else { return Ok((Vec::new(), Vec::new())) };
         let count = self.stages.common.counts.read::<Counts>()?[0].contacts as usize;
         let mut contacts = touch.contact.touch.contacts.read::<shaders::Contact>()?;
         contacts.truncate(count);
-        Ok((touch.cull.regions.read::<Region>()?, contacts))
+        Ok((touch.cull.contact_patches.read::<ContactPatch>()?, contacts))
     }
 
     /// World position that f32 positions on the GPU are relative to: the tool's centre, or the first body's, since

@@ -65,7 +65,8 @@ pub fn modules(headers: &[String], shaders: &[Shader]) -> Result<String, String>
 /// The Rust text of the struct of arguments for a shader or pipeline; `prefix` begins its name.
 fn arguments(name: &str, prefix: &str, shaders: &[&Shader]) -> Result<String, String> {
     let stem = name.rsplit('/').next().unwrap_or(name);
-    let type_name = format!("{prefix}{}{}", stem[..1].to_uppercase(), &stem[1..]);
+    let words: String = stem.split('_').map(|word| word[..1].to_uppercase() + &word[1..]).collect();
+    let type_name = format!("{prefix}{words}");
     let (mut push, mut buffers): (Vec<structs::Member>, Vec<Buffer>) = (Vec::new(), Vec::new());
     for shader in shaders {
         let types = Types::of(&shader.words)?;

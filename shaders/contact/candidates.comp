@@ -8,7 +8,7 @@
 // Contact, narrow phase: the penetration depth of every skin vertex in an active chunk (a group of at most 64 skin
 // vertices that passed culling) whose vertices gather contacts. One workgroup a chunk.
 //
-// Each contact patch (`Region`: an area where bodies a and b may touch, with a normal from a to b) that sees a vertex
+// Each contact patch (`ContactPatch`: an area where bodies a and b may touch, with a normal from a to b) that sees a vertex
 // shoots one ray from it along the normal, back through its own body, and the depth stage has listed the triangles of
 // the other body that the ray hits. The nearest hit decides: through the front of a triangle the vertex lies within the
 // other body, through the back it does not. The vertex becomes one contact, however many patches see it: with depths
@@ -34,7 +34,7 @@ layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
 READ_ONLY(uvec4, chunk_vertices);      // skin vertices of chunks, four a texel
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
-layout(scalar) readonly buffer Regions { Region regions[]; };
+layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 layout(scalar) readonly buffer Shares { float shares[]; };  // patch weights of each slot (a proxy in a pair)
 READ_ONLY(uvec4, triangles);           // three skin vertices
 READ_ONLY(vec4, skin);
@@ -90,11 +90,11 @@ uvec3 nearest_crossing(uint bin, out bool through) {
 
 // Depth and barycentrics (second and third corner) where the line along the patch's normal through x meets a triangle.
 // Computed from differences, they keep their digits. `towards` is -1 for a vertex of a, 1 for one of b.
-vec3 crossing(Region region, vec3 x, uint triangle, float towards) {
+vec3 crossing(ContactPatch contact_patch, vec3 x, uint triangle, float towards) {
     uvec3 corners = fetch(triangles, triangle).xyz;
     vec3 p = fetch(skin, corners.x).xyz - x, q = fetch(skin, corners.y).xyz - x,
          r = fetch(skin, corners.z).xyz - x;
-    mat3 axes = mat3(region.tangent, region.bitangent, region.normal);
+    mat3 axes = mat3(contact_patch.tangent, contact_patch.bitangent, contact_patch.normal);
     vec3 a = p * axes, b = q * axes, c = r * axes;
     vec3 w = vec3(b.x * c.y - b.y * c.x, c.x * a.y - c.y * a.x, a.x * b.y - a.y * b.x);
     w /= w.x + w.y + w.z;
@@ -115,10 +115,10 @@ void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
     uint lane = gl_LocalInvocationID.x;
     if (lane == 0) listed_count = colliding[0] = colliding[1] = 0;
     barrier();
-    uint regions = bitCount(entry.regions);
+    uint contact_patches = bitCount(entry.contact_patches);
     for (uint l = 4 * lane; l < chunk.vertex_count; l += 4 * SIZE) {
         bvec4 crossed = bvec4(all);
-        for (uint k = 0; k < regions; k++) {
+        for (uint k = 0; k < contact_patches; k++) {
             uvec4 found = fetch(bin_hits, ((entry.first_item + k) * CHUNK_VERTICES + l) / 4);
             crossed = bvec4(uvec4(crossed) | uvec4(notEqual(found, uvec4(NONE))));
         }
@@ -140,11 +140,11 @@ void find_candidates() {
         done++;
         uint l = listed[k], at = gl_WorkGroupID.x * CHUNK_VERTICES + l, v = chunk.vertex_first + l;
         uint vertex = fetch(chunk_vertices, v / 4)[v % 4];
-        float weights[PAIR_REGIONS], depths[PAIR_REGIONS], strongest = 0.0;
+        float weights[PAIR_PATCHES], depths[PAIR_PATCHES], strongest = 0.0;
         vec3 hit = vec3(0.0);
         uint triangle = NONE, opposing = 0;
         bool folded = false;
-        for (uint r = 0; r < PAIR_REGIONS; r++) weights[r] = depths[r] = 0.0;
+        for (uint r = 0; r < PAIR_PATCHES; r++) weights[r] = depths[r] = 0.0;
         if (!SKINS || pair.is_plane != 0) {
             hit.x = pair.plane.w - dot(pair.plane.xyz, fetch(skin, vertex).xyz);
             if (hit.x <= 0.0) continue;
@@ -152,18 +152,18 @@ void find_candidates() {
             depths[0] = hit.x;
         } else {
             uint item = entry.first_item;
-            for (uint r = 0; r < PAIR_REGIONS; r++) {
-                if ((entry.regions & (1u << r)) == 0) continue;
+            for (uint r = 0; r < PAIR_PATCHES; r++) {
+                if ((entry.contact_patches & (1u << r)) == 0) continue;
                 uint bin = item * CHUNK_VERTICES + l;
                 item += 1;
                 bool through;
                 uvec3 nearest = nearest_crossing(bin, through);
                 if (nearest.x == NONE || (nearest.y & 1) == 0) continue;
-                Region region = regions[(entry.side / 2) * PAIR_REGIONS + r];
-                vec3 found = crossing(region, fetch(skin, vertex).xyz, nearest.x, side_b ? 1.0 : -1.0);
+                ContactPatch contact_patch = contact_patches[(entry.side / 2) * PAIR_PATCHES + r];
+                vec3 found = crossing(contact_patch, fetch(skin, vertex).xyz, nearest.x, side_b ? 1.0 : -1.0);
                 if (!(found.x > 0.0)) continue;
                 depths[r] = found.x;
-                weights[r] = shares[entry.slot * PAIR_REGIONS + r] / max(found.x * found.x, 1.0e-30);
+                weights[r] = shares[entry.slot * PAIR_PATCHES + r] / max(found.x * found.x, 1.0e-30);
                 if (weights[r] > strongest) {
                     strongest = weights[r];
                     folded = through;
@@ -176,13 +176,13 @@ void find_candidates() {
         }
         float all = 0.0, depth = 0.0;
         vec3 normal = vec3(0.0);
-        for (uint r = 0; r < PAIR_REGIONS; r++) {
+        for (uint r = 0; r < PAIR_PATCHES; r++) {
             float weight = weights[r] / strongest;
             weight *= BLEND ? smoothstep(0.5, 1.0, weight) : float(weight == 1.0);
             if (weight == 0.0) continue;
             all += weight;
             depth += weight * depths[r];
-            normal += weight * regions[(entry.side / 2) * PAIR_REGIONS + r].normal;
+            normal += weight * contact_patches[(entry.side / 2) * PAIR_PATCHES + r].normal;
         }
         depth /= all;
         // Where normals cancel, for a vertex between two opposite patches, no direction is right.

@@ -7,7 +7,7 @@
 #include "shared/field.glsl"
 
 // Cull, broad phase: tests the chunks (groups of at most 64 skin vertices) of an active slot (a collision proxy in a
-// pair of bodies a and b) against the opposing slots, along the axes of each of its contact patches (`Region`). With
+// pair of bodies a and b) against the opposing slots, along the axes of each of its contact patches (`ContactPatch`). With
 // frame rotation R, embedding weights w_i, rest positions r_i and displacements d_i of nodes, a skin vertex is at
 // x = c + R sum w_i (r_i + d_i). So a chunk's skin lies in its rest box, moved by the middle of its nodes'
 // displacements and grown by (sum |w|) times half their spread.
@@ -30,11 +30,11 @@ READ_ONLY(uvec4, chunk_nodes);       // two a texel: node, link from the proxy's
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer Links { Link links[]; };
-layout(scalar) readonly buffer Regions { Region regions[]; };
-layout(scalar) readonly buffer Boxes { vec3 boxes[]; };  // least and greatest corner, PAIR_REGIONS a slot
-layout(scalar) readonly buffer SlotRegions { uint slot_regions[]; };    // bit mask of each slot's patches
+layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
+layout(scalar) readonly buffer Boxes { vec3 boxes[]; };  // least and greatest corner, PAIR_PATCHES a slot
+layout(scalar) readonly buffer ProxyPatches { uint proxy_patches[]; };    // bit mask of each slot's patches
 layout(scalar) writeonly buffer SlotChunks { uvec2 slot_chunks[]; };    // patch mask of each chunk of a slot, in x
-layout(scalar) writeonly buffer Slabs { Slab slabs[]; };     // bounds of chunks, PAIR_REGIONS a chunk of a slot
+layout(scalar) writeonly buffer Slabs { Slab slabs[]; };     // bounds of chunks, PAIR_PATCHES a chunk of a slot
 layout(scalar) buffer Fields { uint fields[]; };             // min-max depth grids, see shared/field.glsl
 
 #include "shared/link.glsl"
@@ -61,12 +61,12 @@ void spread_of(Chunk chunk, out vec3 middle, out vec3 spread) {
 }
 
 // Enters a chunk's bound into the cells of its side's depth grid that it covers.
-void raise_field(uint region_index, Region region, uint side, Slab slab) {
-    uvec4 range = squares(region, slab.low, slab.high);
-    uint field = field_at(region_index, side);
+void raise_field(uint patch_index, ContactPatch contact_patch, uint side, Slab slab) {
+    uvec4 range = squares(contact_patch, slab.low, slab.high);
+    uint field = field_at(patch_index, side);
     for (uint y = range.y; y <= range.w; y++) {
         for (uint x = range.x; x <= range.z; x++) {
-            uint key = height_key(slab_height(region, slab, side, uvec2(x, y)));
+            uint key = height_key(slab_height(contact_patch, slab, side, uvec2(x, y)));
             if (side == 0) atomicMax(fields[field + y * FIELD + x], key);
             else atomicMin(fields[field + y * FIELD + x], key);
         }
@@ -86,8 +86,8 @@ vec3 plane_of(vec3 centre, vec3 normal, float thickness, uint side, float extrem
 bool meets(Pair pair, uint side, uint r, vec3 least, vec3 greatest) {
     uint begin = pair.first_slot[1 - side], count = pair.proxy_count[1 - side];
     for (uint slot = begin; slot < begin + count; slot++) {
-        if ((slot_regions[slot] & (1u << r)) == 0) continue;
-        vec3 low = boxes[2 * (slot * PAIR_REGIONS + r)], high = boxes[2 * (slot * PAIR_REGIONS + r) + 1];
+        if ((proxy_patches[slot] & (1u << r)) == 0) continue;
+        vec3 low = boxes[2 * (slot * PAIR_PATCHES + r)], high = boxes[2 * (slot * PAIR_PATCHES + r) + 1];
         bool beside = any(greaterThan(least.xy, high.xy)) || any(lessThan(greatest.xy, low.xy));
         bool in_front = side == 0 ? greatest.z < low.z : least.z > high.z;
         if (!beside && !in_front) return true;
@@ -101,7 +101,7 @@ void main() {
     Pair pair = pairs[slot.pair];
     Proxy proxy = proxies[slot.proxy];
     Frame frame = frames[proxy.frame];
-    uint bits = slot_regions[slot_index];
+    uint bits = proxy_patches[slot_index];
     for (uint k = gl_LocalInvocationID.x; k < proxy.chunk_count; k += SIZE) {
         Chunk chunk = chunks[proxy.chunk_first + k];
         vec3 middle, spread;
@@ -114,10 +114,10 @@ void main() {
             rotate(frame.rotation, vec3(0.0, spread.y, 0.0)), rotate(frame.rotation, vec3(0.0, 0.0, spread.z)));
         float rounding = 1.0e-6 * (1.0 + length(centre));
         uint found = 0;
-        for (uint r = 0; r < PAIR_REGIONS; r++) {
+        for (uint r = 0; r < PAIR_PATCHES; r++) {
             if ((bits & (1u << r)) == 0) continue;
-            Region region = regions[slot.pair * PAIR_REGIONS + r];
-            mat3 axes = mat3(region.tangent, region.bitangent, region.normal);
+            ContactPatch contact_patch = contact_patches[slot.pair * PAIR_PATCHES + r];
+            mat3 axes = mat3(contact_patch.tangent, contact_patch.bitangent, contact_patch.normal);
             vec3 reach = abs(along[0] * axes) + abs(along[1] * axes) + abs(along[2] * axes)
                 + abs(around[0] * axes) + abs(around[1] * axes) + abs(around[2] * axes) + rounding;
             vec3 least = centre * axes - reach, greatest = centre * axes + reach;
@@ -125,7 +125,7 @@ void main() {
                 if (greatest.z >= -pair.plane.w) found |= 1u << r;
                 continue;
             }
-            bool beside = any(greaterThan(least.xy, region.high)) || any(lessThan(greatest.xy, region.low));
+            bool beside = any(greaterThan(least.xy, contact_patch.high)) || any(lessThan(greatest.xy, contact_patch.low));
             if (beside || !meets(pair, slot.side, r, least, greatest)) continue;
             found |= 1u << r;
             vec3 normal = rotate(frame.rotation, cross(chunk.axes[0], chunk.axes[1]));
@@ -133,8 +133,8 @@ void main() {
             float extreme = slot.side == 0 ? greatest.z : least.z;
             vec3 plane = plane_of(centre * axes, normal * axes, thickness, slot.side, extreme);
             Slab slab = Slab(least.xy, greatest.xy, plane, extreme);
-            slabs[(slot.chunk_first + k) * PAIR_REGIONS + r] = slab;
-            raise_field(slot.pair * PAIR_REGIONS + r, region, slot.side, slab);
+            slabs[(slot.chunk_first + k) * PAIR_PATCHES + r] = slab;
+            raise_field(slot.pair * PAIR_PATCHES + r, contact_patch, slot.side, slab);
         }
         slot_chunks[slot.chunk_first + k] = uvec2(found, 0);
     }

@@ -24,8 +24,8 @@ layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer Slots { Slot slots[]; };
 layout(scalar) readonly buffer ActiveSlots { uint active_slots[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
-layout(scalar) readonly buffer Regions { Region regions[]; };
-layout(scalar) readonly buffer Slabs { Slab slabs[]; };  // bounds of chunks, PAIR_REGIONS a chunk of a slot
+layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
+layout(scalar) readonly buffer Slabs { Slab slabs[]; };  // bounds of chunks, PAIR_PATCHES a chunk of a slot
 layout(scalar) readonly buffer Fields { uint fields[]; };               // min-max depth grids, see shared/field.glsl
 layout(scalar) coherent buffer SlotChunks { uvec2 slot_chunks[]; };  // patch mask; becomes chunk, mask + items before
 layout(scalar) coherent buffer SlotCounts { uvec2 slot_counts[]; };    // chunks and work items; become running totals
@@ -39,13 +39,13 @@ shared uvec2 totals[SIZE];
 shared bool is_last;
 
 // Whether a chunk may reach beyond what the other side reaches, in some cell of a patch.
-bool reaches(uint region_index, uint side, Slab slab) {
-    Region region = regions[region_index];
-    uvec4 range = squares(region, slab.low, slab.high);
-    uint field = field_at(region_index, 1 - side);
+bool reaches(uint patch_index, uint side, Slab slab) {
+    ContactPatch contact_patch = contact_patches[patch_index];
+    uvec4 range = squares(contact_patch, slab.low, slab.high);
+    uint field = field_at(patch_index, 1 - side);
     for (uint y = range.y; y <= range.w; y++) {
         for (uint x = range.x; x <= range.z; x++) {
-            uint key = height_key(slab_height(region, slab, side, uvec2(x, y)));
+            uint key = height_key(slab_height(contact_patch, slab, side, uvec2(x, y)));
             uint other = fields[field + y * FIELD + x];
             if (side == 0 ? key >= other : key <= other) return true;
         }
@@ -63,10 +63,10 @@ void list_slot(uint slot_index) {
     for (uint first = 0; first < proxy.chunk_count; first += SIZE) {
         uint k = first + lane;
         uint mask = k < proxy.chunk_count ? slot_chunks[slot.chunk_first + k].x : 0;
-        for (uint r = 0; r < PAIR_REGIONS; r++) {
+        for (uint r = 0; r < PAIR_PATCHES; r++) {
             if ((mask & (1u << r)) == 0 || is_plane) continue;
-            Slab slab = slabs[(slot.chunk_first + k) * PAIR_REGIONS + r];
-            if (!reaches(slot.pair * PAIR_REGIONS + r, slot.side, slab)) mask &= ~(1u << r);
+            Slab slab = slabs[(slot.chunk_first + k) * PAIR_PATCHES + r];
+            if (!reaches(slot.pair * PAIR_PATCHES + r, slot.side, slab)) mask &= ~(1u << r);
         }
         masks[lane] = mask;
         barrier();
@@ -83,7 +83,7 @@ void list_slot(uint slot_index) {
         // Writing in place is safe: the list is never longer than what all lanes have read.
         if (mask != 0) {
             slot_chunks[slot.chunk_first + listed + before] =
-                uvec2(proxy.chunk_first + k, mask | (items_listed + items_before) << PAIR_REGIONS);
+                uvec2(proxy.chunk_first + k, mask | (items_listed + items_before) << PAIR_PATCHES);
         }
         listed += found;
         items_listed += items_found;
@@ -124,19 +124,19 @@ void list_all() {
             else high = middle;
         }
         uvec2 found = slot_chunks[slots[low].chunk_first + e - slot_counts[low].x];
-        uint first_item = slot_counts[low].y + (found.y >> PAIR_REGIONS);
-        uint mask = found.y & ((1u << PAIR_REGIONS) - 1u);
+        uint first_item = slot_counts[low].y + (found.y >> PAIR_PATCHES);
+        uint mask = found.y & ((1u << PAIR_PATCHES) - 1u);
         uint item = first_item;
-        for (uint r = 0; r < PAIR_REGIONS; r++) {
+        for (uint r = 0; r < PAIR_PATCHES; r++) {
             if ((mask & (1u << r)) == 0) continue;
-            if (item < MOST_ITEMS) items[item] = uvec2(e, slots[low].pair * PAIR_REGIONS + r);
+            if (item < MOST_ITEMS) items[item] = uvec2(e, slots[low].pair * PAIR_PATCHES + r);
             else mask &= ~(1u << r);
             item += 1;
         }
         active_chunks[e] = ActiveChunk(found.x, low, 2 * slots[low].pair + slots[low].side, mask, first_item);
     }
     // There are more work items than fit, or the driver ended the loop early.
-    if (all.y > MOST_ITEMS || done != (used + SIZE - 1 - lane) / SIZE) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
+    if (all.y > MOST_ITEMS || done != (used + SIZE - 1 - lane) / SIZE) atomicOr(counts.flags, FLAG_PATCH_OVERFLOW);
     if (lane != 0) return;
     uint gathering = min(GATHERING < SLOTS ? slot_counts[GATHERING].x : all.x, used);
     counts.chunks = used;

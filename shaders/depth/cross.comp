@@ -19,7 +19,7 @@ layout(scalar) readonly buffer Items { uvec2 items[]; };      // active chunk an
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
 READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four a texel
-layout(scalar) readonly buffer Regions { Region regions[]; };
+layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 READ_ONLY(uvec4, triangles);       // three skin vertices
 READ_ONLY(vec4, skin);
 READ_ONLY(uvec4, buckets);         // heads of the hash's lists, four a texel; see shared/bins.glsl
@@ -52,7 +52,7 @@ void main() {
     uvec2 item = items[gl_WorkGroupID.x];
     ActiveChunk entry = active_chunks[item.x];
     Chunk chunk = chunks[entry.chunk];
-    Region region = regions[item.y];
+    ContactPatch contact_patch = contact_patches[item.y];
     uint side = entry.side & 1, other = 1 - side;
     vec3 corners[3];
     ivec2 first, last;
@@ -67,7 +67,7 @@ void main() {
     for (uint t = lane; t < triangle_count; t += SIZE) {
         done++;
         uint at = chunk.triangle_first + t, triangle = fetch(chunk_triangles, at / 4)[at % 4];
-        if (covered_squares(region, item.y, side, triangle, corners, first, last)) {
+        if (covered_squares(contact_patch, item.y, side, triangle, corners, first, last)) {
             if (count_of(first, last) > SHARED) large[atomicAdd(large_count, 1)] = triangle;
             else listed[atomicAdd(listed_count, 1)] = triangle;
         }
@@ -76,7 +76,7 @@ void main() {
     due += turns_of(listed_count);
     for (uint k = lane; k < listed_count; k += SIZE) {
         uint triangle = listed[k];
-        box_squares(region, side, triangle, corners, first, last);
+        box_squares(contact_patch, side, triangle, corners, first, last);
         due += count_of(first, last);
         done++;
         done += cross_squares(first, last, 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
@@ -85,7 +85,7 @@ void main() {
     due += large_count;
     for (uint k = 0; k < large_count; k++) {
         uint triangle = large[k];
-        box_squares(region, side, triangle, corners, first, last);
+        box_squares(contact_patch, side, triangle, corners, first, last);
         uint count = count_of(first, last), width = uint(last.x - first.x + 1);
         due += turns_of(count);
         done++;

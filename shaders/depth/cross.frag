@@ -11,7 +11,7 @@ layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 2) const uint MOST_HITS = 1;
 
 layout(scalar) buffer CountsInOut { Counts counts; };
-layout(scalar) readonly buffer Regions { Region regions[]; };
+layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 READ_ONLY(uvec4, buckets);         // heads of the hash's lists, four a texel; see shared/bins.glsl
 READ_ONLY(uvec4, bins);
 layout(scalar) readonly buffer BinSquares { uvec2 bin_squares[]; };      // cell of each vertex in the hash

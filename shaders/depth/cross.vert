@@ -15,7 +15,7 @@ layout(scalar) readonly buffer Items { uvec2 items[]; };      // active chunk an
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
 READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four a texel
-layout(scalar) readonly buffer Regions { Region regions[]; };
+layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 READ_ONLY(uvec4, triangles);       // three skin vertices
 READ_ONLY(vec4, skin);
 READ_ONLY(uvec4, buckets);         // hash lists and depth grids, four a texel; see shared/bins.glsl
@@ -40,7 +40,7 @@ void main() {
     if (t >= chunk.triangle_count || pair.is_plane != 0 || !gathers(pair, 1 - side)) return;
     uint triangle = fetch(chunk_triangles, at / 4)[at % 4];
     ivec2 first, last;
-    bool any_covered = covered_squares(regions[item.y], item.y, side, triangle, corners, first, last);
+    bool any_covered = covered_squares(contact_patches[item.y], item.y, side, triangle, corners, first, last);
     triangle_at = uvec3(triangle, 2 * item.y + side, gl_InstanceIndex);
     if (any_covered) gl_Position = corner_of_squares(first, last, gl_VertexIndex % 6);
 }

@@ -1,15 +1,15 @@
-// A triangle in the axes of a contact patch (`Region`), and the cells of the other side's spatial hash that its box
+// A triangle in the axes of a contact patch (`ContactPatch`), and the cells of the other side's spatial hash that its box
 // covers. Needs shared/bins.glsl, shared/field.glsl, and `triangles`, `skin` and `buckets` as read-only arrays.
 
 // Whether the ray of some vertex of the other side may meet a triangle of `side`: whether in any depth grid cell that
 // its box (`least` to `greatest`) covers, it reaches (`height`) the vertex that lies farthest into its body. It is also
 // true where the driver ends the loops before all cells are tested.
-bool seen(Region region, uint region_index, uint side, vec2 least, vec2 greatest, float height) {
+bool seen(ContactPatch contact_patch, uint patch_index, uint side, vec2 least, vec2 greatest, float height) {
     // The margin covers the rounding of the exact test.
-    vec2 margin = 1.0e-3 * square_size(region);
-    uvec4 range = squares(region, least - margin, greatest + margin);
+    vec2 margin = 1.0e-3 * square_size(contact_patch);
+    uvec4 range = squares(contact_patch, least - margin, greatest + margin);
     uint left = (range.z - range.x + 1) * (range.w - range.y + 1);
-    uint field = BUCKETS + field_at(region_index, 1 - side), key = reach_key(side, height);
+    uint field = BUCKETS + field_at(patch_index, 1 - side), key = reach_key(side, height);
     for (uint y = range.y; y <= range.w; y++) {
         for (uint x = range.x; x <= range.z; x++) {
             left--;
@@ -21,31 +21,31 @@ bool seen(Region region, uint region_index, uint side, vec2 least, vec2 greatest
 }
 
 // Corners of a triangle along the patch's axes, and its box in the patch's plane, clipped to the patch.
-void box_of(Region region, uint triangle, out vec3 corners[3], out vec2 least, out vec2 greatest) {
+void box_of(ContactPatch contact_patch, uint triangle, out vec3 corners[3], out vec2 least, out vec2 greatest) {
     uvec3 vertices = fetch(triangles, triangle).xyz;
-    corners = vec3[](along(region, fetch(skin, vertices.x).xyz),
-        along(region, fetch(skin, vertices.y).xyz), along(region, fetch(skin, vertices.z).xyz));
-    least = max(min(min(corners[0].xy, corners[1].xy), corners[2].xy), region.low);
-    greatest = min(max(max(corners[0].xy, corners[1].xy), corners[2].xy), region.high);
+    corners = vec3[](along(contact_patch, fetch(skin, vertices.x).xyz),
+        along(contact_patch, fetch(skin, vertices.y).xyz), along(contact_patch, fetch(skin, vertices.z).xyz));
+    least = max(min(min(corners[0].xy, corners[1].xy), corners[2].xy), contact_patch.low);
+    greatest = min(max(max(corners[0].xy, corners[1].xy), corners[2].xy), contact_patch.high);
 }
 
 // First and last hash cell that the box of a triangle of `side` covers; the box must not be empty.
-void box_squares(Region region, uint side, uint triangle, out vec3 corners[3], out ivec2 first, out ivec2 last) {
+void box_squares(ContactPatch contact_patch, uint side, uint triangle, out vec3 corners[3], out ivec2 first, out ivec2 last) {
     vec2 least, greatest;
-    box_of(region, triangle, corners, least, greatest);
-    first = cell_of(region, 1 - side, least);
-    last = cell_of(region, 1 - side, greatest);
+    box_of(contact_patch, triangle, corners, least, greatest);
+    first = cell_of(contact_patch, 1 - side, least);
+    last = cell_of(contact_patch, 1 - side, greatest);
 }
 
 // Corners and hash cells of a triangle; false where no cell can hold a vertex whose ray meets it.
 bool covered_squares(
-    Region region, uint region_index, uint side, uint triangle, out vec3 corners[3], out ivec2 first, out ivec2 last) {
+    ContactPatch contact_patch, uint patch_index, uint side, uint triangle, out vec3 corners[3], out ivec2 first, out ivec2 last) {
     vec2 least, greatest;
-    box_of(region, triangle, corners, least, greatest);
-    first = cell_of(region, 1 - side, least);
-    last = cell_of(region, 1 - side, greatest);
+    box_of(contact_patch, triangle, corners, least, greatest);
+    first = cell_of(contact_patch, 1 - side, least);
+    last = cell_of(contact_patch, 1 - side, greatest);
     if (any(greaterThan(least, greatest))) return false;
     float height = side == 0 ? max(max(corners[0].z, corners[1].z), corners[2].z)
                              : min(min(corners[0].z, corners[1].z), corners[2].z);
-    return seen(region, region_index, side, least, greatest, height);
+    return seen(contact_patch, patch_index, side, least, greatest, height);
 }

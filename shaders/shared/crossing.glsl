@@ -26,7 +26,7 @@ void record_crossing(uint bin, bool front, float depth, uint triangle, uint item
 // Tests a triangle against all vertices in the cells from `first` to `last`; `corners` are along the patch's axes,
 // `side` and `item` the triangle's. One loop goes from list to list as well as along each list, so that no lane waits
 // for others at a list's end. Returns the number of lists whose end was reached.
-uint cross_squares(ivec2 first, ivec2 last, uint region_side, vec3 corners[3], uint side, uint triangle, uint item) {
+uint cross_squares(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint side, uint triangle, uint item) {
     ivec2 cell = ivec2(first.x - 1, first.y);
     uint left = uint(last.x - first.x + 1) * uint(last.y - first.y + 1), ended = 0, bin = NONE;
     while (bin < ALL_BINS || left > 0) {
@@ -38,7 +38,7 @@ uint cross_squares(ivec2 first, ivec2 last, uint region_side, vec3 corners[3], u
                 bool wraps = cell.x == last.x;
                 cell = ivec2(wraps ? first.x : cell.x + 1, wraps ? cell.y + 1 : cell.y);
                 left--;
-                uint bucket = bucket_of(cell, region_side);
+                uint bucket = bucket_of(cell, patch_side);
                 bin = fetch(buckets, bucket / 4)[bucket % 4];
             }
             if (bin < ALL_BINS) {
@@ -63,7 +63,7 @@ uint cross_squares(ivec2 first, ivec2 last, uint region_side, vec3 corners[3], u
         } while (!crossed && turns < TURNS && (bin < ALL_BINS || left > 0));
         precise float depth = (side == 1 ? -volume : volume) / sum;
         // A bucket may hold vertices of several cells that the triangle covers: a hit counts in the vertex's cell.
-        if (crossed && depth > 0.0 && bin_squares[at] == square_key(cell, region_side)) {
+        if (crossed && depth > 0.0 && bin_squares[at] == square_key(cell, patch_side)) {
             record_crossing(at, side == 1 ? sum < 0.0 : sum > 0.0, depth, triangle, item);
         }
     }

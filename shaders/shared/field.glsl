@@ -1,4 +1,4 @@
-// Min-max depth grid of a contact patch (`Region`): FIELD x FIELD cells over its rectangle. In each cell, first the
+// Min-max depth grid of a contact patch (`ContactPatch`): FIELD x FIELD cells over its rectangle. In each cell, first the
 // greatest height (coordinate along the normal) that chunks of a reach, then, in a second grid, the least height that
 // chunks of b reach. Heights are kept as integers that sort like the floats. Needs `fields` where the grid is written.
 
@@ -15,15 +15,15 @@ uint height_key(float height) {
 uint reach_key(uint side, float height) { return side == 0 ? height_key(height) : ~height_key(height); }
 
 // First cell of a side's grid.
-uint field_at(uint region, uint side) { return (2 * region + side) * FIELD * FIELD; }
+uint field_at(uint contact_patch, uint side) { return (2 * contact_patch + side) * FIELD * FIELD; }
 
-vec2 square_size(Region region) { return max(region.high - region.low, vec2(1.0e-12)) / float(FIELD); }
+vec2 square_size(ContactPatch contact_patch) { return max(contact_patch.high - contact_patch.low, vec2(1.0e-12)) / float(FIELD); }
 
 // First cell (x, y) and last cell (z, w) that a box in the patch's plane covers.
-uvec4 squares(Region region, vec2 low, vec2 high) {
-    vec2 size = square_size(region);
-    vec2 first = clamp((low - region.low) / size, vec2(0.0), vec2(FIELD - 1));
-    vec2 last = clamp((high - region.low) / size, vec2(0.0), vec2(FIELD - 1));
+uvec4 squares(ContactPatch contact_patch, vec2 low, vec2 high) {
+    vec2 size = square_size(contact_patch);
+    vec2 first = clamp((low - contact_patch.low) / size, vec2(0.0), vec2(FIELD - 1));
+    vec2 last = clamp((high - contact_patch.low) / size, vec2(0.0), vec2(FIELD - 1));
     return uvec4(first, last);
 }
 
@@ -35,9 +35,9 @@ struct Slab {
 };
 
 // Bound on the height of a chunk in a cell: the greatest for a chunk of a, the least for one of b.
-float slab_height(Region region, Slab slab, uint side, uvec2 square) {
-    vec2 size = square_size(region);
-    vec2 low = max(region.low + vec2(square) * size, slab.low), high = min(region.low + vec2(square + 1) * size, slab.high);
+float slab_height(ContactPatch contact_patch, Slab slab, uint side, uvec2 square) {
+    vec2 size = square_size(contact_patch);
+    vec2 low = max(contact_patch.low + vec2(square) * size, slab.low), high = min(contact_patch.low + vec2(square + 1) * size, slab.high);
     // The margin covers the rounding of the cells' borders.
     low -= 1.0e-3 * size;
     high += 1.0e-3 * size;

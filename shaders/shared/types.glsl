@@ -174,7 +174,7 @@ struct Chunk {
 
 const uint CHUNK_VERTICES = 64;     // most skin vertices of a chunk
 const uint CHUNK_TRIANGLES = 128;   // most triangles of a chunk
-const uint PAIR_REGIONS = 4;        // most contact patches of a pair of bodies
+const uint PAIR_PATCHES = 4;        // most contact patches of a pair of bodies
 
 // A slot: one collision proxy as a member of one pair of bodies.
 struct Slot {
@@ -185,7 +185,7 @@ struct Slot {
 };
 
 // A contact patch of a pair of bodies: a column of space in which they may touch, and the normal along which they do.
-struct Region {
+struct ContactPatch {
     vec3 normal;                // unit, from a to b
     vec3 tangent;
     vec3 bitangent;
@@ -200,7 +200,7 @@ struct ActiveChunk {
     uint chunk;
     uint slot;
     uint side;                  // 2 * pair + (0: a, 1: b)
-    uint regions;               // bit mask of the pair's contact patches in which it may touch
+    uint contact_patches;               // bit mask of the pair's contact patches in which it may touch
     uint first_item;            // first of its work items, one for each of those patches
 };
 
@@ -306,7 +306,7 @@ const uint VERDICT_FAILED = 3;      // not finite, or with too large a residual:
 const uint VERDICT_RELINEARISE = 4; // solved: linearise elasticity where the solution leads and solve again
 
 const uint FLAG_NOT_CONVERGED = 1;      // the residual is well above both the tolerance and the floor of f32
-const uint FLAG_REGION_OVERFLOW = 2;    // more contact patches, or work items of these, than fit
+const uint FLAG_PATCH_OVERFLOW = 2;    // more contact patches, or work items of these, than fit
 const uint FLAG_CONTACT_OVERFLOW = 4;   // more contacts or ray hits than fit, or a loop that the driver cut short
 const uint FLAG_DEPTH_LIMIT = 8;        // a contact is deeper than depth_limit
 const uint FLAG_NOT_HEIGHT_FIELD = 16;  // a skin folds over itself along the normal of a contact patch

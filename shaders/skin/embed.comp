@@ -11,7 +11,7 @@
 // R_i; x = c + R r on a rigid body. A vertex that several chunks list is written by each of them with the same value.
 //
 // If the chunk's vertices gather contacts, its own ones go into the spatial hash of each of its contact patches
-// (`Region`), where the depth stage finds them by triangle, unless they lie in front of all that the other side
+// (`ContactPatch`), where the depth stage finds them by triangle, unless they lie in front of all that the other side
 // reaches. One workgroup an active chunk. Oracle: oracle::proximity::embed; its test lists the contents of the hash.
 
 layout(local_size_x_id = 0) in;
@@ -31,7 +31,7 @@ READ_ONLY(vec4, skin_weights);     // four weights; of a rigid skin: position in
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
 READ_ONLY(uvec4, node_info);       // frame in z
-layout(scalar) readonly buffer Regions { Region regions[]; };
+layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 layout(scalar) readonly buffer Shares { float shares[]; };    // patch weights of each slot (a proxy in a pair)
 layout(scalar) writeonly buffer Skin { vec4 skin[]; };
 layout(scalar) buffer Buckets { uint buckets[]; };  // hash lists and depth grids, cleared to NONE; see shared/bins.glsl
@@ -83,26 +83,26 @@ void main() {
     Pair pair = pairs[entry.side / 2];
     uint side = entry.side & 1, item = entry.first_item;
     if (pair.is_plane != 0 || !gathers(pair, side)) return;
-    for (uint r = 0; r < PAIR_REGIONS; r++) {
-        if ((entry.regions & (1u << r)) == 0) continue;
-        uint region_index = (entry.side / 2) * PAIR_REGIONS + r, region_side = 2 * region_index + side;
-        Region region = regions[region_index];
-        bool sees = shares[entry.slot * PAIR_REGIONS + r] > 0.0;
+    for (uint r = 0; r < PAIR_PATCHES; r++) {
+        if ((entry.contact_patches & (1u << r)) == 0) continue;
+        uint patch_index = (entry.side / 2) * PAIR_PATCHES + r, patch_side = 2 * patch_index + side;
+        ContactPatch contact_patch = contact_patches[patch_index];
+        bool sees = shares[entry.slot * PAIR_PATCHES + r] > 0.0;
         for (uint l = lane; l < chunk.vertex_count; l += SIZE) {
             uint bin = item * CHUNK_VERTICES + l;
             bin_hits[bin] = NONE;
-            vec3 at = along(region, own[l]);
-            if (!sees || any(lessThan(at.xy, region.low)) || any(greaterThan(at.xy, region.high))) continue;
+            vec3 at = along(contact_patch, own[l]);
+            if (!sees || any(lessThan(at.xy, contact_patch.low)) || any(greaterThan(at.xy, contact_patch.high))) continue;
             // A vertex in front of all that the other side's chunks reach cannot collide.
-            uvec2 square = squares(region, at.xy, at.xy).xy;
-            uint field = field_at(region_index, 1 - side) + square.y * FIELD + square.x;
+            uvec2 square = squares(contact_patch, at.xy, at.xy).xy;
+            uint field = field_at(patch_index, 1 - side) + square.y * FIELD + square.x;
             uint other = fetch(fields, field / 4)[field % 4];
             if (side == 0 ? height_key(at.z) < other : height_key(at.z) > other) continue;
-            ivec2 cell = cell_of(region, side, at.xy);
-            uint next = atomicExchange(buckets[bucket_of(cell, region_side)], bin);
+            ivec2 cell = cell_of(contact_patch, side, at.xy);
+            uint next = atomicExchange(buckets[bucket_of(cell, patch_side)], bin);
             bins[bin] = uvec4(floatBitsToUint(at), next);
-            bin_squares[bin] = square_key(cell, region_side);
-            uint sight = BUCKETS + field_at(region_index, side) + square.y * FIELD + square.x;
+            bin_squares[bin] = square_key(cell, patch_side);
+            uint sight = BUCKETS + field_at(patch_index, side) + square.y * FIELD + square.x;
             atomicMin(buckets[sight], reach_key(1 - side, at.z));
         }
         item += 1;

@@ -14,7 +14,7 @@ use crate::prepare::{Body, Cache, Proxy, Shape, Skin, body_and_report};
 use crate::query::arrays::ArrayChoice;
 use crate::query::choice::Choice;
 use crate::scene::Scene;
-use crate::shaders::{Contact, Counts, Frame, Link, Pair, Region, StepParams};
+use crate::shaders::{Contact, ContactPatch, Counts, Frame, Link, Pair, StepParams};
 use crate::stages::depth::Path;
 use crate::stages::elastic::Elastic;
 use crate::stages::model::{Model, texel};
@@ -86,7 +86,7 @@ pub struct Query {
     fetch: Recording,
     contacts: Buffer,
     counts: Buffer,
-    regions: Buffer,
+    contact_patches: Buffer,
     /// Kept alive because the recordings read its arrays.
     _elastic: Elastic,
     pair: Pair,
@@ -110,7 +110,7 @@ pub struct Answer {
     /// Contact patches, that is areas with one normal where the bodies may touch; positions are relative to
     /// [`Answer::origin`].
     #[doc(hidden)]
-    pub regions: Vec<Region>,
+    pub contact_patches: Vec<ContactPatch>,
     /// World position that the contact patches are relative to, m.
     pub origin: DVec3,
     /// Warnings about the answer, for instance a contact beyond the depth limit.
@@ -194,7 +194,7 @@ impl Query {
         let mut fresh = Recorder::untimed(context)?;
         fresh.stage("forget");
         fresh.fill(&common.counts, 0);
-        fresh.fill(&touch.cull.regions, 0);
+        fresh.fill(&touch.cull.contact_patches, 0);
         let mut fetch = Recorder::untimed(context)?;
         fetch.stage("read");
         let mut copy = |from: &Buffer| -> Result<Buffer> {
@@ -203,7 +203,7 @@ impl Query {
             Ok(to)
         };
         let contacts = copy(&touch.contact.touch.contacts)?;
-        let (counts, regions) = (copy(&common.counts)?, copy(&touch.cull.regions)?);
+        let (counts, contact_patches) = (copy(&common.counts)?, copy(&touch.cull.contact_patches)?);
 
         let params = StepParams { dt: 1.0, depth_limit: settings.depth_limit as f32, ..bytemuck::Zeroable::zeroed() };
         common.params.mapped_mut::<StepParams>()?[0] = params;
@@ -219,7 +219,7 @@ impl Query {
             touch,
             contacts,
             counts,
-            regions,
+            contact_patches,
             _elastic: elastic,
             pair: model.pairs[0],
             bodies,
@@ -279,13 +279,17 @@ impl Query {
         self.fetch.submit_and_wait()?;
         let counts = self.counts.mapped::<Counts>()?[0];
         let contacts = self.contacts.mapped::<Contact>()?;
-        let regions = self.regions.mapped::<Region>()?;
+        let contact_patches = self.contact_patches.mapped::<ContactPatch>()?;
         let mut contacts: Vec<QueryContact> =
             contacts[..counts.contacts as usize].iter().map(|contact| self.contact(contact)).collect();
         contacts.sort_by_key(|contact| (contact.body, contact.vertex));
         Ok(Answer {
             contacts,
-            regions: regions.iter().filter(|region| region.weight > 0.0).copied().collect(),
+            contact_patches: contact_patches
+                .iter()
+                .filter(|contact_patch| contact_patch.weight > 0.0)
+                .copied()
+                .collect(),
             origin,
             flags: Flags(counts.flags),
             counts,

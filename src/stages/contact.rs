@@ -1,6 +1,6 @@
 //! Contact stage: decides which skin vertices collide and how deep, lists them densely, computes what the solver needs
 //! of each, and makes the index from nodes to contacts. A vertex gathers contacts if the hits on its ray along the
-//! normal are looked up; a contact patch (`regions` in the code) is a part of a pair's contact with one normal; a chunk
+//! normal are looked up; a contact patch (`contact_patches` in the code) is a part of a pair's contact with one normal; a chunk
 //! is a group of at most 64 skin vertices.
 
 use std::sync::Arc;
@@ -151,7 +151,7 @@ impl Contact {
                 chunks: &cull.chunks,
                 chunk_vertices: &skin.chunk_vertices,
                 pairs: &cull.pairs,
-                regions: &cull.regions,
+                contact_patches: &cull.contact_patches,
                 shares: Some(&cull.shares),
                 triangles: &skin.triangles,
                 skin: &skin.skin,

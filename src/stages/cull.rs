@@ -1,5 +1,5 @@
 //! Cull stage (broad phase): finds which collision proxies (convex hulls that cover the skin) of two bodies may touch
-//! and in which directions, groups the directions into contact patches (`regions` in the code: one normal each), and
+//! and in which directions, groups the directions into contact patches (`contact_patches` in the code: one normal each), and
 //! lists the chunks (groups of at most 64 skin vertices) that may meet. A work item is an active chunk in one contact
 //! patch.
 
@@ -14,8 +14,8 @@ use super::{Common, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
-use crate::shaders::{ActiveChunk, Pair, Region};
-use crate::stages::PAIR_REGIONS;
+use crate::shaders::{ActiveChunk, ContactPatch, Pair};
+use crate::stages::PAIR_PATCHES;
 
 /// Length in words of a contact patch's min-max depth grid, which has FIELD x FIELD cells for each of the two bodies; a
 /// cell holds how far that body reaches along the patch's normal.
@@ -29,7 +29,7 @@ pub const MOST_CELLS: u32 = 128;
 pub struct Cull {
     test: Kernel,
     direction: Kernel,
-    regions_kernel: Kernel,
+    contact_patches_kernel: Kernel,
     chunks_kernel: Kernel,
     meet: Kernel,
     pair_count: u32,
@@ -41,14 +41,14 @@ pub struct Cull {
     reach: Buffer,
     near_pairs: Buffer,
     directions: Buffer,
-    /// [`PAIR_REGIONS`] contact patches per pair of bodies, a [`Region`] each.
-    pub regions: Buffer,
+    /// [`PAIR_PATCHES`] contact patches per pair of bodies, a [`ContactPatch`] each.
+    pub contact_patches: Buffer,
     /// A slot is a proxy's part in a pair of bodies: one [`crate::shaders::Slot`] each.
     pub slots: Buffer,
     /// Per slot: the share that each of the pair's contact patches has in its vertices.
     pub shares: Buffer,
     boxes: Buffer,
-    slot_regions: Buffer,
+    proxy_patches: Buffer,
     slot_counts: Buffer,
     active_slots: Buffer,
     /// The chunks of all proxies, a [`crate::shaders::Chunk`] each.
@@ -85,8 +85,8 @@ impl Cull {
             test: reduce("cull/pairs", &[("PROXY_PAIRS", count(proxy_pairs)), ("SHARE", share.into())])?,
             test_groups: (proxy_pairs as u32).div_ceil(share),
             direction: reduce("cull/direction", &[])?,
-            regions_kernel: reduce(
-                "cull/regions",
+            contact_patches_kernel: reduce(
+                "cull/contact_patches",
                 &[("MOST_CELLS", MOST_CELLS.into()), ("FOLLOW", follow.into()), ("BUCKETS", buckets.into())],
             )?,
             chunks_kernel: reduce("cull/chunks", &[spans])?,
@@ -98,18 +98,18 @@ impl Cull {
             reach: array::<[f32; 2]>(context, "reach_of", proxy_pairs)?,
             near_pairs: array::<u32>(context, "near_pairs", proxy_pairs)?,
             directions: zeros::<[f32; 4]>(context, "directions", 2 * proxy_pairs)?,
-            regions: zeros::<Region>(context, "regions", PAIR_REGIONS * model.pairs.len())?,
+            contact_patches: zeros::<ContactPatch>(context, "contact_patches", PAIR_PATCHES * model.pairs.len())?,
             slots: upload(context, "slots", &model.slots)?,
-            shares: array::<f32>(context, "shares", PAIR_REGIONS * slots)?,
-            boxes: array::<[f32; 6]>(context, "boxes", PAIR_REGIONS * slots)?,
-            slot_regions: array::<u32>(context, "slot_regions", slots)?,
+            shares: array::<f32>(context, "shares", PAIR_PATCHES * slots)?,
+            boxes: array::<[f32; 6]>(context, "boxes", PAIR_PATCHES * slots)?,
+            proxy_patches: array::<u32>(context, "proxy_patches", slots)?,
             slot_counts: zeros::<[u32; 2]>(context, "slot_counts", slots)?,
             active_slots: array::<u32>(context, "active_slots", slots)?,
             chunks: upload(context, "chunks", &model.chunks)?,
             chunk_nodes: upload(context, "chunk_nodes", &model.chunk_nodes)?,
             slot_chunks: array::<[u32; 2]>(context, "slot_chunks", model.slot_chunks)?,
-            slabs: array::<[f32; 8]>(context, "slabs", PAIR_REGIONS * model.slot_chunks)?,
-            fields: array::<u32>(context, "fields", PAIR_REGIONS * model.pairs.len() * FIELD_WORDS)?,
+            slabs: array::<[f32; 8]>(context, "slabs", PAIR_PATCHES * model.slot_chunks)?,
+            fields: array::<u32>(context, "fields", PAIR_PATCHES * model.pairs.len() * FIELD_WORDS)?,
             active_chunks: array::<ActiveChunk>(context, "active_chunks", items)?,
             items: array::<[u32; 2]>(context, "items", items)?,
         })
@@ -117,7 +117,7 @@ impl Cull {
 
     /// The array that a step leaves for the next: the contact patches, whose normals turn gradually.
     pub fn state(&self) -> [&Buffer; 1] {
-        [&self.regions]
+        [&self.contact_patches]
     }
 
     /// Records five passes: proxy pairs, directions, contact patches, bounds of chunks, and the list of chunks that
@@ -135,17 +135,17 @@ impl Cull {
         if self.test_groups > 0 {
             self.record_directions(recorder, common, pose, last);
         }
-        let arguments = shaders::cull::Regions {
+        let arguments = shaders::cull::ContactPatches {
             params: &common.params,
             pairs: &self.pairs,
             proxies: &pose.proxies,
             bounds: &pose.bounds,
             hull: &pose.hull,
             directions: &self.directions,
-            regions: &self.regions,
+            contact_patches: &self.contact_patches,
             shares: &self.shares,
             boxes: &self.boxes,
-            slot_regions: &self.slot_regions,
+            proxy_patches: &self.proxy_patches,
             slot_counts: &self.slot_counts,
             active_slots: &self.active_slots,
             fields: &self.fields,
@@ -154,7 +154,7 @@ impl Cull {
             near_pairs: &self.near_pairs,
             buckets: &skin.buckets,
         };
-        recorder.dispatch_groups(&self.regions_kernel, &arguments, self.pair_count);
+        recorder.dispatch_groups(&self.contact_patches_kernel, &arguments, self.pair_count);
         let arguments = shaders::cull::Chunks {
             pairs: &self.pairs,
             slots: &self.slots,
@@ -166,9 +166,9 @@ impl Cull {
             displacement: &elastic.displacement,
             node_rest: Some(&elastic.node_rest),
             links: Some(&common.links),
-            regions: &self.regions,
+            contact_patches: &self.contact_patches,
             boxes: &self.boxes,
-            slot_regions: &self.slot_regions,
+            proxy_patches: &self.proxy_patches,
             slot_chunks: &self.slot_chunks,
             slabs: &self.slabs,
             fields: &self.fields,
@@ -179,7 +179,7 @@ impl Cull {
             slots: &self.slots,
             active_slots: &self.active_slots,
             proxies: &pose.proxies,
-            regions: &self.regions,
+            contact_patches: &self.contact_patches,
             slabs: &self.slabs,
             fields: &self.fields,
             slot_chunks: &self.slot_chunks,

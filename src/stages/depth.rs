@@ -68,7 +68,7 @@ impl Depth {
             active_chunks: &cull.active_chunks,
             chunks: &cull.chunks,
             chunk_triangles: &self.chunk_triangles,
-            regions: &cull.regions,
+            contact_patches: &cull.contact_patches,
             triangles: &skin.triangles,
             skin: &skin.skin,
             buckets: &skin.buckets,

@@ -12,7 +12,7 @@ impl Flags {
     /// reach.
     pub const NOT_CONVERGED: Flags = Flags(shaders::FLAG_NOT_CONVERGED);
     /// There are more contact patches, or more active chunks of skin, than there is room for.
-    pub const REGION_OVERFLOW: Flags = Flags(shaders::FLAG_REGION_OVERFLOW);
+    pub const REGION_OVERFLOW: Flags = Flags(shaders::FLAG_PATCH_OVERFLOW);
     /// There are more contacts, or more ray hits, than there is room for.
     pub const CONTACT_OVERFLOW: Flags = Flags(shaders::FLAG_CONTACT_OVERFLOW);
     /// A contact is deeper than the scene's `depth_limit`.

@@ -41,8 +41,8 @@ use model::Model;
 pub const CHUNK_VERTICES: usize = shaders::CHUNK_VERTICES as usize;
 /// Largest number of triangles of a chunk.
 pub const CHUNK_TRIANGLES: usize = shaders::CHUNK_TRIANGLES as usize;
-/// Largest number of contact patches (`regions` in the code: one normal each) of a pair of bodies.
-pub const PAIR_REGIONS: usize = shaders::PAIR_REGIONS as usize;
+/// Largest number of contact patches (`contact_patches` in the code: one normal each) of a pair of bodies.
+pub const PAIR_PATCHES: usize = shaders::PAIR_PATCHES as usize;
 /// Length of the array of indirect arguments, in 32-bit words.
 pub const ARGS_WORDS: usize = shaders::ARGS_WORDS as usize;
 

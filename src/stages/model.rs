@@ -22,7 +22,7 @@ use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
 use crate::scene::{Scene, Sides, ToolShape};
 use crate::shaders::{Chunk, ElasticMaterial, NONE, Pair, Proxy, Slot};
-use crate::stages::PAIR_REGIONS;
+use crate::stages::PAIR_PATCHES;
 
 /// Largest number of work items (an active chunk in one contact patch): any GPU can give each of them a workgroup, and
 /// they have four million vertices. More raise the region overflow flag.
@@ -372,12 +372,12 @@ impl Model {
 
     /// Largest number of work items (an active chunk in one contact patch) of chunks whose vertices gather contacts.
     pub fn most_gathering_items(&self) -> usize {
-        (PAIR_REGIONS * self.gathering_chunks).min(MOST_ITEMS)
+        (PAIR_PATCHES * self.gathering_chunks).min(MOST_ITEMS)
     }
 
     /// Largest number of work items (an active chunk in one contact patch).
     pub fn most_items(&self) -> usize {
-        (PAIR_REGIONS * self.slot_chunks).min(MOST_ITEMS)
+        (PAIR_PATCHES * self.slot_chunks).min(MOST_ITEMS)
     }
 
     fn add_skin(&mut self, skin: &Skin, vertex_first: usize) {

@@ -11,7 +11,7 @@ use super::{Common, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
-use crate::stages::{CHUNK_VERTICES, PAIR_REGIONS};
+use crate::stages::{CHUNK_VERTICES, PAIR_PATCHES};
 
 /// Number of buckets of the spatial hash, at least.
 pub const LEAST_BUCKETS: u32 = 1 << 13;
@@ -26,7 +26,7 @@ pub fn buckets(model: &Model) -> u32 {
 /// patch, which holds for each cell how far a triangle must reach along the normal to be hit by a ray of the vertices
 /// there.
 fn bucket_words(model: &Model) -> u32 {
-    buckets(model) + (PAIR_REGIONS * model.pairs.len() * FIELD_WORDS) as u32
+    buckets(model) + (PAIR_PATCHES * model.pairs.len() * FIELD_WORDS) as u32
 }
 
 /// Topology and embedding of all skins, and their positions in this step.
@@ -89,7 +89,7 @@ impl Skin {
             node_rest: &elastic.node_rest,
             displacement: &elastic.displacement,
             node_info: Some(&elastic.node_info),
-            regions: &cull.regions,
+            contact_patches: &cull.contact_patches,
             shares: &cull.shares,
             skin: &self.skin,
             buckets: &self.buckets,

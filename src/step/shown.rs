@@ -1,8 +1,8 @@
 //! Arrays for renderers: the skins as they are now, on the GPU, and scalar fields to colour them by. This reads what a
 //! step leaves and writes nothing of it, so a run gives the same bits whether it is displayed or not.
 
+mod contact_patches;
 mod overlay;
-mod squares;
 
 use std::ops::Range;
 
@@ -16,9 +16,9 @@ use crate::stages::contact::Touch;
 use crate::stages::draw::{Draw, Fields};
 pub use crate::stages::draw::{Field, Skins};
 use crate::{Error, Result};
+pub use contact_patches::ContactPatchRectangle;
 use overlay::ShownMesh;
 pub use overlay::{Cut, Mesh, Overlay, Part};
-pub use squares::RegionSquare;
 
 /// The arrays that are displayed, and the recordings that fill them.
 pub(super) struct Shown {

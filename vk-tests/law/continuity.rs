@@ -98,8 +98,8 @@ fn run(sweep: &Sweep) -> Felt {
         let row = simulation.step().unwrap();
         flags |= row.flags.0;
         force.push(row.tool.unwrap().force);
-        let (regions, found) = simulation.touch().unwrap();
-        normals.push(DVec3::from(regions[0].normal.map(f64::from)));
+        let (contact_patches, found) = simulation.touch().unwrap();
+        normals.push(DVec3::from(contact_patches[0].normal.map(f64::from)));
         let of = |c: &Contact| ((c.side, c.vertex), STIFFNESS * f64::from(c.area) * f64::from(c.depth));
         contacts.push(found.iter().map(of).collect::<BTreeMap<_, _>>());
     }

@@ -146,8 +146,8 @@ pub fn beside(
     for _ in 0..steps {
         let row = run(&mut simulation, 1).remove(0);
         assert_eq!(row.flags, Flags::default(), "step {}", row.step);
-        let region = simulation.touch().unwrap().0[0];
-        let contacts = twin.contacts(DVec3::from(region.normal.map(f64::from)).normalize_or_zero());
+        let contact_patch = simulation.touch().unwrap().0[0];
+        let contacts = twin.contacts(DVec3::from(contact_patch.normal.map(f64::from)).normalize_or_zero());
         let device = scene.coupling.map(|_| {
             let device = palpate::internal::step::drive::Drive::new(&scene.drive, scene.drive[0]).device(row.time, h);
             tool::Device {

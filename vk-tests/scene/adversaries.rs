@@ -211,14 +211,14 @@ fn many_pairs(cells: [u32; 3]) {
     let mut simulation = open(&scene(&text), Some(Path::Compute));
     // Contacts are read after the first step, with the cubes as placed: afterwards the slab moves back from them.
     let mut rows = run(&mut simulation, 1);
-    let (regions, contacts) = simulation.touch().unwrap();
+    let (contact_patches, contacts) = simulation.touch().unwrap();
     let mut pushed = vec![false; columns * CUBES.1];
     contacts.iter().for_each(|contact| pushed[contact.side as usize / 2] = true);
     rows.extend(run(&mut simulation, STEPS - 1));
     let flags = rows.iter().fold(0, |all, row| all | row.flags.0);
     println!(
-        "200 pairs: {} regions, {} contacts, {} pairs with some; flags {flags}; up to {} iterations",
-        regions.iter().filter(|region| region.weight > 0.0).count(),
+        "200 pairs: {} contact_patches, {} contacts, {} pairs with some; flags {flags}; up to {} iterations",
+        contact_patches.iter().filter(|contact_patch| contact_patch.weight > 0.0).count(),
         contacts.len(),
         pushed.iter().filter(|p| **p).count(),
         rows.iter().map(|row| row.iterations).max().unwrap()

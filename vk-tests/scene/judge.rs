@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 use palpate::QueryContact;
 use palpate::internal::prepare::{Body, Proxy, Shape, Skin};
 use palpate::internal::query::Answer;
-use palpate::internal::shaders::Region;
+use palpate::internal::shaders::ContactPatch;
 use palpate_oracle::rays::{Outline, Rays};
 use palpate_oracle::skin::normals;
 
@@ -126,14 +126,14 @@ struct Side<'a> {
 
 /// True if a vertex (relative to the answer's origin) projects into a contact patch's rectangle: each patch has the
 /// contacts of its own rectangle.
-fn holds(region: &Region, x: DVec3) -> bool {
+fn holds(contact_patch: &ContactPatch, x: DVec3) -> bool {
     let along = |axis: [f32; 3]| x.dot(DVec3::from(axis.map(f64::from)));
-    let at = [along(region.tangent), along(region.bitangent)];
-    (0..2).all(|k| at[k] >= region.low[k].into() && at[k] <= region.high[k].into())
+    let at = [along(contact_patch.tangent), along(contact_patch.bitangent)];
+    (0..2).all(|k| at[k] >= contact_patch.low[k].into() && at[k] <= contact_patch.high[k].into())
 }
 
-fn normal_of(region: &Region) -> DVec3 {
-    DVec3::from(region.normal.map(f64::from)).normalize()
+fn normal_of(contact_patch: &ContactPatch) -> DVec3 {
+    DVec3::from(contact_patch.normal.map(f64::from)).normalize()
 }
 
 /// Compares an answer with ray casts. The query may leave out contacts deeper than `limit` (m).
@@ -143,7 +143,7 @@ pub fn judge(what: &str, subjects: [&Subject; 2], poses: [Pose; 2], answer: &Ans
     let mut tally = Tally { queries: 1, flagged: usize::from(answer.flags.0 != 0), ..Tally::default() };
     tally.contacts = answer.contacts.len();
     let mut known: Vec<DVec3> = Vec::new();
-    for normal in answer.regions.iter().map(normal_of).chain(answer.contacts.iter().map(|c| c.normal)) {
+    for normal in answer.contact_patches.iter().map(normal_of).chain(answer.contacts.iter().map(|c| c.normal)) {
         if !known.iter().any(|other| other.dot(normal) > SAME) {
             known.push(normal);
         }
@@ -205,8 +205,8 @@ impl Side<'_> {
         let x = self.positions[v];
         // Where there is a single normal, the query looks at the whole skin.
         let looks = |seen: &&Seen| {
-            let of = |r: &Region| normal_of(r).dot(seen.normal).abs() > SAME && holds(r, x - answer.origin);
-            self.seen.len() == 1 || answer.regions.iter().any(of)
+            let of = |r: &ContactPatch| normal_of(r).dot(seen.normal).abs() > SAME && holds(r, x - answer.origin);
+            self.seen.len() == 1 || answer.contact_patches.iter().any(of)
         };
         let mut first = None;
         for seen in self.seen.iter().filter(looks) {

@@ -28,7 +28,7 @@ fn placed(body: &Body, (position, orientation): PoseOf) -> (Vec<DVec3>, Vec<[u32
 
 /// Checks every contact against the ray along its normal, and that no contact which a ray finds is missing.
 fn check(what: &str, bodies: [&Body; 2], poses: [PoseOf; 2], answer: &Answer, radius: f64) -> usize {
-    let normal = DVec3::from(answer.regions[0].normal.map(f64::from)).normalize();
+    let normal = DVec3::from(answer.contact_patches[0].normal.map(f64::from)).normalize();
     let [(ax, at), (bx, bt)] = [0, 1].map(|k| placed(bodies[k], poses[k]));
     let hits =
         [ray_depths(normal, &ax, &at, &bx, &bt, f64::INFINITY), ray_depths(-normal, &bx, &bt, &ax, &at, f64::INFINITY)];
@@ -72,7 +72,7 @@ fn spheres_of_any_size_anywhere_along_any_direction() {
                     let poses = [(at, random.turn(3.0)), (at + gap * radius * towards, random.turn(3.0))];
                     let answer = query.run(poses[0], poses[1]).unwrap();
                     let what = format!("{}, radius {radius}, {gap} radii apart", path.name());
-                    assert_eq!((answer.flags, answer.regions.len()), (Flags::default(), 1), "{what}");
+                    assert_eq!((answer.flags, answer.contact_patches.len()), (Flags::default(), 1), "{what}");
                     if direction.is_some() {
                         assert!((answer.contacts[0].normal - tilted).abs().max_element() < UNIT, "{what}");
                     }

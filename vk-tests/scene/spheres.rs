@@ -102,7 +102,7 @@ fn every_path(what: &str, a: &Body, tool: &Body, normal: DVec3, least: usize) ->
         flow.query(path);
         assert_eq!(flow.counts.flags, 0, "{what}, {}", path.name());
         let depths = got(&flow, first, first_triangle);
-        let normal = DVec3::from_array(flow.regions[0].normal.map(f64::from)).normalize();
+        let normal = DVec3::from_array(flow.contact_patches[0].normal.map(f64::from)).normalize();
         let matched = same(&format!("{what}, {}", path.name()), &depths, &wanted(normal, a, tool));
         assert!(matched >= least, "{what}, {}: only {matched} contacts", path.name());
         last = Some((flow, depths));
@@ -117,7 +117,7 @@ fn a_sphere_on_a_plane_of_two_triangles() {
     let (flow, depths) = every_path("two triangles", &plane, &tool, DVec3::Y, 20);
     // Found by hand: the lowest vertex is a tenth of the radius below the plane.
     let deepest = depths.values().fold(0.0f64, |most, d| most.max(d.0));
-    let normal_y = f64::from(flow.regions[0].normal[1]);
+    let normal_y = f64::from(flow.contact_patches[0].normal[1]);
     assert!((deepest * normal_y - 0.1 * RADIUS).abs() < 2.0 * DEPTH, "{deepest}");
     assert!(depths.keys().all(|k| k.0 == 1), "the plane's own corners are far away");
 }
@@ -200,7 +200,7 @@ fn worst(a: &Body, halvings: u32, turn: DQuat, place: DVec3, path: Path) -> (f64
     let mut flow = Flow::new(std::slice::from_ref(a), Some(&tool), place);
     give_direction(&mut flow, place - a.position);
     flow.query(path);
-    let normal = DVec3::from_array(flow.regions[0].normal.map(f64::from)).normalize();
+    let normal = DVec3::from_array(flow.contact_patches[0].normal.map(f64::from)).normalize();
     let own = mesh(a).0;
     let depths = got(&flow, [0, own.len() as u32], [0, 0]);
     let mut worst = 0.0f64;

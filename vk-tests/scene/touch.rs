@@ -155,8 +155,8 @@ fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Step
     let mut tilt = 0.0f64;
     for _ in 0..PRESS_STEPS {
         let row = run(&mut simulation, 1).remove(0);
-        let (regions, contacts) = simulation.touch().unwrap();
-        let normal = DVec3::from(regions[0].normal.map(f64::from)).normalize();
+        let (contact_patches, contacts) = simulation.touch().unwrap();
+        let normal = DVec3::from(contact_patches[0].normal.map(f64::from)).normalize();
         tilt = tilt.max(normal.distance(twin.oracle.bodies[0].elements.frame * DVec3::Y));
         let own = twin.contacts(normal);
         let (depth, count) = unmatched(&contacts, &own, skin_vertices);

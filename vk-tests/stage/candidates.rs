@@ -4,9 +4,9 @@
 
 use glam::{DMat3, DVec3};
 use palpate::internal::shaders;
-use palpate::internal::shaders::{ActiveChunk, Chunk, NONE, Pair, Region};
-use palpate::internal::stages::{CHUNK_VERTICES, PAIR_REGIONS};
-use palpate_oracle::regions;
+use palpate::internal::shaders::{ActiveChunk, Chunk, ContactPatch, NONE, Pair};
+use palpate::internal::stages::{CHUNK_VERTICES, PAIR_PATCHES};
+use palpate_oracle::contact_patches;
 
 use crate::harness::bodies::{half_space, rigid, sphere, whole};
 use crate::harness::random::Random;
@@ -37,7 +37,7 @@ struct Given {
     flow: Flow,
     outward: Vec<DVec3>,
     /// Hits, by vertex and patch.
-    crossed: Vec<[Vec<Made>; PAIR_REGIONS]>,
+    crossed: Vec<[Vec<Made>; PAIR_PATCHES]>,
 }
 
 fn narrow(x: DVec3) -> [f32; 4] {
@@ -57,15 +57,15 @@ impl Given {
         let pair =
             Pair { proxy_count: [2, 2], first_slot: [0, 2], first_proxy_pair: FIRST_PROXY_PAIR, ..Pair::default() };
         flow.pairs = vec![pair];
-        flow.regions = vec![Region::default(); PAIR_REGIONS];
-        for (region, normal) in flow.regions.iter_mut().zip(normals) {
+        flow.contact_patches = vec![ContactPatch::default(); PAIR_PATCHES];
+        for (contact_patch, normal) in flow.contact_patches.iter_mut().zip(normals) {
             let normal = normal.as_vec3().as_dvec3();
             let (tangent, bitangent) = normal.any_orthonormal_pair();
-            [region.normal, region.tangent, region.bitangent] =
+            [contact_patch.normal, contact_patch.tangent, contact_patch.bitangent] =
                 [normal, tangent, bitangent].map(|axis| axis.as_vec3().to_array());
-            region.weight = 1.0;
+            contact_patch.weight = 1.0;
         }
-        flow.shares = vec![1.0; 4 * PAIR_REGIONS];
+        flow.shares = vec![1.0; 4 * PAIR_PATCHES];
         let model = &mut flow.model;
         (flow.skin, model.triangles, model.fan_first, model.fans, model.skin_areas) =
             (vec![], vec![], vec![0], vec![], vec![]);
@@ -73,8 +73,8 @@ impl Given {
     }
 
     /// Number of contact patches.
-    fn regions(&self) -> usize {
-        self.flow.regions.iter().filter(|region| region.weight > 0.0).count()
+    fn contact_patches(&self) -> usize {
+        self.flow.contact_patches.iter().filter(|contact_patch| contact_patch.weight > 0.0).count()
     }
 
     /// Adds a vertex with its outward normal, and the hits on its ray in each patch, in this order.
@@ -89,7 +89,7 @@ impl Given {
         model.skin_areas.extend([1e-4 * (1.5 + random.next() as f32), 0.0, 0.0]);
         model.triangles.push([first, first + 1, first + 2, 0]);
         self.outward.push(outward);
-        let mut crossed: [Vec<_>; PAIR_REGIONS] = Default::default();
+        let mut crossed: [Vec<_>; PAIR_PATCHES] = Default::default();
         for (r, list) in crossings.iter().enumerate() {
             for (depth, front) in list {
                 let triangle = self.cross(wide(&self.flow.skin[first as usize]), r, *depth, random);
@@ -102,8 +102,9 @@ impl Given {
 
     /// Adds a triangle, aslant at random, that the vertex's ray hits at this depth.
     fn cross(&mut self, x: DVec3, r: usize, depth: f64, random: &mut Random) -> u32 {
-        let region = &self.flow.regions[r];
-        let axes = [region.tangent, region.bitangent, region.normal].map(|axis| DVec3::from_array(axis.map(f64::from)));
+        let contact_patch = &self.flow.contact_patches[r];
+        let axes = [contact_patch.tangent, contact_patch.bitangent, contact_patch.normal]
+            .map(|axis| DVec3::from_array(axis.map(f64::from)));
         let sign = if self.side == 0 { -1.0 } else { 1.0 };
         let at = x + sign * depth * axes[2];
         let mut corner = |turn: f64| {
@@ -127,7 +128,7 @@ impl Given {
     /// Makes lists of hits, chunks (groups of up to 64 skin vertices) and work items (a chunk in a patch), and runs the
     /// kernel.
     fn run(&mut self) {
-        let (count, regions) = (self.crossed.len(), self.regions());
+        let (count, contact_patches) = (self.crossed.len(), self.contact_patches());
         let flow = &mut self.flow;
         let is_own = |t: &u32| flow.model.fans.contains(t);
         let own = (0..flow.model.triangles.len() as u32).filter(is_own);
@@ -139,9 +140,10 @@ impl Given {
         };
         flow.model.chunks = (0..count).step_by(CHUNK_VERTICES).map(chunk).collect();
         let chunks = flow.model.chunks.len() as u32;
-        let (mask, each) = ((1 << regions) - 1, regions as u32);
+        let (mask, each) = ((1 << contact_patches) - 1, contact_patches as u32);
         let slot = 2 * self.side + 1;
-        let entry = |chunk: u32| ActiveChunk { chunk, slot, side: self.side, regions: mask, first_item: chunk * each };
+        let entry =
+            |chunk: u32| ActiveChunk { chunk, slot, side: self.side, contact_patches: mask, first_item: chunk * each };
         flow.active_chunks = (0..chunks).map(entry).collect();
         flow.items = (0..chunks * each).map(|i| [i / each, i % each]).collect();
         // Chunks of the other side, one for each slot, are listed behind those that the kernel works on.
@@ -153,8 +155,8 @@ impl Given {
         flow.bin_hits = vec![NONE; CHUNK_VERTICES * (chunks * each) as usize];
         flow.crossings = vec![];
         for (v, crossed) in self.crossed.iter().enumerate() {
-            for (r, list) in crossed.iter().take(regions).enumerate() {
-                let bin = (v / CHUNK_VERTICES * regions + r) * CHUNK_VERTICES + v % CHUNK_VERTICES;
+            for (r, list) in crossed.iter().take(contact_patches).enumerate() {
+                let bin = (v / CHUNK_VERTICES * contact_patches + r) * CHUNK_VERTICES + v % CHUNK_VERTICES;
                 for (triangle, depth, front, slot) in list {
                     let next = std::mem::replace(&mut flow.bin_hits[bin], flow.crossings.len() as u32);
                     let what = (opposing + slot) << 1 | u32::from(*front);
@@ -177,12 +179,12 @@ impl Given {
             for (r, list) in crossed.iter().enumerate() {
                 let nearest = list.iter().min_by(|x, y| x.1.total_cmp(&y.1).then(x.0.cmp(&y.0)));
                 if let Some(nearest) = nearest.filter(|nearest| nearest.2) {
-                    let share = f64::from(flow.shares[(2 * self.side as usize + 1) * PAIR_REGIONS + r]);
-                    seen.push((share, nearest.1, wide(&flow.regions[r].normal), nearest));
+                    let share = f64::from(flow.shares[(2 * self.side as usize + 1) * PAIR_PATCHES + r]);
+                    seen.push((share, nearest.1, wide(&flow.contact_patches[r].normal), nearest));
                 }
             }
             let sights: Vec<_> = seen.iter().map(|s| (s.0, s.1, s.2)).collect();
-            let Some((depth, Some(normal))) = regions::blend(&sights) else {
+            let Some((depth, Some(normal))) = contact_patches::blend(&sights) else {
                 assert_eq!(hit, [0.0; 4], "{what}");
                 continue;
             };
@@ -308,12 +310,13 @@ fn opposite_regions_that_are_equally_near_say_nothing() {
 fn vertices_by_the_hundred_in_up_to_four_regions_against_the_oracle() {
     let mut random = Random(7);
     for side in 0..2 {
-        for regions in 1..=PAIR_REGIONS {
-            let normals: Vec<DVec3> = (0..regions).map(|_| (DVec3::Z + 0.5 * random.vector()).normalize()).collect();
+        for contact_patches in 1..=PAIR_PATCHES {
+            let normals: Vec<DVec3> =
+                (0..contact_patches).map(|_| (DVec3::Z + 0.5 * random.vector()).normalize()).collect();
             let mut given = Given::new(side, &normals);
             given.flow.shares.iter_mut().for_each(|share| *share = 0.55 + 0.45 * random.next() as f32);
             for _ in 0..300 {
-                let crossings: Vec<Vec<Crossing>> = (0..regions)
+                let crossings: Vec<Vec<Crossing>> = (0..contact_patches)
                     .map(|_| {
                         let count = random.below(4);
                         (0..count).map(|_| (0.012 + 0.008 * random.next(), random.next() > -0.4)).collect()
@@ -325,7 +328,10 @@ fn vertices_by_the_hundred_in_up_to_four_regions_against_the_oracle() {
             }
             given.run();
             let [found, blended] = given.check();
-            assert!(found > 80 && (regions == 1) == (blended == 0), "{found} of {regions} regions, {blended} blended");
+            assert!(
+                found > 80 && (contact_patches == 1) == (blended == 0),
+                "{found} of {contact_patches} contact_patches, {blended} blended"
+            );
         }
     }
 }

@@ -5,10 +5,10 @@
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
-use palpate::internal::shaders::{ActiveChunk, Counts, NONE, Pair, Proxy, Region, Slot};
+use palpate::internal::shaders::{ActiveChunk, ContactPatch, Counts, NONE, Pair, Proxy, Slot};
 use palpate::internal::stages::ARGS_WORDS;
-use palpate::internal::stages::PAIR_REGIONS;
-use palpate_oracle::regions::{along, chunk_box};
+use palpate::internal::stages::PAIR_PATCHES;
+use palpate_oracle::contact_patches::{along, chunk_box};
 
 use crate::harness::bodies::{octants, rigid, soft, sphere, whole};
 use crate::harness::random::Random;
@@ -26,20 +26,28 @@ fn wide(x: &[f32]) -> DVec3 {
     DVec3::new(x[0].into(), x[1].into(), x[2].into())
 }
 
-fn axes(region: &Region) -> [DVec3; 3] {
-    [wide(&region.tangent), wide(&region.bitangent), wide(&region.normal)]
+fn axes(contact_patch: &ContactPatch) -> [DVec3; 3] {
+    [wide(&contact_patch.tangent), wide(&contact_patch.bitangent), wide(&contact_patch.normal)]
 }
 
 /// A contact patch along a normal, over the square from -half to half.
-fn region(normal: DVec3, half: f32) -> Region {
+fn contact_patch(normal: DVec3, half: f32) -> ContactPatch {
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let [normal, tangent, bitangent] = [normal, tangent, bitangent].map(|axis| axis.as_vec3().to_array());
-    Region { normal, tangent, bitangent, low: [-half; 2], high: [half; 2], weight: 1.0, ..Region::default() }
+    ContactPatch {
+        normal,
+        tangent,
+        bitangent,
+        low: [-half; 2],
+        high: [half; 2],
+        weight: 1.0,
+        ..ContactPatch::default()
+    }
 }
 
 /// Two soft balls whose nodes are displaced by up to `size` (m) along each axis. Every slot is in each of the patches,
 /// and the slots' boxes are so large that all chunks may meet the other side.
-fn shaken(size: f64, regions: &[Region], random: &mut Random) -> Flow {
+fn shaken(size: f64, contact_patches: &[ContactPatch], random: &mut Random) -> Flow {
     let mut place = || (0.1 * random.vector(), random.turn(3.0));
     let ((x, q), (y, p)) = (place(), place());
     let balls = [soft("a", sphere(0.1, 4), octants, x, q), soft("b", sphere(0.1, 4), octants, y, p)];
@@ -47,14 +55,14 @@ fn shaken(size: f64, regions: &[Region], random: &mut Random) -> Flow {
     for d in &mut flow.displacement {
         *d = (size * random.vector()).as_vec3().extend(0.0).to_array();
     }
-    flow.regions = regions.to_vec();
-    flow.regions.resize(PAIR_REGIONS, Region::default());
+    flow.contact_patches = contact_patches.to_vec();
+    flow.contact_patches.resize(PAIR_PATCHES, ContactPatch::default());
     let slots = flow.model.slots.len();
-    flow.slot_regions = vec![(1 << regions.len()) - 1; slots];
-    flow.boxes = vec![[[-9.0; 3], [9.0; 3]]; PAIR_REGIONS * slots];
+    flow.proxy_patches = vec![(1 << contact_patches.len()) - 1; slots];
+    flow.boxes = vec![[[-9.0; 3], [9.0; 3]]; PAIR_PATCHES * slots];
     flow.active_slots = (0..slots as u32).rev().collect();
     flow.slot_counts = vec![[0; 2]; slots];
-    flow.fields = (0..PAIR_REGIONS * FIELD_WORDS).map(|k| if k / 256 % 2 == 0 { 0 } else { NONE }).collect();
+    flow.fields = (0..PAIR_PATCHES * FIELD_WORDS).map(|k| if k / 256 % 2 == 0 { 0 } else { NONE }).collect();
     flow.args[3 * shaders::ARGS_CHUNKS as usize] = slots as u32;
     flow
 }
@@ -77,14 +85,14 @@ fn places(flow: &Flow, chunk: usize, frame: usize) -> Vec<DVec3> {
 }
 
 /// The oracle's box of a chunk along a patch's axes.
-fn boxed(flow: &Flow, chunk: usize, frame: usize, region: &Region) -> (DVec3, DVec3) {
+fn boxed(flow: &Flow, chunk: usize, frame: usize, contact_patch: &ContactPatch) -> (DVec3, DVec3) {
     let (chunk, frame) = (&flow.model.chunks[chunk], &flow.frames[frame]);
     let rotation = DQuat::from_array(frame.rotation.map(f64::from)).normalize();
     let nodes = &flow.model.chunk_nodes[chunk.node_first as usize..][..chunk.node_count as usize];
     let moved: Vec<DVec3> = nodes.iter().map(|[n, _]| wide(&flow.displacement[*n as usize])).collect();
     let [u, v] = chunk.axes.map(|axis| wide(&axis));
     let rest = (wide(&chunk.centre), DMat3::from_cols(u, v, u.cross(v)), wide(&chunk.half_extent));
-    chunk_box(rest, (&moved, f64::from(chunk.weight_bound)), (wide(&frame.centre), rotation), axes(region))
+    chunk_box(rest, (&moved, f64::from(chunk.weight_bound)), (wide(&frame.centre), rotation), axes(contact_patch))
 }
 
 /// The height of a sortable key: the inverse of `height_key` in shared/field.glsl.
@@ -93,26 +101,30 @@ fn height_of(key: u32) -> f64 {
 }
 
 /// The cell of a patch's min-max depth grid that a place projects to.
-fn square_of(region: &Region, at: DVec3) -> [usize; 2] {
+fn square_of(contact_patch: &ContactPatch, at: DVec3) -> [usize; 2] {
     [0, 1].map(|k| {
-        let size = f64::from(region.high[k] - region.low[k]) / FIELD as f64;
-        (((at[k] - f64::from(region.low[k])) / size).max(0.0) as usize).min(FIELD - 1)
+        let size = f64::from(contact_patch.high[k] - contact_patch.low[k]) / FIELD as f64;
+        (((at[k] - f64::from(contact_patch.low[k])) / size).max(0.0) as usize).min(FIELD - 1)
     })
 }
 
 /// Checks that each chunk's slab (its box in a patch, with a plane that it does not pass) holds its skin and agrees
 /// with the oracle's box, and that the min-max depth grid lies beyond the skin. Returns the number of slabs.
-fn check_slabs(flow: &Flow, regions: usize, tight: bool) -> usize {
+fn check_slabs(flow: &Flow, contact_patches: usize, tight: bool) -> usize {
     let mut count = 0;
     for slot in &flow.model.slots {
         let proxy = &flow.model.proxies[slot.proxy as usize];
         for k in 0..proxy.chunk_count as usize {
             let (at, index) = (slot.chunk_first as usize + k, proxy.chunk_first as usize + k);
-            assert_eq!(flow.slot_chunks[at], [(1 << regions) - 1, 0], "chunk {index} meets all regions");
+            assert_eq!(
+                flow.slot_chunks[at],
+                [(1 << contact_patches) - 1, 0],
+                "chunk {index} meets all contact_patches"
+            );
             let skin = places(flow, index, proxy.frame as usize);
-            for (r, region) in flow.regions[..regions].iter().enumerate() {
-                let want = boxed(flow, index, proxy.frame as usize, region);
-                let slab = flow.slabs[at * PAIR_REGIONS + r].map(f64::from);
+            for (r, contact_patch) in flow.contact_patches[..contact_patches].iter().enumerate() {
+                let want = boxed(flow, index, proxy.frame as usize, contact_patch);
+                let slab = flow.slabs[at * PAIR_PATCHES + r].map(f64::from);
                 let side = if slot.side == 0 { 1.0 } else { -1.0 };
                 let extreme = if slot.side == 0 { want.1.z } else { want.0.z };
                 let errors = [slab[0] - want.0.x, slab[1] - want.0.y, want.1.x - slab[2], want.1.y - slab[3]];
@@ -122,12 +134,12 @@ fn check_slabs(flow: &Flow, regions: usize, tight: bool) -> usize {
                 assert!(beyond > 0.0 && beyond < allowed, "chunk {index}: {beyond}");
                 let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
                 for x in &skin {
-                    let x = along(axes(region), *x);
+                    let x = along(axes(contact_patch), *x);
                     (low, high) = (low.min(x), high.max(x));
                     let plane = slab[4] * x.x + slab[5] * x.y + slab[6];
                     assert!(side * (plane - x.z) > 0.0, "chunk {index} passes its plane by {}", side * (x.z - plane));
                     assert!(side * (slab[7] - x.z) > 0.0, "chunk {index} passes its box");
-                    let [i, j] = square_of(region, x);
+                    let [i, j] = square_of(contact_patch, x);
                     let field = flow.fields[(2 * r + slot.side as usize) * 256 + j * FIELD + i];
                     assert!(side * (height_of(field) - x.z) > 0.0, "chunk {index} passes the field");
                 }
@@ -145,9 +157,10 @@ fn check_slabs(flow: &Flow, regions: usize, tight: bool) -> usize {
 fn no_skin_leaves_its_chunk_s_slab_or_passes_the_field() {
     let mut random = Random(81);
     for size in [0.0, 0.003, 0.03] {
-        for count in [1, PAIR_REGIONS] {
-            let regions: Vec<Region> = (0..count).map(|_| region(random.vector().normalize(), 0.5)).collect();
-            let mut flow = shaken(size, &regions, &mut random);
+        for count in [1, PAIR_PATCHES] {
+            let contact_patches: Vec<ContactPatch> =
+                (0..count).map(|_| contact_patch(random.vector().normalize(), 0.5)).collect();
+            let mut flow = shaken(size, &contact_patches, &mut random);
             flow.box_chunks();
             assert!(check_slabs(&flow, count, size == 0.0) > 30 * count);
         }
@@ -157,28 +170,28 @@ fn no_skin_leaves_its_chunk_s_slab_or_passes_the_field() {
 #[test]
 fn chunks_beside_the_column_or_in_front_of_all_boxes_are_left_out() {
     let mut random = Random(82);
-    let mut flow = shaken(0.003, &[region(DVec3::Z, 0.05)], &mut random);
+    let mut flow = shaken(0.003, &[contact_patch(DVec3::Z, 0.05)], &mut random);
     // All slots of a have boxes between heights 0 and 0.1; of b only the first slot takes part, with a box above 0.02.
     let slots = flow.model.slots.clone();
-    for (slot, given) in slots.iter().zip(flow.boxes.chunks_mut(PAIR_REGIONS)) {
+    for (slot, given) in slots.iter().zip(flow.boxes.chunks_mut(PAIR_PATCHES)) {
         let (low, high) = if slot.side == 0 { (0.0, 0.1) } else { (0.02, 9.0) };
         given.fill([[-0.04, -9.0, low], [0.04, 9.0, high]]);
     }
     let first_b = slots.iter().position(|slot| slot.side == 1).unwrap();
-    flow.slot_regions[first_b + 1..].fill(0);
+    flow.proxy_patches[first_b + 1..].fill(0);
     flow.box_chunks();
     let (mut kept, mut left) = ([0; 2], [0; 2]);
     for (s, slot) in slots.iter().enumerate() {
         let proxy = flow.model.proxies[slot.proxy as usize];
         for k in 0..proxy.chunk_count as usize {
             let skin = places(&flow, proxy.chunk_first as usize + k, proxy.frame as usize);
-            let skin: Vec<DVec3> = skin.iter().map(|x| along(axes(&flow.regions[0]), *x)).collect();
+            let skin: Vec<DVec3> = skin.iter().map(|x| along(axes(&flow.contact_patches[0]), *x)).collect();
             let low = skin.iter().fold(DVec3::INFINITY, |low, x| low.min(*x));
             let high = skin.iter().fold(DVec3::NEG_INFINITY, |high, x| high.max(*x));
             let beside = low.x > 0.04 || high.x < -0.04 || low.y > 0.05 || high.y < -0.05;
             let in_front = if slot.side == 0 { high.z < 0.02 } else { low.z > 0.1 };
             let found = flow.slot_chunks[slot.chunk_first as usize + k][0];
-            let is_open = flow.slot_regions[s] != 0;
+            let is_open = flow.proxy_patches[s] != 0;
             assert!(is_open || found == 0);
             // Each chunk that might touch must be kept.
             assert!(!is_open || beside || in_front || found == 1, "slot {s}, chunk {k}: {low} {high}");
@@ -193,7 +206,7 @@ fn chunks_beside_the_column_or_in_front_of_all_boxes_are_left_out() {
 #[test]
 fn a_half_space_keeps_the_chunks_that_reach_below_it() {
     let mut random = Random(83);
-    let mut flow = shaken(0.003, &[region(-DVec3::Y, 0.5)], &mut random);
+    let mut flow = shaken(0.003, &[contact_patch(-DVec3::Y, 0.5)], &mut random);
     flow.pairs[0] = Pair { is_plane: 1, plane: [0.0, 1.0, 0.0, 0.01], ..flow.pairs[0] };
     let a = flow.pairs[0].proxy_count[0] as usize;
     flow.active_slots.retain(|slot| (*slot as usize) < a);
@@ -210,13 +223,15 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
         let below = (0..proxy.chunk_count).filter(|k| lowest(*k) <= 0.01).count() as u32;
         // Kept are chunks whose box reaches below the plane, but for rounding.
         let may = |slack: f64| {
-            let top =
-                |k: &u32| boxed(&flow, (proxy.chunk_first + k) as usize, proxy.frame as usize, &flow.regions[0]).1.z;
+            let top = |k: &u32| {
+                boxed(&flow, (proxy.chunk_first + k) as usize, proxy.frame as usize, &flow.contact_patches[0]).1.z
+            };
             (0..proxy.chunk_count).filter(|k| top(k) >= -0.01 + slack).count() as u32
         };
         let listed =
             flow.active_chunks[..flow.counts.chunks as usize].iter().filter(|entry| entry.slot as usize == slot);
-        let (chunks, items) = listed.fold((0, 0), |(n, items), entry| (n + 1, items + entry.regions.count_ones()));
+        let (chunks, items) =
+            listed.fold((0, 0), |(n, items), entry| (n + 1, items + entry.contact_patches.count_ones()));
         assert!(
             chunks == items && chunks >= below && chunks >= may(0.0) && chunks <= may(-1e-3),
             "{chunks} for {below}"
@@ -235,18 +250,18 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
         let slots: Vec<Slot> =
             (0..3).map(|s| Slot { side: s % 2, proxy: s, chunk_first: s * count, ..Slot::default() }).collect();
         let proxy = |s: u32| Proxy { chunk_first: 1000 * s, chunk_count: count, ..Proxy::default() };
-        let regions: Vec<Region> = (0..PAIR_REGIONS).map(|_| region(DVec3::Z, 1.0)).collect();
+        let contact_patches: Vec<ContactPatch> = (0..PAIR_PATCHES).map(|_| contact_patch(DVec3::Z, 1.0)).collect();
         let mut height = |share: f64| (random.next() + share) as f32;
         let key = |x: f32| if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 0x8000_0000 };
         // The grid's heights are about -0.6 for a and 0.6 for b, give or take 1.
-        let fields: Vec<f32> = (0..PAIR_REGIONS * FIELD_WORDS)
+        let fields: Vec<f32> = (0..PAIR_PATCHES * FIELD_WORDS)
             .map(|k| if k / 256 % 2 == 0 { height(-0.6) } else { height(0.6) })
             .collect();
         let slab = |height: &mut dyn FnMut(f64) -> f32| {
             let (u, v, z) = (height(-0.1), height(-0.1), height(0.0));
             [u, v, u + 0.2, v + 0.1, 0.0, 0.0, z, z]
         };
-        let slabs: Vec<[f32; 8]> = (0..PAIR_REGIONS * 3 * count as usize).map(|_| slab(&mut height)).collect();
+        let slabs: Vec<[f32; 8]> = (0..PAIR_PATCHES * 3 * count as usize).map(|_| slab(&mut height)).collect();
         let masks: Vec<u32> = (0..3 * count).map(|k| (k * 7 + 3) % 16).collect();
         let out = case("cull/meet")
             .size(Size::Reduce)
@@ -257,7 +272,7 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
             .input("slots", &slots)
             .input("active_slots", &[2u32, 0, 1])
             .input("proxies", &[proxy(0), proxy(1), proxy(2)])
-            .input("regions", &regions)
+            .input("contact_patches", &contact_patches)
             .input("slabs", &crate::stage::flow::some(&slabs))
             .input("fields", &fields.iter().map(|x| key(*x)).collect::<Vec<_>>())
             .inout("slot_chunks", &masks.iter().map(|m| [*m, 0]).collect::<Vec<_>>())
@@ -287,11 +302,11 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
             let (mut want, mut items) = (vec![], 0);
             for k in 0..count {
                 let at = (slot.chunk_first + k) as usize;
-                let stays = (0..PAIR_REGIONS).filter(|r| meets(slot.side as usize, *r, &slabs[at * PAIR_REGIONS + r]));
+                let stays = (0..PAIR_PATCHES).filter(|r| meets(slot.side as usize, *r, &slabs[at * PAIR_PATCHES + r]));
                 let mask = masks[at] & stays.map(|r| 1 << r).sum::<u32>();
                 dropped += (masks[at] ^ mask).count_ones();
                 if mask != 0 {
-                    want.push([1000 * slot.proxy + k, mask | items << PAIR_REGIONS]);
+                    want.push([1000 * slot.proxy + k, mask | items << PAIR_PATCHES]);
                     items += mask.count_ones();
                 }
             }
@@ -317,7 +332,7 @@ fn chunks_that_collide_are_active_and_those_far_away_are_not() {
             flow.pairs[0].direction = normal.as_vec3().extend(1.0).to_array();
             flow.place();
             flow.cull();
-            let normal = wide(&flow.regions[0].normal);
+            let normal = wide(&flow.contact_patches[0].normal);
             let (sides, firsts) = crate::scene::spheres::sides(&a, &tool, normal);
             let mut needed = std::collections::BTreeSet::new();
             let owner = |model: &palpate::internal::stages::model::Model, vertex: u32| {

@@ -9,7 +9,7 @@ use palpate::internal::prepare::{Body, Shape};
 use palpate::internal::shaders;
 use palpate::internal::shaders::{Contact, Counts, NONE};
 use palpate::internal::stages::depth::Path;
-use palpate::internal::stages::{CHUNK_VERTICES, PAIR_REGIONS};
+use palpate::internal::stages::{CHUNK_VERTICES, PAIR_PATCHES};
 use palpate::scene::Sides;
 use palpate_oracle::contact::{Carrier, Law, Support, Surface};
 use palpate_oracle::{contact as oracle, skin as embedded};
@@ -113,13 +113,16 @@ fn wanted(bodies: &[Body], tool: &Body, flow: &Flow, sides: Sides) -> BTreeMap<(
                 oracle::gather_plane(&first, *normal, offset - normal.dot(tool.position), &law)
             }
             _ => {
-                let regions = &flow.regions[PAIR_REGIONS * r..][..PAIR_REGIONS];
+                let contact_patches = &flow.contact_patches[PAIR_PATCHES * r..][..PAIR_PATCHES];
                 // A pair that is not near has no contact patch; the others touch in one place each.
-                assert!(regions[1..].iter().all(|region| region.weight == 0.0), "pair {r}: {regions:?}");
-                if regions[0].weight == 0.0 {
+                assert!(
+                    contact_patches[1..].iter().all(|contact_patch| contact_patch.weight == 0.0),
+                    "pair {r}: {contact_patches:?}"
+                );
+                if contact_patches[0].weight == 0.0 {
                     continue;
                 }
-                let normal = vector(&regions[0].normal).normalize();
+                let normal = vector(&contact_patches[0].normal).normalize();
                 let second = surface(flow, all[b], b, tool.position);
                 match sides {
                     Sides::Both => oracle::gather(normal, &first, &second, &law),

@@ -7,8 +7,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DQuat, DVec3};
 use palpate::internal::shaders;
-use palpate::internal::shaders::{ActiveChunk, Chunk, NONE, Pair, Region, Slot};
-use palpate::internal::stages::{CHUNK_TRIANGLES, CHUNK_VERTICES, PAIR_REGIONS};
+use palpate::internal::shaders::{ActiveChunk, Chunk, ContactPatch, NONE, Pair, Slot};
+use palpate::internal::stages::{CHUNK_TRIANGLES, CHUNK_VERTICES, PAIR_PATCHES};
 
 use crate::harness::bodies::{Mesh, half_space, rigid, sheet, sphere, whole};
 use crate::harness::context;
@@ -22,19 +22,19 @@ pub fn wide(x: [f32; 3]) -> DVec3 {
     DVec3::from_array(x.map(f64::from))
 }
 
-pub fn axes(region: &Region) -> [DVec3; 3] {
-    [wide(region.tangent), wide(region.bitangent), wide(region.normal)]
+pub fn axes(contact_patch: &ContactPatch) -> [DVec3; 3] {
+    [wide(contact_patch.tangent), wide(contact_patch.bitangent), wide(contact_patch.normal)]
 }
 
 /// Two rigid meshes, a's and b's, in chunks (fixed-size groups of vertices and triangles) that are all active in these
 /// contact patches. The min-max depth grids exclude nothing.
-pub fn meshes(sides: [&Mesh; 2], regions: &[Region]) -> Flow {
+pub fn meshes(sides: [&Mesh; 2], contact_patches: &[ContactPatch]) -> Flow {
     let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, DQuat::IDENTITY);
     let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
     flow.frames[0].rotation = [0.0, 0.0, 0.0, 1.0];
     flow.pairs = vec![Pair { proxy_count: [1, 1], first_slot: [0, 1], ..Pair::default() }];
-    flow.regions = regions.to_vec();
-    flow.regions.resize(PAIR_REGIONS, Region::default());
+    flow.contact_patches = contact_patches.to_vec();
+    flow.contact_patches.resize(PAIR_PATCHES, ContactPatch::default());
     let model = &mut flow.model;
     model.proxies.resize(2, model.proxies[0]);
     model.slots = (0..2).map(|side| Slot { side, proxy: side, ..Slot::default() }).collect();
@@ -42,7 +42,7 @@ pub fn meshes(sides: [&Mesh; 2], regions: &[Region]) -> Flow {
     (model.chunks, model.chunk_vertices, model.chunk_triangles) = (vec![], vec![], vec![]);
     flow.active_chunks = vec![];
     flow.items = vec![];
-    let each = regions.len() as u32;
+    let each = contact_patches.len() as u32;
     for (side, (vertices, triangles)) in sides.into_iter().enumerate() {
         let (vertex_first, triangle_first) = (model.skin_nodes.len() as u32, model.triangles.len() as u32);
         model.skin_nodes.extend(vertices.iter().map(|_| [NONE, 0, 0, 0]));
@@ -67,16 +67,16 @@ pub fn meshes(sides: [&Mesh; 2], regions: &[Region]) -> Flow {
             model.chunk_vertices.extend(own.map(|v| v as u32 + vertex_first));
             model.chunk_triangles.extend(drawn.map(|t| t as u32 + triangle_first));
             let first_item = flow.items.len() as u32;
-            let (slot, regions) = (side as u32, (1 << each) - 1);
-            flow.active_chunks.push(ActiveChunk { chunk: index, slot, side: slot, regions, first_item });
+            let (slot, contact_patches) = (side as u32, (1 << each) - 1);
+            flow.active_chunks.push(ActiveChunk { chunk: index, slot, side: slot, contact_patches, first_item });
             flow.items.extend((0..each).map(|r| [index, r]));
         }
     }
     flow.skin = vec![[0.0; 4]; flow.model.skin_nodes.len()];
     flow.most_items = flow.items.len();
-    flow.shares = vec![0.5; 2 * PAIR_REGIONS];
+    flow.shares = vec![0.5; 2 * PAIR_PATCHES];
     // In the grids, a reaches up without limit, and b down without limit.
-    flow.fields = (0..PAIR_REGIONS * FIELD_WORDS).map(|k| if k / 256 % 2 == 0 { NONE } else { 0 }).collect();
+    flow.fields = (0..PAIR_PATCHES * FIELD_WORDS).map(|k| if k / 256 % 2 == 0 { NONE } else { 0 }).collect();
     flow.args[3 * shaders::ARGS_ACTIVE as usize] = flow.active_chunks.len() as u32;
     flow.args[3 * shaders::ARGS_ITEMS as usize] = flow.items.len() as u32;
     flow
@@ -84,12 +84,12 @@ pub fn meshes(sides: [&Mesh; 2], regions: &[Region]) -> Flow {
 
 /// A contact patch along a normal, over a square of half edge `half` about the origin. `cell` is the edge of the hash
 /// cells for vertices of a, m; those for b are larger.
-pub fn region(normal: DVec3, half: f32, cell: f32) -> Region {
+pub fn contact_patch(normal: DVec3, half: f32, cell: f32) -> ContactPatch {
     let normal = normal.normalize();
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let [normal, tangent, bitangent] = [normal, tangent, bitangent].map(|axis| axis.as_vec3().to_array());
     let (low, high) = ([-half; 2], [half; 2]);
-    Region { normal, tangent, bitangent, low, high, cell: [cell, 1.7 * cell], weight: 1.0, turn: 0.0 }
+    ContactPatch { normal, tangent, bitangent, low, high, cell: [cell, 1.7 * cell], weight: 1.0, turn: 0.0 }
 }
 
 /// For each bin its vertex and 2 * patch + side, from the chunks; `NONE` for unused bins.
@@ -97,7 +97,7 @@ fn bins(flow: &Flow) -> Vec<(u32, u32)> {
     let mut bins = vec![(NONE, NONE); flow.bins.len()];
     for entry in flow.active_chunks.iter().take(flow.args[3 * shaders::ARGS_ACTIVE as usize] as usize) {
         let chunk = &flow.model.chunks[entry.chunk as usize];
-        let listed = (0..PAIR_REGIONS as u32).filter(|r| entry.regions >> r & 1 == 1);
+        let listed = (0..PAIR_PATCHES as u32).filter(|r| entry.contact_patches >> r & 1 == 1);
         for (k, r) in listed.enumerate() {
             for l in 0..chunk.vertex_count as usize {
                 let bin = (entry.first_item as usize + k) * CHUNK_VERTICES + l;
@@ -128,40 +128,40 @@ fn check_bins(flow: &Flow) -> usize {
             bin = flow.bins[bin as usize][3];
         }
     }
-    let (mut cells, mut sights) = (BTreeMap::new(), vec![NONE; flow.regions.len() * FIELD_WORDS]);
-    for (bin, (vertex, region_side)) in known.iter().enumerate() {
+    let (mut cells, mut sights) = (BTreeMap::new(), vec![NONE; flow.contact_patches.len() * FIELD_WORDS]);
+    for (bin, (vertex, patch_side)) in known.iter().enumerate() {
         if *vertex == NONE {
             assert!(!listed.contains_key(&(bin as u32)) && flow.bin_hits[bin] == NONE - 1);
             continue;
         }
         assert_eq!(flow.bin_hits[bin], NONE, "no crossing yet");
-        let (r, side) = (*region_side as usize / 2, *region_side as usize % 2);
-        let region = &flow.regions[r];
+        let (r, side) = (*patch_side as usize / 2, *patch_side as usize % 2);
+        let contact_patch = &flow.contact_patches[r];
         let x = flow.skin[*vertex as usize];
-        let at = palpate_oracle::regions::along(axes(region), wide([x[0], x[1], x[2]]));
-        let depth = |k: usize| (at[k] - f64::from(region.low[k])).min(f64::from(region.high[k]) - at[k]);
+        let at = palpate_oracle::contact_patches::along(axes(contact_patch), wide([x[0], x[1], x[2]]));
+        let depth = |k: usize| (at[k] - f64::from(contact_patch.low[k])).min(f64::from(contact_patch.high[k]) - at[k]);
         let within = depth(0).min(depth(1));
-        let sees = flow.shares[side * PAIR_REGIONS + r] > 0.0;
+        let sees = flow.shares[side * PAIR_PATCHES + r] > 0.0;
         match listed.get(&(bin as u32)) {
-            None => assert!(!sees || within < EDGE, "vertex {vertex} is in no list of region {r}"),
+            None => assert!(!sees || within < EDGE, "vertex {vertex} is in no list of contact_patch {r}"),
             Some(bucket) => {
-                assert!(sees && within > -EDGE, "vertex {vertex} is not region {r}'s");
+                assert!(sees && within > -EDGE, "vertex {vertex} is not contact_patch {r}'s");
                 let stored = [0, 1, 2].map(|k| f64::from(f32::from_bits(flow.bins[bin][k])));
                 assert!(DVec3::from_array(stored).distance(at) < EDGE, "{stored:?} is not {at}");
                 // Whatever the hash function is, vertices of one cell must lie in one bucket.
                 let square = |k: usize| {
-                    let (low, cell) = (region.low[k], region.cell[side]);
+                    let (low, cell) = (contact_patch.low[k], contact_patch.cell[side]);
                     ((f32::from_bits(flow.bins[bin][k]) - low) / cell).floor() as i32
                 };
                 let field = |k: usize| {
-                    let size = (region.high[k] - region.low[k]) / 16.0;
-                    ((f32::from_bits(flow.bins[bin][k]) - region.low[k]) / size).clamp(0.0, 15.0) as usize
+                    let size = (contact_patch.high[k] - contact_patch.low[k]) / 16.0;
+                    ((f32::from_bits(flow.bins[bin][k]) - contact_patch.low[k]) / size).clamp(0.0, 15.0) as usize
                 };
-                let sight = &mut sights[*region_side as usize * 256 + field(1) * 16 + field(0)];
+                let sight = &mut sights[*patch_side as usize * 256 + field(1) * 16 + field(0)];
                 *sight = (*sight).min(sight_key(side, f32::from_bits(flow.bins[bin][2])));
-                let key = [*region_side, (square(0) | square(1) << 16) as u32];
+                let key = [*patch_side, (square(0) | square(1) << 16) as u32];
                 assert_eq!(flow.bin_squares[bin], key, "vertex {vertex}: its square");
-                let of_square = *cells.entry((*region_side, square(0), square(1))).or_insert(*bucket);
+                let of_square = *cells.entry((*patch_side, square(0), square(1))).or_insert(*bucket);
                 assert_eq!(of_square, *bucket, "vertex {vertex}: one square, one bucket");
             }
         }
@@ -203,20 +203,20 @@ fn check_crossings(flow: &Flow) -> usize {
         own.iter().map(|t| (entry.side, *t))
     });
     let triangles: Vec<(u32, u32)> = chunks.collect();
-    for (bin, (vertex, region_side)) in known.iter().enumerate().filter(|(_, known)| known.0 != NONE) {
+    for (bin, (vertex, patch_side)) in known.iter().enumerate().filter(|(_, known)| known.0 != NONE) {
         let list = found.get(&bin).unwrap_or(&nothing);
-        let side = region_side % 2;
-        if flow.shares[side as usize * PAIR_REGIONS + *region_side as usize / 2] == 0.0 {
+        let side = patch_side % 2;
+        if flow.shares[side as usize * PAIR_PATCHES + *patch_side as usize / 2] == 0.0 {
             assert!(list.is_empty());
             continue;
         }
-        let region = &flow.regions[*region_side as usize / 2];
+        let contact_patch = &flow.contact_patches[*patch_side as usize / 2];
         let place = |v: u32| {
             let x = flow.skin[v as usize];
-            palpate_oracle::regions::along(axes(region), wide([x[0], x[1], x[2]]))
+            palpate_oracle::contact_patches::along(axes(contact_patch), wide([x[0], x[1], x[2]]))
         };
         let x = place(*vertex);
-        let seen = (0..2).all(|k| x[k] > f64::from(region.low[k]) && x[k] < f64::from(region.high[k]));
+        let seen = (0..2).all(|k| x[k] > f64::from(contact_patch.low[k]) && x[k] < f64::from(contact_patch.high[k]));
         for (_, triangle) in triangles.iter().filter(|(of, _)| *of != side) {
             let corners = flow.model.triangles[*triangle as usize];
             let [p, q, r] = [0, 1, 2].map(|k| place(corners[k]) - x);
@@ -263,9 +263,10 @@ fn soups_of_triangles_cross_what_f64_says() {
     // However many cells share a bucket, each hit must be found once.
     for (n, size, buckets) in [(1, 0.5, 1), (width - 1, 0.3, 1), (width, 0.2, 2), (65, 0.2, 64), (300, 0.1, 1 << 13)] {
         let (a, b) = (soup(n, n, size, &mut random), soup(2 * n + 1, n, size, &mut random));
-        for count in [1, 2, PAIR_REGIONS] {
-            let regions: Vec<Region> = (0..count).map(|_| region(random.vector(), 0.45, 0.07)).collect();
-            let mut flow = meshes([&a, &b], &regions);
+        for count in [1, 2, PAIR_PATCHES] {
+            let contact_patches: Vec<ContactPatch> =
+                (0..count).map(|_| contact_patch(random.vector(), 0.45, 0.07)).collect();
+            let mut flow = meshes([&a, &b], &contact_patches);
             // Where there are several patches, the second one does not see a's vertices.
             if count > 1 {
                 flow.shares[1] = 0.0;
@@ -302,7 +303,8 @@ fn rays_through_edges_and_corners_meet_a_triangle() {
     let (mesh, over) = bumpy(&mut random);
     let points = (over.clone(), vec![]);
     for cell in [0.013, 0.1, 1.0] {
-        let up = Region { tangent: [1.0, 0.0, 0.0], bitangent: [0.0, 1.0, 0.0], ..region(DVec3::Z, 1.0, cell) };
+        let up =
+            ContactPatch { tangent: [1.0, 0.0, 0.0], bitangent: [0.0, 1.0, 0.0], ..contact_patch(DVec3::Z, 1.0, cell) };
         // Points of a above the mesh of b look down; in the other case all is turned over, and points of b look up at
         // the mesh of a.
         for turned in [false, true] {
@@ -333,7 +335,7 @@ fn rays_next_to_edges_in_any_direction_meet_a_triangle() {
         // The points lie within the rim by more than the rays lean.
         let inner = over.iter().filter(|x| x.x.abs().max(x.y.abs()) < 0.8);
         let points: Mesh = (inner.map(|x| turn * DVec3::new(x.x, x.y, 0.2)).collect(), vec![]);
-        let up = region(turn * (DVec3::Z + 0.1 * random.vector()), 2.0, 0.05);
+        let up = contact_patch(turn * (DVec3::Z + 0.1 * random.vector()), 2.0, 0.05);
         let mut flow = meshes([&points, &placed], &[up]);
         flow.embed();
         flow.cross();
@@ -348,7 +350,7 @@ fn triangles_without_area_cross_nothing_and_hide_nothing() {
     let mut random = Random(64);
     let (mut mesh, over) = bumpy(&mut random);
     let points = (over, vec![]);
-    let up = region(DVec3::Z, 1.0, 0.1);
+    let up = contact_patch(DVec3::Z, 1.0, 0.1);
     let count = |mesh: &Mesh| {
         let mut flow = meshes([&points, mesh], &[up]);
         flow.embed();
@@ -371,7 +373,7 @@ fn triangles_without_area_cross_nothing_and_hide_nothing() {
 fn what_lies_in_front_of_all_that_the_other_side_reaches_is_left_out() {
     let mut random = Random(66);
     let (mesh, over) = bumpy(&mut random);
-    let mut flow = meshes([&(over, vec![]), &mesh], &[region(DVec3::Z, 1.0, 0.1)]);
+    let mut flow = meshes([&(over, vec![]), &mesh], &[contact_patch(DVec3::Z, 1.0, 0.1)]);
     // b's chunks reach down to a height of 0.75, above a's vertices, except in the first cell of the min-max depth
     // grid.
     let key = 0x8000_0000 | 0.75f32.to_bits();
@@ -380,10 +382,10 @@ fn what_lies_in_front_of_all_that_the_other_side_reaches_is_left_out() {
     flow.embed();
     let square = |x: &[f32; 4]| x[0] < -1.0 + 2.0 / 16.0 && x[1] < -1.0 + 2.0 / 16.0;
     let listed = flow.bins.iter().filter(|bin| bin[3] != NONE - 1).count();
-    let region = flow.regions[0];
+    let contact_patch = flow.contact_patches[0];
     // The lists hold all of b's vertices but only those of a in that cell, whichever way the patch's axes lie.
     let first = flow.skin.iter().take(flow.skin.len() - mesh.0.len()).filter(|x| {
-        let at = palpate_oracle::regions::along(axes(&region), wide([x[0], x[1], x[2]])).as_vec3();
+        let at = palpate_oracle::contact_patches::along(axes(&contact_patch), wide([x[0], x[1], x[2]])).as_vec3();
         square(&[at.x, at.y, 0.0, 0.0])
     });
     let inside = first.count();

@@ -540,7 +540,7 @@ fn a_run_that_is_looked_at_is_the_same_bits() {
                 {
                     seen.overlay(overlay, DVec3::X).unwrap();
                 }
-                seen.region_squares().unwrap();
+                seen.contact_patch_rectangles().unwrap();
             }
         }
         let end = [&plain, &seen].map(|simulation| simulation.save().unwrap());

@@ -8,7 +8,7 @@ use palpate::internal::gpu::{Const, Size};
 use palpate::internal::prepare::layer::kuhn_box;
 use palpate::internal::prepare::{Body, Frame as BodyFrame, FrameMotion, Shape};
 use palpate::internal::shaders::{
-    ActiveChunk, Chunk, Counts, Fit, Frame, Link, Pair, Proxy, ProxyBounds, Region, RigidIterate, Slot, Solve,
+    ActiveChunk, Chunk, ContactPatch, Counts, Fit, Frame, Link, Pair, Proxy, ProxyBounds, RigidIterate, Slot, Solve,
     StepParams,
 };
 use palpate::internal::stages::ARGS_WORDS;
@@ -175,7 +175,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
         .input("node_rest", &system.model.node_rest)
         .input("displacement", &system.displacement)
         .input("node_info", &system.model.node_info)
-        .input("regions", &[Region::default()])
+        .input("contact_patches", &[ContactPatch::default()])
         .input("shares", &[1.0f32; 4])
         .output::<[f32; 4]>("skin", count)
         .inout("buckets", &[untouched; 4])

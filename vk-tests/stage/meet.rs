@@ -3,9 +3,9 @@
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
-use palpate::internal::shaders::{ActiveChunk, Counts, NONE, Pair, Proxy, Region, Slot};
+use palpate::internal::shaders::{ActiveChunk, ContactPatch, Counts, NONE, Pair, Proxy, Slot};
 use palpate::internal::stages::ARGS_WORDS;
-use palpate::internal::stages::PAIR_REGIONS;
+use palpate::internal::stages::PAIR_PATCHES;
 
 use crate::harness::random::Random;
 use crate::harness::{case, context};
@@ -51,7 +51,7 @@ fn lists_of_slots_are_joined_in_order() {
                 .input("slots", &given)
                 .input("active_slots", &active)
                 .input("proxies", &proxies)
-                .input("regions", &[Region::default()])
+                .input("contact_patches", &[ContactPatch::default()])
                 .input("slabs", &[[0.0f32; 8]])
                 .input("fields", &[0u32; 4])
                 .inout("slot_chunks", &chunks)
@@ -67,15 +67,15 @@ fn lists_of_slots_are_joined_in_order() {
                 let own = &chunks[slot.chunk_first as usize..][..proxies[s].chunk_count as usize];
                 for (k, [found, _]) in own.iter().enumerate().filter(|(_, [found, _])| *found != 0) {
                     let (first_item, index) = (items.len() as u32, want.len() as u32);
-                    let mut regions = 0;
-                    for r in (0..PAIR_REGIONS as u32).filter(|r| found >> r & 1 == 1) {
+                    let mut contact_patches = 0;
+                    for r in (0..PAIR_PATCHES as u32).filter(|r| found >> r & 1 == 1) {
                         // Work items that do not fit are left out, from the end.
-                        regions |= if items.len() < most { 1 << r } else { 0 };
-                        items.push([index, slot.pair * PAIR_REGIONS as u32 + r]);
+                        contact_patches |= if items.len() < most { 1 << r } else { 0 };
+                        items.push([index, slot.pair * PAIR_PATCHES as u32 + r]);
                     }
                     let (slot_index, side) = (s as u32, 2 * slot.pair + slot.side);
                     let chunk = proxies[s].chunk_first + k as u32;
-                    want.push(ActiveChunk { chunk, slot: slot_index, side, regions, first_item });
+                    want.push(ActiveChunk { chunk, slot: slot_index, side, contact_patches, first_item });
                 }
             }
             let fits = all as usize <= most;

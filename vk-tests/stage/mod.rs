@@ -3,6 +3,7 @@
 pub mod candidates;
 pub mod chunks;
 pub mod contact;
+pub mod contact_patches;
 pub mod contact_sizes;
 pub mod cross;
 pub mod cull;
@@ -20,7 +21,6 @@ pub mod panel;
 pub mod paths;
 pub mod pose;
 pub mod reach;
-pub mod regions;
 pub mod response;
 pub mod skin;
 pub mod sort;

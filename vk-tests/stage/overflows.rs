@@ -6,13 +6,13 @@ use std::collections::BTreeMap;
 use glam::{DQuat, DVec3};
 use palpate::Query;
 use palpate::internal::query::QuerySettings;
-use palpate::internal::shaders::Region;
+use palpate::internal::shaders::ContactPatch;
 use palpate::internal::stages::depth::Path;
 
 use crate::harness::bodies::{Mesh, rigid, sphere, whole};
 use crate::harness::random::Random;
 use crate::harness::{assert_clean, context};
-use crate::stage::cross::{bumpy, crossed, meshes, region};
+use crate::stage::cross::{bumpy, contact_patch, crossed, meshes};
 use crate::stage::flow::Flow;
 
 const CONTACT_OVERFLOW: u32 = 4;
@@ -31,7 +31,8 @@ fn found_or_flagged(what: &str, mut flow: Flow, crossings: usize) {
 #[test]
 fn what_a_driver_leaves_out_of_long_loops_is_flagged() {
     let mut random = Random(67);
-    let axes = Region { tangent: [1.0, 0.0, 0.0], bitangent: [0.0, 1.0, 0.0], ..region(DVec3::Z, 1.0, 0.25) };
+    let axes =
+        ContactPatch { tangent: [1.0, 0.0, 0.0], bitangent: [0.0, 1.0, 0.0], ..contact_patch(DVec3::Z, 1.0, 0.25) };
     // Eight rows of eight grid cells, with a triangle for each row. Row r has a pile of vertices in its cell r: lanes
     // that take a row each come to the piles one after another, and each lane to one pile only.
     let at = |k: usize| -0.875 + 0.25 * k as f64;
@@ -53,7 +54,7 @@ fn what_a_driver_leaves_out_of_long_loops_is_flagged() {
             |k: u32| [(-3.0, -1.0), (3.0, -1.0), (0.0, 3.0)].map(|(x, y)| DVec3::new(x, y, -f64::from(k) / 100.0));
         let sheets: Mesh =
             ((0..layers).flat_map(layer).collect(), (0..layers).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect());
-        let fine = Region { cell: [1.0 / 64.0; 2], ..axes };
+        let fine = ContactPatch { cell: [1.0 / 64.0; 2], ..axes };
         found_or_flagged(&format!("{layers} layers"), meshes([&points, &sheets], &[fine]), 200 * layers as usize);
     }
 }
@@ -62,7 +63,7 @@ fn what_a_driver_leaves_out_of_long_loops_is_flagged() {
 fn more_crossings_than_fit_are_flagged() {
     let mut random = Random(65);
     let (mesh, over) = bumpy(&mut random);
-    let mut flow = meshes([&(over, vec![]), &mesh], &[region(DVec3::Z, 1.0, 0.1)]);
+    let mut flow = meshes([&(over, vec![]), &mesh], &[contact_patch(DVec3::Z, 1.0, 0.1)]);
     flow.embed();
     flow.cross();
     let all = flow.counts.hits;
@@ -106,7 +107,7 @@ fn more_crossings_than_fit_are_flagged_on_both_paths() {
 fn items_of_half_spaces_cross_nothing() {
     let mut random = Random(68);
     let (mesh, over) = bumpy(&mut random);
-    let mut flow = meshes([&(over, vec![]), &mesh], &[region(DVec3::Z, 1.0, 0.1)]);
+    let mut flow = meshes([&(over, vec![]), &mesh], &[contact_patch(DVec3::Z, 1.0, 0.1)]);
     flow.embed();
     // The spatial hash holds vertices that another pair left there.
     flow.pairs[0].is_plane = 1;

@@ -226,9 +226,9 @@ fn cores_and_bones_are_where_their_frames_are() {
 #[test]
 fn regions_are_squares_at_their_contacts() {
     let (mut simulation, shift) = pressed();
-    assert!(simulation.region_squares().unwrap().is_empty(), "before the first step");
+    assert!(simulation.contact_patch_rectangles().unwrap().is_empty(), "before the first step");
     run(&mut simulation, 45);
-    let squares = simulation.region_squares().unwrap();
+    let squares = simulation.contact_patch_rectangles().unwrap();
     let contacts = simulation.contacts().unwrap();
     assert_eq!(squares.iter().map(|square| square.contacts).sum::<usize>(), contacts.len());
     let (square, up) = (&squares[0], DQuat::from_rotation_z(0.5) * DVec3::Y);
@@ -248,7 +248,7 @@ fn regions_are_squares_at_their_contacts() {
                  position = [0.1, 0.0195, 0.2]\nmaterial = { young = 5e4, poisson = 0.4, density = 1000.0 }\n";
     let mut simulation = open(&scene(floor), None);
     run(&mut simulation, 5);
-    let squares = simulation.region_squares().unwrap();
+    let squares = simulation.contact_patch_rectangles().unwrap();
     assert_eq!(squares.len(), 1);
     assert!(squares[0].contacts >= 16 && squares[0].normal.y.abs() > 0.999);
     assert!((squares[0].centre - DVec3::new(0.1, 0.0, 0.2)).length() < 2e-3, "{squares:?}");

@@ -5,7 +5,7 @@ use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::internal::gpu::Recorder;
 use palpate::internal::prepare::{self, Body, sphere};
-use palpate::internal::shaders::{Counts, Frame, Link, NONE, Pair, Region, StepParams};
+use palpate::internal::shaders::{ContactPatch, Counts, Frame, Link, NONE, Pair, StepParams};
 use palpate::internal::stages::CHUNK_VERTICES;
 use palpate::internal::stages::Common;
 use palpate::internal::stages::contact::Contact;
@@ -44,8 +44,11 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
         let rows = simulations.each_mut().map(|simulation| run(simulation, 1).remove(0));
         assert_eq!(bits(&rows[0]), bits(&rows[1]), "{name}, step {step}: {rows:#?}");
         let touches = simulations.each_ref().map(|s: &Simulation| {
-            let (regions, contacts) = s.touch().unwrap();
-            (bytemuck::cast_slice::<_, u32>(&regions).to_vec(), bytemuck::cast_slice::<_, u32>(&contacts).to_vec())
+            let (contact_patches, contacts) = s.touch().unwrap();
+            (
+                bytemuck::cast_slice::<_, u32>(&contact_patches).to_vec(),
+                bytemuck::cast_slice::<_, u32>(&contacts).to_vec(),
+            )
         });
         assert!(touches[0] == touches[1], "{name}, step {step}: contacts differ");
         contacts = contacts.max(rows[0].contacts.unwrap());
@@ -196,9 +199,16 @@ fn compare(body: Body, tool: &Body, poses: usize, texels: &[f32]) -> (usize, f32
         let [compute, graphics] = [0, 1].map(|path| query.crossings(path, texel, position, orientation).unwrap());
         assert!(compute == graphics, "pose {pose}: crossings differ, squares of {texel} m");
         crossings += compute.iter().map(Vec::len).sum::<usize>();
-        for region in query.cull.regions.read::<Region>().unwrap().iter().filter(|region| region.weight > 0.0) {
-            let cell = region.cell[0].min(region.cell[1]);
-            let along = |k: usize| (region.high[k] - region.low[k]) / cell;
+        for contact_patch in query
+            .cull
+            .contact_patches
+            .read::<ContactPatch>()
+            .unwrap()
+            .iter()
+            .filter(|contact_patch| contact_patch.weight > 0.0)
+        {
+            let cell = contact_patch.cell[0].min(contact_patch.cell[1]);
+            let along = |k: usize| (contact_patch.high[k] - contact_patch.low[k]) / cell;
             squares = squares.max(along(0)).max(along(1));
         }
     }

@@ -5,19 +5,19 @@ use std::collections::BTreeSet;
 
 use glam::DVec3;
 use palpate::internal::shaders::NONE;
-use palpate_oracle::regions::along;
+use palpate_oracle::contact_patches::along;
 
 use crate::harness::random::Random;
-use crate::stage::cross::{axes, bumpy, crossed, meshes, region, sight_key, wide};
+use crate::stage::cross::{axes, bumpy, contact_patch, crossed, meshes, sight_key, wide};
 
 #[test]
 fn triangles_that_no_vertex_looks_as_far_back_as_are_left_out() {
     let mut random = Random(67);
     let (mesh, over) = bumpy(&mut random);
     let points = (over, vec![]);
-    let region = region(DVec3::Z, 1.0, 0.1);
+    let contact_patch = contact_patch(DVec3::Z, 1.0, 0.1);
     let run = |key: u32| {
-        let mut flow = meshes([&points, &mesh], &[region]);
+        let mut flow = meshes([&points, &mesh], &[contact_patch]);
         flow.embed();
         // The grid is set as if a's vertices cast their rays down from this height, in the first cell alone.
         let first = flow.bucket_count as usize;
@@ -29,7 +29,7 @@ fn triangles_that_no_vertex_looks_as_far_back_as_are_left_out() {
         let meets = |t: &u32| {
             let at = flow.model.triangles[*t as usize];
             let corners = [0, 1, 2].map(|k| wide(flow.skin[at[k] as usize][..3].try_into().unwrap()));
-            let at = corners.map(|x| along(axes(&region), x));
+            let at = corners.map(|x| along(axes(&contact_patch), x));
             at[0].min(at[1]).min(at[2]).truncate().max_element() < -1.0 + 2.0 / 16.0 + 1e-3
         };
         assert!(found.iter().all(meets));

@@ -4,7 +4,7 @@
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{Body, Shape};
 use palpate::internal::shaders;
-use palpate::internal::shaders::{ActiveChunk, Chunk, Frame, NONE, Pair, Region, Slot};
+use palpate::internal::shaders::{ActiveChunk, Chunk, ContactPatch, Frame, NONE, Pair, Slot};
 use palpate::internal::stages::CHUNK_VERTICES;
 use palpate::internal::stages::model::Model;
 use palpate_oracle::{proximity, skin as oracle};
@@ -68,7 +68,7 @@ pub fn covered(model: &Model, chunk: &Chunk) -> Vec<u32> {
 /// Makes all chunks active against a half-space, so that no vertex goes into the spatial hash.
 fn activate(flow: &mut Flow) {
     flow.pairs = vec![Pair { is_plane: 1, ..Pair::default() }];
-    (flow.regions, flow.fields) = (vec![Region::default()], vec![0; FIELD_WORDS]);
+    (flow.contact_patches, flow.fields) = (vec![ContactPatch::default()], vec![0; FIELD_WORDS]);
     flow.model.slots = (0..flow.model.proxies.len() as u32).map(|proxy| Slot { proxy, ..Slot::default() }).collect();
     flow.active_chunks = vec![];
     for (slot, proxy) in flow.model.proxies.iter().enumerate() {

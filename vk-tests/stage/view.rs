@@ -451,7 +451,7 @@ fn pressed() -> Simulation {
 const SETTINGS: Settings = Settings { size: [160, 90], samples: 4 };
 const SHOWN: [&[Overlay]; 4] = [
     &[],
-    &[Overlay::Pressure, Overlay::Arrows, Overlay::Regions],
+    &[Overlay::Pressure, Overlay::Arrows, Overlay::ContactPatches],
     &[Overlay::Proxies, Overlay::Arrows],
     &[Overlay::Layer, Overlay::Cores, Overlay::Displacement],
 ];

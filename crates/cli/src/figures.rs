@@ -91,7 +91,7 @@ const FIGURES: [Figure; 6] = [
         name: "contact",
         shots: &[
             shot("two-heads", 0.1, &[Overlay::Proxies], [60.0, 10.0, 1.0], [0.0; 3], [427, 480]),
-            shot("two-heads", 0.1, &[Overlay::Cores, Overlay::Regions], [60.0, 10.0, 1.0], [0.0; 3], [427, 480]),
+            shot("two-heads", 0.1, &[Overlay::Cores, Overlay::ContactPatches], [60.0, 10.0, 1.0], [0.0; 3], [427, 480]),
             shot("touch-head", 0.3, &[Overlay::Depth], [40.0, 5.0, 4.5], [0.02, -0.02, 0.05], [426, 480]),
         ],
     },

@@ -26,7 +26,7 @@ const CHOICES: [(&str, Overlay); 9] = [
     ("depth", Overlay::Depth),
     ("force", Overlay::Arrows),
     ("proxies", Overlay::Proxies),
-    ("regions", Overlay::Regions),
+    ("regions", Overlay::ContactPatches),
     ("layer", Overlay::Layer),
     ("cores", Overlay::Cores),
     ("energy", Overlay::Energy),

@@ -14,7 +14,7 @@
 //! | [`skin`] | skin positions and velocities from nodes |
 //! | [`cull`] | broad phase: separation and penetration of convex hulls |
 //! | [`proximity`] | broad phase: placement and bounds of proxies, contact normals |
-//! | [`regions`] | bounds of parts of a skin, blending of several contact patches at a vertex |
+//! | [`contact_patches`] | bounds of parts of a skin, blending of several contact patches at a vertex |
 //! | [`contact`], [`rays`] | narrow phase: depth by exact rays, contacts |
 //! | [`contact_law`], [`material_law`], [`neo_hookean`] | the contact and material laws |
 //! | [`friction`] | friction of contacts |
@@ -30,6 +30,7 @@ pub mod body;
 pub mod coarse;
 pub mod contact;
 pub mod contact_law;
+pub mod contact_patches;
 pub mod cull;
 pub mod elastic;
 pub mod friction;
@@ -41,7 +42,6 @@ pub mod neo_hookean;
 mod newton;
 pub mod proximity;
 pub mod rays;
-pub mod regions;
 pub mod skin;
 pub mod statics;
 pub mod step;

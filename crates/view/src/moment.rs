@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use palpate::internal::gpu::Buffer;
-use palpate::internal::step::{self, Field, FieldValues, Mesh, RegionSquare};
+use palpate::internal::step::{self, ContactPatchRectangle, Field, FieldValues, Mesh};
 use palpate::{Result, Simulation};
 
 use super::overlay::{Overlay, Overlays};
@@ -29,7 +29,7 @@ pub struct Moment {
     /// The scalar field that skins are coloured by.
     pub(super) field: Option<FieldValues>,
     pub(super) meshes: Vec<(step::Overlay, Mesh)>,
-    pub(super) regions: Vec<RegionSquare>,
+    pub(super) contact_patches: Vec<ContactPatchRectangle>,
 }
 
 impl Moment {
@@ -52,7 +52,8 @@ impl Moment {
                 meshes.push((overlay, mesh));
             }
         }
-        let regions = if shown.has(Overlay::Regions) { simulation.region_squares()? } else { Vec::new() };
+        let contact_patches =
+            if shown.has(Overlay::ContactPatches) { simulation.contact_patch_rectangles()? } else { Vec::new() };
         let wrench = simulation.contact_wrench().map(|felt| felt.wrench).unwrap_or_default();
         let tool = simulation.tool().map(|tool| tool.centre);
         let frames = (0..simulation.bodies().len()).map(|body| simulation.frames(body).first().map(|p| p.centre));
@@ -67,7 +68,7 @@ impl Moment {
             frames: frames.chain([tool]).collect(),
             field,
             meshes,
-            regions,
+            contact_patches,
         })
     }
 }

@@ -15,7 +15,7 @@ pub enum Overlay {
     /// Collision proxies (convex hulls).
     Proxies,
     /// Contact patches (areas with one contact normal) as rectangles with normals.
-    Regions,
+    ContactPatches,
     /// The tetrahedral mesh (layer), cut open.
     Layer,
     /// Rigid cores and bones.
@@ -33,7 +33,7 @@ impl Overlay {
         (Overlay::Depth, "depth"),
         (Overlay::Arrows, "force and torque"),
         (Overlay::Proxies, "proxies"),
-        (Overlay::Regions, "regions"),
+        (Overlay::ContactPatches, "regions"),
         (Overlay::Layer, "layer cut open"),
         (Overlay::Cores, "cores and bones"),
         (Overlay::Energy, "strain energy"),

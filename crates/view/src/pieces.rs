@@ -170,7 +170,7 @@ impl Source<'_> {
 
     fn marks(&self, pieces: &mut Pieces) -> Result<()> {
         let [longest, thick, thin, normal] = ARROW.map(|share| share * self.height);
-        let Moment { tool, device, force, torque, shown, regions, .. } = self.moment;
+        let Moment { tool, device, force, torque, shown, contact_patches, .. } = self.moment;
         let mut marks = Marks::new(self.origin);
         let mut made = Vec::new();
         if let Some(tool) = tool.filter(|_| shown.has(Overlay::Arrows)) {
@@ -184,11 +184,12 @@ impl Source<'_> {
         if let (Some(tool), Some(device)) = (tool, device) {
             made.push((marks.rod(*tool, *device, thin), Style::Solid, Material::plain(LEAD)));
         }
-        for region in regions {
-            let half = [0, 1].map(|k| region.half[k].max(thick) * region.tangents[k]);
+        for contact_patch in contact_patches {
+            let half = [0, 1].map(|k| contact_patch.half[k].max(thick) * contact_patch.tangents[k]);
             let plane = Material::plain(REGION).glass(SHEER).with(flags::UNLIT);
-            made.push((marks.rectangle(region.centre, half), Style::Glass, plane));
-            let arrow = marks.arrow(region.centre, region.centre + normal * region.normal, 0.5 * thick);
+            made.push((marks.rectangle(contact_patch.centre, half), Style::Glass, plane));
+            let arrow =
+                marks.arrow(contact_patch.centre, contact_patch.centre + normal * contact_patch.normal, 0.5 * thick);
             made.push((arrow, Style::Solid, Material::plain(REGION)));
         }
         let Some(mesh) = marks.upload(self.context)? else { return Ok(()) };

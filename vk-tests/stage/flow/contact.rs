@@ -23,7 +23,7 @@ impl Flow {
             .input("chunks", &some(&model.chunks))
             .input("chunk_vertices", &fours(&model.chunk_vertices))
             .input("pairs", &self.pairs)
-            .input("regions", &self.regions)
+            .input("contact_patches", &self.contact_patches)
             .input("shares", &some(&self.shares))
             .input("triangles", &some(&model.triangles))
             .input("skin", &some(&self.skin))

@@ -1,7 +1,7 @@
 //! The kernels from pose to contact, which are the proximity query and the response: each is a case of the harness and
 //! gets what the kernel before it wrote, so that tests can check the whole query while the harness still guards each
 //! kernel. Words: a slot is a collision proxy in a pair of bodies; a chunk, up to 64 skin vertices with their
-//! triangles; a contact patch (`regions`), a place where a pair may touch along one normal; a work item (`items`), a
+//! triangles; a contact patch (`contact_patches`), a place where a pair may touch along one normal; a work item (`items`), a
 //! chunk in a patch; a bin, an entry of the spatial hash, which is one vertex of a work item.
 
 mod contact;
@@ -13,13 +13,13 @@ use palpate::Scene;
 use palpate::internal::prepare::Body;
 use palpate::internal::shaders;
 use palpate::internal::shaders::{
-    ActiveChunk, Contact, Counts, Frame, Link, NONE, Pair, ProxyBounds, Region, StepParams,
+    ActiveChunk, Contact, ContactPatch, Counts, Frame, Link, NONE, Pair, ProxyBounds, StepParams,
 };
 use palpate::internal::stages::ARGS_WORDS;
 use palpate::internal::stages::depth::Path;
 use palpate::internal::stages::model::{Model, texel};
 use palpate::internal::stages::skin::LEAST_BUCKETS;
-use palpate::internal::stages::{CHUNK_VERTICES, PAIR_REGIONS};
+use palpate::internal::stages::{CHUNK_VERTICES, PAIR_PATCHES};
 use palpate::scene::{self, Sides};
 
 use crate::harness::context;
@@ -51,17 +51,17 @@ pub struct Flow {
     pub reach: Vec<[f32; 2]>,
     /// Two entries for each pair of proxies: unit normal and weight; push and its length.
     pub directions: Vec<[f32; 4]>,
-    /// [`PAIR_REGIONS`] patches for each pair of bodies.
-    pub regions: Vec<Region>,
-    /// [`PAIR_REGIONS`] entries for each slot, as in `boxes`.
+    /// [`PAIR_PATCHES`] patches for each pair of bodies.
+    pub contact_patches: Vec<ContactPatch>,
+    /// [`PAIR_PATCHES`] entries for each slot, as in `boxes`.
     pub shares: Vec<f32>,
     pub boxes: Vec<Box3>,
-    pub slot_regions: Vec<u32>,
+    pub proxy_patches: Vec<u32>,
     pub slot_counts: Vec<[u32; 2]>,
     pub active_slots: Vec<u32>,
     pub fields: Vec<u32>,
     pub slot_chunks: Vec<[u32; 2]>,
-    /// [`PAIR_REGIONS`] entries for each chunk of a slot: low, high, plane and extreme of its box in a patch.
+    /// [`PAIR_PATCHES`] entries for each chunk of a slot: low, high, plane and extreme of its box in a patch.
     pub slabs: Vec<[f32; 8]>,
     pub active_chunks: Vec<ActiveChunk>,
     pub items: Vec<[u32; 2]>,
@@ -172,10 +172,10 @@ impl Flow {
             active_pairs: vec![],
             reach: vec![],
             directions: vec![],
-            regions: vec![Region::default(); PAIR_REGIONS * pairs.len()],
+            contact_patches: vec![ContactPatch::default(); PAIR_PATCHES * pairs.len()],
             shares: vec![],
             boxes: vec![],
-            slot_regions: vec![],
+            proxy_patches: vec![],
             slot_counts: vec![],
             active_slots: vec![],
             fields: vec![],
@@ -232,7 +232,7 @@ impl Flow {
     pub fn cull(&mut self) {
         self.test_pairs();
         self.direct();
-        self.find_regions();
+        self.find_contact_patches();
         self.box_chunks();
         self.meet();
     }

@@ -3,7 +3,7 @@
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
 use palpate::internal::shaders::{ActiveChunk, NONE, ProxyBounds};
-use palpate::internal::stages::{CHUNK_VERTICES, PAIR_REGIONS};
+use palpate::internal::stages::{CHUNK_VERTICES, PAIR_PATCHES};
 
 use super::{FIELD_WORDS, Flow, fours, some};
 use crate::harness::case;
@@ -85,9 +85,9 @@ impl Flow {
         self.directions = out.get("directions");
     }
 
-    pub fn find_regions(&mut self) {
+    pub fn find_contact_patches(&mut self) {
         let (pairs, slots) = (self.pairs.len(), self.model.slots.len());
-        let out = case("cull/regions")
+        let out = case("cull/contact_patches")
             .size(Size::Reduce)
             .constant("BUCKETS", self.bucket_count)
             .input("params", &[self.params])
@@ -96,23 +96,23 @@ impl Flow {
             .input("bounds", &self.bounds)
             .input("hull", &some(&self.hull))
             .input("directions", &some(&self.directions))
-            .inout("regions", &self.regions)
-            .partial("shares", &vec![-1.0f32; PAIR_REGIONS * slots])
-            .inout("boxes", &vec![[[0.0f32; 3]; 2]; PAIR_REGIONS * slots])
-            .inout("slot_regions", &vec![NONE; slots])
+            .inout("contact_patches", &self.contact_patches)
+            .partial("shares", &vec![-1.0f32; PAIR_PATCHES * slots])
+            .inout("boxes", &vec![[[0.0f32; 3]; 2]; PAIR_PATCHES * slots])
+            .inout("proxy_patches", &vec![NONE; slots])
             .partial("slot_counts", &vec![[0u32; 2]; slots])
             .partial("active_slots", &vec![NONE; slots])
-            .partial("fields", &vec![7u32; PAIR_REGIONS * pairs * FIELD_WORDS])
+            .partial("fields", &vec![7u32; PAIR_PATCHES * pairs * FIELD_WORDS])
             .inout("counts", &[self.counts])
             .inout("args", &self.args)
             .partial("near_pairs", &vec![NONE; self.model.proxy_pairs.len()])
             .partial("buckets", &self.buckets)
             .groups(pairs)
             .run();
-        self.regions = out.get("regions");
+        self.contact_patches = out.get("contact_patches");
         self.shares = out.get("shares");
         self.boxes = out.get("boxes");
-        self.slot_regions = out.get("slot_regions");
+        self.proxy_patches = out.get("proxy_patches");
         self.slot_counts = out.get("slot_counts");
         self.active_slots = out.get("active_slots");
         self.fields = out.get("fields");
@@ -136,11 +136,11 @@ impl Flow {
             .input("displacement", &some(&self.displacement))
             .input("node_rest", &some(&model.node_rest))
             .input("links", &self.links)
-            .input("regions", &self.regions)
+            .input("contact_patches", &self.contact_patches)
             .input("boxes", &self.boxes)
-            .input("slot_regions", &self.slot_regions)
+            .input("proxy_patches", &self.proxy_patches)
             .partial("slot_chunks", &vec![[NONE; 2]; chunks])
-            .partial("slabs", &vec![[f32::NAN; 8]; PAIR_REGIONS * chunks])
+            .partial("slabs", &vec![[f32::NAN; 8]; PAIR_PATCHES * chunks])
             .inout("fields", &self.fields)
             .groups(self.groups(shaders::ARGS_CHUNKS))
             .run();
@@ -159,7 +159,7 @@ impl Flow {
             .input("slots", &self.model.slots)
             .input("active_slots", &self.active_slots)
             .input("proxies", &self.model.proxies)
-            .input("regions", &self.regions)
+            .input("contact_patches", &self.contact_patches)
             .input("slabs", &self.slabs)
             .input("fields", &self.fields)
             .inout("slot_chunks", &some(&self.slot_chunks))
@@ -181,7 +181,7 @@ impl Flow {
     /// Words of `buckets`, to whole texels: the heads of the spatial hash's lists, and for each cell of the min-max
     /// depth grids the height from which the farthest ray starts.
     fn bucket_words(&self) -> usize {
-        (self.bucket_count as usize + PAIR_REGIONS * self.pairs.len() * FIELD_WORDS).next_multiple_of(4)
+        (self.bucket_count as usize + PAIR_PATCHES * self.pairs.len() * FIELD_WORDS).next_multiple_of(4)
     }
 
     pub fn embed(&mut self) {
@@ -202,7 +202,7 @@ impl Flow {
             .input("node_rest", &some(&model.node_rest))
             .input("displacement", &some(&self.displacement))
             .input("node_info", &some(&model.node_info))
-            .input("regions", &self.regions)
+            .input("contact_patches", &self.contact_patches)
             .input("shares", &some(&self.shares))
             .partial("skin", &self.skin)
             .inout("buckets", &vec![NONE; self.bucket_words()])
@@ -231,7 +231,7 @@ impl Flow {
             .input("active_chunks", &some(&self.active_chunks))
             .input("chunks", &some(&model.chunks))
             .input("chunk_triangles", &fours(&model.chunk_triangles))
-            .input("regions", &self.regions)
+            .input("contact_patches", &self.contact_patches)
             .input("triangles", &some(&model.triangles))
             .input("skin", &some(&self.skin))
             .input("buckets", &self.buckets)

@@ -59,8 +59,10 @@ pub fn reference(scene: &Scene, steps: usize, options: &Options) -> Result<Refer
     let mut forces = Vec::with_capacity(steps);
     for _ in 0..steps {
         let row = simulation.step()?;
-        let (regions, _) = simulation.touch()?;
-        let normal = regions.first().map_or(DVec3::ZERO, |region| DVec3::from(region.normal.map(f64::from)));
+        let (contact_patches, _) = simulation.touch()?;
+        let normal = contact_patches
+            .first()
+            .map_or(DVec3::ZERO, |contact_patch| DVec3::from(contact_patch.normal.map(f64::from)));
         let contacts = twin.contacts(normal.normalize_or_zero());
         let device = drive.device(row.time, scene.step.dt);
         let device = tool::Device {

@@ -83,13 +83,13 @@ impl QueryReport {
         let deepest = answer.contacts.iter().rev().max_by(|x, y| x.depth.total_cmp(&y.depth));
         self.max_depth_m = deepest.map(|contact| contact.depth);
         self.deepest = deepest.map(|contact| (contact.body, contact.vertex));
-        let region = |region: &palpate::internal::shaders::Region| {
+        let region = |region: &palpate::internal::shaders::ContactPatch| {
             json!({
                 "normal": region.normal,
                 "extent_m": [region.high[0] - region.low[0], region.high[1] - region.low[1]],
             })
         };
-        self.regions = answer.regions.iter().map(region).collect();
+        self.regions = answer.contact_patches.iter().map(region).collect();
         self.flags = answer.flags.names().collect();
         self.version = env!("CARGO_PKG_VERSION");
     }
@@ -162,7 +162,7 @@ mod tests {
         };
         Answer {
             contacts: vec![contact(0, 3, 1e-3), contact(1, 0, 2.5e-3), contact(1, 9, 2.5e-3)],
-            regions: vec![],
+            contact_patches: vec![],
             origin: DVec3::ZERO,
             flags: Flags::NOT_A_HEIGHT_FIELD,
             counts: Counts { chunks: 12, hits: 30, ..Counts::default() },

@@ -5,11 +5,11 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
-// Cull, broad phase: forms the contact patches (`Region`) of a pair of bodies a and b: columns in which they may touch,
+// Cull, broad phase: forms the contact patches (`ContactPatch`) of a pair of bodies a and b: columns in which they may touch,
 // each with one contact normal. One workgroup a pair of bodies. Oracle: oracle::regions.
 //
 // The directions of its pairs of collision proxies (where they touched in the last step, the way their contacts pushed)
-// are gathered into at most PAIR_REGIONS clusters of similar directions, by mean shift from the strongest direction
+// are gathered into at most PAIR_PATCHES clusters of similar directions, by mean shift from the strongest direction
 // that is left (Fukunaga and Hostetler 1975). Each cluster is a patch, and the weighted mean of its directions the
 // normal. Memberships are smooth in directions and weights, and a patch's strength grows from zero, so nothing jumps
 // when a patch appears. A proxy divides the weight of its vertices among the patches that its pairs belong to.
@@ -29,10 +29,10 @@ layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Bounds { ProxyBounds bounds[]; };
 READ_ONLY(vec4, hull);
 READ_ONLY(vec4, directions);  // two a proxy pair: unit normal, weight; push of the last step's contacts, its length
-layout(scalar) buffer Regions { Region regions[]; };
+layout(scalar) buffer ContactPatches { ContactPatch contact_patches[]; };
 layout(scalar) writeonly buffer Shares { float shares[]; };  // patch weights of each slot (a proxy in a pair)
-layout(scalar) buffer Boxes { vec3 boxes[]; };                     // least and greatest corner, PAIR_REGIONS a slot
-layout(scalar) coherent buffer SlotRegions { uint slot_regions[]; };  // bits: patches it is in; then its memberships
+layout(scalar) buffer Boxes { vec3 boxes[]; };                     // least and greatest corner, PAIR_PATCHES a slot
+layout(scalar) coherent buffer ProxyPatches { uint proxy_patches[]; };  // bits: patches it is in; then its memberships
 layout(scalar) writeonly buffer SlotCounts { uvec2 slot_counts[]; };
 layout(scalar) writeonly buffer ActiveSlots { uint active_slots[]; };  // slots that are in the column of a patch
 layout(scalar) writeonly buffer Fields { uint fields[]; };  // min-max depth grids, see shared/field.glsl; cleared here
@@ -73,10 +73,10 @@ shared vec3 high[SIZE];
 shared vec4 strongest[SIZE];
 shared uint is_near[SIZE];
 
-vec3 normals[PAIR_REGIONS];
-float strength[PAIR_REGIONS];
-uint region_count = 0;
-vec4 before[PAIR_REGIONS];      // the last step's normals and strengths
+vec3 normals[PAIR_PATCHES];
+float strength[PAIR_PATCHES];
+uint patch_count = 0;
+vec4 before[PAIR_PATCHES];      // the last step's normals and strengths
 float all_weights, all_pushes, least_push;      // sums over the proxy pairs; LEAST_PUSH in m^3
 uint near_count = 0;
 
@@ -133,7 +133,7 @@ float remainder(vec3 n, uint count) {
 // Share of a direction that belongs to patch r.
 float part(vec3 n, uint r) {
     float all = 0.0;
-    for (uint q = 0; q < region_count; q++) all += strength[q] * alike(n, normals[q]);
+    for (uint q = 0; q < patch_count; q++) all += strength[q] * alike(n, normals[q]);
     return all > 0.0 ? strength[r] * alike(n, normals[r]) / all : 0.0;
 }
 
@@ -163,7 +163,7 @@ vec4 strongest_remainder(Pair pair, uint count) {
 vec3 followed(vec3 n) {
     vec3 last = vec3(0.0);
     float cosine = ALIKE;
-    for (uint q = 0; q < PAIR_REGIONS; q++) {
+    for (uint q = 0; q < PAIR_PATCHES; q++) {
         if (before[q].w < TOLD || dot(before[q].xyz, n) < cosine) continue;
         last = before[q].xyz;
         cosine = dot(last, n);
@@ -174,7 +174,7 @@ vec3 followed(vec3 n) {
 // Finds the patches, their normals and strengths; a flag says if directions are left over.
 void find_normals(Pair pair) {
     uint lane = gl_LocalInvocationID.x;
-    for (uint r = 0; r < PAIR_REGIONS; r++) {
+    for (uint r = 0; r < PAIR_PATCHES; r++) {
         vec4 seed = strongest_remainder(pair, r);
         if (seed.w <= 0.0) return;
         vec3 n = seed.xyz;
@@ -197,24 +197,24 @@ void find_normals(Pair pair) {
         if (weights <= LEAST_STRENGTH) return;
         strength[r] = pushes * (1.0 - LEAST_STRENGTH / weights);
         normals[r] = followed(n);
-        region_count = r + 1;
+        patch_count = r + 1;
     }
     float left = 0.0;
     for (uint k = lane; k < near_count; k += SIZE) {
         Direction direction;
         if (!direction_of(near_pairs[pair.first_proxy_pair + k], direction)) continue;
-        left += direction.weight * remainder(direction.normal, region_count);
+        left += direction.weight * remainder(direction.normal, patch_count);
     }
     left = workgroup_sum(vec4(left)).x;
-    if (left > LEAST_STRENGTH && lane == 0) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
+    if (left > LEAST_STRENGTH && lane == 0) atomicOr(counts.flags, FLAG_PATCH_OVERFLOW);
 }
 
 // Writes the weight of each patch at the vertices of each slot, and (upper bits) the patches it is a member of.
 void share_out(Pair pair) {
     uint a_count = pair.proxy_count[0], b_count = pair.proxy_count[1];
     for (uint s = gl_LocalInvocationID.x; s < a_count + b_count; s += SIZE) {
-        float share[PAIR_REGIONS];
-        for (uint r = 0; r < PAIR_REGIONS; r++) share[r] = 0.0;
+        float share[PAIR_PATCHES];
+        for (uint r = 0; r < PAIR_PATCHES; r++) share[r] = 0.0;
         bool of_a = s < a_count, near = false;
         uint members = 0;
         uint first = pair.first_proxy_pair + (of_a ? s * b_count : s - a_count);
@@ -223,25 +223,25 @@ void share_out(Pair pair) {
             Direction direction;
             if (!direction_of(first + k * stride, direction)) continue;
             near = true;
-            for (uint r = 0; r < region_count; r++) {
+            for (uint r = 0; r < patch_count; r++) {
                 float own = pair.direction.w != 0.0 ? 1.0 : part(direction.normal, r);
                 share[r] += direction.push * own;
                 if (own >= LEAST_PART) members |= 1u << r;
             }
         }
         float sum = 0.0, all = 0.0;
-        for (uint r = 0; r < region_count; r++) {
+        for (uint r = 0; r < patch_count; r++) {
             sum += share[r];
             all += strength[r];
         }
         uint slot = slot_of(pair, s);
-        for (uint r = 0; r < PAIR_REGIONS; r++) {
+        for (uint r = 0; r < PAIR_PATCHES; r++) {
             float own = (members & (1u << r)) != 0 ? max(LEAST_SHARE, share[r] / sum) : 0.0;
             // Strong patches see the vertices of other proxies too: along their normal may be the shorter way out.
-            if (near && r < region_count) own = max(own, GUEST_SHARE * max(0.0, strength[r] / all - GUESTS_FROM));
-            shares[slot * PAIR_REGIONS + r] = own;
+            if (near && r < patch_count) own = max(own, GUEST_SHARE * max(0.0, strength[r] / all - GUESTS_FROM));
+            shares[slot * PAIR_PATCHES + r] = own;
         }
-        slot_regions[slot] = members << PAIR_REGIONS;
+        proxy_patches[slot] = members << PAIR_PATCHES;
         slot_counts[slot] = uvec2(0);
     }
     memoryBarrierBuffer();
@@ -269,12 +269,12 @@ void hull_box(uint id, mat3 axes, bool exact, out vec3 least, out vec3 greatest)
 }
 
 // Empties the depth grids of a patch: of chunks (`fields`), and of vertices (`buckets`).
-void clear_fields(uint region, uint lane) {
+void clear_fields(uint contact_patch, uint lane) {
     for (uint k = lane; k < FIELD * FIELD; k += SIZE) {
-        fields[field_at(region, 0) + k] = 0;
-        fields[field_at(region, 1) + k] = NONE;
-        buckets[BUCKETS + field_at(region, 0) + k] = NONE;
-        buckets[BUCKETS + field_at(region, 1) + k] = NONE;
+        fields[field_at(contact_patch, 0) + k] = 0;
+        fields[field_at(contact_patch, 1) + k] = NONE;
+        buckets[BUCKETS + field_at(contact_patch, 0) + k] = NONE;
+        buckets[BUCKETS + field_at(contact_patch, 1) + k] = NONE;
     }
 }
 
@@ -305,9 +305,9 @@ mat3 axes_of(vec3 n) {
 }
 
 // Writes patch r: the boxes of its slots, its column, and which slots are in the column.
-void open_region(Pair pair, uint r, uint first_region) {
+void open_contact_patch(Pair pair, uint r, uint first_patch) {
     uint lane = gl_LocalInvocationID.x;
-    uint member = 1u << PAIR_REGIONS + r;
+    uint member = 1u << PAIR_PATCHES + r;
     mat3 axes = axes_of(normals[r]);
     vec3 side_low[2], side_high[2];
     float edge[2];
@@ -316,11 +316,11 @@ void open_region(Pair pair, uint r, uint first_region) {
         vec3 least = vec3(3.0e38), greatest = vec3(-3.0e38);
         vec4 edges = vec4(0.0);
         for (uint p = lane; p < pair.proxy_count[side]; p += SIZE) {
-            if ((slot_regions[begin + p] & member) == 0) continue;
+            if ((proxy_patches[begin + p] & member) == 0) continue;
             vec3 box_low, box_high;
             hull_box(pair.first_proxy[side] + p, axes, true, box_low, box_high);
-            boxes[2 * ((begin + p) * PAIR_REGIONS + r)] = box_low;
-            boxes[2 * ((begin + p) * PAIR_REGIONS + r) + 1] = box_high;
+            boxes[2 * ((begin + p) * PAIR_PATCHES + r)] = box_low;
+            boxes[2 * ((begin + p) * PAIR_PATCHES + r) + 1] = box_high;
             least = min(least, box_low);
             greatest = max(greatest, box_high);
             edges.xy += vec2(proxies[pair.first_proxy[side] + p].edge, 1.0);
@@ -337,24 +337,24 @@ void open_region(Pair pair, uint r, uint first_region) {
         uint begin = pair.first_slot[side];
         for (uint p = lane; p < pair.proxy_count[side]; p += SIZE) {
             uint slot = begin + p;
-            bool near = (slot_regions[slot] & member) != 0;
-            vec3 box_low = boxes[2 * (slot * PAIR_REGIONS + r)], box_high = boxes[2 * (slot * PAIR_REGIONS + r) + 1];
+            bool near = (proxy_patches[slot] & member) != 0;
+            vec3 box_low = boxes[2 * (slot * PAIR_PATCHES + r)], box_high = boxes[2 * (slot * PAIR_PATCHES + r) + 1];
             if (!near) hull_box(pair.first_proxy[side] + p, axes, false, box_low, box_high);
             bool within = touches && all(lessThanEqual(box_low.xy, column_high))
                 && all(greaterThanEqual(box_high.xy, column_low))
                 && (side == 0 ? box_high.z >= side_low[1].z : box_low.z <= side_high[0].z);
-            if (within) slot_regions[slot] |= 1u << r;
+            if (within) proxy_patches[slot] |= 1u << r;
             if (within && !near) {
-                boxes[2 * (slot * PAIR_REGIONS + r)] = box_low;
-                boxes[2 * (slot * PAIR_REGIONS + r) + 1] = box_high;
+                boxes[2 * (slot * PAIR_PATCHES + r)] = box_low;
+                boxes[2 * (slot * PAIR_PATCHES + r) + 1] = box_high;
             }
         }
     }
-    clear_fields(first_region + r, lane);
+    clear_fields(first_patch + r, lane);
     if (lane != 0) return;
     vec2 extent = column_high - column_low;
     float finest = max(max(extent.x, extent.y) / float(MOST_CELLS), 1.0e-9);
-    if (params.texel > 0.0 && params.texel < finest) atomicOr(counts.flags, FLAG_REGION_OVERFLOW);
+    if (params.texel > 0.0 && params.texel < finest) atomicOr(counts.flags, FLAG_PATCH_OVERFLOW);
     float cell[2];
     for (uint side = 0; side < 2; side++) {
         // Two or three cells a vertex, unless an opposing triangle would then cover many cells.
@@ -363,18 +363,18 @@ void open_region(Pair pair, uint r, uint first_region) {
     }
     // The turn since the last step is measured against the nearest of the last normals, as their order may change.
     float turn = 0.0, cosine = -1.0;
-    for (uint q = 0; q < PAIR_REGIONS; q++) {
+    for (uint q = 0; q < PAIR_PATCHES; q++) {
         if (before[q].w > 0.0) cosine = max(cosine, dot(before[q].xyz, normals[r]));
     }
     if (cosine > -1.0) turn = acos(min(cosine, 1.0));
     // A turn before the skins touch does not count, because the direction is only an estimate.
     if (touches && all_pushes >= least_push) atomicMax(counts.turn, floatBitsToUint(turn));
-    regions[first_region + r] =
-        Region(normals[r], axes[0], axes[1], column_low, column_high, cell, touches ? strength[r] : 0.0, turn);
+    contact_patches[first_patch + r] =
+        ContactPatch(normals[r], axes[0], axes[1], column_low, column_high, cell, touches ? strength[r] : 0.0, turn);
 }
 
 // Writes the one patch of a skin and a half-space, and activates the slots that may lie below its plane.
-void open_plane(Pair pair, uint first_region) {
+void open_plane(Pair pair, uint first_patch) {
     uint lane = gl_LocalInvocationID.x;
     mat3 axes = axes_of(-pair.plane.xyz);
     for (uint p = lane; p < pair.proxy_count[0]; p += SIZE) {
@@ -382,25 +382,25 @@ void open_plane(Pair pair, uint first_region) {
         vec3 box_low, box_high;
         hull_box(pair.first_proxy[0] + p, axes, true, box_low, box_high);
         bool within = box_high.z >= -pair.plane.w;
-        for (uint r = 0; r < PAIR_REGIONS; r++) shares[slot * PAIR_REGIONS + r] = within && r == 0 ? 1.0 : 0.0;
-        slot_regions[slot] = within ? 1 : 0;
+        for (uint r = 0; r < PAIR_PATCHES; r++) shares[slot * PAIR_PATCHES + r] = within && r == 0 ? 1.0 : 0.0;
+        proxy_patches[slot] = within ? 1 : 0;
         slot_counts[slot] = uvec2(0);
     }
     if (lane == 0) {
-        regions[first_region] =
-            Region(axes[2], axes[0], axes[1], vec2(0.0), vec2(0.0), float[2](1.0, 1.0), 1.0, 0.0);
+        contact_patches[first_patch] =
+            ContactPatch(axes[2], axes[0], axes[1], vec2(0.0), vec2(0.0), float[2](1.0, 1.0), 1.0, 0.0);
     }
 }
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
     Pair pair = pairs[gl_WorkGroupID.x];
-    uint first_region = gl_WorkGroupID.x * PAIR_REGIONS;
-    for (uint r = 0; r < PAIR_REGIONS; r++) before[r] = vec4(regions[first_region + r].normal, regions[first_region + r].weight);
+    uint first_patch = gl_WorkGroupID.x * PAIR_PATCHES;
+    for (uint r = 0; r < PAIR_PATCHES; r++) before[r] = vec4(contact_patches[first_patch + r].normal, contact_patches[first_patch + r].weight);
     barrier();
     if (pair.is_plane != 0) {
-        region_count = 1;
-        open_plane(pair, first_region);
+        patch_count = 1;
+        open_plane(pair, first_patch);
     } else {
         list_near(pair);
         vec4 sums = vec4(0.0);
@@ -416,20 +416,20 @@ void main() {
         if (all_weights > 0.0 && pair.direction.w != 0.0) {
             normals[0] = pair.direction.xyz;
             strength[0] = 1.0;
-            region_count = 1;
+            patch_count = 1;
         } else if (all_weights > 0.0) {
             find_normals(pair);
         }
         share_out(pair);
-        for (uint r = 0; r < region_count; r++) open_region(pair, r, first_region);
+        for (uint r = 0; r < patch_count; r++) open_contact_patch(pair, r, first_patch);
     }
-    for (uint r = region_count + lane; r < PAIR_REGIONS; r += SIZE) regions[first_region + r].weight = 0.0;
+    for (uint r = patch_count + lane; r < PAIR_PATCHES; r += SIZE) contact_patches[first_patch + r].weight = 0.0;
     memoryBarrierBuffer();
     barrier();
     uint slots = pair.proxy_count[0] + (pair.is_plane != 0 ? 0 : pair.proxy_count[1]);
     for (uint s = lane; s < slots; s += SIZE) {
         uint slot = slot_of(pair, s);
-        if ((slot_regions[slot] & ((1u << PAIR_REGIONS) - 1u)) != 0) {
+        if ((proxy_patches[slot] & ((1u << PAIR_PATCHES) - 1u)) != 0) {
             active_slots[atomicAdd(args[3 * ARGS_CHUNKS], 1)] = slot;
         }
     }

@@ -1,13 +1,13 @@
-//! Kernel cull/regions: the contact patches of a pair of bodies (places that may touch along one normal) with their
+//! Kernel cull/contact_patches: the contact patches of a pair of bodies (places that may touch along one normal) with their
 //! rectangles, and the slots (a collision proxy in a pair) that take part.
 
 use bytemuck::Zeroable;
 use glam::DVec3;
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
-use palpate::internal::shaders::{Counts, NONE, Pair, Proxy, ProxyBounds, Region, StepParams};
+use palpate::internal::shaders::{ContactPatch, Counts, NONE, Pair, Proxy, ProxyBounds, StepParams};
 use palpate::internal::stages::ARGS_WORDS;
-use palpate::internal::stages::PAIR_REGIONS;
+use palpate::internal::stages::PAIR_PATCHES;
 use palpate_oracle::proximity;
 
 use crate::harness::random::Random;
@@ -28,7 +28,7 @@ struct Given {
     places: Vec<DVec3>,
     pair: Pair,
     directions: Vec<[f32; 4]>,
-    before: Vec<Region>,
+    before: Vec<ContactPatch>,
 }
 
 fn wide(x: [f32; 3]) -> DVec3 {
@@ -60,7 +60,7 @@ impl Given {
             places: (0..counts[0] + counts[1]).map(|_| 0.1 * random.vector()).collect(),
             pair,
             directions: (0..pairs).flat_map(both).collect(),
-            before: vec![Region::default(); PAIR_REGIONS],
+            before: vec![ContactPatch::default(); PAIR_PATCHES],
         }
     }
 
@@ -79,7 +79,7 @@ impl Given {
         };
         let hull: Vec<[f32; 4]> =
             (0..count).flat_map(|i| self.hull(i)).map(|x| x.as_vec3().extend(0.0).to_array()).collect();
-        case("cull/regions")
+        case("cull/contact_patches")
             .size(Size::Reduce)
             .constant("BUCKETS", 4u32)
             .input("params", &[StepParams::zeroed()])
@@ -88,17 +88,17 @@ impl Given {
             .input("bounds", &(0..count).map(bounds).collect::<Vec<_>>())
             .input("hull", &hull)
             .input("directions", &crate::stage::flow::some(&self.directions))
-            .inout("regions", &self.before)
-            .output::<f32>("shares", PAIR_REGIONS * count)
-            .inout("boxes", &vec![[[9.0f32; 3]; 2]; PAIR_REGIONS * count])
-            .inout("slot_regions", &vec![NONE; count])
+            .inout("contact_patches", &self.before)
+            .output::<f32>("shares", PAIR_PATCHES * count)
+            .inout("boxes", &vec![[[9.0f32; 3]; 2]; PAIR_PATCHES * count])
+            .inout("proxy_patches", &vec![NONE; count])
             .partial("slot_counts", &vec![[7u32; 2]; count])
             .partial("active_slots", &vec![NONE; count])
-            .partial("fields", &vec![7u32; PAIR_REGIONS * FIELD_WORDS])
+            .partial("fields", &vec![7u32; PAIR_PATCHES * FIELD_WORDS])
             .inout("counts", &[Counts::default()])
             .inout("args", &vec![0u32; ARGS_WORDS])
             .partial("near_pairs", &vec![NONE; self.directions.len() / 2])
-            .partial("buckets", &vec![7u32; 4 + PAIR_REGIONS * FIELD_WORDS])
+            .partial("buckets", &vec![7u32; 4 + PAIR_PATCHES * FIELD_WORDS])
             .groups(1)
             .run()
     }
@@ -108,15 +108,15 @@ impl Given {
 /// the members of both sides cover in common, shares sum to one, min-max depth grids are cleared, and the slots in a
 /// rectangle are active. Returns the number of patches.
 fn check(given: &Given, out: &Outcome) -> usize {
-    let (regions, boxes): (Vec<Region>, Vec<Box3>) = (out.get("regions"), out.get("boxes"));
-    let (shares, bits): (Vec<f32>, Vec<u32>) = (out.get("shares"), out.get("slot_regions"));
+    let (contact_patches, boxes): (Vec<ContactPatch>, Vec<Box3>) = (out.get("contact_patches"), out.get("boxes"));
+    let (shares, bits): (Vec<f32>, Vec<u32>) = (out.get("shares"), out.get("proxy_patches"));
     let (fields, buckets): (Vec<u32>, Vec<u32>) = (out.get("fields"), out.get("buckets"));
     assert_eq!(buckets[..4], [7; 4], "heads are cleared with the pose");
-    let live = regions.iter().filter(|region| region.weight > 0.0).count();
+    let live = contact_patches.iter().filter(|contact_patch| contact_patch.weight > 0.0).count();
     let count = given.places.len();
-    for (r, region) in regions.iter().enumerate().take(live) {
-        assert!(region.weight > 0.0, "those there are come first");
-        let axes = [region.tangent, region.bitangent, region.normal].map(wide);
+    for (r, contact_patch) in contact_patches.iter().enumerate().take(live) {
+        assert!(contact_patch.weight > 0.0, "those there are come first");
+        let axes = [contact_patch.tangent, contact_patch.bitangent, contact_patch.normal].map(wide);
         for i in 0..3 {
             let along = axes.map(|axis| axis.dot(axes[i]) as f32);
             expect_close("orthonormal", &along, &[0, 1, 2].map(|k| f64::from(u8::from(k == i))), PLACED);
@@ -128,35 +128,36 @@ fn check(given: &Given, out: &Outcome) -> usize {
             let own = first..first + given.pair.proxy_count[side] as usize;
             let hulls: Vec<Vec<DVec3>> = own.clone().map(|p| given.hull(p)).collect();
             let boxed = |p: usize| proximity::side_box(axes, &[(&hulls[p - first], f64::from(INFLATION))]);
-            let members: Vec<usize> = own.clone().filter(|p| bits[*p] >> (PAIR_REGIONS + r) & 1 == 1).collect();
+            let members: Vec<usize> = own.clone().filter(|p| bits[*p] >> (PAIR_PATCHES + r) & 1 == 1).collect();
             let whole: Vec<(&[DVec3], f64)> =
                 members.iter().map(|p| (hulls[p - first].as_slice(), f64::from(INFLATION))).collect();
             sides.push(proximity::side_box(axes, &whole));
             for p in own.filter(|p| bits[*p] >> r & 1 == 1) {
                 let (low, high) = boxed(p);
-                let got = boxes[p * PAIR_REGIONS + r].map(wide);
+                let got = boxes[p * PAIR_PATCHES + r].map(wide);
                 assert!((low - got[0]).min_element() > -2e-6 && (got[1] - high).min_element() > -2e-6, "slot {p}");
                 if members.contains(&p) {
-                    expect_close("box", &boxes[p * PAIR_REGIONS + r][0], &low.to_array(), PLACED);
+                    expect_close("box", &boxes[p * PAIR_PATCHES + r][0], &low.to_array(), PLACED);
                 }
             }
         }
         let (low, high) = (sides[0].0.max(sides[1].0), sides[0].1.min(sides[1].1));
-        expect_close("low", &region.low, &[low.x, low.y], PLACED);
-        expect_close("high", &region.high, &[high.x, high.y], PLACED);
+        expect_close("low", &contact_patch.low, &[low.x, low.y], PLACED);
+        expect_close("high", &contact_patch.high, &[high.x, high.y], PLACED);
         let own = &fields[r * FIELD_WORDS..][..FIELD_WORDS];
         assert!(own[..256].iter().all(|f| *f == 0) && own[256..].iter().all(|f| *f == NONE), "fields are cleared");
         assert!(buckets[4 + r * FIELD_WORDS..][..FIELD_WORDS].iter().all(|sight| *sight == NONE), "sights are cleared");
     }
     for s in 0..count {
-        let own = &shares[PAIR_REGIONS * s..][..PAIR_REGIONS];
+        let own = &shares[PAIR_PATCHES * s..][..PAIR_PATCHES];
         let sum: f32 = own.iter().sum();
-        let member = bits[s] >> PAIR_REGIONS != 0;
+        let member = bits[s] >> PAIR_PATCHES != 0;
         // In a patch of which it is no member, the slot's share is at most (s - 0.1) / 20, where s is the patch's share
         // of the strength of all patches.
-        for r in (0..live).filter(|r| bits[s] >> (PAIR_REGIONS + r) & 1 == 0) {
-            let strength = regions[r].weight / regions.iter().map(|region| region.weight).sum::<f32>();
-            assert!(own[r] <= 0.05 * (strength - 0.1).max(0.0) + 1e-6, "slot {s}, region {r}: {own:?}");
+        for r in (0..live).filter(|r| bits[s] >> (PAIR_PATCHES + r) & 1 == 0) {
+            let strength = contact_patches[r].weight
+                / contact_patches.iter().map(|contact_patch| contact_patch.weight).sum::<f32>();
+            assert!(own[r] <= 0.05 * (strength - 0.1).max(0.0) + 1e-6, "slot {s}, contact_patch {r}: {own:?}");
         }
         // The shares of a member sum to one, and those shares in other patches come on top.
         assert!(if member { sum > 0.998 && sum < 1.052 } else { sum <= 0.05 }, "slot {s}: {own:?}");
@@ -167,7 +168,7 @@ fn check(given: &Given, out: &Outcome) -> usize {
     assert!(active[groups..].iter().all(|slot| *slot == NONE));
     active.truncate(groups);
     active.sort_unstable();
-    let wanted = (0..count as u32).filter(|s| bits[*s as usize] & ((1 << PAIR_REGIONS) - 1) != 0);
+    let wanted = (0..count as u32).filter(|s| bits[*s as usize] & ((1 << PAIR_PATCHES) - 1) != 0);
     assert_eq!(active, wanted.collect::<Vec<_>>());
     assert!(out.get::<[u32; 2]>("slot_counts").iter().all(|c| *c == [0, 0]));
     live
@@ -189,7 +190,7 @@ fn like_directions_give_their_weighted_mean() {
         let out = given.run();
         assert_eq!((check(&given, &out), flags(&out)), (1, 0));
         let mean = proximity::mean_direction(&directions).unwrap();
-        expect_close("normal", &out.get::<Region>("regions")[0].normal, &mean.to_array(), DIRECTION);
+        expect_close("normal", &out.get::<ContactPatch>("contact_patches")[0].normal, &mean.to_array(), DIRECTION);
     }
 }
 
@@ -206,15 +207,15 @@ fn opposite_groups_have_a_region_each() {
     let given = Given::new([4, 5], &directions, &mut random);
     let out = given.run();
     assert_eq!((check(&given, &out), flags(&out)), (2, 0));
-    let regions: Vec<Region> = out.get("regions");
-    let mut cosines = [0, 1].map(|r| wide(regions[r].normal).dot(leaning));
+    let contact_patches: Vec<ContactPatch> = out.get("contact_patches");
+    let mut cosines = [0, 1].map(|r| wide(contact_patches[r].normal).dot(leaning));
     cosines.sort_by(f64::total_cmp);
     assert!(cosines[0] < -0.98 && cosines[1] > 0.98, "{cosines:?}");
-    for region in &regions[..2] {
-        let of = |d: &&(DVec3, f64)| d.0.dot(wide(region.normal)) > 0.0;
+    for contact_patch in &contact_patches[..2] {
+        let of = |d: &&(DVec3, f64)| d.0.dot(wide(contact_patch.normal)) > 0.0;
         let own: Vec<(DVec3, f64)> = directions.iter().filter(of).copied().collect();
         let mean = proximity::mean_direction(&own).unwrap();
-        expect_close("normal", &region.normal, &mean.to_array(), DIRECTION);
+        expect_close("normal", &contact_patch.normal, &mean.to_array(), DIRECTION);
     }
 }
 
@@ -223,7 +224,7 @@ fn nothing_near_gives_nothing() {
     let mut random = Random(93);
     let mut given = Given::new([3, 4], &[(DVec3::X, 0.0)], &mut random);
     // These patches are left from the last step.
-    given.before.fill(Region { normal: [0.0, 1.0, 0.0], weight: 1.0, ..Region::default() });
+    given.before.fill(ContactPatch { normal: [0.0, 1.0, 0.0], weight: 1.0, ..ContactPatch::default() });
     let out = given.run();
     assert_eq!((check(&given, &out), flags(&out)), (0, 0));
     assert!(out.get::<u32>("args").iter().all(|word| *word == 0));
@@ -237,8 +238,8 @@ fn more_groups_than_regions_are_flagged() {
     for count in 1..=6 {
         let given = Given::new([6, 6], &axes[..count], &mut random);
         let out = given.run();
-        let want = if count > PAIR_REGIONS { REGION_OVERFLOW } else { 0 };
-        assert_eq!((check(&given, &out), flags(&out)), (count.min(PAIR_REGIONS), want), "{count} groups");
+        let want = if count > PAIR_PATCHES { REGION_OVERFLOW } else { 0 };
+        assert_eq!((check(&given, &out), flags(&out)), (count.min(PAIR_PATCHES), want), "{count} groups");
     }
 }
 
@@ -248,8 +249,8 @@ fn a_direction_that_is_given_is_the_only_one() {
     let mut given = Given::new([3, 4], &[(DVec3::X, 1.0), (DVec3::Y, 2.0)], &mut random);
     given.pair.direction = [0.0, 0.0, -1.0, 1.0];
     let out = given.run();
-    assert_eq!(out.get::<Region>("regions")[0].normal, [0.0, 0.0, -1.0]);
-    assert!(out.get::<Region>("regions")[1..].iter().all(|region| region.weight == 0.0));
+    assert_eq!(out.get::<ContactPatch>("contact_patches")[0].normal, [0.0, 0.0, -1.0]);
+    assert!(out.get::<ContactPatch>("contact_patches")[1..].iter().all(|contact_patch| contact_patch.weight == 0.0));
 }
 
 #[test]
@@ -260,16 +261,18 @@ fn a_half_space_has_one_region_and_the_slots_that_reach_it() {
     let normal = random.vector().normalize().as_vec3();
     given.pair = Pair { is_plane: 1, plane: normal.extend(-0.3).to_array(), ..given.pair };
     let out = given.run();
-    let regions: Vec<Region> = out.get("regions");
-    expect_close("normal", &regions[0].normal, &(-normal.as_dvec3()).to_array(), DIRECTION);
-    assert!(regions[0].weight > 0.0 && regions[1..].iter().all(|region| region.weight == 0.0));
-    let (bits, shares): (Vec<u32>, Vec<f32>) = (out.get("slot_regions"), out.get("shares"));
+    let contact_patches: Vec<ContactPatch> = out.get("contact_patches");
+    expect_close("normal", &contact_patches[0].normal, &(-normal.as_dvec3()).to_array(), DIRECTION);
+    assert!(
+        contact_patches[0].weight > 0.0 && contact_patches[1..].iter().all(|contact_patch| contact_patch.weight == 0.0)
+    );
+    let (bits, shares): (Vec<u32>, Vec<f32>) = (out.get("proxy_patches"), out.get("shares"));
     let mut below = 0;
     for (s, bit) in bits.iter().enumerate() {
         let lowest = given.hull(s).iter().map(|x| normal.as_dvec3().dot(*x)).fold(f64::INFINITY, f64::min);
         let above = lowest + 0.3 - f64::from(INFLATION);
         assert!(above.abs() < 1e-5 || (*bit == 1) == (above < 0.0), "{above}");
-        assert_eq!(shares[PAIR_REGIONS * s], *bit as f32);
+        assert_eq!(shares[PAIR_PATCHES * s], *bit as f32);
         below += bit;
     }
     assert!(below > 2 && below < 28 && out.get::<u32>("args")[3 * shaders::ARGS_CHUNKS as usize] == below);

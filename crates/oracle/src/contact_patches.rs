@@ -13,7 +13,7 @@ pub fn chunk_box(
     (centre, axes, half_extent): (DVec3, DMat3, DVec3),
     (displacements, weight_bound): (&[DVec3], f64),
     (place, rotation): (DVec3, DQuat),
-    region_axes: [DVec3; 3],
+    patch_axes: [DVec3; 3],
 ) -> (DVec3, DVec3) {
     let (mut middle, mut spread) = (DVec3::ZERO, DVec3::ZERO);
     if !displacements.is_empty() {
@@ -23,8 +23,8 @@ pub fn chunk_box(
     }
     let at = place + rotation * (centre + middle);
     let arms = (0..3).map(|k| axes.col(k) * half_extent[k]).chain((0..3).map(|k| DVec3::AXES[k] * spread[k]));
-    let reach = arms.map(|arm| along(region_axes, rotation * arm).abs()).sum::<DVec3>();
-    let at = along(region_axes, at);
+    let reach = arms.map(|arm| along(patch_axes, rotation * arm).abs()).sum::<DVec3>();
+    let at = along(patch_axes, at);
     (at - reach, at + reach)
 }
 

@@ -5,12 +5,12 @@ use glam::DVec3;
 use super::super::{ContactPoint, Simulation};
 use crate::Result;
 use crate::prepare::Shape;
-use crate::shaders::Region;
-use crate::stages::PAIR_REGIONS;
+use crate::shaders::ContactPatch;
+use crate::stages::PAIR_PATCHES;
 
 /// A contact patch of the last step: the direction of its rays, and the rectangle across it that both bodies cover.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RegionSquare {
+pub struct ContactPatchRectangle {
     /// The two bodies, as indices; the normal points from the first to the second. The tool comes after the bodies.
     pub bodies: [usize; 2],
     /// Centre of the rectangle, world, m.
@@ -34,11 +34,11 @@ impl Simulation {
     /// rectangle is at the mean of the patch's contacts, or, without any, where the smaller body's collision proxies
     /// face the other body. This reads a few numbers back from the GPU.
     #[doc(hidden)]
-    pub fn region_squares(&self) -> Result<Vec<RegionSquare>> {
+    pub fn contact_patch_rectangles(&self) -> Result<Vec<ContactPatchRectangle>> {
         if self.step == 0 {
             return Ok(Vec::new());
         }
-        let (regions, _) = self.touch()?;
+        let (contact_patches, _) = self.touch()?;
         let contacts = self.contacts()?;
         let mut squares = Vec::new();
         for (pair, [a, b]) in self.model.pair_bodies.iter().copied().enumerate() {
@@ -49,25 +49,33 @@ impl Simulation {
                 squares.extend(of_plane([a, b], -plane.normal, &own));
                 continue;
             }
-            let active: Vec<&Region> =
-                regions[PAIR_REGIONS * pair..][..PAIR_REGIONS].iter().filter(|region| region.weight > 0.0).collect();
-            for (k, region) in active.iter().enumerate() {
+            let active: Vec<&ContactPatch> = contact_patches[PAIR_PATCHES * pair..][..PAIR_PATCHES]
+                .iter()
+                .filter(|contact_patch| contact_patch.weight > 0.0)
+                .collect();
+            for (k, contact_patch) in active.iter().enumerate() {
                 let normal_of = |c: &ContactPoint| if c.bodies[0] == a { -c.normal } else { c.normal };
                 let nearest = |c: &ContactPoint| {
-                    let along = |r: &Region| wide(r.normal).dot(normal_of(c));
+                    let along = |r: &ContactPatch| wide(r.normal).dot(normal_of(c));
                     let best = (0..active.len()).max_by(|i, j| along(active[*i]).total_cmp(&along(active[*j])));
                     best == Some(k)
                 };
                 let held: Vec<DVec3> = own.iter().filter(|c| nearest(c)).map(|c| c.position).collect();
-                squares.push(self.of_region([a, b], region, &held));
+                squares.push(self.rectangle_of([a, b], contact_patch, &held));
             }
         }
         Ok(squares)
     }
 
-    fn of_region(&self, bodies: [usize; 2], region: &Region, contacts: &[DVec3]) -> RegionSquare {
-        let (normal, tangents) = (wide(region.normal), [wide(region.tangent), wide(region.bitangent)]);
-        let column = |k: usize| [region.low[k], region.high[k]].map(f64::from);
+    fn rectangle_of(
+        &self,
+        bodies: [usize; 2],
+        contact_patch: &ContactPatch,
+        contacts: &[DVec3],
+    ) -> ContactPatchRectangle {
+        let (normal, tangents) =
+            (wide(contact_patch.normal), [wide(contact_patch.tangent), wide(contact_patch.bitangent)]);
+        let column = |k: usize| [contact_patch.low[k], contact_patch.high[k]].map(f64::from);
         let middle = [column(0), column(1)].map(|[low, high]| 0.5 * (low + high));
         let half = [column(0), column(1)].map(|[low, high]| 0.5 * (high - low));
         let across = self.step_origin + middle[0] * tangents[0] + middle[1] * tangents[1];
@@ -76,7 +84,7 @@ impl Simulation {
             count => contacts.iter().map(|x| normal.dot(*x)).sum::<f64>() / count as f64,
         };
         let centre = across + (height - normal.dot(across)) * normal;
-        RegionSquare { bodies, centre, normal, tangents, half, contacts: contacts.len() }
+        ContactPatchRectangle { bodies, centre, normal, tangents, half, contacts: contacts.len() }
     }
 
     /// How far along a normal from body a to body b the proxies of the smaller body reach towards the other, m.
@@ -107,7 +115,7 @@ impl Simulation {
 }
 
 /// The rectangle around the contacts with a half-space, if there are any.
-fn of_plane(bodies: [usize; 2], normal: DVec3, contacts: &[&ContactPoint]) -> Option<RegionSquare> {
+fn of_plane(bodies: [usize; 2], normal: DVec3, contacts: &[&ContactPoint]) -> Option<ContactPatchRectangle> {
     if contacts.is_empty() {
         return None;
     }
@@ -124,5 +132,5 @@ fn of_plane(bodies: [usize; 2], normal: DVec3, contacts: &[&ContactPoint]) -> Op
         .iter()
         .zip(ranges)
         .fold(normal.dot(mean) * normal, |sum, (t, (low, high))| sum + 0.5 * (low + high) * *t);
-    Some(RegionSquare { bodies, centre, normal, tangents, half, contacts: contacts.len() })
+    Some(ContactPatchRectangle { bodies, centre, normal, tangents, half, contacts: contacts.len() })
 }
