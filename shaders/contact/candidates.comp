@@ -163,7 +163,7 @@ void find_candidates() {
                 vec3 found = crossing(contact_patch, fetch(skin, vertex).xyz, nearest.x, side_b ? 1.0 : -1.0);
                 if (!(found.x > 0.0)) continue;
                 depths[r] = found.x;
-                weights[r] = shares[entry.slot * PAIR_PATCHES + r] / max(found.x * found.x, 1.0e-30);
+                weights[r] = shares[entry.pair_proxy * PAIR_PATCHES + r] / max(found.x * found.x, 1.0e-30);
                 if (weights[r] > strongest) {
                     strongest = weights[r];
                     folded = through;
@@ -208,9 +208,9 @@ void find_candidates() {
         candidate_normals[at] = vec4(normal, 0.0);
         uint proxy_pair = NONE;
         if (pair.is_plane == 0) {
-            uint other = active_chunks[items[opposing].x].slot;
-            uint a = (side_b ? other : entry.slot) - pair.first_slot[0];
-            uint b = (side_b ? entry.slot : other) - pair.first_slot[1];
+            uint other = active_chunks[items[opposing].x].pair_proxy;
+            uint a = (side_b ? other : entry.pair_proxy) - pair.first_pair_proxy[0];
+            uint b = (side_b ? entry.pair_proxy : other) - pair.first_pair_proxy[1];
             proxy_pair = pair.first_proxy_pair + a * pair.proxy_count[1] + b;
         }
         candidate_pushes[at] = uvec4(floatBitsToUint(depth * areas[vertex] * outward), proxy_pair);

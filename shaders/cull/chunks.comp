@@ -21,8 +21,8 @@ layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 2) const bool SPANS = false;       // whether a chunk may have nodes in other frames
 
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
-layout(scalar) readonly buffer Slots { Slot slots[]; };
-layout(scalar) readonly buffer ActiveSlots { uint active_slots[]; };
+layout(scalar) readonly buffer PairProxies { PairProxy pair_proxies[]; };
+layout(scalar) readonly buffer ActivePairProxies { uint active_pair_proxies[]; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
@@ -33,7 +33,7 @@ layout(scalar) readonly buffer Links { Link links[]; };
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 layout(scalar) readonly buffer Boxes { vec3 boxes[]; };  // least and greatest corner, PAIR_PATCHES a slot
 layout(scalar) readonly buffer ProxyPatches { uint proxy_patches[]; };    // bit mask of each slot's patches
-layout(scalar) writeonly buffer SlotChunks { uvec2 slot_chunks[]; };    // patch mask of each chunk of a slot, in x
+layout(scalar) writeonly buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };    // patch mask of each chunk of a slot, in x
 layout(scalar) writeonly buffer Slabs { Slab slabs[]; };     // bounds of chunks, PAIR_PATCHES a chunk of a slot
 layout(scalar) buffer Fields { uint fields[]; };             // min-max depth grids, see shared/field.glsl
 
@@ -84,10 +84,10 @@ vec3 plane_of(vec3 centre, vec3 normal, float thickness, uint side, float extrem
 
 // Whether a box of `side` may touch the box of an opposing slot in patch r.
 bool meets(Pair pair, uint side, uint r, vec3 least, vec3 greatest) {
-    uint begin = pair.first_slot[1 - side], count = pair.proxy_count[1 - side];
-    for (uint slot = begin; slot < begin + count; slot++) {
-        if ((proxy_patches[slot] & (1u << r)) == 0) continue;
-        vec3 low = boxes[2 * (slot * PAIR_PATCHES + r)], high = boxes[2 * (slot * PAIR_PATCHES + r) + 1];
+    uint begin = pair.first_pair_proxy[1 - side], count = pair.proxy_count[1 - side];
+    for (uint pair_proxy = begin; pair_proxy < begin + count; pair_proxy++) {
+        if ((proxy_patches[pair_proxy] & (1u << r)) == 0) continue;
+        vec3 low = boxes[2 * (pair_proxy * PAIR_PATCHES + r)], high = boxes[2 * (pair_proxy * PAIR_PATCHES + r) + 1];
         bool beside = any(greaterThan(least.xy, high.xy)) || any(lessThan(greatest.xy, low.xy));
         bool in_front = side == 0 ? greatest.z < low.z : least.z > high.z;
         if (!beside && !in_front) return true;
@@ -96,12 +96,12 @@ bool meets(Pair pair, uint side, uint r, vec3 least, vec3 greatest) {
 }
 
 void main() {
-    uint slot_index = active_slots[gl_WorkGroupID.x];
-    Slot slot = slots[slot_index];
-    Pair pair = pairs[slot.pair];
-    Proxy proxy = proxies[slot.proxy];
+    uint pair_proxy_index = active_pair_proxies[gl_WorkGroupID.x];
+    PairProxy pair_proxy = pair_proxies[pair_proxy_index];
+    Pair pair = pairs[pair_proxy.pair];
+    Proxy proxy = proxies[pair_proxy.proxy];
     Frame frame = frames[proxy.frame];
-    uint bits = proxy_patches[slot_index];
+    uint bits = proxy_patches[pair_proxy_index];
     for (uint k = gl_LocalInvocationID.x; k < proxy.chunk_count; k += SIZE) {
         Chunk chunk = chunks[proxy.chunk_first + k];
         vec3 middle, spread;
@@ -116,7 +116,7 @@ void main() {
         uint found = 0;
         for (uint r = 0; r < PAIR_PATCHES; r++) {
             if ((bits & (1u << r)) == 0) continue;
-            ContactPatch contact_patch = contact_patches[slot.pair * PAIR_PATCHES + r];
+            ContactPatch contact_patch = contact_patches[pair_proxy.pair * PAIR_PATCHES + r];
             mat3 axes = mat3(contact_patch.tangent, contact_patch.bitangent, contact_patch.normal);
             vec3 reach = abs(along[0] * axes) + abs(along[1] * axes) + abs(along[2] * axes)
                 + abs(around[0] * axes) + abs(around[1] * axes) + abs(around[2] * axes) + rounding;
@@ -126,16 +126,16 @@ void main() {
                 continue;
             }
             bool beside = any(greaterThan(least.xy, contact_patch.high)) || any(lessThan(greatest.xy, contact_patch.low));
-            if (beside || !meets(pair, slot.side, r, least, greatest)) continue;
+            if (beside || !meets(pair, pair_proxy.side, r, least, greatest)) continue;
             found |= 1u << r;
             vec3 normal = rotate(frame.rotation, cross(chunk.axes[0], chunk.axes[1]));
             float thickness = chunk.half_extent.z + dot(abs(normal * around), vec3(1.0)) + rounding;
-            float extreme = slot.side == 0 ? greatest.z : least.z;
-            vec3 plane = plane_of(centre * axes, normal * axes, thickness, slot.side, extreme);
+            float extreme = pair_proxy.side == 0 ? greatest.z : least.z;
+            vec3 plane = plane_of(centre * axes, normal * axes, thickness, pair_proxy.side, extreme);
             Slab slab = Slab(least.xy, greatest.xy, plane, extreme);
-            slabs[(slot.chunk_first + k) * PAIR_PATCHES + r] = slab;
-            raise_field(slot.pair * PAIR_PATCHES + r, contact_patch, slot.side, slab);
+            slabs[(pair_proxy.chunk_first + k) * PAIR_PATCHES + r] = slab;
+            raise_field(pair_proxy.pair * PAIR_PATCHES + r, contact_patch, pair_proxy.side, slab);
         }
-        slot_chunks[slot.chunk_first + k] = uvec2(found, 0);
+        pair_proxy_chunks[pair_proxy.chunk_first + k] = uvec2(found, 0);
     }
 }

@@ -33,8 +33,8 @@ layout(scalar) buffer ContactPatches { ContactPatch contact_patches[]; };
 layout(scalar) writeonly buffer Shares { float shares[]; };  // patch weights of each slot (a proxy in a pair)
 layout(scalar) buffer Boxes { vec3 boxes[]; };                     // least and greatest corner, PAIR_PATCHES a slot
 layout(scalar) coherent buffer ProxyPatches { uint proxy_patches[]; };  // bits: patches it is in; then its memberships
-layout(scalar) writeonly buffer SlotCounts { uvec2 slot_counts[]; };
-layout(scalar) writeonly buffer ActiveSlots { uint active_slots[]; };  // slots that are in the column of a patch
+layout(scalar) writeonly buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };
+layout(scalar) writeonly buffer ActivePairProxies { uint active_pair_proxies[]; };  // slots that are in the column of a patch
 layout(scalar) writeonly buffer Fields { uint fields[]; };  // min-max depth grids, see shared/field.glsl; cleared here
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) buffer Args { uint args[]; };
@@ -234,15 +234,15 @@ void share_out(Pair pair) {
             sum += share[r];
             all += strength[r];
         }
-        uint slot = slot_of(pair, s);
+        uint pair_proxy = pair_proxy_of(pair, s);
         for (uint r = 0; r < PAIR_PATCHES; r++) {
             float own = (members & (1u << r)) != 0 ? max(LEAST_SHARE, share[r] / sum) : 0.0;
             // Strong patches see the vertices of other proxies too: along their normal may be the shorter way out.
             if (near && r < patch_count) own = max(own, GUEST_SHARE * max(0.0, strength[r] / all - GUESTS_FROM));
-            shares[slot * PAIR_PATCHES + r] = own;
+            shares[pair_proxy * PAIR_PATCHES + r] = own;
         }
-        proxy_patches[slot] = members << PAIR_PATCHES;
-        slot_counts[slot] = uvec2(0);
+        proxy_patches[pair_proxy] = members << PAIR_PATCHES;
+        pair_proxy_counts[pair_proxy] = uvec2(0);
     }
     memoryBarrierBuffer();
     barrier();
@@ -312,7 +312,7 @@ void open_contact_patch(Pair pair, uint r, uint first_patch) {
     vec3 side_low[2], side_high[2];
     float edge[2];
     for (uint side = 0; side < 2; side++) {
-        uint begin = pair.first_slot[side];
+        uint begin = pair.first_pair_proxy[side];
         vec3 least = vec3(3.0e38), greatest = vec3(-3.0e38);
         vec4 edges = vec4(0.0);
         for (uint p = lane; p < pair.proxy_count[side]; p += SIZE) {
@@ -334,19 +334,19 @@ void open_contact_patch(Pair pair, uint r, uint first_patch) {
     vec2 column_low = max(side_low[0].xy, side_low[1].xy), column_high = min(side_high[0].xy, side_high[1].xy);
     bool touches = all(lessThanEqual(column_low, column_high)) && side_high[0].z >= side_low[1].z;
     for (uint side = 0; side < 2; side++) {
-        uint begin = pair.first_slot[side];
+        uint begin = pair.first_pair_proxy[side];
         for (uint p = lane; p < pair.proxy_count[side]; p += SIZE) {
-            uint slot = begin + p;
-            bool near = (proxy_patches[slot] & member) != 0;
-            vec3 box_low = boxes[2 * (slot * PAIR_PATCHES + r)], box_high = boxes[2 * (slot * PAIR_PATCHES + r) + 1];
+            uint pair_proxy = begin + p;
+            bool near = (proxy_patches[pair_proxy] & member) != 0;
+            vec3 box_low = boxes[2 * (pair_proxy * PAIR_PATCHES + r)], box_high = boxes[2 * (pair_proxy * PAIR_PATCHES + r) + 1];
             if (!near) hull_box(pair.first_proxy[side] + p, axes, false, box_low, box_high);
             bool within = touches && all(lessThanEqual(box_low.xy, column_high))
                 && all(greaterThanEqual(box_high.xy, column_low))
                 && (side == 0 ? box_high.z >= side_low[1].z : box_low.z <= side_high[0].z);
-            if (within) proxy_patches[slot] |= 1u << r;
+            if (within) proxy_patches[pair_proxy] |= 1u << r;
             if (within && !near) {
-                boxes[2 * (slot * PAIR_PATCHES + r)] = box_low;
-                boxes[2 * (slot * PAIR_PATCHES + r) + 1] = box_high;
+                boxes[2 * (pair_proxy * PAIR_PATCHES + r)] = box_low;
+                boxes[2 * (pair_proxy * PAIR_PATCHES + r) + 1] = box_high;
             }
         }
     }
@@ -378,13 +378,13 @@ void open_plane(Pair pair, uint first_patch) {
     uint lane = gl_LocalInvocationID.x;
     mat3 axes = axes_of(-pair.plane.xyz);
     for (uint p = lane; p < pair.proxy_count[0]; p += SIZE) {
-        uint slot = pair.first_slot[0] + p;
+        uint pair_proxy = pair.first_pair_proxy[0] + p;
         vec3 box_low, box_high;
         hull_box(pair.first_proxy[0] + p, axes, true, box_low, box_high);
         bool within = box_high.z >= -pair.plane.w;
-        for (uint r = 0; r < PAIR_PATCHES; r++) shares[slot * PAIR_PATCHES + r] = within && r == 0 ? 1.0 : 0.0;
-        proxy_patches[slot] = within ? 1 : 0;
-        slot_counts[slot] = uvec2(0);
+        for (uint r = 0; r < PAIR_PATCHES; r++) shares[pair_proxy * PAIR_PATCHES + r] = within && r == 0 ? 1.0 : 0.0;
+        proxy_patches[pair_proxy] = within ? 1 : 0;
+        pair_proxy_counts[pair_proxy] = uvec2(0);
     }
     if (lane == 0) {
         contact_patches[first_patch] =
@@ -426,11 +426,11 @@ void main() {
     for (uint r = patch_count + lane; r < PAIR_PATCHES; r += SIZE) contact_patches[first_patch + r].weight = 0.0;
     memoryBarrierBuffer();
     barrier();
-    uint slots = pair.proxy_count[0] + (pair.is_plane != 0 ? 0 : pair.proxy_count[1]);
-    for (uint s = lane; s < slots; s += SIZE) {
-        uint slot = slot_of(pair, s);
-        if ((proxy_patches[slot] & ((1u << PAIR_PATCHES) - 1u)) != 0) {
-            active_slots[atomicAdd(args[3 * ARGS_CHUNKS], 1)] = slot;
+    uint pair_proxies = pair.proxy_count[0] + (pair.is_plane != 0 ? 0 : pair.proxy_count[1]);
+    for (uint s = lane; s < pair_proxies; s += SIZE) {
+        uint pair_proxy = pair_proxy_of(pair, s);
+        if ((proxy_patches[pair_proxy] & ((1u << PAIR_PATCHES) - 1u)) != 0) {
+            active_pair_proxies[atomicAdd(args[3 * ARGS_CHUNKS], 1)] = pair_proxy;
         }
     }
 }

@@ -16,19 +16,19 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 1) const uint SLOTS = 1;
+layout(constant_id = 1) const uint PAIR_PROXIES = 1;
 layout(constant_id = 2) const uint MOST_ITEMS = 1;
 layout(constant_id = 3) const uint GATHERING = 1;  // number of slots whose vertices gather contacts; they come first
 
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
-layout(scalar) readonly buffer Slots { Slot slots[]; };
-layout(scalar) readonly buffer ActiveSlots { uint active_slots[]; };
+layout(scalar) readonly buffer PairProxies { PairProxy pair_proxies[]; };
+layout(scalar) readonly buffer ActivePairProxies { uint active_pair_proxies[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 layout(scalar) readonly buffer Slabs { Slab slabs[]; };  // bounds of chunks, PAIR_PATCHES a chunk of a slot
 layout(scalar) readonly buffer Fields { uint fields[]; };               // min-max depth grids, see shared/field.glsl
-layout(scalar) coherent buffer SlotChunks { uvec2 slot_chunks[]; };  // patch mask; becomes chunk, mask + items before
-layout(scalar) coherent buffer SlotCounts { uvec2 slot_counts[]; };    // chunks and work items; become running totals
+layout(scalar) coherent buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };  // patch mask; becomes chunk, mask + items before
+layout(scalar) coherent buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };    // chunks and work items; become running totals
 layout(scalar) writeonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) writeonly buffer Items { uvec2 items[]; };  // active chunk and contact patch of each work item
 layout(scalar) coherent buffer CountsInOut { Counts counts; };
@@ -54,19 +54,19 @@ bool reaches(uint patch_index, uint side, Slab slab) {
 }
 
 // Lists a slot's chunks that are left, in their order, with the work items before each.
-void list_slot(uint slot_index) {
+void list_pair_proxy(uint pair_proxy_index) {
     uint lane = gl_LocalInvocationID.x;
-    Slot slot = slots[slot_index];
-    bool is_plane = pairs[slot.pair].is_plane != 0;
-    Proxy proxy = proxies[slot.proxy];
+    PairProxy pair_proxy = pair_proxies[pair_proxy_index];
+    bool is_plane = pairs[pair_proxy.pair].is_plane != 0;
+    Proxy proxy = proxies[pair_proxy.proxy];
     uint listed = 0, items_listed = 0;
     for (uint first = 0; first < proxy.chunk_count; first += SIZE) {
         uint k = first + lane;
-        uint mask = k < proxy.chunk_count ? slot_chunks[slot.chunk_first + k].x : 0;
+        uint mask = k < proxy.chunk_count ? pair_proxy_chunks[pair_proxy.chunk_first + k].x : 0;
         for (uint r = 0; r < PAIR_PATCHES; r++) {
             if ((mask & (1u << r)) == 0 || is_plane) continue;
-            Slab slab = slabs[(slot.chunk_first + k) * PAIR_PATCHES + r];
-            if (!reaches(slot.pair * PAIR_PATCHES + r, slot.side, slab)) mask &= ~(1u << r);
+            Slab slab = slabs[(pair_proxy.chunk_first + k) * PAIR_PATCHES + r];
+            if (!reaches(pair_proxy.pair * PAIR_PATCHES + r, pair_proxy.side, slab)) mask &= ~(1u << r);
         }
         masks[lane] = mask;
         barrier();
@@ -82,23 +82,23 @@ void list_slot(uint slot_index) {
         }
         // Writing in place is safe: the list is never longer than what all lanes have read.
         if (mask != 0) {
-            slot_chunks[slot.chunk_first + listed + before] =
+            pair_proxy_chunks[pair_proxy.chunk_first + listed + before] =
                 uvec2(proxy.chunk_first + k, mask | (items_listed + items_before) << PAIR_PATCHES);
         }
         listed += found;
         items_listed += items_found;
         barrier();
     }
-    if (lane == 0) slot_counts[slot_index] = uvec2(listed, items_listed);
+    if (lane == 0) pair_proxy_counts[pair_proxy_index] = uvec2(listed, items_listed);
 }
 
 // Joins the lists of all slots; each lane takes a contiguous run of slots.
 void list_all() {
     uint lane = gl_LocalInvocationID.x;
-    uint run = (SLOTS + SIZE - 1) / SIZE;
-    uint begin = min(lane * run, SLOTS), end = min(begin + run, SLOTS);
+    uint run = (PAIR_PROXIES + SIZE - 1) / SIZE;
+    uint begin = min(lane * run, PAIR_PROXIES), end = min(begin + run, PAIR_PROXIES);
     uvec2 own = uvec2(0);
-    for (uint s = begin; s < end; s++) own += slot_counts[s];
+    for (uint s = begin; s < end; s++) own += pair_proxy_counts[s];
     totals[lane] = own;
     barrier();
     uvec2 at = uvec2(0), all = uvec2(0);
@@ -107,8 +107,8 @@ void list_all() {
         all += totals[k];
     }
     for (uint s = begin; s < end; s++) {
-        uvec2 count = slot_counts[s];
-        slot_counts[s] = at;
+        uvec2 count = pair_proxy_counts[s];
+        pair_proxy_counts[s] = at;
         at += count;
     }
     memoryBarrierBuffer();
@@ -117,28 +117,28 @@ void list_all() {
     for (uint e = lane; e < used; e += SIZE) {
         done++;
         // Binary search for the last slot whose running total does not exceed e.
-        uint low = 0, high = SLOTS;
+        uint low = 0, high = PAIR_PROXIES;
         while (high - low > 1) {
             uint middle = (low + high) / 2;
-            if (slot_counts[middle].x <= e) low = middle;
+            if (pair_proxy_counts[middle].x <= e) low = middle;
             else high = middle;
         }
-        uvec2 found = slot_chunks[slots[low].chunk_first + e - slot_counts[low].x];
-        uint first_item = slot_counts[low].y + (found.y >> PAIR_PATCHES);
+        uvec2 found = pair_proxy_chunks[pair_proxies[low].chunk_first + e - pair_proxy_counts[low].x];
+        uint first_item = pair_proxy_counts[low].y + (found.y >> PAIR_PATCHES);
         uint mask = found.y & ((1u << PAIR_PATCHES) - 1u);
         uint item = first_item;
         for (uint r = 0; r < PAIR_PATCHES; r++) {
             if ((mask & (1u << r)) == 0) continue;
-            if (item < MOST_ITEMS) items[item] = uvec2(e, slots[low].pair * PAIR_PATCHES + r);
+            if (item < MOST_ITEMS) items[item] = uvec2(e, pair_proxies[low].pair * PAIR_PATCHES + r);
             else mask &= ~(1u << r);
             item += 1;
         }
-        active_chunks[e] = ActiveChunk(found.x, low, 2 * slots[low].pair + slots[low].side, mask, first_item);
+        active_chunks[e] = ActiveChunk(found.x, low, 2 * pair_proxies[low].pair + pair_proxies[low].side, mask, first_item);
     }
     // There are more work items than fit, or the driver ended the loop early.
     if (all.y > MOST_ITEMS || done != (used + SIZE - 1 - lane) / SIZE) atomicOr(counts.flags, FLAG_PATCH_OVERFLOW);
     if (lane != 0) return;
-    uint gathering = min(GATHERING < SLOTS ? slot_counts[GATHERING].x : all.x, used);
+    uint gathering = min(GATHERING < PAIR_PROXIES ? pair_proxy_counts[GATHERING].x : all.x, used);
     counts.chunks = used;
     counts.gathering = gathering;
     counts.items = listed;
@@ -152,12 +152,12 @@ void list_all() {
 }
 
 void main() {
-    list_slot(active_slots[gl_WorkGroupID.x]);
+    list_pair_proxy(active_pair_proxies[gl_WorkGroupID.x]);
     memoryBarrierBuffer();
     barrier();
     if (gl_LocalInvocationID.x == 0) {
         memoryBarrierBuffer();
-        is_last = atomicAdd(counts.slots_met, 1) == gl_NumWorkGroups.x - 1;
+        is_last = atomicAdd(counts.pair_proxies_met, 1) == gl_NumWorkGroups.x - 1;
     }
     barrier();
     if (!is_last) return;

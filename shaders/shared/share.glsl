@@ -2,10 +2,10 @@
 
 // Estimate of e . P A_c^-1 P^T e for a block, relative to the sum of e . e over its nodes: the trace of A_c^-1 in the
 // block's modes over three, because each of the modes takes one of the three axes.
-float coarse_share(uint slot) {
+float coarse_share(uint pair_proxy) {
     float share = 0.0;
     for (uint k = 0; k < 3; k++) {
-        vec4 scale = fetch(coarse_scales, 3 * slot + k);
+        vec4 scale = fetch(coarse_scales, 3 * pair_proxy + k);
         share += dot(scale, scale) / 3.0;
     }
     return share;

@@ -120,7 +120,7 @@ struct Pair {
     uint proxy_pair_count;
     uint first_proxy[2];        // first collision proxy of a and of b
     uint proxy_count[2];
-    uint first_slot[2];         // first slot of a and of b; each proxy has one
+    uint first_pair_proxy[2];         // first slot of a and of b; each proxy has one
     float stiffness;            // penalty stiffness k, N/m^3
     float damping;              // penalty damping d, N s/m^3
     float tool_sign;            // 1: a is the tool or the soft body that the haptic device holds, -1: b is, 0: neither
@@ -132,9 +132,9 @@ struct Pair {
 };
 
 // The slot of the s-th proxy of a pair, a's proxies before b's.
-uint slot_of(Pair pair, uint s) {
+uint pair_proxy_of(Pair pair, uint s) {
     uint a_count = pair.proxy_count[0];
-    return s < a_count ? pair.first_slot[0] + s : pair.first_slot[1] + s - a_count;
+    return s < a_count ? pair.first_pair_proxy[0] + s : pair.first_pair_proxy[1] + s - a_count;
 }
 
 // Whether the vertices of a side (0: a, 1: b) gather contacts.
@@ -177,7 +177,7 @@ const uint CHUNK_TRIANGLES = 128;   // most triangles of a chunk
 const uint PAIR_PATCHES = 4;        // most contact patches of a pair of bodies
 
 // A slot: one collision proxy as a member of one pair of bodies.
-struct Slot {
+struct PairProxy {
     uint pair;
     uint side;                  // the side of the pair to which the proxy belongs; 0: a, 1: b
     uint proxy;
@@ -198,7 +198,7 @@ struct ContactPatch {
 // A chunk that passed culling, in the order of slots.
 struct ActiveChunk {
     uint chunk;
-    uint slot;
+    uint pair_proxy;
     uint side;                  // 2 * pair + (0: a, 1: b)
     uint contact_patches;               // bit mask of the pair's contact patches in which it may touch
     uint first_item;            // first of its work items, one for each of those patches
@@ -209,7 +209,7 @@ struct Counts {
     uint chunks;                // active chunks
     uint items;                 // work items, one for each active chunk and contact patch of it
     uint gathering;             // active chunks whose vertices gather contacts; these come first
-    uint slots_met;             // workgroups of cull/meet that have finished
+    uint pair_proxies_met;             // workgroups of cull/meet that have finished
     uint hits;                  // ray hits found by the depth stage
     uint chunks_asked;          // workgroups of contact/candidates that have finished
     uint contacts;

@@ -22,7 +22,7 @@ layout(constant_id = 2) const bool SPANS = false;       // whether a skin vertex
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
-layout(scalar) readonly buffer Slots { Slot slots[]; };
+layout(scalar) readonly buffer PairProxies { PairProxy pair_proxies[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
 READ_ONLY(uvec4, chunk_vertices);  // skin vertices of chunks, four a texel
@@ -72,7 +72,7 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     ActiveChunk entry = active_chunks[gl_WorkGroupID.x];
     Chunk chunk = chunks[entry.chunk];
-    Frame frame = frames[proxies[slots[entry.slot].proxy].frame];
+    Frame frame = frames[proxies[pair_proxies[entry.pair_proxy].proxy].frame];
     for (uint l = lane; l < chunk.embed_count; l += SIZE) {
         uint v = chunk.vertex_first + l, vertex = fetch(chunk_vertices, v / 4)[v % 4];
         vec3 x = position(frame, vertex);
@@ -87,7 +87,7 @@ void main() {
         if ((entry.contact_patches & (1u << r)) == 0) continue;
         uint patch_index = (entry.side / 2) * PAIR_PATCHES + r, patch_side = 2 * patch_index + side;
         ContactPatch contact_patch = contact_patches[patch_index];
-        bool sees = shares[entry.slot * PAIR_PATCHES + r] > 0.0;
+        bool sees = shares[entry.pair_proxy * PAIR_PATCHES + r] > 0.0;
         for (uint l = lane; l < chunk.vertex_count; l += SIZE) {
             uint bin = item * CHUNK_VERTICES + l;
             bin_hits[bin] = NONE;

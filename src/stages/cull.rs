@@ -43,19 +43,19 @@ pub struct Cull {
     directions: Buffer,
     /// [`PAIR_PATCHES`] contact patches per pair of bodies, a [`ContactPatch`] each.
     pub contact_patches: Buffer,
-    /// A slot is a proxy's part in a pair of bodies: one [`crate::shaders::Slot`] each.
-    pub slots: Buffer,
+    /// A slot is a proxy's part in a pair of bodies: one [`crate::shaders::PairProxy`] each.
+    pub pair_proxies: Buffer,
     /// Per slot: the share that each of the pair's contact patches has in its vertices.
     pub shares: Buffer,
     boxes: Buffer,
     proxy_patches: Buffer,
-    slot_counts: Buffer,
-    active_slots: Buffer,
+    pair_proxy_counts: Buffer,
+    active_pair_proxies: Buffer,
     /// The chunks of all proxies, a [`crate::shaders::Chunk`] each.
     pub chunks: Buffer,
     /// The nodes whose displacements move each chunk, chunk by chunk.
     pub chunk_nodes: Buffer,
-    slot_chunks: Buffer,
+    pair_proxy_chunks: Buffer,
     slabs: Buffer,
     /// The min-max depth grids: how far the chunks of either side reach along the normal in each cell of a contact
     /// patch.
@@ -70,11 +70,16 @@ impl Cull {
     /// Kernels and arrays for a model. `smooth`: the normals of contact patches turn a quarter of the way towards their
     /// new direction in a step, otherwise all of it.
     pub fn new(context: &Arc<Context>, model: &Model, smooth: bool) -> Result<Cull> {
-        let (proxy_pairs, slots, items) = (model.proxy_pairs.len(), model.slots.len(), model.most_items());
+        let (proxy_pairs, pair_proxies, items) =
+            (model.proxy_pairs.len(), model.pair_proxies.len(), model.most_items());
         let follow: f32 = if smooth { 0.25 } else { 1.0 };
         let spans = ("SPANS", Const::Bool(model.spans_frames()));
         let buckets = skin::buckets(model);
-        let list = [("SLOTS", count(slots)), ("MOST_ITEMS", count(items)), ("GATHERING", count(model.gathering_slots))];
+        let list = [
+            ("PAIR_PROXIES", count(pair_proxies)),
+            ("MOST_ITEMS", count(items)),
+            ("GATHERING", count(model.gathering_pair_proxies)),
+        ];
         // A workgroup gets enough pairs of proxies that those whose boxes meet fill its lanes, but at most eight a
         // lane.
         let lanes = context.reduce_size();
@@ -99,16 +104,16 @@ impl Cull {
             near_pairs: array::<u32>(context, "near_pairs", proxy_pairs)?,
             directions: zeros::<[f32; 4]>(context, "directions", 2 * proxy_pairs)?,
             contact_patches: zeros::<ContactPatch>(context, "contact_patches", PAIR_PATCHES * model.pairs.len())?,
-            slots: upload(context, "slots", &model.slots)?,
-            shares: array::<f32>(context, "shares", PAIR_PATCHES * slots)?,
-            boxes: array::<[f32; 6]>(context, "boxes", PAIR_PATCHES * slots)?,
-            proxy_patches: array::<u32>(context, "proxy_patches", slots)?,
-            slot_counts: zeros::<[u32; 2]>(context, "slot_counts", slots)?,
-            active_slots: array::<u32>(context, "active_slots", slots)?,
+            pair_proxies: upload(context, "pair_proxies", &model.pair_proxies)?,
+            shares: array::<f32>(context, "shares", PAIR_PATCHES * pair_proxies)?,
+            boxes: array::<[f32; 6]>(context, "boxes", PAIR_PATCHES * pair_proxies)?,
+            proxy_patches: array::<u32>(context, "proxy_patches", pair_proxies)?,
+            pair_proxy_counts: zeros::<[u32; 2]>(context, "pair_proxy_counts", pair_proxies)?,
+            active_pair_proxies: array::<u32>(context, "active_pair_proxies", pair_proxies)?,
             chunks: upload(context, "chunks", &model.chunks)?,
             chunk_nodes: upload(context, "chunk_nodes", &model.chunk_nodes)?,
-            slot_chunks: array::<[u32; 2]>(context, "slot_chunks", model.slot_chunks)?,
-            slabs: array::<[f32; 8]>(context, "slabs", PAIR_PATCHES * model.slot_chunks)?,
+            pair_proxy_chunks: array::<[u32; 2]>(context, "pair_proxy_chunks", model.pair_proxy_chunks)?,
+            slabs: array::<[f32; 8]>(context, "slabs", PAIR_PATCHES * model.pair_proxy_chunks)?,
             fields: array::<u32>(context, "fields", PAIR_PATCHES * model.pairs.len() * FIELD_WORDS)?,
             active_chunks: array::<ActiveChunk>(context, "active_chunks", items)?,
             items: array::<[u32; 2]>(context, "items", items)?,
@@ -146,8 +151,8 @@ impl Cull {
             shares: &self.shares,
             boxes: &self.boxes,
             proxy_patches: &self.proxy_patches,
-            slot_counts: &self.slot_counts,
-            active_slots: &self.active_slots,
+            pair_proxy_counts: &self.pair_proxy_counts,
+            active_pair_proxies: &self.active_pair_proxies,
             fields: &self.fields,
             counts: &common.counts,
             args: &common.args,
@@ -157,8 +162,8 @@ impl Cull {
         recorder.dispatch_groups(&self.contact_patches_kernel, &arguments, self.pair_count);
         let arguments = shaders::cull::Chunks {
             pairs: &self.pairs,
-            slots: &self.slots,
-            active_slots: &self.active_slots,
+            pair_proxies: &self.pair_proxies,
+            active_pair_proxies: &self.active_pair_proxies,
             frames: &common.frames,
             proxies: &pose.proxies,
             chunks: &self.chunks,
@@ -169,21 +174,21 @@ impl Cull {
             contact_patches: &self.contact_patches,
             boxes: &self.boxes,
             proxy_patches: &self.proxy_patches,
-            slot_chunks: &self.slot_chunks,
+            pair_proxy_chunks: &self.pair_proxy_chunks,
             slabs: &self.slabs,
             fields: &self.fields,
         };
         recorder.dispatch_indirect(&self.chunks_kernel, &arguments, &common.args, shaders::ARGS_CHUNKS);
         let arguments = shaders::cull::Meet {
             pairs: &self.pairs,
-            slots: &self.slots,
-            active_slots: &self.active_slots,
+            pair_proxies: &self.pair_proxies,
+            active_pair_proxies: &self.active_pair_proxies,
             proxies: &pose.proxies,
             contact_patches: &self.contact_patches,
             slabs: &self.slabs,
             fields: &self.fields,
-            slot_chunks: &self.slot_chunks,
-            slot_counts: &self.slot_counts,
+            pair_proxy_chunks: &self.pair_proxy_chunks,
+            pair_proxy_counts: &self.pair_proxy_counts,
             active_chunks: &self.active_chunks,
             items: &self.items,
             counts: &common.counts,

@@ -21,7 +21,7 @@ use super::layers::OF_PATCH;
 use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
 use crate::scene::{Scene, Sides, ToolShape};
-use crate::shaders::{Chunk, ElasticMaterial, NONE, Pair, Proxy, Slot};
+use crate::shaders::{Chunk, ElasticMaterial, NONE, Pair, PairProxy, Proxy};
 use crate::stages::PAIR_PATCHES;
 
 /// Largest number of work items (an active chunk in one contact patch): any GPU can give each of them a workgroup, and
@@ -202,11 +202,11 @@ pub struct Model {
     /// Pairs of collision proxies: proxy of a, proxy of b, 0, 0.
     pub proxy_pairs: Vec<[u32; 4]>,
     /// The slots of all pairs of bodies.
-    pub slots: Vec<Slot>,
+    pub pair_proxies: Vec<PairProxy>,
     /// Number of chunks of all slots.
-    pub slot_chunks: usize,
+    pub pair_proxy_chunks: usize,
     /// Number of slots whose vertices gather contacts; they come first.
-    pub gathering_slots: usize,
+    pub gathering_pair_proxies: usize,
     /// Number of chunks of those slots.
     pub gathering_chunks: usize,
 }
@@ -251,7 +251,7 @@ impl Model {
         let (mut model, proxy_ranges) = Model::of_bodies(&all, all.len());
         // No force is computed from it, so any contact law will do.
         model.add_pair(&all, (0, 1), all.len(), &proxy_ranges, [1.0, 0.0], Sides::Both);
-        model.add_slots();
+        model.add_pair_proxies();
         model
     }
 
@@ -377,7 +377,7 @@ impl Model {
 
     /// Largest number of work items (an active chunk in one contact patch).
     pub fn most_items(&self) -> usize {
-        (PAIR_PATCHES * self.slot_chunks).min(MOST_ITEMS)
+        (PAIR_PATCHES * self.pair_proxy_chunks).min(MOST_ITEMS)
     }
 
     fn add_skin(&mut self, skin: &Skin, vertex_first: usize) {

@@ -8,7 +8,7 @@ use super::contact_law;
 use super::model::{Model, Plane};
 use crate::prepare::{Body, FrameMotion, Shape};
 use crate::scene::{Scene, Sides};
-use crate::shaders::{NONE, Pair, Slot};
+use crate::shaders::{NONE, Pair, PairProxy};
 
 impl Model {
     /// Adds every pair of bodies that may touch: each lists the other as one to collide with, and at least one can
@@ -36,12 +36,12 @@ impl Model {
                 self.add_pair(all, (a, b), held, ranges, law, scene.contact.sides);
             }
         }
-        self.add_slots();
+        self.add_pair_proxies();
     }
 
     /// Adds the slots of all pairs, in the order of the pairs: first those whose vertices gather contacts, then the
     /// others.
-    pub(super) fn add_slots(&mut self) {
+    pub(super) fn add_pair_proxies(&mut self) {
         for gathering in [true, false] {
             for (index, pair) in self.pairs.iter_mut().enumerate() {
                 for side in 0..2 {
@@ -49,16 +49,17 @@ impl Model {
                     if gathers != gathering {
                         continue;
                     }
-                    pair.first_slot[side] = self.slots.len() as u32;
+                    pair.first_pair_proxy[side] = self.pair_proxies.len() as u32;
                     for proxy in (pair.first_proxy[side]..).take(pair.proxy_count[side] as usize) {
-                        let chunk_first = self.slot_chunks as u32;
-                        self.slots.push(Slot { pair: index as u32, side: side as u32, proxy, chunk_first });
-                        self.slot_chunks += self.proxies[proxy as usize].chunk_count as usize;
+                        let chunk_first = self.pair_proxy_chunks as u32;
+                        self.pair_proxies.push(PairProxy { pair: index as u32, side: side as u32, proxy, chunk_first });
+                        self.pair_proxy_chunks += self.proxies[proxy as usize].chunk_count as usize;
                     }
                 }
             }
             if gathering {
-                (self.gathering_slots, self.gathering_chunks) = (self.slots.len(), self.slot_chunks);
+                (self.gathering_pair_proxies, self.gathering_chunks) =
+                    (self.pair_proxies.len(), self.pair_proxy_chunks);
             }
         }
         self.drop_unused_fans();
@@ -67,8 +68,8 @@ impl Model {
     /// Removes the triangles around vertices that gather no contacts: normals are only needed at those that do.
     fn drop_unused_fans(&mut self) {
         let mut gathers = vec![false; self.skin_nodes.len()];
-        for slot in &self.slots[..self.gathering_slots] {
-            let proxy = &self.proxies[slot.proxy as usize];
+        for pair_proxy in &self.pair_proxies[..self.gathering_pair_proxies] {
+            let proxy = &self.proxies[pair_proxy.proxy as usize];
             for chunk in &self.chunks[proxy.chunk_first as usize..][..proxy.chunk_count as usize] {
                 let own = &self.chunk_vertices[chunk.vertex_first as usize..][..chunk.vertex_count as usize];
                 own.iter().for_each(|vertex| gathers[*vertex as usize] = true);
@@ -118,7 +119,7 @@ impl Model {
             first_proxy: [a_proxies.start as u32, b_proxies.start as u32],
             proxy_count: [a_proxies.len() as u32, b_proxies.len() as u32],
             // Slots are added when all pairs are known.
-            first_slot: [0; 2],
+            first_pair_proxy: [0; 2],
             stiffness: law[0] as f32,
             damping: law[1] as f32,
             tool_sign: if a == held { 1.0 } else { -f32::from(u8::from(b == held)) },

@@ -80,7 +80,7 @@ impl Skin {
             frames: &common.frames,
             active_chunks: &cull.active_chunks,
             pairs: &cull.pairs,
-            slots: &cull.slots,
+            pair_proxies: &cull.pair_proxies,
             proxies: &pose.proxies,
             chunks: &cull.chunks,
             chunk_vertices: &self.chunk_vertices,

@@ -54,8 +54,12 @@ impl Given {
     fn new(side: u32, normals: &[DVec3]) -> Given {
         let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, glam::DQuat::IDENTITY);
         let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
-        let pair =
-            Pair { proxy_count: [2, 2], first_slot: [0, 2], first_proxy_pair: FIRST_PROXY_PAIR, ..Pair::default() };
+        let pair = Pair {
+            proxy_count: [2, 2],
+            first_pair_proxy: [0, 2],
+            first_proxy_pair: FIRST_PROXY_PAIR,
+            ..Pair::default()
+        };
         flow.pairs = vec![pair];
         flow.contact_patches = vec![ContactPatch::default(); PAIR_PATCHES];
         for (contact_patch, normal) in flow.contact_patches.iter_mut().zip(normals) {
@@ -93,8 +97,8 @@ impl Given {
         for (r, list) in crossings.iter().enumerate() {
             for (depth, front) in list {
                 let triangle = self.cross(wide(&self.flow.skin[first as usize]), r, *depth, random);
-                let slot = if self.side == 0 { 2 } else { 0 } + random.below(2) as u32;
-                crossed[r].push((triangle, *depth, *front, slot));
+                let pair_proxy = if self.side == 0 { 2 } else { 0 } + random.below(2) as u32;
+                crossed[r].push((triangle, *depth, *front, pair_proxy));
             }
         }
         self.crossed.push(crossed);
@@ -141,25 +145,34 @@ impl Given {
         flow.model.chunks = (0..count).step_by(CHUNK_VERTICES).map(chunk).collect();
         let chunks = flow.model.chunks.len() as u32;
         let (mask, each) = ((1 << contact_patches) - 1, contact_patches as u32);
-        let slot = 2 * self.side + 1;
-        let entry =
-            |chunk: u32| ActiveChunk { chunk, slot, side: self.side, contact_patches: mask, first_item: chunk * each };
+        let pair_proxy = 2 * self.side + 1;
+        let entry = |chunk: u32| ActiveChunk {
+            chunk,
+            pair_proxy,
+            side: self.side,
+            contact_patches: mask,
+            first_item: chunk * each,
+        };
         flow.active_chunks = (0..chunks).map(entry).collect();
         flow.items = (0..chunks * each).map(|i| [i / each, i % each]).collect();
         // Chunks of the other side, one for each slot, are listed behind those that the kernel works on.
         let opposing = flow.items.len() as u32;
         for other in 0..4 {
             flow.items.push([flow.active_chunks.len() as u32, 0]);
-            flow.active_chunks.push(ActiveChunk { slot: other, side: u32::from(other > 1), ..ActiveChunk::default() });
+            flow.active_chunks.push(ActiveChunk {
+                pair_proxy: other,
+                side: u32::from(other > 1),
+                ..ActiveChunk::default()
+            });
         }
         flow.bin_hits = vec![NONE; CHUNK_VERTICES * (chunks * each) as usize];
         flow.crossings = vec![];
         for (v, crossed) in self.crossed.iter().enumerate() {
             for (r, list) in crossed.iter().take(contact_patches).enumerate() {
                 let bin = (v / CHUNK_VERTICES * contact_patches + r) * CHUNK_VERTICES + v % CHUNK_VERTICES;
-                for (triangle, depth, front, slot) in list {
+                for (triangle, depth, front, pair_proxy) in list {
                     let next = std::mem::replace(&mut flow.bin_hits[bin], flow.crossings.len() as u32);
-                    let what = (opposing + slot) << 1 | u32::from(*front);
+                    let what = (opposing + pair_proxy) << 1 | u32::from(*front);
                     flow.crossings.push([*triangle, next, (*depth as f32).to_bits(), what]);
                 }
             }
@@ -207,8 +220,8 @@ impl Given {
             let push = sign * depth * area * self.outward[v];
             let allowed = Tolerance { abs: BLENDED * depth * area, rel: 0.0 };
             expect_close(&what, &flow.pushes[v][..3], &push.to_array(), allowed);
-            let slots = if self.side == 0 { [1, strongest.3.3 - 2] } else { [strongest.3.3, 1] };
-            assert_eq!(flow.pushes[v][3].to_bits(), FIRST_PROXY_PAIR + 2 * slots[0] + slots[1], "{what}");
+            let pair_proxies = if self.side == 0 { [1, strongest.3.3 - 2] } else { [strongest.3.3, 1] };
+            assert_eq!(flow.pushes[v][3].to_bits(), FIRST_PROXY_PAIR + 2 * pair_proxies[0] + pair_proxies[1], "{what}");
             found += 1;
             blended += usize::from(seen.len() > 1 && (normal - strongest.2).length() > 1e-3);
         }

@@ -5,7 +5,7 @@
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
-use palpate::internal::shaders::{ActiveChunk, ContactPatch, Counts, NONE, Pair, Proxy, Slot};
+use palpate::internal::shaders::{ActiveChunk, ContactPatch, Counts, NONE, Pair, PairProxy, Proxy};
 use palpate::internal::stages::ARGS_WORDS;
 use palpate::internal::stages::PAIR_PATCHES;
 use palpate_oracle::contact_patches::{along, chunk_box};
@@ -57,13 +57,13 @@ fn shaken(size: f64, contact_patches: &[ContactPatch], random: &mut Random) -> F
     }
     flow.contact_patches = contact_patches.to_vec();
     flow.contact_patches.resize(PAIR_PATCHES, ContactPatch::default());
-    let slots = flow.model.slots.len();
-    flow.proxy_patches = vec![(1 << contact_patches.len()) - 1; slots];
-    flow.boxes = vec![[[-9.0; 3], [9.0; 3]]; PAIR_PATCHES * slots];
-    flow.active_slots = (0..slots as u32).rev().collect();
-    flow.slot_counts = vec![[0; 2]; slots];
+    let pair_proxies = flow.model.pair_proxies.len();
+    flow.proxy_patches = vec![(1 << contact_patches.len()) - 1; pair_proxies];
+    flow.boxes = vec![[[-9.0; 3], [9.0; 3]]; PAIR_PATCHES * pair_proxies];
+    flow.active_pair_proxies = (0..pair_proxies as u32).rev().collect();
+    flow.pair_proxy_counts = vec![[0; 2]; pair_proxies];
     flow.fields = (0..PAIR_PATCHES * FIELD_WORDS).map(|k| if k / 256 % 2 == 0 { 0 } else { NONE }).collect();
-    flow.args[3 * shaders::ARGS_CHUNKS as usize] = slots as u32;
+    flow.args[3 * shaders::ARGS_CHUNKS as usize] = pair_proxies as u32;
     flow
 }
 
@@ -112,12 +112,12 @@ fn square_of(contact_patch: &ContactPatch, at: DVec3) -> [usize; 2] {
 /// with the oracle's box, and that the min-max depth grid lies beyond the skin. Returns the number of slabs.
 fn check_slabs(flow: &Flow, contact_patches: usize, tight: bool) -> usize {
     let mut count = 0;
-    for slot in &flow.model.slots {
-        let proxy = &flow.model.proxies[slot.proxy as usize];
+    for pair_proxy in &flow.model.pair_proxies {
+        let proxy = &flow.model.proxies[pair_proxy.proxy as usize];
         for k in 0..proxy.chunk_count as usize {
-            let (at, index) = (slot.chunk_first as usize + k, proxy.chunk_first as usize + k);
+            let (at, index) = (pair_proxy.chunk_first as usize + k, proxy.chunk_first as usize + k);
             assert_eq!(
-                flow.slot_chunks[at],
+                flow.pair_proxy_chunks[at],
                 [(1 << contact_patches) - 1, 0],
                 "chunk {index} meets all contact_patches"
             );
@@ -125,8 +125,8 @@ fn check_slabs(flow: &Flow, contact_patches: usize, tight: bool) -> usize {
             for (r, contact_patch) in flow.contact_patches[..contact_patches].iter().enumerate() {
                 let want = boxed(flow, index, proxy.frame as usize, contact_patch);
                 let slab = flow.slabs[at * PAIR_PATCHES + r].map(f64::from);
-                let side = if slot.side == 0 { 1.0 } else { -1.0 };
-                let extreme = if slot.side == 0 { want.1.z } else { want.0.z };
+                let side = if pair_proxy.side == 0 { 1.0 } else { -1.0 };
+                let extreme = if pair_proxy.side == 0 { want.1.z } else { want.0.z };
                 let errors = [slab[0] - want.0.x, slab[1] - want.0.y, want.1.x - slab[2], want.1.y - slab[3]];
                 let allowed = BOX + 2e-3 * (want.1 - want.0).max_element();
                 assert!(errors.iter().all(|e| *e < 0.0 && -*e < allowed), "chunk {index}: {errors:?}");
@@ -140,7 +140,7 @@ fn check_slabs(flow: &Flow, contact_patches: usize, tight: bool) -> usize {
                     assert!(side * (plane - x.z) > 0.0, "chunk {index} passes its plane by {}", side * (x.z - plane));
                     assert!(side * (slab[7] - x.z) > 0.0, "chunk {index} passes its box");
                     let [i, j] = square_of(contact_patch, x);
-                    let field = flow.fields[(2 * r + slot.side as usize) * 256 + j * FIELD + i];
+                    let field = flow.fields[(2 * r + pair_proxy.side as usize) * 256 + j * FIELD + i];
                     assert!(side * (height_of(field) - x.z) > 0.0, "chunk {index} passes the field");
                 }
                 // A box that lies aslant to the patch's axes is less than twice as large along them as the skin in it.
@@ -172,30 +172,30 @@ fn chunks_beside_the_column_or_in_front_of_all_boxes_are_left_out() {
     let mut random = Random(82);
     let mut flow = shaken(0.003, &[contact_patch(DVec3::Z, 0.05)], &mut random);
     // All slots of a have boxes between heights 0 and 0.1; of b only the first slot takes part, with a box above 0.02.
-    let slots = flow.model.slots.clone();
-    for (slot, given) in slots.iter().zip(flow.boxes.chunks_mut(PAIR_PATCHES)) {
-        let (low, high) = if slot.side == 0 { (0.0, 0.1) } else { (0.02, 9.0) };
+    let pair_proxies = flow.model.pair_proxies.clone();
+    for (pair_proxy, given) in pair_proxies.iter().zip(flow.boxes.chunks_mut(PAIR_PATCHES)) {
+        let (low, high) = if pair_proxy.side == 0 { (0.0, 0.1) } else { (0.02, 9.0) };
         given.fill([[-0.04, -9.0, low], [0.04, 9.0, high]]);
     }
-    let first_b = slots.iter().position(|slot| slot.side == 1).unwrap();
+    let first_b = pair_proxies.iter().position(|pair_proxy| pair_proxy.side == 1).unwrap();
     flow.proxy_patches[first_b + 1..].fill(0);
     flow.box_chunks();
     let (mut kept, mut left) = ([0; 2], [0; 2]);
-    for (s, slot) in slots.iter().enumerate() {
-        let proxy = flow.model.proxies[slot.proxy as usize];
+    for (s, pair_proxy) in pair_proxies.iter().enumerate() {
+        let proxy = flow.model.proxies[pair_proxy.proxy as usize];
         for k in 0..proxy.chunk_count as usize {
             let skin = places(&flow, proxy.chunk_first as usize + k, proxy.frame as usize);
             let skin: Vec<DVec3> = skin.iter().map(|x| along(axes(&flow.contact_patches[0]), *x)).collect();
             let low = skin.iter().fold(DVec3::INFINITY, |low, x| low.min(*x));
             let high = skin.iter().fold(DVec3::NEG_INFINITY, |high, x| high.max(*x));
             let beside = low.x > 0.04 || high.x < -0.04 || low.y > 0.05 || high.y < -0.05;
-            let in_front = if slot.side == 0 { high.z < 0.02 } else { low.z > 0.1 };
-            let found = flow.slot_chunks[slot.chunk_first as usize + k][0];
+            let in_front = if pair_proxy.side == 0 { high.z < 0.02 } else { low.z > 0.1 };
+            let found = flow.pair_proxy_chunks[pair_proxy.chunk_first as usize + k][0];
             let is_open = flow.proxy_patches[s] != 0;
             assert!(is_open || found == 0);
             // Each chunk that might touch must be kept.
-            assert!(!is_open || beside || in_front || found == 1, "slot {s}, chunk {k}: {low} {high}");
-            let side = slot.side as usize;
+            assert!(!is_open || beside || in_front || found == 1, "pair_proxy {s}, chunk {k}: {low} {high}");
+            let side = pair_proxy.side as usize;
             kept[side] += usize::from(found == 1);
             left[side] += usize::from(is_open && found == 0);
         }
@@ -209,13 +209,13 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
     let mut flow = shaken(0.003, &[contact_patch(-DVec3::Y, 0.5)], &mut random);
     flow.pairs[0] = Pair { is_plane: 1, plane: [0.0, 1.0, 0.0, 0.01], ..flow.pairs[0] };
     let a = flow.pairs[0].proxy_count[0] as usize;
-    flow.active_slots.retain(|slot| (*slot as usize) < a);
+    flow.active_pair_proxies.retain(|pair_proxy| (*pair_proxy as usize) < a);
     flow.args[3 * shaders::ARGS_CHUNKS as usize] = a as u32;
     flow.box_chunks();
     flow.meet();
     let mut totals = [0; 2];
-    for slot in 0..a {
-        let proxy = flow.model.proxies[flow.model.slots[slot].proxy as usize];
+    for pair_proxy in 0..a {
+        let proxy = flow.model.proxies[flow.model.pair_proxies[pair_proxy].proxy as usize];
         let lowest = |k: u32| {
             let skin = places(&flow, (proxy.chunk_first + k) as usize, proxy.frame as usize);
             skin.iter().map(|x| x.y).fold(f64::INFINITY, f64::min)
@@ -228,8 +228,9 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
             };
             (0..proxy.chunk_count).filter(|k| top(k) >= -0.01 + slack).count() as u32
         };
-        let listed =
-            flow.active_chunks[..flow.counts.chunks as usize].iter().filter(|entry| entry.slot as usize == slot);
+        let listed = flow.active_chunks[..flow.counts.chunks as usize]
+            .iter()
+            .filter(|entry| entry.pair_proxy as usize == pair_proxy);
         let (chunks, items) =
             listed.fold((0, 0), |(n, items), entry| (n + 1, items + entry.contact_patches.count_ones()));
         assert!(
@@ -247,8 +248,9 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
     let mut random = Random(84);
     let width = context().reduce_size();
     for count in [0, 1, width - 1, width, width + 1, 333] {
-        let slots: Vec<Slot> =
-            (0..3).map(|s| Slot { side: s % 2, proxy: s, chunk_first: s * count, ..Slot::default() }).collect();
+        let pair_proxies: Vec<PairProxy> = (0..3)
+            .map(|s| PairProxy { side: s % 2, proxy: s, chunk_first: s * count, ..PairProxy::default() })
+            .collect();
         let proxy = |s: u32| Proxy { chunk_first: 1000 * s, chunk_count: count, ..Proxy::default() };
         let contact_patches: Vec<ContactPatch> = (0..PAIR_PATCHES).map(|_| contact_patch(DVec3::Z, 1.0)).collect();
         let mut height = |share: f64| (random.next() + share) as f32;
@@ -265,18 +267,18 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
         let masks: Vec<u32> = (0..3 * count).map(|k| (k * 7 + 3) % 16).collect();
         let out = case("cull/meet")
             .size(Size::Reduce)
-            .constant("SLOTS", 3u32)
+            .constant("PAIR_PROXIES", 3u32)
             .constant("MOST_ITEMS", 12 * count.max(1))
             .constant("GATHERING", 3u32)
             .input("pairs", &[Pair::default()])
-            .input("slots", &slots)
-            .input("active_slots", &[2u32, 0, 1])
+            .input("pair_proxies", &pair_proxies)
+            .input("active_pair_proxies", &[2u32, 0, 1])
             .input("proxies", &[proxy(0), proxy(1), proxy(2)])
             .input("contact_patches", &contact_patches)
             .input("slabs", &crate::stage::flow::some(&slabs))
             .input("fields", &fields.iter().map(|x| key(*x)).collect::<Vec<_>>())
-            .inout("slot_chunks", &masks.iter().map(|m| [*m, 0]).collect::<Vec<_>>())
-            .inout("slot_counts", &[[9u32; 2]; 3])
+            .inout("pair_proxy_chunks", &masks.iter().map(|m| [*m, 0]).collect::<Vec<_>>())
+            .inout("pair_proxy_counts", &[[9u32; 2]; 3])
             .partial("active_chunks", &vec![ActiveChunk::default(); 12 * count.max(1) as usize])
             .partial("items", &vec![[NONE; 2]; 12 * count.max(1) as usize])
             .inout("counts", &[Counts::default()])
@@ -293,25 +295,26 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
             })
         };
         let count_of = out.get::<Counts>("counts")[0];
-        let mut totals: Vec<[u32; 2]> = out.get("slot_counts");
+        let mut totals: Vec<[u32; 2]> = out.get("pair_proxy_counts");
         totals.push([count_of.chunks, count_of.items]);
         let counts: Vec<[u32; 2]> = totals.windows(2).map(|t| [t[1][0] - t[0][0], t[1][1] - t[0][1]]).collect();
-        let listed: Vec<[u32; 2]> = out.get("slot_chunks");
+        let listed: Vec<[u32; 2]> = out.get("pair_proxy_chunks");
         let mut dropped = 0;
-        for (s, slot) in slots.iter().enumerate() {
+        for (s, pair_proxy) in pair_proxies.iter().enumerate() {
             let (mut want, mut items) = (vec![], 0);
             for k in 0..count {
-                let at = (slot.chunk_first + k) as usize;
-                let stays = (0..PAIR_PATCHES).filter(|r| meets(slot.side as usize, *r, &slabs[at * PAIR_PATCHES + r]));
+                let at = (pair_proxy.chunk_first + k) as usize;
+                let stays =
+                    (0..PAIR_PATCHES).filter(|r| meets(pair_proxy.side as usize, *r, &slabs[at * PAIR_PATCHES + r]));
                 let mask = masks[at] & stays.map(|r| 1 << r).sum::<u32>();
                 dropped += (masks[at] ^ mask).count_ones();
                 if mask != 0 {
-                    want.push([1000 * slot.proxy + k, mask | items << PAIR_PATCHES]);
+                    want.push([1000 * pair_proxy.proxy + k, mask | items << PAIR_PATCHES]);
                     items += mask.count_ones();
                 }
             }
-            assert_eq!(counts[s], [want.len() as u32, items], "{count} chunks, slot {s}");
-            assert_eq!(listed[slot.chunk_first as usize..][..want.len()], want, "{count} chunks, slot {s}");
+            assert_eq!(counts[s], [want.len() as u32, items], "{count} chunks, pair_proxy {s}");
+            assert_eq!(listed[pair_proxy.chunk_first as usize..][..want.len()], want, "{count} chunks, pair_proxy {s}");
         }
         assert!(count < 300 || (dropped > 300 && counts[0][0] > 50), "{dropped} dropped, {counts:?} left");
     }

@@ -304,7 +304,8 @@ fn more_contacts_than_fit_are_flagged() {
     for capacity in [1, 64, found - 1, found, found + 1] {
         let mut flow = run(Some(capacity));
         let (kept, fits) = (found.min(capacity), found <= capacity);
-        let words = [shaders::ARGS_CONTACTS, shaders::ARGS_DEEPEST].map(|slot| flow.args[3 * slot as usize] as usize);
+        let words = [shaders::ARGS_CONTACTS, shaders::ARGS_DEEPEST]
+            .map(|pair_proxy| flow.args[3 * pair_proxy as usize] as usize);
         assert_eq!(flow.counts.contacts as usize, kept);
         assert_eq!(words, [kept.div_ceil(group), usize::from(!fits)]);
         assert_eq!(flow.counts.flags & CONTACT_OVERFLOW, if fits { 0 } else { CONTACT_OVERFLOW }, "{capacity} fit");

@@ -49,7 +49,7 @@ impl Given {
             proxy_pair_count: pairs,
             first_proxy: [0, counts[0]],
             proxy_count: counts,
-            first_slot: [0, counts[0]],
+            first_pair_proxy: [0, counts[0]],
             ..Pair::zeroed()
         };
         let both = |k: u32| {
@@ -92,8 +92,8 @@ impl Given {
             .output::<f32>("shares", PAIR_PATCHES * count)
             .inout("boxes", &vec![[[9.0f32; 3]; 2]; PAIR_PATCHES * count])
             .inout("proxy_patches", &vec![NONE; count])
-            .partial("slot_counts", &vec![[7u32; 2]; count])
-            .partial("active_slots", &vec![NONE; count])
+            .partial("pair_proxy_counts", &vec![[7u32; 2]; count])
+            .partial("active_pair_proxies", &vec![NONE; count])
             .partial("fields", &vec![7u32; PAIR_PATCHES * FIELD_WORDS])
             .inout("counts", &[Counts::default()])
             .inout("args", &vec![0u32; ARGS_WORDS])
@@ -135,7 +135,10 @@ fn check(given: &Given, out: &Outcome) -> usize {
             for p in own.filter(|p| bits[*p] >> r & 1 == 1) {
                 let (low, high) = boxed(p);
                 let got = boxes[p * PAIR_PATCHES + r].map(wide);
-                assert!((low - got[0]).min_element() > -2e-6 && (got[1] - high).min_element() > -2e-6, "slot {p}");
+                assert!(
+                    (low - got[0]).min_element() > -2e-6 && (got[1] - high).min_element() > -2e-6,
+                    "pair_proxy {p}"
+                );
                 if members.contains(&p) {
                     expect_close("box", &boxes[p * PAIR_PATCHES + r][0], &low.to_array(), PLACED);
                 }
@@ -157,20 +160,20 @@ fn check(given: &Given, out: &Outcome) -> usize {
         for r in (0..live).filter(|r| bits[s] >> (PAIR_PATCHES + r) & 1 == 0) {
             let strength = contact_patches[r].weight
                 / contact_patches.iter().map(|contact_patch| contact_patch.weight).sum::<f32>();
-            assert!(own[r] <= 0.05 * (strength - 0.1).max(0.0) + 1e-6, "slot {s}, contact_patch {r}: {own:?}");
+            assert!(own[r] <= 0.05 * (strength - 0.1).max(0.0) + 1e-6, "pair_proxy {s}, contact_patch {r}: {own:?}");
         }
         // The shares of a member sum to one, and those shares in other patches come on top.
-        assert!(if member { sum > 0.998 && sum < 1.052 } else { sum <= 0.05 }, "slot {s}: {own:?}");
+        assert!(if member { sum > 0.998 && sum < 1.052 } else { sum <= 0.05 }, "pair_proxy {s}: {own:?}");
         assert!(own[live..].iter().all(|share| *share == 0.0));
     }
-    let mut active: Vec<u32> = out.get("active_slots");
+    let mut active: Vec<u32> = out.get("active_pair_proxies");
     let groups = out.get::<u32>("args")[3 * shaders::ARGS_CHUNKS as usize] as usize;
-    assert!(active[groups..].iter().all(|slot| *slot == NONE));
+    assert!(active[groups..].iter().all(|pair_proxy| *pair_proxy == NONE));
     active.truncate(groups);
     active.sort_unstable();
     let wanted = (0..count as u32).filter(|s| bits[*s as usize] & ((1 << PAIR_PATCHES) - 1) != 0);
     assert_eq!(active, wanted.collect::<Vec<_>>());
-    assert!(out.get::<[u32; 2]>("slot_counts").iter().all(|c| *c == [0, 0]));
+    assert!(out.get::<[u32; 2]>("pair_proxy_counts").iter().all(|c| *c == [0, 0]));
     live
 }
 

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DQuat, DVec3};
 use palpate::internal::shaders;
-use palpate::internal::shaders::{ActiveChunk, Chunk, ContactPatch, NONE, Pair, Slot};
+use palpate::internal::shaders::{ActiveChunk, Chunk, ContactPatch, NONE, Pair, PairProxy};
 use palpate::internal::stages::{CHUNK_TRIANGLES, CHUNK_VERTICES, PAIR_PATCHES};
 
 use crate::harness::bodies::{Mesh, half_space, rigid, sheet, sphere, whole};
@@ -32,12 +32,12 @@ pub fn meshes(sides: [&Mesh; 2], contact_patches: &[ContactPatch]) -> Flow {
     let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, DQuat::IDENTITY);
     let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
     flow.frames[0].rotation = [0.0, 0.0, 0.0, 1.0];
-    flow.pairs = vec![Pair { proxy_count: [1, 1], first_slot: [0, 1], ..Pair::default() }];
+    flow.pairs = vec![Pair { proxy_count: [1, 1], first_pair_proxy: [0, 1], ..Pair::default() }];
     flow.contact_patches = contact_patches.to_vec();
     flow.contact_patches.resize(PAIR_PATCHES, ContactPatch::default());
     let model = &mut flow.model;
     model.proxies.resize(2, model.proxies[0]);
-    model.slots = (0..2).map(|side| Slot { side, proxy: side, ..Slot::default() }).collect();
+    model.pair_proxies = (0..2).map(|side| PairProxy { side, proxy: side, ..PairProxy::default() }).collect();
     (model.skin_nodes, model.skin_weights, model.triangles) = (vec![], vec![], vec![]);
     (model.chunks, model.chunk_vertices, model.chunk_triangles) = (vec![], vec![], vec![]);
     flow.active_chunks = vec![];
@@ -67,8 +67,14 @@ pub fn meshes(sides: [&Mesh; 2], contact_patches: &[ContactPatch]) -> Flow {
             model.chunk_vertices.extend(own.map(|v| v as u32 + vertex_first));
             model.chunk_triangles.extend(drawn.map(|t| t as u32 + triangle_first));
             let first_item = flow.items.len() as u32;
-            let (slot, contact_patches) = (side as u32, (1 << each) - 1);
-            flow.active_chunks.push(ActiveChunk { chunk: index, slot, side: slot, contact_patches, first_item });
+            let (pair_proxy, contact_patches) = (side as u32, (1 << each) - 1);
+            flow.active_chunks.push(ActiveChunk {
+                chunk: index,
+                pair_proxy,
+                side: pair_proxy,
+                contact_patches,
+                first_item,
+            });
             flow.items.extend((0..each).map(|r| [index, r]));
         }
     }

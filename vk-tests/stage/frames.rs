@@ -8,8 +8,8 @@ use palpate::internal::gpu::{Const, Size};
 use palpate::internal::prepare::layer::kuhn_box;
 use palpate::internal::prepare::{Body, Frame as BodyFrame, FrameMotion, Shape};
 use palpate::internal::shaders::{
-    ActiveChunk, Chunk, ContactPatch, Counts, Fit, Frame, Link, Pair, Proxy, ProxyBounds, RigidIterate, Slot, Solve,
-    StepParams,
+    ActiveChunk, Chunk, ContactPatch, Counts, Fit, Frame, Link, Pair, PairProxy, Proxy, ProxyBounds, RigidIterate,
+    Solve, StepParams,
 };
 use palpate::internal::stages::ARGS_WORDS;
 use palpate::internal::stages::model::FramePlace;
@@ -166,7 +166,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
         .input("frames", &system.frames)
         .input("active_chunks", &[ActiveChunk::default()])
         .input("pairs", &[Pair { is_plane: 1, ..Pair::default() }])
-        .input("slots", &[Slot::default()])
+        .input("pair_proxies", &[PairProxy::default()])
         .input("proxies", &[Proxy::default()])
         .input("chunks", &[Chunk { embed_count: count as u32, ..Chunk::default() }])
         .input("chunk_vertices", &crate::stage::flow::fours(&(0..count as u32).collect::<Vec<_>>()))

@@ -3,7 +3,7 @@
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
-use palpate::internal::shaders::{ActiveChunk, ContactPatch, Counts, NONE, Pair, Proxy, Slot};
+use palpate::internal::shaders::{ActiveChunk, ContactPatch, Counts, NONE, Pair, PairProxy, Proxy};
 use palpate::internal::stages::ARGS_WORDS;
 use palpate::internal::stages::PAIR_PATCHES;
 
@@ -16,11 +16,11 @@ const REGION_OVERFLOW: u32 = 2;
 fn lists_of_slots_are_joined_in_order() {
     let mut random = Random(85);
     let width = context().reduce_size() as usize;
-    for slots in [1, width - 1, width, width + 1, 123] {
+    for pair_proxies in [1, width - 1, width, width + 1, 123] {
         let (mut given, mut chunks, mut proxies, mut all) = (vec![], vec![], vec![], 0);
-        for s in 0..slots as u32 {
+        for s in 0..pair_proxies as u32 {
             let chunk_first = chunks.len() as u32;
-            given.push(Slot { pair: s / 5, side: s % 2, proxy: s, chunk_first });
+            given.push(PairProxy { pair: s / 5, side: s % 2, proxy: s, chunk_first });
             let (mut items, count) = (0, if random.next() > 0.0 { random.below(7) } else { 0 });
             for _ in 0..count {
                 let mask = random.below(16) as u32;
@@ -37,25 +37,25 @@ fn lists_of_slots_are_joined_in_order() {
             all += items;
         }
         let mut active: Vec<u32> =
-            (0..slots as u32).filter(|s| proxies[*s as usize].chunk_count > 0 || s % 2 == 0).collect();
+            (0..pair_proxies as u32).filter(|s| proxies[*s as usize].chunk_count > 0 || s % 2 == 0).collect();
         (1..active.len()).for_each(|k| active.swap(k, random.below(k + 1)));
-        let gathering = random.below(slots + 1);
+        let gathering = random.below(pair_proxies + 1);
         for most in [all.max(1) as usize, all as usize + 3, (all as usize / 2).max(1)] {
             // The pairs are with half-spaces, so that every chunk meets the other side.
             let out = case("cull/meet")
                 .size(Size::Reduce)
-                .constant("SLOTS", slots as u32)
+                .constant("PAIR_PROXIES", pair_proxies as u32)
                 .constant("MOST_ITEMS", most as u32)
                 .constant("GATHERING", gathering as u32)
-                .input("pairs", &vec![Pair { is_plane: 1, ..Pair::default() }; slots / 5 + 1])
-                .input("slots", &given)
-                .input("active_slots", &active)
+                .input("pairs", &vec![Pair { is_plane: 1, ..Pair::default() }; pair_proxies / 5 + 1])
+                .input("pair_proxies", &given)
+                .input("active_pair_proxies", &active)
                 .input("proxies", &proxies)
                 .input("contact_patches", &[ContactPatch::default()])
                 .input("slabs", &[[0.0f32; 8]])
                 .input("fields", &[0u32; 4])
-                .inout("slot_chunks", &chunks)
-                .inout("slot_counts", &vec![[0u32; 2]; slots])
+                .inout("pair_proxy_chunks", &chunks)
+                .inout("pair_proxy_counts", &vec![[0u32; 2]; pair_proxies])
                 .partial("active_chunks", &vec![ActiveChunk { chunk: NONE, ..Default::default() }; most])
                 .partial("items", &vec![[NONE; 2]; most])
                 .inout("counts", &[Counts::default()])
@@ -63,19 +63,19 @@ fn lists_of_slots_are_joined_in_order() {
                 .groups(active.len())
                 .run();
             let (mut want, mut items) = (vec![], vec![]);
-            for (s, slot) in given.iter().enumerate() {
-                let own = &chunks[slot.chunk_first as usize..][..proxies[s].chunk_count as usize];
+            for (s, pair_proxy) in given.iter().enumerate() {
+                let own = &chunks[pair_proxy.chunk_first as usize..][..proxies[s].chunk_count as usize];
                 for (k, [found, _]) in own.iter().enumerate().filter(|(_, [found, _])| *found != 0) {
                     let (first_item, index) = (items.len() as u32, want.len() as u32);
                     let mut contact_patches = 0;
                     for r in (0..PAIR_PATCHES as u32).filter(|r| found >> r & 1 == 1) {
                         // Work items that do not fit are left out, from the end.
                         contact_patches |= if items.len() < most { 1 << r } else { 0 };
-                        items.push([index, slot.pair * PAIR_PATCHES as u32 + r]);
+                        items.push([index, pair_proxy.pair * PAIR_PATCHES as u32 + r]);
                     }
-                    let (slot_index, side) = (s as u32, 2 * slot.pair + slot.side);
+                    let (pair_proxy_index, side) = (s as u32, 2 * pair_proxy.pair + pair_proxy.side);
                     let chunk = proxies[s].chunk_first + k as u32;
-                    want.push(ActiveChunk { chunk, slot: slot_index, side, contact_patches, first_item });
+                    want.push(ActiveChunk { chunk, pair_proxy: pair_proxy_index, side, contact_patches, first_item });
                 }
             }
             let fits = all as usize <= most;
@@ -89,9 +89,9 @@ fn lists_of_slots_are_joined_in_order() {
             let flags = if fits { 0 } else { REGION_OVERFLOW };
             assert_eq!((count.chunks as usize, count.items as usize, count.flags), (want.len(), items.len(), flags));
             let words: Vec<u32> = out.get("args");
-            let groups = |slot: u32| words[3 * slot as usize] as usize;
+            let groups = |pair_proxy: u32| words[3 * pair_proxy as usize] as usize;
             assert_eq!([groups(shaders::ARGS_ACTIVE), groups(shaders::ARGS_ITEMS)], [want.len(), items.len()]);
-            let gather = want.iter().filter(|entry| (entry.slot as usize) < gathering).count();
+            let gather = want.iter().filter(|entry| (entry.pair_proxy as usize) < gathering).count();
             assert_eq!([groups(shaders::ARGS_GATHERING), count.gathering as usize], [gather; 2]);
             assert_eq!(words[3 * shaders::ARGS_DRAW as usize + 1] as usize, items.len(), "instances to draw");
         }

@@ -22,7 +22,7 @@ const LAST: Counts = Counts {
     chunks: 1,
     items: 2,
     gathering: 12,
-    slots_met: 10,
+    pair_proxies_met: 10,
     hits: 3,
     chunks_asked: 11,
     contacts: 4,
@@ -135,14 +135,14 @@ fn a_quarter_turn_by_hand() {
     expect_close("inflation", &[bounds[0].inflation, bounds[1].inflation], &[1.01, 0.01], BOUND);
     assert_eq!(out.get::<Counts>("counts"), [Counts { last_contacts: LAST.contacts, ..Counts::default() }]);
     assert_eq!(out.get::<u32>("buckets"), [NONE; BUCKETS as usize]);
-    let slots: Vec<u32> = out.get("args");
-    for slot in 0..shaders::ARGS_LOOP_APPLY {
-        assert_eq!(slots[3 * slot as usize..][..3], [0, 1, 1], "slot {slot}");
+    let pair_proxies: Vec<u32> = out.get("args");
+    for pair_proxy in 0..shaders::ARGS_LOOP_APPLY {
+        assert_eq!(pair_proxies[3 * pair_proxy as usize..][..3], [0, 1, 1], "pair_proxy {pair_proxy}");
     }
     let instances = 3 * shaders::ARGS_DRAW as usize + 1;
-    assert_eq!(slots[instances], 0, "nothing to draw");
+    assert_eq!(pair_proxies[instances], 0, "nothing to draw");
     let mut others = (3 * shaders::ARGS_LOOP_APPLY as usize..ARGS_WORDS).filter(|word| *word != instances);
-    assert!(others.all(|word| slots[word] == 77), "the solver's slots are its own");
+    assert!(others.all(|word| pair_proxies[word] == 77), "the solver's pair_proxies are its own");
 }
 
 /// The displacement, in another frame, of a node that is displaced by `d` from its place at rest `r` in its own frame.

@@ -4,7 +4,7 @@
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{Body, Shape};
 use palpate::internal::shaders;
-use palpate::internal::shaders::{ActiveChunk, Chunk, ContactPatch, Frame, NONE, Pair, Slot};
+use palpate::internal::shaders::{ActiveChunk, Chunk, ContactPatch, Frame, NONE, Pair, PairProxy};
 use palpate::internal::stages::CHUNK_VERTICES;
 use palpate::internal::stages::model::Model;
 use palpate_oracle::{proximity, skin as oracle};
@@ -69,11 +69,16 @@ pub fn covered(model: &Model, chunk: &Chunk) -> Vec<u32> {
 fn activate(flow: &mut Flow) {
     flow.pairs = vec![Pair { is_plane: 1, ..Pair::default() }];
     (flow.contact_patches, flow.fields) = (vec![ContactPatch::default()], vec![0; FIELD_WORDS]);
-    flow.model.slots = (0..flow.model.proxies.len() as u32).map(|proxy| Slot { proxy, ..Slot::default() }).collect();
+    flow.model.pair_proxies =
+        (0..flow.model.proxies.len() as u32).map(|proxy| PairProxy { proxy, ..PairProxy::default() }).collect();
     flow.active_chunks = vec![];
-    for (slot, proxy) in flow.model.proxies.iter().enumerate() {
+    for (pair_proxy, proxy) in flow.model.proxies.iter().enumerate() {
         let chunks = proxy.chunk_first..proxy.chunk_first + proxy.chunk_count;
-        flow.active_chunks.extend(chunks.map(|chunk| ActiveChunk { chunk, slot: slot as u32, ..Default::default() }));
+        flow.active_chunks.extend(chunks.map(|chunk| ActiveChunk {
+            chunk,
+            pair_proxy: pair_proxy as u32,
+            ..Default::default()
+        }));
     }
     flow.args[3 * shaders::ARGS_ACTIVE as usize] = flow.active_chunks.len() as u32;
 }

@@ -57,10 +57,10 @@ pub struct Flow {
     pub shares: Vec<f32>,
     pub boxes: Vec<Box3>,
     pub proxy_patches: Vec<u32>,
-    pub slot_counts: Vec<[u32; 2]>,
-    pub active_slots: Vec<u32>,
+    pub pair_proxy_counts: Vec<[u32; 2]>,
+    pub active_pair_proxies: Vec<u32>,
     pub fields: Vec<u32>,
-    pub slot_chunks: Vec<[u32; 2]>,
+    pub pair_proxy_chunks: Vec<[u32; 2]>,
     /// [`PAIR_PATCHES`] entries for each chunk of a slot: low, high, plane and extreme of its box in a patch.
     pub slabs: Vec<[f32; 8]>,
     pub active_chunks: Vec<ActiveChunk>,
@@ -176,10 +176,10 @@ impl Flow {
             shares: vec![],
             boxes: vec![],
             proxy_patches: vec![],
-            slot_counts: vec![],
-            active_slots: vec![],
+            pair_proxy_counts: vec![],
+            active_pair_proxies: vec![],
             fields: vec![],
-            slot_chunks: vec![],
+            pair_proxy_chunks: vec![],
             slabs: vec![],
             active_chunks: vec![],
             items: vec![],
@@ -212,8 +212,8 @@ impl Flow {
     }
 
     /// Number of workgroups that earlier kernels requested in this slot of the indirect arguments.
-    fn groups(&self, slot: u32) -> usize {
-        self.args[3 * slot as usize] as usize
+    fn groups(&self, pair_proxy: u32) -> usize {
+        self.args[3 * pair_proxy as usize] as usize
     }
 
     /// Runs everything up to the depths of skin vertices, on this depth path.

@@ -86,7 +86,7 @@ impl Flow {
     }
 
     pub fn find_contact_patches(&mut self) {
-        let (pairs, slots) = (self.pairs.len(), self.model.slots.len());
+        let (pairs, pair_proxies) = (self.pairs.len(), self.model.pair_proxies.len());
         let out = case("cull/contact_patches")
             .size(Size::Reduce)
             .constant("BUCKETS", self.bucket_count)
@@ -97,11 +97,11 @@ impl Flow {
             .input("hull", &some(&self.hull))
             .input("directions", &some(&self.directions))
             .inout("contact_patches", &self.contact_patches)
-            .partial("shares", &vec![-1.0f32; PAIR_PATCHES * slots])
-            .inout("boxes", &vec![[[0.0f32; 3]; 2]; PAIR_PATCHES * slots])
-            .inout("proxy_patches", &vec![NONE; slots])
-            .partial("slot_counts", &vec![[0u32; 2]; slots])
-            .partial("active_slots", &vec![NONE; slots])
+            .partial("shares", &vec![-1.0f32; PAIR_PATCHES * pair_proxies])
+            .inout("boxes", &vec![[[0.0f32; 3]; 2]; PAIR_PATCHES * pair_proxies])
+            .inout("proxy_patches", &vec![NONE; pair_proxies])
+            .partial("pair_proxy_counts", &vec![[0u32; 2]; pair_proxies])
+            .partial("active_pair_proxies", &vec![NONE; pair_proxies])
             .partial("fields", &vec![7u32; PAIR_PATCHES * pairs * FIELD_WORDS])
             .inout("counts", &[self.counts])
             .inout("args", &self.args)
@@ -113,8 +113,8 @@ impl Flow {
         self.shares = out.get("shares");
         self.boxes = out.get("boxes");
         self.proxy_patches = out.get("proxy_patches");
-        self.slot_counts = out.get("slot_counts");
-        self.active_slots = out.get("active_slots");
+        self.pair_proxy_counts = out.get("pair_proxy_counts");
+        self.active_pair_proxies = out.get("active_pair_proxies");
         self.fields = out.get("fields");
         self.buckets = out.get("buckets");
         self.counts = out.get("counts")[0];
@@ -122,13 +122,13 @@ impl Flow {
     }
 
     pub fn box_chunks(&mut self) {
-        let (model, chunks) = (&self.model, self.model.slot_chunks);
+        let (model, chunks) = (&self.model, self.model.pair_proxy_chunks);
         let out = case("cull/chunks")
             .size(Size::Reduce)
             .constant("SPANS", model.spans_frames())
             .input("pairs", &self.pairs)
-            .input("slots", &model.slots)
-            .input("active_slots", &self.active_slots)
+            .input("pair_proxies", &model.pair_proxies)
+            .input("active_pair_proxies", &self.active_pair_proxies)
             .input("frames", &self.frames)
             .input("proxies", &model.proxies)
             .input("chunks", &some(&model.chunks))
@@ -139,12 +139,12 @@ impl Flow {
             .input("contact_patches", &self.contact_patches)
             .input("boxes", &self.boxes)
             .input("proxy_patches", &self.proxy_patches)
-            .partial("slot_chunks", &vec![[NONE; 2]; chunks])
+            .partial("pair_proxy_chunks", &vec![[NONE; 2]; chunks])
             .partial("slabs", &vec![[f32::NAN; 8]; PAIR_PATCHES * chunks])
             .inout("fields", &self.fields)
             .groups(self.groups(shaders::ARGS_CHUNKS))
             .run();
-        self.slot_chunks = out.get("slot_chunks");
+        self.pair_proxy_chunks = out.get("pair_proxy_chunks");
         self.slabs = out.get("slabs");
         self.fields = out.get("fields");
     }
@@ -152,26 +152,26 @@ impl Flow {
     pub fn meet(&mut self) {
         let out = case("cull/meet")
             .size(Size::Reduce)
-            .constant("SLOTS", self.model.slots.len() as u32)
+            .constant("PAIR_PROXIES", self.model.pair_proxies.len() as u32)
             .constant("MOST_ITEMS", self.most_items as u32)
-            .constant("GATHERING", self.model.gathering_slots as u32)
+            .constant("GATHERING", self.model.gathering_pair_proxies as u32)
             .input("pairs", &self.pairs)
-            .input("slots", &self.model.slots)
-            .input("active_slots", &self.active_slots)
+            .input("pair_proxies", &self.model.pair_proxies)
+            .input("active_pair_proxies", &self.active_pair_proxies)
             .input("proxies", &self.model.proxies)
             .input("contact_patches", &self.contact_patches)
             .input("slabs", &self.slabs)
             .input("fields", &self.fields)
-            .inout("slot_chunks", &some(&self.slot_chunks))
-            .inout("slot_counts", &self.slot_counts)
+            .inout("pair_proxy_chunks", &some(&self.pair_proxy_chunks))
+            .inout("pair_proxy_counts", &self.pair_proxy_counts)
             .partial("active_chunks", &vec![ActiveChunk { chunk: NONE, ..Default::default() }; self.most_items])
             .partial("items", &vec![[NONE; 2]; self.most_items])
             .inout("counts", &[self.counts])
             .partial("args", &self.args)
             .groups(self.groups(shaders::ARGS_CHUNKS))
             .run();
-        self.slot_chunks = out.get("slot_chunks");
-        self.slot_counts = out.get("slot_counts");
+        self.pair_proxy_chunks = out.get("pair_proxy_chunks");
+        self.pair_proxy_counts = out.get("pair_proxy_counts");
         self.active_chunks = out.get("active_chunks");
         self.items = out.get("items");
         self.counts = out.get("counts")[0];
@@ -193,7 +193,7 @@ impl Flow {
             .input("frames", &self.frames)
             .input("active_chunks", &some(&self.active_chunks))
             .input("pairs", &self.pairs)
-            .input("slots", &model.slots)
+            .input("pair_proxies", &model.pair_proxies)
             .input("proxies", &model.proxies)
             .input("chunks", &some(&model.chunks))
             .input("chunk_vertices", &fours(&model.chunk_vertices))
