@@ -47,7 +47,7 @@ layout(scalar) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     //
 layout(scalar) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
 layout(scalar) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // unit, from a to b
 layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; };  // depth x area x normal, bits; proxies
-layout(scalar) readonly buffer Items { uvec2 items[]; };  // active chunk and contact patch of each work item
+layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };  // active chunk and contact patch of each work item
 layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };         // candidate of each contact
 layout(scalar) writeonly buffer Args { uint args[]; };
 layout(scalar) coherent buffer ChunkContacts { uvec2 chunk_contacts[]; };   // a bit a vertex of each chunk: it collides
@@ -119,7 +119,7 @@ void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
     for (uint l = 4 * lane; l < chunk.vertex_count; l += 4 * SIZE) {
         bvec4 crossed = bvec4(all);
         for (uint k = 0; k < contact_patches; k++) {
-            uvec4 found = fetch(bin_hits, ((entry.first_item + k) * CHUNK_VERTICES + l) / 4);
+            uvec4 found = fetch(bin_hits, ((entry.first_work_item + k) * CHUNK_VERTICES + l) / 4);
             crossed = bvec4(uvec4(crossed) | uvec4(notEqual(found, uvec4(NONE))));
         }
         for (uint k = 0; k < 4; k++) {
@@ -151,11 +151,11 @@ void find_candidates() {
             strongest = weights[0] = 1.0;
             depths[0] = hit.x;
         } else {
-            uint item = entry.first_item;
+            uint work_item = entry.first_work_item;
             for (uint r = 0; r < PAIR_PATCHES; r++) {
                 if ((entry.contact_patches & (1u << r)) == 0) continue;
-                uint bin = item * CHUNK_VERTICES + l;
-                item += 1;
+                uint bin = work_item * CHUNK_VERTICES + l;
+                work_item += 1;
                 bool through;
                 uvec3 nearest = nearest_crossing(bin, through);
                 if (nearest.x == NONE || (nearest.y & 1) == 0) continue;
@@ -208,7 +208,7 @@ void find_candidates() {
         candidate_normals[at] = vec4(normal, 0.0);
         uint proxy_pair = NONE;
         if (pair.is_plane == 0) {
-            uint other = active_chunks[items[opposing].x].pair_proxy;
+            uint other = active_chunks[work_items[opposing].x].pair_proxy;
             uint a = (side_b ? other : entry.pair_proxy) - pair.first_pair_proxy[0];
             uint b = (side_b ? entry.pair_proxy : other) - pair.first_pair_proxy[1];
             proxy_pair = pair.first_proxy_pair + a * pair.proxy_count[1] + b;

@@ -11,13 +11,13 @@
 //
 // The last workgroup to finish joins the lists of all slots, in the order of slots: active chunks, a work item for each
 // active chunk and patch, and the indirect arguments of all later stages. Slots whose vertices gather contacts come
-// first, so arrays of vertices need no room for the others. More work items than MOST_ITEMS raise the region overflow
+// first, so arrays of vertices need no room for the others. More work items than MAX_WORK_ITEMS raise the region overflow
 // flag. Oracle: its test tries every chunk against every opposing chunk, and joins the lists.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint PAIR_PROXIES = 1;
-layout(constant_id = 2) const uint MOST_ITEMS = 1;
+layout(constant_id = 2) const uint MAX_WORK_ITEMS = 1;
 layout(constant_id = 3) const uint GATHERING = 1;  // number of slots whose vertices gather contacts; they come first
 
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
@@ -30,7 +30,7 @@ layout(scalar) readonly buffer Fields { uint fields[]; };               // min-m
 layout(scalar) coherent buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };  // patch mask; becomes chunk, mask + items before
 layout(scalar) coherent buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };    // chunks and work items; become running totals
 layout(scalar) writeonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
-layout(scalar) writeonly buffer Items { uvec2 items[]; };  // active chunk and contact patch of each work item
+layout(scalar) writeonly buffer WorkItems { uvec2 work_items[]; };  // active chunk and contact patch of each work item
 layout(scalar) coherent buffer CountsInOut { Counts counts; };
 layout(scalar) writeonly buffer Args { uint args[]; };
 
@@ -59,7 +59,7 @@ void list_pair_proxy(uint pair_proxy_index) {
     PairProxy pair_proxy = pair_proxies[pair_proxy_index];
     bool is_plane = pairs[pair_proxy.pair].is_plane != 0;
     Proxy proxy = proxies[pair_proxy.proxy];
-    uint listed = 0, items_listed = 0;
+    uint listed = 0, work_items_listed = 0;
     for (uint first = 0; first < proxy.chunk_count; first += SIZE) {
         uint k = first + lane;
         uint mask = k < proxy.chunk_count ? pair_proxy_chunks[pair_proxy.chunk_first + k].x : 0;
@@ -70,26 +70,26 @@ void list_pair_proxy(uint pair_proxy_index) {
         }
         masks[lane] = mask;
         barrier();
-        uint before = 0, items_before = 0, found = 0, items_found = 0;
+        uint before = 0, work_items_before = 0, found = 0, work_items_found = 0;
         for (uint l = 0; l < SIZE; l++) {
             uint one = masks[l] != 0 ? 1 : 0, each = bitCount(masks[l]);
             if (l < lane) {
                 before += one;
-                items_before += each;
+                work_items_before += each;
             }
             found += one;
-            items_found += each;
+            work_items_found += each;
         }
         // Writing in place is safe: the list is never longer than what all lanes have read.
         if (mask != 0) {
             pair_proxy_chunks[pair_proxy.chunk_first + listed + before] =
-                uvec2(proxy.chunk_first + k, mask | (items_listed + items_before) << PAIR_PATCHES);
+                uvec2(proxy.chunk_first + k, mask | (work_items_listed + work_items_before) << PAIR_PATCHES);
         }
         listed += found;
-        items_listed += items_found;
+        work_items_listed += work_items_found;
         barrier();
     }
-    if (lane == 0) pair_proxy_counts[pair_proxy_index] = uvec2(listed, items_listed);
+    if (lane == 0) pair_proxy_counts[pair_proxy_index] = uvec2(listed, work_items_listed);
 }
 
 // Joins the lists of all slots; each lane takes a contiguous run of slots.
@@ -113,7 +113,7 @@ void list_all() {
     }
     memoryBarrierBuffer();
     barrier();
-    uint listed = min(all.y, MOST_ITEMS), used = min(all.x, MOST_ITEMS), done = 0;
+    uint listed = min(all.y, MAX_WORK_ITEMS), used = min(all.x, MAX_WORK_ITEMS), done = 0;
     for (uint e = lane; e < used; e += SIZE) {
         done++;
         // Binary search for the last slot whose running total does not exceed e.
@@ -124,27 +124,27 @@ void list_all() {
             else high = middle;
         }
         uvec2 found = pair_proxy_chunks[pair_proxies[low].chunk_first + e - pair_proxy_counts[low].x];
-        uint first_item = pair_proxy_counts[low].y + (found.y >> PAIR_PATCHES);
+        uint first_work_item = pair_proxy_counts[low].y + (found.y >> PAIR_PATCHES);
         uint mask = found.y & ((1u << PAIR_PATCHES) - 1u);
-        uint item = first_item;
+        uint work_item = first_work_item;
         for (uint r = 0; r < PAIR_PATCHES; r++) {
             if ((mask & (1u << r)) == 0) continue;
-            if (item < MOST_ITEMS) items[item] = uvec2(e, pair_proxies[low].pair * PAIR_PATCHES + r);
+            if (work_item < MAX_WORK_ITEMS) work_items[work_item] = uvec2(e, pair_proxies[low].pair * PAIR_PATCHES + r);
             else mask &= ~(1u << r);
-            item += 1;
+            work_item += 1;
         }
-        active_chunks[e] = ActiveChunk(found.x, low, 2 * pair_proxies[low].pair + pair_proxies[low].side, mask, first_item);
+        active_chunks[e] = ActiveChunk(found.x, low, 2 * pair_proxies[low].pair + pair_proxies[low].side, mask, first_work_item);
     }
     // There are more work items than fit, or the driver ended the loop early.
-    if (all.y > MOST_ITEMS || done != (used + SIZE - 1 - lane) / SIZE) atomicOr(counts.flags, FLAG_PATCH_OVERFLOW);
+    if (all.y > MAX_WORK_ITEMS || done != (used + SIZE - 1 - lane) / SIZE) atomicOr(counts.flags, FLAG_PATCH_OVERFLOW);
     if (lane != 0) return;
     uint gathering = min(GATHERING < PAIR_PROXIES ? pair_proxy_counts[GATHERING].x : all.x, used);
     counts.chunks = used;
     counts.gathering = gathering;
-    counts.items = listed;
+    counts.work_items = listed;
     args[3 * ARGS_ACTIVE] = used;
     args[3 * ARGS_GATHERING] = gathering;
-    args[3 * ARGS_ITEMS] = listed;
+    args[3 * ARGS_WORK_ITEMS] = listed;
     args[3 * ARGS_DRAW] = 6 * CHUNK_TRIANGLES;
     args[3 * ARGS_DRAW + 1] = listed;
     args[3 * ARGS_DRAW + 2] = 0;

@@ -15,7 +15,7 @@ layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 2) const uint MOST_HITS = 1;
 
 layout(scalar) buffer CountsInOut { Counts counts; };
-layout(scalar) readonly buffer Items { uvec2 items[]; };      // active chunk and contact patch of each work item
+layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };      // active chunk and contact patch of each work item
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
 READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four a texel
@@ -49,10 +49,10 @@ shared uint large_count;
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
-    uvec2 item = items[gl_WorkGroupID.x];
-    ActiveChunk entry = active_chunks[item.x];
+    uvec2 work_item = work_items[gl_WorkGroupID.x];
+    ActiveChunk entry = active_chunks[work_item.x];
     Chunk chunk = chunks[entry.chunk];
-    ContactPatch contact_patch = contact_patches[item.y];
+    ContactPatch contact_patch = contact_patches[work_item.y];
     uint side = entry.side & 1, other = 1 - side;
     vec3 corners[3];
     ivec2 first, last;
@@ -67,7 +67,7 @@ void main() {
     for (uint t = lane; t < triangle_count; t += SIZE) {
         done++;
         uint at = chunk.triangle_first + t, triangle = fetch(chunk_triangles, at / 4)[at % 4];
-        if (covered_squares(contact_patch, item.y, side, triangle, corners, first, last)) {
+        if (covered_squares(contact_patch, work_item.y, side, triangle, corners, first, last)) {
             if (count_of(first, last) > SHARED) large[atomicAdd(large_count, 1)] = triangle;
             else listed[atomicAdd(listed_count, 1)] = triangle;
         }
@@ -79,7 +79,7 @@ void main() {
         box_squares(contact_patch, side, triangle, corners, first, last);
         due += count_of(first, last);
         done++;
-        done += cross_squares(first, last, 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
+        done += cross_squares(first, last, 2 * work_item.y + other, corners, side, triangle, gl_WorkGroupID.x);
     }
     // Large triangles: all lanes share the cells of each.
     due += large_count;
@@ -91,7 +91,7 @@ void main() {
         done++;
         for (uint c = lane; c < count; c += SIZE) {
             ivec2 cell = first + ivec2(c % width, c / width);
-            done += cross_squares(cell, cell, 2 * item.y + other, corners, side, triangle, gl_WorkGroupID.x);
+            done += cross_squares(cell, cell, 2 * work_item.y + other, corners, side, triangle, gl_WorkGroupID.x);
         }
     }
     if (done != due) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);

@@ -11,7 +11,7 @@
 layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 3) const uint SQUARES = 1;      // cells along a side of the viewport, a pixel each
 
-layout(scalar) readonly buffer Items { uvec2 items[]; };      // active chunk and contact patch of each work item
+layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };      // active chunk and contact patch of each work item
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
 READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four a texel
@@ -30,8 +30,8 @@ layout(location = 3) flat out uvec3 triangle_at;    // the triangle, 2 * patch +
 #include "shared/squares.glsl"
 
 void main() {
-    uvec2 item = items[gl_InstanceIndex];
-    ActiveChunk entry = active_chunks[item.x];
+    uvec2 work_item = work_items[gl_InstanceIndex];
+    ActiveChunk entry = active_chunks[work_item.x];
     Chunk chunk = chunks[entry.chunk];
     gl_Position = no_squares();
     uint t = gl_VertexIndex / 6;
@@ -40,7 +40,7 @@ void main() {
     if (t >= chunk.triangle_count || pair.is_plane != 0 || !gathers(pair, 1 - side)) return;
     uint triangle = fetch(chunk_triangles, at / 4)[at % 4];
     ivec2 first, last;
-    bool any_covered = covered_squares(contact_patches[item.y], item.y, side, triangle, corners, first, last);
-    triangle_at = uvec3(triangle, 2 * item.y + side, gl_InstanceIndex);
+    bool any_covered = covered_squares(contact_patches[work_item.y], work_item.y, side, triangle, corners, first, last);
+    triangle_at = uvec3(triangle, 2 * work_item.y + side, gl_InstanceIndex);
     if (any_covered) gl_Position = corner_of_squares(first, last, gl_VertexIndex % 6);
 }

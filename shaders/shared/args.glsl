@@ -4,7 +4,7 @@
 const uint ARGS_DIRECTION = 0;      // one workgroup for each active pair of collision proxies
 const uint ARGS_CHUNKS = 1;         // one workgroup for each active slot (a proxy in a pair of bodies)
 const uint ARGS_ACTIVE = 2;         // one workgroup for each active chunk
-const uint ARGS_ITEMS = 3;          // one workgroup for each active chunk and contact patch of it
+const uint ARGS_WORK_ITEMS = 3;          // one workgroup for each active chunk and contact patch of it
 const uint ARGS_DEEPEST = 4;        // one workgroup, or none where all contacts fit
 const uint ARGS_CONTACTS = 5;       // workgroups of GROUP contacts
 const uint ARGS_NODES = 6;          // one workgroup for each node with contacts

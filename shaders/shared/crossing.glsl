@@ -13,20 +13,20 @@ const uint TURNS = 8;
 
 // Puts a hit at the head of a vertex's list: its triangle, the next hit, its depth, the triangle's work item, and
 // whether the triangle is a front face, one through which the ray leaves the other body.
-void record_crossing(uint bin, bool front, float depth, uint triangle, uint item) {
+void record_crossing(uint bin, bool front, float depth, uint triangle, uint work_item) {
     uint hit = atomicAdd(counts.hits, 1);
     if (hit < MOST_HITS) {
         uint next = atomicExchange(bin_hits[bin], hit);
-        hits[hit] = uvec4(triangle, next, floatBitsToUint(depth), item << 1 | (front ? 1 : 0));
+        hits[hit] = uvec4(triangle, next, floatBitsToUint(depth), work_item << 1 | (front ? 1 : 0));
     } else {
         atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
     }
 }
 
 // Tests a triangle against all vertices in the cells from `first` to `last`; `corners` are along the patch's axes,
-// `side` and `item` the triangle's. One loop goes from list to list as well as along each list, so that no lane waits
+// `side` and `work_item` the triangle's. One loop goes from list to list as well as along each list, so that no lane waits
 // for others at a list's end. Returns the number of lists whose end was reached.
-uint cross_squares(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint side, uint triangle, uint item) {
+uint cross_squares(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint side, uint triangle, uint work_item) {
     ivec2 cell = ivec2(first.x - 1, first.y);
     uint left = uint(last.x - first.x + 1) * uint(last.y - first.y + 1), ended = 0, bin = NONE;
     while (bin < ALL_BINS || left > 0) {
@@ -64,7 +64,7 @@ uint cross_squares(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], ui
         precise float depth = (side == 1 ? -volume : volume) / sum;
         // A bucket may hold vertices of several cells that the triangle covers: a hit counts in the vertex's cell.
         if (crossed && depth > 0.0 && bin_squares[at] == square_key(cell, patch_side)) {
-            record_crossing(at, side == 1 ? sum < 0.0 : sum > 0.0, depth, triangle, item);
+            record_crossing(at, side == 1 ? sum < 0.0 : sum > 0.0, depth, triangle, work_item);
         }
     }
     return ended;

@@ -201,13 +201,13 @@ struct ActiveChunk {
     uint pair_proxy;
     uint side;                  // 2 * pair + (0: a, 1: b)
     uint contact_patches;               // bit mask of the pair's contact patches in which it may touch
-    uint first_item;            // first of its work items, one for each of those patches
+    uint first_work_item;            // first of its work items, one for each of those patches
 };
 
 // Counters of the step, all on the GPU.
 struct Counts {
     uint chunks;                // active chunks
-    uint items;                 // work items, one for each active chunk and contact patch of it
+    uint work_items;                 // work items, one for each active chunk and contact patch of it
     uint gathering;             // active chunks whose vertices gather contacts; these come first
     uint pair_proxies_met;             // workgroups of cull/meet that have finished
     uint hits;                  // ray hits found by the depth stage

@@ -81,7 +81,7 @@ void main() {
     }
     barrier();
     Pair pair = pairs[entry.side / 2];
-    uint side = entry.side & 1, item = entry.first_item;
+    uint side = entry.side & 1, work_item = entry.first_work_item;
     if (pair.is_plane != 0 || !gathers(pair, side)) return;
     for (uint r = 0; r < PAIR_PATCHES; r++) {
         if ((entry.contact_patches & (1u << r)) == 0) continue;
@@ -89,7 +89,7 @@ void main() {
         ContactPatch contact_patch = contact_patches[patch_index];
         bool sees = shares[entry.pair_proxy * PAIR_PATCHES + r] > 0.0;
         for (uint l = lane; l < chunk.vertex_count; l += SIZE) {
-            uint bin = item * CHUNK_VERTICES + l;
+            uint bin = work_item * CHUNK_VERTICES + l;
             bin_hits[bin] = NONE;
             vec3 at = along(contact_patch, own[l]);
             if (!sees || any(lessThan(at.xy, contact_patch.low)) || any(greaterThan(at.xy, contact_patch.high))) continue;
@@ -105,6 +105,6 @@ void main() {
             uint sight = BUCKETS + field_at(patch_index, side) + square.y * FIELD + square.x;
             atomicMin(buckets[sight], reach_key(1 - side, at.z));
         }
-        item += 1;
+        work_item += 1;
     }
 }

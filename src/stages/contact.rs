@@ -164,7 +164,7 @@ impl Contact {
                 candidate_what: &self.candidate_what,
                 candidate_normals: &self.candidate_normals,
                 candidate_pushes: &self.candidate_pushes,
-                items: &cull.items,
+                work_items: &cull.work_items,
                 contact_source: Some(&self.source),
                 args: &common.args,
                 chunk_contacts: &self.chunk_contacts,

@@ -63,21 +63,21 @@ pub struct Cull {
     /// The chunks that may meet others, an [`ActiveChunk`] each.
     pub active_chunks: Buffer,
     /// Work items: active chunk, and contact patch.
-    pub items: Buffer,
+    pub work_items: Buffer,
 }
 
 impl Cull {
     /// Kernels and arrays for a model. `smooth`: the normals of contact patches turn a quarter of the way towards their
     /// new direction in a step, otherwise all of it.
     pub fn new(context: &Arc<Context>, model: &Model, smooth: bool) -> Result<Cull> {
-        let (proxy_pairs, pair_proxies, items) =
-            (model.proxy_pairs.len(), model.pair_proxies.len(), model.most_items());
+        let (proxy_pairs, pair_proxies, work_items) =
+            (model.proxy_pairs.len(), model.pair_proxies.len(), model.max_work_items());
         let follow: f32 = if smooth { 0.25 } else { 1.0 };
         let spans = ("SPANS", Const::Bool(model.spans_frames()));
         let buckets = skin::buckets(model);
         let list = [
             ("PAIR_PROXIES", count(pair_proxies)),
-            ("MOST_ITEMS", count(items)),
+            ("MAX_WORK_ITEMS", count(work_items)),
             ("GATHERING", count(model.gathering_pair_proxies)),
         ];
         // A workgroup gets enough pairs of proxies that those whose boxes meet fill its lanes, but at most eight a
@@ -115,8 +115,8 @@ impl Cull {
             pair_proxy_chunks: array::<[u32; 2]>(context, "pair_proxy_chunks", model.pair_proxy_chunks)?,
             slabs: array::<[f32; 8]>(context, "slabs", PAIR_PATCHES * model.pair_proxy_chunks)?,
             fields: array::<u32>(context, "fields", PAIR_PATCHES * model.pairs.len() * FIELD_WORDS)?,
-            active_chunks: array::<ActiveChunk>(context, "active_chunks", items)?,
-            items: array::<[u32; 2]>(context, "items", items)?,
+            active_chunks: array::<ActiveChunk>(context, "active_chunks", work_items)?,
+            work_items: array::<[u32; 2]>(context, "work_items", work_items)?,
         })
     }
 
@@ -190,7 +190,7 @@ impl Cull {
             pair_proxy_chunks: &self.pair_proxy_chunks,
             pair_proxy_counts: &self.pair_proxy_counts,
             active_chunks: &self.active_chunks,
-            items: &self.items,
+            work_items: &self.work_items,
             counts: &common.counts,
             args: &common.args,
         };

@@ -45,7 +45,7 @@ enum Cross {
 impl Depth {
     /// Kernels and arrays for a model. The graphics path needs the device feature [`Context::fragment_stores`].
     pub fn new(context: &Arc<Context>, model: &Model, path: Path) -> Result<Depth> {
-        let hits = (2 * CHUNK_VERTICES * model.most_gathering_items()).clamp(LEAST_HITS, MOST_HITS);
+        let hits = (2 * CHUNK_VERTICES * model.max_gathering_work_items()).clamp(LEAST_HITS, MOST_HITS);
         let constants =
             [("BUCKETS", skin::buckets(model).into()), ("MOST_HITS", count(hits)), ("SQUARES", SQUARES.into())];
         let cross = match path {
@@ -64,7 +64,7 @@ impl Depth {
         recorder.stage(STAGE);
         let arguments = shaders::depth::Cross {
             counts: &common.counts,
-            items: &cull.items,
+            work_items: &cull.work_items,
             active_chunks: &cull.active_chunks,
             chunks: &cull.chunks,
             chunk_triangles: &self.chunk_triangles,
@@ -80,7 +80,9 @@ impl Depth {
         };
         match &self.cross {
             Cross::Graphics(cross) => recorder.draw_indirect(cross, &arguments, &common.args, DRAW, SQUARES),
-            Cross::Compute(cross) => recorder.dispatch_indirect(cross, &arguments, &common.args, shaders::ARGS_ITEMS),
+            Cross::Compute(cross) => {
+                recorder.dispatch_indirect(cross, &arguments, &common.args, shaders::ARGS_WORK_ITEMS)
+            }
         }
     }
 }

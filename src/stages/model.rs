@@ -26,7 +26,7 @@ use crate::stages::PAIR_PATCHES;
 
 /// Largest number of work items (an active chunk in one contact patch): any GPU can give each of them a workgroup, and
 /// they have four million vertices. More raise the region overflow flag.
-const MOST_ITEMS: usize = (1 << 16) - 1;
+const MAX_WORK_ITEMS: usize = (1 << 16) - 1;
 
 /// A rigid coordinate frame of a body, as placed in the scene.
 #[derive(Debug, Clone)]
@@ -367,17 +367,17 @@ impl Model {
 
     /// Largest number of active chunks whose vertices gather contacts.
     pub fn most_gathering(&self) -> usize {
-        self.gathering_chunks.min(MOST_ITEMS)
+        self.gathering_chunks.min(MAX_WORK_ITEMS)
     }
 
     /// Largest number of work items (an active chunk in one contact patch) of chunks whose vertices gather contacts.
-    pub fn most_gathering_items(&self) -> usize {
-        (PAIR_PATCHES * self.gathering_chunks).min(MOST_ITEMS)
+    pub fn max_gathering_work_items(&self) -> usize {
+        (PAIR_PATCHES * self.gathering_chunks).min(MAX_WORK_ITEMS)
     }
 
     /// Largest number of work items (an active chunk in one contact patch).
-    pub fn most_items(&self) -> usize {
-        (PAIR_PATCHES * self.pair_proxy_chunks).min(MOST_ITEMS)
+    pub fn max_work_items(&self) -> usize {
+        (PAIR_PATCHES * self.pair_proxy_chunks).min(MAX_WORK_ITEMS)
     }
 
     fn add_skin(&mut self, skin: &Skin, vertex_first: usize) {

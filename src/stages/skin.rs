@@ -58,7 +58,7 @@ impl Skin {
     /// Kernels and arrays for a model.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Skin> {
         let constants = [("SPANS", Const::Bool(model.spans_frames())), ("BUCKETS", buckets(model).into())];
-        let bins = CHUNK_VERTICES * model.most_gathering_items();
+        let bins = CHUNK_VERTICES * model.max_gathering_work_items();
         Ok(Skin {
             embed: Kernel::new(context, "skin/embed", Size::Reduce, &constants)?,
             chunk_vertices: upload(context, "chunk_vertices", &model.chunk_vertices)?,

@@ -151,14 +151,14 @@ impl Given {
             pair_proxy,
             side: self.side,
             contact_patches: mask,
-            first_item: chunk * each,
+            first_work_item: chunk * each,
         };
         flow.active_chunks = (0..chunks).map(entry).collect();
-        flow.items = (0..chunks * each).map(|i| [i / each, i % each]).collect();
+        flow.work_items = (0..chunks * each).map(|i| [i / each, i % each]).collect();
         // Chunks of the other side, one for each slot, are listed behind those that the kernel works on.
-        let opposing = flow.items.len() as u32;
+        let opposing = flow.work_items.len() as u32;
         for other in 0..4 {
-            flow.items.push([flow.active_chunks.len() as u32, 0]);
+            flow.work_items.push([flow.active_chunks.len() as u32, 0]);
             flow.active_chunks.push(ActiveChunk {
                 pair_proxy: other,
                 side: u32::from(other > 1),

@@ -231,10 +231,10 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
         let listed = flow.active_chunks[..flow.counts.chunks as usize]
             .iter()
             .filter(|entry| entry.pair_proxy as usize == pair_proxy);
-        let (chunks, items) =
-            listed.fold((0, 0), |(n, items), entry| (n + 1, items + entry.contact_patches.count_ones()));
+        let (chunks, work_items) =
+            listed.fold((0, 0), |(n, work_items), entry| (n + 1, work_items + entry.contact_patches.count_ones()));
         assert!(
-            chunks == items && chunks >= below && chunks >= may(0.0) && chunks <= may(-1e-3),
+            chunks == work_items && chunks >= below && chunks >= may(0.0) && chunks <= may(-1e-3),
             "{chunks} for {below}"
         );
         totals = [totals[0] + chunks, totals[1] + proxy.chunk_count];
@@ -268,7 +268,7 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
         let out = case("cull/meet")
             .size(Size::Reduce)
             .constant("PAIR_PROXIES", 3u32)
-            .constant("MOST_ITEMS", 12 * count.max(1))
+            .constant("MAX_WORK_ITEMS", 12 * count.max(1))
             .constant("GATHERING", 3u32)
             .input("pairs", &[Pair::default()])
             .input("pair_proxies", &pair_proxies)
@@ -280,7 +280,7 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
             .inout("pair_proxy_chunks", &masks.iter().map(|m| [*m, 0]).collect::<Vec<_>>())
             .inout("pair_proxy_counts", &[[9u32; 2]; 3])
             .partial("active_chunks", &vec![ActiveChunk::default(); 12 * count.max(1) as usize])
-            .partial("items", &vec![[NONE; 2]; 12 * count.max(1) as usize])
+            .partial("work_items", &vec![[NONE; 2]; 12 * count.max(1) as usize])
             .inout("counts", &[Counts::default()])
             .partial("args", &vec![7u32; ARGS_WORDS])
             .groups(3)
@@ -296,12 +296,12 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
         };
         let count_of = out.get::<Counts>("counts")[0];
         let mut totals: Vec<[u32; 2]> = out.get("pair_proxy_counts");
-        totals.push([count_of.chunks, count_of.items]);
+        totals.push([count_of.chunks, count_of.work_items]);
         let counts: Vec<[u32; 2]> = totals.windows(2).map(|t| [t[1][0] - t[0][0], t[1][1] - t[0][1]]).collect();
         let listed: Vec<[u32; 2]> = out.get("pair_proxy_chunks");
         let mut dropped = 0;
         for (s, pair_proxy) in pair_proxies.iter().enumerate() {
-            let (mut want, mut items) = (vec![], 0);
+            let (mut want, mut work_items) = (vec![], 0);
             for k in 0..count {
                 let at = (pair_proxy.chunk_first + k) as usize;
                 let stays =
@@ -309,11 +309,11 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
                 let mask = masks[at] & stays.map(|r| 1 << r).sum::<u32>();
                 dropped += (masks[at] ^ mask).count_ones();
                 if mask != 0 {
-                    want.push([1000 * pair_proxy.proxy + k, mask | items << PAIR_PATCHES]);
-                    items += mask.count_ones();
+                    want.push([1000 * pair_proxy.proxy + k, mask | work_items << PAIR_PATCHES]);
+                    work_items += mask.count_ones();
                 }
             }
-            assert_eq!(counts[s], [want.len() as u32, items], "{count} chunks, pair_proxy {s}");
+            assert_eq!(counts[s], [want.len() as u32, work_items], "{count} chunks, pair_proxy {s}");
             assert_eq!(listed[pair_proxy.chunk_first as usize..][..want.len()], want, "{count} chunks, pair_proxy {s}");
         }
         assert!(count < 300 || (dropped > 300 && counts[0][0] > 50), "{dropped} dropped, {counts:?} left");

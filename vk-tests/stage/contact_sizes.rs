@@ -44,7 +44,7 @@ fn loose(n: usize, random: &mut Random) -> Flow {
     model.chunks = (0..n).step_by(CHUNK_VERTICES).map(chunk).collect();
     let chunks = model.chunks.len() as u32;
     flow.active_chunks = (0..chunks)
-        .map(|chunk| ActiveChunk { chunk, contact_patches: 1, first_item: chunk, ..Default::default() })
+        .map(|chunk| ActiveChunk { chunk, contact_patches: 1, first_work_item: chunk, ..Default::default() })
         .collect();
     flow.contact_patches[0].normal = [0.0, -1.0, 0.0];
     flow.counts = Counts { gathering: chunks, ..Counts::default() };

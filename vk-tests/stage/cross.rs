@@ -41,7 +41,7 @@ pub fn meshes(sides: [&Mesh; 2], contact_patches: &[ContactPatch]) -> Flow {
     (model.skin_nodes, model.skin_weights, model.triangles) = (vec![], vec![], vec![]);
     (model.chunks, model.chunk_vertices, model.chunk_triangles) = (vec![], vec![], vec![]);
     flow.active_chunks = vec![];
-    flow.items = vec![];
+    flow.work_items = vec![];
     let each = contact_patches.len() as u32;
     for (side, (vertices, triangles)) in sides.into_iter().enumerate() {
         let (vertex_first, triangle_first) = (model.skin_nodes.len() as u32, model.triangles.len() as u32);
@@ -66,25 +66,25 @@ pub fn meshes(sides: [&Mesh; 2], contact_patches: &[ContactPatch]) -> Flow {
             });
             model.chunk_vertices.extend(own.map(|v| v as u32 + vertex_first));
             model.chunk_triangles.extend(drawn.map(|t| t as u32 + triangle_first));
-            let first_item = flow.items.len() as u32;
+            let first_work_item = flow.work_items.len() as u32;
             let (pair_proxy, contact_patches) = (side as u32, (1 << each) - 1);
             flow.active_chunks.push(ActiveChunk {
                 chunk: index,
                 pair_proxy,
                 side: pair_proxy,
                 contact_patches,
-                first_item,
+                first_work_item,
             });
-            flow.items.extend((0..each).map(|r| [index, r]));
+            flow.work_items.extend((0..each).map(|r| [index, r]));
         }
     }
     flow.skin = vec![[0.0; 4]; flow.model.skin_nodes.len()];
-    flow.most_items = flow.items.len();
+    flow.max_work_items = flow.work_items.len();
     flow.shares = vec![0.5; 2 * PAIR_PATCHES];
     // In the grids, a reaches up without limit, and b down without limit.
     flow.fields = (0..PAIR_PATCHES * FIELD_WORDS).map(|k| if k / 256 % 2 == 0 { NONE } else { 0 }).collect();
     flow.args[3 * shaders::ARGS_ACTIVE as usize] = flow.active_chunks.len() as u32;
-    flow.args[3 * shaders::ARGS_ITEMS as usize] = flow.items.len() as u32;
+    flow.args[3 * shaders::ARGS_WORK_ITEMS as usize] = flow.work_items.len() as u32;
     flow
 }
 
@@ -106,7 +106,7 @@ fn bins(flow: &Flow) -> Vec<(u32, u32)> {
         let listed = (0..PAIR_PATCHES as u32).filter(|r| entry.contact_patches >> r & 1 == 1);
         for (k, r) in listed.enumerate() {
             for l in 0..chunk.vertex_count as usize {
-                let bin = (entry.first_item as usize + k) * CHUNK_VERTICES + l;
+                let bin = (entry.first_work_item as usize + k) * CHUNK_VERTICES + l;
                 let vertex = flow.model.chunk_vertices[chunk.vertex_first as usize + l];
                 bins[bin] = (vertex, 2 * r + entry.side);
             }
@@ -187,10 +187,10 @@ pub fn crossed(flow: &Flow) -> BTreeMap<usize, BTreeMap<u32, (f64, bool)>> {
         let mut hit = *first;
         while hit != NONE {
             let [triangle, next, depth, what] = flow.crossings[hit as usize];
-            let item = flow.items[what as usize >> 1];
-            let chunk = &flow.model.chunks[flow.active_chunks[item[0] as usize].chunk as usize];
+            let work_item = flow.work_items[what as usize >> 1];
+            let chunk = &flow.model.chunks[flow.active_chunks[work_item[0] as usize].chunk as usize];
             let own = &flow.model.chunk_triangles[chunk.triangle_first as usize..][..chunk.triangle_count as usize];
-            assert!(own.contains(&triangle), "triangle {triangle} is not of item {}", what >> 1);
+            assert!(own.contains(&triangle), "triangle {triangle} is not of work_item {}", what >> 1);
             let twice = list.insert(triangle, (f64::from(f32::from_bits(depth)), what & 1 == 1));
             assert!(twice.is_none(), "triangle {triangle} is twice on the ray of bin {bin}");
             hit = next;

@@ -21,11 +21,11 @@ fn lists_of_slots_are_joined_in_order() {
         for s in 0..pair_proxies as u32 {
             let chunk_first = chunks.len() as u32;
             given.push(PairProxy { pair: s / 5, side: s % 2, proxy: s, chunk_first });
-            let (mut items, count) = (0, if random.next() > 0.0 { random.below(7) } else { 0 });
+            let (mut work_items, count) = (0, if random.next() > 0.0 { random.below(7) } else { 0 });
             for _ in 0..count {
                 let mask = random.below(16) as u32;
                 chunks.push([mask, NONE]);
-                items += mask.count_ones();
+                work_items += mask.count_ones();
             }
             // Each slot has room in the list that is not used.
             chunks.push([NONE; 2]);
@@ -34,7 +34,7 @@ fn lists_of_slots_are_joined_in_order() {
                 chunk_count: count as u32,
                 ..Proxy::default()
             });
-            all += items;
+            all += work_items;
         }
         let mut active: Vec<u32> =
             (0..pair_proxies as u32).filter(|s| proxies[*s as usize].chunk_count > 0 || s % 2 == 0).collect();
@@ -45,7 +45,7 @@ fn lists_of_slots_are_joined_in_order() {
             let out = case("cull/meet")
                 .size(Size::Reduce)
                 .constant("PAIR_PROXIES", pair_proxies as u32)
-                .constant("MOST_ITEMS", most as u32)
+                .constant("MAX_WORK_ITEMS", most as u32)
                 .constant("GATHERING", gathering as u32)
                 .input("pairs", &vec![Pair { is_plane: 1, ..Pair::default() }; pair_proxies / 5 + 1])
                 .input("pair_proxies", &given)
@@ -57,43 +57,55 @@ fn lists_of_slots_are_joined_in_order() {
                 .inout("pair_proxy_chunks", &chunks)
                 .inout("pair_proxy_counts", &vec![[0u32; 2]; pair_proxies])
                 .partial("active_chunks", &vec![ActiveChunk { chunk: NONE, ..Default::default() }; most])
-                .partial("items", &vec![[NONE; 2]; most])
+                .partial("work_items", &vec![[NONE; 2]; most])
                 .inout("counts", &[Counts::default()])
                 .partial("args", &vec![7u32; ARGS_WORDS])
                 .groups(active.len())
                 .run();
-            let (mut want, mut items) = (vec![], vec![]);
+            let (mut want, mut work_items) = (vec![], vec![]);
             for (s, pair_proxy) in given.iter().enumerate() {
                 let own = &chunks[pair_proxy.chunk_first as usize..][..proxies[s].chunk_count as usize];
                 for (k, [found, _]) in own.iter().enumerate().filter(|(_, [found, _])| *found != 0) {
-                    let (first_item, index) = (items.len() as u32, want.len() as u32);
+                    let (first_work_item, index) = (work_items.len() as u32, want.len() as u32);
                     let mut contact_patches = 0;
                     for r in (0..PAIR_PATCHES as u32).filter(|r| found >> r & 1 == 1) {
                         // Work items that do not fit are left out, from the end.
-                        contact_patches |= if items.len() < most { 1 << r } else { 0 };
-                        items.push([index, pair_proxy.pair * PAIR_PATCHES as u32 + r]);
+                        contact_patches |= if work_items.len() < most { 1 << r } else { 0 };
+                        work_items.push([index, pair_proxy.pair * PAIR_PATCHES as u32 + r]);
                     }
                     let (pair_proxy_index, side) = (s as u32, 2 * pair_proxy.pair + pair_proxy.side);
                     let chunk = proxies[s].chunk_first + k as u32;
-                    want.push(ActiveChunk { chunk, pair_proxy: pair_proxy_index, side, contact_patches, first_item });
+                    want.push(ActiveChunk {
+                        chunk,
+                        pair_proxy: pair_proxy_index,
+                        side,
+                        contact_patches,
+                        first_work_item,
+                    });
                 }
             }
             let fits = all as usize <= most;
             want.truncate(most);
-            items.truncate(most);
+            work_items.truncate(most);
             assert_eq!(out.get::<ActiveChunk>("active_chunks")[..want.len()], want);
-            let listed: Vec<[u32; 2]> = out.get("items");
-            assert_eq!(listed[..items.len()], items);
-            assert!(listed[items.len()..].iter().all(|item| item[0] == NONE));
+            let listed: Vec<[u32; 2]> = out.get("work_items");
+            assert_eq!(listed[..work_items.len()], work_items);
+            assert!(listed[work_items.len()..].iter().all(|work_item| work_item[0] == NONE));
             let count = out.get::<Counts>("counts")[0];
             let flags = if fits { 0 } else { REGION_OVERFLOW };
-            assert_eq!((count.chunks as usize, count.items as usize, count.flags), (want.len(), items.len(), flags));
+            assert_eq!(
+                (count.chunks as usize, count.work_items as usize, count.flags),
+                (want.len(), work_items.len(), flags)
+            );
             let words: Vec<u32> = out.get("args");
             let groups = |pair_proxy: u32| words[3 * pair_proxy as usize] as usize;
-            assert_eq!([groups(shaders::ARGS_ACTIVE), groups(shaders::ARGS_ITEMS)], [want.len(), items.len()]);
+            assert_eq!(
+                [groups(shaders::ARGS_ACTIVE), groups(shaders::ARGS_WORK_ITEMS)],
+                [want.len(), work_items.len()]
+            );
             let gather = want.iter().filter(|entry| (entry.pair_proxy as usize) < gathering).count();
             assert_eq!([groups(shaders::ARGS_GATHERING), count.gathering as usize], [gather; 2]);
-            assert_eq!(words[3 * shaders::ARGS_DRAW as usize + 1] as usize, items.len(), "instances to draw");
+            assert_eq!(words[3 * shaders::ARGS_DRAW as usize + 1] as usize, work_items.len(), "instances to draw");
         }
     }
 }

@@ -164,7 +164,7 @@ impl Query {
         let first = self.skin.bin_hits.read::<u32>().unwrap();
         let squares = self.skin.bin_squares.read::<[u32; 2]>().unwrap();
         let hits = self.depths[path].hits.read::<[u32; 4]>().unwrap();
-        let bins = counts.items as usize * CHUNK_VERTICES;
+        let bins = counts.work_items as usize * CHUNK_VERTICES;
         let list = |bin: usize| {
             let (mut hit, mut found) = (first[bin], Vec::new());
             while hit != NONE {

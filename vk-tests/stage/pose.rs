@@ -20,7 +20,7 @@ const BUCKETS: u32 = 100;
 /// The counters that the last step left.
 const LAST: Counts = Counts {
     chunks: 1,
-    items: 2,
+    work_items: 2,
     gathering: 12,
     pair_proxies_met: 10,
     hits: 3,

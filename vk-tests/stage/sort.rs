@@ -95,8 +95,8 @@ fn list(flow: &mut Flow, nodes: usize, random: &mut Random) {
     flow.args[3 * shaders::ARGS_NODES as usize] = flow.touched_nodes.len() as u32;
 }
 
-fn shuffle<T>(items: &mut [T], random: &mut Random) {
-    (1..items.len()).for_each(|k| items.swap(k, random.below(k + 1)));
+fn shuffle<T>(work_items: &mut [T], random: &mut Random) {
+    (1..work_items.len()).for_each(|k| work_items.swap(k, random.below(k + 1)));
 }
 
 #[test]

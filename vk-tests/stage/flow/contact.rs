@@ -36,7 +36,7 @@ impl Flow {
             .partial("candidate_what", &vec![[NONE; 4]; count])
             .partial("candidate_normals", &vec![[0.0f32; 4]; count])
             .partial("candidate_pushes", &vec![[0u32; 4]; count])
-            .input("items", &some(&self.items))
+            .input("work_items", &some(&self.work_items))
             .partial("contact_source", &vec![NONE; self.capacity])
             .partial("args", &self.args)
             .inout("chunk_contacts", &vec![[9u32; 2]; (count / CHUNK_VERTICES).max(1)])

@@ -1,7 +1,7 @@
 //! The kernels from pose to contact, which are the proximity query and the response: each is a case of the harness and
 //! gets what the kernel before it wrote, so that tests can check the whole query while the harness still guards each
 //! kernel. Words: a slot is a collision proxy in a pair of bodies; a chunk, up to 64 skin vertices with their
-//! triangles; a contact patch (`contact_patches`), a place where a pair may touch along one normal; a work item (`items`), a
+//! triangles; a contact patch (`contact_patches`), a place where a pair may touch along one normal; a work item (`work_items`), a
 //! chunk in a patch; a bin, an entry of the spatial hash, which is one vertex of a work item.
 
 mod contact;
@@ -40,7 +40,7 @@ pub struct Flow {
     pub pairs: Vec<Pair>,
     pub displacement: Vec<[f32; 4]>,
     pub velocity: Vec<[f32; 4]>,
-    pub most_items: usize,
+    pub max_work_items: usize,
     pub most_hits: usize,
     pub bucket_count: u32,
     pub capacity: usize,
@@ -64,7 +64,7 @@ pub struct Flow {
     /// [`PAIR_PATCHES`] entries for each chunk of a slot: low, high, plane and extreme of its box in a patch.
     pub slabs: Vec<[f32; 8]>,
     pub active_chunks: Vec<ActiveChunk>,
-    pub items: Vec<[u32; 2]>,
+    pub work_items: Vec<[u32; 2]>,
     pub counts: Counts,
     pub args: Vec<u32>,
     pub skin: Vec<[f32; 4]>,
@@ -162,7 +162,7 @@ impl Flow {
             links: vec![Link::default(); model.links.len()],
             velocity: model.velocity.clone(),
             displacement: vec![[0.0; 4]; nodes],
-            most_items: model.most_items(),
+            max_work_items: model.max_work_items(),
             most_hits: 1 << 16,
             bucket_count: LEAST_BUCKETS,
             capacity: CHUNK_VERTICES * model.most_gathering(),
@@ -182,7 +182,7 @@ impl Flow {
             pair_proxy_chunks: vec![],
             slabs: vec![],
             active_chunks: vec![],
-            items: vec![],
+            work_items: vec![],
             counts: Counts::default(),
             args: vec![0; ARGS_WORDS],
             skin: vec![[0.0; 4]; model.skin_nodes.len()],

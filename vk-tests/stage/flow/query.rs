@@ -153,7 +153,7 @@ impl Flow {
         let out = case("cull/meet")
             .size(Size::Reduce)
             .constant("PAIR_PROXIES", self.model.pair_proxies.len() as u32)
-            .constant("MOST_ITEMS", self.most_items as u32)
+            .constant("MAX_WORK_ITEMS", self.max_work_items as u32)
             .constant("GATHERING", self.model.gathering_pair_proxies as u32)
             .input("pairs", &self.pairs)
             .input("pair_proxies", &self.model.pair_proxies)
@@ -164,8 +164,8 @@ impl Flow {
             .input("fields", &self.fields)
             .inout("pair_proxy_chunks", &some(&self.pair_proxy_chunks))
             .inout("pair_proxy_counts", &self.pair_proxy_counts)
-            .partial("active_chunks", &vec![ActiveChunk { chunk: NONE, ..Default::default() }; self.most_items])
-            .partial("items", &vec![[NONE; 2]; self.most_items])
+            .partial("active_chunks", &vec![ActiveChunk { chunk: NONE, ..Default::default() }; self.max_work_items])
+            .partial("work_items", &vec![[NONE; 2]; self.max_work_items])
             .inout("counts", &[self.counts])
             .partial("args", &self.args)
             .groups(self.groups(shaders::ARGS_CHUNKS))
@@ -173,7 +173,7 @@ impl Flow {
         self.pair_proxy_chunks = out.get("pair_proxy_chunks");
         self.pair_proxy_counts = out.get("pair_proxy_counts");
         self.active_chunks = out.get("active_chunks");
-        self.items = out.get("items");
+        self.work_items = out.get("work_items");
         self.counts = out.get("counts")[0];
         self.args = out.get("args");
     }
@@ -185,7 +185,7 @@ impl Flow {
     }
 
     pub fn embed(&mut self) {
-        let (model, bins) = (&self.model, CHUNK_VERTICES * self.most_items);
+        let (model, bins) = (&self.model, CHUNK_VERTICES * self.max_work_items);
         let out = case("skin/embed")
             .size(Size::Reduce)
             .constant("BUCKETS", self.bucket_count)
@@ -227,7 +227,7 @@ impl Flow {
             .constant("BUCKETS", self.bucket_count)
             .constant("MOST_HITS", self.most_hits as u32)
             .inout("counts", &[self.counts])
-            .input("items", &some(&self.items))
+            .input("work_items", &some(&self.work_items))
             .input("active_chunks", &some(&self.active_chunks))
             .input("chunks", &some(&model.chunks))
             .input("chunk_triangles", &fours(&model.chunk_triangles))
@@ -240,7 +240,7 @@ impl Flow {
             .inout("bin_hits", &self.bin_hits)
             .partial("hits", &vec![[NONE; 4]; self.most_hits])
             .input("pairs", &self.pairs)
-            .groups(self.groups(shaders::ARGS_ITEMS))
+            .groups(self.groups(shaders::ARGS_WORK_ITEMS))
             .run();
         self.counts = out.get("counts")[0];
         self.bin_hits = out.get("bin_hits");
