@@ -4,7 +4,7 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
-#include "shared/field.glsl"
+#include "shared/depth_grid.glsl"
 
 // Cull, broad phase: tests the chunks (groups of at most 64 skin vertices) of an active slot (a collision proxy in a
 // pair of bodies a and b) against the opposing slots, along the axes of each of its contact patches (`ContactPatch`). With
@@ -13,7 +13,7 @@
 // displacements and grown by (sum |w|) times half their spread.
 //
 // A chunk stays in a patch if that box overlaps the box of an opposing slot along the tangents and does not lie wholly
-// in front of it. It then raises the min-max depth grid of its side (shared/field.glsl), against which cull/meet tests
+// in front of it. It then raises the min-max depth grid of its side (shared/depth_grid.glsl), against which cull/meet tests
 // the other side. One workgroup an active slot. Oracle: oracle::regions::chunk_box.
 
 layout(local_size_x_id = 0) in;
@@ -35,7 +35,7 @@ layout(scalar) readonly buffer Boxes { vec3 boxes[]; };  // least and greatest c
 layout(scalar) readonly buffer ProxyPatches { uint proxy_patches[]; };    // bit mask of each slot's patches
 layout(scalar) writeonly buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };    // patch mask of each chunk of a slot, in x
 layout(scalar) writeonly buffer Slabs { Slab slabs[]; };     // bounds of chunks, PAIR_PATCHES a chunk of a slot
-layout(scalar) buffer Fields { uint fields[]; };             // min-max depth grids, see shared/field.glsl
+layout(scalar) buffer DepthGrids { uint depth_grids[]; };             // min-max depth grids, see shared/depth_grid.glsl
 
 #include "shared/link.glsl"
 #include "shared/moved.glsl"
@@ -61,14 +61,14 @@ void spread_of(Chunk chunk, out vec3 middle, out vec3 spread) {
 }
 
 // Enters a chunk's bound into the cells of its side's depth grid that it covers.
-void raise_field(uint patch_index, ContactPatch contact_patch, uint side, Slab slab) {
-    uvec4 range = squares(contact_patch, slab.low, slab.high);
-    uint field = field_at(patch_index, side);
+void raise_grid(uint patch_index, ContactPatch contact_patch, uint side, Slab slab) {
+    uvec4 range = grid_cells(contact_patch, slab.low, slab.high);
+    uint grid = grid_first(patch_index, side);
     for (uint y = range.y; y <= range.w; y++) {
         for (uint x = range.x; x <= range.z; x++) {
             uint key = height_key(slab_height(contact_patch, slab, side, uvec2(x, y)));
-            if (side == 0) atomicMax(fields[field + y * FIELD + x], key);
-            else atomicMin(fields[field + y * FIELD + x], key);
+            if (side == 0) atomicMax(depth_grids[grid + y * GRID + x], key);
+            else atomicMin(depth_grids[grid + y * GRID + x], key);
         }
     }
 }
@@ -134,7 +134,7 @@ void main() {
             vec3 plane = plane_of(centre * axes, normal * axes, thickness, pair_proxy.side, extreme);
             Slab slab = Slab(least.xy, greatest.xy, plane, extreme);
             slabs[(pair_proxy.chunk_first + k) * PAIR_PATCHES + r] = slab;
-            raise_field(pair_proxy.pair * PAIR_PATCHES + r, contact_patch, pair_proxy.side, slab);
+            raise_grid(pair_proxy.pair * PAIR_PATCHES + r, contact_patch, pair_proxy.side, slab);
         }
         pair_proxy_chunks[pair_proxy.chunk_first + k] = uvec2(found, 0);
     }

@@ -35,14 +35,14 @@ layout(scalar) buffer Boxes { vec3 boxes[]; };                     // least and 
 layout(scalar) coherent buffer ProxyPatches { uint proxy_patches[]; };  // bits: patches it is in; then its memberships
 layout(scalar) writeonly buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };
 layout(scalar) writeonly buffer ActivePairProxies { uint active_pair_proxies[]; };  // slots that are in the column of a patch
-layout(scalar) writeonly buffer Fields { uint fields[]; };  // min-max depth grids, see shared/field.glsl; cleared here
+layout(scalar) writeonly buffer DepthGrids { uint depth_grids[]; };  // min-max depth grids, see shared/depth_grid.glsl; cleared here
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) buffer Args { uint args[]; };
 layout(scalar) coherent buffer NearPairs { uint near_pairs[]; };  // proxy pairs with a direction, in order
 layout(scalar) writeonly buffer Buckets { uint buckets[]; };  // its depth grids are cleared here, see shared/bins.glsl
 
 #include "shared/sum.glsl"
-#include "shared/field.glsl"
+#include "shared/depth_grid.glsl"
 
 // Cosine of the angle between two directions above which they are fully similar.
 const float ALIKE = 0.7071;
@@ -268,13 +268,13 @@ void hull_box(uint id, mat3 axes, bool exact, out vec3 least, out vec3 greatest)
     }
 }
 
-// Empties the depth grids of a patch: of chunks (`fields`), and of vertices (`buckets`).
-void clear_fields(uint contact_patch, uint lane) {
-    for (uint k = lane; k < FIELD * FIELD; k += SIZE) {
-        fields[field_at(contact_patch, 0) + k] = 0;
-        fields[field_at(contact_patch, 1) + k] = NONE;
-        buckets[BUCKETS + field_at(contact_patch, 0) + k] = NONE;
-        buckets[BUCKETS + field_at(contact_patch, 1) + k] = NONE;
+// Empties the depth grids of a patch: of chunks (`depth_grids`), and of vertices (`buckets`).
+void clear_grids(uint contact_patch, uint lane) {
+    for (uint k = lane; k < GRID * GRID; k += SIZE) {
+        depth_grids[grid_first(contact_patch, 0) + k] = 0;
+        depth_grids[grid_first(contact_patch, 1) + k] = NONE;
+        buckets[BUCKETS + grid_first(contact_patch, 0) + k] = NONE;
+        buckets[BUCKETS + grid_first(contact_patch, 1) + k] = NONE;
     }
 }
 
@@ -350,7 +350,7 @@ void open_contact_patch(Pair pair, uint r, uint first_patch) {
             }
         }
     }
-    clear_fields(first_patch + r, lane);
+    clear_grids(first_patch + r, lane);
     if (lane != 0) return;
     vec2 extent = column_high - column_low;
     float finest = max(max(extent.x, extent.y) / float(MOST_CELLS), 1.0e-9);

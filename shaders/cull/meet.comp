@@ -2,7 +2,7 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
-#include "shared/field.glsl"
+#include "shared/depth_grid.glsl"
 #include "shared/args.glsl"
 
 // Cull, broad phase: of an active slot's chunks (a slot is a collision proxy in a pair of bodies; a chunk is a group of
@@ -26,7 +26,7 @@ layout(scalar) readonly buffer ActivePairProxies { uint active_pair_proxies[]; }
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 layout(scalar) readonly buffer Slabs { Slab slabs[]; };  // bounds of chunks, PAIR_PATCHES a chunk of a slot
-layout(scalar) readonly buffer Fields { uint fields[]; };               // min-max depth grids, see shared/field.glsl
+layout(scalar) readonly buffer DepthGrids { uint depth_grids[]; };               // min-max depth grids, see shared/depth_grid.glsl
 layout(scalar) coherent buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };  // patch mask; becomes chunk, mask + items before
 layout(scalar) coherent buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };    // chunks and work items; become running totals
 layout(scalar) writeonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
@@ -39,14 +39,14 @@ shared uvec2 totals[SIZE];
 shared bool is_last;
 
 // Whether a chunk may reach beyond what the other side reaches, in some cell of a patch.
-bool reaches(uint patch_index, uint side, Slab slab) {
+bool meets_grid(uint patch_index, uint side, Slab slab) {
     ContactPatch contact_patch = contact_patches[patch_index];
-    uvec4 range = squares(contact_patch, slab.low, slab.high);
-    uint field = field_at(patch_index, 1 - side);
+    uvec4 range = grid_cells(contact_patch, slab.low, slab.high);
+    uint grid = grid_first(patch_index, 1 - side);
     for (uint y = range.y; y <= range.w; y++) {
         for (uint x = range.x; x <= range.z; x++) {
             uint key = height_key(slab_height(contact_patch, slab, side, uvec2(x, y)));
-            uint other = fields[field + y * FIELD + x];
+            uint other = depth_grids[grid + y * GRID + x];
             if (side == 0 ? key >= other : key <= other) return true;
         }
     }
@@ -66,7 +66,7 @@ void list_pair_proxy(uint pair_proxy_index) {
         for (uint r = 0; r < PAIR_PATCHES; r++) {
             if ((mask & (1u << r)) == 0 || is_plane) continue;
             Slab slab = slabs[(pair_proxy.chunk_first + k) * PAIR_PATCHES + r];
-            if (!reaches(pair_proxy.pair * PAIR_PATCHES + r, pair_proxy.side, slab)) mask &= ~(1u << r);
+            if (!meets_grid(pair_proxy.pair * PAIR_PATCHES + r, pair_proxy.side, slab)) mask &= ~(1u << r);
         }
         masks[lane] = mask;
         barrier();

@@ -30,7 +30,7 @@ layout(scalar) writeonly buffer Hits { uvec4 hits[]; };  // triangle, next hit, 
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 
 #include "shared/bins.glsl"
-#include "shared/field.glsl"
+#include "shared/depth_grid.glsl"
 #include "shared/covered.glsl"
 #include "shared/crossing.glsl"
 

@@ -25,7 +25,7 @@ layout(location = 0) flat out vec3 corners[3];      // along the patch's axes, m
 layout(location = 3) flat out uvec3 triangle_at;    // the triangle, 2 * patch + its side, its work item
 
 #include "shared/bins.glsl"
-#include "shared/field.glsl"
+#include "shared/depth_grid.glsl"
 #include "shared/covered.glsl"
 #include "shared/squares.glsl"
 

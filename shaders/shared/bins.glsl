@@ -2,7 +2,7 @@
 // a hash table (`buckets`) of linked lists (`bins`). Needs BUCKETS, the number of lists, a power of two.
 //
 // The first BUCKETS words of `buckets` are the heads of the lists. After them lies, for each patch and side, a depth
-// grid of FIELD x FIELD cells (shared/field.glsl): in each cell the key of the vertex of that side that lies farthest
+// grid of FIELD x FIELD cells (shared/depth_grid.glsl): in each cell the key of the vertex of that side that lies farthest
 // into the other body, against which triangles of the other side are culled.
 //
 // An element of `bins` is a skin vertex in a work item (active chunk and patch): its coordinates along tangent,

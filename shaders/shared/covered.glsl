@@ -1,19 +1,19 @@
 // A triangle in the axes of a contact patch (`ContactPatch`), and the cells of the other side's spatial hash that its box
-// covers. Needs shared/bins.glsl, shared/field.glsl, and `triangles`, `skin` and `buckets` as read-only arrays.
+// covers. Needs shared/bins.glsl, shared/depth_grid.glsl, and `triangles`, `skin` and `buckets` as read-only arrays.
 
 // Whether the ray of some vertex of the other side may meet a triangle of `side`: whether in any depth grid cell that
 // its box (`least` to `greatest`) covers, it reaches (`height`) the vertex that lies farthest into its body. It is also
 // true where the driver ends the loops before all cells are tested.
 bool seen(ContactPatch contact_patch, uint patch_index, uint side, vec2 least, vec2 greatest, float height) {
     // The margin covers the rounding of the exact test.
-    vec2 margin = 1.0e-3 * square_size(contact_patch);
-    uvec4 range = squares(contact_patch, least - margin, greatest + margin);
+    vec2 margin = 1.0e-3 * grid_cell_size(contact_patch);
+    uvec4 range = grid_cells(contact_patch, least - margin, greatest + margin);
     uint left = (range.z - range.x + 1) * (range.w - range.y + 1);
-    uint field = BUCKETS + field_at(patch_index, 1 - side), key = reach_key(side, height);
+    uint grid = BUCKETS + grid_first(patch_index, 1 - side), key = depth_key(side, height);
     for (uint y = range.y; y <= range.w; y++) {
         for (uint x = range.x; x <= range.z; x++) {
             left--;
-            uint at = field + y * FIELD + x;
+            uint at = grid + y * GRID + x;
             if (key >= fetch(buckets, at / 4)[at % 4]) return true;
         }
     }

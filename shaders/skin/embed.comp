@@ -38,10 +38,10 @@ layout(scalar) buffer Buckets { uint buckets[]; };  // hash lists and depth grid
 layout(scalar) writeonly buffer Bins { uvec4 bins[]; };       // vertices in the hash, CHUNK_VERTICES a work item
 layout(scalar) writeonly buffer BinHits { uint bin_hits[]; };     // first hit on each vertex's ray: set to NONE
 layout(scalar) writeonly buffer BinSquares { uvec2 bin_squares[]; };      // cell of each vertex in the hash
-READ_ONLY(uvec4, fields);  // min-max depth grids of chunks, four cells a texel
+READ_ONLY(uvec4, depth_grids);  // min-max depth grids of chunks, four cells a texel
 
 #include "shared/bins.glsl"
-#include "shared/field.glsl"
+#include "shared/depth_grid.glsl"
 
 shared vec3 own[CHUNK_VERTICES];
 
@@ -94,16 +94,16 @@ void main() {
             vec3 at = along(contact_patch, own[l]);
             if (!sees || any(lessThan(at.xy, contact_patch.low)) || any(greaterThan(at.xy, contact_patch.high))) continue;
             // A vertex in front of all that the other side's chunks reach cannot collide.
-            uvec2 square = squares(contact_patch, at.xy, at.xy).xy;
-            uint field = field_at(patch_index, 1 - side) + square.y * FIELD + square.x;
-            uint other = fetch(fields, field / 4)[field % 4];
+            uvec2 grid_cell = grid_cells(contact_patch, at.xy, at.xy).xy;
+            uint grid = grid_first(patch_index, 1 - side) + grid_cell.y * GRID + grid_cell.x;
+            uint other = fetch(depth_grids, grid / 4)[grid % 4];
             if (side == 0 ? height_key(at.z) < other : height_key(at.z) > other) continue;
             ivec2 cell = cell_of(contact_patch, side, at.xy);
             uint next = atomicExchange(buckets[bucket_of(cell, patch_side)], bin);
             bins[bin] = uvec4(floatBitsToUint(at), next);
             bin_squares[bin] = square_key(cell, patch_side);
-            uint sight = BUCKETS + field_at(patch_index, side) + square.y * FIELD + square.x;
-            atomicMin(buckets[sight], reach_key(1 - side, at.z));
+            uint search_depth = BUCKETS + grid_first(patch_index, side) + grid_cell.y * GRID + grid_cell.x;
+            atomicMin(buckets[search_depth], depth_key(1 - side, at.z));
         }
         work_item += 1;
     }

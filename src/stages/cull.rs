@@ -17,9 +17,9 @@ use crate::shaders;
 use crate::shaders::{ActiveChunk, ContactPatch, Pair};
 use crate::stages::PAIR_PATCHES;
 
-/// Length in words of a contact patch's min-max depth grid, which has FIELD x FIELD cells for each of the two bodies; a
+/// Length in words of a contact patch's min-max depth grid, which has GRID x GRID cells for each of the two bodies; a
 /// cell holds how far that body reaches along the patch's normal.
-pub(super) const FIELD_WORDS: usize = 2 * (shaders::FIELD * shaders::FIELD) as usize;
+pub(super) const GRID_WORDS: usize = 2 * (shaders::GRID * shaders::GRID) as usize;
 
 /// Largest number of cells of the spatial hash along a side of the rectangle that a contact patch covers; the last cell
 /// begins where the rectangle ends, at the latest.
@@ -59,7 +59,7 @@ pub struct Cull {
     slabs: Buffer,
     /// The min-max depth grids: how far the chunks of either side reach along the normal in each cell of a contact
     /// patch.
-    pub fields: Buffer,
+    pub depth_grids: Buffer,
     /// The chunks that may meet others, an [`ActiveChunk`] each.
     pub active_chunks: Buffer,
     /// Work items: active chunk, and contact patch.
@@ -114,7 +114,7 @@ impl Cull {
             chunk_nodes: upload(context, "chunk_nodes", &model.chunk_nodes)?,
             pair_proxy_chunks: array::<[u32; 2]>(context, "pair_proxy_chunks", model.pair_proxy_chunks)?,
             slabs: array::<[f32; 8]>(context, "slabs", PAIR_PATCHES * model.pair_proxy_chunks)?,
-            fields: array::<u32>(context, "fields", PAIR_PATCHES * model.pairs.len() * FIELD_WORDS)?,
+            depth_grids: array::<u32>(context, "depth_grids", PAIR_PATCHES * model.pairs.len() * GRID_WORDS)?,
             active_chunks: array::<ActiveChunk>(context, "active_chunks", work_items)?,
             work_items: array::<[u32; 2]>(context, "work_items", work_items)?,
         })
@@ -153,7 +153,7 @@ impl Cull {
             proxy_patches: &self.proxy_patches,
             pair_proxy_counts: &self.pair_proxy_counts,
             active_pair_proxies: &self.active_pair_proxies,
-            fields: &self.fields,
+            depth_grids: &self.depth_grids,
             counts: &common.counts,
             args: &common.args,
             near_pairs: &self.near_pairs,
@@ -176,7 +176,7 @@ impl Cull {
             proxy_patches: &self.proxy_patches,
             pair_proxy_chunks: &self.pair_proxy_chunks,
             slabs: &self.slabs,
-            fields: &self.fields,
+            depth_grids: &self.depth_grids,
         };
         recorder.dispatch_indirect(&self.chunks_kernel, &arguments, &common.args, shaders::ARGS_CHUNKS);
         let arguments = shaders::cull::Meet {
@@ -186,7 +186,7 @@ impl Cull {
             proxies: &pose.proxies,
             contact_patches: &self.contact_patches,
             slabs: &self.slabs,
-            fields: &self.fields,
+            depth_grids: &self.depth_grids,
             pair_proxy_chunks: &self.pair_proxy_chunks,
             pair_proxy_counts: &self.pair_proxy_counts,
             active_chunks: &self.active_chunks,

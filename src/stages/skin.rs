@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::cull::{Cull, FIELD_WORDS};
+use super::cull::{Cull, GRID_WORDS};
 use super::elastic::Elastic;
 use super::model::Model;
 use super::pose::Pose;
@@ -26,7 +26,7 @@ pub fn buckets(model: &Model) -> u32 {
 /// patch, which holds for each cell how far a triangle must reach along the normal to be hit by a ray of the vertices
 /// there.
 fn bucket_words(model: &Model) -> u32 {
-    buckets(model) + (PAIR_PATCHES * model.pairs.len() * FIELD_WORDS) as u32
+    buckets(model) + (PAIR_PATCHES * model.pairs.len() * GRID_WORDS) as u32
 }
 
 /// Topology and embedding of all skins, and their positions in this step.
@@ -96,7 +96,7 @@ impl Skin {
             bins: &self.bins,
             bin_hits: &self.bin_hits,
             bin_squares: &self.bin_squares,
-            fields: &cull.fields,
+            depth_grids: &cull.depth_grids,
         };
         recorder.dispatch_indirect(&self.embed, &arguments, &common.args, shaders::ARGS_ACTIVE);
     }

@@ -196,8 +196,8 @@ impl Given {
                     seen.push((share, nearest.1, wide(&flow.contact_patches[r].normal), nearest));
                 }
             }
-            let sights: Vec<_> = seen.iter().map(|s| (s.0, s.1, s.2)).collect();
-            let Some((depth, Some(normal))) = contact_patches::blend(&sights) else {
+            let search_depths: Vec<_> = seen.iter().map(|s| (s.0, s.1, s.2)).collect();
+            let Some((depth, Some(normal))) = contact_patches::blend(&search_depths) else {
                 assert_eq!(hit, [0.0; 4], "{what}");
                 continue;
             };

@@ -13,14 +13,14 @@ use palpate_oracle::contact_patches::{along, chunk_box};
 use crate::harness::bodies::{octants, rigid, soft, sphere, whole};
 use crate::harness::random::Random;
 use crate::harness::{case, context};
-use crate::stage::flow::{FIELD_WORDS, Flow};
+use crate::stage::flow::{Flow, GRID_WORDS};
 use crate::stage::skin::covered;
 
 /// Greatest growth of a box over the oracle's, m: a micrometre, a thousandth of the spread and the rounding of the rest
 /// box, for positions of half a metre.
 const BOX: f64 = 4e-6;
 /// Cells of the min-max depth grid along a side.
-const FIELD: usize = 16;
+const GRID: usize = 16;
 
 fn wide(x: &[f32]) -> DVec3 {
     DVec3::new(x[0].into(), x[1].into(), x[2].into())
@@ -62,7 +62,7 @@ fn shaken(size: f64, contact_patches: &[ContactPatch], random: &mut Random) -> F
     flow.boxes = vec![[[-9.0; 3], [9.0; 3]]; PAIR_PATCHES * pair_proxies];
     flow.active_pair_proxies = (0..pair_proxies as u32).rev().collect();
     flow.pair_proxy_counts = vec![[0; 2]; pair_proxies];
-    flow.fields = (0..PAIR_PATCHES * FIELD_WORDS).map(|k| if k / 256 % 2 == 0 { 0 } else { NONE }).collect();
+    flow.depth_grids = (0..PAIR_PATCHES * GRID_WORDS).map(|k| if k / 256 % 2 == 0 { 0 } else { NONE }).collect();
     flow.args[3 * shaders::ARGS_CHUNKS as usize] = pair_proxies as u32;
     flow
 }
@@ -95,16 +95,16 @@ fn boxed(flow: &Flow, chunk: usize, frame: usize, contact_patch: &ContactPatch) 
     chunk_box(rest, (&moved, f64::from(chunk.weight_bound)), (wide(&frame.centre), rotation), axes(contact_patch))
 }
 
-/// The height of a sortable key: the inverse of `height_key` in shared/field.glsl.
+/// The height of a sortable key: the inverse of `height_key` in shared/depth_grid.glsl.
 fn height_of(key: u32) -> f64 {
     f64::from(f32::from_bits(if key & 0x8000_0000 != 0 { key & 0x7fff_ffff } else { !key }))
 }
 
 /// The cell of a patch's min-max depth grid that a place projects to.
-fn square_of(contact_patch: &ContactPatch, at: DVec3) -> [usize; 2] {
+fn grid_cell_of(contact_patch: &ContactPatch, at: DVec3) -> [usize; 2] {
     [0, 1].map(|k| {
-        let size = f64::from(contact_patch.high[k] - contact_patch.low[k]) / FIELD as f64;
-        (((at[k] - f64::from(contact_patch.low[k])) / size).max(0.0) as usize).min(FIELD - 1)
+        let size = f64::from(contact_patch.high[k] - contact_patch.low[k]) / GRID as f64;
+        (((at[k] - f64::from(contact_patch.low[k])) / size).max(0.0) as usize).min(GRID - 1)
     })
 }
 
@@ -139,9 +139,9 @@ fn check_slabs(flow: &Flow, contact_patches: usize, tight: bool) -> usize {
                     let plane = slab[4] * x.x + slab[5] * x.y + slab[6];
                     assert!(side * (plane - x.z) > 0.0, "chunk {index} passes its plane by {}", side * (x.z - plane));
                     assert!(side * (slab[7] - x.z) > 0.0, "chunk {index} passes its box");
-                    let [i, j] = square_of(contact_patch, x);
-                    let field = flow.fields[(2 * r + pair_proxy.side as usize) * 256 + j * FIELD + i];
-                    assert!(side * (height_of(field) - x.z) > 0.0, "chunk {index} passes the field");
+                    let [i, j] = grid_cell_of(contact_patch, x);
+                    let grid = flow.depth_grids[(2 * r + pair_proxy.side as usize) * 256 + j * GRID + i];
+                    assert!(side * (height_of(grid) - x.z) > 0.0, "chunk {index} passes the grid");
                 }
                 // A box that lies aslant to the patch's axes is less than twice as large along them as the skin in it.
                 let (own, skins) = (want.1 - want.0, high - low);
@@ -256,9 +256,8 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
         let mut height = |share: f64| (random.next() + share) as f32;
         let key = |x: f32| if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 0x8000_0000 };
         // The grid's heights are about -0.6 for a and 0.6 for b, give or take 1.
-        let fields: Vec<f32> = (0..PAIR_PATCHES * FIELD_WORDS)
-            .map(|k| if k / 256 % 2 == 0 { height(-0.6) } else { height(0.6) })
-            .collect();
+        let depth_grids: Vec<f32> =
+            (0..PAIR_PATCHES * GRID_WORDS).map(|k| if k / 256 % 2 == 0 { height(-0.6) } else { height(0.6) }).collect();
         let slab = |height: &mut dyn FnMut(f64) -> f32| {
             let (u, v, z) = (height(-0.1), height(-0.1), height(0.0));
             [u, v, u + 0.2, v + 0.1, 0.0, 0.0, z, z]
@@ -276,7 +275,7 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
             .input("proxies", &[proxy(0), proxy(1), proxy(2)])
             .input("contact_patches", &contact_patches)
             .input("slabs", &crate::stage::flow::some(&slabs))
-            .input("fields", &fields.iter().map(|x| key(*x)).collect::<Vec<_>>())
+            .input("depth_grids", &depth_grids.iter().map(|x| key(*x)).collect::<Vec<_>>())
             .inout("pair_proxy_chunks", &masks.iter().map(|m| [*m, 0]).collect::<Vec<_>>())
             .inout("pair_proxy_counts", &[[9u32; 2]; 3])
             .partial("active_chunks", &vec![ActiveChunk::default(); 12 * count.max(1) as usize])
@@ -290,7 +289,7 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
             let mut squares = (square(slab[1])..=square(slab[3]))
                 .flat_map(|y| (square(slab[0])..=square(slab[2])).map(move |x| (x, y)));
             squares.any(|(x, y)| {
-                let other = fields[(2 * r + 1 - side) * 256 + y * FIELD + x];
+                let other = depth_grids[(2 * r + 1 - side) * 256 + y * GRID + x];
                 if side == 0 { slab[7] >= other } else { slab[7] <= other }
             })
         };

@@ -12,7 +12,7 @@ use palpate_oracle::proximity;
 
 use crate::harness::random::Random;
 use crate::harness::{Outcome, Tolerance, case, expect_close};
-use crate::stage::flow::{Box3, FIELD_WORDS};
+use crate::stage::flow::{Box3, GRID_WORDS};
 
 /// Error of dot products of order one in f32.
 const PLACED: Tolerance = Tolerance { abs: 2e-6, rel: 2e-6 };
@@ -94,11 +94,11 @@ impl Given {
             .inout("proxy_patches", &vec![NONE; count])
             .partial("pair_proxy_counts", &vec![[7u32; 2]; count])
             .partial("active_pair_proxies", &vec![NONE; count])
-            .partial("fields", &vec![7u32; PAIR_PATCHES * FIELD_WORDS])
+            .partial("depth_grids", &vec![7u32; PAIR_PATCHES * GRID_WORDS])
             .inout("counts", &[Counts::default()])
             .inout("args", &vec![0u32; ARGS_WORDS])
             .partial("near_pairs", &vec![NONE; self.directions.len() / 2])
-            .partial("buckets", &vec![7u32; 4 + PAIR_PATCHES * FIELD_WORDS])
+            .partial("buckets", &vec![7u32; 4 + PAIR_PATCHES * GRID_WORDS])
             .groups(1)
             .run()
     }
@@ -110,7 +110,7 @@ impl Given {
 fn check(given: &Given, out: &Outcome) -> usize {
     let (contact_patches, boxes): (Vec<ContactPatch>, Vec<Box3>) = (out.get("contact_patches"), out.get("boxes"));
     let (shares, bits): (Vec<f32>, Vec<u32>) = (out.get("shares"), out.get("proxy_patches"));
-    let (fields, buckets): (Vec<u32>, Vec<u32>) = (out.get("fields"), out.get("buckets"));
+    let (depth_grids, buckets): (Vec<u32>, Vec<u32>) = (out.get("depth_grids"), out.get("buckets"));
     assert_eq!(buckets[..4], [7; 4], "heads are cleared with the pose");
     let live = contact_patches.iter().filter(|contact_patch| contact_patch.weight > 0.0).count();
     let count = given.places.len();
@@ -147,9 +147,12 @@ fn check(given: &Given, out: &Outcome) -> usize {
         let (low, high) = (sides[0].0.max(sides[1].0), sides[0].1.min(sides[1].1));
         expect_close("low", &contact_patch.low, &[low.x, low.y], PLACED);
         expect_close("high", &contact_patch.high, &[high.x, high.y], PLACED);
-        let own = &fields[r * FIELD_WORDS..][..FIELD_WORDS];
-        assert!(own[..256].iter().all(|f| *f == 0) && own[256..].iter().all(|f| *f == NONE), "fields are cleared");
-        assert!(buckets[4 + r * FIELD_WORDS..][..FIELD_WORDS].iter().all(|sight| *sight == NONE), "sights are cleared");
+        let own = &depth_grids[r * GRID_WORDS..][..GRID_WORDS];
+        assert!(own[..256].iter().all(|f| *f == 0) && own[256..].iter().all(|f| *f == NONE), "depth_grids are cleared");
+        assert!(
+            buckets[4 + r * GRID_WORDS..][..GRID_WORDS].iter().all(|search_depth| *search_depth == NONE),
+            "search_depths are cleared"
+        );
     }
     for s in 0..count {
         let own = &shares[PAIR_PATCHES * s..][..PAIR_PATCHES];

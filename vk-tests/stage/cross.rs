@@ -13,7 +13,7 @@ use palpate::internal::stages::{CHUNK_TRIANGLES, CHUNK_VERTICES, PAIR_PATCHES};
 use crate::harness::bodies::{Mesh, half_space, rigid, sheet, sphere, whole};
 use crate::harness::context;
 use crate::harness::random::Random;
-use crate::stage::flow::{FIELD_WORDS, Flow};
+use crate::stage::flow::{Flow, GRID_WORDS};
 
 /// Barycentric share, and depth in m, within which rounding may decide whether a ray hits a triangle.
 const EDGE: f64 = 1e-6;
@@ -82,7 +82,7 @@ pub fn meshes(sides: [&Mesh; 2], contact_patches: &[ContactPatch]) -> Flow {
     flow.max_work_items = flow.work_items.len();
     flow.shares = vec![0.5; 2 * PAIR_PATCHES];
     // In the grids, a reaches up without limit, and b down without limit.
-    flow.fields = (0..PAIR_PATCHES * FIELD_WORDS).map(|k| if k / 256 % 2 == 0 { NONE } else { 0 }).collect();
+    flow.depth_grids = (0..PAIR_PATCHES * GRID_WORDS).map(|k| if k / 256 % 2 == 0 { NONE } else { 0 }).collect();
     flow.args[3 * shaders::ARGS_ACTIVE as usize] = flow.active_chunks.len() as u32;
     flow.args[3 * shaders::ARGS_WORK_ITEMS as usize] = flow.work_items.len() as u32;
     flow
@@ -117,7 +117,7 @@ fn bins(flow: &Flow) -> Vec<(u32, u32)> {
 
 /// Sortable key of the height from which a vertex of this side casts its ray; the ray with the least key reaches the
 /// most triangles.
-pub fn sight_key(side: usize, height: f32) -> u32 {
+pub fn search_depth_key(side: usize, height: f32) -> u32 {
     let bits = height.to_bits();
     let key = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
     if side == 0 { !key } else { key }
@@ -134,7 +134,7 @@ fn check_bins(flow: &Flow) -> usize {
             bin = flow.bins[bin as usize][3];
         }
     }
-    let (mut cells, mut sights) = (BTreeMap::new(), vec![NONE; flow.contact_patches.len() * FIELD_WORDS]);
+    let (mut cells, mut search_depths) = (BTreeMap::new(), vec![NONE; flow.contact_patches.len() * GRID_WORDS]);
     for (bin, (vertex, patch_side)) in known.iter().enumerate() {
         if *vertex == NONE {
             assert!(!listed.contains_key(&(bin as u32)) && flow.bin_hits[bin] == NONE - 1);
@@ -159,12 +159,12 @@ fn check_bins(flow: &Flow) -> usize {
                     let (low, cell) = (contact_patch.low[k], contact_patch.cell[side]);
                     ((f32::from_bits(flow.bins[bin][k]) - low) / cell).floor() as i32
                 };
-                let field = |k: usize| {
+                let grid = |k: usize| {
                     let size = (contact_patch.high[k] - contact_patch.low[k]) / 16.0;
                     ((f32::from_bits(flow.bins[bin][k]) - contact_patch.low[k]) / size).clamp(0.0, 15.0) as usize
                 };
-                let sight = &mut sights[*patch_side as usize * 256 + field(1) * 16 + field(0)];
-                *sight = (*sight).min(sight_key(side, f32::from_bits(flow.bins[bin][2])));
+                let search_depth = &mut search_depths[*patch_side as usize * 256 + grid(1) * 16 + grid(0)];
+                *search_depth = (*search_depth).min(search_depth_key(side, f32::from_bits(flow.bins[bin][2])));
                 let key = [*patch_side, (square(0) | square(1) << 16) as u32];
                 assert_eq!(flow.bin_squares[bin], key, "vertex {vertex}: its square");
                 let of_square = *cells.entry((*patch_side, square(0), square(1))).or_insert(*bucket);
@@ -172,7 +172,11 @@ fn check_bins(flow: &Flow) -> usize {
             }
         }
     }
-    assert_eq!(flow.buckets[flow.bucket_count as usize..][..sights.len()], sights, "least keys of rays in cells");
+    assert_eq!(
+        flow.buckets[flow.bucket_count as usize..][..search_depths.len()],
+        search_depths,
+        "least keys of rays in cells"
+    );
     let buckets: BTreeSet<_> = listed.values().collect();
     let (squares, lists) = (cells.len(), buckets.len());
     assert!(lists * 2 > squares.min(flow.bucket_count as usize), "{squares} squares, {lists} lists");
@@ -383,8 +387,8 @@ fn what_lies_in_front_of_all_that_the_other_side_reaches_is_left_out() {
     // b's chunks reach down to a height of 0.75, above a's vertices, except in the first cell of the min-max depth
     // grid.
     let key = 0x8000_0000 | 0.75f32.to_bits();
-    flow.fields[256..512].fill(key);
-    flow.fields[256] = 0;
+    flow.depth_grids[256..512].fill(key);
+    flow.depth_grids[256] = 0;
     flow.embed();
     let square = |x: &[f32; 4]| x[0] < -1.0 + 2.0 / 16.0 && x[1] < -1.0 + 2.0 / 16.0;
     let listed = flow.bins.iter().filter(|bin| bin[3] != NONE - 1).count();

@@ -182,7 +182,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
         .partial("bins", &[[untouched; 4]; 64])
         .partial("bin_hits", &[untouched; 64])
         .partial("bin_squares", &[[untouched; 2]; 64])
-        .input("fields", &[[0u32; 4]; 128])
+        .input("depth_grids", &[[0u32; 4]; 128])
         .groups(1)
         .run();
     let place = |(nodes, weights): (&[u32; 4], &[f32; 4])| {

@@ -53,7 +53,7 @@ fn lists_of_slots_are_joined_in_order() {
                 .input("proxies", &proxies)
                 .input("contact_patches", &[ContactPatch::default()])
                 .input("slabs", &[[0.0f32; 8]])
-                .input("fields", &[0u32; 4])
+                .input("depth_grids", &[0u32; 4])
                 .inout("pair_proxy_chunks", &chunks)
                 .inout("pair_proxy_counts", &vec![[0u32; 2]; pair_proxies])
                 .partial("active_chunks", &vec![ActiveChunk { chunk: NONE, ..Default::default() }; most])

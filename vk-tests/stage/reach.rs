@@ -8,7 +8,7 @@ use palpate::internal::shaders::NONE;
 use palpate_oracle::contact_patches::along;
 
 use crate::harness::random::Random;
-use crate::stage::cross::{axes, bumpy, contact_patch, crossed, meshes, sight_key, wide};
+use crate::stage::cross::{axes, bumpy, contact_patch, crossed, meshes, search_depth_key, wide};
 
 #[test]
 fn triangles_that_no_vertex_looks_as_far_back_as_are_left_out() {
@@ -36,7 +36,7 @@ fn triangles_that_no_vertex_looks_as_far_back_as_are_left_out() {
         found.len()
     };
     // The mesh reaches up to an eighth: rays from 0.5 may hit all of it, rays from -0.2 nothing.
-    let found = run(sight_key(0, 0.5));
+    let found = run(search_depth_key(0, 0.5));
     assert!(found > 0 && found < mesh.1.len() / 50, "{found} of {}", mesh.1.len());
-    assert_eq!(run(sight_key(0, -0.2)), 0);
+    assert_eq!(run(search_depth_key(0, -0.2)), 0);
 }

@@ -12,7 +12,7 @@ use palpate_oracle::{proximity, skin as oracle};
 use crate::harness::bodies::{half_space, octants, rigid, soft, sphere, whole};
 use crate::harness::random::Random;
 use crate::harness::{Tolerance, case, context, expect_close};
-use crate::stage::flow::{FIELD_WORDS, Flow};
+use crate::stage::flow::{Flow, GRID_WORDS};
 
 /// Error of positions of order one after a few f32 operations.
 const PLACED: Tolerance = Tolerance { abs: 1e-6, rel: 1e-6 };
@@ -68,7 +68,7 @@ pub fn covered(model: &Model, chunk: &Chunk) -> Vec<u32> {
 /// Makes all chunks active against a half-space, so that no vertex goes into the spatial hash.
 fn activate(flow: &mut Flow) {
     flow.pairs = vec![Pair { is_plane: 1, ..Pair::default() }];
-    (flow.contact_patches, flow.fields) = (vec![ContactPatch::default()], vec![0; FIELD_WORDS]);
+    (flow.contact_patches, flow.depth_grids) = (vec![ContactPatch::default()], vec![0; GRID_WORDS]);
     flow.model.pair_proxies =
         (0..flow.model.proxies.len() as u32).map(|proxy| PairProxy { proxy, ..PairProxy::default() }).collect();
     flow.active_chunks = vec![];

@@ -27,7 +27,7 @@ use crate::harness::context;
 /// The depth paths (ways to find ray hits) that the flow can run.
 pub const PATHS: [Path; 1] = [Path::Compute];
 /// Cells of the two min-max depth grids of a contact patch, 16 x 16 for each side.
-pub const FIELD_WORDS: usize = 2 * 16 * 16;
+pub const GRID_WORDS: usize = 2 * 16 * 16;
 /// A box: least and greatest corner.
 pub type Box3 = [[f32; 3]; 2];
 
@@ -59,7 +59,7 @@ pub struct Flow {
     pub proxy_patches: Vec<u32>,
     pub pair_proxy_counts: Vec<[u32; 2]>,
     pub active_pair_proxies: Vec<u32>,
-    pub fields: Vec<u32>,
+    pub depth_grids: Vec<u32>,
     pub pair_proxy_chunks: Vec<[u32; 2]>,
     /// [`PAIR_PATCHES`] entries for each chunk of a slot: low, high, plane and extreme of its box in a patch.
     pub slabs: Vec<[f32; 8]>,
@@ -178,7 +178,7 @@ impl Flow {
             proxy_patches: vec![],
             pair_proxy_counts: vec![],
             active_pair_proxies: vec![],
-            fields: vec![],
+            depth_grids: vec![],
             pair_proxy_chunks: vec![],
             slabs: vec![],
             active_chunks: vec![],

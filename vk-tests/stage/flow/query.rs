@@ -5,7 +5,7 @@ use palpate::internal::shaders;
 use palpate::internal::shaders::{ActiveChunk, NONE, ProxyBounds};
 use palpate::internal::stages::{CHUNK_VERTICES, PAIR_PATCHES};
 
-use super::{FIELD_WORDS, Flow, fours, some};
+use super::{Flow, GRID_WORDS, fours, some};
 use crate::harness::case;
 
 /// Nodes with their links (transforms between frames), two a texel.
@@ -102,7 +102,7 @@ impl Flow {
             .inout("proxy_patches", &vec![NONE; pair_proxies])
             .partial("pair_proxy_counts", &vec![[0u32; 2]; pair_proxies])
             .partial("active_pair_proxies", &vec![NONE; pair_proxies])
-            .partial("fields", &vec![7u32; PAIR_PATCHES * pairs * FIELD_WORDS])
+            .partial("depth_grids", &vec![7u32; PAIR_PATCHES * pairs * GRID_WORDS])
             .inout("counts", &[self.counts])
             .inout("args", &self.args)
             .partial("near_pairs", &vec![NONE; self.model.proxy_pairs.len()])
@@ -115,7 +115,7 @@ impl Flow {
         self.proxy_patches = out.get("proxy_patches");
         self.pair_proxy_counts = out.get("pair_proxy_counts");
         self.active_pair_proxies = out.get("active_pair_proxies");
-        self.fields = out.get("fields");
+        self.depth_grids = out.get("depth_grids");
         self.buckets = out.get("buckets");
         self.counts = out.get("counts")[0];
         self.args = out.get("args");
@@ -141,12 +141,12 @@ impl Flow {
             .input("proxy_patches", &self.proxy_patches)
             .partial("pair_proxy_chunks", &vec![[NONE; 2]; chunks])
             .partial("slabs", &vec![[f32::NAN; 8]; PAIR_PATCHES * chunks])
-            .inout("fields", &self.fields)
+            .inout("depth_grids", &self.depth_grids)
             .groups(self.groups(shaders::ARGS_CHUNKS))
             .run();
         self.pair_proxy_chunks = out.get("pair_proxy_chunks");
         self.slabs = out.get("slabs");
-        self.fields = out.get("fields");
+        self.depth_grids = out.get("depth_grids");
     }
 
     pub fn meet(&mut self) {
@@ -161,7 +161,7 @@ impl Flow {
             .input("proxies", &self.model.proxies)
             .input("contact_patches", &self.contact_patches)
             .input("slabs", &self.slabs)
-            .input("fields", &self.fields)
+            .input("depth_grids", &self.depth_grids)
             .inout("pair_proxy_chunks", &some(&self.pair_proxy_chunks))
             .inout("pair_proxy_counts", &self.pair_proxy_counts)
             .partial("active_chunks", &vec![ActiveChunk { chunk: NONE, ..Default::default() }; self.max_work_items])
@@ -181,7 +181,7 @@ impl Flow {
     /// Words of `buckets`, to whole texels: the heads of the spatial hash's lists, and for each cell of the min-max
     /// depth grids the height from which the farthest ray starts.
     fn bucket_words(&self) -> usize {
-        (self.bucket_count as usize + PAIR_PATCHES * self.pairs.len() * FIELD_WORDS).next_multiple_of(4)
+        (self.bucket_count as usize + PAIR_PATCHES * self.pairs.len() * GRID_WORDS).next_multiple_of(4)
     }
 
     pub fn embed(&mut self) {
@@ -209,7 +209,7 @@ impl Flow {
             .partial("bins", &vec![[NONE - 1; 4]; bins])
             .partial("bin_hits", &vec![NONE - 1; bins])
             .partial("bin_squares", &vec![[NONE - 1; 2]; bins])
-            .input("fields", &self.fields)
+            .input("depth_grids", &self.depth_grids)
             .groups(self.groups(shaders::ARGS_ACTIVE))
             .run();
         self.skin = out.get("skin");

@@ -1,8 +1,8 @@
-// Min-max depth grid of a contact patch (`ContactPatch`): FIELD x FIELD cells over its rectangle. In each cell, first the
+// Min-max depth grid of a contact patch (`ContactPatch`): GRID x GRID cells over its rectangle. In each cell, first the
 // greatest height (coordinate along the normal) that chunks of a reach, then, in a second grid, the least height that
-// chunks of b reach. Heights are kept as integers that sort like the floats. Needs `fields` where the grid is written.
+// chunks of b reach. Heights are kept as integers that sort like the floats. Needs `depth_grids` where the grid is written.
 
-const uint FIELD = 16;
+const uint GRID = 16;
 
 // An unsigned integer that sorts like the float.
 uint height_key(float height) {
@@ -12,18 +12,18 @@ uint height_key(float height) {
 
 // Key of a triangle of `side` by the height that it reaches towards the other body, or of a vertex of the other side by
 // its height: the vertex's ray may meet the triangle only where the triangle's key is not less than the vertex's.
-uint reach_key(uint side, float height) { return side == 0 ? height_key(height) : ~height_key(height); }
+uint depth_key(uint side, float height) { return side == 0 ? height_key(height) : ~height_key(height); }
 
 // First cell of a side's grid.
-uint field_at(uint contact_patch, uint side) { return (2 * contact_patch + side) * FIELD * FIELD; }
+uint grid_first(uint contact_patch, uint side) { return (2 * contact_patch + side) * GRID * GRID; }
 
-vec2 square_size(ContactPatch contact_patch) { return max(contact_patch.high - contact_patch.low, vec2(1.0e-12)) / float(FIELD); }
+vec2 grid_cell_size(ContactPatch contact_patch) { return max(contact_patch.high - contact_patch.low, vec2(1.0e-12)) / float(GRID); }
 
 // First cell (x, y) and last cell (z, w) that a box in the patch's plane covers.
-uvec4 squares(ContactPatch contact_patch, vec2 low, vec2 high) {
-    vec2 size = square_size(contact_patch);
-    vec2 first = clamp((low - contact_patch.low) / size, vec2(0.0), vec2(FIELD - 1));
-    vec2 last = clamp((high - contact_patch.low) / size, vec2(0.0), vec2(FIELD - 1));
+uvec4 grid_cells(ContactPatch contact_patch, vec2 low, vec2 high) {
+    vec2 size = grid_cell_size(contact_patch);
+    vec2 first = clamp((low - contact_patch.low) / size, vec2(0.0), vec2(GRID - 1));
+    vec2 last = clamp((high - contact_patch.low) / size, vec2(0.0), vec2(GRID - 1));
     return uvec4(first, last);
 }
 
@@ -35,9 +35,9 @@ struct Slab {
 };
 
 // Bound on the height of a chunk in a cell: the greatest for a chunk of a, the least for one of b.
-float slab_height(ContactPatch contact_patch, Slab slab, uint side, uvec2 square) {
-    vec2 size = square_size(contact_patch);
-    vec2 low = max(contact_patch.low + vec2(square) * size, slab.low), high = min(contact_patch.low + vec2(square + 1) * size, slab.high);
+float slab_height(ContactPatch contact_patch, Slab slab, uint side, uvec2 grid_cell) {
+    vec2 size = grid_cell_size(contact_patch);
+    vec2 low = max(contact_patch.low + vec2(grid_cell) * size, slab.low), high = min(contact_patch.low + vec2(grid_cell + 1) * size, slab.high);
     // The margin covers the rounding of the cells' borders.
     low -= 1.0e-3 * size;
     high += 1.0e-3 * size;
