@@ -41,7 +41,7 @@ READ_ONLY(vec4, skin);
 layout(scalar) readonly buffer FanFirst { uint fan_first[]; };     // first entry of each vertex in fans, then the end
 layout(scalar) readonly buffer Fans { uint fans[]; };              // triangles around each vertex
 layout(scalar) readonly buffer Areas { float areas[]; };          // rest area of each vertex, m^2
-READ_ONLY(uvec4, bin_hits);           // first hit on the ray of each vertex in a work item, four a texel
+READ_ONLY(uvec4, entry_hits);           // first hit on the ray of each vertex in a work item, four a texel
 READ_ONLY(uvec4, hits);               // triangle, next hit on the ray, bits of the depth, 2 * work item + (1: a front)
 layout(scalar) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // depth (m), two barycentrics, area (m^2)
 layout(scalar) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
@@ -69,10 +69,10 @@ const uint ALL_HITS = 0x80000000u;
 
 // The nearest hit on a ray, and of equally near ones that of the lowest triangle: triangle, 2 * work item + (1: a
 // front), bits of the depth; NONE where there is no hit. `through`: the ray meets another layer within depth_limit.
-uvec3 nearest_crossing(uint bin, out bool through) {
+uvec3 nearest_crossing(uint hash_entry, out bool through) {
     uvec3 best = uvec3(NONE, 0, 0);
     float depth = 3.0e38, back = 3.0e38;
-    uint hit = fetch(bin_hits, bin / 4)[bin % 4];
+    uint hit = fetch(entry_hits, hash_entry / 4)[hash_entry % 4];
     while (hit < ALL_HITS) {
         uvec4 found = fetch(hits, hit);
         float d = uintBitsToFloat(found.z);
@@ -119,7 +119,7 @@ void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
     for (uint l = 4 * lane; l < chunk.vertex_count; l += 4 * SIZE) {
         bvec4 crossed = bvec4(all);
         for (uint k = 0; k < contact_patches; k++) {
-            uvec4 found = fetch(bin_hits, ((entry.first_work_item + k) * CHUNK_VERTICES + l) / 4);
+            uvec4 found = fetch(entry_hits, ((entry.first_work_item + k) * CHUNK_VERTICES + l) / 4);
             crossed = bvec4(uvec4(crossed) | uvec4(notEqual(found, uvec4(NONE))));
         }
         for (uint k = 0; k < 4; k++) {
@@ -154,10 +154,10 @@ void find_candidates() {
             uint work_item = entry.first_work_item;
             for (uint r = 0; r < PAIR_PATCHES; r++) {
                 if ((entry.contact_patches & (1u << r)) == 0) continue;
-                uint bin = work_item * CHUNK_VERTICES + l;
+                uint hash_entry = work_item * CHUNK_VERTICES + l;
                 work_item += 1;
                 bool through;
-                uvec3 nearest = nearest_crossing(bin, through);
+                uvec3 nearest = nearest_crossing(hash_entry, through);
                 if (nearest.x == NONE || (nearest.y & 1) == 0) continue;
                 ContactPatch contact_patch = contact_patches[(entry.side / 2) * PAIR_PATCHES + r];
                 vec3 found = crossing(contact_patch, fetch(skin, vertex).xyz, nearest.x, side_b ? 1.0 : -1.0);

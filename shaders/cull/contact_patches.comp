@@ -39,7 +39,7 @@ layout(scalar) writeonly buffer DepthGrids { uint depth_grids[]; };  // min-max 
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) buffer Args { uint args[]; };
 layout(scalar) coherent buffer NearPairs { uint near_pairs[]; };  // proxy pairs with a direction, in order
-layout(scalar) writeonly buffer Buckets { uint buckets[]; };  // its depth grids are cleared here, see shared/bins.glsl
+layout(scalar) writeonly buffer Buckets { uint buckets[]; };  // its depth grids are cleared here, see shared/spatial_hash.glsl
 
 #include "shared/sum.glsl"
 #include "shared/depth_grid.glsl"

@@ -22,16 +22,16 @@ READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four a texel
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 READ_ONLY(uvec4, triangles);       // three skin vertices
 READ_ONLY(vec4, skin);
-READ_ONLY(uvec4, buckets);         // heads of the hash's lists, four a texel; see shared/bins.glsl
-READ_ONLY(uvec4, bins);
-layout(scalar) readonly buffer BinSquares { uvec2 bin_squares[]; };      // cell of each vertex in the hash
-layout(scalar) buffer BinHits { uint bin_hits[]; };                      // first hit of each vertex in the hash
+READ_ONLY(uvec4, buckets);         // heads of the hash's lists, four a texel; see shared/spatial_hash.glsl
+READ_ONLY(uvec4, hash_entries);
+layout(scalar) readonly buffer EntryCells { uvec2 entry_cells[]; };      // cell of each vertex in the hash
+layout(scalar) buffer EntryHits { uint entry_hits[]; };                      // first hit of each vertex in the hash
 layout(scalar) writeonly buffer Hits { uvec4 hits[]; };  // triangle, next hit, bits of the depth, 2 * item + (1: front)
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 
-#include "shared/bins.glsl"
+#include "shared/spatial_hash.glsl"
 #include "shared/depth_grid.glsl"
-#include "shared/covered.glsl"
+#include "shared/covered_cells.glsl"
 #include "shared/crossing.glsl"
 
 // Cells above which all lanes share a triangle.
@@ -67,7 +67,7 @@ void main() {
     for (uint t = lane; t < triangle_count; t += SIZE) {
         done++;
         uint at = chunk.triangle_first + t, triangle = fetch(chunk_triangles, at / 4)[at % 4];
-        if (covered_squares(contact_patch, work_item.y, side, triangle, corners, first, last)) {
+        if (covered_cells(contact_patch, work_item.y, side, triangle, corners, first, last)) {
             if (count_of(first, last) > SHARED) large[atomicAdd(large_count, 1)] = triangle;
             else listed[atomicAdd(listed_count, 1)] = triangle;
         }
@@ -76,22 +76,22 @@ void main() {
     due += turns_of(listed_count);
     for (uint k = lane; k < listed_count; k += SIZE) {
         uint triangle = listed[k];
-        box_squares(contact_patch, side, triangle, corners, first, last);
+        box_cells(contact_patch, side, triangle, corners, first, last);
         due += count_of(first, last);
         done++;
-        done += cross_squares(first, last, 2 * work_item.y + other, corners, side, triangle, gl_WorkGroupID.x);
+        done += cross_cells(first, last, 2 * work_item.y + other, corners, side, triangle, gl_WorkGroupID.x);
     }
     // Large triangles: all lanes share the cells of each.
     due += large_count;
     for (uint k = 0; k < large_count; k++) {
         uint triangle = large[k];
-        box_squares(contact_patch, side, triangle, corners, first, last);
+        box_cells(contact_patch, side, triangle, corners, first, last);
         uint count = count_of(first, last), width = uint(last.x - first.x + 1);
         due += turns_of(count);
         done++;
         for (uint c = lane; c < count; c += SIZE) {
             ivec2 cell = first + ivec2(c % width, c / width);
-            done += cross_squares(cell, cell, 2 * work_item.y + other, corners, side, triangle, gl_WorkGroupID.x);
+            done += cross_cells(cell, cell, 2 * work_item.y + other, corners, side, triangle, gl_WorkGroupID.x);
         }
     }
     if (done != due) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);

@@ -18,15 +18,15 @@ READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four a texel
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 READ_ONLY(uvec4, triangles);       // three skin vertices
 READ_ONLY(vec4, skin);
-READ_ONLY(uvec4, buckets);         // hash lists and depth grids, four a texel; see shared/bins.glsl
+READ_ONLY(uvec4, buckets);         // hash lists and depth grids, four a texel; see shared/spatial_hash.glsl
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 
 layout(location = 0) flat out vec3 corners[3];      // along the patch's axes, m
 layout(location = 3) flat out uvec3 triangle_at;    // the triangle, 2 * patch + its side, its work item
 
-#include "shared/bins.glsl"
+#include "shared/spatial_hash.glsl"
 #include "shared/depth_grid.glsl"
-#include "shared/covered.glsl"
+#include "shared/covered_cells.glsl"
 #include "shared/squares.glsl"
 
 void main() {
@@ -40,7 +40,7 @@ void main() {
     if (t >= chunk.triangle_count || pair.is_plane != 0 || !gathers(pair, 1 - side)) return;
     uint triangle = fetch(chunk_triangles, at / 4)[at % 4];
     ivec2 first, last;
-    bool any_covered = covered_squares(contact_patches[work_item.y], work_item.y, side, triangle, corners, first, last);
+    bool any_covered = covered_cells(contact_patches[work_item.y], work_item.y, side, triangle, corners, first, last);
     triangle_at = uvec3(triangle, 2 * work_item.y + side, gl_InstanceIndex);
     if (any_covered) gl_Position = corner_of_squares(first, last, gl_VertexIndex % 6);
 }

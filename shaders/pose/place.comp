@@ -30,7 +30,7 @@ layout(scalar) writeonly buffer Faces { vec4 faces[]; };    // face planes in th
 layout(scalar) writeonly buffer Bounds { ProxyBounds bounds[]; };
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) writeonly buffer Args { uint args[]; };
-layout(scalar) writeonly buffer Buckets { uint buckets[]; };      // heads of the hash's lists, see shared/bins.glsl
+layout(scalar) writeonly buffer Buckets { uint buckets[]; };      // heads of the hash's lists, see shared/spatial_hash.glsl
 
 #include "shared/link.glsl"
 #include "shared/moved.glsl"

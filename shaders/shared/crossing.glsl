@@ -1,11 +1,11 @@
 // Exact test of a triangle of one side of a contact patch against the vertices of the other side, in the hash cells
 // that it covers. The ray of a vertex of body a runs against the patch's normal (which points from a to b), that of a
-// vertex of b along it. Where a ray meets the triangle, the hit is put on the vertex's list, `bin_hits`. Needs
-// shared/bins.glsl, `buckets`, `bins`, `bin_squares`, `bin_hits`, `hits`, `counts` and MOST_HITS (room for hits).
+// vertex of b along it. Where a ray meets the triangle, the hit is put on the vertex's list, `entry_hits`. Needs
+// shared/spatial_hash.glsl, `buckets`, `hash_entries`, `entry_cells`, `entry_hits`, `hits`, `counts` and MOST_HITS (room for hits).
 
-// A number above every index of `bins`. A loop follows a list while the next index is below it, and must then have come
+// A number above every index of `hash_entries`. A loop follows a list while the next index is below it, and must then have come
 // to NONE: Mesa's llvmpipe ends loops early (see README), and a compiler cannot know that no other index is so large.
-const uint ALL_BINS = 0x80000000u;
+const uint ALL_ENTRIES = 0x80000000u;
 
 // Vertices that are tested before hits are recorded. On GPUs and vector CPUs each round of a loop costs all the code in
 // it, whichever lane needs it, so recording stays outside the inner loop; more rounds would let lanes with a hit wait.
@@ -13,10 +13,10 @@ const uint TURNS = 8;
 
 // Puts a hit at the head of a vertex's list: its triangle, the next hit, its depth, the triangle's work item, and
 // whether the triangle is a front face, one through which the ray leaves the other body.
-void record_crossing(uint bin, bool front, float depth, uint triangle, uint work_item) {
+void record_crossing(uint hash_entry, bool front, float depth, uint triangle, uint work_item) {
     uint hit = atomicAdd(counts.hits, 1);
     if (hit < MOST_HITS) {
-        uint next = atomicExchange(bin_hits[bin], hit);
+        uint next = atomicExchange(entry_hits[hash_entry], hit);
         hits[hit] = uvec4(triangle, next, floatBitsToUint(depth), work_item << 1 | (front ? 1 : 0));
     } else {
         atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
@@ -26,24 +26,24 @@ void record_crossing(uint bin, bool front, float depth, uint triangle, uint work
 // Tests a triangle against all vertices in the cells from `first` to `last`; `corners` are along the patch's axes,
 // `side` and `work_item` the triangle's. One loop goes from list to list as well as along each list, so that no lane waits
 // for others at a list's end. Returns the number of lists whose end was reached.
-uint cross_squares(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint side, uint triangle, uint work_item) {
+uint cross_cells(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint side, uint triangle, uint work_item) {
     ivec2 cell = ivec2(first.x - 1, first.y);
-    uint left = uint(last.x - first.x + 1) * uint(last.y - first.y + 1), ended = 0, bin = NONE;
-    while (bin < ALL_BINS || left > 0) {
+    uint left = uint(last.x - first.x + 1) * uint(last.y - first.y + 1), ended = 0, hash_entry = NONE;
+    while (hash_entry < ALL_ENTRIES || left > 0) {
         uint at, turns = 0;
         float sum, volume;
         bool crossed = false;
         do {
-            if (bin >= ALL_BINS) {
+            if (hash_entry >= ALL_ENTRIES) {
                 bool wraps = cell.x == last.x;
                 cell = ivec2(wraps ? first.x : cell.x + 1, wraps ? cell.y + 1 : cell.y);
                 left--;
                 uint bucket = bucket_of(cell, patch_side);
-                bin = fetch(buckets, bucket / 4)[bucket % 4];
+                hash_entry = fetch(buckets, bucket / 4)[bucket % 4];
             }
-            if (bin < ALL_BINS) {
-                at = bin;
-                uvec4 found = fetch(bins, bin);
+            if (hash_entry < ALL_ENTRIES) {
+                at = hash_entry;
+                uvec4 found = fetch(hash_entries, hash_entry);
                 vec3 x = uintBitsToFloat(found.xyz);
                 // `precise` gives an edge's product exactly opposite signs in its two triangles: no ray passes between.
                 precise vec2 p = corners[0].xy - x.xy, q = corners[1].xy - x.xy, r = corners[2].xy - x.xy;
@@ -56,14 +56,14 @@ uint cross_squares(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], ui
                 // A hit lies behind the vertex: against the normal for a vertex of a, along it for a vertex of b.
                 crossed = (all(greaterThanEqual(b, vec3(0.0))) && (side == 1 ? volume < 0.0 : volume > 0.0))
                     || (all(lessThanEqual(b, vec3(0.0))) && (side == 1 ? volume > 0.0 : volume < 0.0));
-                bin = found.w;
+                hash_entry = found.w;
             }
-            if (bin == NONE) ended++;
+            if (hash_entry == NONE) ended++;
             turns++;
-        } while (!crossed && turns < TURNS && (bin < ALL_BINS || left > 0));
+        } while (!crossed && turns < TURNS && (hash_entry < ALL_ENTRIES || left > 0));
         precise float depth = (side == 1 ? -volume : volume) / sum;
         // A bucket may hold vertices of several cells that the triangle covers: a hit counts in the vertex's cell.
-        if (crossed && depth > 0.0 && bin_squares[at] == square_key(cell, patch_side)) {
+        if (crossed && depth > 0.0 && entry_cells[at] == cell_key(cell, patch_side)) {
             record_crossing(at, side == 1 ? sum < 0.0 : sum > 0.0, depth, triangle, work_item);
         }
     }

@@ -34,13 +34,13 @@ READ_ONLY(uvec4, node_info);       // frame in z
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 layout(scalar) readonly buffer Shares { float shares[]; };    // patch weights of each slot (a proxy in a pair)
 layout(scalar) writeonly buffer Skin { vec4 skin[]; };
-layout(scalar) buffer Buckets { uint buckets[]; };  // hash lists and depth grids, cleared to NONE; see shared/bins.glsl
-layout(scalar) writeonly buffer Bins { uvec4 bins[]; };       // vertices in the hash, CHUNK_VERTICES a work item
-layout(scalar) writeonly buffer BinHits { uint bin_hits[]; };     // first hit on each vertex's ray: set to NONE
-layout(scalar) writeonly buffer BinSquares { uvec2 bin_squares[]; };      // cell of each vertex in the hash
+layout(scalar) buffer Buckets { uint buckets[]; };  // hash lists and depth grids, cleared to NONE; see shared/spatial_hash.glsl
+layout(scalar) writeonly buffer HashEntries { uvec4 hash_entries[]; };       // vertices in the hash, CHUNK_VERTICES a work item
+layout(scalar) writeonly buffer EntryHits { uint entry_hits[]; };     // first hit on each vertex's ray: set to NONE
+layout(scalar) writeonly buffer EntryCells { uvec2 entry_cells[]; };      // cell of each vertex in the hash
 READ_ONLY(uvec4, depth_grids);  // min-max depth grids of chunks, four cells a texel
 
-#include "shared/bins.glsl"
+#include "shared/spatial_hash.glsl"
 #include "shared/depth_grid.glsl"
 
 shared vec3 own[CHUNK_VERTICES];
@@ -89,8 +89,8 @@ void main() {
         ContactPatch contact_patch = contact_patches[patch_index];
         bool sees = shares[entry.pair_proxy * PAIR_PATCHES + r] > 0.0;
         for (uint l = lane; l < chunk.vertex_count; l += SIZE) {
-            uint bin = work_item * CHUNK_VERTICES + l;
-            bin_hits[bin] = NONE;
+            uint hash_entry = work_item * CHUNK_VERTICES + l;
+            entry_hits[hash_entry] = NONE;
             vec3 at = along(contact_patch, own[l]);
             if (!sees || any(lessThan(at.xy, contact_patch.low)) || any(greaterThan(at.xy, contact_patch.high))) continue;
             // A vertex in front of all that the other side's chunks reach cannot collide.
@@ -99,9 +99,9 @@ void main() {
             uint other = fetch(depth_grids, grid / 4)[grid % 4];
             if (side == 0 ? height_key(at.z) < other : height_key(at.z) > other) continue;
             ivec2 cell = cell_of(contact_patch, side, at.xy);
-            uint next = atomicExchange(buckets[bucket_of(cell, patch_side)], bin);
-            bins[bin] = uvec4(floatBitsToUint(at), next);
-            bin_squares[bin] = square_key(cell, patch_side);
+            uint next = atomicExchange(buckets[bucket_of(cell, patch_side)], hash_entry);
+            hash_entries[hash_entry] = uvec4(floatBitsToUint(at), next);
+            entry_cells[hash_entry] = cell_key(cell, patch_side);
             uint search_depth = BUCKETS + grid_first(patch_index, side) + grid_cell.y * GRID + grid_cell.x;
             atomicMin(buckets[search_depth], depth_key(1 - side, at.z));
         }

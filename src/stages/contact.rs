@@ -158,7 +158,7 @@ impl Contact {
                 fan_first: &self.fan_first,
                 fans: &self.fans,
                 areas: &self.areas,
-                bin_hits: &skin.bin_hits,
+                entry_hits: &skin.entry_hits,
                 hits: depth.map(|depth| &depth.hits),
                 candidate_hits: &self.candidate_hits,
                 candidate_what: &self.candidate_what,

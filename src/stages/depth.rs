@@ -72,9 +72,9 @@ impl Depth {
             triangles: &skin.triangles,
             skin: &skin.skin,
             buckets: &skin.buckets,
-            bins: &skin.bins,
-            bin_squares: &skin.bin_squares,
-            bin_hits: &skin.bin_hits,
+            hash_entries: &skin.hash_entries,
+            entry_cells: &skin.entry_cells,
+            entry_hits: &skin.entry_hits,
             hits: &self.hits,
             pairs: &cull.pairs,
         };

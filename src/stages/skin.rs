@@ -43,22 +43,22 @@ pub struct Skin {
     /// Per triangle: its three skin vertices.
     pub triangles: Buffer,
     /// Per bucket of the spatial hash: its first vertex; behind them depth grids of the vertices
-    /// (shaders/shared/bins.glsl).
+    /// (shaders/shared/spatial_hash.glsl).
     pub buckets: Buffer,
     /// The vertices in the hash, one per vertex and contact patch: position along the patch's axes (m), next one in the
     /// bucket.
-    pub bins: Buffer,
+    pub hash_entries: Buffer,
     /// Per vertex in the hash: the first ray hit found for it.
-    pub bin_hits: Buffer,
+    pub entry_hits: Buffer,
     /// Per vertex in the hash: 2 times the contact patch plus the side, and the cell of the hash.
-    pub bin_squares: Buffer,
+    pub entry_cells: Buffer,
 }
 
 impl Skin {
     /// Kernels and arrays for a model.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Skin> {
         let constants = [("SPANS", Const::Bool(model.spans_frames())), ("BUCKETS", buckets(model).into())];
-        let bins = CHUNK_VERTICES * model.max_gathering_work_items();
+        let hash_entries = CHUNK_VERTICES * model.max_gathering_work_items();
         Ok(Skin {
             embed: Kernel::new(context, "skin/embed", Size::Reduce, &constants)?,
             chunk_vertices: upload(context, "chunk_vertices", &model.chunk_vertices)?,
@@ -67,9 +67,9 @@ impl Skin {
             skin: zeros::<[f32; 4]>(context, "skin", model.skin_nodes.len())?,
             triangles: upload(context, "triangles", &model.triangles)?,
             buckets: array::<u32>(context, "buckets", bucket_words(model) as usize)?,
-            bins: array::<[u32; 4]>(context, "bins", bins)?,
-            bin_hits: array::<u32>(context, "bin_hits", bins)?,
-            bin_squares: array::<[u32; 2]>(context, "bin_squares", bins)?,
+            hash_entries: array::<[u32; 4]>(context, "hash_entries", hash_entries)?,
+            entry_hits: array::<u32>(context, "entry_hits", hash_entries)?,
+            entry_cells: array::<[u32; 2]>(context, "entry_cells", hash_entries)?,
         })
     }
 
@@ -93,9 +93,9 @@ impl Skin {
             shares: &cull.shares,
             skin: &self.skin,
             buckets: &self.buckets,
-            bins: &self.bins,
-            bin_hits: &self.bin_hits,
-            bin_squares: &self.bin_squares,
+            hash_entries: &self.hash_entries,
+            entry_hits: &self.entry_hits,
+            entry_cells: &self.entry_cells,
             depth_grids: &cull.depth_grids,
         };
         recorder.dispatch_indirect(&self.embed, &arguments, &common.args, shaders::ARGS_ACTIVE);

@@ -179,7 +179,7 @@ fn a_sphere_over_a_half_space_is_exact_and_needs_no_mesh() {
     let want: Depths = below.map(|(v, d)| ((0, v), (d, u32::MAX))).collect();
     assert!(same("half-space", &depths, &want) > 50);
     assert!(
-        flow.counts.hits == 0 && flow.bins.iter().all(|bin| bin[3] == u32::MAX - 1),
+        flow.counts.hits == 0 && flow.hash_entries.iter().all(|hash_entry| hash_entry[3] == u32::MAX - 1),
         "a half-space needs no grid and no ray hits"
     );
 }

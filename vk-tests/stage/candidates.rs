@@ -165,13 +165,13 @@ impl Given {
                 ..ActiveChunk::default()
             });
         }
-        flow.bin_hits = vec![NONE; CHUNK_VERTICES * (chunks * each) as usize];
+        flow.entry_hits = vec![NONE; CHUNK_VERTICES * (chunks * each) as usize];
         flow.crossings = vec![];
         for (v, crossed) in self.crossed.iter().enumerate() {
             for (r, list) in crossed.iter().take(contact_patches).enumerate() {
-                let bin = (v / CHUNK_VERTICES * contact_patches + r) * CHUNK_VERTICES + v % CHUNK_VERTICES;
+                let hash_entry = (v / CHUNK_VERTICES * contact_patches + r) * CHUNK_VERTICES + v % CHUNK_VERTICES;
                 for (triangle, depth, front, pair_proxy) in list {
-                    let next = std::mem::replace(&mut flow.bin_hits[bin], flow.crossings.len() as u32);
+                    let next = std::mem::replace(&mut flow.entry_hits[hash_entry], flow.crossings.len() as u32);
                     let what = (opposing + pair_proxy) << 1 | u32::from(*front);
                     flow.crossings.push([*triangle, next, (*depth as f32).to_bits(), what]);
                 }

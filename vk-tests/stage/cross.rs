@@ -99,20 +99,20 @@ pub fn contact_patch(normal: DVec3, half: f32, cell: f32) -> ContactPatch {
 }
 
 /// For each bin its vertex and 2 * patch + side, from the chunks; `NONE` for unused bins.
-fn bins(flow: &Flow) -> Vec<(u32, u32)> {
-    let mut bins = vec![(NONE, NONE); flow.bins.len()];
+fn hash_entries(flow: &Flow) -> Vec<(u32, u32)> {
+    let mut hash_entries = vec![(NONE, NONE); flow.hash_entries.len()];
     for entry in flow.active_chunks.iter().take(flow.args[3 * shaders::ARGS_ACTIVE as usize] as usize) {
         let chunk = &flow.model.chunks[entry.chunk as usize];
         let listed = (0..PAIR_PATCHES as u32).filter(|r| entry.contact_patches >> r & 1 == 1);
         for (k, r) in listed.enumerate() {
             for l in 0..chunk.vertex_count as usize {
-                let bin = (entry.first_work_item as usize + k) * CHUNK_VERTICES + l;
+                let hash_entry = (entry.first_work_item as usize + k) * CHUNK_VERTICES + l;
                 let vertex = flow.model.chunk_vertices[chunk.vertex_first as usize + l];
-                bins[bin] = (vertex, 2 * r + entry.side);
+                hash_entries[hash_entry] = (vertex, 2 * r + entry.side);
             }
         }
     }
-    bins
+    hash_entries
 }
 
 /// Sortable key of the height from which a vertex of this side casts its ray; the ray with the least key reaches the
@@ -124,23 +124,23 @@ pub fn search_depth_key(side: usize, height: f32) -> u32 {
 }
 
 /// Compares the lists of all buckets with what must be in them. Returns the number of bins in lists.
-fn check_bins(flow: &Flow) -> usize {
-    let known = bins(flow);
+fn check_hash_entries(flow: &Flow) -> usize {
+    let known = hash_entries(flow);
     let mut listed = BTreeMap::new();
     for (bucket, first) in flow.buckets.iter().enumerate().take(flow.bucket_count as usize) {
-        let mut bin = *first;
-        while bin != NONE {
-            assert!(listed.insert(bin, bucket).is_none(), "bin {bin} is in two lists");
-            bin = flow.bins[bin as usize][3];
+        let mut hash_entry = *first;
+        while hash_entry != NONE {
+            assert!(listed.insert(hash_entry, bucket).is_none(), "hash_entry {hash_entry} is in two lists");
+            hash_entry = flow.hash_entries[hash_entry as usize][3];
         }
     }
     let (mut cells, mut search_depths) = (BTreeMap::new(), vec![NONE; flow.contact_patches.len() * GRID_WORDS]);
-    for (bin, (vertex, patch_side)) in known.iter().enumerate() {
+    for (hash_entry, (vertex, patch_side)) in known.iter().enumerate() {
         if *vertex == NONE {
-            assert!(!listed.contains_key(&(bin as u32)) && flow.bin_hits[bin] == NONE - 1);
+            assert!(!listed.contains_key(&(hash_entry as u32)) && flow.entry_hits[hash_entry] == NONE - 1);
             continue;
         }
-        assert_eq!(flow.bin_hits[bin], NONE, "no crossing yet");
+        assert_eq!(flow.entry_hits[hash_entry], NONE, "no crossing yet");
         let (r, side) = (*patch_side as usize / 2, *patch_side as usize % 2);
         let contact_patch = &flow.contact_patches[r];
         let x = flow.skin[*vertex as usize];
@@ -148,25 +148,27 @@ fn check_bins(flow: &Flow) -> usize {
         let depth = |k: usize| (at[k] - f64::from(contact_patch.low[k])).min(f64::from(contact_patch.high[k]) - at[k]);
         let within = depth(0).min(depth(1));
         let sees = flow.shares[side * PAIR_PATCHES + r] > 0.0;
-        match listed.get(&(bin as u32)) {
+        match listed.get(&(hash_entry as u32)) {
             None => assert!(!sees || within < EDGE, "vertex {vertex} is in no list of contact_patch {r}"),
             Some(bucket) => {
                 assert!(sees && within > -EDGE, "vertex {vertex} is not contact_patch {r}'s");
-                let stored = [0, 1, 2].map(|k| f64::from(f32::from_bits(flow.bins[bin][k])));
+                let stored = [0, 1, 2].map(|k| f64::from(f32::from_bits(flow.hash_entries[hash_entry][k])));
                 assert!(DVec3::from_array(stored).distance(at) < EDGE, "{stored:?} is not {at}");
                 // Whatever the hash function is, vertices of one cell must lie in one bucket.
                 let square = |k: usize| {
                     let (low, cell) = (contact_patch.low[k], contact_patch.cell[side]);
-                    ((f32::from_bits(flow.bins[bin][k]) - low) / cell).floor() as i32
+                    ((f32::from_bits(flow.hash_entries[hash_entry][k]) - low) / cell).floor() as i32
                 };
                 let grid = |k: usize| {
                     let size = (contact_patch.high[k] - contact_patch.low[k]) / 16.0;
-                    ((f32::from_bits(flow.bins[bin][k]) - contact_patch.low[k]) / size).clamp(0.0, 15.0) as usize
+                    ((f32::from_bits(flow.hash_entries[hash_entry][k]) - contact_patch.low[k]) / size).clamp(0.0, 15.0)
+                        as usize
                 };
                 let search_depth = &mut search_depths[*patch_side as usize * 256 + grid(1) * 16 + grid(0)];
-                *search_depth = (*search_depth).min(search_depth_key(side, f32::from_bits(flow.bins[bin][2])));
+                *search_depth =
+                    (*search_depth).min(search_depth_key(side, f32::from_bits(flow.hash_entries[hash_entry][2])));
                 let key = [*patch_side, (square(0) | square(1) << 16) as u32];
-                assert_eq!(flow.bin_squares[bin], key, "vertex {vertex}: its square");
+                assert_eq!(flow.entry_cells[hash_entry], key, "vertex {vertex}: its square");
                 let of_square = *cells.entry((*patch_side, square(0), square(1))).or_insert(*bucket);
                 assert_eq!(of_square, *bucket, "vertex {vertex}: one square, one bucket");
             }
@@ -186,8 +188,8 @@ fn check_bins(flow: &Flow) -> usize {
 /// For each bin, the triangles that its ray hits, with depth and whether the front is hit.
 pub fn crossed(flow: &Flow) -> BTreeMap<usize, BTreeMap<u32, (f64, bool)>> {
     let mut all = BTreeMap::new();
-    for (bin, first) in flow.bin_hits.iter().enumerate().filter(|(_, first)| **first < NONE - 1) {
-        let list: &mut BTreeMap<u32, (f64, bool)> = all.entry(bin).or_default();
+    for (hash_entry, first) in flow.entry_hits.iter().enumerate().filter(|(_, first)| **first < NONE - 1) {
+        let list: &mut BTreeMap<u32, (f64, bool)> = all.entry(hash_entry).or_default();
         let mut hit = *first;
         while hit != NONE {
             let [triangle, next, depth, what] = flow.crossings[hit as usize];
@@ -196,7 +198,7 @@ pub fn crossed(flow: &Flow) -> BTreeMap<usize, BTreeMap<u32, (f64, bool)>> {
             let own = &flow.model.chunk_triangles[chunk.triangle_first as usize..][..chunk.triangle_count as usize];
             assert!(own.contains(&triangle), "triangle {triangle} is not of work_item {}", what >> 1);
             let twice = list.insert(triangle, (f64::from(f32::from_bits(depth)), what & 1 == 1));
-            assert!(twice.is_none(), "triangle {triangle} is twice on the ray of bin {bin}");
+            assert!(twice.is_none(), "triangle {triangle} is twice on the ray of hash_entry {hash_entry}");
             hit = next;
         }
     }
@@ -205,7 +207,7 @@ pub fn crossed(flow: &Flow) -> BTreeMap<usize, BTreeMap<u32, (f64, bool)>> {
 
 /// Compares hits of every vertex's ray with every triangle of the other side with f64. Returns the number of hits.
 fn check_crossings(flow: &Flow) -> usize {
-    let (known, found) = (bins(flow), crossed(flow));
+    let (known, found) = (hash_entries(flow), crossed(flow));
     let (mut count, nothing) = (0, BTreeMap::new());
     let chunks = flow.active_chunks.iter().flat_map(|entry| {
         let chunk = &flow.model.chunks[entry.chunk as usize];
@@ -213,8 +215,8 @@ fn check_crossings(flow: &Flow) -> usize {
         own.iter().map(|t| (entry.side, *t))
     });
     let triangles: Vec<(u32, u32)> = chunks.collect();
-    for (bin, (vertex, patch_side)) in known.iter().enumerate().filter(|(_, known)| known.0 != NONE) {
-        let list = found.get(&bin).unwrap_or(&nothing);
+    for (hash_entry, (vertex, patch_side)) in known.iter().enumerate().filter(|(_, known)| known.0 != NONE) {
+        let list = found.get(&hash_entry).unwrap_or(&nothing);
         let side = patch_side % 2;
         if flow.shares[side as usize * PAIR_PATCHES + *patch_side as usize / 2] == 0.0 {
             assert!(list.is_empty());
@@ -283,7 +285,7 @@ fn soups_of_triangles_cross_what_f64_says() {
             }
             flow.bucket_count = buckets;
             flow.embed();
-            let listed = check_bins(&flow);
+            let listed = check_hash_entries(&flow);
             flow.cross();
             assert_eq!(flow.counts.flags, 0);
             let crossings = check_crossings(&flow);
@@ -327,9 +329,9 @@ fn rays_through_edges_and_corners_meet_a_triangle() {
             flow.cross();
             let found = crossed(&flow);
             let side = u32::from(turned);
-            let known = bins(&flow);
+            let known = hash_entries(&flow);
             let looking = known.iter().enumerate().filter(|(_, known)| known.0 != NONE && known.1 == side);
-            let slipped = looking.clone().filter(|(bin, _)| !found.contains_key(bin)).count();
+            let slipped = looking.clone().filter(|(hash_entry, _)| !found.contains_key(hash_entry)).count();
             assert_eq!((looking.count(), slipped), (over.len(), 0), "squares of {cell}, turned {turned}");
         }
     }
@@ -391,7 +393,7 @@ fn what_lies_in_front_of_all_that_the_other_side_reaches_is_left_out() {
     flow.depth_grids[256] = 0;
     flow.embed();
     let square = |x: &[f32; 4]| x[0] < -1.0 + 2.0 / 16.0 && x[1] < -1.0 + 2.0 / 16.0;
-    let listed = flow.bins.iter().filter(|bin| bin[3] != NONE - 1).count();
+    let listed = flow.hash_entries.iter().filter(|hash_entry| hash_entry[3] != NONE - 1).count();
     let contact_patch = flow.contact_patches[0];
     // The lists hold all of b's vertices but only those of a in that cell, whichever way the patch's axes lie.
     let first = flow.skin.iter().take(flow.skin.len() - mesh.0.len()).filter(|x| {

@@ -179,9 +179,9 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
         .input("shares", &[1.0f32; 4])
         .output::<[f32; 4]>("skin", count)
         .inout("buckets", &[untouched; 4])
-        .partial("bins", &[[untouched; 4]; 64])
-        .partial("bin_hits", &[untouched; 64])
-        .partial("bin_squares", &[[untouched; 2]; 64])
+        .partial("hash_entries", &[[untouched; 4]; 64])
+        .partial("entry_hits", &[untouched; 64])
+        .partial("entry_cells", &[[untouched; 2]; 64])
         .input("depth_grids", &[[0u32; 4]; 128])
         .groups(1)
         .run();

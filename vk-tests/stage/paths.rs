@@ -154,28 +154,28 @@ impl Query {
         self.common.frames.write(&frames).unwrap();
         self.common.links.write(&links).unwrap();
         // Chunks hold fewer vertices than there is room for, and the rest of the room is never written.
-        let room = self.skin.bin_hits.bytes() as usize / 4;
-        self.skin.bin_hits.write(&vec![NONE; room]).unwrap();
-        self.skin.bin_squares.write(&vec![[NONE; 2]; room]).unwrap();
+        let room = self.skin.entry_hits.bytes() as usize / 4;
+        self.skin.entry_hits.write(&vec![NONE; room]).unwrap();
+        self.skin.entry_cells.write(&vec![[NONE; 2]; room]).unwrap();
         self.recordings[path].submit_and_wait().unwrap();
         assert_clean(context(), "crossings");
 
         let counts = self.common.counts.read::<Counts>().unwrap()[0];
-        let first = self.skin.bin_hits.read::<u32>().unwrap();
-        let squares = self.skin.bin_squares.read::<[u32; 2]>().unwrap();
+        let first = self.skin.entry_hits.read::<u32>().unwrap();
+        let squares = self.skin.entry_cells.read::<[u32; 2]>().unwrap();
         let hits = self.depths[path].hits.read::<[u32; 4]>().unwrap();
-        let bins = counts.work_items as usize * CHUNK_VERTICES;
-        let list = |bin: usize| {
-            let (mut hit, mut found) = (first[bin], Vec::new());
+        let hash_entries = counts.work_items as usize * CHUNK_VERTICES;
+        let list = |hash_entry: usize| {
+            let (mut hit, mut found) = (first[hash_entry], Vec::new());
             while hit != NONE {
                 let [triangle, next, depth, front] = hits[hit as usize];
-                found.push([squares[bin][0], triangle, depth, front]);
+                found.push([squares[hash_entry][0], triangle, depth, front]);
                 hit = next;
             }
             found.sort_unstable();
             found
         };
-        let all: Vec<Vec<_>> = (0..bins).map(list).collect();
+        let all: Vec<Vec<_>> = (0..hash_entries).map(list).collect();
         let found: usize = all.iter().map(Vec::len).sum();
         assert_eq!(found, counts.hits as usize, "crossings on the lists, and counted");
         // Other flags may be raised: at some poses there are more directions than a pair has contact patches for.

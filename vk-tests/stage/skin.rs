@@ -94,7 +94,7 @@ fn embedded_skin_is_where_the_oracle_has_it() {
     let want = local.iter().flat_map(|x| (ball.position + ball.orientation * *x).extend(1.0).to_array());
     let got: Vec<f32> = flow.skin.as_flattened().to_vec();
     expect_close("skin", &got, &want.collect::<Vec<_>>(), PLACED);
-    assert!(flow.buckets.iter().all(|b| *b == NONE) && flow.bins.iter().all(|b| b[3] == NONE - 1));
+    assert!(flow.buckets.iter().all(|b| *b == NONE) && flow.hash_entries.iter().all(|b| b[3] == NONE - 1));
 }
 
 #[test]

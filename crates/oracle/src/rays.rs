@@ -25,7 +25,7 @@ pub struct Rays<'a> {
     triangles: &'a [[u32; 3]],
     /// Vertices projected to the plane.
     flat: Vec<DVec2>,
-    bins: Bins,
+    cells: Bins,
 }
 
 impl<'a> Rays<'a> {
@@ -40,14 +40,14 @@ impl<'a> Rays<'a> {
                 [a.min(b).min(c), a.max(b).max(c)]
             })
             .collect();
-        Rays { plane, positions, triangles, flat, bins: Bins::new(&boxes) }
+        Rays { plane, positions, triangles, flat, cells: Bins::new(&boxes) }
     }
 
     /// First hit of the ray from `x` along -`normal`.
     pub fn first(&self, x: DVec3) -> Option<Crossing> {
         let (at, height) = (self.plane.project(x), self.plane.normal.dot(x));
         let mut best: Option<(f64, u32, [f64; 3])> = None;
-        for &t in self.bins.around(at) {
+        for &t in self.cells.around(at) {
             let corners = self.triangles[t as usize];
             let Some(weights) = barycentric(corners.map(|v| self.flat[v as usize]), at) else { continue };
             let met: f64 =
@@ -68,7 +68,7 @@ impl<'a> Rays<'a> {
 pub struct Outline {
     plane: Plane,
     edges: Vec<[DVec2; 2]>,
-    bins: Bins,
+    cells: Bins,
     within: f64,
 }
 
@@ -89,7 +89,7 @@ impl Outline {
         let ends = |uses: &[(u32, u32, bool)]| [uses[0].0, uses[0].1].map(|v| plane.project(positions[v as usize]));
         let edges: Vec<[DVec2; 2]> = uses.chunk_by(|e, f| (e.0, e.1) == (f.0, f.1)).filter(jumps).map(ends).collect();
         let boxes: Vec<_> = edges.iter().map(|[a, b]| [a.min(*b) - within, a.max(*b) + within]).collect();
-        Outline { plane, edges, bins: Bins::new(&boxes), within }
+        Outline { plane, edges, cells: Bins::new(&boxes), within }
     }
 
     /// Whether the line through `x` along the normal passes an outline within that distance.
@@ -101,7 +101,7 @@ impl Outline {
             let share = (at - a).dot(along) / along.length_squared().max(f64::MIN_POSITIVE);
             (a + share.clamp(0.0, 1.0) * along).distance(at) <= self.within
         };
-        self.bins.around(at).iter().any(near)
+        self.cells.around(at).iter().any(near)
     }
 }
 
@@ -136,29 +136,29 @@ impl Bins {
     fn new(boxes: &[[DVec2; 2]]) -> Self {
         let low = boxes.iter().fold(DVec2::INFINITY, |low, b| low.min(b[0]));
         let high = boxes.iter().fold(DVec2::NEG_INFINITY, |high, b| high.max(b[1]));
-        let mut bins = Bins { low: DVec2::ZERO, cell: 1.0, size: [1, 1], starts: vec![0, 0], members: vec![] };
+        let mut cells = Bins { low: DVec2::ZERO, cell: 1.0, size: [1, 1], starts: vec![0, 0], members: vec![] };
         if boxes.is_empty() {
-            return bins;
+            return cells;
         }
         let extent = (high - low).max(DVec2::splat(f64::MIN_POSITIVE));
-        bins.low = low;
-        bins.cell = (extent.x * extent.y / boxes.len() as f64).sqrt().max(extent.max_element() / 1024.0);
-        bins.size = [extent.x, extent.y].map(|e| (e / bins.cell) as usize + 1);
+        cells.low = low;
+        cells.cell = (extent.x * extent.y / boxes.len() as f64).sqrt().max(extent.max_element() / 1024.0);
+        cells.size = [extent.x, extent.y].map(|e| (e / cells.cell) as usize + 1);
         let mut entries: Vec<(usize, u32)> = Vec::with_capacity(4 * boxes.len());
         for (i, [low, high]) in boxes.iter().enumerate() {
-            let ([x0, y0], [x1, y1]) = (bins.clamped(*low), bins.clamped(*high));
+            let ([x0, y0], [x1, y1]) = (cells.clamped(*low), cells.clamped(*high));
             entries.extend(
-                (y0..=y1).flat_map(|y| (x0..=x1).map(move |x| (x, y))).map(|(x, y)| (y * bins.size[0] + x, i as u32)),
+                (y0..=y1).flat_map(|y| (x0..=x1).map(move |x| (x, y))).map(|(x, y)| (y * cells.size[0] + x, i as u32)),
             );
         }
         entries.sort_unstable();
-        bins.starts = vec![0; bins.size[0] * bins.size[1] + 1];
-        entries.iter().for_each(|(cell, _)| bins.starts[cell + 1] += 1);
-        for cell in 1..bins.starts.len() {
-            bins.starts[cell] += bins.starts[cell - 1];
+        cells.starts = vec![0; cells.size[0] * cells.size[1] + 1];
+        entries.iter().for_each(|(cell, _)| cells.starts[cell + 1] += 1);
+        for cell in 1..cells.starts.len() {
+            cells.starts[cell] += cells.starts[cell - 1];
         }
-        bins.members = entries.into_iter().map(|(_, i)| i).collect();
-        bins
+        cells.members = entries.into_iter().map(|(_, i)| i).collect();
+        cells
     }
 
     fn clamped(&self, x: DVec2) -> [usize; 2] {

@@ -30,7 +30,7 @@ impl Flow {
             .input("fan_first", &model.fan_first)
             .input("fans", &some(&model.fans))
             .input("areas", &some(&model.skin_areas))
-            .input("bin_hits", &some(&self.bin_hits))
+            .input("entry_hits", &some(&self.entry_hits))
             .input("hits", &some(&self.crossings))
             .partial("candidate_hits", &vec![[9.0f32; 4]; count])
             .partial("candidate_what", &vec![[NONE; 4]; count])

@@ -185,7 +185,7 @@ impl Flow {
     }
 
     pub fn embed(&mut self) {
-        let (model, bins) = (&self.model, CHUNK_VERTICES * self.max_work_items);
+        let (model, hash_entries) = (&self.model, CHUNK_VERTICES * self.max_work_items);
         let out = case("skin/embed")
             .size(Size::Reduce)
             .constant("BUCKETS", self.bucket_count)
@@ -206,17 +206,17 @@ impl Flow {
             .input("shares", &some(&self.shares))
             .partial("skin", &self.skin)
             .inout("buckets", &vec![NONE; self.bucket_words()])
-            .partial("bins", &vec![[NONE - 1; 4]; bins])
-            .partial("bin_hits", &vec![NONE - 1; bins])
-            .partial("bin_squares", &vec![[NONE - 1; 2]; bins])
+            .partial("hash_entries", &vec![[NONE - 1; 4]; hash_entries])
+            .partial("entry_hits", &vec![NONE - 1; hash_entries])
+            .partial("entry_cells", &vec![[NONE - 1; 2]; hash_entries])
             .input("depth_grids", &self.depth_grids)
             .groups(self.groups(shaders::ARGS_ACTIVE))
             .run();
         self.skin = out.get("skin");
         self.buckets = out.get("buckets");
-        self.bins = out.get("bins");
-        self.bin_hits = out.get("bin_hits");
-        self.bin_squares = out.get("bin_squares");
+        self.hash_entries = out.get("hash_entries");
+        self.entry_hits = out.get("entry_hits");
+        self.entry_cells = out.get("entry_cells");
     }
 
     /// Runs depth/cross, the compute path.
@@ -235,15 +235,15 @@ impl Flow {
             .input("triangles", &some(&model.triangles))
             .input("skin", &some(&self.skin))
             .input("buckets", &self.buckets)
-            .input("bins", &some(&self.bins))
-            .input("bin_squares", &some(&self.bin_squares))
-            .inout("bin_hits", &self.bin_hits)
+            .input("hash_entries", &some(&self.hash_entries))
+            .input("entry_cells", &some(&self.entry_cells))
+            .inout("entry_hits", &self.entry_hits)
             .partial("hits", &vec![[NONE; 4]; self.most_hits])
             .input("pairs", &self.pairs)
             .groups(self.groups(shaders::ARGS_WORK_ITEMS))
             .run();
         self.counts = out.get("counts")[0];
-        self.bin_hits = out.get("bin_hits");
+        self.entry_hits = out.get("entry_hits");
         self.crossings = out.get("hits");
     }
 }

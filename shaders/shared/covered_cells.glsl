@@ -1,5 +1,5 @@
 // A triangle in the axes of a contact patch (`ContactPatch`), and the cells of the other side's spatial hash that its box
-// covers. Needs shared/bins.glsl, shared/depth_grid.glsl, and `triangles`, `skin` and `buckets` as read-only arrays.
+// covers. Needs shared/spatial_hash.glsl, shared/depth_grid.glsl, and `triangles`, `skin` and `buckets` as read-only arrays.
 
 // Whether the ray of some vertex of the other side may meet a triangle of `side`: whether in any depth grid cell that
 // its box (`least` to `greatest`) covers, it reaches (`height`) the vertex that lies farthest into its body. It is also
@@ -30,7 +30,7 @@ void box_of(ContactPatch contact_patch, uint triangle, out vec3 corners[3], out 
 }
 
 // First and last hash cell that the box of a triangle of `side` covers; the box must not be empty.
-void box_squares(ContactPatch contact_patch, uint side, uint triangle, out vec3 corners[3], out ivec2 first, out ivec2 last) {
+void box_cells(ContactPatch contact_patch, uint side, uint triangle, out vec3 corners[3], out ivec2 first, out ivec2 last) {
     vec2 least, greatest;
     box_of(contact_patch, triangle, corners, least, greatest);
     first = cell_of(contact_patch, 1 - side, least);
@@ -38,7 +38,7 @@ void box_squares(ContactPatch contact_patch, uint side, uint triangle, out vec3 
 }
 
 // Corners and hash cells of a triangle; false where no cell can hold a vertex whose ray meets it.
-bool covered_squares(
+bool covered_cells(
     ContactPatch contact_patch, uint patch_index, uint side, uint triangle, out vec3 corners[3], out ivec2 first, out ivec2 last) {
     vec2 least, greatest;
     box_of(contact_patch, triangle, corners, least, greatest);

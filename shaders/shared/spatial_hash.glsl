@@ -1,11 +1,11 @@
 // Spatial hash of the skin vertices of one side of a contact patch (`ContactPatch`), over square cells of the patch's plane:
-// a hash table (`buckets`) of linked lists (`bins`). Needs BUCKETS, the number of lists, a power of two.
+// a hash table (`buckets`) of linked lists (`hash_entries`). Needs BUCKETS, the number of lists, a power of two.
 //
 // The first BUCKETS words of `buckets` are the heads of the lists. After them lies, for each patch and side, a depth
 // grid of FIELD x FIELD cells (shared/depth_grid.glsl): in each cell the key of the vertex of that side that lies farthest
 // into the other body, against which triangles of the other side are culled.
 //
-// An element of `bins` is a skin vertex in a work item (active chunk and patch): its coordinates along tangent,
+// An element of `hash_entries` is a skin vertex in a work item (active chunk and patch): its coordinates along tangent,
 // bitangent and normal, as bits of floats, and the next element of its list, or NONE at the end. `patch_side` is
 // 2 * patch + side.
 
@@ -15,7 +15,7 @@ uint bucket_of(ivec2 cell, uint patch_side) {
 }
 
 // Identifies a cell among those of all patches, which a bucket does not: a patch has less than 2^16 cells a side.
-uvec2 square_key(ivec2 cell, uint patch_side) { return uvec2(patch_side, cell.x | cell.y << 16); }
+uvec2 cell_key(ivec2 cell, uint patch_side) { return uvec2(patch_side, cell.x | cell.y << 16); }
 
 // Cell of a point in the patch's plane. `precise` puts the same point into the same cell in every shader.
 ivec2 cell_of(ContactPatch contact_patch, uint side, vec2 at) {
