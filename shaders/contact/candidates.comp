@@ -64,12 +64,12 @@ vec3 outward_normal(uint vertex) {
     return length2 > 0.0 ? sum * inversesqrt(length2) : vec3(0.0);
 }
 
-// A number above every index of a hit; shared/crossing.glsl explains why loops test against it.
+// A number above every index of a hit; shared/ray_hit.glsl explains why loops test against it.
 const uint ALL_HITS = 0x80000000u;
 
 // The nearest hit on a ray, and of equally near ones that of the lowest triangle: triangle, 2 * work item + (1: a
 // front), bits of the depth; NONE where there is no hit. `through`: the ray meets another layer within depth_limit.
-uvec3 nearest_crossing(uint hash_entry, out bool through) {
+uvec3 nearest_ray_hit(uint hash_entry, out bool through) {
     uvec3 best = uvec3(NONE, 0, 0);
     float depth = 3.0e38, back = 3.0e38;
     uint hit = fetch(entry_hits, hash_entry / 4)[hash_entry % 4];
@@ -90,7 +90,7 @@ uvec3 nearest_crossing(uint hash_entry, out bool through) {
 
 // Depth and barycentrics (second and third corner) where the line along the patch's normal through x meets a triangle.
 // Computed from differences, they keep their digits. `towards` is -1 for a vertex of a, 1 for one of b.
-vec3 crossing(ContactPatch contact_patch, vec3 x, uint triangle, float towards) {
+vec3 ray_hit(ContactPatch contact_patch, vec3 x, uint triangle, float towards) {
     uvec3 corners = fetch(triangles, triangle).xyz;
     vec3 p = fetch(skin, corners.x).xyz - x, q = fetch(skin, corners.y).xyz - x,
          r = fetch(skin, corners.z).xyz - x;
@@ -117,13 +117,13 @@ void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
     barrier();
     uint contact_patches = bitCount(entry.contact_patches);
     for (uint l = 4 * lane; l < chunk.vertex_count; l += 4 * SIZE) {
-        bvec4 crossed = bvec4(all);
+        bvec4 is_hit = bvec4(all);
         for (uint k = 0; k < contact_patches; k++) {
             uvec4 found = fetch(entry_hits, ((entry.first_work_item + k) * CHUNK_VERTICES + l) / 4);
-            crossed = bvec4(uvec4(crossed) | uvec4(notEqual(found, uvec4(NONE))));
+            is_hit = bvec4(uvec4(is_hit) | uvec4(notEqual(found, uvec4(NONE))));
         }
         for (uint k = 0; k < 4; k++) {
-            if (crossed[k] && l + k < chunk.vertex_count) listed[atomicAdd(listed_count, 1)] = l + k;
+            if (is_hit[k] && l + k < chunk.vertex_count) listed[atomicAdd(listed_count, 1)] = l + k;
         }
     }
     barrier();
@@ -157,10 +157,10 @@ void find_candidates() {
                 uint hash_entry = work_item * CHUNK_VERTICES + l;
                 work_item += 1;
                 bool through;
-                uvec3 nearest = nearest_crossing(hash_entry, through);
+                uvec3 nearest = nearest_ray_hit(hash_entry, through);
                 if (nearest.x == NONE || (nearest.y & 1) == 0) continue;
                 ContactPatch contact_patch = contact_patches[(entry.side / 2) * PAIR_PATCHES + r];
-                vec3 found = crossing(contact_patch, fetch(skin, vertex).xyz, nearest.x, side_b ? 1.0 : -1.0);
+                vec3 found = ray_hit(contact_patch, fetch(skin, vertex).xyz, nearest.x, side_b ? 1.0 : -1.0);
                 if (!(found.x > 0.0)) continue;
                 depths[r] = found.x;
                 weights[r] = shares[entry.pair_proxy * PAIR_PATCHES + r] / max(found.x * found.x, 1.0e-30);

@@ -22,7 +22,7 @@ layout(scalar) writeonly buffer NodeEntries { uvec2 node_entries[]; };  // a nod
 layout(scalar) writeonly buffer Sorted { uvec2 sorted[]; };       // contact, bits of the weight
 
 const uint WORDS = 2048;        // words of the bitmask: a window of 32 WORDS entries, those of 4,096 contacts
-// A number above every index of an entry; shared/crossing.glsl explains why loops test against it.
+// A number above every index of an entry; shared/ray_hit.glsl explains why loops test against it.
 const uint ALL_ENTRIES = 0x80000000u;
 
 shared uint bits[WORDS];

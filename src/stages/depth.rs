@@ -28,7 +28,7 @@ const SQUARES: u32 = MOST_CELLS + 1;
 
 /// Pipeline and arrays of the depth stage.
 pub struct Depth {
-    cross: Cross,
+    cross: RayHitKernel,
     /// The triangles of the skins, chunk by chunk.
     pub chunk_triangles: Buffer,
     /// One per ray hit: triangle, next hit on the same ray, bits of the depth (f32, m), and twice the work item (an
@@ -37,7 +37,7 @@ pub struct Depth {
 }
 
 /// The pipeline that finds the hash cells covered by each triangle: the rasterizer, or a kernel with loops over them.
-enum Cross {
+enum RayHitKernel {
     Graphics(RasterPipeline),
     Compute(Kernel),
 }
@@ -49,8 +49,10 @@ impl Depth {
         let constants =
             [("BUCKETS", skin::buckets(model).into()), ("MOST_HITS", count(hits)), ("SQUARES", SQUARES.into())];
         let cross = match path {
-            Path::Graphics => Cross::Graphics(RasterPipeline::new(context, "depth/cross", &constants)?),
-            Path::Compute => Cross::Compute(Kernel::new(context, "depth/cross", Size::Reduce, &constants[..2])?),
+            Path::Graphics => RayHitKernel::Graphics(RasterPipeline::new(context, "depth/ray_hits", &constants)?),
+            Path::Compute => {
+                RayHitKernel::Compute(Kernel::new(context, "depth/ray_hits", Size::Reduce, &constants[..2])?)
+            }
         };
         Ok(Depth {
             cross,
@@ -62,7 +64,7 @@ impl Depth {
     /// Records one pass, with a workgroup or an instance of the draw per active chunk and contact patch.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, cull: &Cull, skin: &Skin) {
         recorder.stage(STAGE);
-        let arguments = shaders::depth::Cross {
+        let arguments = shaders::depth::RayHits {
             counts: &common.counts,
             work_items: &cull.work_items,
             active_chunks: &cull.active_chunks,
@@ -79,8 +81,8 @@ impl Depth {
             pairs: &cull.pairs,
         };
         match &self.cross {
-            Cross::Graphics(cross) => recorder.draw_indirect(cross, &arguments, &common.args, DRAW, SQUARES),
-            Cross::Compute(cross) => {
+            RayHitKernel::Graphics(cross) => recorder.draw_indirect(cross, &arguments, &common.args, DRAW, SQUARES),
+            RayHitKernel::Compute(cross) => {
                 recorder.dispatch_indirect(cross, &arguments, &common.args, shaders::ARGS_WORK_ITEMS)
             }
         }

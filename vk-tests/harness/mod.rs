@@ -29,7 +29,7 @@ const UNORDERED: [&str; 9] = [
     "contact/candidates",
     "contact/deepest",
     "skin/embed",
-    "depth/cross",
+    "depth/ray_hits",
     "contact/response",
     "contact/sort",
 ];

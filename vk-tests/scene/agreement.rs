@@ -44,7 +44,7 @@ fn room(towards: DVec3, subjects: [&Subject; 2], a: &[DVec3], b: &[DVec3]) -> Op
     let up = Rays::new(-towards, b, &subjects[1].skin().triangles);
     let down = Rays::new(towards, a, &subjects[0].skin().triangles);
     let rooms = a.iter().filter_map(|x| up.first(*x)).chain(b.iter().filter_map(|x| down.first(*x)));
-    rooms.map(|crossing| crossing.depth).reduce(f64::min)
+    rooms.map(|ray_hit| ray_hit.depth).reduce(f64::min)
 }
 
 /// Poses of two bodies in light contact, and the direction from a to b: both are turned at random, b is shifted at

@@ -183,19 +183,19 @@ impl Side<'_> {
         let of = |seen: &&Seen| contact.normal.dot(seen.normal).abs() > SAME;
         let Some(seen) = self.seen.iter().find(of) else { panic!("{what}: no ray for {contact:?}") };
         let (x, facing) = (self.positions[v], self.facing[v].dot(seen.normal));
-        let crossing = seen.rays.first(x);
-        let inside = crossing.filter(|crossing| crossing.leaves && facing > 0.0);
-        let touches = contact.depth < APART * size && crossing.is_none_or(|c| !c.leaves || c.depth < APART * size);
+        let ray_hit = seen.rays.first(x);
+        let inside = ray_hit.filter(|ray_hit| ray_hit.leaves && facing > 0.0);
+        let touches = contact.depth < APART * size && ray_hit.is_none_or(|c| !c.leaves || c.depth < APART * size);
         if touches || facing.abs() < APART || seen.outline.is_near(x) {
             tally.apart += 1;
-        } else if let Some(crossing) = inside {
-            let error = (contact.depth - crossing.depth).abs() / size;
+        } else if let Some(ray_hit) = inside {
+            let error = (contact.depth - ray_hit.depth).abs() / size;
             if error > tally.worst {
-                (tally.worst, tally.where_worst) = (error, format!("{what}: {contact:?} against {crossing:?}"));
+                (tally.worst, tally.where_worst) = (error, format!("{what}: {contact:?} against {ray_hit:?}"));
             }
         } else {
             tally.extra += 1;
-            tally.tell(|| format!("{what}: of {}, facing {facing:.4}: {contact:?}, but {crossing:?}", self.name));
+            tally.tell(|| format!("{what}: of {}, facing {facing:.4}: {contact:?}, but {ray_hit:?}", self.name));
         }
     }
 
@@ -211,8 +211,8 @@ impl Side<'_> {
         let mut first = None;
         for seen in self.seen.iter().filter(looks) {
             let facing = self.facing[v].dot(seen.normal);
-            let crossing = if facing > 0.0 { seen.rays.first(x) } else { None };
-            let Some(inside) = crossing.filter(|crossing| crossing.leaves && crossing.depth <= limit) else { return };
+            let ray_hit = if facing > 0.0 { seen.rays.first(x) } else { None };
+            let Some(inside) = ray_hit.filter(|ray_hit| ray_hit.leaves && ray_hit.depth <= limit) else { return };
             first = first.or(Some((seen, facing, inside)));
         }
         let Some((seen, facing, inside)) = first else { return };

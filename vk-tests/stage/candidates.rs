@@ -25,7 +25,7 @@ const BLENDED: f64 = 1e-4;
 const FIRST_PROXY_PAIR: u32 = 10;
 
 /// A ray hit: its depth, m, and whether it is on the front of a triangle.
-type Crossing = (f64, bool);
+type RayHit = (f64, bool);
 
 /// A ray hit with its triangle: triangle, depth, front, slot of the opposing proxy.
 type Made = (u32, f64, bool, u32);
@@ -37,7 +37,7 @@ struct Given {
     flow: Flow,
     outward: Vec<DVec3>,
     /// Hits, by vertex and patch.
-    crossed: Vec<[Vec<Made>; PAIR_PATCHES]>,
+    is_hit: Vec<[Vec<Made>; PAIR_PATCHES]>,
 }
 
 fn narrow(x: DVec3) -> [f32; 4] {
@@ -73,7 +73,7 @@ impl Given {
         let model = &mut flow.model;
         (flow.skin, model.triangles, model.fan_first, model.fans, model.skin_areas) =
             (vec![], vec![], vec![0], vec![], vec![]);
-        Given { side, flow, outward: vec![], crossed: vec![] }
+        Given { side, flow, outward: vec![], is_hit: vec![] }
     }
 
     /// Number of contact patches.
@@ -82,7 +82,7 @@ impl Given {
     }
 
     /// Adds a vertex with its outward normal, and the hits on its ray in each patch, in this order.
-    fn add(&mut self, x: DVec3, outward: DVec3, crossings: &[Vec<Crossing>], random: &mut Random) {
+    fn add(&mut self, x: DVec3, outward: DVec3, ray_hits: &[Vec<RayHit>], random: &mut Random) {
         let model = &mut self.flow.model;
         let first = self.flow.skin.len() as u32;
         let (u, v) = outward.any_orthonormal_pair();
@@ -93,15 +93,15 @@ impl Given {
         model.skin_areas.extend([1e-4 * (1.5 + random.next() as f32), 0.0, 0.0]);
         model.triangles.push([first, first + 1, first + 2, 0]);
         self.outward.push(outward);
-        let mut crossed: [Vec<_>; PAIR_PATCHES] = Default::default();
-        for (r, list) in crossings.iter().enumerate() {
+        let mut is_hit: [Vec<_>; PAIR_PATCHES] = Default::default();
+        for (r, list) in ray_hits.iter().enumerate() {
             for (depth, front) in list {
                 let triangle = self.cross(wide(&self.flow.skin[first as usize]), r, *depth, random);
                 let pair_proxy = if self.side == 0 { 2 } else { 0 } + random.below(2) as u32;
-                crossed[r].push((triangle, *depth, *front, pair_proxy));
+                is_hit[r].push((triangle, *depth, *front, pair_proxy));
             }
         }
-        self.crossed.push(crossed);
+        self.is_hit.push(is_hit);
     }
 
     /// Adds a triangle, aslant at random, that the vertex's ray hits at this depth.
@@ -132,7 +132,7 @@ impl Given {
     /// Makes lists of hits, chunks (groups of up to 64 skin vertices) and work items (a chunk in a patch), and runs the
     /// kernel.
     fn run(&mut self) {
-        let (count, contact_patches) = (self.crossed.len(), self.contact_patches());
+        let (count, contact_patches) = (self.is_hit.len(), self.contact_patches());
         let flow = &mut self.flow;
         let is_own = |t: &u32| flow.model.fans.contains(t);
         let own = (0..flow.model.triangles.len() as u32).filter(is_own);
@@ -166,14 +166,14 @@ impl Given {
             });
         }
         flow.entry_hits = vec![NONE; CHUNK_VERTICES * (chunks * each) as usize];
-        flow.crossings = vec![];
-        for (v, crossed) in self.crossed.iter().enumerate() {
-            for (r, list) in crossed.iter().take(contact_patches).enumerate() {
+        flow.ray_hits = vec![];
+        for (v, is_hit) in self.is_hit.iter().enumerate() {
+            for (r, list) in is_hit.iter().take(contact_patches).enumerate() {
                 let hash_entry = (v / CHUNK_VERTICES * contact_patches + r) * CHUNK_VERTICES + v % CHUNK_VERTICES;
                 for (triangle, depth, front, pair_proxy) in list {
-                    let next = std::mem::replace(&mut flow.entry_hits[hash_entry], flow.crossings.len() as u32);
+                    let next = std::mem::replace(&mut flow.entry_hits[hash_entry], flow.ray_hits.len() as u32);
                     let what = (opposing + pair_proxy) << 1 | u32::from(*front);
-                    flow.crossings.push([*triangle, next, (*depth as f32).to_bits(), what]);
+                    flow.ray_hits.push([*triangle, next, (*depth as f32).to_bits(), what]);
                 }
             }
         }
@@ -186,10 +186,10 @@ impl Given {
     /// patches.
     fn check(&self) -> [usize; 2] {
         let (flow, mut found, mut blended) = (&self.flow, 0, 0);
-        for (v, crossed) in self.crossed.iter().enumerate() {
+        for (v, is_hit) in self.is_hit.iter().enumerate() {
             let (hit, what) = (flow.hits[v], format!("vertex {v} of side {}", self.side));
             let mut seen = vec![];
-            for (r, list) in crossed.iter().enumerate() {
+            for (r, list) in is_hit.iter().enumerate() {
                 let nearest = list.iter().min_by(|x, y| x.1.total_cmp(&y.1).then(x.0.cmp(&y.0)));
                 if let Some(nearest) = nearest.filter(|nearest| nearest.2) {
                     let share = f64::from(flow.shares[(2 * self.side as usize + 1) * PAIR_PATCHES + r]);
@@ -241,12 +241,12 @@ impl Given {
 }
 
 /// Runs the kernel on one vertex that faces the other body and has these hits on its ray. Returns depth and flags.
-fn one(side: u32, crossings: &[Crossing]) -> (f64, u32) {
+fn one(side: u32, ray_hits: &[RayHit]) -> (f64, u32) {
     let mut random = Random(5);
     let mut given = Given::new(side, &[DVec3::Z]);
     given.flow.params.depth_limit = 0.02;
     let outward = if side == 0 { DVec3::Z } else { -DVec3::Z };
-    given.add(0.03 * random.vector(), outward, &[crossings.to_vec()], &mut random);
+    given.add(0.03 * random.vector(), outward, &[ray_hits.to_vec()], &mut random);
     given.run();
     given.check();
     (f64::from(given.flow.hits[0][0]), given.flow.counts.flags)
@@ -255,7 +255,7 @@ fn one(side: u32, crossings: &[Crossing]) -> (f64, u32) {
 #[test]
 fn the_nearest_crossing_decides() {
     for side in 0..2 {
-        let depth = |crossings: &[Crossing]| (one(side, crossings).0 * 1e6).round() / 1e6;
+        let depth = |ray_hits: &[RayHit]| (one(side, ray_hits).0 * 1e6).round() / 1e6;
         assert_eq!(depth(&[]), 0.0);
         assert_eq!(depth(&[(0.01, true)]), 0.01);
         assert_eq!(depth(&[(0.01, false)]), 0.0, "the back of a triangle: outside");
@@ -275,9 +275,9 @@ fn the_nearest_of_a_long_list_is_found_or_flagged() {
         let mut random = Random(8);
         let mut given = Given::new(0, &[DVec3::Z]);
         // The hit that is made first lies last in the list.
-        let mut crossings = vec![(0.01, true); count];
-        crossings[0].0 = 0.005;
-        given.add(DVec3::ZERO, DVec3::Z, &[crossings], &mut random);
+        let mut ray_hits = vec![(0.01, true); count];
+        ray_hits[0].0 = 0.005;
+        given.add(DVec3::ZERO, DVec3::Z, &[ray_hits], &mut random);
         given.run();
         let (depth, flags) = (f64::from(given.flow.hits[0][0]), given.flow.counts.flags);
         println!("a list of {count}: {depth} m deep, flags {flags}");
@@ -296,7 +296,7 @@ fn of_equally_deep_crossings_the_lowest_triangle_stands() {
 #[test]
 fn flags_say_what_is_too_deep_or_too_thin() {
     for side in 0..2 {
-        let flags = |crossings: &[Crossing]| one(side, crossings).1;
+        let flags = |ray_hits: &[RayHit]| one(side, ray_hits).1;
         assert_eq!(flags(&[(0.019, true)]), 0);
         assert_eq!(flags(&[(0.021, true)]), DEPTH_LIMIT);
         assert_eq!(flags(&[(0.005, true), (0.019, false)]), NOT_HEIGHT_FIELD, "another layer within the limit");
@@ -329,7 +329,7 @@ fn vertices_by_the_hundred_in_up_to_four_regions_against_the_oracle() {
             let mut given = Given::new(side, &normals);
             given.flow.shares.iter_mut().for_each(|share| *share = 0.55 + 0.45 * random.next() as f32);
             for _ in 0..300 {
-                let crossings: Vec<Vec<Crossing>> = (0..contact_patches)
+                let ray_hits: Vec<Vec<RayHit>> = (0..contact_patches)
                     .map(|_| {
                         let count = random.below(4);
                         (0..count).map(|_| (0.012 + 0.008 * random.next(), random.next() > -0.4)).collect()
@@ -337,7 +337,7 @@ fn vertices_by_the_hundred_in_up_to_four_regions_against_the_oracle() {
                     .collect();
                 let towards = if side == 0 { DVec3::Z } else { -DVec3::Z };
                 let outward = (towards + 1.2 * random.vector()).normalize();
-                given.add(0.03 * random.vector(), outward, &crossings, &mut random);
+                given.add(0.03 * random.vector(), outward, &ray_hits, &mut random);
             }
             given.run();
             let [found, blended] = given.check();

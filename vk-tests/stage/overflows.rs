@@ -1,4 +1,4 @@
-//! Kernels depth/cross and contact/candidates where results do not fit: more ray hits than the buffers hold, and loops
+//! Kernels depth/ray_hits and contact/candidates where results do not fit: more ray hits than the buffers hold, and loops
 //! that a driver leaves early. Whatever is missing must be flagged. Work items that cannot hit anything are tested too.
 
 use std::collections::BTreeMap;
@@ -12,19 +12,19 @@ use palpate::internal::stages::depth::Path;
 use crate::harness::bodies::{Mesh, rigid, sphere, whole};
 use crate::harness::random::Random;
 use crate::harness::{assert_clean, context};
-use crate::stage::cross::{bumpy, contact_patch, crossed, meshes};
 use crate::stage::flow::Flow;
+use crate::stage::ray_hits::{bumpy, contact_patch, is_hit, meshes};
 
 const CONTACT_OVERFLOW: u32 = 4;
 
-/// Runs depth/cross with room for `crossings` hits: either all are found, or a flag says that some are missing.
-fn found_or_flagged(what: &str, mut flow: Flow, crossings: usize) {
-    flow.most_hits = crossings;
+/// Runs depth/ray_hits with room for `ray_hits` hits: either all are found, or a flag says that some are missing.
+fn found_or_flagged(what: &str, mut flow: Flow, ray_hits: usize) {
+    flow.most_hits = ray_hits;
     flow.embed();
     flow.cross();
-    let found: usize = crossed(&flow).values().map(BTreeMap::len).sum();
-    println!("{what}: {found} of {crossings} crossings, flags {}", flow.counts.flags);
-    let flags = if found < crossings { CONTACT_OVERFLOW } else { 0 };
+    let found: usize = is_hit(&flow).values().map(BTreeMap::len).sum();
+    println!("{what}: {found} of {ray_hits} ray_hits, flags {}", flow.counts.flags);
+    let flags = if found < ray_hits { CONTACT_OVERFLOW } else { 0 };
     assert_eq!((found, flow.counts.flags), (flow.counts.hits as usize, flags), "{what}");
 }
 
@@ -73,7 +73,7 @@ fn more_crossings_than_fit_are_flagged() {
         flow.embed();
         flow.cross();
         assert_eq!((flow.counts.hits, flow.counts.flags), (all, flags));
-        let listed: usize = crossed(&flow).values().map(BTreeMap::len).sum();
+        let listed: usize = is_hit(&flow).values().map(BTreeMap::len).sum();
         assert_eq!(listed, most.min(all as usize), "what fits is there");
     }
 }
@@ -95,12 +95,12 @@ fn more_crossings_than_fit_are_flagged_on_both_paths() {
                 QuerySettings { direction: Some(DVec3::Z), depth: Some(path), ..QuerySettings::of(&ball, &pile) };
             let mut query = Query::on_device(context(), &ball, &pile, &settings).unwrap();
             let answer = query.run((DVec3::ZERO, DQuat::IDENTITY), (DVec3::ZERO, DQuat::IDENTITY)).unwrap();
-            println!("{}, {layers} layers: {} crossings, flags {:?}", path.name(), answer.counts.hits, answer.flags);
+            println!("{}, {layers} layers: {} ray_hits, flags {:?}", path.name(), answer.counts.hits, answer.flags);
             assert_eq!(answer.flags.0 & CONTACT_OVERFLOW, flags, "{}, {layers} layers", path.name());
             assert!(answer.counts.hits > 1000);
         }
     }
-    assert_clean(context(), "more crossings than fit");
+    assert_clean(context(), "more ray_hits than fit");
 }
 
 #[test]

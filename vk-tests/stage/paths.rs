@@ -141,7 +141,7 @@ impl Query {
     /// Hits of one path on the ray of each vertex in the spatial hash, sorted, so that the order in which they were
     /// found does not matter: 2 * patch + side, triangle, bits of the depth, work item and front. `None` where a flag
     /// says that some are missing.
-    fn crossings(&self, path: usize, texel: f32, position: DVec3, orientation: DQuat) -> Option<Vec<Vec<[u32; 4]>>> {
+    fn ray_hits(&self, path: usize, texel: f32, position: DVec3, orientation: DQuat) -> Option<Vec<Vec<[u32; 4]>>> {
         let params = StepParams { depth_limit: 1.0, texel, ..StepParams::zeroed() };
         self.common.params.write(&[params]).unwrap();
         self.cull.pairs.write::<Pair>(&self.model.pairs).unwrap();
@@ -158,7 +158,7 @@ impl Query {
         self.skin.entry_hits.write(&vec![NONE; room]).unwrap();
         self.skin.entry_cells.write(&vec![[NONE; 2]; room]).unwrap();
         self.recordings[path].submit_and_wait().unwrap();
-        assert_clean(context(), "crossings");
+        assert_clean(context(), "ray_hits");
 
         let counts = self.common.counts.read::<Counts>().unwrap()[0];
         let first = self.skin.entry_hits.read::<u32>().unwrap();
@@ -177,7 +177,7 @@ impl Query {
         };
         let all: Vec<Vec<_>> = (0..hash_entries).map(list).collect();
         let found: usize = all.iter().map(Vec::len).sum();
-        assert_eq!(found, counts.hits as usize, "crossings on the lists, and counted");
+        assert_eq!(found, counts.hits as usize, "ray_hits on the lists, and counted");
         // Other flags may be raised: at some poses there are more directions than a pair has contact patches for.
         (!Flags(counts.flags).contains(Flags::CONTACT_OVERFLOW)).then_some(all)
     }
@@ -190,15 +190,15 @@ fn compare(body: Body, tool: &Body, poses: usize, texels: &[f32]) -> (usize, f32
     let vertices = skin.vertices.clone();
     let query = Query::new(&[body], tool);
     let mut random = Random(11);
-    let (mut crossings, mut squares) = (0, 0.0f32);
+    let (mut ray_hits, mut squares) = (0, 0.0f32);
     for pose in 0..poses {
         let vertex = vertices[random.below(vertices.len())];
         let position = vertex * (1.0 + 0.2 * random.next()) + 0.01 * random.vector();
         let orientation = random.turn(3.0);
         let texel = texels[pose % texels.len()];
-        let [compute, graphics] = [0, 1].map(|path| query.crossings(path, texel, position, orientation).unwrap());
-        assert!(compute == graphics, "pose {pose}: crossings differ, squares of {texel} m");
-        crossings += compute.iter().map(Vec::len).sum::<usize>();
+        let [compute, graphics] = [0, 1].map(|path| query.ray_hits(path, texel, position, orientation).unwrap());
+        assert!(compute == graphics, "pose {pose}: ray_hits differ, squares of {texel} m");
+        ray_hits += compute.iter().map(Vec::len).sum::<usize>();
         for contact_patch in query
             .cull
             .contact_patches
@@ -212,8 +212,8 @@ fn compare(body: Body, tool: &Body, poses: usize, texels: &[f32]) -> (usize, f32
             squares = squares.max(along(0)).max(along(1));
         }
     }
-    println!("{crossings} crossings, the same by both paths; up to {squares} squares a side");
-    (crossings, squares)
+    println!("{ray_hits} ray_hits, the same by both paths; up to {squares} squares a side");
+    (ray_hits, squares)
 }
 
 #[test]
@@ -224,14 +224,14 @@ fn both_paths_find_the_same_crossings_at_random_poses() {
     );
     let tool = prepare::tool(scene.tool.as_ref().unwrap(), &scene).unwrap();
     let pumpkin = prepare::body(&scene.bodies[0], &scene).unwrap();
-    let (crossings, _) = compare(pumpkin, &tool, 24, &[0.0, 1.0, 0.02, 0.002]);
-    assert!(crossings > 10_000, "{crossings}");
+    let (ray_hits, _) = compare(pumpkin, &tool, 24, &[0.0, 1.0, 0.02, 0.002]);
+    assert!(ray_hits > 10_000, "{ray_hits}");
     // This grid has as many cells as a patch may have along a side, so that its far end is used when rasterized. The
     // triangles are small: llvmpipe, Mesa's driver for CPUs, ends loops after 65,535 rounds, and an invocation of the
     // compute path must not look through more cells than that.
-    let (crossings, squares) = compare(tool.clone(), &tool, 6, &[1e-9]);
+    let (ray_hits, squares) = compare(tool.clone(), &tool, 6, &[1e-9]);
     let most = MOST_CELLS as f32;
-    assert!(crossings > 5_000 && squares > most - 0.01 && squares <= most, "{crossings} {squares}");
+    assert!(ray_hits > 5_000 && squares > most - 0.01 && squares <= most, "{ray_hits} {squares}");
 }
 
 #[test]
@@ -248,10 +248,10 @@ fn a_loop_that_the_device_leaves_early_is_flagged() {
     let prepare::Shape::Rigid { skin, .. } = &pumpkin.shape else { panic!("not rigid") };
     let (position, turn) = (skin.vertices[skin.vertices.len() / 2], DQuat::IDENTITY);
     let query = Query::new(&[pumpkin], &tool);
-    let all = query.crossings(0, 0.0, position, turn).unwrap();
+    let all = query.ray_hits(0, 0.0, position, turn).unwrap();
     let total: usize = all.iter().map(Vec::len).sum();
-    assert!(total > 1000, "{total} crossings");
-    let found = [0, 1].map(|path| query.crossings(path, 10.0, position, turn));
-    println!("{total} crossings; with one square for all, flagged: {:?}", found.each_ref().map(Option::is_none));
-    assert!(found.iter().flatten().all(|found| *found == all), "other crossings, and no flag says so");
+    assert!(total > 1000, "{total} ray_hits");
+    let found = [0, 1].map(|path| query.ray_hits(path, 10.0, position, turn));
+    println!("{total} ray_hits; with one square for all, flagged: {:?}", found.each_ref().map(Option::is_none));
+    assert!(found.iter().flatten().all(|found| *found == all), "other ray_hits, and no flag says so");
 }

@@ -1,4 +1,4 @@
-//! Kernel depth/cross leaves out triangles that no ray can reach, since all rays in their cells of the grid start on
+//! Kernel depth/ray_hits leaves out triangles that no ray can reach, since all rays in their cells of the grid start on
 //! the far side of them.
 
 use std::collections::BTreeSet;
@@ -8,7 +8,7 @@ use palpate::internal::shaders::NONE;
 use palpate_oracle::contact_patches::along;
 
 use crate::harness::random::Random;
-use crate::stage::cross::{axes, bumpy, contact_patch, crossed, meshes, search_depth_key, wide};
+use crate::stage::ray_hits::{axes, bumpy, contact_patch, is_hit, meshes, search_depth_key, wide};
 
 #[test]
 fn triangles_that_no_vertex_looks_as_far_back_as_are_left_out() {
@@ -25,7 +25,7 @@ fn triangles_that_no_vertex_looks_as_far_back_as_are_left_out() {
         flow.buckets[first] = key;
         flow.cross();
         assert_eq!(flow.counts.flags, 0);
-        let found: BTreeSet<u32> = crossed(&flow).values().flat_map(|list| list.keys().copied()).collect();
+        let found: BTreeSet<u32> = is_hit(&flow).values().flat_map(|list| list.keys().copied()).collect();
         let meets = |t: &u32| {
             let at = flow.model.triangles[*t as usize];
             let corners = [0, 1, 2].map(|k| wide(flow.skin[at[k] as usize][..3].try_into().unwrap()));

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use palpate::internal::prepare::{Embedding, Layer};
 
-use crate::rays::{Crossing, Rays};
+use crate::rays::{RayHit, Rays};
 use crate::skin;
 
 /// Hit of a skin vertex's ray, along the normal of the contact patch, on the other skin.
@@ -141,7 +141,7 @@ pub fn ray_depths(
     let facing = skin::normals(a_positions, a_triangles);
     let hit = |(x, m): (&DVec3, &DVec3)| {
         let first = if m.dot(normal) > 0.0 { rays.first(*x)? } else { return None };
-        let Crossing { depth, triangle, barycentric, leaves } = first;
+        let RayHit { depth, triangle, barycentric, leaves } = first;
         (leaves && depth <= depth_limit).then_some(Hit { depth, triangle, barycentric })
     };
     a_positions.iter().zip(&facing).map(hit).collect()

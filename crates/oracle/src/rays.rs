@@ -7,7 +7,7 @@ use crate::skin;
 
 /// The first hit of a ray on a skin.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Crossing {
+pub struct RayHit {
     /// Distance from the ray's start, m, positive.
     pub depth: f64,
     /// The triangle that is hit; the lower one where the ray hits two at once (on an edge or a vertex).
@@ -44,7 +44,7 @@ impl<'a> Rays<'a> {
     }
 
     /// First hit of the ray from `x` along -`normal`.
-    pub fn first(&self, x: DVec3) -> Option<Crossing> {
+    pub fn first(&self, x: DVec3) -> Option<RayHit> {
         let (at, height) = (self.plane.project(x), self.plane.normal.dot(x));
         let mut best: Option<(f64, u32, [f64; 3])> = None;
         for &t in self.cells.around(at) {
@@ -59,7 +59,7 @@ impl<'a> Rays<'a> {
         }
         let (depth, triangle, barycentric) = best?;
         let outward = skin::area_vector(self.positions, &self.triangles[triangle as usize]);
-        Some(Crossing { depth, triangle, barycentric, leaves: outward.dot(self.plane.normal) < 0.0 })
+        Some(RayHit { depth, triangle, barycentric, leaves: outward.dot(self.plane.normal) < 0.0 })
     }
 }
 

@@ -31,7 +31,7 @@ impl Flow {
             .input("fans", &some(&model.fans))
             .input("areas", &some(&model.skin_areas))
             .input("entry_hits", &some(&self.entry_hits))
-            .input("hits", &some(&self.crossings))
+            .input("hits", &some(&self.ray_hits))
             .partial("candidate_hits", &vec![[9.0f32; 4]; count])
             .partial("candidate_what", &vec![[NONE; 4]; count])
             .partial("candidate_normals", &vec![[0.0f32; 4]; count])

@@ -74,7 +74,7 @@ pub struct Flow {
     pub entry_hits: Vec<u32>,
     pub entry_cells: Vec<[u32; 2]>,
     /// Ray hits: triangle, next hit on the ray, bits of the depth, work item and front.
-    pub crossings: Vec<[u32; 4]>,
+    pub ray_hits: Vec<[u32; 4]>,
     pub hits: Vec<[f32; 4]>,
     pub what: Vec<[u32; 4]>,
     pub normals: Vec<[f32; 4]>,
@@ -190,7 +190,7 @@ impl Flow {
             hash_entries: vec![],
             entry_hits: vec![],
             entry_cells: vec![],
-            crossings: vec![],
+            ray_hits: vec![],
             hits: vec![],
             what: vec![],
             normals: vec![],

@@ -219,10 +219,10 @@ impl Flow {
         self.entry_cells = out.get("entry_cells");
     }
 
-    /// Runs depth/cross, the compute path.
+    /// Runs depth/ray_hits, the compute path.
     pub fn cross(&mut self) {
         let model = &self.model;
-        let out = case("depth/cross")
+        let out = case("depth/ray_hits")
             .size(Size::Reduce)
             .constant("BUCKETS", self.bucket_count)
             .constant("MOST_HITS", self.most_hits as u32)
@@ -244,6 +244,6 @@ impl Flow {
             .run();
         self.counts = out.get("counts")[0];
         self.entry_hits = out.get("entry_hits");
-        self.crossings = out.get("hits");
+        self.ray_hits = out.get("hits");
     }
 }

@@ -92,7 +92,7 @@ struct Field {
 }
 
 /// A hit of the line through a pixel with a surface.
-struct Crossing {
+struct RayHit {
     pixel: u32,
     body: u8,
     height: f64,
@@ -140,23 +140,23 @@ impl Field {
     }
 
     fn fill(&mut self, solids: [&Solid; 2]) {
-        let mut crossings = Vec::new();
+        let mut ray_hits = Vec::new();
         for (body, solid) in solids.into_iter().enumerate() {
-            solid.corners().for_each(|corners| self.cross(body as u8, corners, &mut crossings));
+            solid.corners().for_each(|corners| self.cross(body as u8, corners, &mut ray_hits));
         }
-        crossings.sort_by(|x, y| x.pixel.cmp(&y.pixel).then(x.height.total_cmp(&y.height)));
+        ray_hits.sort_by(|x, y| x.pixel.cmp(&y.pixel).then(x.height.total_cmp(&y.height)));
         self.depth = vec![0.0; SIDE * SIDE];
         self.covered = vec![[false; 2]; SIDE * SIDE];
-        for line in crossings.chunk_by(|x, y| x.pixel == y.pixel) {
+        for line in ray_hits.chunk_by(|x, y| x.pixel == y.pixel) {
             let at = line[0].pixel as usize;
             let (mut inside, mut since) = ([0_i32; 2], 0.0);
-            for crossing in line {
-                self.covered[at][crossing.body as usize] = true;
+            for ray_hit in line {
+                self.covered[at][ray_hit.body as usize] = true;
                 let was_in_both = inside.iter().all(|n| *n > 0);
-                inside[crossing.body as usize] += if crossing.enters { 1 } else { -1 };
+                inside[ray_hit.body as usize] += if ray_hit.enters { 1 } else { -1 };
                 match (was_in_both, inside.iter().all(|n| *n > 0)) {
-                    (false, true) => since = crossing.height,
-                    (true, false) => self.depth[at] = self.depth[at].max(crossing.height - since),
+                    (false, true) => since = ray_hit.height,
+                    (true, false) => self.depth[at] = self.depth[at].max(ray_hit.height - since),
                     _ => {}
                 }
             }
@@ -164,7 +164,7 @@ impl Field {
     }
 
     /// Adds the hits of all pixels' lines with a triangle.
-    fn cross(&self, body: u8, corners: [DVec3; 3], crossings: &mut Vec<Crossing>) {
+    fn cross(&self, body: u8, corners: [DVec3; 3], ray_hits: &mut Vec<RayHit>) {
         let p = corners.map(|x| self.project(x));
         let edge = |a: DVec3, b: DVec3, x: f64, y: f64| (b.x - a.x) * (y - a.y) - (b.y - a.y) * (x - a.x);
         let area = edge(p[0], p[1], p[2].x, p[2].y);
@@ -184,7 +184,7 @@ impl Field {
                     let height = w[0] * p[0].z + w[1] * p[1].z + w[2] * p[2].z;
                     // Rows run down, so that faces towards the viewer have a negative area; there the line leaves the
                     // body.
-                    crossings.push(Crossing { pixel: (row * SIDE + column) as u32, body, height, enters: area > 0.0 });
+                    ray_hits.push(RayHit { pixel: (row * SIDE + column) as u32, body, height, enters: area > 0.0 });
                 }
             }
         }

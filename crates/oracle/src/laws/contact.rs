@@ -31,7 +31,7 @@ pub(super) fn sphere(radius: f64, centre: DVec3, levels: usize) -> (Vec<DVec3>, 
 
 /// Depth of `x` below a skin along `normal`, by a plane equation for every triangle, without a grid.
 fn brute(normal: DVec3, x: DVec3, positions: &[DVec3], triangles: &[[u32; 3]]) -> Option<f64> {
-    let crossing = |t: &[u32; 3]| {
+    let ray_hit = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|i| positions[i as usize]);
         let m = (b - a).cross(c - a);
         let depth = m.dot(x - a) / m.dot(normal);
@@ -39,7 +39,7 @@ fn brute(normal: DVec3, x: DVec3, positions: &[DVec3], triangles: &[[u32; 3]]) -
         let inside = [(a, b), (b, c), (c, a)].iter().all(|(s, e)| (*e - *s).cross(p - *s).dot(m) >= 0.0);
         (inside && depth > 0.0).then_some((depth, m.dot(normal) < 0.0))
     };
-    let (depth, leaves) = triangles.iter().filter_map(crossing).reduce(|p, q| if q.0 < p.0 { q } else { p })?;
+    let (depth, leaves) = triangles.iter().filter_map(ray_hit).reduce(|p, q| if q.0 < p.0 { q } else { p })?;
     leaves.then_some(depth)
 }
 

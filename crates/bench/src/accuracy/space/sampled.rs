@@ -43,7 +43,7 @@ impl Pose<'_> {
     }
 
     fn depth(&self, rays: &Rays, x: DVec3) -> f64 {
-        rays.first(x).filter(|crossing| crossing.leaves).map_or(0.0, |crossing| crossing.depth)
+        rays.first(x).filter(|ray_hit| ray_hit.leaves).map_or(0.0, |ray_hit| ray_hit.depth)
     }
 
     fn sum(&self, depth: impl Fn(DVec3) -> f64) -> f64 {

@@ -13,7 +13,7 @@ const uint TURNS = 8;
 
 // Puts a hit at the head of a vertex's list: its triangle, the next hit, its depth, the triangle's work item, and
 // whether the triangle is a front face, one through which the ray leaves the other body.
-void record_crossing(uint hash_entry, bool front, float depth, uint triangle, uint work_item) {
+void record_ray_hit(uint hash_entry, bool front, float depth, uint triangle, uint work_item) {
     uint hit = atomicAdd(counts.hits, 1);
     if (hit < MOST_HITS) {
         uint next = atomicExchange(entry_hits[hash_entry], hit);
@@ -26,13 +26,13 @@ void record_crossing(uint hash_entry, bool front, float depth, uint triangle, ui
 // Tests a triangle against all vertices in the cells from `first` to `last`; `corners` are along the patch's axes,
 // `side` and `work_item` the triangle's. One loop goes from list to list as well as along each list, so that no lane waits
 // for others at a list's end. Returns the number of lists whose end was reached.
-uint cross_cells(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint side, uint triangle, uint work_item) {
+uint hit_cells(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint side, uint triangle, uint work_item) {
     ivec2 cell = ivec2(first.x - 1, first.y);
     uint left = uint(last.x - first.x + 1) * uint(last.y - first.y + 1), ended = 0, hash_entry = NONE;
     while (hash_entry < ALL_ENTRIES || left > 0) {
         uint at, turns = 0;
         float sum, volume;
-        bool crossed = false;
+        bool is_hit = false;
         do {
             if (hash_entry >= ALL_ENTRIES) {
                 bool wraps = cell.x == last.x;
@@ -54,17 +54,17 @@ uint cross_cells(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint
                 sum = b_sum;
                 volume = b_heights;
                 // A hit lies behind the vertex: against the normal for a vertex of a, along it for a vertex of b.
-                crossed = (all(greaterThanEqual(b, vec3(0.0))) && (side == 1 ? volume < 0.0 : volume > 0.0))
+                is_hit = (all(greaterThanEqual(b, vec3(0.0))) && (side == 1 ? volume < 0.0 : volume > 0.0))
                     || (all(lessThanEqual(b, vec3(0.0))) && (side == 1 ? volume > 0.0 : volume < 0.0));
                 hash_entry = found.w;
             }
             if (hash_entry == NONE) ended++;
             turns++;
-        } while (!crossed && turns < TURNS && (hash_entry < ALL_ENTRIES || left > 0));
+        } while (!is_hit && turns < TURNS && (hash_entry < ALL_ENTRIES || left > 0));
         precise float depth = (side == 1 ? -volume : volume) / sum;
         // A bucket may hold vertices of several cells that the triangle covers: a hit counts in the vertex's cell.
-        if (crossed && depth > 0.0 && entry_cells[at] == cell_key(cell, patch_side)) {
-            record_crossing(at, side == 1 ? sum < 0.0 : sum > 0.0, depth, triangle, work_item);
+        if (is_hit && depth > 0.0 && entry_cells[at] == cell_key(cell, patch_side)) {
+            record_ray_hit(at, side == 1 ? sum < 0.0 : sum > 0.0, depth, triangle, work_item);
         }
     }
     return ended;

@@ -6,7 +6,7 @@
 
 // Depth, narrow phase, compute path: finds where the rays of skin vertices hit the triangles of the opposing skin. For
 // each triangle of an active chunk, front and back faces alike, it visits the cells of the contact patch's spatial hash
-// that the triangle covers, and tests the vertices there (shared/crossing.glsl). Hits go onto a list of their vertex.
+// that the triangle covers, and tests the vertices there (shared/ray_hit.glsl). Hits go onto a list of their vertex.
 // One workgroup a work item (chunk, patch). Oracle: oracle::contact::ray_depths; its test tries all pairs.
 
 layout(local_size_x_id = 0) in;
@@ -32,7 +32,7 @@ layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 #include "shared/spatial_hash.glsl"
 #include "shared/depth_grid.glsl"
 #include "shared/covered_cells.glsl"
-#include "shared/crossing.glsl"
+#include "shared/ray_hit.glsl"
 
 // Cells above which all lanes share a triangle.
 const uint SHARED = 32;
@@ -79,7 +79,7 @@ void main() {
         box_cells(contact_patch, side, triangle, corners, first, last);
         due += count_of(first, last);
         done++;
-        done += cross_cells(first, last, 2 * work_item.y + other, corners, side, triangle, gl_WorkGroupID.x);
+        done += hit_cells(first, last, 2 * work_item.y + other, corners, side, triangle, gl_WorkGroupID.x);
     }
     // Large triangles: all lanes share the cells of each.
     due += large_count;
@@ -91,7 +91,7 @@ void main() {
         done++;
         for (uint c = lane; c < count; c += SIZE) {
             ivec2 cell = first + ivec2(c % width, c / width);
-            done += cross_cells(cell, cell, 2 * work_item.y + other, corners, side, triangle, gl_WorkGroupID.x);
+            done += hit_cells(cell, cell, 2 * work_item.y + other, corners, side, triangle, gl_WorkGroupID.x);
         }
     }
     if (done != due) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);

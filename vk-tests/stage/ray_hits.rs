@@ -1,5 +1,5 @@
 //! Kernels skin/embed, which puts skin vertices into a spatial hash in the plane of their contact patch, and
-//! depth/cross, which finds the triangles that the vertices' rays hit: every vertex that a patch sees is in one list of
+//! depth/ray_hits, which finds the triangles that the vertices' rays hit: every vertex that a patch sees is in one list of
 //! the hash, hits agree with f64, and no ray slips through at edges and corners. A bin is an entry of the hash: one
 //! vertex of a work item (a chunk of the skin in a patch).
 
@@ -140,7 +140,7 @@ fn check_hash_entries(flow: &Flow) -> usize {
             assert!(!listed.contains_key(&(hash_entry as u32)) && flow.entry_hits[hash_entry] == NONE - 1);
             continue;
         }
-        assert_eq!(flow.entry_hits[hash_entry], NONE, "no crossing yet");
+        assert_eq!(flow.entry_hits[hash_entry], NONE, "no ray_hit yet");
         let (r, side) = (*patch_side as usize / 2, *patch_side as usize % 2);
         let contact_patch = &flow.contact_patches[r];
         let x = flow.skin[*vertex as usize];
@@ -186,13 +186,13 @@ fn check_hash_entries(flow: &Flow) -> usize {
 }
 
 /// For each bin, the triangles that its ray hits, with depth and whether the front is hit.
-pub fn crossed(flow: &Flow) -> BTreeMap<usize, BTreeMap<u32, (f64, bool)>> {
+pub fn is_hit(flow: &Flow) -> BTreeMap<usize, BTreeMap<u32, (f64, bool)>> {
     let mut all = BTreeMap::new();
     for (hash_entry, first) in flow.entry_hits.iter().enumerate().filter(|(_, first)| **first < NONE - 1) {
         let list: &mut BTreeMap<u32, (f64, bool)> = all.entry(hash_entry).or_default();
         let mut hit = *first;
         while hit != NONE {
-            let [triangle, next, depth, what] = flow.crossings[hit as usize];
+            let [triangle, next, depth, what] = flow.ray_hits[hit as usize];
             let work_item = flow.work_items[what as usize >> 1];
             let chunk = &flow.model.chunks[flow.active_chunks[work_item[0] as usize].chunk as usize];
             let own = &flow.model.chunk_triangles[chunk.triangle_first as usize..][..chunk.triangle_count as usize];
@@ -206,8 +206,8 @@ pub fn crossed(flow: &Flow) -> BTreeMap<usize, BTreeMap<u32, (f64, bool)>> {
 }
 
 /// Compares hits of every vertex's ray with every triangle of the other side with f64. Returns the number of hits.
-fn check_crossings(flow: &Flow) -> usize {
-    let (known, found) = (hash_entries(flow), crossed(flow));
+fn check_ray_hits(flow: &Flow) -> usize {
+    let (known, found) = (hash_entries(flow), is_hit(flow));
     let (mut count, nothing) = (0, BTreeMap::new());
     let chunks = flow.active_chunks.iter().flat_map(|entry| {
         let chunk = &flow.model.chunks[entry.chunk as usize];
@@ -288,8 +288,8 @@ fn soups_of_triangles_cross_what_f64_says() {
             let listed = check_hash_entries(&flow);
             flow.cross();
             assert_eq!(flow.counts.flags, 0);
-            let crossings = check_crossings(&flow);
-            assert!(n < 65 || (listed > n && crossings > n), "{n}: {listed} in lists, {crossings} crossings");
+            let ray_hits = check_ray_hits(&flow);
+            assert!(n < 65 || (listed > n && ray_hits > n), "{n}: {listed} in lists, {ray_hits} ray_hits");
         }
     }
 }
@@ -327,7 +327,7 @@ fn rays_through_edges_and_corners_meet_a_triangle() {
             };
             flow.embed();
             flow.cross();
-            let found = crossed(&flow);
+            let found = is_hit(&flow);
             let side = u32::from(turned);
             let known = hash_entries(&flow);
             let looking = known.iter().enumerate().filter(|(_, known)| known.0 != NONE && known.1 == side);
@@ -351,9 +351,9 @@ fn rays_next_to_edges_in_any_direction_meet_a_triangle() {
         let mut flow = meshes([&points, &placed], &[up]);
         flow.embed();
         flow.cross();
-        let found = crossed(&flow);
+        let found = is_hit(&flow);
         assert!((0..points.0.len()).all(|v| found.contains_key(&v)), "a ray slips through");
-        assert!(check_crossings(&flow) > points.0.len() / 4);
+        assert!(check_ray_hits(&flow) > points.0.len() / 4);
     }
 }
 
@@ -367,7 +367,7 @@ fn triangles_without_area_cross_nothing_and_hide_nothing() {
         let mut flow = meshes([&points, mesh], &[up]);
         flow.embed();
         flow.cross();
-        assert!(flow.crossings.iter().take(flow.counts.hits as usize).all(|h| f32::from_bits(h[2]).is_finite()));
+        assert!(flow.ray_hits.iter().take(flow.counts.hits as usize).all(|h| f32::from_bits(h[2]).is_finite()));
         flow.counts.hits
     };
     let before = count(&mesh);
