@@ -1,13 +1,13 @@
 // Operator and preconditioner products in the six rows of a rigid body (dynamic core, or the tool). Needs `params`,
-// `frames`, `rigids`, `rigid_inverses`, `iterates`, `solve`, `restricted_image`, BLOCKS, RIGIDS, TOOL,
+// `frames`, `rigids`, `rigid_inverses`, `iterates`, `solve`, `restricted_product`, BLOCKS, RIGIDS, TOOL,
 // shared/rotation.glsl, shared/twist.glsl, shared/six.glsl and shared/rigid_inverse.glsl.
 
 // Operator product A x of the newest iterate, in the rows of a rigid body.
-float[6] image_of(uint index) {
+float[6] product_of(uint index) {
     bool is_tool = TOOL && index == RIGIDS - 1;
     uint first = is_tool ? BLOCKS : rigids[index].slot_first, count = is_tool ? 1 : rigids[index].block_count;
     vec4 turn = is_tool ? vec4(0.0, 0.0, 0.0, 1.0) : frames[rigids[index].frame].rotation;
-    float y[6] = twist_of_restricted_image(first, count, turn);
+    float y[6] = twist_of_restricted_product(first, count, turn);
     if (is_tool) {
         float own[6] = times(params.tool_matrix, iterates[solve.current * RIGIDS + index].x);
         for (int k = 0; k < 6; k++) y[k] += own[k];
@@ -15,13 +15,13 @@ float[6] image_of(uint index) {
     return y;
 }
 
-// M^-1 b of a rigid body's group, or M^-1 times its `image` (A x or b - A x); the six rows of that body.
-float[6] preconditioned_rows(uint index, bool of_image) {
+// M^-1 b of a rigid body's group, or M^-1 times its `operator_product` (A x or b - A x); the six rows of that body.
+float[6] preconditioned_rows(uint index, bool of_product) {
     uint first = rigids[index].group_first, count = rigids[index].group_count, row = inverse_row(index, 0);
     float z[6] = float[6](0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (uint k = 0; k < count; k++) {
         for (uint j = 0; j < 6; j++) {
-            float v = of_image ? rigids[first + k].image[j] : rigids[first + k].b[j];
+            float v = of_product ? rigids[first + k].operator_product[j] : rigids[first + k].b[j];
             for (uint i = 0; i < 6; i++) z[i] += rigid_inverses[row + 6 * (count * i + k) + j] * v;
         }
     }

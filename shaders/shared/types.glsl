@@ -62,7 +62,7 @@ struct Rigid {
     uint inverse_first;         // where its group's inverse begins in rigid_inverses
     float rounding;             // e . M^-1 e, where e sums the magnitudes of the terms of b
     float b[6];                 // right-hand side of its six rows, N s and N m s
-    float image[6];             // operator product A x before the iterations, residual b - A x after them
+    float operator_product[6];             // operator product A x before the iterations, residual b - A x after them
     float leftover[6];          // carried residual: b - A x of the last accepted step, which the next b includes
 };
 

@@ -21,16 +21,16 @@ READ_ONLY(vec4, block_places);                          // middle of a block in 
 READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, rhs);
-READ_ONLY(vec4, image);            // A x'
+READ_ONLY(vec4, operator_product);            // A x'
 READ_ONLY(vec4, inverse);
 READ_ONLY(vec4, coarse_rhs);       // A_c^-1 P^T b, three texels a block
-READ_ONLY(vec4, coarse_image);     // A_c^-1 P^T A x'
+READ_ONLY(vec4, coarse_product);     // A_c^-1 P^T A x'
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) buffer Solution { vec4 solution[]; };      // x', becomes x
 layout(scalar) writeonly buffer Residual { vec4 residual[]; };
 layout(scalar) writeonly buffer Preconditioned { vec4 preconditioned[]; };
 layout(scalar) writeonly buffer Direction { vec4 direction[]; };                          // search direction p
-layout(scalar) writeonly buffer DirectionImage { vec4 direction_image[]; };               // A p
+layout(scalar) writeonly buffer DirectionProduct { vec4 direction_product[]; };               // A p
 layout(scalar) writeonly buffer RestrictedDirection { vec4 restricted_direction[]; };     // P^T A p, in two sets
 
 #include "shared/blocks.glsl"
@@ -44,7 +44,7 @@ Modes coarse_start(uint slot, vec4 turn) {
     vec4 z[3];
     for (int k = 0; k < 3; k++) {
         z[k] = fetch(coarse_rhs, 3 * slot + k);
-        if (solve.warm != 0.0) z[k] -= solve.warm * fetch(coarse_image, 3 * slot + k);
+        if (solve.warm != 0.0) z[k] -= solve.warm * fetch(coarse_product, 3 * slot + k);
     }
     return to_world(unpacked(z[0], z[1], z[2]), turn);
 }
@@ -63,7 +63,7 @@ void main() {
         uint i = block_node(block, at).x;
         vec3 rest = fetch(node_rest, i).xyz;
         direction[i] = vec4(0.0);
-        direction_image[i] = vec4(0.0);
+        direction_product[i] = vec4(0.0);
         if (block.rigid != NONE) {
             vec3 arm = rotate(turn, rest);
             solution[i] = vec4(carry(iterates[block.rigid].x, arm), 0.0);
@@ -73,7 +73,7 @@ void main() {
         }
         vec3 r = fetch(rhs, i).xyz;
         // The product is skipped where the factor is zero, because the last solution may hold NaN after a failed step.
-        if (solve.warm != 0.0) r -= solve.warm * fetch(image, i).xyz;
+        if (solve.warm != 0.0) r -= solve.warm * fetch(operator_product, i).xyz;
         vec3 u = precondition(i, r, modes, (rest - place.xyz) * place.w);
         solution[i] = solve.warm != 0.0 ? solve.warm * solution[i] : vec4(0.0);
         residual[i] = vec4(r, 0.0);

@@ -17,9 +17,9 @@ READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(uvec4, coarse_inverse);
 READ_ONLY(vec4, coarse_scales);
 READ_ONLY(vec4, restricted_rhs);           // P^T b, three texels a block; after the loop P^T (b - A x)
-READ_ONLY(vec4, restricted_image);         // P^T A x
+READ_ONLY(vec4, restricted_product);         // P^T A x
 layout(scalar) writeonly buffer CoarseRhs { vec4 coarse_rhs[]; };          // z_b = A_c^-1 P^T b, three texels a block
-layout(scalar) writeonly buffer CoarseImage { vec4 coarse_image[]; };      // z_Ax = A_c^-1 P^T A x
+layout(scalar) writeonly buffer CoarseProduct { vec4 coarse_product[]; };      // z_Ax = A_c^-1 P^T A x
 layout(scalar) writeonly buffer CoarseDots { vec4 coarse_dots[]; };        // b . z_b, A x . z_b, A x . z_Ax of a block
 
 const uint SUMS = 6;
@@ -34,20 +34,20 @@ vec4 scaled_rhs(CoarseBlock block, uint k) {
 }
 
 // Four scaled modes of P^T A x, at texel k of the body; zero beyond its end.
-vec4 scaled_image(CoarseBlock block, uint k) {
+vec4 scaled_product(CoarseBlock block, uint k) {
     uint at = block.first + k;
-    return k < block.texels ? coarse_scale(at) * fetch(restricted_image, at) : vec4(0.0);
+    return k < block.texels ? coarse_scale(at) * fetch(restricted_product, at) : vec4(0.0);
 }
 
 void main() {
     uint b = gl_WorkGroupID.x;
     CoarseBlock block = coarse_block(b);
-    vec4 of_rhs[3] = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0)), of_image[3] = of_rhs;
+    vec4 of_rhs[3] = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0)), of_product[3] = of_rhs;
     for (uint k = gl_LocalInvocationID.x; k < row_texels(block); k += SIZE) {
         add_products(of_rhs, block, k, scaled_rhs(block, 2 * k), scaled_rhs(block, 2 * k + 1));
-        if (WARM) add_products(of_image, block, k, scaled_image(block, 2 * k), scaled_image(block, 2 * k + 1));
+        if (WARM) add_products(of_product, block, k, scaled_product(block, 2 * k), scaled_product(block, 2 * k + 1));
     }
-    vec4 totals[SUMS] = vec4[SUMS](of_rhs[0], of_rhs[1], of_rhs[2], of_image[0], of_image[1], of_image[2]);
+    vec4 totals[SUMS] = vec4[SUMS](of_rhs[0], of_rhs[1], of_rhs[2], of_product[0], of_product[1], of_product[2]);
     workgroup_sums(totals, WARM ? 6 : 3);
     if (gl_LocalInvocationID.x != 0) return;
     vec4 sums = vec4(0.0);
@@ -57,10 +57,10 @@ void main() {
         coarse_rhs[at] = scale * totals[row];
         sums.x += block.texels > 0 ? dot(fetch(restricted_rhs, at), scale * totals[row]) : 0.0;
         if (!WARM) continue;
-        coarse_image[at] = scale * totals[3 + row];
+        coarse_product[at] = scale * totals[3 + row];
         if (block.texels == 0) continue;
-        vec4 image = fetch(restricted_image, at);
-        sums.yz += vec2(dot(image, scale * totals[row]), dot(image, scale * totals[3 + row]));
+        vec4 operator_product = fetch(restricted_product, at);
+        sums.yz += vec2(dot(operator_product, scale * totals[row]), dot(operator_product, scale * totals[3 + row]));
     }
     coarse_dots[b] = sums;
 }

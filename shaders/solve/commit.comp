@@ -22,7 +22,7 @@ layout(scalar) readonly buffer Frames { Frame frames[]; };
 READ_ONLY(uvec4, node_info);       // frame in z; NODE_* of shared/held.glsl in w
 READ_ONLY(vec4, solution);
 READ_ONLY(vec4, rhs);
-READ_ONLY(vec4, image);            // A x
+READ_ONLY(vec4, operator_product);            // A x
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
@@ -36,7 +36,7 @@ void main() {
     uvec4 info = fetch(node_info, i);
     if (info.w != NODE_FREE) return;
     vec3 v = velocity[i].xyz + fetch(solution, i).xyz;
-    leftover[i] = fetch(rhs, i) - fetch(image, i);
+    leftover[i] = fetch(rhs, i) - fetch(operator_product, i);
     velocity[i] = vec4(v, 0.0);
     Frame frame = frames[info.z];
     if (RIGIDS > 0 && frame.core != NONE) {

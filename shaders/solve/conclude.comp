@@ -28,7 +28,7 @@ layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Dots { vec2 dots[]; };              // inner products of solve/gather, GATHER_END
 layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };      // inner products of solve/coarse
-READ_ONLY(vec4, restricted_image);     // P^T A x
+READ_ONLY(vec4, restricted_product);     // P^T A x
 READ_ONLY(vec4, contact_forces);       // output of solve/press for the solution
 layout(scalar) readonly buffer Iterations { Iteration iterations[2]; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
@@ -53,16 +53,16 @@ shared float deepest[SIZE];
 #include "shared/sum.glsl"
 #include "shared/settle.glsl"
 #include "shared/twist.glsl"
-TWIST_OF(restricted_image)
+TWIST_OF(restricted_product)
 #include "shared/rigid_inverse.glsl"
 #include "shared/rigid.glsl"
 #include "shared/contact_law.glsl"
 
-// Writes a rigid body's residual b - A x into its `image`, and its change of twist for the host.
+// Writes a rigid body's residual b - A x into its `operator_product`, and its change of twist for the host.
 void leave_undone(uint index) {
-    float y[6] = image_of(index), x[6] = iterates[solve.current * RIGIDS + index].x;
+    float y[6] = product_of(index), x[6] = iterates[solve.current * RIGIDS + index].x;
     for (int k = 0; k < 6; k++) {
-        rigids[index].image[k] = rigids[index].b[k] - y[k];
+        rigids[index].operator_product[k] = rigids[index].b[k] - y[k];
         if (TOOL && index == RIGIDS - 1) report.tool_change[k] = x[k];
         else core_changes[6 * index + k] = x[k];
     }
@@ -90,7 +90,7 @@ void main() {
     for (uint index = lane; index < RIGIDS; index += SIZE) leave_undone(index);
     settle();
     for (uint index = lane; index < RIGIDS; index += SIZE) {
-        sums.x += inner(rigids[index].image, preconditioned_rows(index, true));
+        sums.x += inner(rigids[index].operator_product, preconditioned_rows(index, true));
     }
     sums = workgroup_sum(sums);
     bool again = solve.status != STATUS_RUNNING && sums.z > 0.0 && solve.retries < MAX_RETRIES;
@@ -146,7 +146,7 @@ void main() {
             solve.retries = 0;
         }
         bool done = verdict == VERDICT_DONE;
-        for (uint index = 0; index < RIGIDS && done; index++) rigids[index].leftover = rigids[index].image;
+        for (uint index = 0; index < RIGIDS && done; index++) rigids[index].leftover = rigids[index].operator_product;
         args[3 * ARGS_COMMIT] = done ? groups_of(NODES) : 0;
         args[3 * ARGS_WRENCH] = done ? 1 : 0;
         args[3 * ARGS_GAP] = done && params.is_held != 0 ? SKIN_PARTS : 0;

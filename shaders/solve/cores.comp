@@ -74,7 +74,7 @@ void add_joint_block(uint joint, uint to, uint from, inout float block[36]) {
     }
 }
 
-// Writes a core's block, its right-hand side, and, into its `image`, the magnitudes of the terms of the latter.
+// Writes a core's block, its right-hand side, and, into its `operator_product`, the magnitudes of the terms of the latter.
 void assemble(uint c) {
     Rigid core = rigids[c];
     vec4 turn = frames[core.frame].rotation;
@@ -119,7 +119,7 @@ void assemble(uint c) {
     }
     for (int k = 0; k < 36; k++) rigid_blocks[CORE_NUMBERS * c + k] = block[k];
     rigids[c].b = twist_of_restricted_rhs(core.slot_first, core.block_count, turn);
-    rigids[c].image =
+    rigids[c].operator_product =
         float[6](force_size.x, force_size.y, force_size.z, torque_size.x, torque_size.y, torque_size.z);
 }
 
@@ -189,7 +189,7 @@ void main() {
     uint base = rigids[first].inverse_first;
     for (uint c = first; c < first + count; c++) spread(c, first, count, base);
     for (uint k = gl_LocalInvocationID.x; k < count; k += SIZE) {
-        float rounding = 0.0, e[6] = rigids[first + k].image;
+        float rounding = 0.0, e[6] = rigids[first + k].operator_product;
         for (uint i = 0; i < 6; i++) rounding += e[i] * (e[i] * rigid_inverses[base + (6 * k + i) * (6 * count + 1)]);
         rigids[first + k].rounding = rounding;
     }

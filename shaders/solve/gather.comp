@@ -53,9 +53,9 @@ READ_ONLY(vec4, residual_or_rhs);
 READ_ONLY(vec4, inverse);         // D^-1, two texels a node
 layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar) writeonly buffer Image { vec4 image[]; };      // w
+layout(scalar) writeonly buffer OperatorProduct { vec4 operator_product[]; };      // w
 layout(scalar) writeonly buffer Dots { vec2 dots[]; };
-layout(scalar) writeonly buffer RestrictedImage { vec4 restricted_image[]; };         // P^T w, three texels a block
+layout(scalar) writeonly buffer RestrictedProduct { vec4 restricted_product[]; };         // P^T w, three texels a block
 layout(scalar) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 READ_ONLY(vec4, coarse_scales);
@@ -125,7 +125,7 @@ float lost_in_joints(uint index, Rigid rigid) {
 }
 
 // Products at the nodes of a block; adds their share of the inner products, and of the sums over modes in world axes.
-void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_residual) {
+void gather_block(uint b, inout vec3 sums, inout Modes of_product, inout Modes of_residual) {
     Block block = block_of(b);
     vec4 place = fetch(block_places, b), turn = fetch(block_turns, b);
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
@@ -135,10 +135,10 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_
         vec3 p = fetch(change, i).xyz;
         vec3 w = (rest.w + params.dt * node_damping(node)) * p + gather_elements(node.y, node.z);
         if (CONTACT) w += gather_contacts(node.x);
-        image[i] = vec4(w, 0.0);
+        operator_product[i] = vec4(w, 0.0);
         if (ROLE == CARRIED_NODES) {
-            of_image.c0 += w;
-            of_image.c1 += cross(rotate(turn, rest.xyz), w);
+            of_product.c0 += w;
+            of_product.c1 += cross(rotate(turn, rest.xyz), w);
             if (MODE == GATHER_LOOP) sums.y += dot(w, p);
             continue;
         }
@@ -157,7 +157,7 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_
         }
         if (COARSE) {
             vec3 where = (rest.xyz - place.xyz) * place.w;
-            if (MODE != GATHER_END) add_modes(of_image, w, where);
+            if (MODE != GATHER_END) add_modes(of_product, w, where);
             if (MODE != GATHER_WARM) add_modes(of_residual, r, where);
         }
     }
@@ -167,23 +167,23 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_
         // The virtual coupling's product, in the rows of the held core.
         RigidIterate now = iterates[(MODE == GATHER_LOOP ? set : solve.current) * RIGIDS + HELD];
         float p[6] = MODE == GATHER_LOOP ? now.u : now.x, own[6] = times(params.tool_matrix, p);
-        of_image.c0 += three(own, 0);
-        of_image.c1 += three(own, 3);
+        of_product.c0 += three(own, 0);
+        of_product.c1 += three(own, 3);
         if (MODE == GATHER_LOOP) sums.y += inner(own, p);
     }
     if (JOINTS && b == rigid.block_first && gl_LocalInvocationID.x == 0) {
         vec3 force = vec3(0.0), torque = vec3(0.0);
         add_joints(rigid, force, torque);
-        of_image.c0 += force;
-        of_image.c1 += torque;
+        of_product.c0 += force;
+        of_product.c1 += torque;
         if (MODE == GATHER_LOOP) {
             float p[6] = iterates[set * RIGIDS + block.rigid].u;
             sums.y += dot(force, three(p, 0)) + dot(torque, three(p, 3));
         }
         if (MODE == GATHER_END) sums.y += lost_in_joints(block.rigid, rigid);
     }
-    follow(rigid.hinge, of_image.c0, of_image.c1);
-    if (MODE == GATHER_END) of_residual = Modes(-of_image.c0, -of_image.c1, vec3(0.0), vec3(0.0));
+    follow(rigid.hinge, of_product.c0, of_product.c1);
+    if (MODE == GATHER_END) of_residual = Modes(-of_product.c0, -of_product.c1, vec3(0.0), vec3(0.0));
     if (gl_LocalInvocationID.x != 0 || b != rigid.block_first) return;
     if (MODE == GATHER_LOOP) {
         RigidIterate now = iterates[set * RIGIDS + block.rigid];
@@ -196,27 +196,27 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_image, inout Modes of_
 }
 
 // Products in the tool's rows: contacts and, in an iteration, its inertia and coupling, which lane 0 adds.
-void gather_tool(inout vec3 sums, inout Modes of_image) {
+void gather_tool(inout vec3 sums, inout Modes of_product) {
     Modes rows = no_modes();
     if (CONTACT) add_tool_contacts(counts.contacts, rows.c0, rows.c1);
-    of_image = rows;
+    of_product = rows;
     if (MODE != GATHER_LOOP) return;
     RigidIterate now = iterates[set * RIGIDS + RIGIDS - 1];
     sums.y = dot(rows.c0, three(now.u, 0)) + dot(rows.c1, three(now.u, 3));
     if (gl_LocalInvocationID.x != 0) return;
     float own[6] = times(params.tool_matrix, now.u);
-    of_image.c0 += three(own, 0);
-    of_image.c1 += three(own, 3);
+    of_product.c0 += three(own, 0);
+    of_product.c1 += three(own, 3);
     sums.xy += vec2(inner(now.r, now.u), inner(own, now.u));
 }
 
 void main() {
     uint b = ROLE == TOOL_ROWS ? BLOCKS : FIRST + gl_WorkGroupID.x;
     vec3 sums = vec3(0.0);
-    Modes of_image = no_modes(), of_residual = no_modes();
-    if (ROLE == TOOL_ROWS) gather_tool(sums, of_image);
-    else gather_block(b, sums, of_image, of_residual);
-    vec4 w[3] = packed(of_image), r[3] = packed(of_residual);
+    Modes of_product = no_modes(), of_residual = no_modes();
+    if (ROLE == TOOL_ROWS) gather_tool(sums, of_product);
+    else gather_block(b, sums, of_product, of_residual);
+    vec4 w[3] = packed(of_product), r[3] = packed(of_residual);
     vec4 totals[SUMS] = vec4[SUMS](vec4(sums, 0.0), w[0], w[1], w[2], r[0], r[1], r[2]);
     workgroup_sums(totals, COARSE && ROLE != TOOL_ROWS ? 7 : (ROLE == FREE_NODES ? 1 : 4));
     if (gl_LocalInvocationID.x != 0) return;
@@ -232,7 +232,7 @@ void main() {
     w = packed(to_frame(unpacked(totals[1], totals[2], totals[3]), turn));
     r = packed(to_frame(unpacked(totals[4], totals[5], totals[6]), turn));
     for (int k = 0; k < 3; k++) {
-        restricted_image[3 * slot + k] = w[k];
+        restricted_product[3 * slot + k] = w[k];
         if (COARSE) restricted_residual[3 * slot + k] = r[k];
     }
 }

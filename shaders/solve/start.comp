@@ -33,9 +33,9 @@ layout(scalar) readonly buffer Contacts { Contact contacts[]; };
 layout(scalar) readonly buffer Partials { vec2 partials[]; };      // b . D^-1 b and its rounding, of solve/assemble
 layout(scalar) readonly buffer Dots { vec2 dots[]; };              // inner products of solve/gather, GATHER_WARM
 layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };      // inner products of solve/coarse
-READ_ONLY(vec4, restricted_image);    // P^T A x
+READ_ONLY(vec4, restricted_product);    // P^T A x
 READ_ONLY(vec4, coarse_rhs);          // A_c^-1 P^T b
-READ_ONLY(vec4, coarse_image);        // A_c^-1 P^T A x
+READ_ONLY(vec4, coarse_product);        // A_c^-1 P^T A x
 layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
 layout(scalar) coherent buffer RigidInverses { float rigid_inverses[]; };
 layout(scalar) buffer Iterates { RigidIterate iterates[]; };
@@ -47,9 +47,9 @@ layout(scalar) writeonly buffer Args { uint args[]; };
 #include "shared/sum.glsl"
 #include "shared/tool.glsl"
 #include "shared/twist.glsl"
-TWIST_OF(restricted_image)
+TWIST_OF(restricted_product)
 TWIST_OF(coarse_rhs)
-TWIST_OF(coarse_image)
+TWIST_OF(coarse_product)
 #include "shared/settle.glsl"
 #include "shared/rigid_inverse.glsl"
 #include "shared/rigid.glsl"
@@ -126,7 +126,7 @@ void start_rigid(uint index, float warm) {
     for (int k = 0; k < 6; k++) {
         // Products are skipped where the factor is zero, because the last solution may hold NaN after a failed step.
         now.x[k] = warm != 0.0 ? warm * last[k] : 0.0;
-        now.r[k] = rigids[index].b[k] - (warm != 0.0 ? warm * rigids[index].image[k] : 0.0);
+        now.r[k] = rigids[index].b[k] - (warm != 0.0 ? warm * rigids[index].operator_product[k] : 0.0);
         now.u[k] -= warm != 0.0 ? warm * now.s[k] : 0.0;
         now.p[k] = 0.0;
         now.s[k] = 0.0;
@@ -134,8 +134,8 @@ void start_rigid(uint index, float warm) {
     if (COARSE && index < CORES) {
         uint slot = rigids[index].slot_first;
         float of_rhs[6] = twist_of_coarse_rhs(slot, 1, frames[rigids[index].frame].rotation);
-        float of_image[6] = twist_of_coarse_image(slot, 1, frames[rigids[index].frame].rotation);
-        for (int k = 0; k < 6; k++) now.u[k] += of_rhs[k] - (warm != 0.0 ? warm * of_image[k] : 0.0);
+        float of_product[6] = twist_of_coarse_product(slot, 1, frames[rigids[index].frame].rotation);
+        for (int k = 0; k < 6; k++) now.u[k] += of_rhs[k] - (warm != 0.0 ? warm * of_product[k] : 0.0);
     }
     iterates[index] = now;
 }
@@ -149,14 +149,14 @@ void main() {
     }
     if (TOOL) assemble_tool();
     settle();
-    for (uint index = lane; index < RIGIDS; index += SIZE) rigids[index].image = image_of(index);
+    for (uint index = lane; index < RIGIDS; index += SIZE) rigids[index].operator_product = product_of(index);
     settle();
     for (uint index = lane; index < RIGIDS; index += SIZE) {
-        float b[6] = rigids[index].b, y[6] = rigids[index].image;
-        float z[6] = preconditioned_rows(index, false), of_image[6] = preconditioned_rows(index, true);
-        sums += vec4(inner(b, z), ROUNDING * ROUNDING * rigids[index].rounding, inner(y, z), inner(y, of_image));
+        float b[6] = rigids[index].b, y[6] = rigids[index].operator_product;
+        float z[6] = preconditioned_rows(index, false), of_product[6] = preconditioned_rows(index, true);
+        sums += vec4(inner(b, z), ROUNDING * ROUNDING * rigids[index].rounding, inner(y, z), inner(y, of_product));
         iterates[index].u = z;
-        iterates[index].s = of_image;
+        iterates[index].s = of_product;
     }
     sums = workgroup_sum(sums);
     float warm = warm_factor(sums);

@@ -40,14 +40,14 @@ READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(uvec4, coarse_inverse);
 READ_ONLY(vec4, coarse_scales);
 layout(scalar) readonly buffer Dots { vec2 dots[]; };      // r . u and w . u of each workgroup of solve/gather
-READ_ONLY(vec4, restricted_image);         // P^T w, three texels a block
+READ_ONLY(vec4, restricted_product);         // P^T w, three texels a block
 READ_ONLY(vec4, restricted_residual);     // P^T r
-READ_ONLY(vec4, image);                   // w
+READ_ONLY(vec4, operator_product);                   // w
 READ_ONLY(vec4, inverse);                 // D^-1, two texels a node
 READ_ONLY(vec4, residual);
 READ_ONLY(vec4, preconditioned);
 READ_ONLY(vec4, direction);
-READ_ONLY(vec4, direction_image);
+READ_ONLY(vec4, direction_product);
 layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) buffer SolveInOut { Solve solve; };
 layout(scalar) buffer Iterations { Iteration iterations[2]; };
@@ -57,7 +57,7 @@ layout(scalar) buffer Solution { vec4 solution[]; };
 layout(scalar) writeonly buffer NextResidual { vec4 next_residual[]; };
 layout(scalar) writeonly buffer NextPreconditioned { vec4 next_preconditioned[]; };
 layout(scalar) writeonly buffer NextDirection { vec4 next_direction[]; };
-layout(scalar) writeonly buffer NextDirectionImage { vec4 next_direction_image[]; };
+layout(scalar) writeonly buffer NextDirectionProduct { vec4 next_direction_product[]; };
 layout(scalar) writeonly buffer Args { uint args[]; };
 layout(scalar) readonly buffer RigidInverses { float rigid_inverses[]; };
 
@@ -77,7 +77,7 @@ shared float group_residuals[6 * WIDEST];
 #include "shared/coarse.glsl"
 #include "shared/core.glsl"
 #include "shared/twist.glsl"
-TWIST_OF(restricted_image)
+TWIST_OF(restricted_product)
 
 struct Scalars {
     float alpha, beta;
@@ -127,7 +127,7 @@ bool next_scalars(out Scalars scalars) {
 vec4 next_modes(CoarseBlock block, uint k, uint read, Scalars scalars) {
     if (k >= block.texels) return vec4(0.0);
     uint at = block.first + k;
-    vec4 s = fetch(restricted_image, at) + scalars.beta * restricted_direction[read + at];
+    vec4 s = fetch(restricted_product, at) + scalars.beta * restricted_direction[read + at];
     return coarse_scale(at) * (fetch(restricted_residual, at) - scalars.alpha * s);
 }
 
@@ -143,7 +143,7 @@ vec4[3] coarse_correction(uint b, Scalars scalars) {
     if (gl_LocalInvocationID.x < 3) {
         uint at = block.own + gl_LocalInvocationID.x;
         restricted_direction[write + at] =
-            fetch(restricted_image, at) + scalars.beta * restricted_direction[read + at];
+            fetch(restricted_product, at) + scalars.beta * restricted_direction[read + at];
     }
     workgroup_sums(totals, 3);
     for (int row = 0; row < 3; row++) totals[row] *= block.texels > 0 ? coarse_scale(block.own + row) : vec4(0.0);
@@ -153,7 +153,7 @@ vec4[3] coarse_correction(uint b, Scalars scalars) {
 // Updates x, r, p and s of a core or of the tool, and returns its new residual. One invocation runs it.
 void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float residual[6]) {
     bool is_tool = ROLE == TOOL_ROWS;
-    float rows[6] = twist_of_restricted_image(is_tool ? BLOCKS : rigids[index].slot_first, is_tool ? 1 : rigids[index].block_count, turn);
+    float rows[6] = twist_of_restricted_product(is_tool ? BLOCKS : rigids[index].slot_first, is_tool ? 1 : rigids[index].block_count, turn);
     RigidIterate now = iterates[set * RIGIDS + index];
     for (int k = 0; k < 6; k++) {
         now.p[k] = now.u[k] + scalars.beta * now.p[k];
@@ -174,7 +174,7 @@ void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float
 // New residual of another core of the group.
 float[6] residual_of(uint index, Scalars scalars) {
     vec4 turn = fetch(block_turns, rigids[index].block_first);
-    float rows[6] = twist_of_restricted_image(rigids[index].slot_first, rigids[index].block_count, turn);
+    float rows[6] = twist_of_restricted_product(rigids[index].slot_first, rigids[index].block_count, turn);
     RigidIterate now = iterates[set * RIGIDS + index];
     for (int k = 0; k < 6; k++) now.r[k] -= scalars.alpha * (rows[k] + scalars.beta * now.s[k]);
     return now.r;
@@ -227,9 +227,9 @@ void update_free(Block block, vec4 place, Modes modes, Scalars scalars) {
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         uint i = block_node(block, at).x;
         vec4 p = fetch(preconditioned, i) + scalars.beta * fetch(direction, i);
-        vec4 s = fetch(image, i) + scalars.beta * fetch(direction_image, i);
+        vec4 s = fetch(operator_product, i) + scalars.beta * fetch(direction_product, i);
         next_direction[i] = p;
-        next_direction_image[i] = s;
+        next_direction_product[i] = s;
         solution[i] += scalars.alpha * p;
         vec4 r = fetch(residual, i) - scalars.alpha * s;
         next_residual[i] = r;

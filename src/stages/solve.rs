@@ -1,6 +1,6 @@
 //! Solve stage: solves the linear system A x = b of implicit Euler for the change x of velocities and twists, by
 //! preconditioned conjugate gradients with a single reduction (Chronopoulos and Gear 1989); the GPU itself decides when
-//! to stop. Nodes come in blocks, one workgroup each. In the names below, `image` is an operator product A p,
+//! to stop. Nodes come in blocks, one workgroup each. In the names below, `operator_product` is an operator product A p,
 //! `leftover` the residual b - A x that a step carries over to the next, and `restricted` means multiplied by P^T, the
 //! restriction to the coarse space. Rigid bodies are the dynamic cores and the tool.
 
@@ -53,11 +53,11 @@ pub struct Solve {
     coarse_inverse: Buffer,
     coarse_scales: Buffer,
     restricted_rhs: Buffer,
-    restricted_image: Buffer,
+    restricted_product: Buffer,
     restricted_residual: Buffer,
     restricted_direction: Buffer,
     coarse_rhs: Buffer,
-    coarse_image: Buffer,
+    coarse_product: Buffer,
     coarse_dots: Buffer,
     /// One [`shaders::Rigid`] per rigid body, the tool's last.
     pub rigids: Buffer,
@@ -82,8 +82,8 @@ pub struct Solve {
     residual: Both,
     preconditioned: Both,
     direction: Both,
-    direction_image: Both,
-    image: Buffer,
+    direction_product: Both,
+    operator_product: Buffer,
     partials: Buffer,
     dots: Buffer,
 }
@@ -230,12 +230,12 @@ impl Solve {
             coarse_inverse: upload_or_nothing(context, "coarse_inverse", &model.coarse.inverse)?,
             coarse_scales: upload_or_nothing(context, "coarse_scales", &model.coarse.scales)?,
             restricted_rhs: modes("restricted_rhs", 1)?,
-            restricted_image: modes("restricted_image", 1)?,
+            restricted_product: modes("restricted_product", 1)?,
             restricted_residual: coarse_modes("restricted_residual", 1)?
                 .known_as(&["restricted_residual", "restricted_rhs"]),
             restricted_direction: coarse_modes("restricted_direction", 2)?,
             coarse_rhs: coarse_modes("coarse_rhs", 1)?,
-            coarse_image: coarse_modes("coarse_image", 1)?,
+            coarse_product: coarse_modes("coarse_product", 1)?,
             coarse_dots: coarse_modes("coarse_dots", 1)?,
             rigids: upload_or_nothing(context, "rigids", &rigids_at_rest)?,
             rigid_blocks: array::<f32>(context, "rigid_blocks", shaders::CORE_NUMBERS as usize * model.cores.len())?,
@@ -252,8 +252,8 @@ impl Solve {
             residual: both(&["residual", "residual_or_rhs"], &["next_residual"])?,
             preconditioned: both(&["preconditioned", "change"], &["next_preconditioned"])?,
             direction: both(&["direction"], &["next_direction"])?,
-            direction_image: both(&["direction_image"], &["next_direction_image"])?,
-            image: vector("image")?,
+            direction_product: both(&["direction_product"], &["next_direction_product"])?,
+            operator_product: vector("operator_product")?,
             partials: array::<[f32; 2]>(context, "partials", groups)?,
             dots: array::<[f32; 2]>(context, "dots", groups)?,
         })

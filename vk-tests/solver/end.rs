@@ -254,7 +254,7 @@ fn the_state_moves_by_hand() {
     passes.system.velocity = vec![[0.0, 1.0, 0.0, 0.0]; 4];
     passes.system.displacement = vec![[0.5, 0.0, 0.0, 0.0]; 4];
     passes.solution = vec![[0.0, 3.0, 0.0, 0.0]; 4];
-    (passes.rhs, passes.image) = (vec![[5.0, 6.0, 7.0, 0.0]; 4], vec![[4.0, 4.0, 4.0, 0.0]; 4]);
+    (passes.rhs, passes.operator_product) = (vec![[5.0, 6.0, 7.0, 0.0]; 4], vec![[4.0, 4.0, 4.0, 0.0]; 4]);
     passes.commit();
     let [first, .., last] = &passes.system.displacement[..] else { panic!("four nodes") };
     let rounding = Tolerance { abs: 1e-8, rel: 1e-7 };

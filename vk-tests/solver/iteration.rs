@@ -120,18 +120,18 @@ fn tools_rows(set: u32) {
         (0..6).map(|i| (0..6).map(|k| f64::from(a[6 * i + k]) * x[k]).sum()).collect()
     };
     let (u, r) = (wide(&before.u), wide(&before.r));
-    let mut image = times(&params.tool_matrix, &u);
+    let mut operator_product = times(&params.tool_matrix, &u);
     for (contact, force) in
         passes.system.contacts.iter().zip(&passes.contact_forces).filter(|(c, _)| c.tool_sign != 0.0)
     {
         let lever = contact.tool_sign * glam::Vec3::from(contact.arm).cross(contact.normal.into());
         for k in 0..3 {
-            image[k] += f64::from(force[3]) * f64::from(contact.tool_sign * contact.normal[k]);
-            image[3 + k] += f64::from(force[3]) * f64::from(lever[k]);
+            operator_product[k] += f64::from(force[3]) * f64::from(contact.tool_sign * contact.normal[k]);
+            operator_product[3 + k] += f64::from(force[3]) * f64::from(lever[k]);
         }
     }
     let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
-    let (gamma, delta) = (40.0 + dot(&r, &u), 100.0 + dot(&image, &u));
+    let (gamma, delta) = (40.0 + dot(&r, &u), 100.0 + dot(&operator_product, &u));
     let beta = gamma / 80.0;
     let alpha = gamma / (delta - beta * gamma / 1.5);
     let scalars = passes.iterations[1 - set as usize];
@@ -139,7 +139,7 @@ fn tools_rows(set: u32) {
     let combined =
         |x: &[f64], factor: f64, y: &[f64]| -> Vec<f64> { x.iter().zip(y).map(|(x, y)| x + factor * y).collect() };
     let p = combined(&u, beta, &wide(&before.p));
-    let s = combined(&image, beta, &wide(&before.s));
+    let s = combined(&operator_product, beta, &wide(&before.s));
     expect_close("p", &after.p, &p, ROUNDING);
     expect_close("s", &after.s, &s, ROUNDING);
     expect_close("x", &after.x, &combined(&wide(&before.x), alpha, &p), ROUNDING);
@@ -162,7 +162,7 @@ fn vectors_follow_the_scalars_at_every_size() {
         let mut random = Random(nodes as u64 + 1);
         let mut field = || passes.system.random_field(&mut random);
         (passes.solution, passes.residual, passes.preconditioned) = (field(), field(), field());
-        (passes.direction, passes.direction_image, passes.image) = (field(), field(), field());
+        (passes.direction, passes.direction_product, passes.operator_product) = (field(), field(), field());
         passes.inverse = (0..2 * nodes).map(|_| random.vector().as_vec3().extend(0.0).to_array()).collect();
         // beta = 1 / -2.5 = -0.4 and alpha = 1 / (delta + 0.4) = 0.7, from sums over all blocks.
         let set = case % 2;
@@ -173,9 +173,9 @@ fn vectors_follow_the_scalars_at_every_size() {
         let wide = |x: &[[f32; 4]]| -> Vec<f64> { triples(x).into_iter().map(f64::from).collect() };
         let combined =
             |x: &[f64], factor: f64, y: &[f64]| -> Vec<f64> { x.iter().zip(y).map(|(x, y)| x + factor * y).collect() };
-        let [image, solution] = [wide(&passes.image), wide(&passes.solution)];
+        let [operator_product, solution] = [wide(&passes.operator_product), wide(&passes.solution)];
         let before =
-            [&passes.preconditioned, &passes.direction, &passes.direction_image, &passes.residual].map(|x| wide(x));
+            [&passes.preconditioned, &passes.direction, &passes.direction_product, &passes.residual].map(|x| wide(x));
         passes.update();
         if passes.blocks() == 0 {
             continue;
@@ -185,13 +185,13 @@ fn vectors_follow_the_scalars_at_every_size() {
         assert_eq!((count, passes.state.current), (2, 1 - set as u32));
         let (alpha, [u, p, s, r]) = (f64::from(alpha), before);
         let p = combined(&u, -f64::from(gamma) / 2.5, &p);
-        let s = combined(&image, -f64::from(gamma) / 2.5, &s);
+        let s = combined(&operator_product, -f64::from(gamma) / 2.5, &s);
         let x = combined(&solution, alpha, &p);
         let r = combined(&r, -alpha, &s);
         let u: Vec<f64> =
             r.chunks(3).enumerate().flat_map(|(i, r)| passes.precondition(i, [r[0], r[1], r[2]])).collect();
         expect_close("p", &triples(&passes.direction), &p, ROUNDING);
-        expect_close("s", &triples(&passes.direction_image), &s, ROUNDING);
+        expect_close("s", &triples(&passes.direction_product), &s, ROUNDING);
         expect_close("x", &triples(&passes.solution), &x, ROUNDING);
         expect_close("r", &triples(&passes.residual), &r, ROUNDING);
         expect_close("u", &triples(&passes.preconditioned), &u, ROUNDING);

@@ -52,7 +52,7 @@ fn expect_oracle(what: &str, system: System, seed: u64) -> usize {
     let s = &passes.system;
     let (a, _) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
     let (nodes, twist) = s.rows(&a.multiply(&s.unknowns(&x, &tool)));
-    let got = triples(&passes.image);
+    let got = triples(&passes.operator_product);
     let mut at = 0;
     for (b, want) in nodes.iter().enumerate() {
         expect_of_largest(&format!("{what}: body {b}"), &got[at..at + want.len()], want, PRODUCT);
@@ -133,7 +133,7 @@ fn nodes_gather_their_elements_by_hand() {
     let m = (1.0 + f64::from(DT) * 0.5) * 1000.0 / 24.0;
     let want = [1.0, 10.0, m, 0.0, 0.0, 0.0, 3.0, 10.0, m, 4.0, 10.0, m];
     let rounding = Tolerance { abs: 0.0, rel: 1e-6 };
-    expect_close("image", &triples(&passes.image), &want, rounding);
+    expect_close("operator_product", &triples(&passes.operator_product), &want, rounding);
     let sums: [f32; 2] = passes.dots.iter().fold([0.0; 2], |s, d| [s[0] + d[0], s[1] + d[1]]);
     expect_close("r.u and w.u of free nodes", &sums, &[9.0, 3.0 * m], rounding);
 }
@@ -191,14 +191,14 @@ fn the_operator_is_symmetric_and_positive() {
         let system = if seed % 2 == 0 { system } else { system.with_friction() };
         let mut passes = Passes::new(system.with_contacts(CONTACTS, seed + 30));
         let mut random = Random(seed + 40);
-        let mut image_of = |passes: &mut Passes| {
+        let mut product_of = |passes: &mut Passes| {
             let (x, tool) = (passes.system.random_field(&mut random), tool_vector(&mut random));
             product(passes, &x, tool);
             let s = &passes.system;
-            (s.unknowns(&x, &tool), s.unknowns(&passes.image, &passes.tool_rows()))
+            (s.unknowns(&x, &tool), s.unknowns(&passes.operator_product, &passes.tool_rows()))
         };
-        let (x, ax) = image_of(&mut passes);
-        let (y, ay) = image_of(&mut passes);
+        let (x, ax) = product_of(&mut passes);
+        let (y, ay) = product_of(&mut passes);
         let (left, right) = (dot(&x, &ay), dot(&y, &ax));
         assert!((left - right).abs() < DOT * magnitude(&x, &ay), "x.Ay = {left}, y.Ax = {right}");
         let (xx, yy) = (dot(&x, &ax), dot(&y, &ay));
@@ -257,7 +257,7 @@ fn inner_products_of_every_mode() {
             passes.apply(if mode == 1 { Change::Preconditioned } else { Change::Solution });
             passes.gather(mode);
             let wide = |x: &[[f32; 4]]| -> Vec<f64> { triples(x).into_iter().map(f64::from).collect() };
-            let (w, first) = (wide(&passes.image), wide(&passes.preconditioned));
+            let (w, first) = (wide(&passes.operator_product), wide(&passes.preconditioned));
             let conditioned = |x: &[f64]| -> Vec<f64> {
                 let by_node = x.chunks(3).enumerate().map(|(i, x)| passes.precondition(i, [x[0], x[1], x[2]]));
                 by_node.flatten().collect()

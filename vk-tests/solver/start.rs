@@ -174,17 +174,17 @@ fn the_first_iterate_at_every_size() {
             let mut passes = Passes::new(System::new(&bodies, 0.0, 1));
             let mut random = Random(nodes as u64);
             let mut field = || passes.system.random_field(&mut random);
-            (passes.solution, passes.rhs, passes.image) = (field(), field(), field());
+            (passes.solution, passes.rhs, passes.operator_product) = (field(), field(), field());
             passes.inverse = [field(), field()].concat();
             passes.state.warm = warm;
             if warm == 0.0 {
                 // Attached nodes, which are in no block, keep their zeros.
                 for (i, role) in passes.roles().iter().enumerate().filter(|(_, role)| role.is_some()) {
                     assert_eq!(*role, Some(0), "node {i}");
-                    (passes.image[i], passes.solution[i]) = ([f32::NAN; 4], [f32::NAN; 4]);
+                    (passes.operator_product[i], passes.solution[i]) = ([f32::NAN; 4], [f32::NAN; 4]);
                 }
             }
-            let (x, y) = (triples(&passes.solution), triples(&passes.image));
+            let (x, y) = (triples(&passes.solution), triples(&passes.operator_product));
             passes.begin();
             let w = f64::from(warm);
             let take = |x: &f32| if w == 0.0 { 0.0 } else { w * f64::from(*x) };
@@ -195,7 +195,7 @@ fn the_first_iterate_at_every_size() {
             let u = r.chunks(3).enumerate().flat_map(|(i, r)| passes.precondition(i, [r[0], r[1], r[2]]));
             let u: Vec<f64> = u.collect();
             expect_close("u", &triples(&passes.preconditioned), &u, Tolerance { abs: 2e-6, rel: 0.0 });
-            let zeros = passes.direction.iter().chain(&passes.direction_image).all(|x| *x == [0.0; 4]);
+            let zeros = passes.direction.iter().chain(&passes.direction_product).all(|x| *x == [0.0; 4]);
             assert!(zeros && passes.residual.iter().all(|r| r[3] == 0.0));
         }
     }

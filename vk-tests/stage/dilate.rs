@@ -110,7 +110,7 @@ fn expect_oracle(what: &str, system: &System, seed: u64) {
     let all = arrays(system);
     let (forces, rows) = dilate(system, &all);
     let change = system.random_field(&mut Random(seed));
-    let image = gathered(system, &all, &product(system, &all, &rows, &change));
+    let operator_product = gathered(system, &all, &product(system, &all, &rows, &change));
     let right = gathered(system, &all, &forces);
     let entries: Vec<_> = all.entries(0).collect();
     let mut patch = 0;
@@ -133,7 +133,7 @@ fn expect_oracle(what: &str, system: &System, seed: u64) {
         }
         expect_of_largest(&format!("{what}: rows"), &got, &want, ROW);
         let want: Vec<f64> = products.iter().flat_map(|x| x.to_array()).collect();
-        expect_of_largest(&format!("{what}: product"), &image[own3.clone()], &want, PRODUCT);
+        expect_of_largest(&format!("{what}: product"), &operator_product[own3.clone()], &want, PRODUCT);
         let elastic = body.elements.forces(&body.displacement, &q);
         let elements = body.elements.linearised(&body.displacement, &q);
         let viscous = elements.apply_stiffness(&body.velocity, &q);

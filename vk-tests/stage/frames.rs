@@ -278,7 +278,7 @@ fn the_new_state_is_the_same_place_seen_from_the_frames_end() {
             .input("node_info", &vec![[0u32; 4]; some])
             .input("solution", &vec![[0.0f32; 4]; some])
             .input("rhs", &vec![[0.0f32; 4]; some])
-            .input("image", &vec![[0.0f32; 4]; some])
+            .input("operator_product", &vec![[0.0f32; 4]; some])
             .input("node_rest", &rest)
             .input("solve", &[Solve::zeroed()])
             .input("iterates", &[RigidIterate::zeroed()])

@@ -71,12 +71,12 @@ fn set(matrix: &mut Mat<f64>, row: usize, column: usize, block: &DMat3) {
 
 /// The Galerkin matrix P^T A P.
 pub fn matrix(a: &Entries, p: &Mat<f64>) -> Mat<f64> {
-    let mut image = Mat::zeros(p.nrows(), p.ncols());
+    let mut operator_product = Mat::zeros(p.nrows(), p.ncols());
     for j in 0..p.ncols() {
         let column: Vec<f64> = (0..p.nrows()).map(|i| p[(i, j)]).collect();
-        a.multiply(&column).into_iter().enumerate().for_each(|(i, x)| image[(i, j)] = x);
+        a.multiply(&column).into_iter().enumerate().for_each(|(i, x)| operator_product[(i, j)] = x);
     }
-    p.transpose() * image
+    p.transpose() * operator_product
 }
 
 /// The coarse correction Q (Q^T A Q)^-1 Q^T, where the columns of Q are an orthonormal basis of the range of P, whose

@@ -207,7 +207,7 @@ fn follow(what: &str, system: System) -> f64 {
     let of_y = absolute.restricted(&vec![largest(&y); y.len()]);
     worst = worst.max(expect_within(
         &format!("{what}: P^T A x"),
-        &summed(&passes, flat(&passes.restricted_image)),
+        &summed(&passes, flat(&passes.restricted_product)),
         &twin.restricted(&y),
         &of_y,
         SUM,
@@ -219,10 +219,10 @@ fn follow(what: &str, system: System) -> f64 {
 
     passes.coarse(true);
     let count = MODES * passes.blocks();
-    let (of_rhs, of_image) =
-        (flat(&passes.restricted_rhs)[..count].to_vec(), flat(&passes.restricted_image)[..count].to_vec());
+    let (of_rhs, of_product) =
+        (flat(&passes.restricted_rhs)[..count].to_vec(), flat(&passes.restricted_product)[..count].to_vec());
     for (name, got, from) in
-        [("A_c^-1 P^T b", &passes.coarse_rhs, &of_rhs), ("A_c^-1 P^T A x", &passes.coarse_image, &of_image)]
+        [("A_c^-1 P^T b", &passes.coarse_rhs, &of_rhs), ("A_c^-1 P^T A x", &passes.coarse_product, &of_product)]
     {
         let sizes = product(&absolute.inverse, &magnitudes(from));
         worst = worst.max(expect_within(
@@ -234,8 +234,8 @@ fn follow(what: &str, system: System) -> f64 {
         ));
     }
     let dots: [f64; 3] = std::array::from_fn(|k| passes.coarse_dots.iter().map(|d| f64::from(d[k])).sum());
-    let (z_b, z_y) = (flat(&passes.coarse_rhs), flat(&passes.coarse_image));
-    for (k, (u, v)) in [(&of_rhs, &z_b), (&of_image, &z_b), (&of_image, &z_y)].into_iter().enumerate() {
+    let (z_b, z_y) = (flat(&passes.coarse_rhs), flat(&passes.coarse_product));
+    for (k, (u, v)) in [(&of_rhs, &z_b), (&of_product, &z_b), (&of_product, &z_y)].into_iter().enumerate() {
         let size = dot(&magnitudes(u), &magnitudes(v));
         expect_within(&format!("{what}: inner product {k}"), &dots[k..=k], &[dot(u, v)], &[size], SUM);
     }
@@ -271,7 +271,7 @@ fn follow(what: &str, system: System) -> f64 {
         let of_w = absolute.restricted(&vec![largest(&w); w.len()]);
         worst = worst.max(expect_within(
             &format!("{what}: P^T w"),
-            &summed(&passes, flat(&passes.restricted_image)),
+            &summed(&passes, flat(&passes.restricted_product)),
             &twin.restricted(&w),
             &of_w,
             SUM,
@@ -292,7 +292,7 @@ fn follow(what: &str, system: System) -> f64 {
         passes.update();
         assert_eq!((passes.state.status, passes.iterations_done()), (0, round + 1), "{what}");
         worst = worst.max(expect_preconditioned(&what, &passes, &twin));
-        let s = passes.unknowns(&passes.direction_image, |now| now.s);
+        let s = passes.unknowns(&passes.direction_product, |now| now.s);
         let own = passes.state.current as usize * 3 * passes.blocks();
         let directions = flat(&passes.restricted_direction[own..own + 3 * passes.blocks()]);
         let of_s = absolute.restricted(&vec![largest(&s); s.len()]);

@@ -10,7 +10,7 @@ use crate::solver::system::{two_layers, two_layers_one_on_a_core, two_layers_one
 fn device_preconditioned(passes: &mut Passes, r: &[f64]) -> Vec<f64> {
     let zeros = vec![[0.0; 4]; passes.nodes()];
     passes.residual = only_free(passes, node_vectors(&passes.system, r));
-    (passes.preconditioned, passes.direction, passes.direction_image) = (zeros.clone(), zeros.clone(), zeros);
+    (passes.preconditioned, passes.direction, passes.direction_product) = (zeros.clone(), zeros.clone(), zeros);
     passes.restricted_direction.fill([0.0; 4]);
     for index in 0..passes.rigids.len() {
         let own = six(passes, index, r);
@@ -61,10 +61,10 @@ fn the_preconditioner_is_symmetric_and_positive() {
         let own = |i: usize| firsts.iter().any(|first| (*first..first + 6).contains(&i));
         rigid.iter_mut().enumerate().filter(|(i, _)| !own(*i)).for_each(|(_, x)| *x = 0.0);
         vectors.extend((!firsts.is_empty()).then_some(rigid));
-        let images: Vec<Vec<f64>> = vectors.iter().map(|x| device_preconditioned(&mut passes, x)).collect();
-        for (i, (x, mx)) in vectors.iter().zip(&images).enumerate() {
+        let operator_products: Vec<Vec<f64>> = vectors.iter().map(|x| device_preconditioned(&mut passes, x)).collect();
+        for (i, (x, mx)) in vectors.iter().zip(&operator_products).enumerate() {
             assert!(dot(x, mx) > 0.0, "{what}: {i}: x.M^-1 x = {:e}", dot(x, mx));
-            for (j, (y, my)) in vectors.iter().zip(&images).enumerate().take(i) {
+            for (j, (y, my)) in vectors.iter().zip(&operator_products).enumerate().take(i) {
                 let size = dot(&magnitudes(x), &twin.sizes(&passes, y));
                 let apart = dot(x, my) - dot(y, mx);
                 assert!(apart.abs() < SUM * size, "{what}: {i}, {j}: {:e} and {:e}", dot(x, my), dot(y, mx));

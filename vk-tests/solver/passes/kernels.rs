@@ -144,13 +144,14 @@ impl Passes {
     pub fn gather(&mut self, mode: u32) {
         let outcomes: Vec<_> = self.variants().iter().map(|variant| self.gather_variant(mode, variant)).collect();
         let (roles, groups) = (self.roles(), self.groups());
-        let image = merged("image", &unwritten::<[f32; 4]>(self.nodes()), &outcomes);
-        self.image = settled("image", image, |i| roles[i].is_some());
+        let operator_product = merged("operator_product", &unwritten::<[f32; 4]>(self.nodes()), &outcomes);
+        self.operator_product = settled("operator_product", operator_product, |i| roles[i].is_some());
         let dots = merged("dots", &unwritten::<[f32; 2]>(groups), &outcomes);
         self.dots = settled("dots", dots, |_| true);
         let modes = |name: &str| merged(name, &unwritten::<[f32; 4]>(3 * groups), &outcomes);
-        self.restricted_image =
-            settled("restricted_image", modes("restricted_image"), |i| self.coarse || self.role_of_slot(i / 3) != FREE);
+        self.restricted_product = settled("restricted_product", modes("restricted_product"), |i| {
+            self.coarse || self.role_of_slot(i / 3) != FREE
+        });
         self.restricted_residual = settled("restricted_residual", modes("restricted_residual"), |_| self.coarse);
     }
 
@@ -188,9 +189,9 @@ impl Passes {
             .input("inverse", &self.inverse)
             .input("rigids", &self.rigids)
             .input("iterates", &self.iterates)
-            .partial("image", &unwritten::<[f32; 4]>(self.nodes()))
+            .partial("operator_product", &unwritten::<[f32; 4]>(self.nodes()))
             .partial("dots", &unwritten::<[f32; 2]>(groups))
-            .partial("restricted_image", &unwritten::<[f32; 4]>(3 * groups))
+            .partial("restricted_product", &unwritten::<[f32; 4]>(3 * groups))
             .partial("restricted_residual", &unwritten::<[f32; 4]>(3 * groups))
             .input("solve", &[self.state])
             .input("coarse_scales", &s.model.coarse.scales)
@@ -212,14 +213,14 @@ impl Passes {
             .input("coarse_inverse", &coarse.inverse)
             .input("coarse_scales", &coarse.scales)
             .input("restricted_rhs", if warm { &self.restricted_rhs } else { &self.restricted_residual })
-            .input("restricted_image", &self.restricted_image)
+            .input("restricted_product", &self.restricted_product)
             .output::<[f32; 4]>("coarse_rhs", 3 * blocks)
-            .partial("coarse_image", &unwritten::<[f32; 4]>(3 * blocks))
+            .partial("coarse_product", &unwritten::<[f32; 4]>(3 * blocks))
             .output::<[f32; 4]>("coarse_dots", blocks)
             .groups(blocks)
             .run();
         self.coarse_rhs = outcome.get("coarse_rhs");
-        self.coarse_image = settled("coarse_image", outcome.get("coarse_image"), |_| warm);
+        self.coarse_product = settled("coarse_product", outcome.get("coarse_product"), |_| warm);
         self.coarse_dots = outcome.get("coarse_dots");
     }
 
@@ -242,9 +243,9 @@ impl Passes {
             .input("partials", &self.partials)
             .input("dots", &self.dots)
             .input("coarse_dots", &self.coarse_dots)
-            .input("restricted_image", &self.restricted_image)
+            .input("restricted_product", &self.restricted_product)
             .input("coarse_rhs", &self.coarse_rhs)
-            .input("coarse_image", &self.coarse_image)
+            .input("coarse_product", &self.coarse_product)
             .inout("rigids", &self.rigids)
             .partial("rigid_inverses", &self.rigid_inverses)
             .inout("iterates", &self.iterates)
@@ -274,16 +275,16 @@ impl Passes {
             .input("coarse_blocks", &s.model.coarse.blocks)
             .input("node_rest", &s.model.node_rest)
             .input("rhs", &self.rhs)
-            .input("image", &self.image)
+            .input("operator_product", &self.operator_product)
             .input("inverse", &self.inverse)
             .input("coarse_rhs", &self.coarse_rhs)
-            .input("coarse_image", &self.coarse_image)
+            .input("coarse_product", &self.coarse_product)
             .input("iterates", &self.iterates)
             .inout("solution", &self.solution)
             .partial("residual", &unwritten::<[f32; 4]>(nodes))
             .partial("preconditioned", &unwritten::<[f32; 4]>(nodes))
             .partial("direction", &unwritten::<[f32; 4]>(nodes))
-            .partial("direction_image", &unwritten::<[f32; 4]>(nodes))
+            .partial("direction_product", &unwritten::<[f32; 4]>(nodes))
             .partial("restricted_direction", &unwritten::<[f32; 4]>(self.restricted_direction.len()))
             .groups(self.blocks())
             .run();
@@ -291,7 +292,7 @@ impl Passes {
         let of_nodes = |name: &str| settled(name, outcome.get(name), |i| roles[i].is_some());
         self.solution = outcome.get("solution");
         (self.residual, self.preconditioned) = (of_nodes("residual"), of_nodes("preconditioned"));
-        (self.direction, self.direction_image) = (of_nodes("direction"), of_nodes("direction_image"));
+        (self.direction, self.direction_product) = (of_nodes("direction"), of_nodes("direction_product"));
         let first_set = self.restricted_direction.len() / 2;
         let directions = outcome.get("restricted_direction");
         self.restricted_direction = settled("restricted_direction", directions, |i| self.coarse && i < first_set);
@@ -318,10 +319,10 @@ impl Passes {
             settled(name, values, |i| goes_on && roles[i].is_some_and(|role| role == FREE || carried))
         };
         let (residual, preconditioned) = (next("next_residual", false), next("next_preconditioned", true));
-        let (direction, image) = (next("next_direction", false), next("next_direction_image", false));
+        let (direction, operator_product) = (next("next_direction", false), next("next_direction_product", false));
         if goes_on {
             (self.residual, self.preconditioned) = (residual, preconditioned);
-            (self.direction, self.direction_image) = (direction, image);
+            (self.direction, self.direction_product) = (direction, operator_product);
         }
     }
 
@@ -345,14 +346,14 @@ impl Passes {
             .input("coarse_inverse", &s.model.coarse.inverse)
             .input("coarse_scales", &s.model.coarse.scales)
             .input("dots", &self.dots)
-            .input("restricted_image", &self.restricted_image)
+            .input("restricted_product", &self.restricted_product)
             .input("restricted_residual", &self.restricted_residual)
-            .input("image", &self.image)
+            .input("operator_product", &self.operator_product)
             .input("inverse", &self.inverse)
             .input("residual", &self.residual)
             .input("preconditioned", &self.preconditioned)
             .input("direction", &self.direction)
-            .input("direction_image", &self.direction_image)
+            .input("direction_product", &self.direction_product)
             .input("rigids", &self.rigids)
             .inout("solve", &[self.state])
             .inout("iterations", &self.iterations)
@@ -362,7 +363,7 @@ impl Passes {
             .partial("next_residual", &unwritten::<[f32; 4]>(self.nodes()))
             .partial("next_preconditioned", &unwritten::<[f32; 4]>(self.nodes()))
             .partial("next_direction", &unwritten::<[f32; 4]>(self.nodes()))
-            .partial("next_direction_image", &unwritten::<[f32; 4]>(self.nodes()))
+            .partial("next_direction_product", &unwritten::<[f32; 4]>(self.nodes()))
             .partial("args", &self.args)
             .input("rigid_inverses", &self.rigid_inverses)
             .push(&self.state.current)
@@ -385,7 +386,7 @@ impl Passes {
             .input("frames", &s.frames)
             .input("dots", &self.dots)
             .input("coarse_dots", &self.coarse_dots)
-            .input("restricted_image", &self.restricted_image)
+            .input("restricted_product", &self.restricted_product)
             .input("contact_forces", &self.contact_forces)
             .input("iterations", &self.iterations)
             .input("iterates", &self.iterates)
@@ -418,7 +419,7 @@ impl Passes {
             .input("node_info", &s.model.node_info)
             .input("solution", &self.solution)
             .input("rhs", &self.rhs)
-            .input("image", &self.image)
+            .input("operator_product", &self.operator_product)
             .input("node_rest", &s.model.node_rest)
             .input("solve", &[self.state])
             .input("iterates", &self.iterates)

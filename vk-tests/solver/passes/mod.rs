@@ -42,20 +42,20 @@ pub struct Passes {
     pub residual: Vec<[f32; 4]>,
     pub preconditioned: Vec<[f32; 4]>,
     pub direction: Vec<[f32; 4]>,
-    pub direction_image: Vec<[f32; 4]>,
-    pub image: Vec<[f32; 4]>,
+    pub direction_product: Vec<[f32; 4]>,
+    pub operator_product: Vec<[f32; 4]>,
     pub partials: Vec<[f32; 2]>,
     /// Inner products of each block of nodes, and those of the tool.
     pub dots: Vec<[f32; 2]>,
     pub block_rotations: Vec<[f32; 4]>,
     pub block_turns: Vec<[f32; 4]>,
     pub restricted_rhs: Vec<[f32; 4]>,
-    pub restricted_image: Vec<[f32; 4]>,
+    pub restricted_product: Vec<[f32; 4]>,
     pub restricted_residual: Vec<[f32; 4]>,
     /// P^T s of both sets of iterates (P: prolongation, s = A p).
     pub restricted_direction: Vec<[f32; 4]>,
     pub coarse_rhs: Vec<[f32; 4]>,
-    pub coarse_image: Vec<[f32; 4]>,
+    pub coarse_product: Vec<[f32; 4]>,
     pub coarse_dots: Vec<[f32; 4]>,
     /// The dynamic cores, then the tool.
     pub rigids: Vec<Rigid>,
@@ -102,18 +102,18 @@ impl Passes {
             residual: zeros.clone(),
             preconditioned: zeros.clone(),
             direction: zeros.clone(),
-            direction_image: zeros.clone(),
-            image: zeros,
+            direction_product: zeros.clone(),
+            operator_product: zeros,
             partials: vec![],
             dots: vec![],
             block_rotations: vec![[0.0, 0.0, 0.0, 1.0]; blocks],
             block_turns: turns,
             restricted_rhs: modes.clone(),
-            restricted_image: modes.clone(),
+            restricted_product: modes.clone(),
             restricted_residual: modes,
             restricted_direction: vec![[0.0; 4]; 6 * blocks],
             coarse_rhs: vec![],
-            coarse_image: vec![],
+            coarse_product: vec![],
             coarse_dots: vec![],
             iterates: vec![RigidIterate::zeroed(); 2 * rigids.len()],
             joints: vec![],
@@ -166,7 +166,7 @@ impl Passes {
 
     /// The tool's rows of A p, as solve/gather left them.
     pub fn tool_rows(&self) -> [f32; 6] {
-        let Some([a, b, _]) = self.restricted_image.chunks(3).nth(self.blocks()) else { return [0.0; 6] };
+        let Some([a, b, _]) = self.restricted_product.chunks(3).nth(self.blocks()) else { return [0.0; 6] };
         [a[0], a[1], a[2], a[3], b[0], b[1]]
     }
 
