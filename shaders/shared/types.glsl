@@ -63,7 +63,7 @@ struct Rigid {
     float rounding;             // e . M^-1 e, where e sums the magnitudes of the terms of b
     float b[6];                 // right-hand side of its six rows, N s and N m s
     float operator_product[6];             // operator product A x before the iterations, residual b - A x after them
-    float leftover[6];          // carried residual: b - A x of the last accepted step, which the next b includes
+    float carried_residual[6];          // carried residual: b - A x of the last accepted step, which the next b includes
 };
 
 // The part of a rigid body's state that conjugate gradient iterations change. There are two sets: an iteration reads

@@ -50,7 +50,7 @@ READ_ONLY(vec4, patch_rows);
 layout(scalar) readonly buffer NodeEntries { uvec2 node_entries[]; };
 layout(scalar) readonly buffer Sorted { uvec2 sorted[]; };
 layout(scalar) readonly buffer Contacts { Contact contacts[]; };
-READ_ONLY(vec4, leftover);        // carried residual b - A x of the last step
+READ_ONLY(vec4, carried_residual);        // carried residual b - A x of the last step
 layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) writeonly buffer Rhs { vec4 rhs[]; };
 layout(scalar) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
@@ -127,7 +127,7 @@ void main() {
         vec4 rest = fetch(node_rest, i);
         vec3 v = fetch(velocity, i).xyz;
         float damping = node_damping(node);
-        vec3 b = h * (rest.w * params.gravity - damping * v) + fetch(leftover, i).xyz;
+        vec3 b = h * (rest.w * params.gravity - damping * v) + fetch(carried_residual, i).xyz;
         vec3 e = abs(h * rest.w * params.gravity) + abs(h * damping * v);
         // The node's diagonal block: xx yy zz in `a`, xy xz yz in `c`.
         vec3 a = vec3(rest.w + h * damping), c = vec3(0.0);
@@ -194,8 +194,8 @@ void main() {
         }
         follow(rigid.hinge, modes.c0, modes.c1);
         if (lane == 0 && gl_WorkGroupID.x == rigid.block_first) {
-            modes.c0 += vec3(rigid.leftover[0], rigid.leftover[1], rigid.leftover[2]);
-            modes.c1 += vec3(rigid.leftover[3], rigid.leftover[4], rigid.leftover[5]);
+            modes.c0 += vec3(rigid.carried_residual[0], rigid.carried_residual[1], rigid.carried_residual[2]);
+            modes.c1 += vec3(rigid.carried_residual[3], rigid.carried_residual[4], rigid.carried_residual[5]);
         }
     }
     vec4 p[3] = packed(modes);

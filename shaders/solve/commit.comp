@@ -28,7 +28,7 @@ layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) buffer Velocity { vec4 velocity[]; };
 layout(scalar) buffer Displacement { vec4 displacement[]; };
-layout(scalar) writeonly buffer Leftover { vec4 leftover[]; };      // carried residual b - A x
+layout(scalar) writeonly buffer CarriedResidual { vec4 carried_residual[]; };      // carried residual b - A x
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -36,7 +36,7 @@ void main() {
     uvec4 info = fetch(node_info, i);
     if (info.w != NODE_FREE) return;
     vec3 v = velocity[i].xyz + fetch(solution, i).xyz;
-    leftover[i] = fetch(rhs, i) - fetch(operator_product, i);
+    carried_residual[i] = fetch(rhs, i) - fetch(operator_product, i);
     velocity[i] = vec4(v, 0.0);
     Frame frame = frames[info.z];
     if (RIGIDS > 0 && frame.core != NONE) {

@@ -146,7 +146,7 @@ void main() {
             solve.retries = 0;
         }
         bool done = verdict == VERDICT_DONE;
-        for (uint index = 0; index < RIGIDS && done; index++) rigids[index].leftover = rigids[index].operator_product;
+        for (uint index = 0; index < RIGIDS && done; index++) rigids[index].carried_residual = rigids[index].operator_product;
         args[3 * ARGS_COMMIT] = done ? groups_of(NODES) : 0;
         args[3 * ARGS_WRENCH] = done ? 1 : 0;
         args[3 * ARGS_GAP] = done && params.is_held != 0 ? SKIN_PARTS : 0;

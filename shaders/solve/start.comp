@@ -111,7 +111,7 @@ void assemble_tool() {
     // Where the block is singular in f32 the inverse becomes NaN, so that the step fails and a flag says so.
     if (!invert(matrix, inverse_block)) inverse_block[0] = uintBitsToFloat(0x7fc00000u);
     for (int i = 0; i < 6; i++) {
-        rigids[RIGIDS - 1].b[i] = params.tool_rhs[i] + block[at + i] + rigids[RIGIDS - 1].leftover[i];
+        rigids[RIGIDS - 1].b[i] = params.tool_rhs[i] + block[at + i] + rigids[RIGIDS - 1].carried_residual[i];
         float e = abs(params.tool_rhs[i]) + abs(block[at + i]);
         rounding += e * (e * inverse_block[7 * i]);
     }

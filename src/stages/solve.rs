@@ -1,7 +1,7 @@
 //! Solve stage: solves the linear system A x = b of implicit Euler for the change x of velocities and twists, by
 //! preconditioned conjugate gradients with a single reduction (Chronopoulos and Gear 1989); the GPU itself decides when
 //! to stop. Nodes come in blocks, one workgroup each. In the names below, `operator_product` is an operator product A p,
-//! `leftover` the residual b - A x that a step carries over to the next, and `restricted` means multiplied by P^T, the
+//! `carried_residual` the residual b - A x that a step carries over to the next, and `restricted` means multiplied by P^T, the
 //! restriction to the coarse space. Rigid bodies are the dynamic cores and the tool.
 
 mod record;
@@ -75,7 +75,7 @@ pub struct Solve {
     /// State of the solver, one [`shaders::Solve`].
     pub state: Buffer,
     rhs: Buffer,
-    leftover: Buffer,
+    carried_residual: Buffer,
     inverse: Buffer,
     /// Change of velocity of the nodes; it is also the first guess of the next step.
     pub solution: Buffer,
@@ -246,7 +246,7 @@ impl Solve {
             core_changes: Buffer::new(context, "core_changes", 24 * model.cores.len().max(1) as u64, Memory::Readback)?,
             state: zeros::<shaders::Solve>(context, "solve", 1)?,
             rhs: vector("rhs")?.known_as(&["rhs", "residual_or_rhs"]),
-            leftover: vector("leftover")?,
+            carried_residual: vector("carried_residual")?,
             inverse: zeros::<[f32; 4]>(context, "inverse", 2 * nodes)?,
             solution: vector("solution")?.known_as(&["solution", "change"]),
             residual: both(&["residual", "residual_or_rhs"], &["next_residual"])?,
@@ -271,7 +271,7 @@ impl Solve {
     /// The arrays that a step leaves for the next: the solution and the carried residual, of nodes and of rigid bodies,
     /// the solver's state, and how the blocks had rotated.
     pub fn state(&self) -> [&Buffer; 6] {
-        [&self.solution, &self.leftover, &self.rigids, &self.iterates, &self.state, &self.block_rotations]
+        [&self.solution, &self.carried_residual, &self.rigids, &self.iterates, &self.state, &self.block_rotations]
     }
 }
 

@@ -42,12 +42,12 @@ fn expect_oracle(what: &str, system: System) {
     let mut passes = Passes::new(system);
     let mut random = Random(61);
     // The carried residual of the last step, about a tenth of a node's weight.
-    let leftover = passes.system.random_field(&mut random);
-    passes.leftover = leftover.iter().map(|x| x.map(|x| 1e-4 * x)).collect();
+    let carried_residual = passes.system.random_field(&mut random);
+    passes.carried_residual = carried_residual.iter().map(|x| x.map(|x| 1e-4 * x)).collect();
     passes.assemble();
     let s = &passes.system;
     let (_, b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
-    let carried = s.unknowns(&passes.leftover, &[0.0; 6]);
+    let carried = s.unknowns(&passes.carried_residual, &[0.0; 6]);
     let b: Vec<f64> = b.iter().zip(carried).map(|(b, l)| b + l).collect();
     let (want, _) = s.rows(&b);
     let got = triples(&passes.rhs);
@@ -101,7 +101,7 @@ fn a_tetrahedron_at_rest_by_hand() {
     system.velocity.fill([0.0; 4]);
     system.rotate();
     let mut passes = Passes::new(system);
-    passes.leftover[3] = [0.0, 0.0, 7.0, 0.0];
+    passes.carried_residual[3] = [0.0, 0.0, 7.0, 0.0];
     passes.assemble();
     let (h, m, scale) = (f64::from(DT), 1000.0 / 24.0, f64::from(DT) * (f64::from(DT) + 2e-3) / 6.0);
     let (mu, lambda) = (2e4 / 2.9, 2e4 * 0.45 / (1.45 * 0.1));

@@ -48,7 +48,7 @@ fn load(passes: &mut Passes) {
     params.gravity = [0.0, -GRAVITY, 0.0];
     let impulse = params.dt * GRAVITY * mass / LOADED as f32;
     for k in 0..LOADED {
-        passes.leftover[free[(2 * k + 1) * free.len() / (2 * LOADED)]] = [0.0, 0.0, impulse, 0.0];
+        passes.carried_residual[free[(2 * k + 1) * free.len() / (2 * LOADED)]] = [0.0, 0.0, impulse, 0.0];
     }
 }
 

@@ -232,11 +232,11 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
             assert_eq!(report.flags, if status != 0 && !again { NOT_CONVERGED | PULLING } else { 0 });
             if status == 0 || again {
                 assert_eq!(granted(&passes), [UNTOUCHED; 2]);
-                assert_eq!(passes.rigids[0].leftover, [0.0; 6]);
+                assert_eq!(passes.rigids[0].carried_residual, [0.0; 6]);
             } else {
                 let allowed = Tolerance { abs: 1e-5 * r.iter().fold(0.0f64, |m, r| m.max(r.abs())), rel: 0.0 };
-                expect_close("left over of the tool", &passes.rigids[0].leftover, r, allowed);
-                passes.rigids[0].leftover = [0.0; 6];
+                expect_close("left over of the tool", &passes.rigids[0].carried_residual, r, allowed);
+                passes.rigids[0].carried_residual = [0.0; 6];
             }
         }
     }
@@ -260,9 +260,9 @@ fn the_state_moves_by_hand() {
     let rounding = Tolerance { abs: 1e-8, rel: 1e-7 };
     expect_close("d", first, &[0.5 + 4.0 / 128.0, 0.0, 0.0, 0.0], rounding);
     assert_eq!(passes.system.velocity[..3], [[0.0, 4.0, 0.0, 0.0]; 3]);
-    assert_eq!(passes.leftover[..3], [[1.0, 2.0, 3.0, 0.0]; 3]);
+    assert_eq!(passes.carried_residual[..3], [[1.0, 2.0, 3.0, 0.0]; 3]);
     assert_eq!((*last, passes.system.velocity[3]), ([0.5, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]), "bound");
-    assert_eq!(passes.leftover[3], [0.0; 4]);
+    assert_eq!(passes.carried_residual[3], [0.0; 4]);
 }
 
 #[test]

@@ -112,11 +112,11 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         // Either set may hold the last step's solution.
         passes.state.current = seed as u32 % 2;
         passes.tool_iterate_mut().x = tool_x;
-        passes.rigids[0].leftover = std::array::from_fn(|_| 1e-3 * random.next() as f32);
+        passes.rigids[0].carried_residual = std::array::from_fn(|_| 1e-3 * random.next() as f32);
         passes.assemble();
         passes.apply(Change::Solution);
         passes.gather(0);
-        let left = passes.rigids[0].leftover.map(f64::from);
+        let left = passes.rigids[0].carried_residual.map(f64::from);
         passes.start();
 
         let (s, state, own, tool_now) = (&passes.system, &passes.state, &passes.rigids[0], passes.tool_iterate());

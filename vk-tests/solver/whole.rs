@@ -126,7 +126,7 @@ fn a_solution_found_is_found_again_at_once() {
         let mut passes = solved("first", given());
         let first = passes.iterations_done();
         passes.system.contacts = given().contacts;
-        passes.rigids[0].leftover = [0.0; 6];
+        passes.rigids[0].carried_residual = [0.0; 6];
         passes.record_start();
         assert!((passes.state.warm - 1.0).abs() < 1e-5, "warm factor {}", passes.state.warm);
         passes.iterate(LIMIT);

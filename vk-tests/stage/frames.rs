@@ -284,7 +284,7 @@ fn the_new_state_is_the_same_place_seen_from_the_frames_end() {
             .input("iterates", &[RigidIterate::zeroed()])
             .inout("velocity", &v)
             .inout("displacement", &d)
-            .output::<[f32; 4]>("leftover", count)
+            .output::<[f32; 4]>("carried_residual", count)
             .elements(count)
             .run();
         for (i, got) in out.get::<[f32; 4]>("displacement").iter().enumerate().take(count) {

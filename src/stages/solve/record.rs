@@ -47,7 +47,7 @@ impl Solve {
                 node_entries: touch.map(|touch| &touch.node_entries),
                 sorted: touch.map(|touch| &touch.sorted),
                 contacts: touch.map(|touch| &touch.contacts),
-                leftover: &self.leftover,
+                carried_residual: &self.carried_residual,
                 rigids: &self.rigids,
                 rhs: &self.rhs,
                 preconditioned: self.preconditioned.now(0),
@@ -216,7 +216,7 @@ impl Solve {
             iterates: Some(&self.iterates),
             velocity: &elastic.velocity,
             displacement: &elastic.displacement,
-            leftover: &self.leftover,
+            carried_residual: &self.carried_residual,
         };
         recorder.dispatch_indirect(&self.commit, &arguments, &common.args, shaders::ARGS_COMMIT);
     }
@@ -224,11 +224,11 @@ impl Solve {
     /// Records the passes that stop all motion and clear the carried residual.
     pub fn record_stop(&self, recorder: &mut Recorder, elastic: &Elastic) {
         recorder.stage("solve");
-        for buffer in [&elastic.velocity, &self.leftover, &self.solution, &self.iterates] {
+        for buffer in [&elastic.velocity, &self.carried_residual, &self.solution, &self.iterates] {
             recorder.fill(buffer, 0);
         }
         for rigid in 0..self.rigid_count {
-            let first = rigid * size_of::<shaders::Rigid>() + offset_of!(shaders::Rigid, leftover);
+            let first = rigid * size_of::<shaders::Rigid>() + offset_of!(shaders::Rigid, carried_residual);
             recorder.fill_range(&self.rigids, first as u64, 24, 0);
         }
     }

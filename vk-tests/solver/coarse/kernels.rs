@@ -176,11 +176,11 @@ fn follow(what: &str, system: System) -> f64 {
         .map(|x| f64::from(1e-4 * *x as f32))
         .collect::<Vec<_>>();
     let x = random_unknowns(&passes.system, &mut random, 5.0);
-    passes.leftover = only_free(&passes, node_vectors(&passes.system, &left));
+    passes.carried_residual = only_free(&passes, node_vectors(&passes.system, &left));
     passes.solution = node_vectors(&passes.system, &x);
     passes.state.current = 1;
     for index in 0..passes.rigids.len() {
-        passes.rigids[index].leftover = six(&passes, index, &left);
+        passes.rigids[index].carried_residual = six(&passes, index, &left);
         passes.rigid(index).x = six(&passes, index, &x);
     }
     let (a, mut b) = passes.system.twin.assemble(passes.system.device.as_ref(), &passes.system.twin_contacts);

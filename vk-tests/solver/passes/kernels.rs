@@ -51,7 +51,7 @@ impl Passes {
             .input("node_entries", &s.node_entries)
             .input("sorted", &s.sorted)
             .input("contacts", &s.contacts)
-            .input("leftover", &self.leftover)
+            .input("carried_residual", &self.carried_residual)
             .input("rigids", &self.rigids)
             .partial("rhs", &unwritten::<[f32; 4]>(nodes))
             .partial("preconditioned", &unwritten::<[f32; 4]>(nodes))
@@ -425,10 +425,10 @@ impl Passes {
             .input("iterates", &self.iterates)
             .inout("velocity", &s.velocity)
             .inout("displacement", &s.displacement)
-            .partial("leftover", &self.leftover)
+            .partial("carried_residual", &self.carried_residual)
             .elements(self.nodes())
             .run();
-        self.leftover = outcome.get("leftover");
+        self.carried_residual = outcome.get("carried_residual");
         self.system.velocity = outcome.get("velocity");
         self.system.displacement = outcome.get("displacement");
     }

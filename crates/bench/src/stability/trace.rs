@@ -79,7 +79,7 @@ pub struct Observer {
     /// unknown, since that step was retried in parts.
     last_size: Option<f64>,
     /// By how much the last step missed the tool's balance of momentum, N s; the next step is to make it good.
-    tool_leftover: DVec3,
+    tool_carried_residual: DVec3,
     tool: Option<Tool>,
     device: Option<(DVec3, DQuat)>,
     /// Contacts of the last step, by side and vertex.
@@ -106,7 +106,7 @@ impl Observer {
             largest: 0.0,
             skin: Skin::new(&placed.shape, scene)?,
             last_size: Some(0.0),
-            tool_leftover: DVec3::ZERO,
+            tool_carried_residual: DVec3::ZERO,
             body,
             gravity: scene.step.gravity,
             dt: scene.step.dt,
@@ -258,12 +258,12 @@ impl Observer {
         self.supplied += h * (pull.force.dot(device.velocity) + pull.torque.dot(device.angular_velocity));
         let weight = tool.mass * self.gravity;
         let change = tool.mass * (tool.velocity - velocity);
-        let missed = h * (told.force + weight + pull.force) - change + self.tool_leftover;
+        let missed = h * (told.force + weight + pull.force) - change + self.tool_carried_residual;
         let sizes = [change, h * told.force, h * weight, h * pull.force].map(|x| x.length());
         // Relative to the largest impulse so far, since after the motion only rounding is left.
         self.largest = sizes.into_iter().fold(self.largest, f64::max);
         sample.balance = if self.largest > 0.0 { missed.length() / self.largest } else { 0.0 };
-        self.tool_leftover = missed;
+        self.tool_carried_residual = missed;
         sample.force = told.force.length();
     }
 
