@@ -32,7 +32,7 @@ pub fn why_not(kernel: &str, model: &Model, graphics: bool) -> Option<&'static s
         "solve/commit" if model.node_rest.is_empty() => "no nodes",
         "wrench/gap" if model.tool_frame.is_none() => "the tool is a body of the scene",
         "wrench/gap" if gap::part_count(model) == 0 => "the tool may touch no skin",
-        "solve/assemble" | "solve/begin" | "solve/coarse" if model.blocks.blocks.is_empty() => "no nodes",
+        "solve/assemble" | "solve/first_iterate" | "solve/coarse" if model.blocks.blocks.is_empty() => "no nodes",
         "solve/gather" | "solve/update" if model.blocks.blocks.is_empty() && model.tool_frame.is_none() => {
             "nothing moves"
         }

@@ -32,8 +32,8 @@ pub struct Solve {
     coarse: Option<CoarseKernels>,
     /// Present where there are dynamic cores.
     cores: Option<Kernel>,
-    start: Kernel,
-    begin: Kernel,
+    first_residual: Kernel,
+    first_iterate: Kernel,
     /// One variant per role; the first one also writes the scalars of the iteration.
     update: Vec<Variant>,
     conclude: Kernel,
@@ -194,8 +194,8 @@ impl Solve {
             gather_final: gather(shaders::GATHER_END)?,
             coarse: is_coarse.then(coarse_kernels).transpose()?,
             cores: (!model.cores.is_empty()).then(|| reduce("solve/cores", &[joints, held])).transpose()?,
-            start: reduce(
-                "solve/start",
+            first_residual: reduce(
+                "solve/first_residual",
                 &[
                     tetrahedra_c,
                     contact,
@@ -209,7 +209,7 @@ impl Solve {
                     patches_c,
                 ],
             )?,
-            begin: reduce("solve/begin", &[coarse])?,
+            first_iterate: reduce("solve/first_iterate", &[coarse])?,
             update: variants("solve/update", &[blocks, coarse, partials, rigids, ("WIDEST", count(widest))])?,
             conclude: reduce(
                 "solve/conclude",

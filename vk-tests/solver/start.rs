@@ -1,5 +1,5 @@
-//! Kernel solve/start, which inverts the tool's block, chooses the factor of the warm start and writes the loop's
-//! indirect arguments; and solve/begin, which makes the first iterate.
+//! Kernel solve/first_residual, which inverts the tool's block, chooses the factor of the warm start and writes the loop's
+//! indirect arguments; and solve/first_iterate, which makes the first iterate.
 
 use palpate::internal::shaders;
 use palpate::internal::shaders::Iteration;
@@ -28,7 +28,7 @@ fn loop_groups(args: &[u32]) -> Vec<u32> {
 
 #[test]
 fn the_warm_factor_and_the_arguments_by_hand() {
-    // solve/start: with y = A x of the last solution x, y.M^-1 b = 3 and y.M^-1 y = 4 give the warm factor 3/4. There
+    // solve/first_residual: with y = A x of the last solution x, y.M^-1 b = 3 and y.M^-1 y = 4 give the warm factor 3/4. There
     // are two blocks of 80 nodes.
     let system = System::new(&[layered(layer(160), material(2e4), glam::DQuat::IDENTITY)], 0.0, 1);
     let mut passes = Passes::new(system);
@@ -53,7 +53,7 @@ fn the_warm_factor_and_the_arguments_by_hand() {
 
 #[test]
 fn a_body_at_rest_and_a_failed_solution_start_from_nothing() {
-    // solve/start: where b is within its rounding, the loop ends before the first iteration; an A x that overflowed
+    // solve/first_residual: where b is within its rounding, the loop ends before the first iteration; an A x that overflowed
     // gives no factor.
     let mut passes = Passes::new(System::new(&[], 0.0, 1));
     passes.block_count = 1;
@@ -99,7 +99,7 @@ fn preconditioned(passes: &Passes, inverse: &[Vec<f64>; 6], r: &[f64]) -> Vec<f6
 
 #[test]
 fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
-    // solve/start after solve/assemble, solve/apply and solve/gather on a random vector in place of the last solution.
+    // solve/first_residual after solve/assemble, solve/apply and solve/gather on a random vector in place of the last solution.
     for (seed, contacts) in [(0, 100), (1, 100), (2, 3), (3, 0), (4, 100), (5, 9)] {
         let system = System::new(&two_layers(), 0.004, seed).with_tool();
         let system = if seed < 4 { system } else { system.with_friction() };
@@ -164,7 +164,7 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
 
 #[test]
 fn the_first_iterate_at_every_size() {
-    // solve/begin: x = w x, r = b - w y, u = M^-1 r, with warm factor w and y = A x. Where w is zero, x and y are not
+    // solve/first_iterate: x = w x, r = b - w y, u = M^-1 r, with warm factor w and y = A x. Where w is zero, x and y are not
     // used.
     let width = context().group_size() as usize;
     for nodes in [0, 1, width - 1, width, width + 1, 1234] {

@@ -69,8 +69,8 @@ impl Solve {
             self.record_coarse(recorder, &coarse.warm, &self.restricted_rhs);
         }
         recorder.dispatch_groups(
-            &self.start,
-            &shaders::solve::Start {
+            &self.first_residual,
+            &shaders::solve::FirstResidual {
                 params: Some(&common.params),
                 frames: Some(&common.frames),
                 counts: Some(&common.counts),
@@ -91,8 +91,8 @@ impl Solve {
             1,
         );
         recorder.dispatch_groups(
-            &self.begin,
-            &shaders::solve::Begin {
+            &self.first_iterate,
+            &shaders::solve::FirstIterate {
                 solve: &self.state,
                 block_turns: &self.block_turns,
                 blocks: &self.blocks,

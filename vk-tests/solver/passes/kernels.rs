@@ -227,7 +227,7 @@ impl Passes {
     pub fn start(&mut self) {
         let s = &self.system;
         let outcome = self
-            .reduce("solve/start")
+            .reduce("solve/first_residual")
             .constant("TETRAHEDRA", self.tetrahedra() as u32)
             .constant("CONTACT", self.contact)
             .constant("FRICTION", self.friction)
@@ -266,7 +266,7 @@ impl Passes {
     pub fn begin(&mut self) {
         let (s, nodes) = (&self.system, self.nodes());
         let outcome = self
-            .reduce("solve/begin")
+            .reduce("solve/first_iterate")
             .input("solve", &[self.state])
             .input("block_turns", &self.block_turns)
             .input("blocks", &s.model.blocks.blocks)

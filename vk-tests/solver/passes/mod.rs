@@ -29,7 +29,7 @@ pub struct Passes {
     pub tool: bool,
     pub friction: bool,
     pub coarse: bool,
-    /// Number of blocks that solve/start and solve/conclude sum over: the model's, unless a test sets inner products of
+    /// Number of blocks that solve/first_residual and solve/conclude sum over: the model's, unless a test sets inner products of
     /// its own.
     pub block_count: usize,
     pub element_forces: Vec<[f32; 4]>,

@@ -5,7 +5,7 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: the first iterate of conjugate gradients, from the last solution x' times the factor `warm` of solve/start:
+// Solve: the first iterate of conjugate gradients, from the last solution x' times the factor `warm` of solve/first_residual:
 // x = warm x', r = b - warm A x', u = M^-1 r (shared/preconditioner.glsl), search direction zero. Nodes attached to a
 // core follow its iterate. One workgroup a block of nodes. Oracle: oracle::step.
 
