@@ -25,7 +25,7 @@ mod structs;
 
 /// A compiled shader.
 pub struct Shader {
-    /// Its name: `solve/apply` for a compute shader, `depth/ray_hits.vert` for a stage of the graphics pipeline.
+    /// Its name: `solve/element_product` for a compute shader, `depth/ray_hits.vert` for a stage of the graphics pipeline.
     name: String,
     /// Its GLSL text, without included files.
     text: String,
@@ -130,7 +130,7 @@ fn entries(folder: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(paths)
 }
 
-/// Name of a shader: `solve/apply` for a compute shader, `depth/ray_hits.vert` for a stage of the graphics pipeline.
+/// Name of a shader: `solve/element_product` for a compute shader, `depth/ray_hits.vert` for a stage of the graphics pipeline.
 fn name(root: &Path, source: &Path) -> String {
     let relative = source.strip_prefix(root).unwrap_or(source).to_string_lossy().replace('\\', "/");
     relative.strip_suffix(".comp").unwrap_or(&relative).to_string()

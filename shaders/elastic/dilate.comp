@@ -11,7 +11,7 @@
 // over its nodes j, c_j = sqrt((h^2 + h beta) lambda / V) sum sqrt(V_e) g'_ej, with g' the scaled gradients of
 // elastic/rotate. To the right-hand side it gives h f - (h^2 + h beta) K v = -(h theta sqrt(lambda V / (h^2 + h beta))
 // + c . v) c, with shared/lag.glsl in place of the velocity v in later Newton iterations. It runs after elastic/rotate;
-// solve/patches uses the rows c in every conjugate gradient iteration. One invocation a patch. After de Souza Neto,
+// solve/patch_product uses the rows c in every conjugate gradient iteration. One invocation a patch. After de Souza Neto,
 // Andrade Pires and Owen (2005). Oracle: oracle::elastic.
 
 layout(local_size_x_id = 0) in;

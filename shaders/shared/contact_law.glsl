@@ -36,7 +36,7 @@ float normal_impulse(Contact contact, float h) {
 }
 
 // Pressure p at the end of the step, N/m^2, for a solution x of the system; `force` is the contact's output of
-// solve/press for x. It is negative where the contact is under tension.
+// solve/contact_product for x. It is negative where the contact is under tension.
 float end_pressure(Contact contact, vec4 force, float h) {
     float slope = pressure_slope(contact, h);
     float rate = contact.rate + force.w / (h * slope * contact.area);

@@ -29,7 +29,7 @@ layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Dots { vec2 dots[]; };              // inner products of solve/gather, GATHER_END
 layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };      // inner products of solve/coarse
 READ_ONLY(vec4, restricted_product);     // P^T A x
-READ_ONLY(vec4, contact_forces);       // output of solve/press for the solution
+READ_ONLY(vec4, contact_forces);       // output of solve/contact_product for the solution
 layout(scalar) readonly buffer Iterations { Iteration iterations[2]; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) buffer CountsInOut { Counts counts; };

@@ -173,7 +173,7 @@ void main() {
     iterations[1] = Iteration(0.0, 0.0, 0);
     uint on = at_rest ? 0 : 1, contact_count = CONTACT ? counts.contacts : 0;
     args[3 * ARGS_LOOP_APPLY] = on * groups_of(TETRAHEDRA);
-    args[3 * ARGS_LOOP_PRESS] = on * groups_of(contact_count);
+    args[3 * ARGS_LOOP_CONTACT_PRODUCT] = on * groups_of(contact_count);
     args[3 * ARGS_LOOP_PATCHES] = on * groups_of(PATCHES);
     args[3 * ARGS_LOOP_FREE] = on * FREE_BLOCKS;
     args[3 * ARGS_LOOP_CARRIED] = on * (BLOCKS - FREE_BLOCKS);

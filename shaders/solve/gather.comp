@@ -6,8 +6,8 @@
 #include "shared/rounding.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: operator product w = A p of each node, from the element and contact products of solve/apply, solve/patches and
-// solve/press; inner products with it; and sums over the modes of each block of nodes (shared/modes.glsl), P^T w and
+// Solve: operator product w = A p of each node, from the element and contact products of solve/element_product, solve/patch_product and
+// solve/contact_product; inner products with it; and sums over the modes of each block of nodes (shared/modes.glsl), P^T w and
 // P^T r. The modes of a core's blocks are its six rows. MODE says what p is and which inner products are taken, with
 // preconditioner M of diagonal blocks D:
 //   GATHER_WARM, before the loop: p the last solution; w . D^-1 b, w . D^-1 w; `preconditioned` is D^-1 b.

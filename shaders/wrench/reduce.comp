@@ -18,7 +18,7 @@ layout(constant_id = 7) const bool FRICTION = false;
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer Contacts { Contact contacts[]; };
-READ_ONLY(vec4, contact_forces);      // output of solve/press for the solution
+READ_ONLY(vec4, contact_forces);      // output of solve/contact_product for the solution
 layout(scalar) writeonly buffer ReportOut { Report report; };
 
 #include "shared/sum.glsl"

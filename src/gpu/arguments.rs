@@ -5,7 +5,7 @@ use super::Buffer;
 
 /// The arguments of one pass.
 pub trait Arguments {
-    /// The shader's name, as in `solve/apply`; for the two shaders of a graphics pipeline, the name without `.vert` and
+    /// The shader's name, as in `solve/element_product`; for the two shaders of a graphics pipeline, the name without `.vert` and
     /// `.frag`.
     fn shader(&self) -> &str;
 

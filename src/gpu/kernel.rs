@@ -134,7 +134,7 @@ impl Kernel {
         Ok(Kernel(Arc::new(Inner { interface, pipeline, local_size })))
     }
 
-    /// Name of the kernel, as in `solve/apply`.
+    /// Name of the kernel, as in `solve/element_product`.
     pub fn name(&self) -> &str {
         &self.0.interface.name
     }

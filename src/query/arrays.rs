@@ -110,10 +110,10 @@ fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
     let element_forces = vectors("element_forces", 4 * (TETRAHEDRA + 1))?;
     let recording = |arrays| {
         let constants = [("TETRAHEDRA", Const::Uint(TETRAHEDRA))];
-        let kernel = Kernel::with_arrays(context, "solve/apply", Size::Group, &constants, arrays)?;
+        let kernel = Kernel::with_arrays(context, "solve/element_product", Size::Group, &constants, arrays)?;
         let mut recorder = Recorder::new(context)?;
         recorder.stage("arrays");
-        let arguments = shaders::solve::Apply {
+        let arguments = shaders::solve::ElementProduct {
             tetrahedra: &tetrahedra,
             gradients: &gradients,
             change: &change,

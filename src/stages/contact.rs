@@ -37,7 +37,7 @@ pub struct Touch {
     /// The entries, node by node: contact index, and bits of the weight (f32).
     pub sorted: Buffer,
     /// Per contact: the product of its part of the operator with a change of velocity, N s; w is the component along
-    /// the normal (see solve/press).
+    /// the normal (see solve/contact_product).
     pub contact_forces: Buffer,
 }
 

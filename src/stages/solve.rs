@@ -23,9 +23,9 @@ const UNTURNED: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 /// Kernels and vectors of the solver; a vector has a vec4 per node.
 pub struct Solve {
     assemble: Kernel,
-    apply: Kernel,
-    press: Kernel,
-    patches: Option<Kernel>,
+    element_product: Kernel,
+    contact_product: Kernel,
+    patch_product: Option<Kernel>,
     gather_warm: Vec<Variant>,
     gather_loop: Vec<Variant>,
     gather_final: Vec<Variant>,
@@ -170,7 +170,7 @@ impl Solve {
         };
         let patch_count = model.patches.count();
         let patches_c = ("PATCHES", count(patch_count));
-        let patches = || Kernel::new(context, "solve/patches", Size::Group, &[patches_c, tetrahedra_c]);
+        let patch_product = || Kernel::new(context, "solve/patch_product", Size::Group, &[patches_c, tetrahedra_c]);
         let coarse_kernel = |warm: bool| reduce("solve/coarse", &[("WARM", warm.into())]);
         let coarse_kernels = || Ok(CoarseKernels { warm: coarse_kernel(true)?, end: coarse_kernel(false)? });
         let vector = |name: &str| zeros::<[f32; 4]>(context, name, nodes);
@@ -186,9 +186,9 @@ impl Solve {
                 "solve/assemble",
                 &[contact, friction, coarse, joints, held, tetrahedra_c, ("PATCHES", (patch_count > 0).into())],
             )?,
-            apply: Kernel::new(context, "solve/apply", Size::Group, &[tetrahedra_c])?,
-            press: Kernel::new(context, "solve/press", Size::Group, &[friction, tool, rigids])?,
-            patches: (patch_count > 0).then(patches).transpose()?,
+            element_product: Kernel::new(context, "solve/element_product", Size::Group, &[tetrahedra_c])?,
+            contact_product: Kernel::new(context, "solve/contact_product", Size::Group, &[friction, tool, rigids])?,
+            patch_product: (patch_count > 0).then(patch_product).transpose()?,
             gather_warm: gather(shaders::GATHER_WARM)?,
             gather_loop: gather(shaders::GATHER_LOOP)?,
             gather_final: gather(shaders::GATHER_END)?,

@@ -167,7 +167,7 @@ fn pressures(system: &System, change: &[f64]) -> Vec<f64> {
 
 #[test]
 fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
-    // solve/conclude after solve/apply and solve/gather on random vectors in place of a solution, against the oracle's
+    // solve/conclude after solve/element_product and solve/gather on random vectors in place of a solution, against the oracle's
     // b - A x.
     for seed in 0..3 {
         let system = System::new(&two_layers(), 0.004, seed).with_tool();

@@ -1,4 +1,4 @@
-//! The operator product A x by solve/apply (elements), solve/press (contacts) and solve/gather (sums over nodes), with
+//! The operator product A x by solve/element_product (elements), solve/contact_product (contacts) and solve/gather (sums over nodes), with
 //! the tool's rows.
 
 use glam::{DMat3, DQuat, DVec3};
@@ -72,7 +72,7 @@ fn expect_oracle(what: &str, system: System, seed: u64) -> usize {
 
 #[test]
 fn a_unit_tetrahedron_and_one_contact_by_hand() {
-    // solve/apply and solve/press: gradients g are e_x, e_y, e_z, moduli mu = 2 and lambda = 3, and node 1 moves along
+    // solve/element_product and solve/contact_product: gradients g are e_x, e_y, e_z, moduli mu = 2 and lambda = 3, and node 1 moves along
     // x at 1 m/s: W = sum v g^T = diag(1, 0, 0), and S = 2 mu sym(W) + lambda tr(W) I = diag(2 * 2 + 3, 3, 3).
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let tetrahedron = palpate::internal::prepare::Layer {
@@ -145,7 +145,7 @@ fn is_empty(body: &palpate::internal::prepare::Body) -> bool {
 
 #[test]
 fn products_agree_with_the_assembled_matrix_at_every_size() {
-    // Sizes are around the workgroup of solve/gather, which sums over nodes, and that of solve/apply, which does not.
+    // Sizes are around the workgroup of solve/gather, which sums over nodes, and that of solve/element_product, which does not.
     let width = context().reduce_size() as usize;
     let large = context().group_size() as usize;
     for nodes in [0, 1, width - 1, width, width + 1, large - 1, large, large + 1, 1234] {
@@ -208,7 +208,7 @@ fn the_operator_is_symmetric_and_positive() {
 
 #[test]
 fn rigid_motions_meet_no_elastic_force() {
-    // solve/apply gives no force for translations at any deformation, nor for twists of a body that is turned but not
+    // solve/element_product gives no force for translations at any deformation, nor for twists of a body that is turned but not
     // deformed.
     let bodies = two_layers();
     let mut passes = Passes::new(System::new(&bodies, AMPLITUDE, 5));

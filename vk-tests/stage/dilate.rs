@@ -1,4 +1,4 @@
-//! Kernels elastic/dilate and solve/patches, against the f64 oracle: F-bar patches, whose tetrahedra share one
+//! Kernels elastic/dilate and solve/patch_product, against the f64 oracle: F-bar patches, whose tetrahedra share one
 //! volumetric strain (mean dilatation), with their rows in the operator, their part of the right-hand side, and their
 //! part of the operator product.
 
@@ -74,10 +74,10 @@ fn dilate(system: &System, all: &Patches) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
     (outcome.get("element_forces"), outcome.get("patch_rows"))
 }
 
-/// Runs solve/patches: forces of patches for a change of velocity, at their places among the element forces.
+/// Runs solve/patch_product: forces of patches for a change of velocity, at their places among the element forces.
 fn product(system: &System, all: &Patches, rows: &[[f32; 4]], change: &[[f32; 4]]) -> Vec<[f32; 4]> {
     let first = 4 * (system.model.tetrahedra.len() + 1);
-    let outcome = case("solve/patches")
+    let outcome = case("solve/patch_product")
         .constant("PATCHES", all.count() as u32)
         .constant("TETRAHEDRA", system.model.tetrahedra.len() as u32)
         .input("patch_nodes", &all.device_nodes())

@@ -143,7 +143,7 @@ fn agree(system: System, seed: u64) {
     let (places, start) = (system.twin.unknowns(), system.start());
     let (mut forces, mut resolved) = (vec![], vec![]);
     for (twin, contact) in system.twin_contacts.iter().zip(&system.contacts) {
-        // What solve/press leaves of a contact for some solution x: h (h k + d) a (J x), with normal speed J x of up to
+        // What solve/contact_product leaves of a contact for some solution x: h (h k + d) a (J x), with normal speed J x of up to
         // 0.3 m/s.
         let speed = f64::from(0.3 * random.next() as f32);
         let slope = h * twin.stiffness + twin.damping;

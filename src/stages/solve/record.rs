@@ -63,7 +63,7 @@ impl Solve {
             self.block_count,
         );
         self.record_cores(recorder, common, elastic);
-        self.record_apply(recorder, common, elastic, Change::Solution);
+        self.record_product(recorder, common, elastic, Change::Solution);
         self.record_gather(recorder, common, elastic, &self.gather_warm, None);
         if let Some(coarse) = &self.coarse {
             self.record_coarse(recorder, &coarse.warm, &self.restricted_rhs);
@@ -123,7 +123,7 @@ impl Solve {
         recorder.stage("solve");
         for iteration in 0..iterations.next_multiple_of(2) {
             let set = iteration % 2;
-            self.record_apply(recorder, common, elastic, Change::Preconditioned { set });
+            self.record_product(recorder, common, elastic, Change::Preconditioned { set });
             self.record_gather(recorder, common, elastic, &self.gather_loop, Some(set));
             let arguments = shaders::solve::Update {
                 set,
@@ -177,7 +177,7 @@ impl Solve {
     pub fn record_end(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("solve");
         let touch = self.touch.as_ref();
-        self.record_apply(recorder, common, elastic, Change::Solution);
+        self.record_product(recorder, common, elastic, Change::Solution);
         self.record_gather(recorder, common, elastic, &self.gather_final, None);
         if let Some(coarse) = &self.coarse {
             self.record_coarse(recorder, &coarse.end, &self.restricted_residual);
@@ -268,13 +268,13 @@ impl Solve {
         recorder.dispatch_groups(kernel, &arguments, self.core_count as u32);
     }
 
-    fn record_apply(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, change: Change) {
+    fn record_product(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, change: Change) {
         let (of_solution, set, vector) = match change {
             Change::Solution => (1, 0, &self.solution),
             Change::Preconditioned { set } => (0, set, self.preconditioned.now(set)),
         };
         let in_loop = of_solution == 0;
-        let of_elements = shaders::solve::Apply {
+        let of_elements = shaders::solve::ElementProduct {
             tetrahedra: &elastic.tetrahedra,
             gradients: &elastic.gradients,
             change: vector,
@@ -282,12 +282,12 @@ impl Solve {
         };
         recorder.together(|recorder| {
             if in_loop {
-                recorder.dispatch_indirect(&self.apply, &of_elements, &common.args, shaders::ARGS_LOOP_APPLY);
+                recorder.dispatch_indirect(&self.element_product, &of_elements, &common.args, shaders::ARGS_LOOP_APPLY);
             } else {
-                recorder.dispatch(&self.apply, &of_elements, elastic.tetrahedron_count as u32);
+                recorder.dispatch(&self.element_product, &of_elements, elastic.tetrahedron_count as u32);
             }
-            if let (Some(kernel), Some(dilate)) = (&self.patches, &elastic.dilate) {
-                let arguments = shaders::solve::Patches {
+            if let (Some(kernel), Some(dilate)) = (&self.patch_product, &elastic.dilate) {
+                let arguments = shaders::solve::PatchProduct {
                     patch_nodes: &dilate.nodes,
                     patch_rows: &dilate.rows,
                     change: vector,
@@ -299,7 +299,7 @@ impl Solve {
                 }
             }
             if let Some(touch) = &self.touch {
-                let arguments = shaders::solve::Press {
+                let arguments = shaders::solve::ContactProduct {
                     of_solution,
                     set,
                     params: &common.params,
@@ -312,8 +312,8 @@ impl Solve {
                     iterates: Some(&self.iterates),
                     contact_forces: &touch.contact_forces,
                 };
-                let slot = if in_loop { shaders::ARGS_LOOP_PRESS } else { shaders::ARGS_CONTACTS };
-                recorder.dispatch_indirect(&self.press, &arguments, &common.args, slot);
+                let slot = if in_loop { shaders::ARGS_LOOP_CONTACT_PRODUCT } else { shaders::ARGS_CONTACTS };
+                recorder.dispatch_indirect(&self.contact_product, &arguments, &common.args, slot);
             }
         });
     }

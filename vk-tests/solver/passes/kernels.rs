@@ -103,12 +103,12 @@ impl Passes {
         self.rigid_inverses = outcome.get("rigid_inverses");
     }
 
-    /// Runs solve/apply and, with contacts, solve/press.
+    /// Runs solve/element_product and, with contacts, solve/contact_product.
     pub fn apply(&mut self, change: Change) {
         let (s, tetrahedra) = (&self.system, self.tetrahedra());
         let of_solution = change == Change::Solution;
         let vector = if of_solution { &self.solution } else { &self.preconditioned };
-        let outcome = case("solve/apply")
+        let outcome = case("solve/element_product")
             .constant("TETRAHEDRA", tetrahedra as u32)
             .input("tetrahedra", &s.model.tetrahedra)
             .input("gradients", &s.gradients)
@@ -119,7 +119,7 @@ impl Passes {
         let mut forces: Quads = outcome.get("element_forces");
         forces.extend([[0.0; 4]; 4]);
         if self.contact {
-            let outcome = case("solve/press")
+            let outcome = case("solve/contact_product")
                 .constant("FRICTION", self.friction)
                 .constant("RIGIDS", self.rigid_count())
                 .input("params", &[s.params])

@@ -14,7 +14,7 @@ pub use kernels::SKIN_PARTS;
 use crate::harness::case;
 use crate::solver::system::System;
 
-/// The change of velocity to which solve/apply applies the operator.
+/// The change of velocity to which solve/element_product applies the operator.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Change {
     Solution,

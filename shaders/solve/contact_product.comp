@@ -7,7 +7,7 @@
 
 // Solve: operator product of contacts with a change of velocity p: (h^2 k + h d) a n n.(J p) + h c (I - n n^T) J p,
 // with a contact's Jacobian J, normal n, area a, stiffness k, damping d and friction c (shared/contact_law.glsl) over a
-// step h. solve/gather sums it at the nodes and on the tool. It runs beside solve/apply, and is a kernel of its own
+// step h. solve/gather sums it at the nodes and on the tool. It runs beside solve/element_product, and is a kernel of its own
 // because a branch would cost every tetrahedron where lanes are masked. One invocation a contact. Oracle: oracle::step.
 
 layout(local_size_x_id = 0) in;

@@ -4,7 +4,7 @@
 #include "shared/arrays.glsl"
 
 // Solve: operator product of F-bar patches (elastic/dilate) with a change of velocity p: c (c . p), where c is a
-// patch's row. It runs beside solve/apply, and is a kernel of its own because some devices run the untaken branches of
+// patch's row. It runs beside solve/element_product, and is a kernel of its own because some devices run the untaken branches of
 // a shared one with lanes masked: 350 instead of 130 us an iteration on lavapipe, for a block of 10,368 tetrahedra. One
 // invocation a patch. Oracle: oracle::elastic::Elements::patch_rows.
 
