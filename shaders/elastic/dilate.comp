@@ -9,8 +9,8 @@
 //
 // In the operator (h^2 + h beta) K, with the step h and stiffness-proportional damping beta, a patch is a matrix c c^T
 // over its nodes j, c_j = sqrt((h^2 + h beta) lambda / V) sum sqrt(V_e) g'_ej, with g' the scaled gradients of
-// elastic/rotate. To the right-hand side it gives h f - (h^2 + h beta) K v = -(h theta sqrt(lambda V / (h^2 + h beta))
-// + c . v) c, with shared/lag.glsl in place of the velocity v in later Newton iterations. It runs after elastic/rotate;
+// elastic/element_forces. To the right-hand side it gives h f - (h^2 + h beta) K v = -(h theta sqrt(lambda V / (h^2 + h beta))
+// + c . v) c, with shared/lag.glsl in place of the velocity v in later Newton iterations. It runs after elastic/element_forces;
 // solve/patch_product uses the rows c in every conjugate gradient iteration. One invocation a patch. After de Souza Neto,
 // Andrade Pires and Owen (2005). Oracle: oracle::elastic.
 

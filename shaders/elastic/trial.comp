@@ -10,7 +10,7 @@
 // Elastic: trial displacements for the next Newton iteration: where the solution x of the last solve would take each
 // node by the end of the step of h seconds, seen from its frame (rotation R) at the start, so that links between frames
 // hold. For a free node that is d + h R^T (v + x); for a node attached to a dynamic core h R^T u + (Q - I) r, with the
-// core's new twist (u, w), Q the rotation by h R^T w, and r the rest position. elastic/rotate linearises there. Steps
+// core's new twist (u, w), Q the rotation by h R^T w, and r the rest position. elastic/element_forces linearises there. Steps
 // of one Newton iteration do not run this. One invocation a node. Oracle: oracle::newton.
 
 layout(local_size_x_id = 0) in;

@@ -5,7 +5,7 @@
 
 // Solve: element product of the operator with a change of velocity p. A tetrahedron gives
 // (2 mu sym(W) + lambda tr(W) I) g'_i with W = sum p_i g'_i^T to its nodes i, which solve/gather sums. The gradients g'
-// and moduli mu and lambda are those of elastic/rotate, scaled by volume and step. One invocation a tetrahedron.
+// and moduli mu and lambda are those of elastic/element_forces, scaled by volume and step. One invocation a tetrahedron.
 // Oracle: oracle::elastic::Elements::apply_stiffness, oracle::step.
 
 layout(local_size_x_id = 0) in;

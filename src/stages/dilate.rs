@@ -119,14 +119,14 @@ fn beside<const N: usize>(rows: &[[[u32; 4]; N]]) -> Vec<[u32; 4]> {
     (0..N).flat_map(|k| rows.iter().map(move |row| row[k])).collect()
 }
 
-/// The pass that follows elastic/rotate, and the patch arrays that the solver reads.
+/// The pass that follows elastic/element_forces, and the patch arrays that the solver reads.
 pub struct Dilate {
     kernel: Kernel,
     /// Variant of the kernel for further Newton iterations of a step.
     again: Option<Kernel>,
     /// Number of patches.
     pub patch_count: usize,
-    /// Per tetrahedron: its patch, for elastic/rotate.
+    /// Per tetrahedron: its patch, for elastic/element_forces.
     pub patch_of: Buffer,
     /// Three quads of node indices per patch.
     pub nodes: Buffer,
@@ -162,7 +162,7 @@ impl Dilate {
         self.constants.write(&patches.constants)
     }
 
-    /// Records one pass over the patches, after elastic/rotate. `trial_change`: the change of velocity of the last
+    /// Records one pass over the patches, after elastic/element_forces. `trial_change`: the change of velocity of the last
     /// solve, in a further Newton iteration.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, trial_change: Option<&Buffer>) {
         recorder.stage("elastic");

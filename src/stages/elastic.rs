@@ -17,7 +17,7 @@ use crate::shaders::Counts;
 
 /// The nodes and tetrahedra, their state, and the kernels of the stage.
 pub struct Elastic {
-    rotate: Kernel,
+    forces_kernel: Kernel,
     again: Option<Again>,
     /// The F-bar patches (tetrahedra that share one volumetric strain), if there are any.
     pub dilate: Option<Dilate>,
@@ -58,7 +58,7 @@ pub struct Elastic {
 /// Kernels and arrays that only steps with several Newton iterations need.
 struct Again {
     trial: Kernel,
-    rotate: Kernel,
+    forces_kernel: Kernel,
     /// Per node: the displacement to which the last solve would take it, axes of its frame at the step's start, m.
     displacement: Buffer,
     /// Per node: its change of velocity by the last solve, world axes, m/s.
@@ -79,12 +79,13 @@ impl Elastic {
                 ("LAWS", Const::Uint(material_law::laws_of(&model.materials))),
             ]
         };
-        let rotate = |again: bool| Kernel::new(context, "elastic/rotate", Size::Group, &constants(again));
+        let forces_kernel =
+            |again: bool| Kernel::new(context, "elastic/element_forces", Size::Group, &constants(again));
         let rigids = ("RIGIDS", count(model.cores.len() + usize::from(model.tool_frame.is_some())));
         let again = || -> Result<Again> {
             Ok(Again {
                 trial: Kernel::new(context, "elastic/trial", Size::Group, &[("NODES", count(nodes)), rigids])?,
-                rotate: rotate(true)?,
+                forces_kernel: forces_kernel(true)?,
                 displacement: zeros::<[f32; 4]>(context, "trial_displacement", nodes)?
                     .known_as(&["trial_displacement", "displacement"]),
                 change: zeros::<[f32; 4]>(context, "trial_change", nodes)?,
@@ -95,7 +96,7 @@ impl Elastic {
         Ok(Elastic {
             dilate: (patches > 0).then(|| Dilate::new(context, &model.patches, repeats)).transpose()?,
             again: repeats.then(again).transpose()?,
-            rotate: rotate(false)?,
+            forces_kernel: forces_kernel(false)?,
             tetrahedron_count: tetrahedra,
             node_count: nodes,
             materials: upload(context, "materials", &model.materials)?,
@@ -178,8 +179,8 @@ impl Elastic {
     fn record_at(&self, recorder: &mut Recorder, common: &Common, again: Option<&Again>) {
         recorder.stage("elastic");
         recorder.dispatch(
-            again.map_or(&self.rotate, |again| &again.rotate),
-            &shaders::elastic::Rotate {
+            again.map_or(&self.forces_kernel, |again| &again.forces_kernel),
+            &shaders::elastic::ElementForces {
                 params: &common.params,
                 frames: &common.frames,
                 materials: &self.materials,

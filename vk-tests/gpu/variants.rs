@@ -34,7 +34,7 @@ fn a_feature_that_a_variant_lacks_takes_its_buffers_with_it() {
     assert_eq!(of("solve/assemble", "JOINTS"), ["joint_sides", "joints"]);
     assert_eq!(of("solve/conclude", "CONTACT"), ["contact_forces", "contacts"]);
     assert_eq!(of("contact/candidates", "SKINS"), ["hits", "shares"]);
-    assert_eq!(of("elastic/rotate", "AGAIN"), ["trial_change"]);
+    assert_eq!(of("elastic/element_forces", "AGAIN"), ["trial_change"]);
     // `HELD` is the index of the dynamic core that the virtual coupling pulls on, or `NONE`.
     let held = more("solve/assemble", &[("HELD", Const::Uint(0))], &[("HELD", Const::Uint(shaders::NONE))]);
     assert_eq!(held, Vec::<String>::new(), "its parameters are read in any case");

@@ -25,7 +25,7 @@ const STEPS: f64 = 3.0e-6;
 
 #[test]
 fn a_neo_hookean_tetrahedron_stretched_by_half_by_hand() {
-    // Kernel elastic/rotate, which computes element forces, on a unit corner of volume V = 1/6 with deformation
+    // Kernel elastic/element_forces, which computes element forces, on a unit corner of volume V = 1/6 with deformation
     // gradient F = diag(1.5, 1, 1): I = |F|^2 = 4.25, J = det F = 1.5, cofactors diag(1, 1.5, 1.5), stress P = 4/3 mu
     // (1 - 1 / (I + 1)) F + ((lambda + 5/6 mu) (J - 1) - mu) cofactors.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];

@@ -33,7 +33,7 @@ pub struct System {
     pub velocity: Vec<[f32; 4]>,
     /// Change of velocity at which a further Newton iteration linearises elasticity; empty in the first one.
     pub trial_change: Vec<[f32; 4]>,
-    /// Rotations, gradients and element forces as elastic/rotate leaves them, the last two with the zeros that pad node
+    /// Rotations, gradients and element forces as elastic/element_forces leaves them, the last two with the zeros that pad node
     /// lists.
     pub rotations: Vec<[f32; 4]>,
     pub gradients: Vec<[f32; 4]>,
@@ -149,7 +149,7 @@ fn generic_tool() -> Tool {
 
 impl System {
     /// Layers whose nodes are displaced at random by up to `amplitude` (m), with velocities of up to 0.1 m/s. Rotations
-    /// and what follows from them come from elastic/rotate, and the oracle is given the same rotations.
+    /// and what follows from them come from elastic/element_forces, and the oracle is given the same rotations.
     pub fn new(bodies: &[Body], amplitude: f64, seed: u64) -> System {
         System::preconditioned(bodies, amplitude, seed, Preconditioner::Jacobi)
     }
@@ -252,7 +252,7 @@ impl System {
         }
     }
 
-    /// Runs elastic/rotate and gives the oracle the rotations that it found.
+    /// Runs elastic/element_forces and gives the oracle the rotations that it found.
     pub fn rotate(&mut self) {
         let outcome = elastic::rotate(self, &[]);
         self.rotations = outcome.get("rotations");
@@ -266,7 +266,7 @@ impl System {
         }
     }
 
-    /// The trial change in the form that elastic/rotate takes.
+    /// The trial change in the form that elastic/element_forces takes.
     pub fn trial(&self) -> &[[f32; 4]] {
         if self.trial_change.is_empty() { &[[0.0; 4]] } else { &self.trial_change }
     }

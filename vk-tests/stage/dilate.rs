@@ -45,7 +45,7 @@ fn arrays(system: &System) -> Patches {
     all
 }
 
-/// Runs elastic/rotate and elastic/dilate. Returns forces, those of tetrahedra, four zeros and those of patches; and
+/// Runs elastic/element_forces and elastic/dilate. Returns forces, those of tetrahedra, four zeros and those of patches; and
 /// the rows.
 fn dilate(system: &System, all: &Patches) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
     let tetrahedra = system.model.tetrahedra.len();

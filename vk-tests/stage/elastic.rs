@@ -1,4 +1,4 @@
-//! Kernel elastic/rotate, by hand and against the f64 oracle: the rotation of each tetrahedron, its rotated gradients,
+//! Kernel elastic/element_forces, by hand and against the f64 oracle: the rotation of each tetrahedron, its rotated gradients,
 //! and its part of the right-hand side.
 
 use glam::{DMat3, DQuat, DVec3};
@@ -35,11 +35,11 @@ const FORCE: f64 = 1.0e-5;
 /// give 1e-1 at best.
 const TINY_STRAIN: f64 = 5.0e-6;
 
-/// Runs elastic/rotate over a whole system. `patch_of` has the F-bar patch of each tetrahedron or `NONE`, and is empty
+/// Runs elastic/element_forces over a whole system. `patch_of` has the F-bar patch of each tetrahedron or `NONE`, and is empty
 /// without patches.
 pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
     let tetrahedra = system.model.tetrahedra.len();
-    case("elastic/rotate")
+    case("elastic/element_forces")
         .constant("TETRAHEDRA", tetrahedra as u32)
         .constant("SPANS", Const::Bool(system.model.spans_frames()))
         .constant("PATCHES", Const::Bool(!patch_of.is_empty()))
@@ -193,7 +193,7 @@ pub fn expect_of_largest(what: &str, got: &[f32], want: &[f64], share: f64) {
 
 #[test]
 fn a_tetrahedron_stretched_along_an_edge_by_hand() {
-    // elastic/rotate on a unit corner of 1 m with d_1 = (0.01, 0, 0): strain E = diag(0.01, 0, 0), stress P = 2 mu E +
+    // elastic/element_forces on a unit corner of 1 m with d_1 = (0.01, 0, 0): strain E = diag(0.01, 0, 0), stress P = 2 mu E +
     // 0.01 lambda I, volume V = 1/6.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Layer::default() };
@@ -225,16 +225,16 @@ fn rotations_and_forces_agree_with_the_oracle_at_every_size() {
         system.velocity = velocity.iter().map(|v| v.map(|x| 0.1 * x)).collect();
         sync(&mut system);
         system.rotate();
-        expect_oracle(&format!("elastic/rotate of {count}"), &system, FORCE);
+        expect_oracle(&format!("elastic/element_forces of {count}"), &system, FORCE);
         system.trial_change = system.random_field(&mut random).iter().map(|v| v.map(|x| 0.1 * x)).collect();
         system.rotate();
-        expect_oracle(&format!("elastic/rotate of {count}, again"), &system, FORCE);
+        expect_oracle(&format!("elastic/element_forces of {count}, again"), &system, FORCE);
     }
 }
 
 #[test]
 fn far_rotations_are_found_from_a_cold_and_a_warm_start() {
-    // elastic/rotate from the identity, for turns up to just below half a turn; at a third of a turn tr F = 0.
+    // elastic/element_forces from the identity, for turns up to just below half a turn; at a third of a turn tr F = 0.
     let turns = [0.1, 1.0, 1.5, 2.0, 2.0 * std::f64::consts::FRAC_PI_3, 2.5, 3.0, 3.1, 3.13];
     let mut k = 0;
     let mut system = deformed(40 * turns.len(), 11, |random| {
@@ -258,7 +258,7 @@ fn far_rotations_are_found_from_a_cold_and_a_warm_start() {
 
 #[test]
 fn inverted_tetrahedra_keep_proper_rotations() {
-    // elastic/rotate where det F < 0: the rotation is the proper one, which flips the direction of least stretch. With
+    // elastic/element_forces where det F < 0: the rotation is the proper one, which flips the direction of least stretch. With
     // singular values s1 >= s2 >= s3 a round leaves s1 / (s1 + s2 + s3) of the error, here up to 0.85: the first step
     // comes near, and a few more arrive.
     let mut system = deformed(500, 13, |random| {
@@ -301,7 +301,7 @@ fn one_that_is_inside_out_raises_a_flag_beside_others() {
 
 #[test]
 fn a_rotation_that_is_not_found_raises_a_flag_until_it_is() {
-    // elastic/rotate on tetrahedra pressed to needles and turned: a round leaves 0.987 of the error of the turn about
+    // elastic/element_forces on tetrahedra pressed to needles and turned: a round leaves 0.987 of the error of the turn about
     // the needle.
     let mut system = deformed(100, 29, |random| {
         let axes = DMat3::from_quat(random.turn(2.5));
@@ -324,7 +324,7 @@ fn a_rotation_that_is_not_found_raises_a_flag_until_it_is() {
 
 #[test]
 fn tiny_strains_keep_their_digits() {
-    // elastic/rotate at strains and turns of 1e-6.
+    // elastic/element_forces at strains and turns of 1e-6.
     let mut system = deformed(300, 17, |random| {
         let g = DMat3::from_cols(random.vector(), random.vector(), random.vector());
         DMat3::IDENTITY + 1e-6 * g
@@ -335,7 +335,7 @@ fn tiny_strains_keep_their_digits() {
 
 #[test]
 fn rigid_motions_give_no_force_and_forces_balance() {
-    // elastic/rotate: a rotated tetrahedron has no more force than rounding of its strain gives; forces sum to zero; a
+    // elastic/element_forces: a rotated tetrahedron has no more force than rounding of its strain gives; forces sum to zero; a
     // rigid spin of the whole (v = w x x) is not resisted.
     let spin = DVec3::new(3.0, -2.0, 1.0);
     let mut system = deformed(300, 19, |random| DMat3::from_quat(random.turn(2.5)));

@@ -64,7 +64,7 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_law_that_it_breaks() {
     let law = "contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping";
     let faults = [
         // Elastic forces accelerate the body away from rest.
-        ("elastic/rotate", "float impulse = -params.dt", "float impulse = params.dt", "bound", Law::Residual),
+        ("elastic/element_forces", "float impulse = -params.dt", "float impulse = params.dt", "bound", Law::Residual),
         // Mass-proportional damping accelerates instead of braking.
         ("solve/assemble", "- damping * v)", "+ damping * v)", "bound", Law::Residual),
         // Damping of contacts is left out of the right-hand side.
