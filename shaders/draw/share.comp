@@ -3,7 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 
 // Draw, beside the step: adds lambda / 2 theta^2 to the energy density of each tetrahedron of an F-bar patch
-// (elastic/dilate), with the patch's mean dilatation theta = sum V tr(E) / V over the volumes V and strains E of its
+// (elastic/mean_dilatation), with the patch's mean dilatation theta = sum V tr(E) / V over the volumes V and strains E of its
 // tetrahedra. One invocation a patch, which alone writes its tetrahedra. Oracle: oracle::elastic::Elements::densities.
 
 layout(local_size_x_id = 0) in;

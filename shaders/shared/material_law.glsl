@@ -45,7 +45,7 @@ bool is_used(uint law) { return (LAWS & (1u << law)) != 0; }
 
 // Evaluates a material's law at the strain `e`. `squeezed` is the part of the strain that the compression penalty acts
 // on (`squeeze` in shared/strain.glsl). `lambda` is the tetrahedron's own; it is zero where an F-bar patch acts in its
-// place (elastic/dilate). The operator of the corotational law gets half of the compression penalty as shear modulus,
+// place (elastic/mean_dilatation). The operator of the corotational law gets half of the compression penalty as shear modulus,
 // which is isotropic and at least as stiff as the penalty. A law that is unknown, or not compiled, gives NaN, so that
 // the step is not accepted and its flag says so.
 Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 squeezed, float lambda) {

@@ -3,7 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 
-// Solve: operator product of F-bar patches (elastic/dilate) with a change of velocity p: c (c . p), where c is a
+// Solve: operator product of F-bar patches (elastic/mean_dilatation) with a change of velocity p: c (c . p), where c is a
 // patch's row. It runs beside solve/element_product, and is a kernel of its own because some devices run the untaken branches of
 // a shared one with lanes masked: 350 instead of 130 us an iteration on lavapipe, for a block of 10,368 tetrahedra. One
 // invocation a patch. Oracle: oracle::elastic::Elements::patch_rows.
@@ -13,11 +13,11 @@ layout(constant_id = 1) const uint PATCHES = 0;
 layout(constant_id = 2) const uint TETRAHEDRA = 0;
 
 READ_ONLY(uvec4, patch_nodes);     // three a patch: its nodes, padded with the first
-READ_ONLY(vec4, patch_rows);       // c, from elastic/dilate
+READ_ONLY(vec4, patch_rows);       // c, from elastic/mean_dilatation
 READ_ONLY(vec4, change);
 layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };
 
-#include "shared/patch.glsl"
+#include "shared/f_bar_patch.glsl"
 
 // Fetches four entries of a patch's row c, and returns their part of c . (p - p0), with p0 the first node's p. They are
 // separate variables, because an array that a loop indexes may end up in memory.

@@ -24,7 +24,7 @@ pub fn why_not(kernel: &str, model: &Model, graphics: bool) -> Option<&'static s
         "depth/ray_hits.vert" | "depth/ray_hits.frag" if !graphics => "the compute path does it",
         "depth/ray_hits" if graphics => "the graphics path does it",
         "elastic/trial" if model.newton == 1 => "the step has one Newton iteration",
-        "elastic/dilate" | "solve/patch_product" if model.patches.count() == 0 => "there are no F-bar patches",
+        "elastic/mean_dilatation" | "solve/patch_product" if model.patches.count() == 0 => "there are no F-bar patches",
         "solve/contact_product" if !touches => "nothing can touch",
         "solve/coarse" if model.coarse.bodies.is_empty() => "no body has a coarse level",
         "solve/cores" if model.cores.is_empty() => "no dynamic cores",

@@ -4,8 +4,8 @@
 use std::mem::offset_of;
 use std::sync::Arc;
 
-use super::dilate::Dilate;
 use super::material_law;
+use super::mean_dilatation::MeanDilatation;
 use super::model::Model;
 use super::solve::Solve;
 use super::{Common, count, upload, zeros};
@@ -20,7 +20,7 @@ pub struct Elastic {
     forces_kernel: Kernel,
     again: Option<Again>,
     /// The F-bar patches (tetrahedra that share one volumetric strain), if there are any.
-    pub dilate: Option<Dilate>,
+    pub mean_dilatation: Option<MeanDilatation>,
     /// Number of tetrahedra.
     pub tetrahedron_count: usize,
     /// Number of nodes.
@@ -94,7 +94,9 @@ impl Elastic {
         let repeats = model.newton > 1;
         let links = || upload(context, "tetrahedron_links", &model.tetrahedron_links);
         Ok(Elastic {
-            dilate: (patches > 0).then(|| Dilate::new(context, &model.patches, repeats)).transpose()?,
+            mean_dilatation: (patches > 0)
+                .then(|| MeanDilatation::new(context, &model.patches, repeats))
+                .transpose()?,
             again: repeats.then(again).transpose()?,
             forces_kernel: forces_kernel(false)?,
             tetrahedron_count: tetrahedra,
@@ -119,7 +121,7 @@ impl Elastic {
     pub fn refresh(&self, model: &Model) -> Result<()> {
         self.materials.write(&model.materials)?;
         self.node_rest.write(&model.node_rest)?;
-        self.dilate.as_ref().map_or(Ok(()), |dilate| dilate.refresh(&model.patches))
+        self.mean_dilatation.as_ref().map_or(Ok(()), |mean_dilatation| mean_dilatation.refresh(&model.patches))
     }
 
     /// The arrays that a step leaves for the next.
@@ -192,7 +194,7 @@ impl Elastic {
                 tetrahedron_links: self.tetrahedron_links.as_ref(),
                 node_rest: Some(&self.node_rest),
                 links: Some(&common.links),
-                patch_of: self.dilate.as_ref().map(|dilate| &dilate.patch_of),
+                patch_of: self.mean_dilatation.as_ref().map(|mean_dilatation| &mean_dilatation.patch_of),
                 trial_change: again.map(|again| &again.change),
                 rotations: &self.rotations,
                 gradients: &self.gradients,
@@ -201,8 +203,8 @@ impl Elastic {
             },
             self.tetrahedron_count as u32,
         );
-        if let Some(dilate) = &self.dilate {
-            dilate.record(recorder, common, self, again.map(|again| &again.change));
+        if let Some(mean_dilatation) = &self.mean_dilatation {
+            mean_dilatation.record(recorder, common, self, again.map(|again| &again.change));
         }
     }
 }

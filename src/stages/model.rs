@@ -14,10 +14,10 @@ use glam::{DQuat, DVec3};
 
 use super::blocks::Blocks;
 use super::coarse::Coarse;
-use super::dilate::Patches;
 use super::gap;
 use super::joints::Joint;
 use super::layers::OF_PATCH;
+use super::mean_dilatation::Patches;
 use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
 use crate::scene::{Scene, Sides, ToolShape};

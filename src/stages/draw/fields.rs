@@ -269,7 +269,7 @@ impl Fields {
             tetrahedron_links: elastic.tetrahedron_links.as_ref(),
             node_rest: Some(&elastic.node_rest),
             links: Some(&draw.links),
-            patch_of: elastic.dilate.as_ref().map(|dilate| &dilate.patch_of),
+            patch_of: elastic.mean_dilatation.as_ref().map(|mean_dilatation| &mean_dilatation.patch_of),
             rotations: &elastic.rotations,
             densities: &self.densities,
         };

@@ -43,7 +43,7 @@ impl Solve {
                 node_elements: &elastic.node_elements,
                 element_forces: &elastic.element_forces,
                 gradients: &elastic.gradients,
-                patch_rows: elastic.dilate.as_ref().map(|dilate| &dilate.rows),
+                patch_rows: elastic.mean_dilatation.as_ref().map(|mean_dilatation| &mean_dilatation.rows),
                 node_entries: touch.map(|touch| &touch.node_entries),
                 sorted: touch.map(|touch| &touch.sorted),
                 contacts: touch.map(|touch| &touch.contacts),
@@ -286,16 +286,16 @@ impl Solve {
             } else {
                 recorder.dispatch(&self.element_product, &of_elements, elastic.tetrahedron_count as u32);
             }
-            if let (Some(kernel), Some(dilate)) = (&self.patch_product, &elastic.dilate) {
+            if let (Some(kernel), Some(mean_dilatation)) = (&self.patch_product, &elastic.mean_dilatation) {
                 let arguments = shaders::solve::PatchProduct {
-                    patch_nodes: &dilate.nodes,
-                    patch_rows: &dilate.rows,
+                    patch_nodes: &mean_dilatation.nodes,
+                    patch_rows: &mean_dilatation.rows,
                     change: vector,
                     element_forces: &elastic.element_forces,
                 };
                 match in_loop {
                     true => recorder.dispatch_indirect(kernel, &arguments, &common.args, shaders::ARGS_LOOP_PATCHES),
-                    false => recorder.dispatch(kernel, &arguments, dilate.patch_count as u32),
+                    false => recorder.dispatch(kernel, &arguments, mean_dilatation.patch_count as u32),
                 }
             }
             if let Some(touch) = &self.touch {

@@ -1,4 +1,4 @@
-//! Kernels elastic/dilate and solve/patch_product, against the f64 oracle: F-bar patches, whose tetrahedra share one
+//! Kernels elastic/mean_dilatation and solve/patch_product, against the f64 oracle: F-bar patches, whose tetrahedra share one
 //! volumetric strain (mean dilatation), with their rows in the operator, their part of the right-hand side, and their
 //! part of the operator product.
 
@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
 use palpate::internal::prepare::patch::{MOST_NODES, patches};
 use palpate::internal::prepare::{Body, Shape};
-use palpate::internal::stages::dilate::Patches;
+use palpate::internal::stages::mean_dilatation::Patches;
 use palpate_oracle::elastic::lame;
 
 use crate::harness::random::Random;
@@ -45,9 +45,9 @@ fn arrays(system: &System) -> Patches {
     all
 }
 
-/// Runs elastic/element_forces and elastic/dilate. Returns forces, those of tetrahedra, four zeros and those of patches; and
+/// Runs elastic/element_forces and elastic/mean_dilatation. Returns forces, those of tetrahedra, four zeros and those of patches; and
 /// the rows.
-fn dilate(system: &System, all: &Patches) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
+fn mean_dilatation(system: &System, all: &Patches) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
     let tetrahedra = system.model.tetrahedra.len();
     let turned = rotate(system, &all.of);
     let mut gradients: Vec<[f32; 4]> = turned.get("gradients");
@@ -55,7 +55,7 @@ fn dilate(system: &System, all: &Patches) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
     let mut forces: Vec<[f32; 4]> = turned.get("element_forces");
     forces.extend([[0.0; 4]; 4]);
     forces.extend(vec![[f32::NAN; 4]; MOST_NODES * all.count()]);
-    let outcome = case("elastic/dilate")
+    let outcome = case("elastic/mean_dilatation")
         .constant("PATCHES", all.count() as u32)
         .constant("TETRAHEDRA", tetrahedra as u32)
         .constant("AGAIN", !system.trial_change.is_empty())
@@ -108,7 +108,7 @@ fn wide(x: &[f32; 4]) -> DVec3 {
 /// Compares rows, right-hand side and product of each body with the oracle's.
 fn expect_oracle(what: &str, system: &System, seed: u64) {
     let all = arrays(system);
-    let (forces, rows) = dilate(system, &all);
+    let (forces, rows) = mean_dilatation(system, &all);
     let change = system.random_field(&mut Random(seed));
     let operator_product = gathered(system, &all, &product(system, &all, &rows, &change));
     let right = gathered(system, &all, &forces);
@@ -156,7 +156,7 @@ fn patches_of_one_tetrahedron_are_that_tetrahedron_at_every_size() {
         expect_oracle(&format!("{count} patches"), &system, 44);
         // A patch of one tetrahedron must act as the tetrahedron does without patches.
         let all = arrays(&system);
-        let with = gathered(&system, &all, &dilate(&system, &all).0);
+        let with = gathered(&system, &all, &mean_dilatation(&system, &all).0);
         let without: Vec<f64> =
             gathered(&system, &Patches::default(), &system.element_forces).iter().map(|x| f64::from(*x)).collect();
         expect_of_largest("with and without", &with, &without, FORCE);
@@ -179,7 +179,7 @@ fn patches_of_layers_agree_with_the_oracle() {
 fn a_common_velocity_is_not_resisted_at_all() {
     let system = System::new(&patched(two_layers(), |_| true), AMPLITUDE, 61);
     let all = arrays(&system);
-    let (_, rows) = dilate(&system, &all);
+    let (_, rows) = mean_dilatation(&system, &all);
     let change = vec![[3.0f32, -20.0, 7.0, 0.0]; system.model.node_rest.len()];
     let forces = product(&system, &all, &rows, &change);
     assert!(all.count() > 5 && forces.iter().all(|f| *f == [0.0; 4]), "no force, to the last bit");

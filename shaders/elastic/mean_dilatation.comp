@@ -20,7 +20,7 @@ layout(constant_id = 2) const uint TETRAHEDRA = 0;
 layout(constant_id = 5) const bool AGAIN = false;       // whether this is a later Newton iteration
 
 layout(scalar) readonly buffer Params { StepParams params; };
-READ_ONLY(uvec4, patch_nodes);         // three a patch: its nodes, padded with the first (shared/patch.glsl)
+READ_ONLY(uvec4, patch_nodes);         // three a patch: its nodes, padded with the first (shared/f_bar_patch.glsl)
 READ_ONLY(uvec4, patch_members);  // six a patch, two members each: tetrahedron; places of its nodes, four bits each
 READ_ONLY(vec4, patch_constants);      // V (m^3), lambda (Pa), beta (s)
 READ_ONLY(vec4, rest_gradients);       // three a tetrahedron; w of the first: sqrt(V_e)
@@ -30,7 +30,7 @@ READ_ONLY(vec4, trial_change);
 layout(scalar) writeonly buffer PatchRows { vec4 patch_rows[]; };          // c, twelve nodes a patch
 layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };  // N s; patches come after the tetrahedra
 
-#include "shared/patch.glsl"
+#include "shared/f_bar_patch.glsl"
 #include "shared/lag.glsl"
 
 

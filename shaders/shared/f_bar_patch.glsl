@@ -1,4 +1,4 @@
-// F-bar patches: groups of tetrahedra that share one volumetric strain (elastic/dilate). These functions say where the
+// F-bar patches: groups of tetrahedra that share one volumetric strain (elastic/mean_dilatation). These functions say where the
 // nodes, rows and forces of patch p lie in their arrays, one patch beside the next. Needs PATCHES and TETRAHEDRA, the
 // numbers of patches and of tetrahedra, and `patch_nodes`.
 

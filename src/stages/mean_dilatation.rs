@@ -120,7 +120,7 @@ fn beside<const N: usize>(rows: &[[[u32; 4]; N]]) -> Vec<[u32; 4]> {
 }
 
 /// The pass that follows elastic/element_forces, and the patch arrays that the solver reads.
-pub struct Dilate {
+pub struct MeanDilatation {
     kernel: Kernel,
     /// Variant of the kernel for further Newton iterations of a step.
     again: Option<Kernel>,
@@ -136,16 +136,16 @@ pub struct Dilate {
     pub rows: Buffer,
 }
 
-impl Dilate {
+impl MeanDilatation {
     /// Kernels and arrays; made only where there are patches. `again`: whether a step may have several Newton
     /// iterations.
-    pub fn new(context: &Arc<Context>, patches: &Patches, again: bool) -> Result<Dilate> {
+    pub fn new(context: &Arc<Context>, patches: &Patches, again: bool) -> Result<MeanDilatation> {
         let constants = [("PATCHES", count(patches.count())), ("TETRAHEDRA", count(patches.of.len()))];
         let kernel = |again: bool| {
             let constants = [&constants[..], &[("AGAIN", again.into())]].concat();
-            Kernel::new(context, "elastic/dilate", Size::Group, &constants)
+            Kernel::new(context, "elastic/mean_dilatation", Size::Group, &constants)
         };
-        Ok(Dilate {
+        Ok(MeanDilatation {
             kernel: kernel(false)?,
             again: again.then(|| kernel(true)).transpose()?,
             patch_count: patches.count(),
@@ -168,7 +168,7 @@ impl Dilate {
         recorder.stage("elastic");
         recorder.dispatch(
             self.again.as_ref().filter(|_| trial_change.is_some()).unwrap_or(&self.kernel),
-            &shaders::elastic::Dilate {
+            &shaders::elastic::MeanDilatation {
                 params: &common.params,
                 patch_nodes: &self.nodes,
                 patch_members: &self.members,
