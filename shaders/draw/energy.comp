@@ -46,6 +46,6 @@ void main() {
     bool lost;
     mat3 e = strain(polar(mat3(1.0) + g, fetch(rotations, t), lost), g);
     float shared_lambda = PATCHES && patch_of[t] != NONE ? material.lambda : 0.0;
-    float density = energy_density(material, e, squeeze(e), material.lambda - shared_lambda);
+    float density = energy_density(material, e, excess_compression(e), material.lambda - shared_lambda);
     densities[t] = vec4(density, g1.w * g1.w, trace(e), shared_lambda);
 }

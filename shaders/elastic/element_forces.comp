@@ -71,7 +71,7 @@ void main() {
 
     mat3 e = strain(q, g);
     float own_lambda = PATCHES && patch_of[t] != NONE ? 0.0 : material.lambda;
-    Evaluation law = evaluate(material, e, squeeze(e), own_lambda);
+    Evaluation law = evaluate(material, e, excess_compression(e), own_lambda);
     mat3 p = law.stress;
     vec3 k1 = law.fold * g1.xyz, k2 = law.fold * g2.xyz, k3 = law.fold * g3.xyz;
     vec4 world = compose(frames[frame].rotation, q);

@@ -43,30 +43,30 @@ float compression_modulus(ElasticMaterial material) { return STIFFENING * (mater
 // Whether any material of the scene has this law; a kernel has no code of laws that are not used.
 bool is_used(uint law) { return (LAWS & (1u << law)) != 0; }
 
-// Evaluates a material's law at the strain `e`. `squeezed` is the part of the strain that the compression penalty acts
-// on (`squeeze` in shared/strain.glsl). `lambda` is the tetrahedron's own; it is zero where an F-bar patch acts in its
+// Evaluates a material's law at the strain `e`. `compression` is the part of the strain that the compression penalty acts
+// on (`excess_compression` in shared/strain.glsl). `lambda` is the tetrahedron's own; it is zero where an F-bar patch acts in its
 // place (elastic/mean_dilatation). The operator of the corotational law gets half of the compression penalty as shear modulus,
 // which is isotropic and at least as stiff as the penalty. A law that is unknown, or not compiled, gives NaN, so that
 // the step is not accepted and its flag says so.
-Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 squeezed, float lambda) {
+Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 compression, float lambda) {
     Evaluation law;
     if (is_used(LAW_COROTATIONAL) && material.law == LAW_COROTATIONAL) {
         law.stress = linear_stress(e, material.mu, lambda);
-        law.mu = squeezed == mat3(0.0) ? material.mu : material.mu + 0.5 * compression_modulus(material);
+        law.mu = compression == mat3(0.0) ? material.mu : material.mu + 0.5 * compression_modulus(material);
         law.lambda = lambda;
         law.fold = mat3(1.0);
     } else if (is_used(LAW_NEO_HOOKEAN) && material.law == LAW_NEO_HOOKEAN) {
-        law = neo_hookean(e, material, squeezed);
+        law = neo_hookean(e, material, compression);
     } else {
         law.mu = law.lambda = uintBitsToFloat(0x7fc00000u);
         law.stress = law.fold = mat3(law.mu);
     }
-    law.stress += compression_modulus(material) * squeezed;
+    law.stress += compression_modulus(material) * compression;
     return law;
 }
 
 // Energy density of a law, J/m^3, zero at rest, without the part of lambda that acts by F-bar patches.
-float energy_density(ElasticMaterial material, mat3 e, mat3 squeezed, float lambda) {
+float energy_density(ElasticMaterial material, mat3 e, mat3 compression, float lambda) {
     float density = uintBitsToFloat(0x7fc00000u);
     if (is_used(LAW_COROTATIONAL) && material.law == LAW_COROTATIONAL) {
         mat3 even = 0.5 * (e + transpose(e));
@@ -75,5 +75,5 @@ float energy_density(ElasticMaterial material, mat3 e, mat3 squeezed, float lamb
     } else if (is_used(LAW_NEO_HOOKEAN) && material.law == LAW_NEO_HOOKEAN) {
         density = neo_hookean_energy(e, material.mu, material.lambda);
     }
-    return density + 0.5 * compression_modulus(material) * square(squeezed);
+    return density + 0.5 * compression_modulus(material) * square(compression);
 }

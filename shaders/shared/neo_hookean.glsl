@@ -12,7 +12,7 @@ mat3 cofactors(mat3 a) {
 // isotropic but for a matrix b = S^2, S the symmetric part of F in the polar decomposition. In place of b the operator
 // takes the mean of its eigenvalues or, where that is larger, a bound from the greatest, so that it is at least half as
 // stiff as the second derivative. Stretches in S that are below LEAST are raised to it.
-Evaluation neo_hookean(mat3 e, ElasticMaterial material, mat3 squeezed) {
+Evaluation neo_hookean(mat3 e, ElasticMaterial material, mat3 compression) {
     float mu = material.mu, lambda = material.lambda;
     float m = 4.0 / 3.0 * mu, l = lambda + 5.0 / 6.0 * mu, tr = trace(e);
     mat3 co = cofactors(e);
@@ -23,13 +23,13 @@ Evaluation neo_hookean(mat3 e, ElasticMaterial material, mat3 squeezed) {
     law.stress = mu * (e + transpose(e) - mat3(tr) - co) + (mu / 3.0 * grown / (4.0 + grown)) * (mat3(1.0) + e)
         + (l * larger) * all_cofactors;
 
-    mat3 s = mat3(1.0) + 0.5 * (e + transpose(e)) - squeezed, b = s * s;
+    mat3 s = mat3(1.0) + 0.5 * (e + transpose(e)) - compression, b = s * s;
     float volume = determinant(s), pressure = l * larger - mu, c = m * (3.0 + grown) / (4.0 + grown);
     float mean = trace(b) / 3.0;
     float greatest = mean + sqrt(2.0 / 3.0 * square(b - mat3(mean)));
     float share = mean / (4.0 + grown);
     law.mu = 0.5 * max(c * mean - pressure * volume, c * greatest);
-    if (squeezed != mat3(0.0)) law.mu += 0.5 * LEAST * LEAST * compression_modulus(material);
+    if (compression != mat3(0.0)) law.mu += 0.5 * LEAST * LEAST * compression_modulus(material);
     law.lambda = max(0.0, volume * (l * volume + pressure) + 2.0 * m * share * share);
     law.fold = inverse(s);
     return law;

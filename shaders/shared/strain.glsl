@@ -19,7 +19,7 @@ mat3 strain(vec4 q, mat3 g) {
 
 // Compression of a strain below LEAST: sum min(0, 1 + e_k - LEAST) n_k n_k^T over the eigenvalues e_k and eigenvectors
 // n_k of its symmetric part, by Jacobi's method.
-mat3 squeeze(mat3 strain) {
+mat3 excess_compression(mat3 strain) {
     mat3 a = 0.5 * (strain + transpose(strain));
     // Gershgorin's circles show that no stretch is below LEAST, as is the case nearly everywhere. The loop then has no
     // rounds; it is not an untaken branch, which some devices run with all lanes masked.

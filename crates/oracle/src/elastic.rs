@@ -268,7 +268,7 @@ pub(super) fn stiffening((mu, lambda): (f64, f64)) -> f64 {
 }
 
 /// Compression: sum min(0, s_k - [`LEAST_STRETCH`]) n_k n_k^T over principal stretches s_k and axes n_k of I + sym(E).
-pub(super) fn squeeze(strain: DMat3) -> DMat3 {
+pub(super) fn excess_compression(strain: DMat3) -> DMat3 {
     let stretch = symmetric(strain);
     // Gershgorin's circles show that no stretch is below the bound, as is the case nearly everywhere.
     let least = |k: usize| {

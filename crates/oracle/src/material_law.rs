@@ -4,7 +4,7 @@
 use glam::DMat3;
 use palpate::scene::{Law, Material};
 
-use super::elastic::{Operator, lame, squeeze, stiffening, symmetric};
+use super::elastic::{Operator, excess_compression, lame, stiffening, symmetric};
 use super::neo_hookean;
 
 /// Stress R^T P, Pa, with the first Piola-Kirchhoff stress P. `lambda` is the part of Lame's parameter that the
@@ -14,17 +14,17 @@ pub fn stress(material: &Material, lambda: f64, strain: DMat3) -> DMat3 {
         Law::Corotational => Operator::linear(material, lambda).stress(strain),
         Law::NeoHookean => neo_hookean::stress(lame(material), strain),
     };
-    of_law + squeeze(strain) * stiffening(lame(material))
+    of_law + excess_compression(strain) * stiffening(lame(material))
 }
 
 /// Stiffness operator. A compressed corotational tetrahedron gets half the modulus of the compression penalty as shear
 /// modulus, which is at least as stiff as the penalty in every direction, and isotropic.
 pub fn operator(material: &Material, lambda: f64, strain: DMat3) -> Operator {
-    let squeezed = squeeze(strain);
+    let compression = excess_compression(strain);
     let linear = Operator::linear(material, lambda);
     match material.law {
-        Law::NeoHookean => neo_hookean::operator(lame(material), strain, squeezed),
-        Law::Corotational if squeezed == DMat3::ZERO => linear,
+        Law::NeoHookean => neo_hookean::operator(lame(material), strain, compression),
+        Law::Corotational if compression == DMat3::ZERO => linear,
         Law::Corotational => Operator { mu: linear.mu + 0.5 * stiffening(lame(material)), ..linear },
     }
 }
@@ -37,5 +37,5 @@ pub fn energy(material: &Material, strain: DMat3, dilatation: f64) -> f64 {
         Law::Corotational => mu * square(symmetric(strain)) + 0.5 * lambda * dilatation.powi(2),
         Law::NeoHookean => neo_hookean::energy((mu, lambda), strain),
     };
-    of_law + 0.5 * stiffening((mu, lambda)) * square(squeeze(strain))
+    of_law + 0.5 * stiffening((mu, lambda)) * square(excess_compression(strain))
 }

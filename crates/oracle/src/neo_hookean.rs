@@ -53,12 +53,12 @@ pub fn stress(lame: (f64, f64), strain: DMat3) -> DMat3 {
 /// (b:D)^2 / (I + 1)^2, which is isotropic but for b. The operator replaces b by the mean of its eigenvalues, or takes
 /// c times its greatest eigenvalue as twice the shear modulus where that is more, since a linearised implicit step is
 /// stable if it has half the true stiffness of every wave. O, which is rotation alone, is left out. Subtracting
-/// `squeezed`, by `squeeze` in elastic.rs, keeps S from being singular.
-pub fn operator(lame: (f64, f64), strain: DMat3, squeezed: DMat3) -> Operator {
+/// `compression`, by `excess_compression` in elastic.rs, keeps S from being singular.
+pub fn operator(lame: (f64, f64), strain: DMat3, compression: DMat3) -> Operator {
     let (mu, _) = lame;
     let (m, l) = parameters(lame);
     let f = DMat3::IDENTITY + strain;
-    let stretch = symmetric(f) - squeezed;
+    let stretch = symmetric(f) - compression;
     let (invariant, volume) = (square(f), stretch.determinant());
     let pressure = l * (f.determinant() - 1.0) - mu;
     let c = m * (1.0 - 1.0 / (invariant + 1.0));
@@ -66,7 +66,7 @@ pub fn operator(lame: (f64, f64), strain: DMat3, squeezed: DMat3) -> Operator {
     let mean = trace(b) / 3.0;
     let spread = square(b - DMat3::from_diagonal(DVec3::splat(mean)));
     let greatest = mean + (2.0 / 3.0 * spread).sqrt();
-    let more = if squeezed == DMat3::ZERO { 0.0 } else { 0.5 * LEAST_STRETCH * LEAST_STRETCH * stiffening(lame) };
+    let more = if compression == DMat3::ZERO { 0.0 } else { 0.5 * LEAST_STRETCH * LEAST_STRETCH * stiffening(lame) };
     let rank_one = 2.0 * m * (mean / (invariant + 1.0)).powi(2);
     Operator {
         mu: 0.5 * (c * mean - pressure * volume).max(c * greatest) + more,

@@ -119,7 +119,7 @@ fn the_derivative_is_that_of_the_stress() {
 
 /// Quadratic form of the operator for dF, where R^T F = I + strain: 2 mu |sym W|^2 + lambda tr(W)^2 with W = dF fold.
 fn offered(lame: (f64, f64), strain: DMat3, df: DMat3) -> f64 {
-    let operator = operator(lame, strain, crate::elastic::squeeze(strain));
+    let operator = operator(lame, strain, crate::elastic::excess_compression(strain));
     let w = df * operator.fold;
     let (s, trace) = ((w + w.transpose()) * 0.5, w.x_axis.x + w.y_axis.y + w.z_axis.z);
     2.0 * operator.mu * inner(s, s) + operator.lambda * trace * trace
