@@ -6,6 +6,6 @@ const uint CARRIED_NODES = 1;   // works on blocks of nodes attached to dynamic 
 const uint TOOL_ROWS = 2;       // works on the six rows of the tool, which has no nodes
 
 // Variants of solve/gather by when it runs, the specialization constant MODE.
-const uint GATHER_WARM = 0;     // before the iterations, for the warm start
+const uint GATHER_WARM_START = 0;     // before the iterations, for the warm start
 const uint GATHER_LOOP = 1;     // in an iteration
 const uint GATHER_END = 2;      // after the iterations, for the recomputed residual

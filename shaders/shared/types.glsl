@@ -241,7 +241,7 @@ struct Contact {
 
 // State of the linear solver that stays on the GPU between passes.
 struct Solve {
-    float warm;                 // factor on the last solution in the warm start
+    float warm_start;                 // factor on the last solution in the warm start
     float rhs_norm2;            // b . M^-1 b
     float floor_norm2;          // what f32 rounding contributes to rhs_norm2
     uint status;                // STATUS_*

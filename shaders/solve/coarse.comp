@@ -11,7 +11,7 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 1) const bool WARM = true;  // before the loop, for b and A x; else after it, for b - A x alone
+layout(constant_id = 1) const bool WARM_START = true;  // before the loop, for b and A x; else after it, for b - A x alone
 
 READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(uvec4, coarse_inverse);
@@ -45,10 +45,10 @@ void main() {
     vec4 of_rhs[3] = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0)), of_product[3] = of_rhs;
     for (uint k = gl_LocalInvocationID.x; k < row_texels(block); k += SIZE) {
         add_products(of_rhs, block, k, scaled_rhs(block, 2 * k), scaled_rhs(block, 2 * k + 1));
-        if (WARM) add_products(of_product, block, k, scaled_product(block, 2 * k), scaled_product(block, 2 * k + 1));
+        if (WARM_START) add_products(of_product, block, k, scaled_product(block, 2 * k), scaled_product(block, 2 * k + 1));
     }
     vec4 totals[SUMS] = vec4[SUMS](of_rhs[0], of_rhs[1], of_rhs[2], of_product[0], of_product[1], of_product[2]);
-    workgroup_sums(totals, WARM ? 6 : 3);
+    workgroup_sums(totals, WARM_START ? 6 : 3);
     if (gl_LocalInvocationID.x != 0) return;
     vec4 sums = vec4(0.0);
     for (int row = 0; row < 3; row++) {
@@ -56,7 +56,7 @@ void main() {
         vec4 scale = block.texels > 0 ? coarse_scale(at) : vec4(0.0);
         coarse_rhs[at] = scale * totals[row];
         sums.x += block.texels > 0 ? dot(fetch(restricted_rhs, at), scale * totals[row]) : 0.0;
-        if (!WARM) continue;
+        if (!WARM_START) continue;
         coarse_product[at] = scale * totals[3 + row];
         if (block.texels == 0) continue;
         vec4 operator_product = fetch(restricted_product, at);

@@ -5,7 +5,7 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: the first iterate of conjugate gradients, from the last solution x' times the factor `warm` of solve/first_residual:
+// Solve: the first iterate of conjugate gradients, from the last solution x' times the factor `warm_start` of solve/first_residual:
 // x = warm x', r = b - warm A x', u = M^-1 r (shared/preconditioner.glsl), search direction zero. Nodes attached to a
 // core follow its iterate. One workgroup a block of nodes. Oracle: oracle::step.
 
@@ -44,7 +44,7 @@ Modes coarse_start(uint slot, vec4 turn) {
     vec4 z[3];
     for (int k = 0; k < 3; k++) {
         z[k] = fetch(coarse_rhs, 3 * slot + k);
-        if (solve.warm != 0.0) z[k] -= solve.warm * fetch(coarse_product, 3 * slot + k);
+        if (solve.warm_start != 0.0) z[k] -= solve.warm_start * fetch(coarse_product, 3 * slot + k);
     }
     return to_world(unpacked(z[0], z[1], z[2]), turn);
 }
@@ -73,9 +73,9 @@ void main() {
         }
         vec3 r = fetch(rhs, i).xyz;
         // The product is skipped where the factor is zero, because the last solution may hold NaN after a failed step.
-        if (solve.warm != 0.0) r -= solve.warm * fetch(operator_product, i).xyz;
+        if (solve.warm_start != 0.0) r -= solve.warm_start * fetch(operator_product, i).xyz;
         vec3 u = precondition(i, r, modes, (rest - place.xyz) * place.w);
-        solution[i] = solve.warm != 0.0 ? solve.warm * solution[i] : vec4(0.0);
+        solution[i] = solve.warm_start != 0.0 ? solve.warm_start * solution[i] : vec4(0.0);
         residual[i] = vec4(r, 0.0);
         preconditioned[i] = vec4(u, 0.0);
     }

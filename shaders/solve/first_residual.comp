@@ -31,7 +31,7 @@ layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer Contacts { Contact contacts[]; };
 layout(scalar) readonly buffer Partials { vec2 partials[]; };      // b . D^-1 b and its rounding, of solve/assemble
-layout(scalar) readonly buffer Dots { vec2 dots[]; };              // inner products of solve/gather, GATHER_WARM
+layout(scalar) readonly buffer Dots { vec2 dots[]; };              // inner products of solve/gather, GATHER_WARM_START
 layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };      // inner products of solve/coarse
 READ_ONLY(vec4, restricted_product);    // P^T A x
 READ_ONLY(vec4, coarse_rhs);          // A_c^-1 P^T b
@@ -58,7 +58,7 @@ const uint CORES = RIGIDS - (TOOL ? 1 : 0);
 
 // Factor w of the warm start, from `sums`: b . M^-1 b, its rounding, y . M^-1 b, y . M^-1 y. It is zero for a body at
 // rest, and where the last solution is zero or has overflowed.
-float warm_factor(vec4 sums) {
+float warm_start_factor(vec4 sums) {
     float factor = sums.z / sums.w;
     return sums.x > sums.y && sums.w > 0.0 && !isnan(factor) && !isinf(factor) ? factor : 0.0;
 }
@@ -120,14 +120,14 @@ void assemble_tool() {
 }
 
 // Writes the first iterate of a rigid body, whose u and s hold M^-1 b and M^-1 y.
-void start_rigid(uint index, float warm) {
+void start_rigid(uint index, float warm_start) {
     RigidIterate now = iterates[index];
     float last[6] = iterates[solve.current * RIGIDS + index].x;
     for (int k = 0; k < 6; k++) {
         // Products are skipped where the factor is zero, because the last solution may hold NaN after a failed step.
-        now.x[k] = warm != 0.0 ? warm * last[k] : 0.0;
-        now.r[k] = rigids[index].b[k] - (warm != 0.0 ? warm * rigids[index].operator_product[k] : 0.0);
-        now.u[k] -= warm != 0.0 ? warm * now.s[k] : 0.0;
+        now.x[k] = warm_start != 0.0 ? warm_start * last[k] : 0.0;
+        now.r[k] = rigids[index].b[k] - (warm_start != 0.0 ? warm_start * rigids[index].operator_product[k] : 0.0);
+        now.u[k] -= warm_start != 0.0 ? warm_start * now.s[k] : 0.0;
         now.p[k] = 0.0;
         now.s[k] = 0.0;
     }
@@ -135,7 +135,7 @@ void start_rigid(uint index, float warm) {
         uint slot = rigids[index].slot_first;
         float of_rhs[6] = twist_of_coarse_rhs(slot, 1, frames[rigids[index].frame].rotation);
         float of_product[6] = twist_of_coarse_product(slot, 1, frames[rigids[index].frame].rotation);
-        for (int k = 0; k < 6; k++) now.u[k] += of_rhs[k] - (warm != 0.0 ? warm * of_product[k] : 0.0);
+        for (int k = 0; k < 6; k++) now.u[k] += of_rhs[k] - (warm_start != 0.0 ? warm_start * of_product[k] : 0.0);
     }
     iterates[index] = now;
 }
@@ -159,12 +159,12 @@ void main() {
         iterates[index].s = of_product;
     }
     sums = workgroup_sum(sums);
-    float warm = warm_factor(sums);
-    for (uint index = lane; index < RIGIDS; index += SIZE) start_rigid(index, warm);
+    float warm_start = warm_start_factor(sums);
+    for (uint index = lane; index < RIGIDS; index += SIZE) start_rigid(index, warm_start);
     barrier();
     if (lane != 0) return;
     bool at_rest = !(sums.x > sums.y);
-    solve.warm = warm;
+    solve.warm_start = warm_start;
     solve.rhs_norm2 = sums.x;
     solve.floor_norm2 = sums.y;
     solve.current = 0;

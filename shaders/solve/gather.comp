@@ -10,7 +10,7 @@
 // solve/contact_product; inner products with it; and sums over the modes of each block of nodes (shared/modes.glsl), P^T w and
 // P^T r. The modes of a core's blocks are its six rows. MODE says what p is and which inner products are taken, with
 // preconditioner M of diagonal blocks D:
-//   GATHER_WARM, before the loop: p the last solution; w . D^-1 b, w . D^-1 w; `preconditioned` is D^-1 b.
+//   GATHER_WARM_START, before the loop: p the last solution; w . D^-1 b, w . D^-1 w; `preconditioned` is D^-1 b.
 //   GATHER_LOOP, in an iteration: p = u = M^-1 r; r . u, w . u, with the rows of cores and tool; `preconditioned` is u,
 //     `residual_or_rhs` is r.
 //   GATHER_END, after the loop: p the solution x; r . D^-1 r with r = b - w; and e . M^-1 e with e = eps D x, an
@@ -143,7 +143,7 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_product, inout Modes o
             continue;
         }
         vec3 r = vec3(0.0);
-        if (MODE == GATHER_WARM) {
+        if (MODE == GATHER_WARM_START) {
             sums.xy += vec2(dot(w, fetch(preconditioned, i).xyz), dot(w, precondition_node(i, w)));
         } else if (MODE == GATHER_LOOP) {
             r = fetch(residual_or_rhs, i).xyz;
@@ -158,7 +158,7 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_product, inout Modes o
         if (COARSE) {
             vec3 where = (rest.xyz - place.xyz) * place.w;
             if (MODE != GATHER_END) add_modes(of_product, w, where);
-            if (MODE != GATHER_WARM) add_modes(of_residual, r, where);
+            if (MODE != GATHER_WARM_START) add_modes(of_residual, r, where);
         }
     }
     if (ROLE != CARRIED_NODES) return;

@@ -26,7 +26,7 @@ pub struct Solve {
     element_product: Kernel,
     contact_product: Kernel,
     patch_product: Option<Kernel>,
-    gather_warm: Vec<Variant>,
+    gather_warm_start: Vec<Variant>,
     gather_loop: Vec<Variant>,
     gather_final: Vec<Variant>,
     coarse: Option<CoarseKernels>,
@@ -120,7 +120,7 @@ struct Variant {
 /// The kernel of the coarse level, A_c^-1 times restricted vectors, as it runs outside the solver's loop: before it,
 /// for the warm start, and at its end.
 struct CoarseKernels {
-    warm: Kernel,
+    warm_start: Kernel,
     end: Kernel,
 }
 
@@ -171,8 +171,8 @@ impl Solve {
         let patch_count = model.patches.count();
         let patches_c = ("PATCHES", count(patch_count));
         let patch_product = || Kernel::new(context, "solve/patch_product", Size::Group, &[patches_c, tetrahedra_c]);
-        let coarse_kernel = |warm: bool| reduce("solve/coarse", &[("WARM", warm.into())]);
-        let coarse_kernels = || Ok(CoarseKernels { warm: coarse_kernel(true)?, end: coarse_kernel(false)? });
+        let coarse_kernel = |warm_start: bool| reduce("solve/coarse", &[("WARM_START", warm_start.into())]);
+        let coarse_kernels = || Ok(CoarseKernels { warm_start: coarse_kernel(true)?, end: coarse_kernel(false)? });
         let vector = |name: &str| zeros::<[f32; 4]>(context, name, nodes);
         let both = |now: &'static [&'static str], next: &'static [&'static str]| -> Result<Both> {
             let sets = [vector(now[0])?, vector(now[0])?];
@@ -189,7 +189,7 @@ impl Solve {
             element_product: Kernel::new(context, "solve/element_product", Size::Group, &[tetrahedra_c])?,
             contact_product: Kernel::new(context, "solve/contact_product", Size::Group, &[friction, tool, rigids])?,
             patch_product: (patch_count > 0).then(patch_product).transpose()?,
-            gather_warm: gather(shaders::GATHER_WARM)?,
+            gather_warm_start: gather(shaders::GATHER_WARM_START)?,
             gather_loop: gather(shaders::GATHER_LOOP)?,
             gather_final: gather(shaders::GATHER_END)?,
             coarse: is_coarse.then(coarse_kernels).transpose()?,

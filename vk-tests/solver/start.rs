@@ -37,7 +37,7 @@ fn the_warm_factor_and_the_arguments_by_hand() {
     (passes.state.retries, passes.state.current) = (3, 1);
     passes.start();
     let s = &passes.state;
-    assert_eq!((s.warm, s.rhs_norm2, s.floor_norm2), (0.75, 3.0, 0.75));
+    assert_eq!((s.warm_start, s.rhs_norm2, s.floor_norm2), (0.75, 3.0, 0.75));
     assert_eq!((s.current, s.status, s.retries), (0, 0, 3));
     assert_eq!(passes.iterations, [Iteration { gamma: 0.0, alpha: 0.0, count: 0 }; 2]);
     let tetrahedra = passes.tetrahedra().div_ceil(context().group_size() as usize) as u32;
@@ -59,12 +59,12 @@ fn a_body_at_rest_and_a_failed_solution_start_from_nothing() {
     passes.block_count = 1;
     (passes.partials, passes.dots) = (vec![[0.5, 0.5]], vec![[1.0, 1.0]]);
     passes.start();
-    assert_eq!((passes.state.warm, passes.state.status), (0.0, 1));
+    assert_eq!((passes.state.warm_start, passes.state.status), (0.0, 1));
     assert_eq!(loop_groups(&passes.args), [0; 9]);
     for bad in [[f32::NAN; 2], [f32::INFINITY; 2], [f32::NEG_INFINITY, f32::INFINITY], [1.0, 0.0], [f32::NAN, 1.0]] {
         (passes.partials, passes.dots) = (vec![[2.0, 0.5]], vec![bad]);
         passes.start();
-        assert_eq!((passes.state.warm, passes.state.status), (0.0, 0), "from {bad:?}");
+        assert_eq!((passes.state.warm_start, passes.state.status), (0.0, 0), "from {bad:?}");
     }
 }
 
@@ -133,18 +133,18 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         }
         let y = a.multiply(&s.unknowns(&x, &tool_x));
         let (zb, zy) = (preconditioned(&passes, &inverse, &b), preconditioned(&passes, &inverse, &y));
-        let warm = dot(&y, &zb) / dot(&y, &zy);
+        let warm_start = dot(&y, &zb) / dot(&y, &zy);
         let size = (dot(&b, &zb) / dot(&y, &zy)).sqrt();
-        expect_close("warm", &[state.warm], &[warm], Tolerance { abs: FACTOR * size, rel: FACTOR });
+        expect_close("warm_start", &[state.warm_start], &[warm_start], Tolerance { abs: FACTOR * size, rel: FACTOR });
         expect_close("b . M^-1 b", &[state.rhs_norm2], &[dot(&b, &zb)], Tolerance { abs: 0.0, rel: FACTOR });
         assert!(state.floor_norm2 > 0.0 && state.floor_norm2 < 1e-9 * state.rhs_norm2);
         // From here on, vectors are compared for the factor that the kernel found.
-        let warm = f64::from(state.warm);
-        let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| b - warm * y).collect();
-        let scaled: Vec<f64> = tool_x.iter().map(|x| warm * f64::from(*x)).collect();
+        let warm_start = f64::from(state.warm_start);
+        let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| b - warm_start * y).collect();
+        let scaled: Vec<f64> = tool_x.iter().map(|x| warm_start * f64::from(*x)).collect();
         expect_close("tool's x", &tool_now.x, &scaled, ROUNDING);
         let magnitude = |rows: std::ops::Range<usize>| -> f64 {
-            rows.map(|k| b[tool + k].abs().max((warm * y[tool + k]).abs())).fold(0.0, f64::max)
+            rows.map(|k| b[tool + k].abs().max((warm_start * y[tool + k]).abs())).fold(0.0, f64::max)
         };
         for rows in [0..3, 3..6] {
             let allowed = Tolerance { abs: 2.0 * SUM * magnitude(rows.clone()), rel: 0.0 };
@@ -168,7 +168,7 @@ fn the_first_iterate_at_every_size() {
     // used.
     let width = context().group_size() as usize;
     for nodes in [0, 1, width - 1, width, width + 1, 1234] {
-        for warm in [0.75, 0.0] {
+        for warm_start in [0.75, 0.0] {
             let bodies =
                 if nodes == 0 { vec![] } else { vec![layered(layer(nodes), material(2e4), glam::DQuat::IDENTITY)] };
             let mut passes = Passes::new(System::new(&bodies, 0.0, 1));
@@ -176,8 +176,8 @@ fn the_first_iterate_at_every_size() {
             let mut field = || passes.system.random_field(&mut random);
             (passes.solution, passes.rhs, passes.operator_product) = (field(), field(), field());
             passes.inverse = [field(), field()].concat();
-            passes.state.warm = warm;
-            if warm == 0.0 {
+            passes.state.warm_start = warm_start;
+            if warm_start == 0.0 {
                 // Attached nodes, which are in no block, keep their zeros.
                 for (i, role) in passes.roles().iter().enumerate().filter(|(_, role)| role.is_some()) {
                     assert_eq!(*role, Some(0), "node {i}");
@@ -186,7 +186,7 @@ fn the_first_iterate_at_every_size() {
             }
             let (x, y) = (triples(&passes.solution), triples(&passes.operator_product));
             passes.begin();
-            let w = f64::from(warm);
+            let w = f64::from(warm_start);
             let take = |x: &f32| if w == 0.0 { 0.0 } else { w * f64::from(*x) };
             expect_close("x", &triples(&passes.solution), &x.iter().map(take).collect::<Vec<_>>(), ROUNDING);
             let b = triples(&passes.rhs);

@@ -128,7 +128,7 @@ fn a_solution_found_is_found_again_at_once() {
         passes.system.contacts = given().contacts;
         passes.rigids[0].carried_residual = [0.0; 6];
         passes.record_start();
-        assert!((passes.state.warm - 1.0).abs() < 1e-5, "warm factor {}", passes.state.warm);
+        assert!((passes.state.warm_start - 1.0).abs() < 1e-5, "warm_start factor {}", passes.state.warm_start);
         passes.iterate(LIMIT);
         assert!(passes.iterations_done() <= first / 4, "{} iterations, first {first}", passes.iterations_done());
         expect_direct("again", &passes);

@@ -64,9 +64,9 @@ impl Solve {
         );
         self.record_cores(recorder, common, elastic);
         self.record_product(recorder, common, elastic, Change::Solution);
-        self.record_gather(recorder, common, elastic, &self.gather_warm, None);
+        self.record_gather(recorder, common, elastic, &self.gather_warm_start, None);
         if let Some(coarse) = &self.coarse {
-            self.record_coarse(recorder, &coarse.warm, &self.restricted_rhs);
+            self.record_coarse(recorder, &coarse.warm_start, &self.restricted_rhs);
         }
         recorder.dispatch_groups(
             &self.first_residual,

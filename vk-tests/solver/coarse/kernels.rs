@@ -241,8 +241,8 @@ fn follow(what: &str, system: System) -> f64 {
     }
 
     passes.start();
-    let (warm, m_b, m_y) =
-        (f64::from(passes.state.warm), twin.preconditioned(&passes, &b), twin.preconditioned(&passes, &y));
+    let (warm_start, m_b, m_y) =
+        (f64::from(passes.state.warm_start), twin.preconditioned(&passes, &b), twin.preconditioned(&passes, &y));
     let norms = (dot(&b, &m_b), dot(&y, &m_y));
     // The tolerance is that of inner products through blocks inverted in f32.
     assert!(
@@ -252,11 +252,14 @@ fn follow(what: &str, system: System) -> f64 {
         norms.0
     );
     let wanted = dot(&y, &m_b) / norms.1;
-    assert!((warm - wanted).abs() < 1e-4 * (norms.0 / norms.1).sqrt(), "{what}: warm {warm} for {wanted}");
+    assert!(
+        (warm_start - wanted).abs() < 1e-4 * (norms.0 / norms.1).sqrt(),
+        "{what}: warm_start {warm_start} for {wanted}"
+    );
     passes.begin();
-    let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| b - warm * y).collect();
+    let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| b - warm_start * y).collect();
     let got = passes.unknowns(&passes.residual, |now| now.r);
-    let size = largest(&b).max(warm.abs() * largest(&y));
+    let size = largest(&b).max(warm_start.abs() * largest(&y));
     expect_within(&format!("{what}: r"), &got, &r, &vec![size; r.len()], SUM);
     worst = worst.max(expect_preconditioned(&format!("{what}: begin"), &passes, &twin));
 

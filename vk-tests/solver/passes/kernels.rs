@@ -203,16 +203,16 @@ impl Passes {
             .run()
     }
 
-    /// Runs solve/coarse: before the loop if `warm`, else at its end, on the final residual.
-    pub fn coarse(&mut self, warm: bool) {
+    /// Runs solve/coarse: before the loop if `warm_start`, else at its end, on the final residual.
+    pub fn coarse(&mut self, warm_start: bool) {
         let (coarse, blocks) = (&self.system.model.coarse, self.blocks());
         let outcome = case("solve/coarse")
             .size(Size::Reduce)
-            .constant("WARM", warm)
+            .constant("WARM_START", warm_start)
             .input("coarse_blocks", &coarse.blocks)
             .input("coarse_inverse", &coarse.inverse)
             .input("coarse_scales", &coarse.scales)
-            .input("restricted_rhs", if warm { &self.restricted_rhs } else { &self.restricted_residual })
+            .input("restricted_rhs", if warm_start { &self.restricted_rhs } else { &self.restricted_residual })
             .input("restricted_product", &self.restricted_product)
             .output::<[f32; 4]>("coarse_rhs", 3 * blocks)
             .partial("coarse_product", &unwritten::<[f32; 4]>(3 * blocks))
@@ -220,7 +220,7 @@ impl Passes {
             .groups(blocks)
             .run();
         self.coarse_rhs = outcome.get("coarse_rhs");
-        self.coarse_product = settled("coarse_product", outcome.get("coarse_product"), |_| warm);
+        self.coarse_product = settled("coarse_product", outcome.get("coarse_product"), |_| warm_start);
         self.coarse_dots = outcome.get("coarse_dots");
     }
 
