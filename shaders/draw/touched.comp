@@ -34,7 +34,7 @@ void main() {
     uint c = gl_GlobalInvocationID.x;
     if (c >= min(counts.contacts, CAPACITY)) return;
     Contact contact = contacts[c];
-    if (is_dropped(contact)) return;
+    if (is_released(contact)) return;
     float pressure = is_solved != 0 ? end_pressure(contact, fetch(contact_forces, c), params.dt)
         : start_pressure(contact.depth, contact.rate, contact.stiffness, contact.damping);
     uint depth_bits = bits_of(contact.depth), pressure_bits = bits_of(pressure);

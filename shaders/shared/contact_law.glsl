@@ -53,10 +53,10 @@ float normal_stiffness(Contact contact) { return contact.area * contact.stiffnes
 float normal_damping(Contact contact) { return contact.area * contact.damping; }
 
 // Contacts do not adhere: one that is under tension after a solve is released, and has no effect from then on.
-void drop(inout Contact contact) {
+void release(inout Contact contact) {
     contact.stiffness = 0.0;
     contact.damping = 0.0;
     contact.friction = 0.0;
 }
 
-bool is_dropped(Contact contact) { return contact.stiffness == 0.0; }
+bool is_released(Contact contact) { return contact.stiffness == 0.0; }

@@ -214,7 +214,7 @@ struct Counts {
     uint chunks_asked;          // workgroups of contact/candidates that have finished
     uint contacts;
     uint entries;               // entries of the transposed index, from nodes to contacts
-    uint pulling;               // contacts that were released because they were under tension
+    uint released;               // contacts that were released because they were under tension
     uint turn;                  // largest turn of a contact patch's normal since the last step, rad, as float bits
     uint last_contacts;         // contacts of the last step
     uint flags;                 // FLAG_*
@@ -311,5 +311,5 @@ const uint FLAG_CONTACT_OVERFLOW = 4;   // more contacts or ray hits than fit, o
 const uint FLAG_DEPTH_LIMIT = 8;        // a contact is deeper than depth_limit
 const uint FLAG_NOT_HEIGHT_FIELD = 16;  // a skin folds over itself along the normal of a contact patch
 const uint FLAG_NON_FINITE = 32;        // a number of the solution is NaN or infinite
-const uint FLAG_PULLING = 256;          // contacts are under tension even after the last repeated solve
+const uint FLAG_TENSION = 256;          // contacts are under tension even after the last repeated solve
 const uint FLAG_INVERTED = 1024;        // a tetrahedron is inside out, or its rotation was not found

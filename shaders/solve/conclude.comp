@@ -79,11 +79,11 @@ void main() {
     if (CONTACT) {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
-            if (is_dropped(contact)) continue;
-            bool pulls = end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0;
+            if (is_released(contact)) continue;
+            bool is_under_tension = end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0;
             sums.y += 1.0;
             depth = max(depth, contact.depth);
-            sums.z += pulls ? 1.0 : 0.0;
+            sums.z += is_under_tension ? 1.0 : 0.0;
         }
     }
     deepest[lane] = depth;
@@ -97,9 +97,9 @@ void main() {
     if (CONTACT && again) {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
-            if (is_dropped(contact)) continue;
+            if (is_released(contact)) continue;
             if (end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0) {
-                drop(contact);
+                release(contact);
                 contacts[c] = contact;
             }
         }
@@ -116,13 +116,13 @@ void main() {
     else if (again) verdict = VERDICT_RETRY;
     if (again) {
         solve.retries += 1;
-        counts.pulling = uint(sums.z);
+        counts.released = uint(sums.z);
     }
     uint flags = counts.flags;
     if (verdict == VERDICT_DONE) {
         // Written so that NaN raises the flag as well.
         if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
-        if (sums.z > 0.0) flags |= FLAG_PULLING;
+        if (sums.z > 0.0) flags |= FLAG_TENSION;
         // A solution is not committed if it is not finite, or if the norm of its right-hand side or of that one's
         // rounding overflows, since nothing can be said of the residual then; nor if the solve broke down early. One
         // that merely ran out of iterations is nearer to the solution than before.

@@ -33,7 +33,7 @@ void main() {
     for (int k = 0; k < 52; k++) sums[k] = 0.0;
     for (uint c = lane; c < counts.contacts; c += SIZE) {
         Contact contact = contacts[c];
-        if (is_dropped(contact) || contact.tool_sign == 0.0) continue;
+        if (is_released(contact) || contact.tool_sign == 0.0) continue;
         vec4 change = fetch(contact_forces, c);
         float force = contact.area * end_pressure(contact, change, params.dt);
         if (force <= 0.0) continue;

@@ -26,7 +26,7 @@ impl Flags {
     /// No step succeeded, however short: the bodies were stopped where they are.
     pub const FROZEN: Flags = Flags(128);
     /// Contacts under tension were released, and others are under tension after the last repeated solve.
-    pub const ADHESIVE_DROPPED_TWICE: Flags = Flags(shaders::FLAG_PULLING);
+    pub const TENSION_REMAINS: Flags = Flags(shaders::FLAG_TENSION);
     /// A frame turned so far within the step that the nodes measured in it may gain energy: their elements keep the
     /// rotations of the step's start.
     pub const TURNS_TOO_FAR: Flags = Flags(512);
@@ -43,7 +43,7 @@ impl Flags {
         (Flags::NON_FINITE, "non_finite"),
         (Flags::STEP_RETRIED, "step_retried"),
         (Flags::FROZEN, "frozen"),
-        (Flags::ADHESIVE_DROPPED_TWICE, "adhesive_dropped_twice"),
+        (Flags::TENSION_REMAINS, "adhesive_dropped_twice"),
         (Flags::TURNS_TOO_FAR, "turns_too_far"),
         (Flags::INVERTED, "inverted"),
     ];

@@ -44,9 +44,9 @@ fn pressed(layer: &str, surface: Option<&Path>) -> (f64, usize) {
     // At such long steps the contact normal, which follows the contacts with a lag of one step, sways by a few degrees
     // (README, Known limits): contacts at the rim may be under tension, and the force is steady within a few percent
     // only. So its mean is compared.
-    let pulling = rows.iter().filter(|row| row.flags.0 == PULLING).count();
+    let released = rows.iter().filter(|row| row.flags.0 == PULLING).count();
     let others = rows.iter().filter(|row| ![0, PULLING].contains(&row.flags.0)).count();
-    assert!(pulling <= STEPS / 3 && others == 0, "{:?}", rows.iter().map(|r| r.flags.0).collect::<Vec<_>>());
+    assert!(released <= STEPS / 3 && others == 0, "{:?}", rows.iter().map(|r| r.flags.0).collect::<Vec<_>>());
     let force = |row: &StepReport| row.tool.unwrap().force.length();
     let mean = |rows: &[StepReport]| rows.iter().map(force).sum::<f64>() / rows.len() as f64;
     let (last, before) = (mean(&rows[STEPS - 4..]), mean(&rows[STEPS - 8..STEPS - 4]));

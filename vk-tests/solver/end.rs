@@ -200,14 +200,14 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
         let pressures = pressures(s, &x);
         let before = s.contacts.clone();
         let on = |c: &usize| before[*c].stiffness != 0.0;
-        let pulls: Vec<bool> = (0..100).map(|c| on(&c) && pressures[c] < 0.0).collect();
-        let pulling = pulls.iter().filter(|p| **p).count();
-        assert!(pulling > 5 && pulling < 90, "{pulling} contacts are under tension");
+        let is_under_tension: Vec<bool> = (0..100).map(|c| on(&c) && pressures[c] < 0.0).collect();
+        let released = is_under_tension.iter().filter(|p| **p).count();
+        assert!(released > 5 && released < 90, "{released} contacts are under tension");
         let deepest = (0..100).filter(on).map(|c| before[c].depth).fold(0.0, f32::max);
         let tool_x = passes.tool_iterate().x;
         for (retries, status) in [(0, 1), (3, 2), (4, 1), (0, 0)] {
             passes.system.contacts = before.clone();
-            passes.system.counts.pulling = 0;
+            passes.system.counts.released = 0;
             (passes.state.retries, passes.state.status) = (retries, status);
             passes.args.fill(UNTOUCHED);
             passes.conclude();
@@ -221,14 +221,14 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
                 if status == 0 { shaders::VERDICT_CONTINUE } else { if again { shaders::VERDICT_RETRY } else { DONE } }
             );
             for (c, (now, was)) in passes.system.contacts.iter().zip(&before).enumerate() {
-                let dropped = if again && pulls[c] { 0.0 } else { 1.0 };
-                assert_eq!(now.stiffness, dropped * was.stiffness, "contact {c} at {:e} Pa", pressures[c]);
-                assert_eq!(now.damping, dropped * was.damping, "contact {c}");
-                assert_eq!(now.friction, dropped * was.friction, "contact {c}");
+                let released = if again && is_under_tension[c] { 0.0 } else { 1.0 };
+                assert_eq!(now.stiffness, released * was.stiffness, "contact {c} at {:e} Pa", pressures[c]);
+                assert_eq!(now.damping, released * was.damping, "contact {c}");
+                assert_eq!(now.friction, released * was.friction, "contact {c}");
                 assert_eq!((now.normal, now.depth, now.area), (was.normal, was.depth, was.area));
             }
             assert_eq!(passes.state.retries, retries + u32::from(again));
-            assert_eq!(passes.system.counts.pulling, if again { pulling as u32 } else { 0 });
+            assert_eq!(passes.system.counts.released, if again { released as u32 } else { 0 });
             assert_eq!(report.flags, if status != 0 && !again { NOT_CONVERGED | PULLING } else { 0 });
             if status == 0 || again {
                 assert_eq!(granted(&passes), [UNTOUCHED; 2]);

@@ -178,21 +178,21 @@ fn contacts_push_or_are_dropped_between_linearisations_as_the_oracles() {
         format!("[step]\ndt = 0.01\n{text}").replace("[solver]", "[solver]\npreconditioner = \"jacobi\"")
     };
     // In the second scene contacts are also released in the second and third Newton iteration.
-    for (name, text, steps, drops) in [
+    for (name, text, steps, releases) in [
         ("pressed by a tool", pressed, 12, true),
         ("half of stone, thrown", thrown(0.4, stone), 25, true),
         ("free, thrown", thrown(0.0, ""), 25, false),
     ] {
         let scene = scene(&text.replace("[step]", "[step]\nnewton = 3"));
         assert_eq!(scene.step.newton, 3);
-        let mut dropped = 0;
+        let mut released = 0;
         let errors = beside(&scene, steps, |_, _, _, report| {
-            dropped += report.contacts.iter().filter(|c| !c.active).count();
+            released += report.contacts.iter().filter(|c| !c.active).count();
         });
-        println!("{name}: {errors:?}, {dropped} contacts dropped");
+        println!("{name}: {errors:?}, {released} contacts released");
         assert!(
-            (dropped > 0) == drops && errors.shape < TOUCHED && errors.force < TOUCHED,
-            "{name}: {errors:?}, {dropped}"
+            (released > 0) == releases && errors.shape < TOUCHED && errors.force < TOUCHED,
+            "{name}: {errors:?}, {released}"
         );
     }
 }

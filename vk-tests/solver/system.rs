@@ -333,7 +333,7 @@ impl System {
         self
     }
 
-    fn add_contact(&mut self, sides: [Side; 2], dropped: bool, random: &mut Random) {
+    fn add_contact(&mut self, sides: [Side; 2], released: bool, random: &mut Random) {
         let normal = wide(&narrow((random.vector() + DVec3::Y).normalize()));
         let position = 0.1 * random.vector();
         let first_quad = self.entry_nodes.len();
@@ -349,7 +349,7 @@ impl System {
         let quads = (self.entry_nodes.len() - first_quad) as u32;
         self.entry_nodes.resize(first_quad + 4, [NONE; 4]);
         self.entry_weights.resize(first_quad + 4, [f32::NAN; 4]);
-        let on = if dropped { 0.0 } else { 1.0 };
+        let on = if released { 0.0 } else { 1.0 };
         let positive = |random: &mut Random| f64::from((1.5 + random.next()) as f32);
         let mut twin = Twin {
             normal,

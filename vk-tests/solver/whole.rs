@@ -169,9 +169,9 @@ fn pulled(with: Preconditioner) {
         }
         compared += usize::from(solves == 2);
         let active = |c: &usize| report.contacts[*c].active && s.contacts[*c].stiffness > 0.0;
-        let dropped = (0..12).filter(|c| report.contacts[*c].active != (s.contacts[*c].stiffness > 0.0));
-        let dropped: Vec<usize> = dropped.filter(|c| s.twin_contacts[*c].stiffness > 0.0).collect();
-        assert!(dropped.is_empty(), "{dropped:?} differ; {} push", (0..12).filter(active).count());
+        let released = (0..12).filter(|c| report.contacts[*c].active != (s.contacts[*c].stiffness > 0.0));
+        let released: Vec<usize> = released.filter(|c| s.twin_contacts[*c].stiffness > 0.0).collect();
+        assert!(released.is_empty(), "{released:?} differ; {} push", (0..12).filter(active).count());
         passes.commit();
         passes.wrench();
         let s = &passes.system;

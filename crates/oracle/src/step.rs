@@ -15,7 +15,7 @@ use crate::tool::{self, Device, Tool};
 use crate::wrench::{self, Wrench};
 
 /// Flag of the step: contacts were under tension even after the last repeated solve; they count as zero.
-pub const ADHESIVE_TWICE: u32 = 256;
+pub const TENSION_REMAINS: u32 = 256;
 /// Repeated solves after contacts under tension are released, at most; as many as the engine has.
 pub const MAX_RETRIES: usize = 4;
 
@@ -118,13 +118,14 @@ impl Simulation {
                 let end: Vec<f64> = start.iter().zip(&change).map(|(v, dv)| v + dv).collect();
                 let rate = |j: usize| known[j] + dot(&rows[j], &end);
                 pressures = contacts.iter().enumerate().map(|(j, c)| self.pressure(c, rate(j))).collect();
-                let pulling = (0..contacts.len()).filter(|&j| active[j] && pressures[j] < 0.0).collect::<Vec<_>>();
+                let under_tension =
+                    (0..contacts.len()).filter(|&j| active[j] && pressures[j] < 0.0).collect::<Vec<_>>();
                 // A contact under tension after the last repeated solve may push in the next Newton iteration.
-                if pulling.is_empty() || (attempt == MAX_RETRIES && left > 0) {
+                if under_tension.is_empty() || (attempt == MAX_RETRIES && left > 0) {
                     break;
                 }
-                pulling.iter().for_each(|&j| active[j] = false);
-                flags |= if attempt == MAX_RETRIES { ADHESIVE_TWICE } else { 0 };
+                under_tension.iter().for_each(|&j| active[j] = false);
+                flags |= if attempt == MAX_RETRIES { TENSION_REMAINS } else { 0 };
             }
             if left > 0 {
                 trials = self.trials(&unknowns, &change);

@@ -89,7 +89,7 @@ impl Law {
             // the engine.
             Law::Energy => Flags::TURNS_TOO_FAR | Flags::INVERTED,
             // Contacts that pull count as zero in the wrench, but act in the solution.
-            Law::Push => Flags::ADHESIVE_DROPPED_TWICE,
+            Law::Push => Flags::TENSION_REMAINS,
             // The sum computed here leaves out pulling contacts as the wrench does, so that no flag explains a
             // difference.
             Law::Force | Law::Touch => Flags(0),
@@ -100,7 +100,7 @@ impl Law {
             // The tool's equations share the solver's residual; contacts that pull move the tool but are left out of
             // the wrench; a step that was retried in parts reports the force of its last part; a frozen tool does not
             // move.
-            Law::Balance => Flags::NOT_CONVERGED | Flags::ADHESIVE_DROPPED_TWICE | Flags::STEP_RETRIED | Flags::FROZEN,
+            Law::Balance => Flags::NOT_CONVERGED | Flags::TENSION_REMAINS | Flags::STEP_RETRIED | Flags::FROZEN,
             // The solver's residual may push the body as a whole, and the spinning blocks of 1 TPa drift as well.
             Law::Drift => Flags::NOT_CONVERGED | Flags::TURNS_TOO_FAR,
             // A body caught inside out creeps, and does not decay as predicted for oscillations about rest.
@@ -213,7 +213,7 @@ pub fn judge(samples: &[Sample], promise: &Promise) -> Vec<Finding> {
         from_first(Law::Finite, |s| (f64::from(u8::from(!s.is_finite)), 0.5)),
         energy(samples),
         from_first(Law::Force, |s| (s.missed, FORCE * s.pressed + s.touch_floor)),
-        from_first(Law::Push, |s| (s.pulled, FORCE * s.pressed + s.touch_floor)),
+        from_first(Law::Push, |s| (s.tension, FORCE * s.pressed + s.touch_floor)),
         from_first(Law::Residual, |s| (s.residual, RESIDUAL.max(s.residual_floor))),
         from_first(Law::Balance, |s| (s.balance, BALANCE)),
     ];

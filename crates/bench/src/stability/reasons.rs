@@ -12,10 +12,7 @@ const FLAGS: [(Flags, &str); 9] = [
     (Flags::NON_FINITE, "a number left single precision's range, and the step was done again in halves"),
     (Flags::STEP_RETRIED, "the solver broke down, and the step was done again in halves"),
     (Flags::DEPTH_BEYOND_LIMIT, "the sphere is deeper in the block than `depth_limit`"),
-    (
-        Flags::ADHESIVE_DROPPED_TWICE,
-        "the sphere bounces off within a step, and contacts still pulled after four solves",
-    ),
+    (Flags::TENSION_REMAINS, "the sphere bounces off within a step, and contacts still tension after four solves"),
     (Flags::NOT_CONVERGED, "the solver stopped above what single precision was expected to leave"),
     (Flags::TURNS_TOO_FAR, "it turns too far in a step for what it is made of"),
     (Flags::INVERTED, "tetrahedra were inside out"),

@@ -47,7 +47,7 @@ pub struct Held {
     /// Sum of the magnitudes of all pushes, N.
     pub pressed: f64,
     /// Largest pull of a contact, N; zero or less: none pulls.
-    pub pulled: f64,
+    pub tension: f64,
     /// Distance of the reported force from the sum of the contacts, plus that of the torque over the tool's radius, N.
     pub missed: f64,
     /// What f32 rounding may make of the sum, N.
@@ -150,7 +150,7 @@ pub fn held(contacts: &[Pressing], h: f64, motion: &Motion, told: Option<&ToolRe
         let push = contact.push(h, motion);
         let rounding = contact.rounding(h, motion);
         held.pressed += push.max(0.0);
-        held.pulled = held.pulled.max(-push - rounding);
+        held.tension = held.tension.max(-push - rounding);
         held.rounding += rounding;
         force -= push.max(0.0) * contact.tool[0];
         torque -= push.max(0.0) * contact.tool[1];
@@ -185,7 +185,7 @@ mod tests {
         let motion = Motion { nodes: &nodes, linear: DVec3::Y * 0.2, angular: DVec3::ZERO };
         let told = ToolReport { force: DVec3::Y * 26.6, ..ToolReport::default() };
         let good = held(&[one()], 0.01, &motion, Some(&told), 0.02);
-        assert!(good.missed < 1e-12 && good.pulled <= 0.0 && (good.pressed - 26.6).abs() < 1e-12, "{good:?}");
+        assert!(good.missed < 1e-12 && good.tension <= 0.0 && (good.pressed - 26.6).abs() < 1e-12, "{good:?}");
         let told = ToolReport { force: DVec3::Y * 1.2 * 26.6, torque: DVec3::X, ..ToolReport::default() };
         let bad = held(&[one()], 0.01, &motion, Some(&told), 0.5);
         assert!((bad.missed - 0.2 * 26.6 - 2.0).abs() < 1e-9, "{bad:?}");
@@ -197,6 +197,9 @@ mod tests {
         let motion = Motion { nodes: &nodes, linear: DVec3::ZERO, angular: DVec3::ZERO };
         // By hand: 2 (10 - 11 2) = -24 N, a pull, which the wrench leaves out.
         let pulling = held(&[one()], 0.01, &motion, Some(&ToolReport::default()), 0.02);
-        assert!((pulling.pulled - 24.0).abs() < 1e-3 && pulling.missed == 0.0 && pulling.pressed == 0.0, "{pulling:?}");
+        assert!(
+            (pulling.tension - 24.0).abs() < 1e-3 && pulling.missed == 0.0 && pulling.pressed == 0.0,
+            "{pulling:?}"
+        );
     }
 }

@@ -51,7 +51,7 @@ pub struct Sample {
     /// Difference between the wrench on the tool and the sum of its contacts: of force, plus of torque over radius, N.
     pub missed: f64,
     /// Largest pull of a contact, N.
-    pub pulled: f64,
+    pub tension: f64,
     /// What f32 rounding may make of the sum of the contacts, N.
     pub touch_floor: f64,
     /// Displacement of the centre of mass of the free nodes since the start, m.
@@ -214,7 +214,7 @@ impl Observer {
             tool.map_or((DVec3::ZERO, DVec3::ZERO), |(tool, _)| (tool.velocity, tool.angular_velocity));
         let motion = Motion { nodes: &self.body.velocity, linear, angular };
         let held = touch::held(pressing, self.dt, &motion, told, RADIUS * self.edge);
-        (sample.pressed, sample.pulled) = (held.pressed, held.pulled.max(0.0));
+        (sample.pressed, sample.tension) = (held.pressed, held.tension.max(0.0));
         (sample.missed, sample.touch_floor) = (held.missed, held.rounding);
     }
 

@@ -39,7 +39,7 @@ fn each_law_can_be_broken_and_a_flag_of_another_step_excuses_nothing() {
         (Law::Finite, 7, |s| s.is_finite = false),
         (Law::Energy, 7, |s| s.energy = 1.01),
         (Law::Force, 7, |s| s.missed = 6e-4),
-        (Law::Push, 7, |s| s.pulled = 6e-4),
+        (Law::Push, 7, |s| s.tension = 6e-4),
         (Law::Residual, 7, |s| s.residual = 2e-3),
         (Law::Balance, 7, |s| s.balance = f64::NAN),
         (Law::Rest, 9, |s| s.motion = 2e-3),
