@@ -7,11 +7,11 @@ mod algorithm;
 mod change;
 mod contact_wrench;
 mod contacts;
+mod device_input;
 pub mod drive;
 mod explain;
 pub mod frames;
 mod gap;
-mod held;
 pub mod joints;
 mod make;
 mod nodes;
@@ -43,9 +43,9 @@ use crate::stages::model::{self, Model};
 use algorithm::Recordings;
 pub use contact_wrench::{ContactWrench, Gap};
 pub use contacts::ContactPoint;
+pub use device_input::DeviceInput;
 use drive::Drive;
 use frames::Frames;
-pub use held::Held;
 use probes::ProbePlace;
 pub use report::{Pose, StepReport, ToolReport};
 pub use rigid::{RigidState, Wrench};
@@ -85,7 +85,7 @@ pub struct Simulation {
     /// Whether the tool has weight; in a haptic loop its weight is compensated.
     has_weight: bool,
     /// Mass of a tool that is a body of the scene, kg; 0 for any other.
-    held_mass: f64,
+    tool_core_mass: f64,
     /// Greatest force of the virtual coupling's spring, N.
     max_force: f64,
     last_wrench: Option<ContactWrench>,
@@ -106,7 +106,7 @@ pub struct Simulation {
 
 impl Simulation {
     /// One step of the scene's `dt`. The haptic device is where the scene's keys put it, or, after
-    /// [`Simulation::step_held`] has replaced the keys for good, stays where that had it.
+    /// [`Simulation::step_device_input`] has replaced the keys for good, stays where that had it.
     pub fn step(&mut self) -> Result<StepReport> {
         let h = self.scene.step.dt;
         self.has_weight = true;
@@ -119,7 +119,7 @@ impl Simulation {
     /// at 50 steps a second, makes contact oscillate that is steady otherwise (README, "The hand"). A tool that is a
     /// core of a soft body keeps the simulation's own state. The weight of the tool is compensated and not felt.
     #[doc(hidden)]
-    pub fn step_held(&mut self, held: &Held, h: f64) -> Result<StepReport> {
+    pub fn step_device_input(&mut self, held: &DeviceInput, h: f64) -> Result<StepReport> {
         let time = self.time + h;
         self.has_weight = false;
         let RigidState { position, orientation, .. } = held.device;
@@ -128,7 +128,7 @@ impl Simulation {
         if let Some(tool) = &mut self.tool {
             tool.coupling = held.coupling;
         }
-        if let (Some(tool), None) = (&mut self.tool, self.model.held) {
+        if let (Some(tool), None) = (&mut self.tool, self.model.tool_core) {
             let RigidState { position, orientation, velocity, angular_velocity } = held.tool;
             // The body is as the last step left it. With the tool further out, the step would begin without contact,
             // since contact is found at its beginning, and the tool would fall into the body unopposed.
@@ -148,7 +148,7 @@ impl Simulation {
     }
 
     /// The contact wrench on the tool in the last step; `None` without a tool or before the first step. Stiffness and
-    /// damping are computed by [`Simulation::step_held`] only; after other steps they are zero.
+    /// damping are computed by [`Simulation::step_device_input`] only; after other steps they are zero.
     #[doc(hidden)]
     pub fn contact_wrench(&self) -> Option<&ContactWrench> {
         self.last_wrench.as_ref()
@@ -341,7 +341,7 @@ impl Simulation {
             gravity: step.gravity.as_vec3().to_array(),
             depth_limit: self.scene.contact.depth_limit as f32,
             texel: self.scene.contact.texel.unwrap_or(0.0) as f32,
-            is_held: u32::from(!self.has_weight),
+            wants_stiffness: u32::from(!self.has_weight),
             friction: self.model.friction[0],
             friction_speed: self.model.friction[1],
             ..bytemuck::Zeroable::zeroed()
@@ -349,12 +349,12 @@ impl Simulation {
         if let Some(tool) = &self.tool {
             let device = &tool.within_reach(device, self.max_force);
             let gravity = if self.has_weight { step.gravity } else { DVec3::ZERO };
-            let mut rows = match self.model.held {
+            let mut rows = match self.model.tool_core {
                 Some(_) => tool.coupling_rows(h, device),
                 None => tool.rows(h, gravity, device),
             };
-            if self.model.held.is_some() && !self.has_weight {
-                (0..3).for_each(|k| rows.rhs[k] -= h * self.held_mass * step.gravity[k]);
+            if self.model.tool_core.is_some() && !self.has_weight {
+                (0..3).for_each(|k| rows.rhs[k] -= h * self.tool_core_mass * step.gravity[k]);
             }
             params.tool_matrix = std::array::from_fn(|k| rows.matrix[k / 6][k % 6] as f32);
             params.tool_rhs = rows.rhs.map(|x| x as f32);

@@ -22,7 +22,7 @@ struct StepParams {
     vec3 gravity;               // m/s^2, world axes
     float depth_limit;          // penetration depth above which a contact raises FLAG_DEPTH_LIMIT, m
     float texel;                // edge of the spatial hash's cells, m; 0: chosen from the edge lengths of the skins
-    uint is_held;               // 1: a haptic loop drives the tool, and needs the wrench's stiffness and damping
+    uint wants_stiffness;               // 1: a haptic loop drives the tool, and needs the wrench's stiffness and damping
     float friction;             // Coulomb's coefficient mu
     float friction_speed;       // sliding speed below which friction is viscous, m/s
     float tool_matrix[36];      // 6x6 operator of the tool's twist without contact: inertia and virtual coupling; where

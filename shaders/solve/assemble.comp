@@ -31,7 +31,7 @@ layout(constant_id = 4) const bool PATCHES = false;
 layout(constant_id = 5) const uint TETRAHEDRA = 0;
 layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const bool JOINTS = false;
-layout(constant_id = 13) const uint HELD = NONE;        // the core that the haptic device holds, or NONE
+layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
@@ -182,7 +182,7 @@ void main() {
         Rigid rigid = rigids[block.rigid];
         if (lane == 0 && gl_WorkGroupID.x == rigid.block_first) {
             modes.c1 += frames[block.frame].gyroscopic;
-            if (HELD != NONE && block.rigid == HELD) {
+            if (TOOL_CORE != NONE && block.rigid == TOOL_CORE) {
                 modes.c0 += vec3(params.tool_rhs[0], params.tool_rhs[1], params.tool_rhs[2]);
                 modes.c1 += vec3(params.tool_rhs[3], params.tool_rhs[4], params.tool_rhs[5]);
             }

@@ -149,7 +149,7 @@ void main() {
         for (uint index = 0; index < RIGIDS && done; index++) rigids[index].carried_residual = rigids[index].operator_product;
         args[3 * ARGS_COMMIT] = done ? groups_of(NODES) : 0;
         args[3 * ARGS_WRENCH] = done ? 1 : 0;
-        args[3 * ARGS_GAP] = done && params.is_held != 0 ? SKIN_PARTS : 0;
+        args[3 * ARGS_GAP] = done && params.wants_stiffness != 0 ? SKIN_PARTS : 0;
     }
     report.verdict = verdict;
     report.iterations = iterations[solve.current].count;

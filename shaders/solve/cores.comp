@@ -20,7 +20,7 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const bool JOINTS = false;
-layout(constant_id = 13) const uint HELD = NONE;        // the core that the haptic device holds, or NONE
+layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
@@ -104,7 +104,7 @@ void assemble(uint c) {
     force_size = workgroup_sum(vec4(force_size, 0.0)).xyz;
     torque_size = workgroup_sum(vec4(torque_size, 0.0)).xyz;
     if (gl_LocalInvocationID.x != 0) return;
-    if (HELD != NONE && c == HELD) {
+    if (TOOL_CORE != NONE && c == TOOL_CORE) {
         for (int k = 0; k < 36; k++) block[k] += params.tool_matrix[k];
         force_size += abs(vec3(params.tool_rhs[0], params.tool_rhs[1], params.tool_rhs[2]));
         torque_size += abs(vec3(params.tool_rhs[3], params.tool_rhs[4], params.tool_rhs[5]));

@@ -29,7 +29,7 @@ layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const uint ROLE = 0;            // FREE_NODES, CARRIED_NODES or TOOL_ROWS of shared/roles.glsl
 layout(constant_id = 9) const uint FIRST = 0;           // first block of the role
 layout(constant_id = 10) const bool JOINTS = false;
-layout(constant_id = 13) const uint HELD = NONE;        // the core that the haptic device holds, or NONE
+layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
 
 layout(push_constant) uniform Which { uint set; };      // set of iterates that holds u and r in GATHER_LOOP
 
@@ -163,9 +163,9 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_product, inout Modes o
     }
     if (ROLE != CARRIED_NODES) return;
     Rigid rigid = rigids[block.rigid];
-    if (HELD != NONE && block.rigid == HELD && b == rigid.block_first && gl_LocalInvocationID.x == 0) {
+    if (TOOL_CORE != NONE && block.rigid == TOOL_CORE && b == rigid.block_first && gl_LocalInvocationID.x == 0) {
         // The virtual coupling's product, in the rows of the held core.
-        RigidIterate now = iterates[(MODE == GATHER_LOOP ? set : solve.current) * RIGIDS + HELD];
+        RigidIterate now = iterates[(MODE == GATHER_LOOP ? set : solve.current) * RIGIDS + TOOL_CORE];
         float p[6] = MODE == GATHER_LOOP ? now.u : now.x, own[6] = times(params.tool_matrix, p);
         of_product.c0 += three(own, 0);
         of_product.c1 += three(own, 3);

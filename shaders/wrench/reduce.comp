@@ -27,7 +27,7 @@ layout(scalar) writeonly buffer ReportOut { Report report; };
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
-    bool is_held = params.is_held != 0;
+    bool wants_stiffness = params.wants_stiffness != 0;
     // Force, torque, upper triangles of stiffness and damping, sum of normal forces' magnitudes; the rest is padding.
     float sums[52];
     for (int k = 0; k < 52; k++) sums[k] = 0.0;
@@ -42,7 +42,7 @@ void main() {
         for (int k = 0; k < 6; k++) sums[k] -= force * column[k];
         sums[48] += force;
         int at = 6;
-        for (int i = 0; i < (is_held ? 6 : 0); i++) {
+        for (int i = 0; i < (wants_stiffness ? 6 : 0); i++) {
             for (int k = i; k < 6; k++) {
                 sums[at] += normal_stiffness(contact) * column[i] * column[k];
                 sums[at + 21] += normal_damping(contact) * column[i] * column[k];
@@ -56,13 +56,13 @@ void main() {
             tool_column(contact, along[t], column);
             for (int k = 0; k < 6; k++) sums[k] -= dot(drag, along[t]) * column[k];
             at = 27;
-            for (int i = 0; i < (is_held ? 6 : 0); i++) {
+            for (int i = 0; i < (wants_stiffness ? 6 : 0); i++) {
                 for (int k = i; k < 6; k++) sums[at++] += contact.friction * column[i] * column[k];
             }
         }
     }
     for (int k = 0; k < 52; k += 4) {
-        if (!is_held && k >= 8 && k < 48) continue;
+        if (!wants_stiffness && k >= 8 && k < 48) continue;
         vec4 part = workgroup_sum(vec4(sums[k], sums[k + 1], sums[k + 2], sums[k + 3]));
         for (int l = 0; l < 4; l++) sums[k + l] = part[l];
     }

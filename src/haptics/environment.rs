@@ -6,17 +6,17 @@ use glam::DVec3;
 
 use crate::Result;
 use crate::step::tool::{Rows, Tool};
-use crate::step::{ContactWrench, Gap, Held, RigidState, Simulation, Wrench};
+use crate::step::{ContactWrench, DeviceInput, Gap, RigidState, Simulation, Wrench};
 
 /// A source of contact wrenches: one step from the loop's state to the wrench that the tool feels.
 pub trait Environment {
     /// Simulates `h` s from the given poses and twists of device and tool, and returns the contact wrench at the end.
-    fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench>;
+    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench>;
 }
 
 impl Environment for Simulation {
-    fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
-        self.step_held(held, h)?;
+    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench> {
+        self.step_device_input(held, h)?;
         let nothing = || ContactWrench { time: held.time, ..ContactWrench::none(held.tool) };
         Ok(self.contact_wrench().copied().unwrap_or_else(nothing))
     }
@@ -41,7 +41,7 @@ pub struct Wall {
 impl Environment for Wall {
     /// Steps as the simulation does: moves the tool by implicit Euler towards the device's pose, which is taken at
     /// rest; then evaluates the wall's force at the end of the step.
-    fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
+    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench> {
         let tool = &mut self.tool;
         tool.coupling = held.coupling;
         let RigidState { position, orientation, velocity, angular_velocity } = held.tool;
@@ -146,7 +146,7 @@ impl Cushion {
 }
 
 impl Environment for Cushion {
-    fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
+    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench> {
         let device = RigidState::at_rest(held.device.position, held.device.orientation);
         let tool = &mut self.tool;
         tool.coupling = held.coupling;

@@ -17,7 +17,7 @@ use super::passivity::{Energy, Passivity};
 use super::safety::{Gain, Guard, Limits};
 use super::sense::Sense;
 use crate::step::tool::Tool;
-use crate::step::{ContactWrench, Held, RigidState, Wrench};
+use crate::step::{ContactWrench, DeviceInput, RigidState, Wrench};
 
 /// A tick that begins later than this after its deadline is late, s.
 const LATE: f64 = 2e-3;
@@ -200,11 +200,11 @@ impl Servo {
     }
 
     /// The state of device and tool from which the next simulation step starts.
-    pub fn held(&self) -> Held {
+    pub fn held(&self) -> DeviceInput {
         let time = self.time.unwrap_or(0.0);
         let coupling = self.tool.coupling.filter(|_| self.index > 0);
         let max_force = self.settings.limits.force;
-        Held { ticks: self.index, time, device: self.device, tool: self.tool.state(), coupling, max_force }
+        DeviceInput { ticks: self.index, time, device: self.device, tool: self.tool.state(), coupling, max_force }
     }
 
     /// The newest wrench taken.

@@ -13,7 +13,7 @@ use super::clock::{Lateness, Metronome};
 use super::device::{Device, Fault};
 use super::event::Event;
 use super::servo::{Servo, Tick};
-use crate::step::{ContactWrench, Held};
+use crate::step::{ContactWrench, DeviceInput};
 
 /// Greatest number of recorded ticks in the queue to the other thread. Ticks beyond it are lost, which is reported.
 const ROOM: usize = 1 << 14;
@@ -27,7 +27,7 @@ pub struct ServoThread {
     stop: Arc<AtomicBool>,
     begun: Instant,
     wrenches: triple_buffer::Input<ContactWrench>,
-    states: triple_buffer::Output<Held>,
+    states: triple_buffer::Output<DeviceInput>,
     ticks: rtrb::Consumer<Tick>,
     /// Whether the thread got its raised priority; the error says why not.
     pub priority: Result<(), String>,
@@ -64,7 +64,7 @@ impl ServoThread {
     }
 
     /// The newest state of device and tool, from which the next simulation step starts.
-    pub fn newest(&mut self) -> Held {
+    pub fn newest(&mut self) -> DeviceInput {
         *self.states.read()
     }
 
@@ -100,7 +100,7 @@ impl Drop for ServoThread {
 /// The loop's ends of the buffers that connect it with the other thread.
 struct Links {
     newest: triple_buffer::Output<ContactWrench>,
-    out: triple_buffer::Input<Held>,
+    out: triple_buffer::Input<DeviceInput>,
     record: rtrb::Producer<Tick>,
     stop: Arc<AtomicBool>,
 }

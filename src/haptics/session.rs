@@ -19,7 +19,7 @@ use super::servo::{Servo, Settings, Tick};
 use super::servo_thread::{BareTimer, ServoThread};
 use crate::scene::Haptics;
 use crate::step::tool::Tool;
-use crate::step::{ContactWrench, Held, Wrench};
+use crate::step::{ContactWrench, DeviceInput, Wrench};
 use crate::{Error, Result};
 
 /// Number of simulation steps before the loop begins, to measure how long one takes.
@@ -52,7 +52,7 @@ pub enum Moment<'a> {
     Tick(&'a Tick),
     /// A step of the simulation: the state of device and tool that it started from, its length (s), and the wrench it
     /// found.
-    Step(&'a Held, f64, &'a ContactWrench),
+    Step(&'a DeviceInput, f64, &'a ContactWrench),
 }
 
 /// Summary of a session.
@@ -190,7 +190,7 @@ pub fn hold(
 
 /// Results of the simulation steps before the loop.
 struct FirstSteps {
-    steps: Vec<(Held, ContactWrench)>,
+    steps: Vec<(DeviceInput, ContactWrench)>,
     /// Wall-clock time of one step, s.
     took: f64,
     /// Greatest time by which a wrench gets out of date, s: it stays the newest until the next step has finished.
@@ -201,7 +201,7 @@ struct FirstSteps {
 /// slow in it.
 fn first_steps(environment: &mut dyn Environment, tool: &Tool, h: f64, max_force: f64) -> Result<FirstSteps> {
     let state = tool.state();
-    let held = Held { ticks: 0, time: 0.0, device: state, tool: state, coupling: None, max_force };
+    let held = DeviceInput { ticks: 0, time: 0.0, device: state, tool: state, coupling: None, max_force };
     let (mut steps, mut times) = (Vec::new(), Vec::new());
     for _ in 0..FIRST_STEPS {
         let begun = Instant::now();

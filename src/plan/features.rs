@@ -123,7 +123,7 @@ fn of_the_tool(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &
     let no = if touches { "no haptic device holds the tool: nothing uses it" } else { no };
     add("6x6 stiffness and damping", touches && held, "for the loop's local model".into(), no);
     let no = if scene.tool.is_none() { "no tool" } else { "the tool is a body of its own" };
-    add("held body", model.held.is_some(), "the haptic device is coupled to a core of a body".into(), no);
+    add("held body", model.tool_core.is_some(), "the haptic device is coupled to a core of a body".into(), no);
     add("virtual coupling", scene.coupling.is_some(), "enters the equations of the tool".into(), "no [coupling]");
     let no = if scene.tool.is_none() { "no tool" } else { "no haptic device: the tool's weight acts on it" };
     add("weight carried by the hand", scene.tool.is_some() && held, "a haptic device holds the tool".into(), no);

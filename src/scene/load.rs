@@ -90,7 +90,7 @@ impl Scene {
     }
 
     /// Index of the body that serves as the tool, if a body does.
-    pub fn held_body(&self) -> Option<usize> {
+    pub fn tool_body_index(&self) -> Option<usize> {
         match &self.tool.as_ref()?.shape {
             ToolShape::Body(name) => self.bodies.iter().position(|body| body.name == *name),
             _ => None,

@@ -82,7 +82,7 @@ pub(super) fn resolve(scene: &Scene, from: [usize; 2], is_new: bool) -> std::res
         let problem = format!("body \"{}\" names \"tool\" in `collides`, but this tool is a body", other.name);
         return wrong(Place::Tool, (problem, "add the tool before that body, and name the tool's body there".into()));
     }
-    let Some(body) = scene.held_body().map(|body| &scene.bodies[body]) else {
+    let Some(body) = scene.tool_body_index().map(|body| &scene.bodies[body]) else {
         return wrong(Place::Tool, unknown(scene, name));
     };
     if !matches!(body.cores.first(), Some(Core { motion: Motion::Dynamic, .. })) {

@@ -432,7 +432,7 @@ fn a_held_body_has_a_dynamic_core_and_no_keys_of_its_own() {
     };
     let dynamic = "motion = \"dynamic\"\nmass = 0.1";
     let scene = folder.load(&held(dynamic, "")).unwrap();
-    assert!(scene.held_body() == Some(0) && scene.rigid_tool().is_none());
+    assert!(scene.tool_body_index() == Some(0) && scene.rigid_tool().is_none());
     let message = |body: &str, tool: &str| folder.message(&held(body, tool));
     assert!(message("", "").contains("`tool.body`: the first core of \"a\""));
     assert!(message(dynamic, "sphere = 0.1").contains("given beside"));

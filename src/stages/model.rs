@@ -134,7 +134,7 @@ pub struct Model {
     /// Radius of the ball about a rigid tool's centre that contains all of it, m.
     pub tool_radius: f64,
     /// The dynamic core that the haptic device is coupled to, where the tool is a body of the scene.
-    pub held: Option<usize>,
+    pub tool_core: Option<usize>,
     /// The soft bodies.
     pub soft: Vec<SoftRange>,
 
@@ -238,8 +238,8 @@ impl Model {
             ToolShape::Sphere(radius) => Some(radius),
             _ => None,
         });
-        let held_frame = scene.held_body().map(|body| model.body_frames[body] as usize);
-        model.held = model.cores.iter().position(|core| Some(core.frame) == held_frame);
+        let tool_core_frame = scene.tool_body_index().map(|body| model.body_frames[body] as usize);
+        model.tool_core = model.cores.iter().position(|core| Some(core.frame) == tool_core_frame);
         model.add_pairs(scene, &all, tool.is_some(), &proxy_ranges);
         model.tool_radius = gap::tool_radius(&model);
         model

@@ -20,7 +20,7 @@ impl Model {
             let list = scene.bodies.get(i).and_then(|body| body.collides.as_ref());
             list.is_none_or(|names| names.iter().any(|n| n == name))
         };
-        let held = scene.held_body().unwrap_or(tool);
+        let held = scene.tool_body_index().unwrap_or(tool);
         let moves = |i: usize| match &all[i].shape {
             Shape::Soft { .. } | Shape::Rigid { motion: FrameMotion::Dynamic { .. }, .. } => true,
             _ => i == tool,

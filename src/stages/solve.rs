@@ -137,7 +137,7 @@ impl Solve {
         let contact = ("CONTACT", Const::Bool(touch.is_some()));
         let friction = ("FRICTION", Const::Bool(model.friction[0] > 0.0));
         let tool = ("TOOL", Const::Bool(has_tool));
-        let held = ("HELD", Const::Uint(model.held.map_or(shaders::NONE, |core| core as u32)));
+        let held = ("TOOL_CORE", Const::Uint(model.tool_core.map_or(shaders::NONE, |core| core as u32)));
         let coarse = ("COARSE", Const::Bool(is_coarse));
         let blocks = ("BLOCKS", count(block_count));
         let partials = ("PARTIALS", count(groups));

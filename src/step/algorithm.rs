@@ -168,7 +168,7 @@ impl Simulation {
         self.write_inputs(h, &device)?;
         let mut report = self.submit()?;
         if report.verdict != shaders::VERDICT_FAILED {
-            if let (Some(tool), None) = (&mut self.tool, self.model.held) {
+            if let (Some(tool), None) = (&mut self.tool, self.model.tool_core) {
                 tool.advance(h, report.tool_change.map(f64::from));
             }
             let newton = self.scene.step.newton;
@@ -262,7 +262,7 @@ impl Simulation {
         let has_cores = accepted && !self.model.cores.is_empty();
         let changes = has_cores.then(|| self.stages.solve.core_changes.mapped::<[f32; 6]>()).transpose()?;
         self.frames.arrive(h, fits.as_deref().unwrap_or_default(), changes.as_deref().unwrap_or_default());
-        if let (Some(tool), Some(core)) = (&mut self.tool, self.model.held) {
+        if let (Some(tool), Some(core)) = (&mut self.tool, self.model.tool_core) {
             tools::follow(tool, &self.frames, self.model.cores[core].frame);
         }
         Ok(())

@@ -150,7 +150,7 @@ impl Simulation {
         if let (Some(tool), Some(held)) = (&mut self.tool, held) {
             (tool.mass, tool.inertia) = (held.mass, held.inertia);
         }
-        self.held_mass = tools::held_mass(&model);
+        self.tool_core_mass = tools::tool_core_mass(&model);
         (self.model, self.frames, self.scene, self.bodies) = (model, frames, scene, bodies);
         Ok(())
     }

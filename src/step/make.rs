@@ -129,7 +129,7 @@ impl Prepared {
         let timed = Some(timed(context, &stages, scene)?);
         let start = tool.as_ref().map_or((DVec3::ZERO, DQuat::IDENTITY), |t| (t.centre, t.orientation));
         let plan = Plan::new(scene, &model, choice.map(|choice| choice.to_string()));
-        let held_mass = tools::held_mass(&model);
+        let tool_core_mass = tools::tool_core_mass(&model);
         Ok(Simulation {
             has_friction: model.friction[0] > 0.0,
             drive: Drive::new(&scene.drive, Key { time: 0.0, position: start.0, orientation: start.1 }),
@@ -150,7 +150,7 @@ impl Prepared {
             step: 0,
             time: 0.0,
             has_weight: true,
-            held_mass,
+            tool_core_mass,
             max_force: f64::INFINITY,
             last_wrench: None,
             last_iterations: 0,

@@ -20,7 +20,7 @@ pub(super) fn tool_of(scene: &Scene, body: Option<&Body>, model: &Model, frames:
         || Error::key(&scene.file, "tool.body", problem, "make it \"dynamic\": the haptic device is coupled to it");
     match body {
         Some(body) => Ok(Some(rigid(scene, spec.mass, body))),
-        None => Ok(Some(held(scene, model, model.held.ok_or_else(missing)?, frames))),
+        None => Ok(Some(held(scene, model, model.tool_core.ok_or_else(missing)?, frames))),
     }
 }
 
@@ -58,8 +58,8 @@ fn held(scene: &Scene, model: &Model, core: usize, frames: &Frames) -> Tool {
 }
 
 /// Mass of the body that the held core is part of, kg; 0 where no core is held.
-pub(super) fn held_mass(model: &Model) -> f64 {
-    let Some(core) = model.held.map(|core| &model.cores[core]) else { return 0.0 };
+pub(super) fn tool_core_mass(model: &Model) -> f64 {
+    let Some(core) = model.tool_core.map(|core| &model.cores[core]) else { return 0.0 };
     let mass = |node: usize| f64::from(model.node_rest[node][3]);
     let holds = |nodes: &std::ops::Range<usize>| core.nodes.iter().any(|n| nodes.contains(&(*n as usize)));
     match model.soft.iter().find(|soft| holds(&soft.nodes)) {

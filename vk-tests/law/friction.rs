@@ -8,7 +8,7 @@ use palpate_oracle as oracle;
 use palpate_oracle::contact::{self, Law, Support, Surface};
 use palpate_oracle::contact_law::Friction;
 use palpate_oracle::contact_law::auto_stiffness;
-use palpate_oracle::step::Held;
+use palpate_oracle::step::CoupledCore;
 use palpate_oracle::tool;
 
 use crate::scene::bones::{cube, twin_cores};
@@ -37,9 +37,9 @@ impl Twin {
                 Shape::Soft { skin, embedding, layer, materials, .. } => {
                     soft.push((skin.clone(), embedding.clone()));
                     layers.push((layer, &materials.all[0]));
-                    if let (true, Some(coupling)) = (scene.held_body() == Some(index), scene.coupling) {
+                    if let (true, Some(coupling)) = (scene.tool_body_index() == Some(index), scene.coupling) {
                         let (core, orientation) = (oracle.cores.len(), body.orientation);
-                        oracle.held = Some(Held { core, orientation, coupling });
+                        oracle.held = Some(CoupledCore { core, orientation, coupling });
                     }
                     oracle.cores.extend(twin_cores(simulation, index));
                     oracle.bodies.push(soft_twin(simulation, index));

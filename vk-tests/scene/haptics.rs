@@ -12,7 +12,7 @@ use palpate::internal::haptics::virtual_time::{self, Schedule};
 use palpate::internal::haptics::{Device, coupling};
 use palpate::internal::step::drive::Drive;
 use palpate::internal::step::tool::Tool;
-use palpate::internal::step::{ContactWrench, Held};
+use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::{Key, Lowered, Profile};
 use palpate::{Options, Simulation};
 use palpate_devices::{Hand, HandParameters, Scripted};
@@ -132,7 +132,7 @@ struct Recorded<'a> {
 }
 
 impl Environment for Recorded<'_> {
-    fn feel(&mut self, held: &Held, h: f64) -> palpate::Result<ContactWrench> {
+    fn feel(&mut self, held: &DeviceInput, h: f64) -> palpate::Result<ContactWrench> {
         let wrench = self.simulation.feel(held, h)?;
         self.wrenches.push(wrench);
         Ok(wrench)

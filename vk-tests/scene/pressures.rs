@@ -42,7 +42,7 @@ fn worst(file: &Path, steps: usize) -> (f64, f64) {
     let scene = Scene::load(file).unwrap();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
     let mut simulation = Simulation::open(&scene, &Options { device, ..Options::of_program() }).unwrap();
-    let held = scene.held_body().unwrap_or(scene.bodies.len());
+    let held = scene.tool_body_index().unwrap_or(scene.bodies.len());
     let (mut error, mut largest) = (0.0f64, 0.0f64);
     for _ in 0..steps {
         let report = simulation.step().unwrap();

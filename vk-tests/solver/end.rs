@@ -104,7 +104,7 @@ fn verdicts_by_hand() {
 fn the_gap_is_looked_for_where_a_loop_holds_the_tool() {
     for (is_held, worth, want) in [(0, 0.16, 0), (1, 0.16, SKIN_PARTS), (1, f32::NAN, 0)] {
         let mut passes = some_nodes();
-        passes.system.params.is_held = is_held;
+        passes.system.params.wants_stiffness = is_held;
         with_dots(&mut passes, &[[worth, 0.0]]);
         passes.conclude();
         assert_eq!(passes.args[3 * shaders::ARGS_GAP as usize], want, "{is_held} {worth}");

@@ -428,7 +428,7 @@ fn shortest_ways_to_deformed_bodies() {
 /// The gap that the haptic loop is told, in whole steps.
 mod told {
     use glam::{DQuat, DVec3};
-    use palpate::internal::step::{ContactWrench, Held};
+    use palpate::internal::step::{ContactWrench, DeviceInput};
     use palpate::{RigidState, Simulation};
 
     use super::RADIUS;
@@ -465,8 +465,8 @@ mod told {
 
     /// Runs a step from this pose and velocity of the tool.
     fn step(simulation: &mut Simulation, tool: RigidState) -> ContactWrench {
-        let held = Held { ticks: 1, time: 0.0, device: tool, tool, coupling: None, max_force: f64::INFINITY };
-        simulation.step_held(&held, STEP).unwrap();
+        let held = DeviceInput { ticks: 1, time: 0.0, device: tool, tool, coupling: None, max_force: f64::INFINITY };
+        simulation.step_device_input(&held, STEP).unwrap();
         let messages = simulation.context().validation_messages();
         assert!(messages.is_empty(), "{messages:#?}");
         *simulation.contact_wrench().unwrap()

@@ -17,20 +17,20 @@ const SUM: f64 = 2.0e-6;
 
 /// Runs wrench/reduce and checks that every other word of the report stays.
 fn reduce(system: &System, forces: &[[f32; 4]]) -> Report {
-    let [held, loose] = [true, false].map(|is_held| reduce_as(system, forces, is_held));
+    let [held, loose] = [true, false].map(|wants_stiffness| reduce_as(system, forces, wants_stiffness));
     // If no loop holds the tool, force and torque are the same, and stiffness and damping are not computed.
     let want = Report { stiffness: [0.0; 21], damping: [0.0; 21], ..held };
     assert_eq!(bytemuck::bytes_of(&loose), bytemuck::bytes_of(&want));
     held
 }
 
-fn reduce_as(system: &System, forces: &[[f32; 4]], is_held: bool) -> Report {
+fn reduce_as(system: &System, forces: &[[f32; 4]], wants_stiffness: bool) -> Report {
     let mut before: Report = bytemuck::Zeroable::zeroed();
     (before.verdict, before.iterations, before.tool_change) = (5, 6, [7.0; 6]);
     let outcome = case("wrench/reduce")
         .size(Size::Reduce)
         .constant("FRICTION", system.twin.friction.is_some())
-        .input("params", &[StepParams { is_held: u32::from(is_held), ..system.params }])
+        .input("params", &[StepParams { wants_stiffness: u32::from(wants_stiffness), ..system.params }])
         .input("counts", &[system.counts])
         .input("contacts", &system.contacts)
         .input("contact_forces", forces)

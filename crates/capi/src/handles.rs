@@ -22,7 +22,7 @@ pub(super) trait Handled: Send + 'static {
 type Shared = Arc<dyn Any + Send + Sync>;
 
 /// The object of a handle, with what the table keeps beside it.
-struct Held<T> {
+struct Owned<T> {
     object: Mutex<T>,
     /// While the object is lent to one user: the reason that other callers are told.
     lent: Mutex<Option<&'static str>>,
@@ -30,7 +30,7 @@ struct Held<T> {
     beside: Shared,
 }
 
-impl<T> Held<T> {
+impl<T> Owned<T> {
     fn lent(&self) -> MutexGuard<'_, Option<&'static str>> {
         self.lent.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
@@ -72,7 +72,7 @@ pub(super) fn insert_with<T: Handled>(object: T, beside: Shared) -> usize {
     });
     let held = &mut table.slots[slot];
     held.count += 1;
-    held.object = Some(Arc::new(Held { object: Mutex::new(object), lent: Mutex::new(None), beside }));
+    held.object = Some(Arc::new(Owned { object: Mutex::new(object), lent: Mutex::new(None), beside }));
     held.count << SLOT_BITS | slot
 }
 
@@ -121,7 +121,7 @@ pub(super) fn beside<T: Handled, B: Any + Send + Sync>(handle: usize) -> Outcome
 
 /// A lent object, for the thread that works with it. The object lives at least as long as this, even if its handle is
 /// removed.
-pub(super) struct Lent<T: Handled>(Arc<Held<T>>);
+pub(super) struct Lent<T: Handled>(Arc<Owned<T>>);
 
 impl<T: Handled> Lent<T> {
     pub fn lock(&self) -> MutexGuard<'_, T> {
@@ -136,7 +136,7 @@ impl<T: Handled> Drop for Lent<T> {
     }
 }
 
-impl<T: Handled> Held<T> {
+impl<T: Handled> Owned<T> {
     fn try_lock(&self) -> Outcome<MutexGuard<'_, T>> {
         let busy = |why: &str| Failure::new(palpate_status::Busy, format!("the {} is in use by {why}", T::NAME));
         match (self.object.try_lock(), *self.lent()) {
@@ -151,7 +151,7 @@ impl<T: Handled> Held<T> {
     }
 }
 
-fn find<T: Handled>(table: &Table, handle: usize) -> Outcome<(usize, Arc<Held<T>>)> {
+fn find<T: Handled>(table: &Table, handle: usize) -> Outcome<(usize, Arc<Owned<T>>)> {
     if handle == 0 {
         return Err(Failure::new(palpate_status::Null, format!("the {0} is null; create a {0}", T::NAME)));
     }
@@ -162,7 +162,7 @@ fn find<T: Handled>(table: &Table, handle: usize) -> Outcome<(usize, Arc<Held<T>
         return Err(Failure::new(palpate_status::Handle, problem));
     };
     let other = || Failure::new(palpate_status::Handle, format!("the handle is not that of a {}", T::NAME));
-    Ok((slot, object.downcast::<Held<T>>().map_err(|_| other())?))
+    Ok((slot, object.downcast::<Owned<T>>().map_err(|_| other())?))
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use std::time::Instant;
 use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::session::{self, Options, Report};
 use palpate::internal::step::tool::Tool;
-use palpate::internal::step::{ContactWrench, Held};
+use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::Haptics;
 
 use super::handles::{self, Handled, Lent};
@@ -64,9 +64,9 @@ struct Felt<'a> {
 }
 
 impl Environment for Felt<'_> {
-    fn feel(&mut self, held: &Held, h: f64) -> palpate::Result<ContactWrench> {
+    fn feel(&mut self, held: &DeviceInput, h: f64) -> palpate::Result<ContactWrench> {
         let begun = Instant::now();
-        let row = self.object.simulation.step_held(held, h);
+        let row = self.object.simulation.step_device_input(held, h);
         self.object.has_failed = row.is_err();
         let newest = Newest::new(wrench_of(&row?), begun);
         self.steps.note(newest);

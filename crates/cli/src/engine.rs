@@ -5,7 +5,7 @@ use glam::DVec3;
 use palpate::internal::gpu::DeviceInfo;
 use palpate::internal::prepare::Shape;
 use palpate::internal::stages::query_as_one;
-use palpate::internal::step::{ContactWrench, Held};
+use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::{Context, Error, Options, Result, Scene, Simulation, StepReport};
 
 use crate::report::{Facts, Plan, StageSamples};
@@ -69,8 +69,8 @@ impl Engine {
     }
 
     /// Does a step of `h` s with the haptic loop's inputs; returns its report and the contact wrench on the tool.
-    pub fn step_held(&mut self, held: &Held, h: f64) -> Result<(StepReport, ContactWrench)> {
-        let row = self.simulation.step_held(held, h)?;
+    pub fn step_device_input(&mut self, held: &DeviceInput, h: f64) -> Result<(StepReport, ContactWrench)> {
+        let row = self.simulation.step_device_input(held, h)?;
         let wrench = self.simulation.contact_wrench().copied().unwrap_or(ContactWrench::none(held.tool));
         Ok((self.counted(row), wrench))
     }

@@ -9,7 +9,7 @@ use palpate::internal::haptics::Device;
 use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::session::{self, Moment, Options, Report};
 use palpate::internal::step::drive::Drive;
-use palpate::internal::step::{ContactWrench, Held};
+use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::profile::PROFILES;
 use palpate::scene::{DeviceKind, Key, NOT_HAPLYS, Profile};
 use palpate::{Error, Result, Scene, StepReport};
@@ -95,8 +95,8 @@ struct Watched<'a> {
 }
 
 impl Environment for Watched<'_> {
-    fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
-        let (row, wrench) = self.engine.step_held(held, h)?;
+    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench> {
+        let (row, wrench) = self.engine.step_device_input(held, h)?;
         (self.watch)(&row)?;
         Ok(wrench)
     }

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 use palpate::internal::haptics::servo::{Settings, Tick};
 use palpate::internal::step::tool::Tool;
-use palpate::internal::step::{ContactWrench, Held};
+use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::{Error, Result, Scene, Simulation};
 pub use read::Recorded;
 use serde::{Deserialize, Serialize};
@@ -95,7 +95,7 @@ pub struct Begin {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Step {
     /// Inputs of the step: pose and twist of haptic device and tool.
-    pub held: Held,
+    pub held: DeviceInput,
     /// Length of the step, s.
     pub h: f64,
     /// Contact wrench that the step returned.
@@ -176,7 +176,7 @@ impl Recording {
     }
 
     /// Records a step of `h` s with its inputs and the contact wrench that it returned.
-    pub fn step(&mut self, held: &Held, h: f64, wrench: &ContactWrench) -> Result<()> {
+    pub fn step(&mut self, held: &DeviceInput, h: f64, wrench: &ContactWrench) -> Result<()> {
         self.totals.steps += 1;
         self.put(Entry::Step(Box::new(Step { held: *held, h, wrench: *wrench })))
     }

@@ -107,7 +107,7 @@ pub struct Core {
 
 /// A dynamic core that the haptic device holds by virtual coupling.
 #[derive(Debug, Clone, Copy)]
-pub struct Held {
+pub struct CoupledCore {
     /// Index of the core.
     pub core: usize,
     /// Rotation from core axes to world axes, which is the device's orientation where the coupling is relaxed.
@@ -116,7 +116,7 @@ pub struct Held {
     pub coupling: Coupling,
 }
 
-impl Held {
+impl CoupledCore {
     /// Adds the virtual coupling over a step of `h` seconds to the six rows of its core, which begin at unknown
     /// `first`, projected onto the motions that a hinge leaves to the core.
     pub fn add_terms(&self, core: &Core, a: &mut Entries, b: &mut [f64], first: usize, h: f64, device: &Device) {

@@ -3,7 +3,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-pub use crate::body::{Core, Held, SoftBody};
+pub use crate::body::{Core, CoupledCore, SoftBody};
 use palpate::Result;
 
 use crate::contact::{Carrier, Contact, Point};
@@ -61,7 +61,7 @@ pub struct Simulation {
     /// Joints between the cores.
     pub joints: Vec<Joint>,
     /// The core that the haptic device holds, if any.
-    pub held: Option<Held>,
+    pub held: Option<CoupledCore>,
     /// Friction of all contacts, if there is any.
     pub friction: Option<Friction>,
     /// Newton iterations of a step.

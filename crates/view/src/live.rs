@@ -2,7 +2,7 @@
 //! the scene's keys (key frames of the desired pose). Between two steps the thread executes commands; after each step
 //! it publishes the results. It waits for drawing only at the GPU's queue, which both use in turns (see [`Turns`]).
 
-mod held;
+mod haptic_session;
 mod snapshot;
 #[cfg(test)]
 mod tests;

@@ -13,7 +13,7 @@ use serde_json::{Map, Value};
 pub use plan::Plan;
 pub use scenes::Feature;
 
-use palpate::internal::step::Held;
+use palpate::internal::step::DeviceInput;
 use palpate::{Error, Options, Result, RigidState, Scene, Simulation, StepReport, Threads};
 
 use super::suite::{from_value, to_value};
@@ -157,7 +157,7 @@ struct Side {
     simulation: Simulation,
     /// For [`Feature::Stiffness`]: the input of a haptic loop that holds the tool, and whether every step computes
     /// contact stiffness and damping for the loop; else only the last unmeasured step does.
-    held: Option<(Held, bool)>,
+    held: Option<(DeviceInput, bool)>,
     run: Run,
 }
 
@@ -175,11 +175,11 @@ impl Side {
     /// which the tool is handed to the loop.
     fn warm_up(&mut self, count: usize) -> Result<()> {
         (0..count).try_for_each(|_| self.simulation.step().map(drop))?;
-        self.step_held().map(drop)
+        self.step_device_input().map(drop)
     }
 
     /// A step that also computes contact stiffness and damping for a haptic loop; `None`: there is no loop.
-    fn step_held(&mut self) -> Result<Option<StepReport>> {
+    fn step_device_input(&mut self) -> Result<Option<StepReport>> {
         let Some((held, _)) = &self.held else { return Ok(None) };
         // The loop's tool is put where the simulation's is, so that both simulations move alike.
         let now = self.simulation.tool().map(|tool| RigidState {
@@ -188,8 +188,8 @@ impl Side {
             velocity: tool.velocity,
             angular_velocity: tool.angular_velocity,
         });
-        let held = Held { tool: now.unwrap_or(held.tool), ..*held };
-        self.simulation.step_held(&held, STEP).map(Some)
+        let held = DeviceInput { tool: now.unwrap_or(held.tool), ..*held };
+        self.simulation.step_device_input(&held, STEP).map(Some)
     }
 
     /// A round: measures `count` steps.
@@ -197,7 +197,8 @@ impl Side {
         let mut times = Vec::with_capacity(count);
         for _ in 0..count {
             let begun = Instant::now();
-            let asked = if self.held.as_ref().is_some_and(|(_, with)| *with) { self.step_held()? } else { None };
+            let asked =
+                if self.held.as_ref().is_some_and(|(_, with)| *with) { self.step_device_input()? } else { None };
             let row = asked.map_or_else(|| self.simulation.step(), Ok)?;
             times.push(begun.elapsed().as_secs_f64() * 1e6);
             self.run.iterations += u64::from(row.iterations);
@@ -213,10 +214,17 @@ fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
 }
 
 /// Input of a haptic loop whose haptic device stays at the last pose of the scene's `[drive]` keys.
-fn held(scene: &Scene) -> Option<Held> {
+fn held(scene: &Scene) -> Option<DeviceInput> {
     let last = scene.drive.last()?;
     let state = RigidState::at_rest(last.position, last.orientation);
-    Some(Held { ticks: 0, time: 0.0, device: state, tool: state, coupling: scene.coupling, max_force: f64::INFINITY })
+    Some(DeviceInput {
+        ticks: 0,
+        time: 0.0,
+        device: state,
+        tool: state,
+        coupling: scene.coupling,
+        max_force: f64::INFINITY,
+    })
 }
 
 fn cost(feature: Feature, settings: &Settings) -> Result<Cost> {

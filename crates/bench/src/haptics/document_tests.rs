@@ -1,7 +1,7 @@
 //! Tests of the findings and tables of the haptics report, on results made by hand.
 
 use super::*;
-use crate::haptics::{Change, Changes, Controlled, Controller, Held, Limit, Met, Mode, Slid, Spread, Width};
+use crate::haptics::{Change, Changes, Controlled, Controller, HoldResult, Limit, Met, Mode, Slid, Spread, Width};
 
 fn width(damping: f64, [session, local, raw]: [f64; 3]) -> Width {
     Width { profile: "touch".into(), coupling: 400.0, damping, session, local, raw, colgate: 5000.0 }
@@ -39,10 +39,10 @@ fn the_local_model_may_be_better_or_worse() {
     assert!(walls::delays(&[]).unwrap().finding.contains("nothing"));
 }
 
-fn held(mode: Mode, mean: f64, deviation: f64) -> Held {
+fn held(mode: Mode, mean: f64, deviation: f64) -> HoldResult {
     let force = Spread { mean, deviation, swing: 4.0 * deviation };
     let reading = Spread { swing: 2e-5, ..Spread::default() };
-    Held {
+    HoldResult {
         met: Met::Wall(500.0),
         profile: "touch".into(),
         rate: 50.0,

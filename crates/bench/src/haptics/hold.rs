@@ -33,7 +33,7 @@ pub enum Met {
 
 /// Results of holding a force, from the last second of the hold.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Held {
+pub struct HoldResult {
     /// What the tool was held against.
     pub met: Met,
     /// Name of the haptic device's profile.
@@ -64,7 +64,7 @@ pub fn is_there(force: &Spread) -> bool {
 }
 
 /// Measures holds against walls and against the head.
-pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Held>> {
+pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<HoldResult>> {
     let mut holds = Vec::new();
     for &stiffness in &settings.walls {
         watch(&format!("hold: a wall of {stiffness} N/m"));
@@ -102,7 +102,7 @@ fn hold(
     rate: f64,
     mode: Mode,
     environment: &mut dyn Environment,
-) -> Result<Held> {
+) -> Result<HoldResult> {
     let rig = Rig { profile: profile(name)?, hand: HandParameters::default(), mode };
     let keys = [key(0.0, start), key(0.3, start), key(0.6, end), key(3.0, end)];
     let ticks = rig.follow(&keys, &tool(start), environment, Schedule::at(rate, PERIOD))?;
@@ -114,7 +114,7 @@ fn hold(
         }
         Met::Head => None,
     };
-    Ok(Held {
+    Ok(HoldResult {
         met,
         profile: name.into(),
         rate,

@@ -15,7 +15,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 pub use controllers::{Controlled, Controller};
-pub use hold::{Held, Met, is_still};
+pub use hold::{HoldResult, Met, is_still};
 pub use jitter::Punctual;
 pub use rig::{Mode, Spread};
 pub use slide::{Change, Changes, Slid};
@@ -118,7 +118,7 @@ pub struct Results {
     /// Stiffest walls by the simulation's rate.
     pub rates: Vec<Limit>,
     /// Held forces.
-    pub holds: Vec<Held>,
+    pub holds: Vec<HoldResult>,
     /// Slides over the head.
     pub slides: Vec<Slid>,
     /// Presses with different passivity controllers.

@@ -10,7 +10,7 @@ use palpate::internal::haptics::servo::{Servo, Settings, Tick};
 use palpate::internal::haptics::virtual_time::{self, Schedule};
 use palpate::internal::step::drive::Drive;
 use palpate::internal::step::tool::Tool;
-use palpate::internal::step::{ContactWrench, Held};
+use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::{Coupling, Haptics, Key, Lowered, Profile};
 use palpate::{Error, Result};
 use palpate_devices::hand::{Hand, HandParameters};
@@ -150,7 +150,7 @@ pub struct Recorded<'a> {
 }
 
 impl Environment for Recorded<'_> {
-    fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
+    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench> {
         let wrench = self.inner.feel(held, h)?;
         self.wrenches.push(wrench);
         Ok(wrench)

@@ -43,7 +43,7 @@ pub struct Pressing {
 
 /// The contact forces on the tool by the contact law, compared with the wrench that the step reported.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Held {
+pub struct ContactSums {
     /// Sum of the magnitudes of all pushes, N.
     pub pressed: f64,
     /// Largest pull of a contact, N; zero or less: none pulls.
@@ -143,8 +143,8 @@ impl Pressing {
 
 /// Compares the reported wrench with the sum of the contacts; `radius` is the tool's (m), and `told` is `None` without
 /// a tool.
-pub fn held(contacts: &[Pressing], h: f64, motion: &Motion, told: Option<&ToolReport>, radius: f64) -> Held {
-    let mut held = Held::default();
+pub fn held(contacts: &[Pressing], h: f64, motion: &Motion, told: Option<&ToolReport>, radius: f64) -> ContactSums {
+    let mut held = ContactSums::default();
     let (mut force, mut torque) = (DVec3::ZERO, DVec3::ZERO);
     for contact in contacts {
         let push = contact.push(h, motion);

@@ -6,7 +6,7 @@ use palpate::internal::haptics::device::Reading;
 use palpate::internal::haptics::event::{Event, Events};
 use palpate::internal::haptics::passivity::Energy;
 use palpate::internal::haptics::servo::Tick;
-use palpate::internal::step::{ContactWrench, Gap, Held};
+use palpate::internal::step::{ContactWrench, DeviceInput, Gap};
 use palpate::scene::Coupling;
 use palpate::{RigidState, Wrench};
 
@@ -108,7 +108,7 @@ pub fn of_tick(tick: &Tick) -> Vec<Field> {
 pub fn of_step(step: &Step) -> Vec<Field> {
     let Step { held, h, wrench } = *step;
     let mut fields = List::default();
-    let Held { ticks, time, device, tool, coupling, max_force } = held;
+    let DeviceInput { ticks, time, device, tool, coupling, max_force } = held;
     fields.count("held_ticks", ticks);
     fields.number("held_time_s", time);
     fields.state("held_device", &device);

@@ -58,7 +58,7 @@ impl Walled {
 }
 
 impl Environment for Walled {
-    fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
+    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench> {
         let mut wrench = self.0.feel(held, h)?;
         if wrench.step == 12 {
             wrench.pressing = f64::NAN;

@@ -8,7 +8,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant};
 
 use palpate::internal::prepare::bodies::Bodies;
-use palpate::internal::step::Held;
+use palpate::internal::step::DeviceInput;
 use palpate::{Error, Result, Scene, Simulation, StepReport};
 
 use super::snapshot::{self, LoopState, Out, Snapshot, State};
@@ -24,7 +24,7 @@ pub(super) struct Worker {
     pub out: Out,
     pub snapshot: Snapshot,
     /// Inputs of the last step of a session: pose and twist of haptic device and tool.
-    pub last_held: Option<Held>,
+    pub last_input: Option<DeviceInput>,
     /// The next task, once it is requested; the present one then ends.
     pub next: Option<Next>,
     watch: Watch,
@@ -67,7 +67,7 @@ impl Worker {
             folder,
             out,
             snapshot: Snapshot::default(),
-            last_held: None,
+            last_input: None,
             next: None,
             watch,
             turns,
@@ -289,11 +289,11 @@ impl Worker {
         let held = self.simulation.tool().map(|tool| {
             let own = tool.state();
             let (coupling, max_force) = (tool.coupling, f64::INFINITY);
-            let first = Held { ticks: 0, time: 0.0, device: own, tool: own, coupling, max_force };
-            Held { tool: own, ..self.last_held.unwrap_or(first) }
+            let first = DeviceInput { ticks: 0, time: 0.0, device: own, tool: own, coupling, max_force };
+            DeviceInput { tool: own, ..self.last_input.unwrap_or(first) }
         });
         let row = match (&self.lead, held) {
-            (Lead::Device { .. }, Some(held)) => self.in_turn(|simulation| simulation.step_held(&held, h)),
+            (Lead::Device { .. }, Some(held)) => self.in_turn(|simulation| simulation.step_device_input(&held, h)),
             _ => self.in_turn(Simulation::step),
         };
         let state = match row.and_then(|row| self.found(&row)) {
@@ -304,7 +304,7 @@ impl Worker {
     }
 
     fn reset(&mut self) -> Result<()> {
-        self.last_held = None;
+        self.last_input = None;
         self.snapshot.row = None;
         let turns = self.turns.clone();
         let _turn = turns.step();
@@ -347,7 +347,7 @@ impl Worker {
         self.simulation = simulation;
         self.snapshot.generation += 1;
         self.snapshot.stages.clear();
-        (self.snapshot.row, self.last_held, self.is_changed) = (None, None, false);
+        (self.snapshot.row, self.last_input, self.is_changed) = (None, None, false);
         self.show_settings();
         Ok(())
     }

@@ -6,7 +6,7 @@ use super::range;
 use crate::haptics::hold::{WITHIN, is_still, is_there};
 use crate::haptics::slide::{ALLOWED, ALLOWED_SHARE, SPEED, WAY};
 use crate::haptics::width::{STILL, STILL_SHARE};
-use crate::haptics::{Change, Changes, Held, Met, Mode, Slid, Spread};
+use crate::haptics::{Change, Changes, HoldResult, Met, Mode, Slid, Spread};
 use crate::plot::{Axis, Line, Logarithmic, Panel, lines, panels};
 use crate::{Section, Table};
 
@@ -27,7 +27,7 @@ fn quantum([stiffness, damping]: &[f64; 2]) -> String {
 }
 
 /// The section about held forces: how much noise is in them.
-pub fn holds(holds: &[Held]) -> Result<Section> {
+pub fn holds(holds: &[HoldResult]) -> Result<Section> {
     let mut table = Table::new(["against", "device", "rate, Hz"]);
     for (_, name) in Mode::ALL {
         table.heads.extend([format!("{name}: N"), "noise (swing), mN".into(), "no friction".into()]);
@@ -69,7 +69,7 @@ pub fn holds(holds: &[Held]) -> Result<Section> {
 
 /// The noisiest held force of all haptic devices by rate, with a line for each mode; rates in the order of the
 /// measurements.
-fn noise(holds: &[Held]) -> Panel {
+fn noise(holds: &[HoldResult]) -> Panel {
     let short = [(Mode::Session, "session"), (Mode::Local, "local"), (Mode::Raw, "raw")];
     let line = |(mode, name)| {
         let mut points: Vec<(f64, f64)> = Vec::new();
@@ -85,10 +85,10 @@ fn noise(holds: &[Held]) -> Panel {
     Panel { title: holds.first().map(|held| name_of(held.met)).unwrap_or_default(), lines: short.map(line).into() }
 }
 
-fn hold_finding(holds: &[Held]) -> String {
+fn hold_finding(holds: &[HoldResult]) -> String {
     let of = |(mode, name): (Mode, &str)| {
         let all = || holds.iter().filter(move |held| held.mode == mode);
-        let [own, slippery] = [|held: &Held| Some(held.force), |held: &Held| held.no_friction]
+        let [own, slippery] = [|held: &HoldResult| Some(held.force), |held: &HoldResult| held.no_friction]
             .map(|of| judged(&all().filter_map(|held| Some((held, of(held)?))).collect::<Vec<_>>()));
         format!("{name} {own}; without friction {slippery}")
     };
@@ -96,7 +96,7 @@ fn hold_finding(holds: &[Held]) -> String {
 }
 
 /// How many of these forces are still, which is the noisiest, and how many are missing.
-fn judged(forces: &[(&Held, Spread)]) -> String {
+fn judged(forces: &[(&HoldResult, Spread)]) -> String {
     let still = forces.iter().filter(|(_, force)| is_still(force)).count();
     let there = || forces.iter().filter(|(_, force)| is_there(force));
     let gone = forces.len() - there().count();

@@ -14,7 +14,7 @@ use palpate::internal::haptics::clock::Lateness;
 use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::event::Events;
 use palpate::internal::haptics::session::{self, Moment, Options};
-use palpate::internal::step::{ContactWrench, Held};
+use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::Key;
 use palpate_devices::record::{Header, Recording};
 
@@ -55,12 +55,12 @@ struct Felt<'a, 'b> {
 }
 
 impl Environment for Felt<'_, '_> {
-    fn feel(&mut self, held: &Held, h: f64) -> Result<ContactWrench> {
+    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench> {
         let mut worker = self.worker.borrow_mut();
-        let row = worker.in_turn(|simulation| simulation.step_held(held, h))?;
+        let row = worker.in_turn(|simulation| simulation.step_device_input(held, h))?;
         let nothing = || ContactWrench { time: held.time, ..ContactWrench::none(held.tool) };
         let wrench = worker.simulation.contact_wrench().copied().unwrap_or_else(nothing);
-        worker.last_held = Some(*held);
+        worker.last_input = Some(*held);
         worker.set_loop(Some(self.heard.borrow_mut().taken()));
         worker.found(&row)?;
         Ok(wrench)
@@ -74,11 +74,11 @@ impl Worker {
         let scene = self.simulation.scene().clone();
         let mut tool = self.simulation.tool().cloned().ok_or_else(|| no_tool(&scene))?;
         tool.coupling = scene.coupling;
-        if self.last_held.is_some() {
+        if self.last_input.is_some() {
             // After a pause the tool starts at rest.
             (tool.velocity, tool.angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
         }
-        let (position, orientation) = match &self.last_held {
+        let (position, orientation) = match &self.last_input {
             Some(held) => (held.device.position, held.device.orientation),
             None => (tool.centre, tool.orientation),
         };

@@ -7,7 +7,7 @@ use crate::scene::Coupling;
 
 /// The haptic loop's input to a step: haptic device, tool, and the virtual coupling between them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Held {
+pub struct DeviceInput {
     /// Number of the loop's ticks done.
     pub ticks: u64,
     /// When the last tick began, s on the loop's clock.
