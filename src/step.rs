@@ -8,7 +8,6 @@ mod change;
 mod contact_wrench;
 mod contacts;
 mod device_input;
-pub mod drive;
 mod explain;
 pub mod frames;
 mod gap;
@@ -23,6 +22,7 @@ mod shown;
 mod stage_set;
 pub mod tool;
 mod tools;
+pub mod trajectory;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -44,7 +44,6 @@ use algorithm::Recordings;
 pub use contact_wrench::{ContactWrench, Gap};
 pub use contacts::ContactPoint;
 pub use device_input::DeviceInput;
-use drive::Drive;
 use frames::Frames;
 use probes::ProbePlace;
 pub use report::{Pose, StepReport, ToolReport};
@@ -52,6 +51,7 @@ pub use rigid::{RigidState, Wrench};
 pub use shown::{ContactPatchRectangle, Cut, Field, FieldValues, Mesh, Overlay, Part, Skins};
 use stage_set::Stages;
 use tool::Tool;
+use trajectory::Trajectory;
 
 /// How often a failed step may be halved; the last attempts are eighths of it.
 const MOST_HALVINGS: u32 = 3;
@@ -73,7 +73,7 @@ pub struct Simulation {
     timed: Option<[Recordings; 2]>,
     tool: Option<Tool>,
     frames: Frames,
-    drive: Drive,
+    drive: Trajectory,
     probes: Vec<ProbePlace>,
     plan: Plan,
     /// The kind of buffers through which kernels read their arrays, and why it was chosen.
@@ -123,7 +123,7 @@ impl Simulation {
         let time = self.time + h;
         self.has_weight = false;
         let RigidState { position, orientation, .. } = held.device;
-        self.drive = Drive::new(&[], Key { time: self.time, position, orientation });
+        self.drive = Trajectory::new(&[], Key { time: self.time, position, orientation });
         self.max_force = held.max_force;
         if let Some(tool) = &mut self.tool {
             tool.coupling = held.coupling;
@@ -142,7 +142,7 @@ impl Simulation {
         let row = row?;
         if let Some(wrench) = &mut self.last_wrench {
             wrench.time = held.time;
-            wrench.is_driven = self.frames.is_any_driven(time - h, time);
+            wrench.is_driven = self.frames.is_any_kinematic_moving(time - h, time);
         }
         Ok(row)
     }

@@ -48,10 +48,10 @@ fn what_should_move_moves() {
         Scene::load(&folder.join(name)).unwrap()
     };
     let gears = load("gears.toml");
-    assert!(matches!(gears.bodies[0].cores[0].motion, Motion::Driven(_)));
+    assert!(matches!(gears.bodies[0].cores[0].motion, Motion::Kinematic(_)));
     assert!(gears.bodies[1].cores[0].hinge.is_some());
     let human = load("touch-human.toml");
-    let driven = |core: &&palpate::scene::Core| matches!(core.motion, Motion::Driven(_));
+    let driven = |core: &&palpate::scene::Core| matches!(core.motion, Motion::Kinematic(_));
     assert_eq!(human.bodies[0].cores.iter().filter(driven).count(), 2);
     assert!(load("pumpkins.toml").bodies[1].cores.is_empty());
 }

@@ -104,8 +104,8 @@ void main() {
     vec3 at = fetch(skin, vertex).xyz;
     if (FRICTION) {
         float rigid = TOOL ? pair.tool_sign : -pair.tool_sign;
-        bool first = rigid > 0.0 || (rigid == 0.0 && pair.driven_frame[0] != NONE);
-        bool second = rigid < 0.0 || pair.driven_frame[1] != NONE;
+        bool first = rigid > 0.0 || (rigid == 0.0 && pair.kinematic_frame[0] != NONE);
+        bool second = rigid < 0.0 || pair.kinematic_frame[1] != NONE;
         if ((side & 1) == 0 ? first : second && !first) at -= sign * found.x * n;
     }
     vec3 arm = at - params.tool_centre;
@@ -118,8 +118,8 @@ void main() {
     }
     for (uint k = 0; k < 2; k++) {
         // A kinematic rigid body contributes the velocity of its frame.
-        if (pair.driven_frame[k] == NONE) continue;
-        Frame frame = frames[pair.driven_frame[k]];
+        if (pair.kinematic_frame[k] == NONE) continue;
+        Frame frame = frames[pair.kinematic_frame[k]];
         vec3 v = (k == 0 ? 1.0 : -1.0) * (frame.linear + cross(frame.angular, at - frame.centre));
         rate += dot(n, v);
         relative += v;

@@ -125,7 +125,7 @@ struct Pair {
     float damping;              // penalty damping d, N s/m^3
     float tool_sign;            // 1: a is the tool or the soft body that the haptic device holds, -1: b is, 0: neither
     uint is_plane;              // 1: b is a half-space
-    uint driven_frame[2];       // frame of a and of b where these are rigid and kinematic, or NONE
+    uint kinematic_frame[2];       // frame of a and of b where these are rigid and kinematic, or NONE
     uint lone_side;             // whose vertices gather contacts; 0: those of both, 1: a's alone, 2: b's alone
     vec4 direction;             // prescribed contact normal, in place of the one that culling finds; w = 0: none
     vec4 plane;                 // unit normal and offset of the half-space

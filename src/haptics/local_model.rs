@@ -11,7 +11,7 @@
 use glam::DVec3;
 use nalgebra::{Matrix6, SymmetricEigen, Vector6};
 
-use crate::step::drive::rotation_vector;
+use crate::step::trajectory::rotation_vector;
 use crate::step::{ContactWrench, Gap, RigidState, Wrench};
 
 /// Least lever arm, m, at which rotations are measured as displacements: a point-like tool has none of its own.

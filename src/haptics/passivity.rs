@@ -18,7 +18,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::step::drive::rotation_vector;
+use crate::step::trajectory::rotation_vector;
 use crate::step::{RigidState, Wrench};
 
 /// Least amount by which the budget may be overdrawn, J.

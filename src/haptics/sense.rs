@@ -3,7 +3,7 @@
 use super::device::{Fault, Reading};
 use super::event::{Event, Events};
 use crate::step::RigidState;
-use crate::step::drive::rotation_vector;
+use crate::step::trajectory::rotation_vector;
 
 /// Speed above which a reading is implausible, m/s: no hand moves a device faster.
 const FASTEST: f64 = 5.0;

@@ -232,7 +232,7 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
 /// Motion of a rigid body, from its only core.
 fn motion(cores: &[scene::Core], scale: f64) -> FrameMotion {
     match cores.first().map(|core| &core.motion) {
-        Some(Motion::Driven(keys)) => FrameMotion::Driven(keys.clone()),
+        Some(Motion::Kinematic(keys)) => FrameMotion::Kinematic(keys.clone()),
         Some(Motion::Dynamic) => cores::dynamic(&cores[0], scale),
         _ => FrameMotion::Fixed,
     }

@@ -131,7 +131,7 @@ pub fn frames(
         let (sum, all) = carried.fold((DVec3::ZERO, 0.0), add);
         let motion = match &core.motion {
             Motion::Fixed => FrameMotion::Fixed,
-            Motion::Driven(keys) => FrameMotion::Driven(keys.clone()),
+            Motion::Kinematic(keys) => FrameMotion::Kinematic(keys.clone()),
             Motion::Dynamic => dynamic(core, body.scale),
         };
         let mut centre = sum / f64::max(all, f64::MIN_POSITIVE);

@@ -140,7 +140,7 @@ pub enum FrameMotion {
     Fixed,
     /// Kinematic motion along keys. A key gives the world pose of the body's rest frame: with the body's own `position`
     /// and `orientation` as key, the frame is where it was at rest.
-    Driven(Vec<Key>),
+    Kinematic(Vec<Key>),
     /// Moved by forces. The frame's origin is the centre of mass of the nodes attached to it, or the hinge's point.
     Dynamic {
         /// Mass of the core, kg; `None` for the lumped mass of the attached nodes.

@@ -336,7 +336,7 @@ fn motion(table: &Table) -> Result<Motion> {
         },
     };
     if motion == "driven" {
-        return drive::core_keys(&table.need("keys")?).map(Motion::Driven);
+        return drive::core_keys(&table.need("keys")?).map(Motion::Kinematic);
     }
     refuse(table, &["keys"], "belongs to motion = \"driven\"")?;
     Ok(if motion == "dynamic" { Motion::Dynamic } else { Motion::Fixed })

@@ -86,7 +86,7 @@ impl SceneBuilder {
     pub fn body(&mut self, body: Body) -> Result<&mut Self> {
         let key = format!("body.{}", body.name);
         let cores = body.cores.into_iter().map(|core| match core.motion {
-            Motion::Driven(keys) => Core { motion: Motion::Driven(unit_keys(keys)), ..core },
+            Motion::Kinematic(keys) => Core { motion: Motion::Kinematic(unit_keys(keys)), ..core },
             _ => core,
         });
         let (cores, orientation) = (cores.collect(), unit(body.orientation));
@@ -424,9 +424,12 @@ mod tests {
             (|b| b.cores[0].bind = None, "`body.a.core.c.bind`: missing"),
             (|b| b.cores[0].bind = Some(Bind::Nodes(vec![])), "`body.a.core.c.bind.nodes`: is empty"),
             (|b| b.cores[0].mass = Some(1.0), "`body.a.core.c.mass`: belongs to motion = \"dynamic\""),
-            (|b| b.cores[0].motion = Motion::Driven(vec![]), "`body.a.core.c.keys`: is empty; give at least one key"),
             (
-                |b| b.cores[0].motion = Motion::Driven(vec![Key::at(1.0, [0.0; 3]), Key::at(0.5, [0.0; 3])]),
+                |b| b.cores[0].motion = Motion::Kinematic(vec![]),
+                "`body.a.core.c.keys`: is empty; give at least one key",
+            ),
+            (
+                |b| b.cores[0].motion = Motion::Kinematic(vec![Key::at(1.0, [0.0; 3]), Key::at(0.5, [0.0; 3])]),
                 "`body.a.core.c.keys[1]`: time 0.5 does not come after 1.0",
             ),
             (|b| b.cores.push(b.cores[0].clone()), "`body.a.core`: \"c\" is taken by another core"),

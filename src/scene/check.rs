@@ -586,7 +586,7 @@ impl Core {
     /// Checks a core; `is_soft`: its body is soft, so that nodes are attached to the core.
     fn check(&self, is_soft: bool) -> Check {
         name(&self.name).under("name")?;
-        if let Motion::Driven(list) = &self.motion {
+        if let Motion::Kinematic(list) = &self.motion {
             keys(list).under("keys")?;
         }
         let is_dynamic = matches!(self.motion, Motion::Dynamic);

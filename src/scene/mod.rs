@@ -403,7 +403,7 @@ impl Core {
 
     /// A kinematic core that follows the poses of `keys`.
     pub fn driven(name: &str, bind: Bind, keys: Vec<Key>) -> Core {
-        Core::of(name, Motion::Driven(keys), bind)
+        Core::of(name, Motion::Kinematic(keys), bind)
     }
 
     /// A core that moves by the forces on it, with the mass that its attached nodes have.
@@ -427,7 +427,7 @@ pub enum Motion {
     /// It does not move.
     Fixed,
     /// Kinematic: it follows keys, which are world poses of the body's coordinate frame over time.
-    Driven(Vec<Key>),
+    Kinematic(Vec<Key>),
     /// Dynamic: forces move it.
     Dynamic,
 }

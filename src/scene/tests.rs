@@ -387,7 +387,7 @@ fn a_skeleton_gives_a_core_a_bone() {
     let [upper, fore, ball] = &body.cores[..] else { panic!("{:?}", body.cores) };
     assert_eq!([&upper.name, &fore.name, &ball.name], ["upper", "fore", "ball"]);
     assert!(matches!((&upper.motion, &upper.bind), (Motion::Fixed, Some(Bind::Capsule(c))) if c.radii == [0.1; 2]));
-    assert!(matches!((&fore.motion, &fore.bind), (Motion::Driven(_), Some(Bind::Capsule(c))) if c.ends[1].x == 2.0));
+    assert!(matches!((&fore.motion, &fore.bind), (Motion::Kinematic(_), Some(Bind::Capsule(c))) if c.ends[1].x == 2.0));
     assert!(matches!(ball.bind, Some(Bind::All)));
     let mass = |said: &str| folder.load(&core(said)).unwrap().bodies[0].cores[1].mass;
     assert_eq!(mass("name = \"fore\"\nmotion = \"dynamic\"\nmass = 2"), Some(2.0));

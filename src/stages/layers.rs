@@ -142,7 +142,9 @@ impl Model {
                 None if bound => shaders::NODE_HELD,
                 None => shaders::NODE_FREE,
             };
-            if bound && matches!(place.motion, Motion::Prepared(FrameMotion::Driven(_) | FrameMotion::Dynamic { .. })) {
+            if bound
+                && matches!(place.motion, Motion::Prepared(FrameMotion::Kinematic(_) | FrameMotion::Dynamic { .. }))
+            {
                 self.carried_nodes.push((node_first + i) as u32);
             }
             // Entries fill whole quads; the padding is replaced once the number of all tetrahedra is known.

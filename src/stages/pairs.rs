@@ -109,8 +109,8 @@ impl Model {
             Sides::One if plane.is_none() => 1 + u32::from(mean_area(all[b]) < mean_area(all[a])),
             _ => 0,
         };
-        let driven_frame = |index: usize| match &all[index].shape {
-            Shape::Rigid { motion: FrameMotion::Driven(_), .. } => self.body_frames[index],
+        let kinematic_frame = |index: usize| match &all[index].shape {
+            Shape::Rigid { motion: FrameMotion::Kinematic(_), .. } => self.body_frames[index],
             _ => NONE,
         };
         self.pairs.push(Pair {
@@ -124,7 +124,7 @@ impl Model {
             damping: law[1] as f32,
             tool_sign: if a == held { 1.0 } else { -f32::from(u8::from(b == held)) },
             is_plane: u32::from(plane.is_some()),
-            driven_frame: [driven_frame(a), driven_frame(b)],
+            kinematic_frame: [kinematic_frame(a), kinematic_frame(b)],
             lone_side,
             direction: [0.0; 4],
             plane: [0.0; 4],

@@ -14,8 +14,8 @@ use crate::prepare::FrameMotion;
 use crate::scene::Key;
 use crate::shaders::{Fit, Frame, Link, NONE};
 use crate::stages::model::{FramePlace, Model, Motion};
-use crate::step::drive::{Drive, rotation_vector};
 use crate::step::tool::{Tool, gyroscopic_impulse};
+use crate::step::trajectory::{Trajectory, rotation_vector};
 pub use saved::SavedFrame;
 
 /// Rotation per step, rad, beyond which a frame turns too far. The elements of its nodes keep the rotations of the
@@ -65,7 +65,7 @@ struct State {
 
 enum Mover {
     Fixed,
-    Driven(Drive),
+    Kinematic(Trajectory),
     Tool,
     Floating(Box<Floating>),
     /// Twist in world axes (m/s, rad/s); inertia about the centre, frame axes, kg m^2; hinge axis, unit, world axes,
@@ -206,7 +206,7 @@ impl Frames {
     /// Makes a driven frame go uniformly from where it is at `time` to a key; false where the frame is not driven.
     pub fn lead(&mut self, frame: usize, time: f64, key: Key) -> bool {
         match &mut self.states[frame].mover {
-            Mover::Driven(drive) => {
+            Mover::Kinematic(drive) => {
                 drive.lead(time, key);
                 true
             }
@@ -215,9 +215,9 @@ impl Frames {
     }
 
     /// Whether any driven frame moves between two times, s.
-    pub fn is_any_driven(&self, from: f64, to: f64) -> bool {
+    pub fn is_any_kinematic_moving(&self, from: f64, to: f64) -> bool {
         let moves = |state: &State| match &state.mover {
-            Mover::Driven(drive) => drive.pose(from) != drive.pose(to),
+            Mover::Kinematic(drive) => drive.pose(from) != drive.pose(to),
             _ => false,
         };
         self.states.iter().any(moves)
@@ -244,7 +244,7 @@ impl Frames {
             let (velocity, spin) = match &mut state.mover {
                 Mover::Floating(floating) => (&mut floating.velocity, &mut floating.spin),
                 Mover::Dynamic { velocity, spin, .. } => (velocity, spin),
-                Mover::Fixed | Mover::Driven(_) | Mover::Tool => continue,
+                Mover::Fixed | Mover::Kinematic(_) | Mover::Tool => continue,
             };
             (*velocity, *spin) = (DVec3::ZERO, DVec3::ZERO);
         }
@@ -257,7 +257,7 @@ impl State {
         let mover = match &place.motion {
             Motion::Tool => Mover::Tool,
             Motion::Prepared(FrameMotion::Fixed) => Mover::Fixed,
-            Motion::Prepared(FrameMotion::Driven(keys)) => Mover::Driven(Drive::new(
+            Motion::Prepared(FrameMotion::Kinematic(keys)) => Mover::Kinematic(Trajectory::new(
                 keys,
                 Key { time: 0.0, position: place.position, orientation: place.orientation },
             )),
@@ -274,7 +274,7 @@ impl State {
             })),
         };
         let (position, orientation) = match &mover {
-            Mover::Driven(drive) => drive.pose(0.0),
+            Mover::Kinematic(drive) => drive.pose(0.0),
             _ => (place.position, place.orientation),
         };
         let start = Place { centre: position + orientation * rest_centre, rotation: orientation };
@@ -283,7 +283,7 @@ impl State {
 
     fn set_out(&mut self, time: f64, h: f64, tool: Option<&Tool>) {
         match (&self.mover, tool) {
-            (Mover::Driven(drive), _) => {
+            (Mover::Kinematic(drive), _) => {
                 let (position, orientation) = drive.pose(time);
                 self.end = Place { centre: position + orientation * self.rest_centre, rotation: orientation };
             }
@@ -308,7 +308,9 @@ impl State {
         match &self.mover {
             Mover::Floating(floating) => h * floating.spin.length(),
             Mover::Dynamic { spin, .. } => h * spin.length(),
-            Mover::Driven(_) => rotation_vector(unwound(self.end.rotation * self.start.rotation.conjugate())).length(),
+            Mover::Kinematic(_) => {
+                rotation_vector(unwound(self.end.rotation * self.start.rotation.conjugate())).length()
+            }
             Mover::Fixed | Mover::Tool => 0.0,
         }
     }

@@ -6,7 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::frames::{Frames, Place, unwound};
 use crate::shaders::{self, NONE};
 use crate::stages::joints::Joint;
-use crate::step::drive::rotation_vector;
+use crate::step::trajectory::rotation_vector;
 
 /// Least divisor 1 + cos(swing) in the axis of the twist's spring: where the joint's axis is turned nearly back to
 /// front (beyond 155 degrees), the twist is hardly defined, and its spring becomes softer.

@@ -19,8 +19,8 @@ use crate::query::choice::Choice;
 use crate::scene::{self, Key, Scene};
 use crate::stages::model::Model;
 use crate::stages::query_as_one;
-use crate::step::drive::Drive;
 use crate::step::tool::Tool;
+use crate::step::trajectory::Trajectory;
 use crate::{Error, Result};
 
 /// Number of tetrahedra below which a Vulkan device that is a CPU is faster with one thread than with two (README,
@@ -132,7 +132,7 @@ impl Prepared {
         let tool_core_mass = tools::tool_core_mass(&model);
         Ok(Simulation {
             has_friction: model.friction[0] > 0.0,
-            drive: Drive::new(&scene.drive, Key { time: 0.0, position: start.0, orientation: start.1 }),
+            drive: Trajectory::new(&scene.drive, Key { time: 0.0, position: start.0, orientation: start.1 }),
             scene: scene.clone(),
             context: Arc::clone(context),
             bodies,

@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 use super::Simulation;
 use super::frames::SavedFrame;
 use crate::gpu::{read_all, write_all};
-use crate::step::drive::Drive;
+use crate::step::trajectory::Trajectory;
 use crate::step::{ContactWrench, RigidState};
 use crate::{Error, Result};
 
@@ -24,7 +24,7 @@ struct State {
     time: f64,
     has_weight: bool,
     tool: Option<RigidState>,
-    drive: Drive,
+    drive: Trajectory,
     frames: Vec<SavedFrame>,
     wrench: Option<ContactWrench>,
     iterations: u32,

@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::scene::Coupling;
-use crate::step::drive::rotation_vector;
+use crate::step::trajectory::rotation_vector;
 use crate::step::{RigidState, Wrench};
 
 /// Newton iterations for the gyroscopic term; they converge quadratically from the angular velocity at the start.

@@ -5,8 +5,8 @@ use std::fmt::Write;
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::{FrameMotion, Shape, layer};
-use palpate::internal::step::drive::Drive;
 use palpate::internal::step::tool::Tool;
+use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::Key;
 use palpate::{Flags, Options, RigidState, Scene, Simulation};
 use palpate_oracle as oracle;
@@ -54,8 +54,8 @@ pub fn carry(twin: &mut oracle::step::SoftBody, simulation: &Simulation, body: u
     let place = &simulation.bodies()[body];
     let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
     for (i, rest) in layer.nodes.iter().enumerate().filter(|(i, _)| layer.bound[*i]) {
-        let FrameMotion::Driven(keys) = &frames[node_frames[i] as usize].motion else { continue };
-        let drive = Drive::new(keys, Key { time: 0.0, position: DVec3::ZERO, orientation: DQuat::IDENTITY });
+        let FrameMotion::Kinematic(keys) = &frames[node_frames[i] as usize].motion else { continue };
+        let drive = Trajectory::new(keys, Key { time: 0.0, position: DVec3::ZERO, orientation: DQuat::IDENTITY });
         let at = |time: f64| {
             let (position, orientation) = drive.pose(time);
             position + orientation * *rest
@@ -106,7 +106,7 @@ fn pressed(scene: &Scene, steps: usize) -> (f64, f64, f64) {
         let normal = DVec3::from(simulation.touch().unwrap().0[0].normal.map(f64::from));
         let contacts = if normal == DVec3::ZERO { vec![] } else { twin.contacts(normal.normalize()) };
         let RigidState { position, orientation, velocity, angular_velocity } =
-            Drive::new(&scene.drive, scene.drive[0]).device(row.time, h);
+            Trajectory::new(&scene.drive, scene.drive[0]).device(row.time, h);
         let device = oracle::tool::Device { position, orientation, velocity, angular_velocity };
         let report = twin.oracle.step(Some(&device), &contacts).unwrap();
         forces.0.push(row.tool.unwrap().force);
@@ -323,7 +323,7 @@ fn a_human_bends_its_arm() {
     let rows: Vec<_> = (0..200).map(|_| simulation.step().unwrap()).collect();
     assert!(rows.iter().all(|row| row.flags == Flags::default()));
     let Shape::Soft { layer, frames, node_frames, proxies, .. } = &simulation.bodies()[0].shape else { panic!("soft") };
-    let driven = |frame: u32| matches!(frames[frame as usize].motion, FrameMotion::Driven(_));
+    let driven = |frame: u32| matches!(frames[frame as usize].motion, FrameMotion::Kinematic(_));
     assert!(proxies.iter().any(|proxy| driven(proxy.frame)), "the arm must have collision proxies of its own");
     let (moved, _) = simulation.nodes(0).unwrap().unwrap();
     // Nodes attached to the forearm's bone are where the bone took them, and nodes attached to other bones where they

@@ -10,8 +10,8 @@ use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::{Servo, Settings, Tick};
 use palpate::internal::haptics::virtual_time::{self, Schedule};
 use palpate::internal::haptics::{Device, coupling};
-use palpate::internal::step::drive::Drive;
 use palpate::internal::step::tool::Tool;
+use palpate::internal::step::trajectory::Trajectory;
 use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::{Key, Lowered, Profile};
 use palpate::{Options, Simulation};
@@ -80,7 +80,7 @@ fn press(deep: f64, until: f64, seconds: f64, adjust: impl FnOnce(&mut Settings)
     let keys =
         [key(0.0, start.y), key(0.3, start.y), key(0.5, 0.01 - deep), key(until, 0.01 - deep), key(until + 0.3, 0.02)];
     let mut servo = Servo::new(settings, Tool { coupling: Some(gains.coupling), ..tool });
-    let mut hand = Hand::new(HandParameters::default(), Drive::new(&keys, keys[0]), profile.clone()).unwrap();
+    let mut hand = Hand::new(HandParameters::default(), Trajectory::new(&keys, keys[0]), profile.clone()).unwrap();
     hand.open().unwrap();
     let (mut ticks, count) = (Vec::new(), (seconds / PERIOD) as u64);
     let schedule = Schedule::at(RATE, PERIOD);
@@ -156,7 +156,7 @@ fn follow(simulation: &mut Simulation, profile: &str, keys: &[Key], seconds: f64
         arm: (inertia / tool.mass).sqrt(),
     };
     let mut servo = Servo::new(settings, Tool { coupling: Some(gains.coupling), ..tool });
-    let mut device = Scripted::new(Drive::new(keys, keys[0]), profile.clone(), PERIOD);
+    let mut device = Scripted::new(Trajectory::new(keys, keys[0]), profile.clone(), PERIOD);
     device.open().unwrap();
     let mut ticks = Vec::new();
     let mut recorded = Recorded { simulation, wrenches: Vec::new() };

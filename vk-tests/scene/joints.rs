@@ -4,7 +4,7 @@
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{Frame, FrameMotion, Shape};
 use palpate::internal::stages::joints::Joint;
-use palpate::internal::step::drive::Drive;
+use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::{Key, Resistance};
 use palpate::{Flags, Simulation};
 use palpate_oracle as oracle;
@@ -70,8 +70,8 @@ fn drive(twin: &mut oracle::step::Simulation, simulation: &Simulation, time: f64
     let orientation = simulation.bodies()[0].orientation;
     for (joint, model) in twin.joints.iter_mut().zip(simulation.joints()) {
         for (side, frame, arm) in [0, 1].map(|k| (k, model.frames[k], model.arms[k])) {
-            let Frame { centre, motion: FrameMotion::Driven(keys) } = &frames(simulation)[frame] else { continue };
-            let drive = Drive::new(keys, Key { time: 0.0, position: DVec3::ZERO, orientation: DQuat::IDENTITY });
+            let Frame { centre, motion: FrameMotion::Kinematic(keys) } = &frames(simulation)[frame] else { continue };
+            let drive = Trajectory::new(keys, Key { time: 0.0, position: DVec3::ZERO, orientation: DQuat::IDENTITY });
             let (position, turned) = drive.pose(time);
             joint.sides[side].next = (position + turned * (*centre + arm), turned * orientation.inverse());
         }

@@ -10,7 +10,7 @@ use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::{Servo, Settings, Tick};
 use palpate::internal::stages::depth;
-use palpate::internal::step::drive::Drive;
+use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::{Key, Lowered, Profile};
 use palpate_devices::record::{Header, Recorded, Recording};
 use palpate_devices::replay::{Replayed, replay};
@@ -38,7 +38,7 @@ fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tic
         trust: 5e-3,
         arm: 0.02,
     };
-    let drive = Drive::new(&scene.drive, Key { time: 0.0, position: tool.centre, orientation: tool.orientation });
+    let drive = Trajectory::new(&scene.drive, Key { time: 0.0, position: tool.centre, orientation: tool.orientation });
     let header = Header::new(scene, &simulation, "scripted", "keys").unwrap();
     let mut recording = Recording::create(file, &header).unwrap();
     recording.begin(&settings, &tool).unwrap();

@@ -164,7 +164,8 @@ fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Step
         found.push(contacts.iter().map(|c| (c.side, c.vertex)).collect());
         let tool = row.tool.unwrap();
         let h = scene.step.dt;
-        let device = palpate::internal::step::drive::Drive::new(&scene.drive, scene.drive[0]).device(row.time, h);
+        let device =
+            palpate::internal::step::trajectory::Trajectory::new(&scene.drive, scene.drive[0]).device(row.time, h);
         let device = oracle::tool::Device {
             position: device.position,
             orientation: device.orientation,

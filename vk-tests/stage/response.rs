@@ -60,7 +60,7 @@ fn relative(flow: &Flow, c: usize) -> (DVec3, DVec3) {
     // The surface point s1 lies beyond s2 by the depth.
     let depth = f64::from(contact.depth) * n;
     let points = if of_second { [vertex + depth, vertex] } else { [vertex, vertex - depth] };
-    let driven = |k: usize| pair.driven_frame[k] != NONE;
+    let driven = |k: usize| pair.kinematic_frame[k] != NONE;
     let at = match pair.tool_sign {
         1.0 => points[1],
         -1.0 => points[0],
@@ -77,7 +77,7 @@ fn relative(flow: &Flow, c: usize) -> (DVec3, DVec3) {
     let twist = (wide(&flow.params.tool_twist[..3]), wide(&flow.params.tool_twist[3..]));
     v += f64::from(pair.tool_sign) * (twist.0 + twist.1.cross(at - wide(&flow.params.tool_centre)));
     for k in (0..2).filter(|k| driven(*k)) {
-        let frame = &flow.frames[pair.driven_frame[k] as usize];
+        let frame = &flow.frames[pair.kinematic_frame[k] as usize];
         let carried = wide(&frame.linear) + wide(&frame.angular).cross(at - wide(&frame.centre));
         v += if k == 0 { carried } else { -carried };
     }
@@ -92,7 +92,7 @@ fn friction_of_soft_rigid_and_driven_skins() {
     [flow.params.friction, flow.params.friction_speed] = flow.model.friction;
     // Of the pairs a-b, a-floor, a-tool, b-floor and b-tool, a moves on a driven frame against b, and the floor on one
     // against b.
-    (flow.pairs[0].driven_frame, flow.pairs[3].driven_frame) = ([0, NONE], [NONE, 1]);
+    (flow.pairs[0].kinematic_frame, flow.pairs[3].kinematic_frame) = ([0, NONE], [NONE, 1]);
     for (k, frame) in flow.frames.iter_mut().enumerate() {
         (frame.linear, frame.angular) = ([0.1, 0.3, -0.2 * k as f32], [2.0, -5.0, 3.0]);
     }
@@ -123,7 +123,7 @@ fn friction_of_soft_rigid_and_driven_skins() {
         expect_close(&what, &[got.friction], &[f64::from(flow.model.friction[0]) * force / speed], allowed);
         rubbing += usize::from(got.friction > 0.0);
         let pair = &flow.pairs[got.side as usize / 2];
-        driven += usize::from(pair.driven_frame != [NONE; 2]);
+        driven += usize::from(pair.kinematic_frame != [NONE; 2]);
         // Without friction these two are zero, and the rest is the same.
         assert_eq!((was.friction, was.slip), (0.0, [0.0; 3]));
         assert_eq!((was.normal, was.area, was.depth, was.quads), (got.normal, got.area, got.depth, got.quads));

@@ -7,7 +7,7 @@ use std::ffi::{c_char, c_void};
 use glam::{DQuat, DVec3};
 use palpate::internal::haptics::velocity::AdaptiveWindow;
 use palpate::internal::haptics::{Device, Fault, Reading};
-use palpate::internal::step::drive::rotation_vector;
+use palpate::internal::step::trajectory::rotation_vector;
 use palpate::scene::Profile;
 use palpate::scene::profile::PROFILES;
 use palpate::{RigidState, Wrench};

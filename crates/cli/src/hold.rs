@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use palpate::internal::haptics::Device;
 use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::session::{self, Moment, Options, Report};
-use palpate::internal::step::drive::Drive;
+use palpate::internal::step::trajectory::Trajectory;
 use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::profile::PROFILES;
 use palpate::scene::{DeviceKind, Key, NOT_HAPLYS, Profile};
@@ -62,7 +62,7 @@ pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
 /// Makes the haptic device that a scene asks for.
 pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
     let haptics = &scene.haptics;
-    let drive = Drive::new(&scene.drive, start);
+    let drive = Trajectory::new(&scene.drive, start);
     Ok(match haptics.device {
         DeviceKind::Scripted => Box::new(Scripted::new(drive, profile_of(scene, "scripted"), 1.0 / haptics.rate)),
         DeviceKind::Hand => {

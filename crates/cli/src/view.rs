@@ -155,7 +155,7 @@ fn no_display(scene: &Path, error: &winit::error::EventLoopError) -> Error {
 /// What moves the tool, by its name on the command line; `goal` is given if that is the mouse.
 fn lead(name: &str, goal: Option<&Goal>, haptics: &Haptics) -> Lead {
     if name == "drive" {
-        return Lead::Drive;
+        return Lead::Script;
     }
     let (goal, haptics) = (goal.cloned(), haptics.clone());
     let make: MakeDevice = Box::new(move |simulation, start: Key| match &goal {

@@ -8,8 +8,8 @@ use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::{Servo, Settings, Tick};
 use palpate::internal::haptics::virtual_time::{self, Schedule};
 use palpate::internal::haptics::{Device, coupling};
-use palpate::internal::step::drive::Drive;
 use palpate::internal::step::tool::Tool;
+use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::profile::Profile;
 use palpate::scene::{Key, Lowered};
 
@@ -70,7 +70,7 @@ fn follow(
 ) -> (Vec<Tick>, Hand) {
     let profile = Profile::named(profile).unwrap();
     let (mut servo, mut wall) = make(profile, stiffness, adjust);
-    let mut hand = Hand::new(HandParameters::default(), Drive::new(keys, keys[0]), profile.clone()).unwrap();
+    let mut hand = Hand::new(HandParameters::default(), Trajectory::new(keys, keys[0]), profile.clone()).unwrap();
     hand.open().unwrap();
     let mut ticks = Vec::new();
     let schedule = Schedule::at(rate, PERIOD);

@@ -11,8 +11,8 @@ use palpate::internal::haptics::event::Event;
 use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::{Servo, Settings, Tick};
 use palpate::internal::step::ContactWrench;
-use palpate::internal::step::drive::Drive;
 use palpate::internal::step::tool::Tool;
+use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::profile::Profile;
 use palpate::scene::{Key, Lowered};
 
@@ -87,7 +87,7 @@ fn one_session(making: Making, mut fault: impl FnMut(u64, &mut Inputs)) -> Vec<T
     let mut servo = Servo::new(settings, tool);
     let key = |time: f64, y: f64| Key { time, position: DVec3::Y * y, orientation: DQuat::IDENTITY };
     let keys = [key(0.0, 0.005), key(0.3, 0.005), key(0.6, -0.01)];
-    let mut hand = Hand::new(HandParameters::default(), Drive::new(&keys, keys[0]), profile).unwrap();
+    let mut hand = Hand::new(HandParameters::default(), Trajectory::new(&keys, keys[0]), profile).unwrap();
     hand.open().unwrap();
     let (mut newest, mut coming) = (servo.newest(), servo.newest());
     let mut ticks: Vec<Tick> = Vec::new();

@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 use glam::{DQuat, DVec3};
 use palpate::internal::haptics::velocity::AdaptiveWindow;
 use palpate::internal::haptics::{Device, Fault, Reading};
-use palpate::internal::step::drive::{Drive, rotation_vector};
+use palpate::internal::step::trajectory::{Trajectory, rotation_vector};
 use palpate::scene::Profile;
 use palpate::{RigidState, Wrench};
 
@@ -56,7 +56,7 @@ impl HandEnergy {
 pub struct Hand {
     parameters: HandParameters,
     profile: Profile,
-    intended: Drive,
+    intended: Trajectory,
     state: RigidState,
     /// Number of substeps done.
     done: u64,
@@ -74,7 +74,7 @@ impl Hand {
     ///
     /// # Errors
     /// One line that says which parameter is out of range; see [`HandParameters::check`].
-    pub fn new(parameters: HandParameters, intended: Drive, profile: Profile) -> Result<Hand, String> {
+    pub fn new(parameters: HandParameters, intended: Trajectory, profile: Profile) -> Result<Hand, String> {
         parameters.check()?;
         let (position, orientation) = intended.pose(0.0);
         Ok(Hand {

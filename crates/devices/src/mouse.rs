@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::{DQuat, DVec3};
 use palpate::internal::haptics::{Device, Fault, Reading};
-use palpate::internal::step::drive::rotation_vector;
+use palpate::internal::step::trajectory::rotation_vector;
 use palpate::scene::Profile;
 use palpate::scene::profile::MOUSE;
 use palpate::{RigidState, Wrench};

@@ -3,13 +3,13 @@
 use glam::{DQuat, DVec3};
 use palpate::Wrench;
 use palpate::internal::haptics::{Device, Fault, Reading};
-use palpate::internal::step::drive::Drive;
+use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::Profile;
 
 /// A device whose pose is a given function of time.
 #[derive(Debug, Clone)]
 pub struct Scripted {
-    drive: Drive,
+    drive: Trajectory,
     profile: Profile,
     tick: f64,
 }
@@ -17,7 +17,7 @@ pub struct Scripted {
 impl Scripted {
     /// A device that follows the trajectory `drive`, with the limits of `profile`. `tick` is the time between readings,
     /// s; a reading's velocity is the mean over the tick before it.
-    pub fn new(drive: Drive, profile: Profile, tick: f64) -> Scripted {
+    pub fn new(drive: Trajectory, profile: Profile, tick: f64) -> Scripted {
         Scripted { drive, profile, tick }
     }
 }
@@ -60,7 +60,7 @@ mod tests {
     #[test]
     fn readings_are_the_drive_with_the_last_ticks_twist() {
         for profile in PROFILES {
-            let drive = Drive::new(&[key(1.0, 0.0, 0.0), key(3.0, 4.0, 1.0)], key(0.0, 0.0, 0.0));
+            let drive = Trajectory::new(&[key(1.0, 0.0, 0.0), key(3.0, 4.0, 1.0)], key(0.0, 0.0, 0.0));
             let mut device = Scripted::new(drive.clone(), profile.clone(), 1e-3);
             assert_eq!(device.profile(), &profile);
             device.open().unwrap();

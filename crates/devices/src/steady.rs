@@ -12,8 +12,8 @@ use palpate::internal::haptics::servo::{Servo, Settings, Tick};
 use palpate::internal::haptics::virtual_time::Schedule;
 use palpate::internal::haptics::{Device, coupling};
 use palpate::internal::step::ContactWrench;
-use palpate::internal::step::drive::Drive;
 use palpate::internal::step::tool::Tool;
+use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::profile::Profile;
 use palpate::scene::{Key, Lowered};
 
@@ -120,7 +120,7 @@ impl Case {
         let heights = [ABOVE, ABOVE, -depth, -depth, ABOVE];
         let key = |(time, y): (f64, f64)| Key { time, position: DVec3::Y * y, orientation: DQuat::IDENTITY };
         let keys: Vec<Key> = ends.into_iter().zip(heights).map(key).collect();
-        let drive = Drive::new(&keys, keys[0]);
+        let drive = Trajectory::new(&keys, keys[0]);
         let mut device: Box<dyn Device> = match self.is_scripted {
             true => Box::new(Scripted::new(drive, profile.clone(), PERIOD)),
             false => Box::new(Hand::new(HandParameters::default(), drive, profile.clone()).unwrap()),

@@ -39,7 +39,7 @@ pub type Question = Box<dyn FnOnce(&mut Simulation, u64) + Send>;
 /// What moves the tool.
 pub enum Lead {
     /// The scene's keys, step after step, no faster than real time.
-    Drive,
+    Script,
     /// A haptic device, through the haptic loop.
     Device {
         /// Name by which the user chose the device.

@@ -5,7 +5,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::{Frames, Mover, Place, State};
-use crate::step::drive::Drive;
+use crate::step::trajectory::Trajectory;
 
 /// The motion of one frame.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -17,13 +17,13 @@ pub struct SavedFrame {
     /// Translation (m) and rotation vector (rad) from the frame to its fit; of floating frames.
     fit: [DVec3; 2],
     /// Reference trajectory; of driven frames.
-    drive: Option<Drive>,
+    drive: Option<Trajectory>,
 }
 
 impl SavedFrame {
     /// Whether its trajectory, if it has one, has a pose at any time.
     pub fn is_whole(&self) -> bool {
-        self.drive.as_ref().is_none_or(Drive::is_whole)
+        self.drive.as_ref().is_none_or(Trajectory::is_whole)
     }
 }
 
@@ -45,7 +45,7 @@ impl State {
         match &self.mover {
             Mover::Floating(f) => (twist, fit) = ([f.velocity, f.spin], [f.shift, f.turn]),
             Mover::Dynamic { velocity, spin, .. } => twist = [*velocity, *spin],
-            Mover::Driven(drive) => path = Some(drive.clone()),
+            Mover::Kinematic(drive) => path = Some(drive.clone()),
             Mover::Fixed | Mover::Tool => {}
         }
         SavedFrame { start: self.start, end: self.end, twist, fit, drive: path }
@@ -56,7 +56,7 @@ impl State {
         match &mut self.mover {
             Mover::Floating(f) => ([f.velocity, f.spin], [f.shift, f.turn]) = (saved.twist, saved.fit),
             Mover::Dynamic { velocity, spin, .. } => [*velocity, *spin] = saved.twist,
-            Mover::Driven(drive) => {
+            Mover::Kinematic(drive) => {
                 if let Some(saved) = &saved.drive {
                     drive.clone_from(saved);
                 }

@@ -4,7 +4,7 @@
 
 use glam::DVec3;
 use palpate::internal::prepare::{self, Shape};
-use palpate::internal::step::drive::Drive;
+use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::Key;
 use palpate::{Error, Options, Result, Scene, Simulation};
 use palpate_oracle::contact::{self, Law, Support, Surface};
@@ -55,7 +55,7 @@ pub fn reference(scene: &Scene, steps: usize, options: &Options) -> Result<Refer
     simulation.time_every(0)?;
     let mut twin = Twin::new(scene, &simulation)?;
     let start = Key { time: 0.0, position: DVec3::ZERO, orientation: glam::DQuat::IDENTITY };
-    let drive = Drive::new(&scene.drive, start);
+    let drive = Trajectory::new(&scene.drive, start);
     let mut forces = Vec::with_capacity(steps);
     for _ in 0..steps {
         let row = simulation.step()?;

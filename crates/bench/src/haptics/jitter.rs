@@ -8,7 +8,7 @@ use palpate::Result;
 use palpate::internal::haptics::clock::Lateness;
 use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::session::{Options, hold};
-use palpate::internal::step::drive::Drive;
+use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::Haptics;
 use palpate_devices::scripted::Scripted;
 use serde::{Deserialize, Serialize};
@@ -101,7 +101,7 @@ fn session(
     environment: &mut dyn Environment,
 ) -> Result<Punctual> {
     let keys = [key(0.0, start), key(0.5, start), key(1.0, end)];
-    let device = Scripted::new(Drive::new(&keys, keys[0]), profile(DEVICE)?.clone(), PERIOD);
+    let device = Scripted::new(Trajectory::new(&keys, keys[0]), profile(DEVICE)?.clone(), PERIOD);
     let options = Options {
         seconds: settings.jitter_seconds,
         shortest_step: SHORTEST_STEP,

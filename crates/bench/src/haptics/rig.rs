@@ -8,8 +8,8 @@ use palpate::internal::haptics::environment::{Environment, Wall};
 use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::{Servo, Settings, Tick};
 use palpate::internal::haptics::virtual_time::{self, Schedule};
-use palpate::internal::step::drive::Drive;
 use palpate::internal::step::tool::Tool;
+use palpate::internal::step::trajectory::Trajectory;
 use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::{Coupling, Haptics, Key, Lowered, Profile};
 use palpate::{Error, Result};
@@ -102,7 +102,7 @@ impl Rig {
             arm: (inertia() / MASS).sqrt(),
         };
         let mut servo = Servo::new(settings, Tool { coupling: Some(self.coupling()), ..tool.clone() });
-        let hand = Hand::new(self.hand, Drive::new(keys, *first), self.profile.clone());
+        let hand = Hand::new(self.hand, Trajectory::new(keys, *first), self.profile.clone());
         let mut hand = hand.map_err(Error::Simulation)?;
         hand.open().map_err(|fault| Error::Simulation(fault.to_string()))?;
         let count = (last.time / PERIOD).round() as u64;

@@ -6,8 +6,8 @@ use std::collections::{HashMap, HashSet};
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::Shape;
 use palpate::internal::shaders::Contact;
-use palpate::internal::step::drive::rotation_vector;
 use palpate::internal::step::tool::Tool;
+use palpate::internal::step::trajectory::rotation_vector;
 use palpate::{Flags, Result, RigidState, Scene, Simulation, ToolReport};
 use palpate_oracle::step::SoftBody;
 

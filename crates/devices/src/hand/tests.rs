@@ -26,7 +26,7 @@ fn key(time: f64, position: DVec3, turn: DVec3) -> Key {
 }
 
 fn hand(parameters: HandParameters, keys: &[Key]) -> Hand {
-    let intended = Drive::new(keys, key(0.0, DVec3::ZERO, DVec3::ZERO));
+    let intended = Trajectory::new(keys, key(0.0, DVec3::ZERO, DVec3::ZERO));
     Hand::new(parameters, intended, Profile::named("scripted").unwrap().clone()).unwrap()
 }
 
@@ -92,7 +92,7 @@ fn torque_and_rotation_are_the_profiles() {
     let turning = [key(0.0, DVec3::ZERO, DVec3::ZERO), key(1.0, DVec3::ZERO, DVec3::Y)];
     for (name, plays, senses) in [("premium", true, true), ("touch", false, true), ("falcon", false, false)] {
         let profile = Profile::named(name).unwrap().clone();
-        let mut hand = Hand::new(IDEAL, Drive::new(&turning, turning[0]), profile).unwrap();
+        let mut hand = Hand::new(IDEAL, Trajectory::new(&turning, turning[0]), profile).unwrap();
         hand.write(&Wrench { force: DVec3::ZERO, torque: DVec3::X * 0.1 }).unwrap();
         let reading = hand.read(0.05).unwrap();
         assert_eq!(hand.state().angular_velocity.x != 0.0, plays, "{name}");
@@ -347,7 +347,9 @@ fn parameters_out_of_range_are_named() {
     let refused = |parameters: HandParameters, name: &str| {
         let line = parameters.check().unwrap_err();
         assert!(line.contains(name) && line.contains("give") && !line.contains('\n'), "{line}");
-        assert!(Hand::new(parameters, Drive::new(&[], key(0.0, DVec3::ZERO, DVec3::ZERO)), profile.clone()).is_err());
+        assert!(
+            Hand::new(parameters, Trajectory::new(&[], key(0.0, DVec3::ZERO, DVec3::ZERO)), profile.clone()).is_err()
+        );
     };
     for bad in [-1.0, f64::NAN, f64::INFINITY] {
         let good = HandParameters::default();

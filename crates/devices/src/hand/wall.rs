@@ -23,7 +23,7 @@ const BISECTED: f64 = 1e-3;
 fn peaks(parameters: HandParameters, stiffness: f64, start: f64, seconds: usize) -> Vec<f64> {
     let intended = Key { time: 0.0, position: DVec3::X * WITHIN, orientation: DQuat::IDENTITY };
     let profile = Profile::named("scripted").unwrap().clone();
-    let mut hand = Hand::new(parameters, Drive::new(&[], intended), profile).unwrap();
+    let mut hand = Hand::new(parameters, Trajectory::new(&[], intended), profile).unwrap();
     hand.place(RigidState::at_rest(DVec3::X * start, DQuat::IDENTITY));
     let wall = |x: f64| Wrench { force: DVec3::X * (-stiffness * x).min(0.0), torque: DVec3::ZERO };
     // The force that acts at first, and the first one on its way through the delay, are those of a hand held at

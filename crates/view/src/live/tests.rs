@@ -83,7 +83,7 @@ fn beside_drawing_the_trace_is_the_same_bits() {
     let expected: Vec<String> = (0..STEPS).map(|_| bits(&plain.step().unwrap())).collect();
     assert!(plain.contact_wrench().unwrap().wrench.force.y > 0.0, "it touches at last");
 
-    let (mut live, rows) = live(simulation(folder.path()), Lead::Drive, Extent::Steps(STEPS), folder.path());
+    let (mut live, rows) = live(simulation(folder.path()), Lead::Script, Extent::Steps(STEPS), folder.path());
     let stop = AtomicBool::new(false);
     let (mut captures, mut slices) = (0, 0);
     let link = live.link().clone();
@@ -130,7 +130,7 @@ fn beside_drawing_the_trace_is_the_same_bits() {
 #[test]
 fn it_pauses_steps_by_hand_resets_and_changes_between_steps() {
     let folder = tempfile::tempdir().unwrap();
-    let (mut live, rows) = live(simulation(folder.path()), Lead::Drive, Extent::Endless, folder.path());
+    let (mut live, rows) = live(simulation(folder.path()), Lead::Script, Extent::Endless, folder.path());
     until(&mut live, |snapshot| snapshot.row.as_ref().is_some_and(|row| row.step >= 5));
     live.link().tell(Command::Pause);
     let paused = until(&mut live, |snapshot| snapshot.state == State::Paused).row.unwrap();
@@ -171,7 +171,7 @@ fn a_failure_is_shown_and_a_reset_goes_on() {
         if left == 0 { Err(Error::Simulation("no step succeeds".into())) } else { Ok(()) }
     });
     let simulation = simulation(folder.path());
-    let begin = Begin { simulation, lead: Lead::Drive, extent: Extent::Endless, watch, folder: folder.path().into() };
+    let begin = Begin { simulation, lead: Lead::Script, extent: Extent::Endless, watch, folder: folder.path().into() };
     let mut live = Live::start(begin).unwrap();
     until(&mut live, |snapshot| snapshot.state == State::Failed("no step succeeds".into()));
     assert_eq!(live.link().ask(|simulation, _| simulation.bodies().len()), Some(1), "it can still be drawn");

@@ -115,7 +115,7 @@ impl Worker {
     pub fn go(&mut self, record: Option<PathBuf>) -> Result<()> {
         self.set_state(record.as_ref().map_or(State::Running, |file| State::Recording(file.clone())));
         let done = match self.lead {
-            Lead::Drive => self.drive(),
+            Lead::Script => self.drive(),
             Lead::Device { .. } => self.hold(record),
         };
         self.turns.rest();
@@ -238,7 +238,7 @@ impl Worker {
             Command::Step => self.next = Some(Next::Rest(State::Paused)),
             Command::Record => match (&self.snapshot.state, &self.lead) {
                 (State::Recording(_), _) => self.next = Some(Next::Run),
-                (_, Lead::Drive) => self.out.note("nothing is recorded: the scene's keys lead, and no device does"),
+                (_, Lead::Script) => self.out.note("nothing is recorded: the scene's keys lead, and no device does"),
                 _ if self.is_replaced => {
                     let remedy = "palpate prepare FILE --out DIR, then palpate view DIR/scene.toml";
                     self.out.note(format!("nothing is recorded: a dropped surface has no scene to replay; {remedy}"));

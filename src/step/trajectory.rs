@@ -10,14 +10,14 @@ use crate::step::RigidState;
 
 /// A pose over time.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Drive {
+pub struct Trajectory {
     keys: Vec<Key>,
 }
 
-impl Drive {
+impl Trajectory {
     /// A trajectory through keys; without keys it rests at `start`.
-    pub fn new(keys: &[Key], start: Key) -> Drive {
-        Drive { keys: if keys.is_empty() { vec![start] } else { keys.to_vec() } }
+    pub fn new(keys: &[Key], start: Key) -> Trajectory {
+        Trajectory { keys: if keys.is_empty() { vec![start] } else { keys.to_vec() } }
     }
 
     /// Whether it has a key, and so a pose at any time.
@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn poses_between_keys_are_blended_and_the_ends_are_held() {
-        let drive = Drive::new(&[key(1.0, 0.0, 0.0), key(3.0, 4.0, 1.0)], key(0.0, 9.0, 0.0));
+        let drive = Trajectory::new(&[key(1.0, 0.0, 0.0), key(3.0, 4.0, 1.0)], key(0.0, 9.0, 0.0));
         assert_eq!(drive.pose(0.0).0, DVec3::ZERO);
         assert!((drive.pose(2.0).0 - DVec3::X * 2.0).length() < 1e-15);
         assert!(drive.pose(2.0).1.dot(DQuat::from_rotation_y(0.5)).abs() > 1.0 - 1e-12);
@@ -87,7 +87,7 @@ mod tests {
 
     #[test]
     fn a_device_that_is_led_is_where_it_was_told_to_be_and_moved_evenly() {
-        let mut drive = Drive::new(&[], key(0.0, 1.0, 0.0));
+        let mut drive = Trajectory::new(&[], key(0.0, 1.0, 0.0));
         drive.lead(0.5, key(1.0, 2.0, 0.3));
         assert_eq!((drive.pose(0.0).0, drive.pose(1.0).0), (DVec3::X, 2.0 * DVec3::X));
         assert!((drive.device(1.0, 0.5).velocity - 2.0 * DVec3::X).length() < 1e-12);
@@ -99,7 +99,7 @@ mod tests {
     fn keys_of_opposite_sign_turn_the_shorter_way() {
         let mut far = key(1.0, 0.0, 0.2);
         far.orientation = -far.orientation;
-        let drive = Drive::new(&[key(0.0, 0.0, 0.0), far], key(0.0, 0.0, 0.0));
+        let drive = Trajectory::new(&[key(0.0, 0.0, 0.0), far], key(0.0, 0.0, 0.0));
         let turned = rotation_vector(drive.pose(0.5).1);
         assert!((turned - DVec3::Y * 0.1).length() < 1e-9, "{turned}");
     }
