@@ -3,7 +3,7 @@
 
 mod gpu;
 mod harness;
-mod law;
+mod invariant;
 mod scene;
 mod solver;
 mod stage;

@@ -5,7 +5,7 @@
 use serde::Serialize;
 
 use crate::prepare::Body;
-use crate::scene::{Body as SceneBody, Law, Preconditioner, Scene, Shape, Sides};
+use crate::scene::{Body as SceneBody, MaterialLaw, Preconditioner, Scene, Shape, Sides};
 use crate::stages::material_law;
 use crate::stages::model::Model;
 
@@ -95,7 +95,7 @@ fn of_layers(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &st
     add("high-resolution skin", has_skin, yes, no_layer("the layers' boundaries are the skins"));
     let patches = model.patches.count();
     add("patches", patches > 0, format!("{patches} of them"), no_layer("dilatation is \"element\""));
-    let has_neo_hookean = material_law::has(&model.materials, Law::NeoHookean);
+    let has_neo_hookean = material_law::has(&model.materials, MaterialLaw::NeoHookean);
     add("neo-Hookean law", has_neo_hookean, "used by a material".into(), no_layer("no material uses this law"));
     add("Newton iterations", model.newton > 1, format!("{} a step", model.newton), no_layer("step.newton is 1"));
     let (cores, joints, hinges) =

@@ -12,7 +12,7 @@ use super::{
     Body, BodyReport, FrameMotion, Proxy, Report, Shape, cores, mass, materials, patch, proxies, repair, ride, skin,
 };
 use crate::scene::obj::TriangleMesh;
-use crate::scene::{self, Dilatation, Law, Motion, Scene, Surface, ToolShape};
+use crate::scene::{self, Dilatation, MaterialLaw, Motion, Scene, Surface, ToolShape};
 use crate::{Error, Result};
 
 /// A closed skin encloses at least this share of its bounding box's diagonal cubed; a smaller volume is rounding error.
@@ -207,7 +207,7 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     })?;
     layer.nodes.iter_mut().for_each(|n| *n *= body.scale);
     if body.dilatation == Dilatation::Patch {
-        if materials.all.iter().any(|material| material.law != Law::Corotational) {
+        if materials.all.iter().any(|material| material.law != MaterialLaw::Corotational) {
             let problem = "\"patch\" works with the corotational law only";
             return Err(keys.error("dilatation", problem, "use \"element\", or law = \"corotational\" everywhere"));
         }

@@ -99,7 +99,7 @@ mod tests {
 
     use super::*;
     use crate::prepare::{Body, FrameMotion, Shape, body};
-    use crate::scene::{Law, Scene};
+    use crate::scene::{MaterialLaw, Scene};
 
     /// Two tetrahedra that share a face, in the physical groups 3 and 4, and a third one in no group.
     const MESH: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n2\n3 3 \"fat\"\n3 4 \"muscle\"\n\
@@ -137,7 +137,7 @@ mod tests {
         assert_eq!(materials.which, [1, 2, 3]);
         let base = materials.all[0];
         let [first, second, third] = [0, 1, 2].map(|t| *materials.of(t));
-        assert_eq!(first, Material { young: 5e3, density: 900.0, law: Law::NeoHookean, ..base });
+        assert_eq!(first, Material { young: 5e3, density: 900.0, law: MaterialLaw::NeoHookean, ..base });
         assert_eq!(second, Material { damping_mass: 7.0, poisson: 0.1, ..base });
         assert_eq!(third, Material { damping_stiffness: 0.5, ..base });
         // The volumes are 1/6, 1/3 and 1/3 m^3 before the scale of a tenth.

@@ -10,14 +10,14 @@ use glam::{DQuat, DVec3};
 use super::{Body, Layer, NONE, Shape, body, embed, layer, mass, proxies, skin, stuffing, tool};
 use crate::Result;
 use crate::scene::{
-    self, Bind, Contact, Core, Haptics, Law, Material, Model, Motion, Preconditioner, Scene, Solver, Step, Surface,
-    Tool, ToolShape, obj,
+    self, Bind, Contact, Core, Haptics, Material, MaterialLaw, Model, Motion, Preconditioner, Scene, Solver, Step,
+    Surface, Tool, ToolShape, obj,
 };
 use real_meshes::meshes;
 
 /// A soft material.
 pub const MATERIAL: Material = Material {
-    law: Law::Corotational,
+    law: MaterialLaw::Corotational,
     young: 2e4,
     poisson: 0.45,
     density: 1000.0,

@@ -12,7 +12,7 @@ use crate::Result;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
     /// Material law: how stress follows from strain.
-    pub law: Law,
+    pub law: MaterialLaw,
     /// Young's modulus at small strain, Pa.
     pub young: f64,
     /// Poisson's ratio at small strain.
@@ -29,22 +29,23 @@ impl Material {
     /// A corotational material without damping. `young` is in Pa, `poisson` lies from -0.5 to below 0.5, `density` is
     /// in kg/m^3.
     pub fn new(young: f64, poisson: f64, density: f64) -> Material {
-        Material { law: Law::Corotational, young, poisson, density, damping_mass: 0.0, damping_stiffness: 0.0 }
+        Material { law: MaterialLaw::Corotational, young, poisson, density, damping_mass: 0.0, damping_stiffness: 0.0 }
     }
 }
 
 /// How stress follows from strain; both laws agree with Hooke's law at small strain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Law {
+pub enum MaterialLaw {
     /// Stress is linear in the strain that is left when a tetrahedron's rotation is taken out.
     Corotational,
     /// The stable neo-Hookean law (Smith, de Goes and Kim 2018).
     NeoHookean,
 }
 
-impl Law {
+impl MaterialLaw {
     /// Names that a scene file may give, with their values.
-    const CHOICES: [(&str, Law); 2] = [("corotational", Law::Corotational), ("neo-hookean", Law::NeoHookean)];
+    const CHOICES: [(&str, MaterialLaw); 2] =
+        [("corotational", MaterialLaw::Corotational), ("neo-hookean", MaterialLaw::NeoHookean)];
 }
 
 /// A material region, `[[body.region]]`: tetrahedra that have another material than the body's.
@@ -90,10 +91,10 @@ pub enum Group {
 /// Reads a material; values that the table leaves out are those of `base`, where there is one.
 pub(super) fn material(value: &Value, base: Option<&Material>) -> Result<Material> {
     let table = value.table(&["law", "young", "poisson", "density", "damping_mass", "damping_stiffness"])?;
-    let law = table.option("law", |value| value.one_of("law", &Law::CHOICES))?;
+    let law = table.option("law", |value| value.one_of("law", &MaterialLaw::CHOICES))?;
     let (base_mass, base_stiffness) = base.map_or((0.0, 0.0), |base| (base.damping_mass, base.damping_stiffness));
     Ok(Material {
-        law: law.unwrap_or(base.map_or(Law::Corotational, |base| base.law)),
+        law: law.unwrap_or(base.map_or(MaterialLaw::Corotational, |base| base.law)),
         young: number(&table, "young", base.map(|base| base.young), Value::positive)?,
         poisson: number(&table, "poisson", base.map(|base| base.poisson), |value| value.ruled(check::poisson))?,
         density: number(&table, "density", base.map(|base| base.density), Value::positive)?,

@@ -66,7 +66,7 @@ pub use haptics::{Dialect, HaplyService};
 #[doc(hidden)]
 pub use haptics::{NOT_HAPLYS, RATES as HAPTIC_RATES, of_haply};
 pub use joint::{Joint, Resistance};
-pub use material::{Group, Law, Material, Place, Region};
+pub use material::{Group, Material, MaterialLaw, Place, Region};
 pub use model::Model;
 pub use profile::Profile;
 pub use skeleton::{Bone, Skeleton};

@@ -1,14 +1,14 @@
 //! The host's part of the material law: the parameters that the GPU gets for a material. The law itself is
 //! `shaders/shared/material_law.glsl`.
 
-use crate::scene::{Law, Material};
+use crate::scene::{Material, MaterialLaw};
 use crate::shaders::{ElasticMaterial, LAW_COROTATIONAL, LAW_NEO_HOOKEAN};
 
 /// The id of a law in the shaders.
-fn id(law: Law) -> u32 {
+fn id(law: MaterialLaw) -> u32 {
     match law {
-        Law::Corotational => LAW_COROTATIONAL,
-        Law::NeoHookean => LAW_NEO_HOOKEAN,
+        MaterialLaw::Corotational => LAW_COROTATIONAL,
+        MaterialLaw::NeoHookean => LAW_NEO_HOOKEAN,
     }
 }
 
@@ -18,7 +18,7 @@ pub fn laws_of(materials: &[ElasticMaterial]) -> u32 {
 }
 
 /// Whether any of these materials uses a law.
-pub fn has(materials: &[ElasticMaterial], law: Law) -> bool {
+pub fn has(materials: &[ElasticMaterial], law: MaterialLaw) -> bool {
     laws_of(materials) & (1 << id(law)) != 0
 }
 

@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 use palpate::scene::Material;
 use palpate::{Pose, Scene, Simulation};
 
-use crate::law::friction;
+use crate::invariant::friction;
 use crate::scene::joints;
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene};
@@ -140,7 +140,7 @@ fn what_cannot_be_is_refused_and_changes_nothing() {
         (Material { poisson: 0.5, ..good }, "material.poisson is 0.5"),
         (Material { density: -1.0, ..good }, "material.density is -1.0"),
         (Material { damping_mass: f64::INFINITY, ..good }, "material.damping_mass is inf"),
-        (Material { law: palpate::scene::Law::NeoHookean, ..good }, "material.law"),
+        (Material { law: palpate::scene::MaterialLaw::NeoHookean, ..good }, "material.law"),
     ];
     for (material, words) in wrong {
         let error = simulation.set_material(0, 0, material).unwrap_err().to_string();

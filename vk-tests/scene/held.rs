@@ -5,7 +5,7 @@ use glam::DVec3;
 use palpate::internal::shaders::Contact;
 use palpate::{Flags, Options, Scene, Simulation, StepReport, ToolReport};
 
-use crate::law::friction::beside;
+use crate::invariant::friction::beside;
 use crate::scene::whole_step::{run, scene, soft_twin};
 
 /// A soft cube (the pad) of 36 mm and 47 g above a block with a fixed bottom; the virtual coupling pulls on the core in

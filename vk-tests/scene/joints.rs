@@ -225,7 +225,7 @@ fn a_joint_is_a_hundred_times_stiffer_than_what_it_holds() {
 /// Greatest share of the linear momentum that is lost in the flight.
 const MOMENTUM: f64 = 1e-6;
 /// Greatest change of angular momentum in a step, relative to the linear momentum times half the bar: rotations that
-/// are fixed over a step have a torque of their own, as vk-tests/law/invariants.rs explains.
+/// are fixed over a step have a torque of their own, as vk-tests/invariant/invariants.rs explains.
 const SPIN: f64 = 4e-6;
 
 #[test]

@@ -4,7 +4,7 @@
 use glam::DVec3;
 use palpate::Simulation;
 
-use crate::law::{friction, motion};
+use crate::invariant::{friction, motion};
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene};
 use crate::scene::{held, joints};

@@ -7,7 +7,7 @@ use palpate::internal::stages::depth;
 use palpate::scene::Sides;
 use palpate::{Flags, Scene, Simulation, StepReport};
 use palpate_oracle as oracle;
-use palpate_oracle::contact::{self, Law, Support, Surface};
+use palpate_oracle::contact::{self, ContactLaw, Support, Surface};
 use palpate_oracle::contact_law::auto_stiffness;
 use palpate_oracle::step::{self};
 
@@ -48,7 +48,7 @@ pub struct Twin {
     pub oracle: step::Simulation,
     skin: (prepare::Skin, Vec<prepare::Embedding>),
     tool: prepare::Skin,
-    law: Law,
+    law: ContactLaw,
     sides: Sides,
 }
 
@@ -73,7 +73,7 @@ impl Twin {
             panic!("rigid")
         };
         let stiffness = auto_stiffness(&[(layer, &materials.all[0])]).unwrap();
-        let law = Law { stiffness, damping: stiffness * scene.step.dt, depth_limit: scene.contact.depth_limit };
+        let law = ContactLaw { stiffness, damping: stiffness * scene.step.dt, depth_limit: scene.contact.depth_limit };
         Twin { oracle, skin: (skin.clone(), embedding.clone()), tool, law, sides: scene.contact.sides }
     }
 

@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use palpate::internal::prepare::Layer;
 use palpate::internal::prepare::layer::kuhn_box;
 use palpate::internal::shaders::NONE;
-use palpate::scene::{Law, Material, Preconditioner, gmsh};
+use palpate::scene::{Material, MaterialLaw, Preconditioner, gmsh};
 
 use super::passes::Passes;
 use crate::harness::real_meshes::meshes;
@@ -55,7 +55,7 @@ fn load(passes: &mut Passes) {
 /// Number of iterations for a layer of 2 MPa in a step of `dt` seconds.
 fn iterations(layer: Layer, dt: f32) -> usize {
     let tetrahedra = layer.tetrahedra.len();
-    let (law, damping_mass, damping_stiffness) = (Law::Corotational, 0.0, 0.0);
+    let (law, damping_mass, damping_stiffness) = (MaterialLaw::Corotational, 0.0, 0.0);
     let material = Material { law, young: 2e6, poisson: 0.45, density: 1e3, damping_mass, damping_stiffness };
     let body = layered(layer, material, DQuat::IDENTITY);
     // The preconditioner is the default of scenes: these bodies are stiff enough to get a coarse level.

@@ -9,7 +9,7 @@ use palpate_oracle as oracle;
 
 use crate::harness::random::Random;
 use crate::harness::{Tolerance, case, context, expect_close};
-use crate::law::friction::beside;
+use crate::invariant::friction::beside;
 use crate::scene::bones::{self, carry, twin_cores};
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
@@ -174,7 +174,7 @@ fn contacts_push_or_are_dropped_between_linearisations_as_the_oracles() {
                  bind = { box = [[-0.06, -0.04, -0.06], [0.0, 0.001, 0.06]] }\n";
     // The preconditioner is Jacobi: in the coarse level's norm, a residual says less about sliding parts.
     let thrown = |friction: f64, core: &str| {
-        let text = crate::law::friction::thrown(5e4, friction, core);
+        let text = crate::invariant::friction::thrown(5e4, friction, core);
         format!("[step]\ndt = 0.01\n{text}").replace("[solver]", "[solver]\npreconditioner = \"jacobi\"")
     };
     // In the second scene contacts are also released in the second and third Newton iteration.

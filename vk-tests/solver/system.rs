@@ -9,7 +9,7 @@ use palpate::internal::prepare::layer::kuhn_box;
 use palpate::internal::prepare::{self, Body, FrameMotion, Layer, Materials, Shape, Skin};
 use palpate::internal::shaders::{Contact, Counts, Frame, Link, NONE, StepParams};
 use palpate::internal::stages::model::Model;
-use palpate::scene::{self, Coupling, Hinge, Law, Material, Preconditioner};
+use palpate::scene::{self, Coupling, Hinge, Material, MaterialLaw, Preconditioner};
 use palpate_oracle::contact::{Carrier, Contact as Twin, Point};
 use palpate_oracle::contact_law::Friction;
 use palpate_oracle::linear::Entries;
@@ -113,7 +113,7 @@ pub fn layer(nodes: usize) -> Layer {
 
 /// A soft material with damping.
 pub fn material(young: f64) -> Material {
-    let law = Law::Corotational;
+    let law = MaterialLaw::Corotational;
     Material { law, young, poisson: 0.45, density: 1e3, damping_mass: 0.5, damping_stiffness: 2e-3 }
 }
 
@@ -121,8 +121,8 @@ pub fn material(young: f64) -> Material {
 /// tetrahedra.
 pub fn mixed(tetrahedra: usize) -> Materials {
     let soft = material(2e4);
-    let dense = Material { law: Law::NeoHookean, density: 1.5e3, damping_mass: 3.0, ..material(4e4) };
-    let light = Material { law: Law::NeoHookean, poisson: 0.0, damping_stiffness: 5e-4, ..material(1e4) };
+    let dense = Material { law: MaterialLaw::NeoHookean, density: 1.5e3, damping_mass: 3.0, ..material(4e4) };
+    let light = Material { law: MaterialLaw::NeoHookean, poisson: 0.0, damping_stiffness: 5e-4, ..material(1e4) };
     Materials { all: vec![soft, dense, light], which: (0..tetrahedra as u32).map(|t| t % 3).collect() }
 }
 

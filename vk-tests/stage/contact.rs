@@ -11,7 +11,7 @@ use palpate::internal::shaders::{Contact, Counts, NONE};
 use palpate::internal::stages::depth::Path;
 use palpate::internal::stages::{CHUNK_VERTICES, PAIR_PATCHES};
 use palpate::scene::Sides;
-use palpate_oracle::contact::{Carrier, Law, Support, Surface};
+use palpate_oracle::contact::{Carrier, ContactLaw, Support, Surface};
 use palpate_oracle::{contact as oracle, skin as embedded};
 
 use crate::harness::bodies::{half_space, octants, rigid, soft, sphere, whole};
@@ -93,7 +93,7 @@ fn surface<'a>(flow: &Flow, body: &'a Body, index: usize, origin: DVec3) -> Surf
 /// The oracle's contacts of every pair, by side and vertex as the kernels number them.
 fn wanted(bodies: &[Body], tool: &Body, flow: &Flow, sides: Sides) -> BTreeMap<(u32, u32), oracle::Contact> {
     let all: Vec<&Body> = bodies.iter().chain([tool]).collect();
-    let law = Law { stiffness: 1e6, damping: 1e3, depth_limit: 1.0 };
+    let law = ContactLaw { stiffness: 1e6, damping: 1e3, depth_limit: 1.0 };
     let mut firsts = vec![0];
     for body in &all {
         let count = match &body.shape {

@@ -4,7 +4,7 @@
 use glam::DVec3;
 use palpate::Simulation;
 
-use crate::law::friction;
+use crate::invariant::friction;
 use crate::scene::joints;
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene};

@@ -7,7 +7,7 @@ use palpate::internal::gpu::Const;
 use palpate::internal::prepare::{Layer, Materials};
 use palpate::internal::shaders::Counts;
 use palpate::internal::stages::material_law::{has, laws_of};
-use palpate::scene::{Law, Material};
+use palpate::scene::{Material, MaterialLaw};
 use palpate_oracle::elastic::{lame, outer, polar_rotation, strain};
 
 use crate::harness::random::Random;
@@ -164,7 +164,7 @@ pub fn expect_oracle(what: &str, system: &System, force: f64) {
 fn expect_gradients(what: &str, system: &System) {
     let body = &system.twin.bodies[0];
     let h = system.twin.dt;
-    let share = if has(&system.model.materials, Law::NeoHookean) { FOLDED } else { GRADIENT };
+    let share = if has(&system.model.materials, MaterialLaw::NeoHookean) { FOLDED } else { GRADIENT };
     let (mut got, mut want, mut traces) = (vec![], vec![], (vec![], vec![]));
     let operators = body.elements.linearised(&body.displacement, &quaternions(system)).operators;
     for (t, q) in quaternions(system).iter().enumerate() {

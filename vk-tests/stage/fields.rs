@@ -9,12 +9,12 @@ use palpate::internal::prepare::{Layer, Shape};
 use palpate::internal::shaders::{Contact, Counts, Frame, NONE, StepParams};
 use palpate::internal::stages::material_law::laws_of;
 use palpate::internal::step::{Field, Overlay};
-use palpate::scene::{Law, Sides};
+use palpate::scene::{MaterialLaw, Sides};
 use palpate::{Simulation, StepReport};
 
 use crate::harness::random::Random;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
-use crate::law::friction;
+use crate::invariant::friction;
 use crate::scene::joints;
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene, soft_twin};
@@ -97,7 +97,7 @@ fn column(rows: &[[f32; 4]], k: usize) -> Vec<f32> {
 fn the_energy_of_a_tetrahedron_stretched_along_an_edge_by_hand() {
     // draw/energy on a unit corner with d_1 = (0.01, 0, 0), strain E = diag(0.01, 0, 0) and volume V = 1/6: the
     // corotational density is (mu + lambda / 2) 1e-4.
-    for law in [Law::Corotational, Law::NeoHookean] {
+    for law in [MaterialLaw::Corotational, MaterialLaw::NeoHookean] {
         let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
         let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Layer::default() };
         let soft = palpate::scene::Material { law, ..material(2e4) };
@@ -109,7 +109,7 @@ fn the_energy_of_a_tetrahedron_stretched_along_an_edge_by_hand() {
         // The invariants of the neo-Hookean law are I = 2 + 1.01^2 and J = 1.01.
         let (grown, j, a) = (1.01f64.powi(2) - 1.0, 1.01f64, 1.0 + 0.75 * m / l);
         let bent = m * (grown - (1.0 + grown / 4.0).ln()) + l * ((j - a).powi(2) - (1.0 - a).powi(2));
-        let want = if law == Law::Corotational { (mu + 0.5 * lambda) * 1e-4 } else { 0.5 * bent };
+        let want = if law == MaterialLaw::Corotational { (mu + 0.5 * lambda) * 1e-4 } else { 0.5 * bent };
         expect_close("density", &[got[0][0]], &[want], Tolerance { abs: 0.0, rel: 10.0 * BY_HAND });
         expect_close("volume", &[got[0][1]], &[1.0 / 6.0], Tolerance { abs: 0.0, rel: BY_HAND });
     }

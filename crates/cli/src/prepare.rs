@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::internal::prepare::report::peak_memory;
 use palpate::internal::prepare::{self, Body, Cache, Layer, Report, Shape, Skin, Stage, bind};
-use palpate::scene::{self, Law, Material, Model, Surface, gmsh, obj};
+use palpate::scene::{self, Material, MaterialLaw, Model, Surface, gmsh, obj};
 use palpate::{Error, Result, Scene};
 
 use crate::press::{self, Press};
@@ -174,7 +174,7 @@ fn scene_of(arguments: &Arguments) -> Result<Scene> {
         orientation: DQuat::IDENTITY,
         velocity: DVec3::ZERO,
         material: Some(Material {
-            law: Law::Corotational,
+            law: MaterialLaw::Corotational,
             young: 2e4,
             poisson: 0.45,
             density: 1000.0,

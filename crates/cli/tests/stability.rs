@@ -7,7 +7,7 @@ mod spoil;
 use std::process::Command;
 
 use palpate::Flags;
-use palpate_bench::stability::laws::{Law, Verdict};
+use palpate_bench::stability::invariants::{Invariant, Verdict};
 use palpate_bench::stability::{self, Results, Settings, document};
 
 /// Runs some axes of the matrix in its quick form.
@@ -60,37 +60,44 @@ fn turning_too_far_and_being_inside_out_are_told_in_the_steps_concerned() {
 
 #[test]
 #[ignore = "long: 15 s"]
-fn a_fault_in_a_kernel_turns_verdicts_red_by_the_law_that_it_breaks() {
-    let law = "contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping";
+fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
+    let invariant =
+        "contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping";
     let faults = [
         // Elastic forces accelerate the body away from rest.
-        ("elastic/element_forces", "float impulse = -params.dt", "float impulse = params.dt", "bound", Law::Residual),
+        (
+            "elastic/element_forces",
+            "float impulse = -params.dt",
+            "float impulse = params.dt",
+            "bound",
+            Invariant::Residual,
+        ),
         // Mass-proportional damping accelerates instead of braking.
-        ("solve/assemble", "- damping * v)", "+ damping * v)", "bound", Law::Residual),
+        ("solve/assemble", "- damping * v)", "+ damping * v)", "bound", Invariant::Residual),
         // Damping of contacts is left out of the right-hand side.
         (
             "solve/assemble",
             "+ normal_operator(contact, h) * contact.rate",
             "+ h * h * contact.stiffness * contact.area * contact.rate",
             "contact-stiffness",
-            Law::Residual,
+            Invariant::Residual,
         ),
         // The reported wrench pulls where the tool is pushed, or is a fifth too great.
-        ("wrench/reduce", "-= force * column[k]", "+= force * column[k]", "contact-stiffness", Law::Force),
+        ("wrench/reduce", "-= force * column[k]", "+= force * column[k]", "contact-stiffness", Invariant::Force),
         (
             "wrench/reduce",
             "float force = contact.area",
             "float force = 1.2 * contact.area",
             "contact-stiffness",
-            Law::Force,
+            Invariant::Force,
         ),
         // Contacts are stiffer than the scene says.
         (
             "contact/response",
-            law,
-            &law.replace("pair.stiffness", "1.05 * pair.stiffness"),
+            invariant,
+            &invariant.replace("pair.stiffness", "1.05 * pair.stiffness"),
             "contact-stiffness",
-            Law::Force,
+            Invariant::Force,
         ),
         // A contact is released only when it pulls by more than a tenth of the pressure with which its depth pushes.
         (
@@ -99,15 +106,15 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_law_that_it_breaks() {
             "bool pulls = end_pressure(contact, fetch(contact_forces, c), params.dt) < -0.1 * contact.stiffness * \
              contact.depth;",
             "contact-stiffness",
-            Law::Push,
+            Invariant::Push,
         ),
     ];
-    for (kernel, from, to, axis, law) in faults {
+    for (kernel, from, to, axis, invariant) in faults {
         let results = run(&[axis], vec![(kernel.into(), spoil::spoiled(kernel, from, to))]);
         let red = results.cases().filter(|(_, _, case)| case.verdict == Verdict::Silent);
-        let breaks = |found: &&stability::laws::Finding| found.law == law && found.is_silent;
+        let breaks = |found: &&stability::invariants::Finding| found.invariant == invariant && found.is_silent;
         let seen = red.filter(|(.., case)| case.findings.iter().any(|found| breaks(&found))).count();
-        println!("{kernel}, {to}: {law:?} in {seen} cases; {}", results.faults().join("; "));
+        println!("{kernel}, {to}: {invariant:?} in {seen} cases; {}", results.faults().join("; "));
         assert!(seen > 0 && !results.faults().is_empty(), "{kernel}, {to}: {:?}", results.faults());
     }
 }

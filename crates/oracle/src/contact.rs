@@ -70,7 +70,7 @@ pub struct Contact {
 
 /// Parameters of the penalty contact between two bodies.
 #[derive(Debug, Clone, Copy)]
-pub struct Law {
+pub struct ContactLaw {
     /// Stiffness per projected area, N/m^3.
     pub stiffness: f64,
     /// Damping per projected area, N s/m^3.
@@ -149,14 +149,14 @@ pub fn ray_depths(
 
 /// Contacts of two skins along the normal of a contact patch: first those of A's vertices, then those of B's, in
 /// ascending order. The areas of both count half, because both sides gather contacts.
-pub fn gather(normal: DVec3, a: &Surface, b: &Surface, law: &Law) -> Vec<Contact> {
+pub fn gather(normal: DVec3, a: &Surface, b: &Surface, law: &ContactLaw) -> Vec<Contact> {
     let mut contacts = gather_side(normal, a, b, law, true, 0.5);
     contacts.extend(gather_side(-normal, b, a, law, false, 0.5));
     contacts
 }
 
 /// Contacts of two skins of which one alone gathers, with its whole area: the skin with less area to a vertex, or A's.
-pub fn gather_finer(normal: DVec3, a: &Surface, b: &Surface, law: &Law) -> Vec<Contact> {
+pub fn gather_finer(normal: DVec3, a: &Surface, b: &Surface, law: &ContactLaw) -> Vec<Contact> {
     let mean_area = |surface: &Surface| surface.areas.iter().sum::<f64>() / surface.areas.len() as f64;
     if mean_area(b) < mean_area(a) {
         gather_side(-normal, b, a, law, false, 1.0)
@@ -165,7 +165,14 @@ pub fn gather_finer(normal: DVec3, a: &Surface, b: &Surface, law: &Law) -> Vec<C
     }
 }
 
-fn gather_side(outward: DVec3, own: &Surface, other: &Surface, law: &Law, of_first: bool, share: f64) -> Vec<Contact> {
+fn gather_side(
+    outward: DVec3,
+    own: &Surface,
+    other: &Surface,
+    law: &ContactLaw,
+    of_first: bool,
+    share: f64,
+) -> Vec<Contact> {
     let hits = ray_depths(outward, &own.positions, own.triangles, &other.positions, other.triangles, law.depth_limit);
     let facing = skin::normals(&own.positions, own.triangles);
     let contact = |(vertex, hit): (usize, Hit)| {
@@ -191,7 +198,7 @@ fn gather_side(outward: DVec3, own: &Surface, other: &Surface, law: &Law, of_fir
 }
 
 /// Contacts of a skin with the fixed half-space `plane . x <= offset`. Only the skin gathers, with its whole area.
-pub fn gather_plane(a: &Surface, plane: DVec3, offset: f64, law: &Law) -> Vec<Contact> {
+pub fn gather_plane(a: &Surface, plane: DVec3, offset: f64, law: &ContactLaw) -> Vec<Contact> {
     let facing = skin::normals(&a.positions, a.triangles);
     let contact = |(vertex, x): (usize, &DVec3)| {
         let depth = offset - plane.dot(*x);

@@ -49,6 +49,6 @@ pub mod tool;
 pub mod wrench;
 
 #[cfg(test)]
-mod laws;
-#[cfg(test)]
 mod testing;
+#[cfg(test)]
+mod tests;

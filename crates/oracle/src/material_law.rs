@@ -2,7 +2,7 @@
 //! compression penalty. f64 reference for `shaders/shared/material_law.glsl`.
 
 use glam::DMat3;
-use palpate::scene::{Law, Material};
+use palpate::scene::{Material, MaterialLaw};
 
 use super::elastic::{Operator, excess_compression, lame, stiffening, symmetric};
 use super::neo_hookean;
@@ -11,8 +11,8 @@ use super::neo_hookean;
 /// tetrahedron has for itself, Pa; the rest acts by its F-bar patch.
 pub fn stress(material: &Material, lambda: f64, strain: DMat3) -> DMat3 {
     let of_law = match material.law {
-        Law::Corotational => Operator::linear(material, lambda).stress(strain),
-        Law::NeoHookean => neo_hookean::stress(lame(material), strain),
+        MaterialLaw::Corotational => Operator::linear(material, lambda).stress(strain),
+        MaterialLaw::NeoHookean => neo_hookean::stress(lame(material), strain),
     };
     of_law + excess_compression(strain) * stiffening(lame(material))
 }
@@ -23,9 +23,9 @@ pub fn operator(material: &Material, lambda: f64, strain: DMat3) -> Operator {
     let compression = excess_compression(strain);
     let linear = Operator::linear(material, lambda);
     match material.law {
-        Law::NeoHookean => neo_hookean::operator(lame(material), strain, compression),
-        Law::Corotational if compression == DMat3::ZERO => linear,
-        Law::Corotational => Operator { mu: linear.mu + 0.5 * stiffening(lame(material)), ..linear },
+        MaterialLaw::NeoHookean => neo_hookean::operator(lame(material), strain, compression),
+        MaterialLaw::Corotational if compression == DMat3::ZERO => linear,
+        MaterialLaw::Corotational => Operator { mu: linear.mu + 0.5 * stiffening(lame(material)), ..linear },
     }
 }
 
@@ -34,8 +34,8 @@ pub fn energy(material: &Material, strain: DMat3, dilatation: f64) -> f64 {
     let (mu, lambda) = lame(material);
     let square = |m: DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>();
     let of_law = match material.law {
-        Law::Corotational => mu * square(symmetric(strain)) + 0.5 * lambda * dilatation.powi(2),
-        Law::NeoHookean => neo_hookean::energy((mu, lambda), strain),
+        MaterialLaw::Corotational => mu * square(symmetric(strain)) + 0.5 * lambda * dilatation.powi(2),
+        MaterialLaw::NeoHookean => neo_hookean::energy((mu, lambda), strain),
     };
     of_law + 0.5 * stiffening((mu, lambda)) * square(excess_compression(strain))
 }

@@ -3,7 +3,9 @@
 
 use glam::{DQuat, DVec3};
 use palpate::Scene;
-use palpate::scene::{self, Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Motion, Tool, ToolShape};
+use palpate::scene::{
+    self, Bind, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Tool, ToolShape,
+};
 
 /// Half extents of the block, m.
 pub const HALF: DVec3 = DVec3::new(0.05, 0.03, 0.05);
@@ -25,7 +27,7 @@ pub struct Press {
     /// Young's modulus, Pa.
     pub young: f64,
     /// Material law of the block.
-    pub law: Law,
+    pub law: MaterialLaw,
     /// Time step, s.
     pub dt: f64,
     /// Distance by which the haptic device goes down, m, at size 1.
@@ -48,7 +50,7 @@ impl Default for Press {
         Press {
             cells: [7, 4, 7],
             young: 2e4,
-            law: Law::Corotational,
+            law: MaterialLaw::Corotational,
             dt: 0.001,
             travel: 0.005,
             seconds: 0.04,

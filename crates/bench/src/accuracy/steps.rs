@@ -2,7 +2,7 @@
 //! buy.
 
 use glam::DVec3;
-use palpate::scene::Law;
+use palpate::scene::MaterialLaw;
 use palpate::{Options, Result, Scene};
 
 use super::press::Press;
@@ -86,19 +86,19 @@ pub fn by_time_step(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
 /// material laws.
 pub fn by_newton(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let steps = if settings.is_quick { 9 } else { 12 };
-    let scene = |law: Law, newton: u32| {
+    let scene = |law: MaterialLaw, newton: u32| {
         let deep =
             Press { cells: settings.cells, young: 5e3, dt: 0.01, travel: 0.02, seconds: 0.08, ..Press::default() };
         tight(Press { law, ..deep }.scene(), newton)
     };
     let options = settings.options();
-    let laws = [("corotational", Law::Corotational), ("neo-Hookean", Law::NeoHookean)];
+    let laws = [("corotational", MaterialLaw::Corotational), ("neo-Hookean", MaterialLaw::NeoHookean)];
     let mut references: Vec<Reference> = Vec::new();
     for (name, law) in laws {
         watch(&format!("reference, {name}"));
         references.push(reference(&scene(law, CONVERGED), steps, &options)?);
     }
-    let of = |(name, law): (&'static str, Law)| {
+    let of = |(name, law): (&'static str, MaterialLaw)| {
         NEWTON.map(|newton| {
             let setting = format!("{name}, {newton}");
             let point = Point { setting, line: name.into(), value: newton.into(), ..Point::default() };

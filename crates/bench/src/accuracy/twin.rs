@@ -7,7 +7,7 @@ use palpate::internal::prepare::{self, Shape};
 use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::Key;
 use palpate::{Error, Options, Result, Scene, Simulation};
-use palpate_oracle::contact::{self, Law, Support, Surface};
+use palpate_oracle::contact::{self, ContactLaw, Support, Surface};
 use palpate_oracle::contact_law::auto_stiffness;
 use palpate_oracle::step::{self, SoftBody};
 use palpate_oracle::tool;
@@ -43,7 +43,7 @@ struct Twin {
     oracle: step::Simulation,
     skin: (prepare::Skin, Vec<prepare::Embedding>),
     tool: prepare::Skin,
-    law: Law,
+    law: ContactLaw,
 }
 
 /// The reference of `steps` steps of a scene with one soft body and a rigid tool. Errors: the scene is another, or a
@@ -100,7 +100,7 @@ impl Twin {
         let given = scene.contact.stiffness;
         let stiffness = given.or_else(|| auto_stiffness(&[(layer, &materials.all[0])])).ok_or_else(missing)?;
         let damping = scene.contact.damping.unwrap_or(stiffness * scene.step.dt);
-        let law = Law { stiffness, damping, depth_limit: scene.contact.depth_limit };
+        let law = ContactLaw { stiffness, damping, depth_limit: scene.contact.depth_limit };
         Ok(Twin { oracle, skin: (own.clone(), embedding.clone()), tool, law })
     }
 

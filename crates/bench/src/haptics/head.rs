@@ -2,7 +2,9 @@
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Shape};
-use palpate::scene::{self, Bind, Core, Dilatation, Law, Layer, Material, Model, Motion, Surface, Tool, ToolShape};
+use palpate::scene::{
+    self, Bind, Core, Dilatation, Layer, Material, MaterialLaw, Model, Motion, Surface, Tool, ToolShape,
+};
 use palpate::{Error, Options, Result, Scene, Simulation};
 
 use super::Settings;
@@ -19,7 +21,7 @@ pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
         density: 1000.0,
         damping_mass: 0.0,
         damping_stiffness: 0.002,
-        law: Law::Corotational,
+        law: MaterialLaw::Corotational,
     };
     let surface = Surface::Model { model: Model::Head, vertices: settings.vertices };
     let skull =

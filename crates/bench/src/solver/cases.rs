@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Body, Shape};
-use palpate::scene::{self, Bind, Core, Law, Layer, Material, Model, Motion, Surface};
+use palpate::scene::{self, Bind, Core, Layer, Material, MaterialLaw, Model, Motion, Surface};
 use palpate::{Error, Result, Scene};
 use serde::{Deserialize, Serialize};
 
@@ -105,7 +105,7 @@ impl Mesh {
             density: DENSITY,
             damping_mass: 0.0,
             damping_stiffness: 0.0,
-            law: Law::Corotational,
+            law: MaterialLaw::Corotational,
         };
         let body = scene::Body {
             name: self.name(),

@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::scene::Law;
+use palpate::scene::MaterialLaw;
 
 use super::cases::{Case, bare, both, hang, pluck, press, release, rest, sphere, spin, still, teleport, throw, thrust};
 use super::labels::{power, si, stretched};
@@ -108,7 +108,7 @@ pub fn axis(name: &str, extent: Extent) -> Result<Option<Axis>> {
 
 fn material(name: &str, extent: Extent) -> Option<Axis> {
     const NU: Values = Values(&[-0.5, -0.25, 0.0, 0.3, 0.45, 0.49, 0.499, 0.4999], &[-0.5, 0.3, 0.4999]);
-    let poisson = |law: Law| move |nu: f64| bare(with(|s| (s.material.poisson, s.material.law) = (nu, law)));
+    let poisson = |law: MaterialLaw| move |nu: f64| bare(with(|s| (s.material.poisson, s.material.law) = (nu, law)));
     let plain = |x: f64| format!("{x}");
     let young = |x: f64| bare(with(|s| s.material.young = x));
     let density = |x: f64| bare(with(|s| s.material.density = x));
@@ -135,11 +135,11 @@ fn material(name: &str, extent: Extent) -> Option<Axis> {
             extent,
             plain,
             Some([0.0, 0.49]),
-            poisson(Law::Corotational),
+            poisson(MaterialLaw::Corotational),
         ),
         "poisson-neo-hookean" => {
             let title = "Poisson's ratio, neo-Hookean";
-            NU.axis("poisson-neo-hookean", title, extent, plain, Some([0.0, 0.49]), poisson(Law::NeoHookean))
+            NU.axis("poisson-neo-hookean", title, extent, plain, Some([0.0, 0.49]), poisson(MaterialLaw::NeoHookean))
         }
         "density" => Values(&[1.0, 10.0, 100.0, 1e3, 5e3, 2e4], &[1.0, 1e3, 2e4]).axis(
             "density",
@@ -250,7 +250,7 @@ fn motion(name: &str, extent: Extent) -> Option<Axis> {
             Some([0.5, 2.0]),
             |x| {
                 let neo = |mut s: Setup| {
-                    s.material.law = Law::NeoHookean;
+                    s.material.law = MaterialLaw::NeoHookean;
                     s
                 };
                 vec![release(setup(), x), release(neo(setup()), x)]

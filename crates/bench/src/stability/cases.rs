@@ -2,9 +2,9 @@
 //! what each case promises. A promise is an invariant that must hold at the case's end; lengths are shares of the
 //! block's edge where so stated.
 
-use palpate::scene::Law;
+use palpate::scene::MaterialLaw;
 
-use super::laws::{AT_REST, DRIFT, Promise};
+use super::invariants::{AT_REST, DRIFT, Promise};
 use super::modes;
 use super::setup::{Bound, RADIUS, Setup, Sphere};
 use super::trace::HALF_ULP;
@@ -190,8 +190,8 @@ pub fn release(setup: Setup, factor: f64) -> Case {
     let promise = Promise { shape: Some(SHAPE * setup.edge), ..Promise::default() };
     let settling = Some(Settling { steps: Some(steps), other: 0.0 });
     let scenario = match setup.material.law {
-        Law::Corotational => "release",
-        Law::NeoHookean => "release, neo-Hookean",
+        MaterialLaw::Corotational => "release",
+        MaterialLaw::NeoHookean => "release, neo-Hookean",
     };
     Case { scenario, setup, start: Start::Stretched(factor), steps, promise, settling }
 }

@@ -3,7 +3,7 @@
 
 use palpate::Flags;
 
-use super::laws::{Law, Verdict};
+use super::invariants::{Invariant, Verdict};
 use super::{AxisResult, CellResult, Judged, Results, heat_map, reasons};
 use crate::document::{Chapter, Document, Section, Table};
 
@@ -41,12 +41,12 @@ pub fn document(results: &Results) -> Document {
     let matrix = Section {
         title: "The matrix".into(),
         question:
-            "What becomes of each case? A cell shows the worst of its simulations. Pass: every law holds, and no \
-                   flag was raised. Degraded: a flag was raised, and energy and force keep their laws. Fail: they do \
-                   not, and a flag says so. Silent failure: a law is broken in a step none of whose flags says that it may \
+            "What becomes of each case? A cell shows the worst of its simulations. Pass: every invariant holds, and no \
+                   flag was raised. Degraded: a flag was raised, and energy and force keep their invariants. Fail: they do \
+                   not, and a flag says so. Silent failure: a invariant is broken in a step none of whose flags says that it may \
                    be; any other flag excuses nothing."
                 .into(),
-        table: laws(results),
+        table: invariants(results),
         plot: Some(heat_map::svg(results)),
         finding,
         ..Section::default()
@@ -56,38 +56,48 @@ pub fn document(results: &Results) -> Document {
     Document { title: "Stability on stiff and extreme cases".into(), preface, chapters: vec![chapter] }
 }
 
-/// A table of the invariants (`Law`), with their bounds and the number of cases in which each was checked.
-fn laws(results: &Results) -> Table {
-    let mut table = Table::new(["law", "bound", "cases"]);
-    for (law, bound) in [
-        (Law::Finite, "all reported numbers are finite"),
-        (Law::Energy, "at most the initial energy plus the energy supplied, within 1e-3 of the energy turned over"),
-        (Law::Force, "the wrench is the sum of its contacts' area (k depth + d rate): within 1e-3, or f32's rounding"),
-        (Law::Push, "no contact pulls by more than the bound of `force`"),
-        (Law::Residual, "b - A x in f64, contacts and tool included: 1e-3 of b or of weight, or f32's rounding"),
-        (Law::Balance, "force, weight and coupling move the tool: within 1e-2 of the largest"),
+/// A table of the invariants (`Invariant`), with their bounds and the number of cases in which each was checked.
+fn invariants(results: &Results) -> Table {
+    let mut table = Table::new(["invariant", "bound", "cases"]);
+    for (invariant, bound) in [
+        (Invariant::Finite, "all reported numbers are finite"),
         (
-            Law::Rest,
+            Invariant::Energy,
+            "at most the initial energy plus the energy supplied, within 1e-3 of the energy turned over",
+        ),
+        (
+            Invariant::Force,
+            "the wrench is the sum of its contacts' area (k depth + d rate): within 1e-3, or f32's rounding",
+        ),
+        (Invariant::Push, "no contact pulls by more than the bound of `force`"),
+        (Invariant::Residual, "b - A x in f64, contacts and tool included: 1e-3 of b or of weight, or f32's rounding"),
+        (Invariant::Balance, "force, weight and coupling move the tool: within 1e-2 of the largest"),
+        (
+            Invariant::Rest,
             "over the last tenth kinetic energy is down as the slowest mode of the mesh has it, or to 1e-4 of the most that \
              the block had; nothing is promised where the case is too short for that mode",
         ),
         (
-            Law::Drift,
+            Invariant::Drift,
             "a body that nothing pushes stays within 1e-5 of its edge; a plucked one has 1e-5 of its stretch per step \
              in addition",
         ),
-        (Law::Shape, "over the last tenth every node is within a tenth of the edge of where it was, where rest is due"),
-        (Law::Touch, "contacts press in a case in which the tool or the floor should touch"),
-        (Law::Parted, "over the last tenth nothing presses where the tool was drawn out or went through"),
+        (
+            Invariant::Shape,
+            "over the last tenth every node is within a tenth of the edge of where it was, where rest is due",
+        ),
+        (Invariant::Touch, "contacts press in a case in which the tool or the floor should touch"),
+        (Invariant::Parted, "over the last tenth nothing presses where the tool was drawn out or went through"),
     ] {
         // In a case without a tool these invariants have nothing to check, so that it does not count.
-        let may_be_idle = matches!(law, Law::Force | Law::Push | Law::Balance);
-        let has_tool = |judged: &Judged| judged.findings.iter().any(|f| f.law == Law::Balance && f.worst != 0.0);
+        let may_be_idle = matches!(invariant, Invariant::Force | Invariant::Push | Invariant::Balance);
+        let has_tool =
+            |judged: &Judged| judged.findings.iter().any(|f| f.invariant == Invariant::Balance && f.worst != 0.0);
         let is_held = |judged: &Judged| {
-            judged.findings.iter().any(|finding| finding.law == law) && (!may_be_idle || has_tool(judged))
+            judged.findings.iter().any(|finding| finding.invariant == invariant) && (!may_be_idle || has_tool(judged))
         };
         let cases = results.cases().filter(|(_, _, case)| is_held(case)).count();
-        table.rows.push(vec![law.name().into(), bound.into(), cases.to_string()]);
+        table.rows.push(vec![invariant.name().into(), bound.into(), cases.to_string()]);
     }
     table
 }
@@ -142,7 +152,7 @@ fn values(axis: &AxisResult, is_pass: bool) -> String {
 }
 
 fn rest(results: &Results) -> Section {
-    let mut table = Table::new(["case", "verdict", "flags", "law broken: worst, allowed, step", "why"]);
+    let mut table = Table::new(["case", "verdict", "flags", "invariant broken: worst, allowed, step", "why"]);
     for (axis, cell, case) in results.cases().filter(|(_, _, case)| case.verdict != Verdict::Pass) {
         let name = format!("{} {}, {}", axis.title, cell.label, case.scenario);
         let broken: Vec<String> = case.findings.iter().filter_map(|f| f.in_words()).collect();
@@ -152,7 +162,8 @@ fn rest(results: &Results) -> Section {
     }
     Section {
         title: "What does not pass, and why".into(),
-        question: "Which law is broken, by how much, from which step on, and what did the wrench say then?".into(),
+        question: "Which invariant is broken, by how much, from which step on, and what did the wrench say then?"
+            .into(),
         table,
         plot: None,
         finding: match results.faults().as_slice() {

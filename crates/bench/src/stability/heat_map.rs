@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use super::laws::Verdict;
+use super::invariants::Verdict;
 use super::{AxisResult, CellResult, Results};
 use crate::page::escaped;
 

@@ -10,8 +10,8 @@ pub mod cases;
 pub mod document;
 mod equations;
 mod heat_map;
+pub mod invariants;
 mod labels;
-pub mod laws;
 mod meshes;
 mod modes;
 mod reasons;
@@ -27,7 +27,7 @@ pub use run::run;
 
 use palpate::Flags;
 
-use laws::{Finding, Verdict};
+use invariants::{Finding, Verdict};
 
 /// Version of the format of `results.json`: raised when a field changes its meaning or is removed.
 pub const SCHEMA: u32 = 2;

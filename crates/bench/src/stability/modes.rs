@@ -89,7 +89,7 @@ mod tests {
     use glam::DVec3;
     use palpate::internal::prepare::Layer;
     use palpate::internal::prepare::layer::kuhn_box;
-    use palpate::scene::{Law, Material};
+    use palpate::scene::{Material, MaterialLaw};
 
     use super::*;
 
@@ -97,7 +97,7 @@ mod tests {
         let mut layer: Layer = kuhn_box(DVec3::ZERO, size, cells);
         layer.bound = layer.nodes.iter().map(|x| x.x < 1e-9).collect();
         let material = Material {
-            law: Law::Corotational,
+            law: MaterialLaw::Corotational,
             young: 2e4,
             poisson,
             density: 1000.0,

@@ -3,7 +3,7 @@
 
 use palpate::Flags;
 
-use super::laws::Verdict;
+use super::invariants::Verdict;
 use super::{AxisResult, CellResult, Judged};
 
 /// Meaning of each flag, for cases of which no more is known; the gravest flag first.

@@ -10,7 +10,7 @@ use palpate::{Context, Error, Options, Result, Simulation, Threads};
 
 use super::axes::{self, Axis, Extent};
 use super::cases::{Case, Start};
-use super::laws::{self, Promise, Verdict};
+use super::invariants::{self, Promise, Verdict};
 use super::trace::{Observer, Sample};
 use super::{AxisResult, CellResult, Judged, Results, Settings, Traced, modes};
 use crate::meshes::MeshFolder;
@@ -156,15 +156,15 @@ fn promise(case: &Case, decay: f64, samples: &[Sample]) -> Promise {
     let since_pressed = || samples.iter().rev().take_while(|sample| sample.pressed == 0.0).count();
     let steps = settling.steps.unwrap_or_else(since_pressed);
     // The end that is judged begins before the last step.
-    let due = steps.saturating_sub(samples.len() - laws::end_of(samples));
+    let due = steps.saturating_sub(samples.len() - invariants::end_of(samples));
     let left = 10.0 * decay.max(settling.other).powf(2.0 * due as f64);
     let shape = case.promise.shape.filter(|_| left < SHAPED);
     Promise { rest: Some(left).filter(|left| *left < 1.0), shape, ..case.promise }
 }
 
 fn judged(case: &Case, samples: &[Sample], promise: &Promise, begun: Instant) -> Judged {
-    let findings = laws::judge(samples, promise);
-    let verdict = laws::verdict(samples, &findings);
+    let findings = invariants::judge(samples, promise);
+    let verdict = invariants::verdict(samples, &findings);
     Judged {
         scenario: case.scenario.into(),
         verdict,

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use glam::{DQuat, DVec3};
 use palpate::Scene;
 use palpate::scene::{
-    Bind, Body, Core, Coupling, Dilatation, Key, Law, Layer, Material, Motion, Shape, Tool, ToolShape,
+    Bind, Body, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Shape, Tool, ToolShape,
 };
 
 /// Nodes within this share of the block's edge of a face are on it.
@@ -77,7 +77,7 @@ pub struct Setup {
 impl Default for Setup {
     fn default() -> Setup {
         let material = Material {
-            law: Law::Corotational,
+            law: MaterialLaw::Corotational,
             young: 2e4,
             poisson: 0.4,
             density: 1000.0,

@@ -184,7 +184,7 @@ impl Observer {
         if !row.flags.contains(Flags::STEP_RETRIED) {
             let pressing = self.skin.pressing(&contacts);
             let tool = simulation.tool().zip(device);
-            self.touching_laws(&pressing, tool, row.tool.as_ref(), &mut sample);
+            self.touching_invariants(&pressing, tool, row.tool.as_ref(), &mut sample);
             let (h, gravity) = (self.dt, self.gravity);
             let done = Done { h, gravity, end: &self.body.velocity, tool, contacts: &pressing };
             let left = before.left(&done);
@@ -203,7 +203,7 @@ impl Observer {
     }
 
     /// Compares the wrench with the contacts that it should be the sum of.
-    fn touching_laws(
+    fn touching_invariants(
         &self,
         pressing: &[touch::Pressing],
         tool: Option<(&Tool, RigidState)>,

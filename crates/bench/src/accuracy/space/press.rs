@@ -7,7 +7,8 @@ use std::path::PathBuf;
 use glam::{DQuat, DVec3};
 use palpate::Scene;
 use palpate::scene::{
-    self, Bind, Core, Coupling, Dilatation, Key, Law, Layer, Material, Model, Motion, Sides, Surface, Tool, ToolShape,
+    self, Bind, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Model, Motion, Sides, Surface, Tool,
+    ToolShape,
 };
 
 /// Time step, s; long, since only the state at rest counts.
@@ -153,7 +154,7 @@ impl Press {
             density: 1000.0,
             damping_mass: 0.0,
             damping_stiffness: 0.0,
-            law: Law::Corotational,
+            law: MaterialLaw::Corotational,
         };
         scene::Body {
             name: "body".into(),

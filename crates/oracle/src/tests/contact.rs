@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::contact::{Law, Support, Surface, gather, ray_depths};
+use crate::contact::{ContactLaw, Support, Surface, gather, ray_depths};
 use crate::testing::Random;
 use crate::{cull, skin};
 
@@ -98,7 +98,7 @@ fn surface<'a>(positions: &[DVec3], triangles: &'a [[u32; 3]], areas: &'a [f64])
 #[test]
 fn gathering_is_symmetric_and_its_area_does_not_depend_on_the_cut() {
     let normal = DVec3::Z;
-    let law = Law { stiffness: 1e6, damping: 0.0, depth_limit: 0.05 };
+    let law = ContactLaw { stiffness: 1e6, damping: 0.0, depth_limit: 0.05 };
     let force = |levels: usize, flip: bool| {
         let (a, at) = sphere(0.1, DVec3::ZERO, levels);
         let (b, bt) = sphere(0.1, normal * 0.19, levels);

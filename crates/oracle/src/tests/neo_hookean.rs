@@ -5,7 +5,7 @@ use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::Layer;
 use palpate::internal::prepare::layer::kuhn_box;
-use palpate::scene::{Law, Material};
+use palpate::scene::{Material, MaterialLaw};
 
 use super::material;
 use crate::elastic::{Elements, lame, outer, polar_rotation, strain};
@@ -19,7 +19,7 @@ const LAME: (f64, f64) = (2e4, 9e4);
 const DIFFERENCE: f64 = 1e-7;
 
 fn matter(young: f64, poisson: f64) -> Material {
-    Material { law: Law::NeoHookean, ..material(young, poisson) }
+    Material { law: MaterialLaw::NeoHookean, ..material(young, poisson) }
 }
 
 fn random_matrix(random: &mut Random) -> DMat3 {

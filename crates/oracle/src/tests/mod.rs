@@ -11,9 +11,16 @@ mod press;
 mod statics;
 mod step;
 
-use palpate::scene::{Law, Material};
+use palpate::scene::{Material, MaterialLaw};
 
 /// A corotational material of density 1000 kg/m^3 without damping.
 pub(crate) fn material(young: f64, poisson: f64) -> Material {
-    Material { law: Law::Corotational, young, poisson, density: 1000.0, damping_mass: 0.0, damping_stiffness: 0.0 }
+    Material {
+        law: MaterialLaw::Corotational,
+        young,
+        poisson,
+        density: 1000.0,
+        damping_mass: 0.0,
+        damping_stiffness: 0.0,
+    }
 }

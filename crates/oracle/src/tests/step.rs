@@ -5,7 +5,7 @@ use palpate::internal::prepare::layer::kuhn_box;
 use palpate::scene::{Coupling, Material};
 
 use super::material;
-use crate::contact::{Carrier, Contact, Law, Point, Support, Surface, gather_plane};
+use crate::contact::{Carrier, Contact, ContactLaw, Point, Support, Surface, gather_plane};
 use crate::contact_law::{auto_stiffness, mean_edge};
 use crate::skin;
 use crate::step::{Simulation, SoftBody, TENSION_REMAINS};
@@ -94,7 +94,7 @@ fn one_step_satisfies_the_equation_of_motion() {
     }
 }
 
-fn on_floor(simulation: &Simulation, triangles: &[[u32; 3]], areas: &[f64], law: &Law) -> Vec<Contact> {
+fn on_floor(simulation: &Simulation, triangles: &[[u32; 3]], areas: &[f64], law: &ContactLaw) -> Vec<Contact> {
     let body = &simulation.bodies[0];
     let embedding = skin::node_embedding(&body.layer);
     let support = Support::Soft(0, &body.layer, &embedding);
@@ -110,7 +110,7 @@ fn a_block_dropped_on_a_plane_never_rebounds_higher() {
     let triangles = boundary(&layer);
     let areas = skin::areas(&layer.nodes, &triangles);
     let stiffness = auto_stiffness(&[(&layer, &material)]).unwrap();
-    let law = Law { stiffness, damping: stiffness * 1e-3, depth_limit: 0.05 };
+    let law = ContactLaw { stiffness, damping: stiffness * 1e-3, depth_limit: 0.05 };
     let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.2, 0.1, 0.3);
     simulation.bodies.push(SoftBody::new(layer, material, DVec3::Y * start, turn, DVec3::ZERO));
     let energy = |s: &Simulation| {
@@ -145,7 +145,7 @@ fn a_resting_block_is_carried_by_its_weight() {
     let triangles = boundary(&layer);
     let areas = skin::areas(&layer.nodes, &triangles);
     let stiffness = auto_stiffness(&[(&layer, &material)]).unwrap();
-    let law = Law { stiffness, damping: stiffness * 5e-3, depth_limit: 0.05 };
+    let law = ContactLaw { stiffness, damping: stiffness * 5e-3, depth_limit: 0.05 };
     simulation.bodies.push(SoftBody::new(layer, material, DVec3::Y * 0.0501, DQuat::IDENTITY, DVec3::ZERO));
     let mut force = 0.0;
     for _ in 0..600 {

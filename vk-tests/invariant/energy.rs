@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 use palpate::Flags;
 use palpate::internal::shaders::Contact;
 
-use crate::law::invariants::{BLOCK, State};
+use crate::invariant::invariants::{BLOCK, State};
 use crate::scene::whole_step::{open, run, scene};
 
 /// Greatest energy gained, as a share of the energy turned over (its largest change since the start): the state is f32,

@@ -5,7 +5,7 @@ use palpate::internal::prepare::layer::kuhn_box;
 use palpate::scene::Material;
 
 use super::material;
-use crate::contact::{Carrier, Contact, Law, Point, Support, Surface, gather_plane};
+use crate::contact::{Carrier, Contact, ContactLaw, Point, Support, Surface, gather_plane};
 use crate::contact_law::Friction;
 use crate::contact_law::auto_stiffness;
 use crate::skin;
@@ -28,7 +28,7 @@ fn slide(tangent: f64, steps: usize) -> Vec<f64> {
     let layer = kuhn_box(DVec3::new(-0.05, -0.02, -0.05), DVec3::new(0.05, 0.02, 0.05), [4, 2, 4]);
     let triangles = boundary(&layer);
     let areas = skin::areas(&layer.nodes, &triangles);
-    let law = Law { stiffness: 2e6, damping: 2e6 * H, depth_limit: 0.02 };
+    let law = ContactLaw { stiffness: 2e6, damping: 2e6 * H, depth_limit: 0.02 };
     let mut simulation = Simulation::new(H, slope(tangent));
     simulation.friction = Some(FRICTION);
     let mut tool = Tool::sphere(0.02, 0.2, DVec3::Y * 0.0199);
@@ -176,7 +176,7 @@ fn a_block_thrown_on_a_plane_loses_energy_and_comes_to_rest() {
     let triangles = boundary(&layer);
     let areas = skin::areas(&layer.nodes, &triangles);
     let stiffness = auto_stiffness(&[(&layer, &material)]).unwrap();
-    let law = Law { stiffness, damping: stiffness * H, depth_limit: 0.05 };
+    let law = ContactLaw { stiffness, damping: stiffness * H, depth_limit: 0.05 };
     let mut simulation = Simulation::new(H, slope(0.0));
     simulation.friction = Some(FRICTION);
     let velocity = DVec3::new(0.6, 0.0, 0.2);

@@ -4,7 +4,7 @@
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::layer::volume6;
 use palpate::internal::prepare::{Layer, Shape};
-use palpate::scene::{Law, Material};
+use palpate::scene::{Material, MaterialLaw};
 use palpate_oracle as oracle;
 
 use crate::harness::context;
@@ -30,7 +30,7 @@ fn a_neo_hookean_tetrahedron_stretched_by_half_by_hand() {
     // (1 - 1 / (I + 1)) F + ((lambda + 5/6 mu) (J - 1) - mu) cofactors.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Layer::default() };
-    let soft = Material { law: Law::NeoHookean, ..material(2e4) };
+    let soft = Material { law: MaterialLaw::NeoHookean, ..material(2e4) };
     let mut system = System::new(&[layered(layer, soft, DQuat::IDENTITY)], 0.0, 1);
     system.velocity.fill([0.0; 4]);
     system.displacement[1] = [0.5, 0.0, 0.0, 0.0];

@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Embedding, Shape, Skin};
 use palpate::{Flags, Scene, Simulation, StepReport};
 use palpate_oracle as oracle;
-use palpate_oracle::contact::{self, Law, Support, Surface};
+use palpate_oracle::contact::{self, ContactLaw, Support, Surface};
 use palpate_oracle::contact_law::Friction;
 use palpate_oracle::contact_law::auto_stiffness;
 use palpate_oracle::step::CoupledCore;
@@ -24,7 +24,7 @@ pub struct Twin {
     soft: Vec<(Skin, Vec<Embedding>)>,
     tool: Option<Skin>,
     plane: Option<(DVec3, f64)>,
-    law: Law,
+    law: ContactLaw,
 }
 
 impl Twin {
@@ -68,7 +68,7 @@ impl Twin {
         let contact = &scene.contact;
         oracle.friction = Some(Friction { coefficient: contact.friction, speed: contact.friction_speed });
         let stiffness = contact.stiffness.or_else(|| auto_stiffness(&layers)).unwrap();
-        let law = Law { stiffness, damping: stiffness * scene.step.dt, depth_limit: contact.depth_limit };
+        let law = ContactLaw { stiffness, damping: stiffness * scene.step.dt, depth_limit: contact.depth_limit };
         Twin { oracle, soft, tool, plane, law }
     }
 

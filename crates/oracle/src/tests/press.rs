@@ -6,7 +6,7 @@ use palpate::scene::Coupling;
 
 use super::contact::sphere;
 use super::material;
-use crate::contact::{Contact, Law, Support, Surface, gather};
+use crate::contact::{Contact, ContactLaw, Support, Surface, gather};
 use crate::contact_law::auto_stiffness;
 use crate::skin;
 use crate::step::{Simulation, SoftBody};
@@ -22,9 +22,9 @@ fn block(half: f64, cells: u32, centre: DVec3, velocity: DVec3) -> SoftBody {
     SoftBody::new(layer, material(2e4, 0.4), centre, DQuat::IDENTITY, velocity)
 }
 
-fn law(body: &SoftBody) -> Law {
+fn law(body: &SoftBody) -> ContactLaw {
     let stiffness = auto_stiffness(&[(&body.layer, &body.elements.materials[0])]).unwrap();
-    Law { stiffness, damping: stiffness * 1e-3, depth_limit: 0.02 }
+    ContactLaw { stiffness, damping: stiffness * 1e-3, depth_limit: 0.02 }
 }
 
 #[test]

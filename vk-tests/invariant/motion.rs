@@ -54,7 +54,7 @@ const BESIDE: usize = 60;
 /// Greatest change of linear momentum in the flight, as a share of it.
 const MOMENTUM: f64 = 1.0e-6;
 /// Greatest change of angular momentum in a step besides the torque of the method itself (see
-/// vk-tests/law/invariants.rs), relative to the linear momentum times the body's half extent.
+/// vk-tests/invariant/invariants.rs), relative to the linear momentum times the body's half extent.
 const SPIN: f64 = 1.0e-7;
 /// Greatest difference of angular momentum from the oracle's, relative to the same product: errors of the single steps
 /// add up.
@@ -102,7 +102,7 @@ fn toss(what: &str, text: &str, half: f64) {
         iterations += row.iterations;
         let after = twin_of(&simulation);
         linear = linear.max(momentum(&after, DVec3::ZERO).0.distance(first.0));
-        // Both states are taken about the centre of the earlier one; vk-tests/law/invariants.rs explains the torque of
+        // Both states are taken about the centre of the earlier one; vk-tests/invariant/invariants.rs explains the torque of
         // rotations that are fixed over a step.
         let point = centre(&before);
         let operator = before.elements.linearised(&before.displacement, &before.rotations());

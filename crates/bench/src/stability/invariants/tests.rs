@@ -24,7 +24,7 @@ fn verdict_of(samples: &[Sample]) -> Verdict {
 }
 
 #[test]
-fn what_keeps_every_law_passes() {
+fn what_keeps_every_invariant_passes() {
     let samples = kept();
     assert_eq!(verdict_of(&samples), Verdict::Pass);
     let findings = judge(&samples, &PROMISE);
@@ -33,38 +33,38 @@ fn what_keeps_every_law_passes() {
 }
 
 #[test]
-fn each_law_can_be_broken_and_a_flag_of_another_step_excuses_nothing() {
+fn each_invariant_can_be_broken_and_a_flag_of_another_step_excuses_nothing() {
     type Spoil = fn(&mut Sample);
-    let laws: [(Law, usize, Spoil); 10] = [
-        (Law::Finite, 7, |s| s.is_finite = false),
-        (Law::Energy, 7, |s| s.energy = 1.01),
-        (Law::Force, 7, |s| s.missed = 6e-4),
-        (Law::Push, 7, |s| s.tension = 6e-4),
-        (Law::Residual, 7, |s| s.residual = 2e-3),
-        (Law::Balance, 7, |s| s.balance = f64::NAN),
-        (Law::Rest, 9, |s| s.motion = 2e-3),
-        (Law::Drift, 7, |s| s.moved.x = 2e-6),
-        (Law::Shape, 10, |s| s.deformed = 0.2),
-        (Law::Parted, 10, |s| s.pressed = 0.1),
+    let invariants: [(Invariant, usize, Spoil); 10] = [
+        (Invariant::Finite, 7, |s| s.is_finite = false),
+        (Invariant::Energy, 7, |s| s.energy = 1.01),
+        (Invariant::Force, 7, |s| s.missed = 6e-4),
+        (Invariant::Push, 7, |s| s.tension = 6e-4),
+        (Invariant::Residual, 7, |s| s.residual = 2e-3),
+        (Invariant::Balance, 7, |s| s.balance = f64::NAN),
+        (Invariant::Rest, 9, |s| s.motion = 2e-3),
+        (Invariant::Drift, 7, |s| s.moved.x = 2e-6),
+        (Invariant::Shape, 10, |s| s.deformed = 0.2),
+        (Invariant::Parted, 10, |s| s.pressed = 0.1),
     ];
-    for (law, step, spoil) in laws {
+    for (invariant, step, spoil) in invariants {
         let mut samples = kept();
         spoil(&mut samples[step]);
         let findings = judge(&samples, &PROMISE);
-        let broken: Vec<_> = findings.iter().filter_map(|f| f.broken.map(|step| (f.law, step))).collect();
-        assert_eq!(broken, [(law, step)]);
-        assert_eq!(verdict(&samples, &findings), Verdict::Silent, "{law:?}");
-        let excuses = law.excuses().0;
+        let broken: Vec<_> = findings.iter().filter_map(|f| f.broken.map(|step| (f.invariant, step))).collect();
+        assert_eq!(broken, [(invariant, step)]);
+        assert_eq!(verdict(&samples, &findings), Verdict::Silent, "{invariant:?}");
+        let excuses = invariant.excuses().0;
         samples[step - 1].flags = Flags(ALL);
-        assert_eq!(verdict_of(&samples), Verdict::Silent, "{law:?}, the flag a step early");
+        assert_eq!(verdict_of(&samples), Verdict::Silent, "{invariant:?}, the flag a step early");
         samples[step].flags = Flags(ALL & !excuses);
-        assert_eq!(verdict_of(&samples), Verdict::Silent, "{law:?}, flags that say nothing of it");
-        let told = if law.is_hard() { Verdict::Fail } else { Verdict::Degraded };
+        assert_eq!(verdict_of(&samples), Verdict::Silent, "{invariant:?}, flags that say nothing of it");
+        let told = if invariant.is_hard() { Verdict::Fail } else { Verdict::Degraded };
         for (flag, name) in Flags::ALL.into_iter().filter(|(flag, _)| excuses & flag.0 != 0) {
             samples[step].flags = flag;
-            assert_eq!(verdict_of(&samples), told, "{law:?}");
+            assert_eq!(verdict_of(&samples), told, "{invariant:?}");
             let words = judge(&samples, &PROMISE).iter().find_map(Finding::in_words).unwrap();
-            assert!(words.starts_with(law.name()) && words.contains(&format!("step {step}")), "{words}");
+            assert!(words.starts_with(invariant.name()) && words.contains(&format!("step {step}")), "{words}");
             assert!(words.contains(name), "{words}");
         }
     }
@@ -80,9 +80,9 @@ fn what_is_to_touch_and_does_not_is_a_failure_whatever_is_flagged() {
 }
 
 #[test]
-fn the_worst_of_a_law_is_a_step_and_never_the_start() {
+fn the_worst_of_an_invariant_is_a_step_and_never_the_start() {
     let samples = kept();
-    let energy = judge(&samples, &PROMISE).into_iter().find(|f| f.law == Law::Energy).unwrap();
+    let energy = judge(&samples, &PROMISE).into_iter().find(|f| f.invariant == Invariant::Energy).unwrap();
     assert_eq!((energy.step, energy.bound), (1, ENERGY));
     assert!((energy.worst + 0.05).abs() < 1e-12, "{energy:?}");
 }
@@ -99,7 +99,7 @@ fn the_end_is_its_last_tenth_and_a_step_that_no_flag_excuses_is_the_one_told() {
     assert_eq!(verdict_of(&samples), Verdict::Silent);
     samples[181].flags = Flags::INVERTED;
     samples[190].motion = 0.5;
-    let rest = judge(&samples, &PROMISE).into_iter().find(|f| f.law == Law::Rest).unwrap();
+    let rest = judge(&samples, &PROMISE).into_iter().find(|f| f.invariant == Invariant::Rest).unwrap();
     assert_eq!((rest.broken, rest.is_silent, rest.step), (Some(190), true, 181));
 }
 

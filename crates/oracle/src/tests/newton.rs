@@ -4,7 +4,7 @@
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
 use palpate::internal::prepare::patch::patches;
-use palpate::scene::{Law, Material};
+use palpate::scene::{Material, MaterialLaw};
 
 use super::material;
 use crate::step::{Simulation, SoftBody};
@@ -54,7 +54,7 @@ fn left(before: &SoftBody, after: &SoftBody, h: f64) -> f64 {
 #[test]
 fn what_is_left_of_implicit_euler_falls_with_every_iteration() {
     let soft = Material { damping_mass: 2.0, damping_stiffness: 0.002, ..material(2e4, 0.4) };
-    let neo = Material { law: Law::NeoHookean, ..soft };
+    let neo = Material { law: MaterialLaw::NeoHookean, ..soft };
     for (name, matter, patched) in [("corotational", soft, false), ("patches", soft, true), ("neo-Hookean", neo, false)]
     {
         for h in [0.01, 0.02] {

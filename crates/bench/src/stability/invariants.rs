@@ -1,4 +1,4 @@
-//! The invariants (`Law`) that every step of a case must keep, judged from measured steps alone. Each finding names the
+//! The invariants (`Invariant`) that every step of a case must keep, judged from measured steps alone. Each finding names the
 //! first step that broke one, and a case's verdict follows from its findings. A step that breaks an invariant is
 //! excused if it raised a flag that warns of just that; a break without such a flag is a silent failure.
 
@@ -31,7 +31,7 @@ pub const DRIFT: f64 = 1e-5;
 /// An invariant that is tested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Law {
+pub enum Invariant {
     /// All reported numbers are finite.
     Finite,
     /// Energy does not appear from nothing.
@@ -56,60 +56,60 @@ pub enum Law {
     Parted,
 }
 
-impl Law {
+impl Invariant {
     /// Name in the report.
     pub fn name(self) -> &'static str {
         match self {
-            Law::Finite => "finite",
-            Law::Energy => "energy",
-            Law::Force => "force",
-            Law::Push => "push",
-            Law::Residual => "residual",
-            Law::Balance => "balance",
-            Law::Rest => "rest",
-            Law::Drift => "drift",
-            Law::Shape => "shape",
-            Law::Touch => "touch",
-            Law::Parted => "parted",
+            Invariant::Finite => "finite",
+            Invariant::Energy => "energy",
+            Invariant::Force => "force",
+            Invariant::Push => "push",
+            Invariant::Residual => "residual",
+            Invariant::Balance => "balance",
+            Invariant::Rest => "rest",
+            Invariant::Drift => "drift",
+            Invariant::Shape => "shape",
+            Invariant::Touch => "touch",
+            Invariant::Parted => "parted",
         }
     }
 
     /// Whether breaking it makes the felt force wrong, so that it is a failure even where a flag warns of it.
     fn is_hard(self) -> bool {
-        matches!(self, Law::Finite | Law::Energy | Law::Force | Law::Push)
+        matches!(self, Invariant::Finite | Invariant::Energy | Invariant::Force | Invariant::Push)
     }
 
     /// The flags that warn that this invariant may be broken in their step; other flags do not excuse it.
     pub fn excuses(self) -> Flags {
         match self {
             // The flag says that a number was not finite.
-            Law::Finite => Flags::NON_FINITE,
+            Invariant::Finite => Flags::NON_FINITE,
             // Rotations are frozen over a step, which adds energy to a spinning body; and the elastic energy of an
             // inverted tetrahedron depends on which of its several polar rotations is chosen, in this measurement as in
             // the engine.
-            Law::Energy => Flags::TURNS_TOO_FAR | Flags::INVERTED,
+            Invariant::Energy => Flags::TURNS_TOO_FAR | Flags::INVERTED,
             // Contacts that pull count as zero in the wrench, but act in the solution.
-            Law::Push => Flags::TENSION_REMAINS,
+            Invariant::Push => Flags::TENSION_REMAINS,
             // The sum computed here leaves out pulling contacts as the wrench does, so that no flag explains a
             // difference.
-            Law::Force | Law::Touch => Flags(0),
+            Invariant::Force | Invariant::Touch => Flags(0),
             // The first flag says just this. The rotation of an inverted tetrahedron cannot be followed from outside,
             // so that the system here differs from the engine's. Blocks of 1 TPa that spin break it while they gain
             // energy, presumably by rounding of their large stress.
-            Law::Residual => Flags::NOT_CONVERGED | Flags::INVERTED | Flags::TURNS_TOO_FAR,
+            Invariant::Residual => Flags::NOT_CONVERGED | Flags::INVERTED | Flags::TURNS_TOO_FAR,
             // The tool's equations share the solver's residual; contacts that pull move the tool but are left out of
             // the wrench; a step that was retried in parts reports the force of its last part; a frozen tool does not
             // move.
-            Law::Balance => Flags::NOT_CONVERGED | Flags::TENSION_REMAINS | Flags::STEP_RETRIED | Flags::FROZEN,
+            Invariant::Balance => Flags::NOT_CONVERGED | Flags::TENSION_REMAINS | Flags::STEP_RETRIED | Flags::FROZEN,
             // The solver's residual may push the body as a whole, and the spinning blocks of 1 TPa drift as well.
-            Law::Drift => Flags::NOT_CONVERGED | Flags::TURNS_TOO_FAR,
+            Invariant::Drift => Flags::NOT_CONVERGED | Flags::TURNS_TOO_FAR,
             // A body caught inside out creeps, and does not decay as predicted for oscillations about rest.
-            Law::Rest => Flags::INVERTED,
+            Invariant::Rest => Flags::INVERTED,
             // The flags say that the body is not back in shape, or will not be.
-            Law::Shape => Flags::INVERTED | Flags::FROZEN,
+            Invariant::Shape => Flags::INVERTED | Flags::FROZEN,
             // A contact beyond the depth limit is left out, so that the body may be caught on the tool; or it is caught
             // inside out.
-            Law::Parted => Flags::DEPTH_BEYOND_LIMIT | Flags::INVERTED | Flags::FROZEN,
+            Invariant::Parted => Flags::DEPTH_BEYOND_LIMIT | Flags::INVERTED | Flags::FROZEN,
         }
     }
 
@@ -139,7 +139,7 @@ pub struct Promise {
 #[derive(Debug, Clone, Serialize)]
 pub struct Finding {
     /// The invariant.
-    pub law: Law,
+    pub invariant: Invariant,
     /// The measured value that is nearest to its bound or furthest beyond it.
     pub worst: f64,
     /// The bound of that value.
@@ -197,45 +197,45 @@ impl Finding {
         let step = self.broken?;
         let names: Vec<&str> = Flags(self.flags).names().collect();
         let flags = if names.is_empty() { "no flag".into() } else { names.join(", ") };
-        let Finding { law, worst, bound, .. } = self;
-        Some(match law {
-            Law::Finite => format!("finite: step {step} reports a number that is not finite ({flags})"),
-            Law::Touch => "touch: nothing presses in any step".into(),
-            _ => format!("{} from step {step} ({flags}): {worst:.2e} at worst, {bound:.2e} allowed", law.name()),
+        let Finding { invariant, worst, bound, .. } = self;
+        Some(match invariant {
+            Invariant::Finite => format!("finite: step {step} reports a number that is not finite ({flags})"),
+            Invariant::Touch => "touch: nothing presses in any step".into(),
+            _ => format!("{} from step {step} ({flags}): {worst:.2e} at worst, {bound:.2e} allowed", invariant.name()),
         })
     }
 }
 
 /// Judges every invariant for the steps of a case; the first sample is the state before the first step.
 pub fn judge(samples: &[Sample], promise: &Promise) -> Vec<Finding> {
-    let from_first = |law, measure: fn(&Sample) -> (f64, f64)| worst(law, samples, 1, measure);
+    let from_first = |invariant, measure: fn(&Sample) -> (f64, f64)| worst(invariant, samples, 1, measure);
     let mut findings = vec![
-        from_first(Law::Finite, |s| (f64::from(u8::from(!s.is_finite)), 0.5)),
+        from_first(Invariant::Finite, |s| (f64::from(u8::from(!s.is_finite)), 0.5)),
         energy(samples),
-        from_first(Law::Force, |s| (s.missed, FORCE * s.pressed + s.touch_floor)),
-        from_first(Law::Push, |s| (s.tension, FORCE * s.pressed + s.touch_floor)),
-        from_first(Law::Residual, |s| (s.residual, RESIDUAL.max(s.residual_floor))),
-        from_first(Law::Balance, |s| (s.balance, BALANCE)),
+        from_first(Invariant::Force, |s| (s.missed, FORCE * s.pressed + s.touch_floor)),
+        from_first(Invariant::Push, |s| (s.tension, FORCE * s.pressed + s.touch_floor)),
+        from_first(Invariant::Residual, |s| (s.residual, RESIDUAL.max(s.residual_floor))),
+        from_first(Invariant::Balance, |s| (s.balance, BALANCE)),
     ];
     let end = end_of(samples);
     if let Some(left) = promise.rest {
         let most = samples.iter().map(|s| s.stirred).fold(0.0, f64::max);
-        findings.push(worst(Law::Rest, samples, end, |s| (s.motion, left.max(AT_REST) * most)));
+        findings.push(worst(Invariant::Rest, samples, end, |s| (s.motion, left.max(AT_REST) * most)));
     }
     if let Some((from, bound)) = promise.drift {
         let reference = samples.get(from).map_or(DVec3::ZERO, |s| s.moved);
-        findings.push(worst(Law::Drift, samples, from, |s| (s.moved.distance(reference), bound)));
+        findings.push(worst(Invariant::Drift, samples, from, |s| (s.moved.distance(reference), bound)));
     }
     if let Some(bound) = promise.shape {
-        findings.push(worst(Law::Shape, samples, end, |s| (s.deformed, bound)));
+        findings.push(worst(Invariant::Shape, samples, end, |s| (s.deformed, bound)));
     }
     if promise.touches {
         let touches = samples.iter().any(|s| s.pressed > 0.0);
         let last = samples.len().saturating_sub(1);
-        findings.push(worst(Law::Touch, samples, last, |_| (f64::from(u8::from(!touches)), 0.5)));
+        findings.push(worst(Invariant::Touch, samples, last, |_| (f64::from(u8::from(!touches)), 0.5)));
     }
     if promise.parts {
-        findings.push(worst(Law::Parted, samples, end, |s| (s.pressed, 0.0)));
+        findings.push(worst(Invariant::Parted, samples, end, |s| (s.pressed, 0.0)));
     }
     findings
 }
@@ -256,7 +256,7 @@ fn energy(samples: &[Sample]) -> Finding {
         })
         .collect();
     let mut at = 0;
-    let mut finding = worst(Law::Energy, samples, 1, |_| {
+    let mut finding = worst(Invariant::Energy, samples, 1, |_| {
         at += 1;
         gains[at]
     });
@@ -264,7 +264,7 @@ fn energy(samples: &[Sample]) -> Finding {
     let mut told = 0.0f64;
     finding.is_silent = false;
     for (step, (sample, &(gain, bound))) in samples.iter().zip(&gains).enumerate() {
-        if Law::Energy.is_excused(sample.flags) {
+        if Invariant::Energy.is_excused(sample.flags) {
             told = told.max(gain);
         } else if is_beyond(gain - told, bound) {
             finding.note(step, sample.flags, true);
@@ -274,13 +274,19 @@ fn energy(samples: &[Sample]) -> Finding {
 }
 
 /// Finds the sample from step `from` on that is nearest to its bound or furthest beyond it; NaN breaks any bound.
-fn worst(law: Law, samples: &[Sample], from: usize, mut measure: impl FnMut(&Sample) -> (f64, f64)) -> Finding {
-    let mut finding = Finding { law, worst: 0.0, bound: 0.0, step: from, broken: None, flags: 0, is_silent: false };
+fn worst(
+    invariant: Invariant,
+    samples: &[Sample],
+    from: usize,
+    mut measure: impl FnMut(&Sample) -> (f64, f64),
+) -> Finding {
+    let mut finding =
+        Finding { invariant, worst: 0.0, bound: 0.0, step: from, broken: None, flags: 0, is_silent: false };
     let mut most = f64::NEG_INFINITY;
     for (step, sample) in samples.iter().enumerate().skip(from) {
         let (value, bound) = measure(sample);
         if is_beyond(value, bound) {
-            finding.note(step, sample.flags, !law.is_excused(sample.flags));
+            finding.note(step, sample.flags, !invariant.is_excused(sample.flags));
         }
         // Any positive value breaks a bound of zero; such values are compared by themselves.
         let share = if bound > 0.0 { value / bound } else { value };
@@ -302,7 +308,7 @@ pub fn verdict(samples: &[Sample], findings: &[Finding]) -> Verdict {
     let was_flagged = samples.iter().any(|s| s.flags != Flags::default());
     if broken().any(|f| f.is_silent) {
         Verdict::Silent
-    } else if broken().any(|f| f.law.is_hard()) {
+    } else if broken().any(|f| f.invariant.is_hard()) {
         Verdict::Fail
     } else if was_flagged {
         Verdict::Degraded
