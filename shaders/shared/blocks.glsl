@@ -20,4 +20,4 @@ uvec4 block_node(Block block, uint k) { return fetch(block_nodes, block.first + 
 float node_damping(uvec4 node) { return uintBitsToFloat(node.w); }
 
 // Place of a block's modes among those of all blocks, body by body. Needs `coarse_blocks`.
-uint slot_of(uint b) { return fetch(coarse_blocks, b).w; }
+uint coarse_index_of(uint b) { return fetch(coarse_blocks, b).w; }

@@ -1,5 +1,5 @@
 // Coarse space of the two-level additive Schwarz preconditioner: A_c^-1, the inverse of the Galerkin matrix
-// A_c = P^T A P of a body at rest, over the modes of all its blocks of nodes (aggregates; shared/modes.glsl). It is
+// A_c = P^T A P of a body at rest, over the modes of all its blocks of nodes (aggregates; shared/coarse_vector.glsl). It is
 // scaled to a unit diagonal and kept in half precision, eight numbers a texel. A block owns twelve rows.
 //
 // Needs `coarse_inverse`, those rows; `coarse_scales`, the square roots of the diagonal of A_c^-1, three texels a

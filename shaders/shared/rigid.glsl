@@ -5,7 +5,7 @@
 // Operator product A x of the newest iterate, in the rows of a rigid body.
 float[6] product_of(uint index) {
     bool is_tool = TOOL && index == RIGIDS - 1;
-    uint first = is_tool ? BLOCKS : rigids[index].slot_first, count = is_tool ? 1 : rigids[index].block_count;
+    uint first = is_tool ? BLOCKS : rigids[index].first_coarse_index, count = is_tool ? 1 : rigids[index].block_count;
     vec4 turn = is_tool ? vec4(0.0, 0.0, 0.0, 1.0) : frames[rigids[index].frame].rotation;
     float y[6] = twist_of_restricted_product(first, count, turn);
     if (is_tool) {

@@ -5,11 +5,11 @@
 #define TWIST_OF(modes) \
     float[6] twist_of_##modes(uint first, uint count, vec4 turn) { \
         vec3 linear = vec3(0.0), angular = vec3(0.0); \
-        for (uint b = first; b < first + count; b++) add_modes(linear, angular, fetch(modes, 3 * b), fetch(modes, 3 * b + 1)); \
+        for (uint b = first; b < first + count; b++) add_restriction(linear, angular, fetch(modes, 3 * b), fetch(modes, 3 * b + 1)); \
         return turned_twist(linear, angular, turn); \
     }
 
-void add_modes(inout vec3 linear, inout vec3 angular, vec4 low, vec4 high) {
+void add_restriction(inout vec3 linear, inout vec3 angular, vec4 low, vec4 high) {
     linear += low.xyz;
     angular += vec3(low.w, high.xy);
 }

@@ -54,7 +54,7 @@ struct Rigid {
     uint frame;                 // frame of a core
     uint node_first, node_count;            // attached nodes, a range of block_nodes
     uint block_first, block_count;          // blocks of those nodes
-    uint slot_first;            // place of those blocks' modes among the modes of all blocks
+    uint first_coarse_index;            // place of those blocks' modes among the modes of all blocks
     vec3 hinge;                 // unit hinge axis through the centre, world: it only turns about that; zero: free
     uint joint_first, joint_count;          // its sides of joints, a range of joint_sides
     uint group_first, group_count;          // range of rigid bodies that joints connect, itself included

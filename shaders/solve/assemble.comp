@@ -17,7 +17,7 @@
 // - for each block of nodes, b . D^-1 b, with D the diagonal blocks, and (e . D^-1 e) eps^2, where e sums the
 //   magnitudes of the terms of b, and eps is ROUNDING: what rounding makes of b for a body at rest.
 // - for each block, its rotation (the polar part of its nodes' affine fit), in whose axes its modes are, and the
-//   restriction P^T b of b to its modes (shared/modes.glsl).
+//   restriction P^T b of b to its modes (shared/coarse_vector.glsl).
 //
 // Symbols: step h; mass m, gravity g, damping alpha and beta, velocity v of a node; force f and stiffness K of an
 // element; and of a contact (shared/contact_law.glsl) the weight w of the node, area a, stiffness k, damping d, depth
@@ -70,7 +70,7 @@ const uint SUMS = 7;
 #include "shared/symmetric.glsl"
 #include "shared/sums.glsl"
 #include "shared/blocks.glsl"
-#include "shared/modes.glsl"
+#include "shared/coarse_vector.glsl"
 #include "shared/core.glsl"
 #include "shared/followed.glsl"
 #include "shared/share.glsl"
@@ -119,7 +119,7 @@ void main() {
     Block block = block_of(gl_WorkGroupID.x);
     vec4 place = fetch(block_places, gl_WorkGroupID.x), turn = frames[block.frame].rotation;
     float h = params.dt;
-    Modes modes = no_modes(), moved = no_modes();
+    CoarseVector modes = coarse_zero(), moved = coarse_zero();
     vec3 sums = vec3(0.0);
     for (uint at = lane; at < block.count; at += SIZE) {
         uvec4 node = block_node(block, at);
@@ -171,8 +171,8 @@ void main() {
         if (COARSE) {
             sums.z += ROUNDING * dot(e, ROUNDING * e);
             vec3 where = (rest.xyz - place.xyz) * place.w;
-            add_modes(modes, b, where);
-            add_modes(moved, fetch(displacement, i).xyz, where);
+            add_restriction(modes, b, where);
+            add_restriction(moved, fetch(displacement, i).xyz, where);
         }
         preconditioned[i] = vec4(z, 0.0);
         inverse[2 * i] = vec4(diagonal, 0.0);
@@ -203,7 +203,7 @@ void main() {
     workgroup_sums(totals, COARSE ? 7 : (block.rigid != NONE ? 4 : 1));
     if (lane != 0) return;
     vec2 products = totals[0].xy;
-    if (COARSE && block.rigid == NONE) products.y += coarse_share(slot_of(gl_WorkGroupID.x)) * totals[0].z;
+    if (COARSE && block.rigid == NONE) products.y += coarse_share(coarse_index_of(gl_WorkGroupID.x)) * totals[0].z;
     partials[gl_WorkGroupID.x] = products;
     if (COARSE && block.rigid == NONE) {
         vec4 q = rotation_of(gl_WorkGroupID.x, place.w, mat3(totals[4].xyz, totals[5].xyz, totals[6].xyz));
@@ -212,5 +212,5 @@ void main() {
     }
     block_turns[gl_WorkGroupID.x] = turn;
     p = packed(to_frame(unpacked(totals[1], totals[2], totals[3]), turn));
-    for (int k = 0; k < 3; k++) restricted_rhs[3 * slot_of(gl_WorkGroupID.x) + k] = p[k];
+    for (int k = 0; k < 3; k++) restricted_rhs[3 * coarse_index_of(gl_WorkGroupID.x) + k] = p[k];
 }

@@ -118,7 +118,7 @@ void assemble(uint c) {
         torque_size += abs(torque);
     }
     for (int k = 0; k < 36; k++) rigid_blocks[CORE_NUMBERS * c + k] = block[k];
-    rigids[c].b = twist_of_restricted_rhs(core.slot_first, core.block_count, turn);
+    rigids[c].b = twist_of_restricted_rhs(core.first_coarse_index, core.block_count, turn);
     rigids[c].operator_product =
         float[6](force_size.x, force_size.y, force_size.z, torque_size.x, torque_size.y, torque_size.z);
 }

@@ -34,17 +34,17 @@ layout(scalar) writeonly buffer DirectionProduct { vec4 direction_product[]; }; 
 layout(scalar) writeonly buffer RestrictedDirection { vec4 restricted_direction[]; };     // P^T A p, in two sets
 
 #include "shared/blocks.glsl"
-#include "shared/modes.glsl"
+#include "shared/coarse_vector.glsl"
 #include "shared/symmetric.glsl"
 #include "shared/preconditioner.glsl"
 #include "shared/core.glsl"
 
 // Coarse correction of a block, A_c^-1 P^T (b - warm A x'), in world axes.
-Modes coarse_start(uint slot, vec4 turn) {
+CoarseVector coarse_start(uint coarse_index, vec4 turn) {
     vec4 z[3];
     for (int k = 0; k < 3; k++) {
-        z[k] = fetch(coarse_rhs, 3 * slot + k);
-        if (solve.warm_start != 0.0) z[k] -= solve.warm_start * fetch(coarse_product, 3 * slot + k);
+        z[k] = fetch(coarse_rhs, 3 * coarse_index + k);
+        if (solve.warm_start != 0.0) z[k] -= solve.warm_start * fetch(coarse_product, 3 * coarse_index + k);
     }
     return to_world(unpacked(z[0], z[1], z[2]), turn);
 }
@@ -53,11 +53,11 @@ void main() {
     uint b = gl_WorkGroupID.x;
     Block block = block_of(b);
     vec4 place = fetch(block_places, b), turn = fetch(block_turns, b);
-    Modes modes = no_modes();
+    CoarseVector modes = coarse_zero();
     if (COARSE) {
-        uint slot = slot_of(b);
-        modes = coarse_start(slot, turn);
-        if (gl_LocalInvocationID.x < 3) restricted_direction[3 * slot + gl_LocalInvocationID.x] = vec4(0.0);
+        uint coarse_index = coarse_index_of(b);
+        modes = coarse_start(coarse_index, turn);
+        if (gl_LocalInvocationID.x < 3) restricted_direction[3 * coarse_index + gl_LocalInvocationID.x] = vec4(0.0);
     }
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         uint i = block_node(block, at).x;

@@ -132,9 +132,9 @@ void start_rigid(uint index, float warm_start) {
         now.s[k] = 0.0;
     }
     if (COARSE && index < CORES) {
-        uint slot = rigids[index].slot_first;
-        float of_rhs[6] = twist_of_coarse_rhs(slot, 1, frames[rigids[index].frame].rotation);
-        float of_product[6] = twist_of_coarse_product(slot, 1, frames[rigids[index].frame].rotation);
+        uint coarse_index = rigids[index].first_coarse_index;
+        float of_rhs[6] = twist_of_coarse_rhs(coarse_index, 1, frames[rigids[index].frame].rotation);
+        float of_product[6] = twist_of_coarse_product(coarse_index, 1, frames[rigids[index].frame].rotation);
         for (int k = 0; k < 6; k++) now.u[k] += of_rhs[k] - (warm_start != 0.0 ? warm_start * of_product[k] : 0.0);
     }
     iterates[index] = now;

@@ -7,7 +7,7 @@
 #include "shared/rotation.glsl"
 
 // Solve: operator product w = A p of each node, from the element and contact products of solve/element_product, solve/patch_product and
-// solve/contact_product; inner products with it; and sums over the modes of each block of nodes (shared/modes.glsl), P^T w and
+// solve/contact_product; inner products with it; and sums over the modes of each block of nodes (shared/coarse_vector.glsl), P^T w and
 // P^T r. The modes of a core's blocks are its six rows. MODE says what p is and which inner products are taken, with
 // preconditioner M of diagonal blocks D:
 //   GATHER_WARM_START, before the loop: p the last solution; w . D^-1 b, w . D^-1 w; `preconditioned` is D^-1 b.
@@ -66,7 +66,7 @@ const uint SUMS = 7;
 #include "shared/roles.glsl"
 #include "shared/sums.glsl"
 #include "shared/blocks.glsl"
-#include "shared/modes.glsl"
+#include "shared/coarse_vector.glsl"
 #include "shared/symmetric.glsl"
 #include "shared/preconditioner.glsl"
 #include "shared/core.glsl"
@@ -125,7 +125,7 @@ float lost_in_joints(uint index, Rigid rigid) {
 }
 
 // Products at the nodes of a block; adds their share of the inner products, and of the sums over modes in world axes.
-void gather_block(uint b, inout vec3 sums, inout Modes of_product, inout Modes of_residual) {
+void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout CoarseVector of_residual) {
     Block block = block_of(b);
     vec4 place = fetch(block_places, b), turn = fetch(block_turns, b);
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
@@ -157,8 +157,8 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_product, inout Modes o
         }
         if (COARSE) {
             vec3 where = (rest.xyz - place.xyz) * place.w;
-            if (MODE != GATHER_END) add_modes(of_product, w, where);
-            if (MODE != GATHER_WARM_START) add_modes(of_residual, r, where);
+            if (MODE != GATHER_END) add_restriction(of_product, w, where);
+            if (MODE != GATHER_WARM_START) add_restriction(of_residual, r, where);
         }
     }
     if (ROLE != CARRIED_NODES) return;
@@ -183,12 +183,12 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_product, inout Modes o
         if (MODE == GATHER_END) sums.y += lost_in_joints(block.rigid, rigid);
     }
     follow(rigid.hinge, of_product.c0, of_product.c1);
-    if (MODE == GATHER_END) of_residual = Modes(-of_product.c0, -of_product.c1, vec3(0.0), vec3(0.0));
+    if (MODE == GATHER_END) of_residual = CoarseVector(-of_product.c0, -of_product.c1, vec3(0.0), vec3(0.0));
     if (gl_LocalInvocationID.x != 0 || b != rigid.block_first) return;
     if (MODE == GATHER_LOOP) {
         RigidIterate now = iterates[set * RIGIDS + block.rigid];
         sums.x += inner(now.r, now.u);
-        of_residual = Modes(three(now.r, 0), three(now.r, 3), vec3(0.0), vec3(0.0));
+        of_residual = CoarseVector(three(now.r, 0), three(now.r, 3), vec3(0.0), vec3(0.0));
     } else if (MODE == GATHER_END) {
         of_residual.c0 += three(rigid.b, 0);
         of_residual.c1 += three(rigid.b, 3);
@@ -196,8 +196,8 @@ void gather_block(uint b, inout vec3 sums, inout Modes of_product, inout Modes o
 }
 
 // Products in the tool's rows: contacts and, in an iteration, its inertia and coupling, which lane 0 adds.
-void gather_tool(inout vec3 sums, inout Modes of_product) {
-    Modes rows = no_modes();
+void gather_tool(inout vec3 sums, inout CoarseVector of_product) {
+    CoarseVector rows = coarse_zero();
     if (CONTACT) add_tool_contacts(counts.contacts, rows.c0, rows.c1);
     of_product = rows;
     if (MODE != GATHER_LOOP) return;
@@ -213,7 +213,7 @@ void gather_tool(inout vec3 sums, inout Modes of_product) {
 void main() {
     uint b = ROLE == TOOL_ROWS ? BLOCKS : FIRST + gl_WorkGroupID.x;
     vec3 sums = vec3(0.0);
-    Modes of_product = no_modes(), of_residual = no_modes();
+    CoarseVector of_product = coarse_zero(), of_residual = coarse_zero();
     if (ROLE == TOOL_ROWS) gather_tool(sums, of_product);
     else gather_block(b, sums, of_product, of_residual);
     vec4 w[3] = packed(of_product), r[3] = packed(of_residual);
@@ -225,14 +225,14 @@ void main() {
         dots[b] = products;
         return;
     }
-    uint slot = ROLE == TOOL_ROWS ? BLOCKS : slot_of(b);
-    if (MODE == GATHER_END && COARSE && ROLE == FREE_NODES) products.y += coarse_share(slot) * totals[0].z;
+    uint coarse_index = ROLE == TOOL_ROWS ? BLOCKS : coarse_index_of(b);
+    if (MODE == GATHER_END && COARSE && ROLE == FREE_NODES) products.y += coarse_share(coarse_index) * totals[0].z;
     dots[b] = products;
     vec4 turn = ROLE == TOOL_ROWS ? vec4(0.0, 0.0, 0.0, 1.0) : fetch(block_turns, b);
     w = packed(to_frame(unpacked(totals[1], totals[2], totals[3]), turn));
     r = packed(to_frame(unpacked(totals[4], totals[5], totals[6]), turn));
     for (int k = 0; k < 3; k++) {
-        restricted_product[3 * slot + k] = w[k];
-        if (COARSE) restricted_residual[3 * slot + k] = r[k];
+        restricted_product[3 * coarse_index + k] = w[k];
+        if (COARSE) restricted_residual[3 * coarse_index + k] = r[k];
     }
 }

@@ -71,7 +71,7 @@ shared float group_residuals[6 * WIDEST];
 #include "shared/sums.glsl"
 #include "shared/rigid_inverse.glsl"
 #include "shared/blocks.glsl"
-#include "shared/modes.glsl"
+#include "shared/coarse_vector.glsl"
 #include "shared/symmetric.glsl"
 #include "shared/preconditioner.glsl"
 #include "shared/coarse.glsl"
@@ -153,7 +153,7 @@ vec4[3] coarse_correction(uint b, Scalars scalars) {
 // Updates x, r, p and s of a core or of the tool, and returns its new residual. One invocation runs it.
 void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float residual[6]) {
     bool is_tool = ROLE == TOOL_ROWS;
-    float rows[6] = twist_of_restricted_product(is_tool ? BLOCKS : rigids[index].slot_first, is_tool ? 1 : rigids[index].block_count, turn);
+    float rows[6] = twist_of_restricted_product(is_tool ? BLOCKS : rigids[index].first_coarse_index, is_tool ? 1 : rigids[index].block_count, turn);
     RigidIterate now = iterates[set * RIGIDS + index];
     for (int k = 0; k < 6; k++) {
         now.p[k] = now.u[k] + scalars.beta * now.p[k];
@@ -174,7 +174,7 @@ void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float
 // New residual of another core of the group.
 float[6] residual_of(uint index, Scalars scalars) {
     vec4 turn = fetch(block_turns, rigids[index].block_first);
-    float rows[6] = twist_of_restricted_product(rigids[index].slot_first, rigids[index].block_count, turn);
+    float rows[6] = twist_of_restricted_product(rigids[index].first_coarse_index, rigids[index].block_count, turn);
     RigidIterate now = iterates[set * RIGIDS + index];
     for (int k = 0; k < 6; k++) now.r[k] -= scalars.alpha * (rows[k] + scalars.beta * now.s[k]);
     return now.r;
@@ -193,7 +193,7 @@ void update_tool(Scalars scalars) {
 }
 
 // Updates a core and the nodes of one of its blocks; `modes` is the coarse correction of u.
-void update_carried(uint b, Block block, vec4 turn, Modes modes, Scalars scalars) {
+void update_carried(uint b, Block block, vec4 turn, CoarseVector modes, Scalars scalars) {
     Rigid own = rigids[block.rigid];
     bool writes = b == own.block_first;
     // New residuals of every core of the group, for the product with the group's inverse.
@@ -223,7 +223,7 @@ void update_carried(uint b, Block block, vec4 turn, Modes modes, Scalars scalars
 }
 
 // Updates the free nodes of a block; `modes` is the coarse correction of u.
-void update_free(Block block, vec4 place, Modes modes, Scalars scalars) {
+void update_free(Block block, vec4 place, CoarseVector modes, Scalars scalars) {
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         uint i = block_node(block, at).x;
         vec4 p = fetch(preconditioned, i) + scalars.beta * fetch(direction, i);
@@ -250,7 +250,7 @@ void main() {
     uint b = FIRST + gl_WorkGroupID.x;
     Block block = block_of(b);
     vec4 turn = fetch(block_turns, b);
-    Modes modes = no_modes();
+    CoarseVector modes = coarse_zero();
     if (COARSE) {
         vec4 z[3] = coarse_correction(b, scalars);
         modes = to_world(unpacked(z[0], z[1], z[2]), turn);

@@ -8,7 +8,7 @@ use std::ops::Range;
 use faer::{Mat, Side};
 use glam::{DMat3, DVec3};
 
-use super::clusters::Graph;
+use super::aggregates::Graph;
 use super::model::{Model, texel};
 use crate::shaders::NONE;
 
@@ -32,7 +32,7 @@ pub struct Blocks {
     /// Number of blocks of free nodes.
     pub free: usize,
     /// Per block: its slot, which is its position among the modes of all blocks; the slots of a body are consecutive.
-    pub slots: Vec<u32>,
+    pub coarse_indices: Vec<u32>,
     /// Per node, block by block: node index, its first quad (four entries) in `node_elements`, number of quads, and the
     /// bits of its mass-proportional damping (f32, kg/s).
     pub nodes: Vec<[u32; 4]>,
@@ -71,8 +71,8 @@ impl Model {
         let mut order: Vec<usize> = (0..blocks.blocks.len()).collect();
         let body = |b: &usize| self.body_of(blocks.nodes[blocks.blocks[*b][0] as usize][0]);
         order.sort_by_key(body);
-        blocks.slots = vec![0; order.len()];
-        order.iter().enumerate().for_each(|(slot, b)| blocks.slots[*b] = slot as u32);
+        blocks.coarse_indices = vec![0; order.len()];
+        order.iter().enumerate().for_each(|(coarse_index, b)| blocks.coarse_indices[*b] = coarse_index as u32);
         self.blocks = blocks;
     }
 
@@ -103,9 +103,9 @@ impl Model {
             match aggregates {
                 Some(count) => {
                     let share = ((count * own.len() + total / 2) / total).max(1);
-                    let mut clusters = vec![Vec::new(); share];
-                    self.graph(&own).clusters(share).iter().zip(&own).for_each(|(k, n)| clusters[*k].push(*n));
-                    parts.extend(clusters.into_iter().filter(|part| !part.is_empty()));
+                    let mut aggregates = vec![Vec::new(); share];
+                    self.graph(&own).aggregates(share).iter().zip(&own).for_each(|(k, n)| aggregates[*k].push(*n));
+                    parts.extend(aggregates.into_iter().filter(|part| !part.is_empty()));
                 }
                 None => parts.extend(own.chunks(usual).map(<[u32]>::to_vec)),
             }

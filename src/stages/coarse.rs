@@ -82,7 +82,7 @@ impl Model {
 
     /// Makes the coarse level of the bodies for which `wanted` has a stiffness number and a number of aggregates.
     fn invert(&mut self, dt: f64, wanted: &[Option<(f64, usize)>]) {
-        let blocks: Vec<_> = self.blocks.slots.iter().map(|slot| [0, 0, 0, *slot]).collect();
+        let blocks: Vec<_> = self.blocks.coarse_indices.iter().map(|coarse_index| [0, 0, 0, *coarse_index]).collect();
         let scales = vec![[0.0; 4]; if wanted.iter().any(Option::is_some) { 3 * blocks.len() } else { 0 }];
         let mut coarse = Coarse { blocks, scales, ..Coarse::default() };
         for (index, (number, count)) in wanted.iter().enumerate().filter_map(|(i, w)| w.map(|w| (i, w))) {
@@ -148,8 +148,8 @@ impl Model {
         let soft = &self.soft[index];
         let own = |b: &usize| self.body_of(self.blocks.nodes[self.blocks.blocks[*b][0] as usize][0]) == index;
         let mut blocks: Vec<usize> = (0..self.blocks.blocks.len()).filter(own).collect();
-        blocks.sort_by_key(|b| self.blocks.slots[*b]);
-        let Some(first_slot) = blocks.first().map(|b| self.blocks.slots[*b]) else { return false };
+        blocks.sort_by_key(|b| self.blocks.coarse_indices[*b]);
+        let Some(first_coarse_index) = blocks.first().map(|b| self.blocks.coarse_indices[*b]) else { return false };
         let size = MODES * blocks.len();
         // E has the independent motions as columns: the inverse on the modes is E (E^T A_c E)^-1 E^T.
         let (matrix, motions) = (self.coarse_matrix(soft, &blocks, dt), self.motions(&blocks));
@@ -162,13 +162,14 @@ impl Model {
         let mut rows = vec![half::f16::ZERO; size * 8 * texels];
         for i in 0..size {
             (0..size).for_each(|j| rows[i * 8 * texels + j] = inverse.values[i * size + j]);
-            coarse.scales[3 * first_slot as usize + i / 4][i % 4] = inverse.scales[i] as f32;
+            coarse.scales[3 * first_coarse_index as usize + i / 4][i % 4] = inverse.scales[i] as f32;
         }
         let pair = |x: &[half::f16]| u32::from(x[0].to_bits()) | u32::from(x[1].to_bits()) << 16;
         coarse.inverse.extend(rows.chunks(8).map(|x| [0, 2, 4, 6].map(|k| pair(&x[k..]))));
         (0..blocks.len()).for_each(|k| {
             let first = first_texel + k * MODES * texels;
-            coarse.blocks[blocks[k]] = [first as u32, first_slot, (size / 4) as u32, first_slot + k as u32];
+            coarse.blocks[blocks[k]] =
+                [first as u32, first_coarse_index, (size / 4) as u32, first_coarse_index + k as u32];
         });
         true
     }

@@ -3,9 +3,9 @@
 //! Lengths of arrays are in elements. Read-only arrays of vectors are bound as texel buffers or as storage buffers,
 //! whichever is chosen for the GPU (shaders/shared/arrays.glsl).
 
+mod aggregates;
 mod blocks;
 mod chunks;
-mod clusters;
 pub mod coarse;
 pub mod contact;
 pub mod contact_law;

@@ -288,7 +288,7 @@ fn rigids_of(model: &Model) -> (Vec<shaders::Rigid>, usize) {
             node_count: nodes.len() as u32,
             block_first: blocks.start as u32,
             block_count: blocks.len() as u32,
-            slot_first: model.blocks.slots.get(blocks.start).copied().unwrap_or_default(),
+            first_coarse_index: model.blocks.coarse_indices.get(blocks.start).copied().unwrap_or_default(),
             hinge: core.hinge.as_vec3().to_array(),
             joint_first,
             joint_count: sides.len() as u32,

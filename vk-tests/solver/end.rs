@@ -39,7 +39,7 @@ fn with_dots(passes: &mut Passes, dots: &[[f32; 2]]) {
 }
 
 fn granted(passes: &Passes) -> [u32; 2] {
-    [shaders::ARGS_COMMIT, shaders::ARGS_WRENCH].map(|slot| passes.args[3 * slot as usize])
+    [shaders::ARGS_COMMIT, shaders::ARGS_WRENCH].map(|coarse_index| passes.args[3 * coarse_index as usize])
 }
 
 #[test]
@@ -57,7 +57,8 @@ fn verdicts_by_hand() {
     expect_close("residual", &[report.residual, report.residual_floor], &[0.05, 1.25e-4], ROUNDING);
     assert_eq!(granted(&passes), [groups, 1]);
     assert_eq!((report.max_depth, report.force, report.stiffness), (0.0, [7.0; 3], [7.0; 21]));
-    let written = [shaders::ARGS_COMMIT, shaders::ARGS_WRENCH, shaders::ARGS_GAP].map(|slot| 3 * slot as usize);
+    let written =
+        [shaders::ARGS_COMMIT, shaders::ARGS_WRENCH, shaders::ARGS_GAP].map(|coarse_index| 3 * coarse_index as usize);
     let others = passes.args.iter().enumerate().filter(|(i, _)| !written.contains(i));
     assert!(others.into_iter().all(|(_, word)| *word == UNTOUCHED), "other arguments stay");
 

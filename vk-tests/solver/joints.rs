@@ -193,8 +193,8 @@ fn rows_of_joints_are_in_a_and_b() {
 fn rows_of(passes: &Passes, rigid: &Rigid) -> [f32; 6] {
     let turn = DQuat::from_array(passes.block_turns[rigid.block_first as usize].map(f64::from));
     let (mut force, mut torque) = (DVec3::ZERO, DVec3::ZERO);
-    for slot in rigid.slot_first..rigid.slot_first + rigid.block_count {
-        let modes = &passes.restricted_product[3 * slot as usize..][..2].concat();
+    for coarse_index in rigid.first_coarse_index..rigid.first_coarse_index + rigid.block_count {
+        let modes = &passes.restricted_product[3 * coarse_index as usize..][..2].concat();
         force += DVec3::from_slice(&[0, 1, 2].map(|k| f64::from(modes[k])));
         torque += DVec3::from_slice(&[3, 4, 5].map(|k| f64::from(modes[k])));
     }

@@ -23,7 +23,7 @@ const FACTOR: f64 = 1.0e-4;
 
 /// The first words (workgroups in x) of the indirect arguments' slots from `LOOP_APPLY` on.
 fn loop_groups(args: &[u32]) -> Vec<u32> {
-    (shaders::ARGS_LOOP_APPLY..=shaders::ARGS_GAP).map(|slot| args[3 * slot as usize]).collect()
+    (shaders::ARGS_LOOP_APPLY..=shaders::ARGS_GAP).map(|coarse_index| args[3 * coarse_index as usize]).collect()
 }
 
 #[test]
@@ -42,8 +42,8 @@ fn the_warm_factor_and_the_arguments_by_hand() {
     assert_eq!(passes.iterations, [Iteration { gamma: 0.0, alpha: 0.0, count: 0 }; 2]);
     let tetrahedra = passes.tetrahedra().div_ceil(context().group_size() as usize) as u32;
     assert_eq!(loop_groups(&passes.args), [tetrahedra, 0, 0, 2, 0, 0, 0, 0, 0]);
-    for slot in shaders::ARGS_LOOP_APPLY..=shaders::ARGS_GAP {
-        assert_eq!(passes.args[3 * slot as usize + 1..][..2], [1, 1], "slot {slot}");
+    for coarse_index in shaders::ARGS_LOOP_APPLY..=shaders::ARGS_GAP {
+        assert_eq!(passes.args[3 * coarse_index as usize + 1..][..2], [1, 1], "coarse_index {coarse_index}");
     }
     let others =
         [&passes.args[..3 * shaders::ARGS_LOOP_APPLY as usize], &passes.args[3 * shaders::ARGS_GAP as usize + 3..]]

@@ -119,10 +119,10 @@ fn diagonal(passes: &Passes, x: &[f64], of: fn(f64) -> f64) -> Vec<f64> {
 fn summed(passes: &Passes, mut modes: Vec<f64>) -> Vec<f64> {
     modes.truncate(MODES * passes.blocks());
     for rigid in &passes.rigids[..passes.system.model.cores.len()] {
-        let first = rigid.slot_first as usize;
-        for slot in first + 1..first + rigid.block_count as usize {
+        let first = rigid.first_coarse_index as usize;
+        for coarse_index in first + 1..first + rigid.block_count as usize {
             for k in 0..MODES {
-                modes[MODES * first + k] += std::mem::take(&mut modes[MODES * slot + k]);
+                modes[MODES * first + k] += std::mem::take(&mut modes[MODES * coarse_index + k]);
             }
         }
     }

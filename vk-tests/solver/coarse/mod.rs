@@ -26,7 +26,7 @@ use crate::solver::system::{
 fn blocks_of(system: &System, turns: &[[f32; 4]]) -> Vec<Block> {
     let (model, blocks) = (&system.model, &system.model.blocks);
     let mut order: Vec<usize> = (0..blocks.blocks.len()).collect();
-    order.sort_by_key(|b| blocks.slots[*b]);
+    order.sort_by_key(|b| blocks.coarse_indices[*b]);
     let block = |b: usize| {
         let [first, count, _, rigid] = blocks.blocks[b];
         let nodes = &blocks.nodes[first as usize..(first + count) as usize];
@@ -64,12 +64,13 @@ fn host_inverse(model: &Model, scaled: bool) -> Mat<f64> {
     let (coarse, count) = (&model.coarse, MODES * model.blocks.blocks.len());
     let mut inverse = Mat::zeros(count, count);
     let scale = |mode: usize| if scaled { 1.0 } else { f64::from(coarse.scales[mode / 4][mode % 4]) };
-    for [first, first_slot, texels, slot] in coarse.blocks.iter().map(|block| block.map(|x| x as usize)) {
+    for [first, first_coarse_index, texels, coarse_index] in coarse.blocks.iter().map(|block| block.map(|x| x as usize))
+    {
         for row in 0..if texels > 0 { MODES } else { 0 } {
             for column in 0..4 * texels {
                 let word = coarse.inverse[first + row * (4 * texels).div_ceil(8) + column / 8][column % 8 / 2];
                 let half = half::f16::from_bits((word >> (16 * (column % 2)) & 0xffff) as u16);
-                let (i, j) = (MODES * slot + row, MODES * first_slot + column);
+                let (i, j) = (MODES * coarse_index + row, MODES * first_coarse_index + column);
                 inverse[(i, j)] = scale(i) * scale(j) * half.to_f64();
             }
         }

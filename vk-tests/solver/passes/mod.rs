@@ -196,8 +196,8 @@ impl Passes {
     /// Runs iterations until the kernels end the loop, at most `limit`.
     pub fn iterate(&mut self, limit: usize) {
         for _ in 0..limit {
-            let slots = [shaders::ARGS_LOOP_FREE, shaders::ARGS_LOOP_CARRIED, shaders::ARGS_LOOP_TOOL];
-            if slots.iter().all(|slot| self.args[3 * *slot as usize] == 0) {
+            let coarse_indices = [shaders::ARGS_LOOP_FREE, shaders::ARGS_LOOP_CARRIED, shaders::ARGS_LOOP_TOOL];
+            if coarse_indices.iter().all(|coarse_index| self.args[3 * *coarse_index as usize] == 0) {
                 return;
             }
             self.apply(Change::Preconditioned);
@@ -264,7 +264,7 @@ fn rigids(system: &System) -> (Vec<Rigid>, usize, Vec<u32>) {
             node_count: core.nodes.len() as u32,
             block_first: first as u32,
             block_count: own.len() as u32,
-            slot_first: model.blocks.slots[first],
+            first_coarse_index: model.blocks.coarse_indices[first],
             hinge: core.hinge.as_vec3().to_array(),
             joint_first,
             joint_count: sides.len() as u32 - joint_first,

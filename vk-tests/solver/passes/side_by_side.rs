@@ -77,9 +77,9 @@ impl Passes {
     }
 
     /// The role of the block whose modes are at a slot, or the tool's where there is no such block.
-    pub fn role_of_slot(&self, slot: usize) -> u32 {
+    pub fn role_of_slot(&self, coarse_index: usize) -> u32 {
         let blocks = &self.system.model.blocks;
-        match blocks.slots.iter().position(|own| *own as usize == slot) {
+        match blocks.coarse_indices.iter().position(|own| *own as usize == coarse_index) {
             Some(b) if b < blocks.free => FREE,
             Some(_) => CARRIED,
             None => TOOL,

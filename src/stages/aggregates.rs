@@ -59,7 +59,7 @@ impl Graph {
     }
 
     /// Assigns every node to one of `count` clusters (at least one); some clusters may stay empty.
-    pub fn clusters(&self, count: usize) -> Vec<usize> {
+    pub fn aggregates(&self, count: usize) -> Vec<usize> {
         let mut seeds = self.far_apart(count);
         let mut centres: Vec<DVec3> = seeds.iter().map(|seed| self.places[*seed]).collect();
         let mut own = self.grown(&seeds, &centres);
@@ -93,23 +93,25 @@ impl Graph {
         let mut least = vec![u64::MAX; self.places.len()];
         let mut next = BinaryHeap::new();
         // The bit patterns of non-negative floats sort like their values.
-        let to = |node: usize, cluster: usize| self.places[node].distance_squared(centres[cluster]).to_bits();
-        next.extend(seeds.iter().enumerate().map(|(cluster, seed)| Reverse((to(*seed, cluster), *seed, cluster))));
-        while let Some(Reverse((_, node, cluster))) = next.pop() {
+        let to = |node: usize, aggregate: usize| self.places[node].distance_squared(centres[aggregate]).to_bits();
+        next.extend(
+            seeds.iter().enumerate().map(|(aggregate, seed)| Reverse((to(*seed, aggregate), *seed, aggregate))),
+        );
+        while let Some(Reverse((_, node, aggregate))) = next.pop() {
             if own[node] != usize::MAX {
                 continue;
             }
-            own[node] = cluster;
+            own[node] = aggregate;
             for &other in self.neighbours(node) {
-                let (other, distance) = (other as usize, to(other as usize, cluster));
+                let (other, distance) = (other as usize, to(other as usize, aggregate));
                 if own[other] == usize::MAX && distance < least[other] {
                     least[other] = distance;
-                    next.push(Reverse((distance, other, cluster)));
+                    next.push(Reverse((distance, other, aggregate)));
                 }
             }
         }
         for (node, own) in own.iter_mut().enumerate().filter(|(_, own)| **own == usize::MAX) {
-            *own = (0..centres.len()).min_by_key(|cluster| to(node, *cluster)).unwrap_or_default();
+            *own = (0..centres.len()).min_by_key(|aggregate| to(node, *aggregate)).unwrap_or_default();
         }
         own
     }
@@ -155,31 +157,31 @@ mod tests {
 
     #[test]
     fn a_row_falls_into_parts_of_about_one_size() {
-        let own = rows(&[(0.0, 12, 1.0)]).clusters(3);
+        let own = rows(&[(0.0, 12, 1.0)]).aggregates(3);
         assert!(counts(&own, 3).iter().all(|count| (3..=5).contains(count)), "{own:?}");
         assert_eq!(own.windows(2).filter(|pair| pair[0] != pair[1]).count(), 2, "{own:?}");
     }
 
     #[test]
     fn rows_that_nearly_meet_stay_apart() {
-        let own = rows(&[(0.0, 20, 1.0), (0.1, 20, 1.0)]).clusters(4);
+        let own = rows(&[(0.0, 20, 1.0), (0.1, 20, 1.0)]).aggregates(4);
         assert!((0..4).all(|k| own[..20].contains(&k) != own[20..].contains(&k)), "{own:?}");
     }
 
     #[test]
-    fn small_tetrahedra_get_more_clusters() {
-        let own = rows(&[(0.0, 30, 1.0), (1000.0, 30, 0.2)]).clusters(12);
+    fn small_tetrahedra_get_more_aggregates() {
+        let own = rows(&[(0.0, 30, 1.0), (1000.0, 30, 0.2)]).aggregates(12);
         let of = |part: &[usize]| (0..12).filter(|k| part.contains(k)).count();
         assert!(of(&own[30..]) >= 2 * of(&own[..30]), "{own:?}");
     }
 
     #[test]
     fn every_node_is_in_one_whatever_the_count() {
-        assert!(rows(&[]).clusters(3).is_empty());
-        assert_eq!(rows(&[(0.0, 5, 1.0)]).clusters(0), [0; 5]);
+        assert!(rows(&[]).aggregates(3).is_empty());
+        assert_eq!(rows(&[(0.0, 5, 1.0)]).aggregates(0), [0; 5]);
         // No seed lies in the second row, so its nodes join the nearest cluster.
-        assert_eq!(rows(&[(0.0, 3, 1.0), (1.0, 3, 1.0)]).clusters(1), [0; 6]);
-        let own = rows(&[(0.0, 3, 1.0)]).clusters(7);
+        assert_eq!(rows(&[(0.0, 3, 1.0), (1.0, 3, 1.0)]).aggregates(1), [0; 6]);
+        let own = rows(&[(0.0, 3, 1.0)]).aggregates(7);
         assert!(own[0] != own[1] && own[1] != own[2] && own[0] != own[2]);
     }
 }
