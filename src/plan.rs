@@ -52,7 +52,7 @@ impl Plan {
         let mut add = |stage, recorded, yes: String, no: &str| {
             entries.push(Entry { stage, recorded, reason: if recorded { yes } else { no.into() } });
         };
-        let (carried, floating) = (model.carried_nodes.len(), model.floating.len());
+        let (carried, floating) = (model.attached_nodes.len(), model.floating.len());
         let pose = if touches { pairs.clone() } else { format!("{carried} nodes attached to moving frames") };
         add("pose", touches || carried > 0, pose, nothing);
         add("skin", touches, pairs.clone(), nothing);

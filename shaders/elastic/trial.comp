@@ -37,7 +37,7 @@ void main() {
     vec4 change = fetch(solution, i);
     trial_change[i] = change;
     vec3 d = fetch(displacement, i).xyz, v = fetch(velocity, i).xyz + change.xyz;
-    if (RIGIDS > 0 && info.w == NODE_CARRIED) {
+    if (RIGIDS > 0 && info.w == NODE_ATTACHED) {
         float x[6] = iterates[solve.current * RIGIDS + frame.core].x;
         v = frame.linear + vec3(x[0], x[1], x[2]);
         vec3 spin = frame.angular + vec3(x[3], x[4], x[5]);

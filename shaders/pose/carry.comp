@@ -17,12 +17,12 @@
 // contribute to the unknown ones, and contacts feel them.
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const uint CARRIED_NODES = 0;
+layout(constant_id = 1) const uint ATTACHED_NODES = 0;
 layout(constant_id = 6) const uint RIGIDS = 0;  // rigid bodies among the unknowns: dynamic cores and the tool
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
-layout(scalar) readonly buffer CarriedNodes { uint carried_nodes[]; };
+layout(scalar) readonly buffer AttachedNodes { uint attached_nodes[]; };
 READ_ONLY(uvec4, node_info);       // frame in z
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer SolveIn { Solve solve; };
@@ -34,8 +34,8 @@ layout(scalar) writeonly buffer Solution { vec4 solution[]; };     // written fo
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
-    if (i >= CARRIED_NODES) return;
-    uint node = carried_nodes[i];
+    if (i >= ATTACHED_NODES) return;
+    uint node = attached_nodes[i];
     Frame frame = frames[fetch(node_info, node).z];
     // R0^T R1 is the inverse of R1^T R0, the frame's `turn`.
     vec4 on = vec4(-frame.turn.xyz, frame.turn.w);

@@ -2,4 +2,4 @@
 
 const uint NODE_FREE = 0;       // a free node, an unknown of the solver
 const uint NODE_HELD = 1;       // a node attached to a frame whose motion is prescribed
-const uint NODE_CARRIED = 2;    // a node attached to a dynamic core, whose motion the solver finds
+const uint NODE_ATTACHED = 2;    // a node attached to a dynamic core, whose motion the solver finds

@@ -2,7 +2,7 @@
 // others, for which masked lanes would pay.
 
 const uint FREE_NODES = 0;      // works on blocks of free nodes
-const uint CARRIED_NODES = 1;   // works on blocks of nodes attached to dynamic cores
+const uint ATTACHED_NODES = 1;   // works on blocks of nodes attached to dynamic cores
 const uint TOOL_ROWS = 2;       // works on the six rows of the tool, which has no nodes
 
 // Variants of solve/gather by when it runs, the specialization constant MODE.

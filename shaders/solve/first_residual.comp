@@ -176,7 +176,7 @@ void main() {
     args[3 * ARGS_LOOP_CONTACT_PRODUCT] = on * groups_of(contact_count);
     args[3 * ARGS_LOOP_PATCHES] = on * groups_of(PATCHES);
     args[3 * ARGS_LOOP_FREE] = on * FREE_BLOCKS;
-    args[3 * ARGS_LOOP_CARRIED] = on * (BLOCKS - FREE_BLOCKS);
+    args[3 * ARGS_LOOP_ATTACHED] = on * (BLOCKS - FREE_BLOCKS);
     args[3 * ARGS_LOOP_TOOL] = TOOL ? on : 0;
     for (uint k = ARGS_LOOP_APPLY; k <= ARGS_GAP; k++) {
         args[3 * k + 1] = 1;

@@ -26,7 +26,7 @@ layout(constant_id = 3) const bool COARSE = false;
 layout(constant_id = 4) const uint MODE = 1;            // GATHER_* of shared/roles.glsl
 layout(constant_id = 6) const uint RIGIDS = 0;          // rigid bodies: dynamic cores and the tool
 layout(constant_id = 7) const bool FRICTION = false;
-layout(constant_id = 8) const uint ROLE = 0;            // FREE_NODES, CARRIED_NODES or TOOL_ROWS of shared/roles.glsl
+layout(constant_id = 8) const uint ROLE = 0;            // FREE_NODES, ATTACHED_NODES or TOOL_ROWS of shared/roles.glsl
 layout(constant_id = 9) const uint FIRST = 0;           // first block of the role
 layout(constant_id = 10) const bool JOINTS = false;
 layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
@@ -136,7 +136,7 @@ void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout 
         vec3 w = (rest.w + params.dt * node_damping(node)) * p + gather_elements(node.y, node.z);
         if (CONTACT) w += gather_contacts(node.x);
         operator_product[i] = vec4(w, 0.0);
-        if (ROLE == CARRIED_NODES) {
+        if (ROLE == ATTACHED_NODES) {
             of_product.c0 += w;
             of_product.c1 += cross(rotate(turn, rest.xyz), w);
             if (MODE == GATHER_LOOP) sums.y += dot(w, p);
@@ -161,7 +161,7 @@ void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout 
             if (MODE != GATHER_WARM_START) add_restriction(of_residual, r, where);
         }
     }
-    if (ROLE != CARRIED_NODES) return;
+    if (ROLE != ATTACHED_NODES) return;
     Rigid rigid = rigids[block.rigid];
     if (TOOL_CORE != NONE && block.rigid == TOOL_CORE && b == rigid.block_first && gl_LocalInvocationID.x == 0) {
         // The virtual coupling's product, in the rows of the held core.

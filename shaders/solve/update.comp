@@ -23,7 +23,7 @@ layout(constant_id = 1) const uint BLOCKS = 0;
 layout(constant_id = 3) const bool COARSE = false;
 layout(constant_id = 5) const uint PARTIALS = 1;        // workgroups of solve/gather: blocks and the tool
 layout(constant_id = 6) const uint RIGIDS = 0;          // rigid bodies: dynamic cores and the tool, which is the last
-layout(constant_id = 8) const uint ROLE = 0;            // FREE_NODES, CARRIED_NODES or TOOL_ROWS of shared/roles.glsl
+layout(constant_id = 8) const uint ROLE = 0;            // FREE_NODES, ATTACHED_NODES or TOOL_ROWS of shared/roles.glsl
 layout(constant_id = 9) const uint FIRST = 0;           // first block of the role
 layout(constant_id = 11) const bool LEADS = true;       // whether this variant writes the scalars; exactly one does
 layout(constant_id = 12) const uint WIDEST = 1;         // rigid bodies of the largest group
@@ -193,7 +193,7 @@ void update_tool(Scalars scalars) {
 }
 
 // Updates a core and the nodes of one of its blocks; `modes` is the coarse correction of u.
-void update_carried(uint b, Block block, vec4 turn, CoarseVector modes, Scalars scalars) {
+void update_attached(uint b, Block block, vec4 turn, CoarseVector modes, Scalars scalars) {
     Rigid own = rigids[block.rigid];
     bool writes = b == own.block_first;
     // New residuals of every core of the group, for the product with the group's inverse.
@@ -255,6 +255,6 @@ void main() {
         vec4 z[3] = coarse_correction(b, scalars);
         modes = to_world(unpacked(z[0], z[1], z[2]), turn);
     }
-    if (ROLE == CARRIED_NODES) update_carried(b, block, turn, modes, scalars);
+    if (ROLE == ATTACHED_NODES) update_attached(b, block, turn, modes, scalars);
     else update_free(block, fetch(block_places, b), modes, scalars);
 }

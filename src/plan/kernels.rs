@@ -18,7 +18,7 @@ pub fn why_not(kernel: &str, model: &Model, graphics: bool) -> Option<&'static s
     let touches = !model.pairs.is_empty();
     let reason = match kernel {
         "pose/place" if !touches => "nothing can touch",
-        "pose/carry" if model.carried_nodes.is_empty() => "no nodes are attached to a moving frame",
+        "pose/carry" if model.attached_nodes.is_empty() => "no nodes are attached to a moving frame",
         "cull/pairs" | "cull/direction" if !model.needs_depth() => "half-spaces have one normal",
         "contact/sort" if model.node_rest.is_empty() => "no nodes",
         "depth/ray_hits.vert" | "depth/ray_hits.frag" if !graphics => "the compute path does it",

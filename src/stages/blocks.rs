@@ -17,7 +17,7 @@ const USUAL_NODES: usize = 128;
 /// Largest number of such blocks per body, since every workgroup of `solve/update` sums over all of them.
 const MOST_BLOCKS: usize = 256;
 /// Largest number of attached nodes per block.
-const CARRIED_NODES: usize = 256;
+const ATTACHED_NODES: usize = 256;
 
 /// A block counts as flat along a principal axis where the mean square extent of its nodes, over the square of the
 /// block's size, is below this.
@@ -62,7 +62,7 @@ impl Model {
         blocks.free = blocks.blocks.len();
         for (index, core) in self.cores.iter().enumerate() {
             let (node_first, block_first) = (blocks.nodes.len(), blocks.blocks.len());
-            for part in core.nodes.chunks(CARRIED_NODES) {
+            for part in core.nodes.chunks(ATTACHED_NODES) {
                 blocks.push(self, part, index as u32);
             }
             blocks.cores.push((node_first..blocks.nodes.len(), block_first..blocks.blocks.len()));

@@ -57,8 +57,8 @@ impl Model {
         let shape = lower_root(square);
         let node_first = self.node_rest.len() as u32;
         for corner in corners {
-            self.carried_nodes.push(self.node_rest.len() as u32);
-            self.node_info.push([self.node_elements.len() as u32, 0, frame as u32, shaders::NODE_CARRIED]);
+            self.attached_nodes.push(self.node_rest.len() as u32);
+            self.node_info.push([self.node_elements.len() as u32, 0, frame as u32, shaders::NODE_ATTACHED]);
             self.node_rest.push(texel(shape * corner + centre - self.frames[frame].rest_centre, 0.25 * mass));
             self.node_damping.push(0.0);
             self.velocity.push(texel(velocity, 0.0));
@@ -138,14 +138,14 @@ impl Model {
             // A node of no tetrahedron has no mass; it stays where it is in its frame.
             let bound = layer.bound[i] || mass[i] == 0.0;
             let holder = match carries[i] {
-                Some(_) => shaders::NODE_CARRIED,
+                Some(_) => shaders::NODE_ATTACHED,
                 None if bound => shaders::NODE_HELD,
                 None => shaders::NODE_FREE,
             };
             if bound
                 && matches!(place.motion, Motion::Prepared(FrameMotion::Kinematic(_) | FrameMotion::Dynamic { .. }))
             {
-                self.carried_nodes.push((node_first + i) as u32);
+                self.attached_nodes.push((node_first + i) as u32);
             }
             // Entries fill whole quads; the padding is replaced once the number of all tetrahedra is known.
             let quads = entries[i].len().div_ceil(4);

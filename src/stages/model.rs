@@ -116,7 +116,7 @@ pub struct Model {
     /// stands for a frame and itself.
     pub links: Vec<[u32; 2]>,
     /// The nodes attached to moving frames, which are driven frames and dynamic cores.
-    pub carried_nodes: Vec<u32>,
+    pub attached_nodes: Vec<u32>,
     /// The dynamic cores.
     pub cores: Vec<Core>,
     /// The joints between frames.
@@ -356,8 +356,8 @@ impl Model {
     }
 
     /// Whether a node is attached to a dynamic core.
-    pub fn is_carried(&self, node: usize) -> bool {
-        self.node_info[node][3] == shaders::NODE_CARRIED
+    pub fn is_attached(&self, node: usize) -> bool {
+        self.node_info[node][3] == shaders::NODE_ATTACHED
     }
 
     /// Whether any tetrahedron, proxy or chunk has nodes in two frames.

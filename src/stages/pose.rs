@@ -72,24 +72,24 @@ impl Pose {
 }
 
 /// The nodes attached to moving frames, which are driven frames and dynamic cores.
-pub struct Carried {
+pub struct AttachedNodes {
     carry: Kernel,
     count: u32,
     nodes: Buffer,
 }
 
-impl Carried {
+impl AttachedNodes {
     /// Kernel and node list; `None` where no node is attached to a moving frame.
-    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Option<Carried>> {
-        if model.carried_nodes.is_empty() {
+    pub fn new(context: &Arc<Context>, model: &Model) -> Result<Option<AttachedNodes>> {
+        if model.attached_nodes.is_empty() {
             return Ok(None);
         }
-        let nodes = ("CARRIED_NODES", count(model.carried_nodes.len()));
+        let nodes = ("ATTACHED_NODES", count(model.attached_nodes.len()));
         let rigids = ("RIGIDS", count(model.cores.len() + usize::from(model.tool_frame.is_some())));
-        Ok(Some(Carried {
+        Ok(Some(AttachedNodes {
             carry: Kernel::new(context, "pose/carry", Size::Group, &[nodes, rigids])?,
-            count: model.carried_nodes.len() as u32,
-            nodes: upload(context, "carried_nodes", &model.carried_nodes)?,
+            count: model.attached_nodes.len() as u32,
+            nodes: upload(context, "attached_nodes", &model.attached_nodes)?,
         }))
     }
 
@@ -99,7 +99,7 @@ impl Carried {
         let arguments = shaders::pose::Carry {
             params: &common.params,
             frames: &common.frames,
-            carried_nodes: &self.nodes,
+            attached_nodes: &self.nodes,
             node_info: &elastic.node_info,
             node_rest: &elastic.node_rest,
             solve: &solve.state,

@@ -151,7 +151,7 @@ impl Solve {
         let (free, carried) = (model.blocks.free, block_count - model.blocks.free);
         let roles = [
             (shaders::FREE_NODES, 0, free, shaders::ARGS_LOOP_FREE),
-            (shaders::CARRIED_NODES, free, carried, shaders::ARGS_LOOP_CARRIED),
+            (shaders::ATTACHED_NODES, free, carried, shaders::ARGS_LOOP_ATTACHED),
             (shaders::TOOL_ROWS, 0, usize::from(has_tool), shaders::ARGS_LOOP_TOOL),
         ];
         let roles: Vec<_> = roles.into_iter().filter(|(_, _, groups, _)| *groups > 0).collect();

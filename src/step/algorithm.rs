@@ -78,10 +78,10 @@ impl Recordings {
 }
 
 fn begin(stages: &Stages, blank: Blank) -> Result<Recording> {
-    let Stages { common, elastic, solve, touch, carried, .. } = stages;
+    let Stages { common, elastic, solve, touch, attached, .. } = stages;
     let mut begin = blank()?;
-    if let Some(carried) = carried {
-        carried.record(&mut begin, common, elastic, solve);
+    if let Some(attached) = attached {
+        attached.record(&mut begin, common, elastic, solve);
     }
     match touch {
         Some(touch) => touch.record(&mut begin, common, elastic),

@@ -29,7 +29,7 @@ impl Simulation {
         for ((v, rest), node) in velocities.iter_mut().zip(&layer.nodes).zip(range.nodes.clone()) {
             let frame = self.model.node_info[node][2] as usize;
             // The GPU writes the velocities of nodes attached to a dynamic core at the start of the next step only.
-            if let Some((linear, angular)) = self.frames.twist(frame).filter(|_| self.model.is_carried(node)) {
+            if let Some((linear, angular)) = self.frames.twist(frame).filter(|_| self.model.is_attached(node)) {
                 let arm = *rest - self.model.frames[frame].rest_centre;
                 *v = linear + angular.cross(self.frames.place(frame).rotation * arm);
             }

@@ -23,7 +23,7 @@ pub struct Stages {
     pub wrench: Option<Wrench>,
     pub gap: Option<Gap>,
     pub probes: Option<Probes>,
-    pub carried: Option<pose::Carried>,
+    pub attached: Option<pose::AttachedNodes>,
     pub floating: Option<pose::Floating>,
 }
 
@@ -38,9 +38,9 @@ impl Stages {
         let wrench = if held.is_some() && touch.is_some() { Some(Wrench::new(context, model)?) } else { None };
         let gap = if touch.is_some() { Gap::new(context, model)? } else { None };
         let probes = if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes)?) };
-        let (carried, floating) = (pose::Carried::new(context, model)?, pose::Floating::new(context, model)?);
+        let (attached, floating) = (pose::AttachedNodes::new(context, model)?, pose::Floating::new(context, model)?);
         let elastic = Elastic::new(context, model)?;
-        Ok(Stages { elastic, common, solve, touch, wrench, gap, probes, carried, floating })
+        Ok(Stages { elastic, common, solve, touch, wrench, gap, probes, attached, floating })
     }
 
     /// Writes the materials of a model of the same bodies to the GPU.

@@ -43,7 +43,7 @@ fn a_feature_that_a_variant_lacks_takes_its_buffers_with_it() {
 
 #[test]
 fn of_the_variants_that_run_side_by_side_the_leader_alone_writes_arguments() {
-    for role in [shaders::FREE_NODES, shaders::CARRIED_NODES, shaders::TOOL_ROWS] {
+    for role in [shaders::FREE_NODES, shaders::ATTACHED_NODES, shaders::TOOL_ROWS] {
         let of = |leads: bool| buffers("solve/update", &[("ROLE", role.into()), ("LEADS", leads.into())]);
         let (leader, other) = (of(true), of(false));
         assert!(leader.contains("args") && !other.contains("args"), "role {role}: {leader:?}, {other:?}");

@@ -304,10 +304,10 @@ fn driven_nodes_go_where_their_frame_takes_them() {
         let rest: Vec<[f32; 4]> = (0..2 * count).map(|_| narrow(0.2 * random.vector())).collect();
         let driven: Vec<u32> = (0..count as u32).map(|i| 2 * i + 1).collect();
         let out = case("pose/carry")
-            .constant("CARRIED_NODES", count as u32)
+            .constant("ATTACHED_NODES", count as u32)
             .input("params", &[StepParams { dt: h as f32, ..bytemuck::Zeroable::zeroed() }])
             .input("frames", &[frame])
-            .input("carried_nodes", &driven)
+            .input("attached_nodes", &driven)
             .input("node_info", &vec![[0u32; 4]; 2 * count])
             .input("node_rest", &rest)
             .input("solve", &[Solve::zeroed()])
@@ -343,10 +343,10 @@ fn what_dynamic_cores_carry_has_their_twist_and_its_first_guess() {
         iterates[2 * current as usize + 1].x = x;
         let rest: Vec<[f32; 4]> = (0..count).map(|_| narrow(0.2 * random.vector())).collect();
         let out = case("pose/carry")
-            .constant("CARRIED_NODES", count as u32)
+            .constant("ATTACHED_NODES", count as u32)
             .input("params", &[StepParams { dt: h as f32, ..bytemuck::Zeroable::zeroed() }])
             .input("frames", &[frame])
-            .input("carried_nodes", &(0..count as u32).collect::<Vec<_>>())
+            .input("attached_nodes", &(0..count as u32).collect::<Vec<_>>())
             .input("node_info", &vec![[0u32; 4]; count])
             .input("node_rest", &rest)
             .constant("RIGIDS", 2u32)

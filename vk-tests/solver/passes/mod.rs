@@ -196,7 +196,7 @@ impl Passes {
     /// Runs iterations until the kernels end the loop, at most `limit`.
     pub fn iterate(&mut self, limit: usize) {
         for _ in 0..limit {
-            let coarse_indices = [shaders::ARGS_LOOP_FREE, shaders::ARGS_LOOP_CARRIED, shaders::ARGS_LOOP_TOOL];
+            let coarse_indices = [shaders::ARGS_LOOP_FREE, shaders::ARGS_LOOP_ATTACHED, shaders::ARGS_LOOP_TOOL];
             if coarse_indices.iter().all(|coarse_index| self.args[3 * *coarse_index as usize] == 0) {
                 return;
             }
