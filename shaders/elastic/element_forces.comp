@@ -26,7 +26,7 @@ layout(constant_id = 1) const uint TETRAHEDRA = 0;
 layout(constant_id = 2) const bool SPANS = false;       // whether a tetrahedron may have nodes in several frames
 layout(constant_id = 3) const bool PATCHES = false;     // whether lambda may act by F-bar patches (elastic/mean_dilatation)
 layout(constant_id = 4) const uint LAWS = 1;            // a bit for each material law in use
-layout(constant_id = 5) const bool AGAIN = false;       // whether this is a later Newton iteration
+layout(constant_id = 5) const bool NEWTON = false;       // whether this is a later Newton iteration
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };

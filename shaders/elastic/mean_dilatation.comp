@@ -17,7 +17,7 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PATCHES = 0;
 layout(constant_id = 2) const uint TETRAHEDRA = 0;
-layout(constant_id = 5) const bool AGAIN = false;       // whether this is a later Newton iteration
+layout(constant_id = 5) const bool NEWTON = false;       // whether this is a later Newton iteration
 
 layout(scalar) readonly buffer Params { StepParams params; };
 READ_ONLY(uvec4, patch_nodes);         // three a patch: its nodes, padded with the first (shared/f_bar_patch.glsl)

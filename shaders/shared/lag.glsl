@@ -1,9 +1,9 @@
 // Velocity of a node that an element's right-hand side multiplies by -(h^2 + h beta) K. In the first Newton iteration
 // it is the velocity v. Later ones linearise at the trial change of velocity x of the last solve; there it is
 // (beta v - h x) / (h + beta), since the elastic impulse of the trial state accounts for -h^2 K (v + x) already. Needs
-// AGAIN (whether this is a later Newton iteration), `params`, `velocity` and `trial_change`.
+// NEWTON (whether this is a later Newton iteration), `params`, `velocity` and `trial_change`.
 
 vec3 lag(uint node, float beta) {
     vec3 v = fetch(velocity, node).xyz;
-    return AGAIN ? (beta * v - params.dt * fetch(trial_change, node).xyz) / (params.dt + beta) : v;
+    return NEWTON ? (beta * v - params.dt * fetch(trial_change, node).xyz) / (params.dt + beta) : v;
 }

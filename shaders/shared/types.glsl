@@ -247,7 +247,7 @@ struct Solve {
     uint status;                // STATUS_*
     uint current;               // which of the two sets holds the newest iterate
     uint retries;               // how often the system was solved again after contacts were released
-    uint linearisations;        // Newton iterations after the first in this step
+    uint newton_iterations;        // Newton iterations after the first in this step
 };
 
 // Scalars of a conjugate gradient iteration, in two sets that take turns.
@@ -303,7 +303,7 @@ const uint VERDICT_DONE = 0;        // the step is accepted
 const uint VERDICT_CONTINUE = 1;    // the recorded iterations ran out: run more
 const uint VERDICT_RETRY = 2;       // contacts were under tension and are released: solve again
 const uint VERDICT_FAILED = 3;      // not finite, or with too large a residual: the state stays as it was
-const uint VERDICT_RELINEARISE = 4; // solved: linearise elasticity where the solution leads and solve again
+const uint VERDICT_NEWTON = 4; // solved: linearise elasticity where the solution leads and solve again
 
 const uint FLAG_NOT_CONVERGED = 1;      // the residual is well above both the tolerance and the floor of f32
 const uint FLAG_PATCH_OVERFLOW = 2;    // more contact patches, or work items of these, than fit

@@ -140,9 +140,9 @@ void main() {
             for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = 0.0;
             report.pressing = 0.0;
         }
-        if (!failed && solve.linearisations + 1 < params.newton) {
-            verdict = VERDICT_RELINEARISE;
-            solve.linearisations += 1;
+        if (!failed && solve.newton_iterations + 1 < params.newton) {
+            verdict = VERDICT_NEWTON;
+            solve.newton_iterations += 1;
             solve.retries = 0;
         }
         bool done = verdict == VERDICT_DONE;

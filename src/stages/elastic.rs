@@ -18,7 +18,7 @@ use crate::shaders::Counts;
 /// The nodes and tetrahedra, their state, and the kernels of the stage.
 pub struct Elastic {
     forces_kernel: Kernel,
-    again: Option<Again>,
+    newton: Option<Newton>,
     /// The F-bar patches (tetrahedra that share one volumetric strain), if there are any.
     pub mean_dilatation: Option<MeanDilatation>,
     /// Number of tetrahedra.
@@ -56,7 +56,7 @@ pub struct Elastic {
 }
 
 /// Kernels and arrays that only steps with several Newton iterations need.
-struct Again {
+struct Newton {
     trial: Kernel,
     forces_kernel: Kernel,
     /// Per node: the displacement to which the last solve would take it, axes of its frame at the step's start, m.
@@ -70,9 +70,9 @@ impl Elastic {
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Elastic> {
         let (nodes, tetrahedra) = (model.node_rest.len(), model.tetrahedra.len());
         let patches = model.patches.count();
-        let constants = |again: bool| {
+        let constants = |newton: bool| {
             [
-                ("AGAIN", Const::Bool(again)),
+                ("NEWTON", Const::Bool(newton)),
                 ("TETRAHEDRA", count(tetrahedra)),
                 ("SPANS", Const::Bool(model.spans_frames())),
                 ("PATCHES", Const::Bool(patches > 0)),
@@ -80,10 +80,10 @@ impl Elastic {
             ]
         };
         let forces_kernel =
-            |again: bool| Kernel::new(context, "elastic/element_forces", Size::Group, &constants(again));
+            |newton: bool| Kernel::new(context, "elastic/element_forces", Size::Group, &constants(newton));
         let rigids = ("RIGIDS", count(model.cores.len() + usize::from(model.tool_frame.is_some())));
-        let again = || -> Result<Again> {
-            Ok(Again {
+        let newton = || -> Result<Newton> {
+            Ok(Newton {
                 trial: Kernel::new(context, "elastic/trial", Size::Group, &[("NODES", count(nodes)), rigids])?,
                 forces_kernel: forces_kernel(true)?,
                 displacement: zeros::<[f32; 4]>(context, "trial_displacement", nodes)?
@@ -97,7 +97,7 @@ impl Elastic {
             mean_dilatation: (patches > 0)
                 .then(|| MeanDilatation::new(context, &model.patches, repeats))
                 .transpose()?,
-            again: repeats.then(again).transpose()?,
+            newton: repeats.then(newton).transpose()?,
             forces_kernel: forces_kernel(false)?,
             tetrahedron_count: tetrahedra,
             node_count: nodes,
@@ -131,7 +131,7 @@ impl Elastic {
 
     /// Whether steps may have several Newton iterations.
     pub fn repeats(&self) -> bool {
-        self.again.is_some()
+        self.newton.is_some()
     }
 
     /// Clears the step's flags in scenes where nothing can touch; in others the pose stage does that.
@@ -151,10 +151,10 @@ impl Elastic {
     /// Records one pass over the nodes that finds where the last solve would take them, in steps with several Newton
     /// iterations.
     pub fn record_trial(&self, recorder: &mut Recorder, common: &Common, solve: &Solve) {
-        let Some(again) = &self.again else { return };
+        let Some(newton) = &self.newton else { return };
         recorder.stage("elastic");
         recorder.dispatch(
-            &again.trial,
+            &newton.trial,
             &shaders::elastic::Trial {
                 params: &common.params,
                 frames: &common.frames,
@@ -165,8 +165,8 @@ impl Elastic {
                 solution: &solve.solution,
                 solve: Some(&solve.state),
                 iterates: Some(&solve.iterates),
-                trial_displacement: &again.displacement,
-                trial_change: &again.change,
+                trial_displacement: &newton.displacement,
+                trial_change: &newton.change,
             },
             self.node_count as u32,
         );
@@ -174,14 +174,14 @@ impl Elastic {
 
     /// Records the passes of [`Elastic::record`] for a further Newton iteration, at the displacements that
     /// [`Elastic::record_trial`] found.
-    pub fn record_again(&self, recorder: &mut Recorder, common: &Common) {
-        self.record_at(recorder, common, self.again.as_ref());
+    pub fn record_newton(&self, recorder: &mut Recorder, common: &Common) {
+        self.record_at(recorder, common, self.newton.as_ref());
     }
 
-    fn record_at(&self, recorder: &mut Recorder, common: &Common, again: Option<&Again>) {
+    fn record_at(&self, recorder: &mut Recorder, common: &Common, newton: Option<&Newton>) {
         recorder.stage("elastic");
         recorder.dispatch(
-            again.map_or(&self.forces_kernel, |again| &again.forces_kernel),
+            newton.map_or(&self.forces_kernel, |newton| &newton.forces_kernel),
             &shaders::elastic::ElementForces {
                 params: &common.params,
                 frames: &common.frames,
@@ -189,13 +189,13 @@ impl Elastic {
                 tetrahedra: &self.tetrahedra,
                 rest_gradients: &self.rest_gradients,
                 element_info: &self.element_info,
-                displacement: again.map_or(&self.displacement, |again| &again.displacement),
+                displacement: newton.map_or(&self.displacement, |newton| &newton.displacement),
                 velocity: &self.velocity,
                 tetrahedron_links: self.tetrahedron_links.as_ref(),
                 node_rest: Some(&self.node_rest),
                 links: Some(&common.links),
                 patch_of: self.mean_dilatation.as_ref().map(|mean_dilatation| &mean_dilatation.patch_of),
-                trial_change: again.map(|again| &again.change),
+                trial_change: newton.map(|newton| &newton.change),
                 rotations: &self.rotations,
                 gradients: &self.gradients,
                 counts: &common.counts,
@@ -204,7 +204,7 @@ impl Elastic {
             self.tetrahedron_count as u32,
         );
         if let Some(mean_dilatation) = &self.mean_dilatation {
-            mean_dilatation.record(recorder, common, self, again.map(|again| &again.change));
+            mean_dilatation.record(recorder, common, self, newton.map(|newton| &newton.change));
         }
     }
 }

@@ -123,7 +123,7 @@ fn beside<const N: usize>(rows: &[[[u32; 4]; N]]) -> Vec<[u32; 4]> {
 pub struct MeanDilatation {
     kernel: Kernel,
     /// Variant of the kernel for further Newton iterations of a step.
-    again: Option<Kernel>,
+    newton: Option<Kernel>,
     /// Number of patches.
     pub patch_count: usize,
     /// Per tetrahedron: its patch, for elastic/element_forces.
@@ -137,17 +137,17 @@ pub struct MeanDilatation {
 }
 
 impl MeanDilatation {
-    /// Kernels and arrays; made only where there are patches. `again`: whether a step may have several Newton
+    /// Kernels and arrays; made only where there are patches. `newton`: whether a step may have several Newton
     /// iterations.
-    pub fn new(context: &Arc<Context>, patches: &Patches, again: bool) -> Result<MeanDilatation> {
+    pub fn new(context: &Arc<Context>, patches: &Patches, newton: bool) -> Result<MeanDilatation> {
         let constants = [("PATCHES", count(patches.count())), ("TETRAHEDRA", count(patches.of.len()))];
-        let kernel = |again: bool| {
-            let constants = [&constants[..], &[("AGAIN", again.into())]].concat();
+        let kernel = |newton: bool| {
+            let constants = [&constants[..], &[("NEWTON", newton.into())]].concat();
             Kernel::new(context, "elastic/mean_dilatation", Size::Group, &constants)
         };
         Ok(MeanDilatation {
             kernel: kernel(false)?,
-            again: again.then(|| kernel(true)).transpose()?,
+            newton: newton.then(|| kernel(true)).transpose()?,
             patch_count: patches.count(),
             patch_of: upload(context, "patch_of", &patches.of)?,
             nodes: upload(context, "patch_nodes", &patches.device_nodes())?,
@@ -167,7 +167,7 @@ impl MeanDilatation {
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, trial_change: Option<&Buffer>) {
         recorder.stage("elastic");
         recorder.dispatch(
-            self.again.as_ref().filter(|_| trial_change.is_some()).unwrap_or(&self.kernel),
+            self.newton.as_ref().filter(|_| trial_change.is_some()).unwrap_or(&self.kernel),
             &shaders::elastic::MeanDilatation {
                 params: &common.params,
                 patch_nodes: &self.nodes,

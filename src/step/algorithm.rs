@@ -109,7 +109,7 @@ fn newton(stages: &Stages, blank: Blank) -> Result<Option<[Recording; 2]>> {
     let [mut first, mut again] = [blank()?, blank()?];
     elastic.record_trial(&mut first, common, solve);
     for part in [&mut first, &mut again] {
-        elastic.record_again(part, common);
+        elastic.record_newton(part, common);
         solve.record_start(part, common, elastic);
     }
     Ok(Some([first.finish()?, again.finish()?]))
@@ -235,7 +235,7 @@ impl Simulation {
                     earlier += report.iterations;
                     first = Some(again);
                 }
-                shaders::VERDICT_RELINEARISE => {
+                shaders::VERDICT_NEWTON => {
                     let Some([next, others]) = &set.newton else { break };
                     (earlier, longest) = (earlier + report.iterations, longest.max(report.iterations));
                     (again, first) = (others, Some(next));

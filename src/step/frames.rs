@@ -225,10 +225,10 @@ impl Frames {
 
     /// Whether a frame turns further in a step of `h` seconds than its elements allow (see [`MOST_TURN`],
     /// [`MOST_STIFF_TURN`]). For a driven frame the current step's turn counts, for others their angular velocity now.
-    /// The frames of rigid bodies have no nodes, so nothing there deforms. `linearisations`: Newton iterations per
+    /// The frames of rigid bodies have no nodes, so nothing there deforms. `newton_iterations`: Newton iterations per
     /// step.
-    pub fn turns_too_far(&self, h: f64, linearisations: u32) -> bool {
-        let most = if linearisations > 1 { MOST_STIFF_TURN_TWICE } else { MOST_STIFF_TURN };
+    pub fn turns_too_far(&self, h: f64, newton_iterations: u32) -> bool {
+        let most = if newton_iterations > 1 { MOST_STIFF_TURN_TWICE } else { MOST_STIFF_TURN };
         let all = self.states.iter().zip(&self.has_nodes).zip(&self.crossing_times);
         let mut bending = all.filter(|((_, has_nodes), _)| **has_nodes);
         bending.any(|((state, _), time)| {

@@ -34,7 +34,7 @@ fn a_feature_that_a_variant_lacks_takes_its_buffers_with_it() {
     assert_eq!(of("solve/assemble", "JOINTS"), ["joint_sides", "joints"]);
     assert_eq!(of("solve/conclude", "CONTACT"), ["contact_forces", "contacts"]);
     assert_eq!(of("contact/candidates", "SKINS"), ["hits", "shares"]);
-    assert_eq!(of("elastic/element_forces", "AGAIN"), ["trial_change"]);
+    assert_eq!(of("elastic/element_forces", "NEWTON"), ["trial_change"]);
     // `TOOL_CORE` is the index of the dynamic core that the virtual coupling pulls on, or `NONE`.
     let held = more("solve/assemble", &[("TOOL_CORE", Const::Uint(0))], &[("TOOL_CORE", Const::Uint(shaders::NONE))]);
     assert_eq!(held, Vec::<String>::new(), "its parameters are read in any case");

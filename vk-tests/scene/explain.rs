@@ -86,7 +86,7 @@ fn every_kernel_of_made_scenes_is_recorded_or_left_out_for_a_reason() {
         ("a block alone", block("", "", "", "")),
         ("a block that is touched", block("", "", "", TOOL)),
         ("one-sided, friction", block("[contact]\nfriction = 0.3\nsides = \"one\"", "", "", TOOL)),
-        ("patches, three linearisations", block("[step]\nnewton = 3", "", "dilatation = \"patch\"", TOOL)),
+        ("patches, three newton_iterations", block("[step]\nnewton = 3", "", "dilatation = \"patch\"", TOOL)),
         ("neo-Hookean with a probe", block("", ", law = \"neo-hookean\"", "", probe)),
         ("a coarse level", block("[solver]\npreconditioner = \"coarse\"", "", "", TOOL)),
         ("joined cores", joined),

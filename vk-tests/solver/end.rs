@@ -80,18 +80,18 @@ fn verdicts_by_hand() {
     // The solve converged, but a Newton iteration is still to come: nothing is committed before the last one.
     passes = some_nodes();
     passes.system.params.newton = 3;
-    (passes.state.linearisations, passes.state.retries) = (1, 2);
+    (passes.state.newton_iterations, passes.state.retries) = (1, 2);
     with_dots(&mut passes, &[[0.16, 0.0]]);
     passes.conclude();
-    assert_eq!((passes.report.verdict, granted(&passes)), (shaders::VERDICT_RELINEARISE, [0; 2]));
-    assert_eq!((passes.state.linearisations, passes.state.retries), (2, 0), "contacts may be released again");
+    assert_eq!((passes.report.verdict, granted(&passes)), (shaders::VERDICT_NEWTON, [0; 2]));
+    assert_eq!((passes.state.newton_iterations, passes.state.retries), (2, 0), "contacts may be released again");
     passes.conclude();
     assert_eq!((passes.report.verdict, granted(&passes)), (DONE, [groups, 1]));
     // A failed solve is not followed by a Newton iteration.
-    passes.state.linearisations = 0;
+    passes.state.newton_iterations = 0;
     with_dots(&mut passes, &[[f32::NAN, 0.0]]);
     passes.conclude();
-    assert_eq!((passes.report.verdict, passes.state.linearisations), (shaders::VERDICT_FAILED, 0));
+    assert_eq!((passes.report.verdict, passes.state.newton_iterations), (shaders::VERDICT_FAILED, 0));
 
     // At rest, where b is within its rounding, the residual counts as zero.
     passes = some_nodes();

@@ -44,7 +44,7 @@ pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
         .constant("SPANS", Const::Bool(system.model.spans_frames()))
         .constant("PATCHES", Const::Bool(!patch_of.is_empty()))
         .constant("LAWS", laws_of(&system.model.materials))
-        .constant("AGAIN", Const::Bool(!system.trial_change.is_empty()))
+        .constant("NEWTON", Const::Bool(!system.trial_change.is_empty()))
         .input("params", &[system.params])
         .input("frames", &system.frames)
         .input("materials", &system.model.materials)

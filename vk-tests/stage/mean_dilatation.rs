@@ -58,7 +58,7 @@ fn mean_dilatation(system: &System, all: &Patches) -> (Vec<[f32; 4]>, Vec<[f32; 
     let outcome = case("elastic/mean_dilatation")
         .constant("PATCHES", all.count() as u32)
         .constant("TETRAHEDRA", tetrahedra as u32)
-        .constant("AGAIN", !system.trial_change.is_empty())
+        .constant("NEWTON", !system.trial_change.is_empty())
         .input("params", &[system.params])
         .input("patch_nodes", &all.device_nodes())
         .input("patch_members", &all.device_members())
