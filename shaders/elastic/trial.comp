@@ -5,7 +5,7 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 #include "shared/link.glsl"
-#include "shared/held.glsl"
+#include "shared/node_motion.glsl"
 
 // Elastic: trial displacements for the next Newton iteration: where the solution x of the last solve would take each
 // node by the end of the step of h seconds, seen from its frame (rotation R) at the start, so that links between frames
@@ -19,7 +19,7 @@ layout(constant_id = 6) const uint RIGIDS = 0;     // rigid bodies among the unk
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
-READ_ONLY(uvec4, node_info);      // frame in z; NODE_* of shared/held.glsl in w
+READ_ONLY(uvec4, node_info);      // frame in z; NODE_* of shared/node_motion.glsl in w
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, velocity);

@@ -5,7 +5,7 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 #include "shared/link.glsl"
-#include "shared/held.glsl"
+#include "shared/node_motion.glsl"
 
 // Solve: commits the solution x (change of velocity) to the state of the nodes: v += x and
 // d += (dR - I) (r + d) + h R1^T (v - v_centre), with dR = R1^T R0, R0 and R1 the rotation of a node's frame at the
@@ -19,7 +19,7 @@ layout(constant_id = 6) const uint RIGIDS = 0;     // rigid bodies among the unk
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
-READ_ONLY(uvec4, node_info);       // frame in z; NODE_* of shared/held.glsl in w
+READ_ONLY(uvec4, node_info);       // frame in z; NODE_* of shared/node_motion.glsl in w
 READ_ONLY(vec4, solution);
 READ_ONLY(vec4, rhs);
 READ_ONLY(vec4, operator_product);            // A x

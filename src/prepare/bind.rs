@@ -81,10 +81,10 @@ pub fn nearer_bones(layer: &Layer, cores: &[Core], index: usize, named: &mut [bo
 
 /// Finds nodes that no core would hold: those in connected parts of the layer without an attached node. Returns their
 /// number and the first of them.
-pub fn unheld(layer: &Layer) -> Option<(usize, u32)> {
+pub fn unattached(layer: &Layer) -> Option<(usize, u32)> {
     let (labels, count) = layer::parts(layer);
     let mut held = vec![false; count];
-    for (&label, &bound) in labels.iter().zip(&layer.bound) {
+    for (&label, &bound) in labels.iter().zip(&layer.attached) {
         held[label as usize] |= bound;
     }
     let mut loose = (0..labels.len()).filter(|&n| !held[labels[n] as usize]);
@@ -164,10 +164,10 @@ mod tests {
         let mut layer = layer::kuhn_box(DVec3::ZERO, DVec3::ONE, [1, 1, 1]);
         layer.tetrahedra.extend(layer.tetrahedra.clone().iter().map(|t| t.map(|i| i + 8)));
         layer.nodes.extend_from_within(..);
-        layer.bound = vec![false; 16];
-        layer.bound[3] = true;
-        assert_eq!(unheld(&layer), Some((8, 8)));
-        layer.bound[15] = true;
-        assert_eq!(unheld(&layer), None);
+        layer.attached = vec![false; 16];
+        layer.attached[3] = true;
+        assert_eq!(unattached(&layer), Some((8, 8)));
+        layer.attached[15] = true;
+        assert_eq!(unattached(&layer), None);
     }
 }

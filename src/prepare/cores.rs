@@ -54,11 +54,11 @@ pub fn bind(
             return Err(error(&key, problem, ENLARGE));
         }
     }
-    layer.bound = holders.iter().map(|&holder| holder != NONE).collect();
+    layer.attached = holders.iter().map(|&holder| holder != NONE).collect();
     if body.cores.is_empty() {
         return Ok(vec![0; holders.len()]);
     }
-    if let Some((count, node)) = bind::unheld(layer) {
+    if let Some((count, node)) = bind::unattached(layer) {
         let (p, node) = (layer.nodes[node as usize], numbers[node as usize]);
         let problem = format!(
             "a connected part of the layer has no node attached to a core: {count} nodes, among them node {node} at \
@@ -126,7 +126,7 @@ pub fn frames(
     }
     let shares = shares(layer, materials);
     let frame = |(index, core): (usize, &crate::scene::Core)| {
-        let carried = (0..holders.len()).filter(|&n| layer.bound[n] && holders[n] == index as u32);
+        let carried = (0..holders.len()).filter(|&n| layer.attached[n] && holders[n] == index as u32);
         let add = |(sum, all): (DVec3, f64), n: usize| (sum + shares[n] * layer.nodes[n], all + shares[n]);
         let (sum, all) = carried.fold((DVec3::ZERO, 0.0), add);
         let motion = match &core.motion {
@@ -137,7 +137,7 @@ pub fn frames(
         let mut centre = sum / f64::max(all, f64::MIN_POSITIVE);
         if let FrameMotion::Dynamic { hinge, .. } = motion {
             centre = hinge.map_or(centre, |hinge| hinge.point);
-            let carried = (0..holders.len()).filter(|&n| layer.bound[n] && holders[n] == index as u32);
+            let carried = (0..holders.len()).filter(|&n| layer.attached[n] && holders[n] == index as u32);
             let inertia = carried.fold(DMat3::ZERO, |sum, n| sum + point_inertia(shares[n], layer.nodes[n] - centre));
             let size = (inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z) / 3.0;
             let (spread, problem) = match hinge {
@@ -219,7 +219,7 @@ mod tests {
     #[test]
     fn a_hinge_through_all_nodes_of_its_core_is_refused() {
         let mut block = layer::kuhn_box(DVec3::ZERO, DVec3::splat(0.2), [2, 2, 2]);
-        block.bound = block.nodes.iter().map(|x| x.x == 0.0 && x.y == 0.0).collect();
+        block.attached = block.nodes.iter().map(|x| x.x == 0.0 && x.y == 0.0).collect();
         let material = Material { density: 500.0, ..crate::prepare::tests::MATERIAL }.into();
         let mut scene = crate::prepare::tests::scene(
             crate::scene::Shape::Rigid { surface: crate::scene::Surface::File("a.obj".into()) },

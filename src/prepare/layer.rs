@@ -44,7 +44,7 @@ pub fn kuhn_box(low: DVec3, high: DVec3, cells: [u32; 3]) -> Layer {
             }
         }
     }
-    layer.bound = vec![false; layer.nodes.len()];
+    layer.attached = vec![false; layer.nodes.len()];
     layer
 }
 
@@ -70,7 +70,7 @@ pub fn drop_unused(layer: &mut Layer) -> Vec<u32> {
     let kept: Vec<u32> = (0..layer.nodes.len() as u32).filter(|&node| place[node as usize] == 0).collect();
     kept.iter().zip(0..).for_each(|(&node, new)| place[node as usize] = new);
     layer.nodes = kept.iter().map(|&node| layer.nodes[node as usize]).collect();
-    layer.bound = kept.iter().map(|&node| layer.bound[node as usize]).collect();
+    layer.attached = kept.iter().map(|&node| layer.attached[node as usize]).collect();
     layer.tetrahedra.iter_mut().flatten().for_each(|node| *node = place[*node as usize]);
     kept
 }

@@ -166,7 +166,7 @@ pub struct Layer {
     /// The four nodes of each tetrahedron, ordered so that its volume is positive.
     pub tetrahedra: Vec<[u32; 4]>,
     /// Whether each node is attached to one of the body's cores.
-    pub bound: Vec<bool>,
+    pub attached: Vec<bool>,
     /// Index of the F-bar patch of each tetrahedron ([`patch::patches`]), over which the volumetric strain is averaged;
     /// empty if every tetrahedron uses its own.
     #[serde(skip)]

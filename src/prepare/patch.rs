@@ -20,7 +20,7 @@ pub const MOST_NODES: usize = shaders::PATCH_NODES as usize;
 /// are all attached to cores (they hardly deform) with others.
 pub fn patches(layer: &Layer, group: impl Fn(usize) -> u32) -> Vec<u32> {
     let neighbours = neighbours(&layer.tetrahedra);
-    let bound = |t: usize| layer.tetrahedra[t].iter().all(|n| layer.bound[*n as usize]);
+    let bound = |t: usize| layer.tetrahedra[t].iter().all(|n| layer.attached[*n as usize]);
     let alike = |a: usize, b: usize| group(a) == group(b) && bound(a) == bound(b);
     let mut patch_of = vec![NONE; layer.tetrahedra.len()];
     let mut count = 0;
@@ -101,9 +101,9 @@ mod tests {
     #[test]
     fn patches_keep_within_groups_and_limits() {
         let mut layer = kuhn_box(DVec3::ZERO, DVec3::ONE, [5, 3, 3]);
-        layer.bound = layer.nodes.iter().map(|x| x.x < 0.41).collect();
+        layer.attached = layer.nodes.iter().map(|x| x.x < 0.41).collect();
         let group = |t: usize| u32::from(t.is_multiple_of(7));
-        let bound = |t: usize| layer.tetrahedra[t].iter().all(|n| layer.bound[*n as usize]);
+        let bound = |t: usize| layer.tetrahedra[t].iter().all(|n| layer.attached[*n as usize]);
         let patches = members(&patches(&layer, group));
         assert_eq!(patches.iter().map(Vec::len).sum::<usize>(), layer.tetrahedra.len());
         for patch in patches {

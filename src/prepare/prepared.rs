@@ -236,7 +236,7 @@ fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
 /// The layer of a mesh that the user gave.
 fn given(mesh: TetMesh) -> Filled {
     let bound = vec![false; mesh.nodes.len()];
-    let layer = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound, ..Layer::default() };
+    let layer = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, attached: bound, ..Layer::default() };
     Filled { layer, groups: mesh.groups, notes: mesh.notes, report: None }
 }
 

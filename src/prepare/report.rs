@@ -255,7 +255,7 @@ fn layer_facts(layer: &Layer, largest_extrapolation: f64, skin_volume: f64) -> L
         first_percentile_dihedral_deg: angles.map_or(f64::NAN, |a| a.first_percentile),
         largest_extrapolation,
         filling: None,
-        bound_nodes: layer.bound.iter().filter(|&&bound| bound).count(),
+        bound_nodes: layer.attached.iter().filter(|&&bound| bound).count(),
     }
 }
 

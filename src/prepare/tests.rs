@@ -139,8 +139,8 @@ fn a_box_is_bound_in_file_coordinates_and_scaled() {
     let body = prepared(&scene(cube(), &[face])).unwrap();
     let Shape::Soft { layer, embedding, skin, proxies, .. } = body.shape else { panic!("not soft") };
     assert_eq!(layer.nodes[26], DVec3::splat(2.0));
-    assert_eq!(layer.bound.iter().filter(|&&b| b).count(), 9);
-    assert!((0..27).all(|n| layer.bound[n] == (layer.nodes[n].x == 0.0)));
+    assert_eq!(layer.attached.iter().filter(|&&b| b).count(), 9);
+    assert!((0..27).all(|n| layer.attached[n] == (layer.nodes[n].x == 0.0)));
     assert_eq!((skin.vertices.len(), proxies.len()), (26, 1));
     assert!(embedding.iter().all(|e| e.weights.contains(&1.0)));
     assert_eq!(body.position, DVec3::X);
@@ -196,7 +196,7 @@ fn nodes_of_no_tetrahedron_are_left_out_and_cores_count_as_the_file_does() {
     let body = prepared(&scene(shape.clone(), &[Bind::Nodes(vec![2, 5])])).unwrap();
     let Shape::Soft { layer, .. } = &body.shape else { panic!("not soft") };
     assert_eq!(layer.nodes, [DVec3::ZERO, 2.0 * DVec3::X, 2.0 * DVec3::Y, 2.0 * DVec3::Z]);
-    assert_eq!((&layer.tetrahedra[..], &layer.bound[..]), (&[[0, 1, 2, 3]][..], &[false, true, false, true][..]));
+    assert_eq!((&layer.tetrahedra[..], &layer.attached[..]), (&[[0, 1, 2, 3]][..], &[false, true, false, true][..]));
     assert!(
         body.report.notes[0].contains("spare.node: 2 nodes that belong to no tetrahedron were left out"),
         "{:?}",
@@ -236,7 +236,7 @@ fn the_real_head_is_prepared_with_a_core() {
     let body = prepared(&scene(shape, &[Bind::Inset(0.03)])).unwrap();
     println!("head in {:.1?}", start.elapsed());
     let Shape::Soft { layer, embedding, skin, .. } = body.shape else { panic!("not soft") };
-    let bound = layer.bound.iter().filter(|&&b| b).count();
+    let bound = layer.attached.iter().filter(|&&b| b).count();
     assert!(bound > layer.nodes.len() / 10 && bound < layer.nodes.len() / 2, "{bound} of {}", layer.nodes.len());
     assert_eq!(embedding.len(), skin.vertices.len());
     assert!(embed::extrapolation(&embedding) < EXTRAPOLATION);

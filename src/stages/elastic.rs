@@ -39,7 +39,7 @@ pub struct Elastic {
     /// Per node: rest position relative to its frame's centre (m), and mass (kg).
     pub node_rest: Buffer,
     /// Per node: its first quad in `node_elements`, number of quads, frame, and what decides its motion, as in
-    /// shaders/shared/held.glsl.
+    /// shaders/shared/node_motion.glsl.
     pub node_info: Buffer,
     /// The entries of `element_forces` that add up at each node, node by node, four per texel.
     pub node_elements: Buffer,

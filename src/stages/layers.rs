@@ -91,8 +91,9 @@ impl Model {
             Motion::Prepared(FrameMotion::Dynamic { mass, .. }) => Some(mass),
             _ => None,
         };
-        let carries: Vec<Option<Option<f64>>> =
-            (0..layer.nodes.len()).map(|n| if layer.bound[n] { dynamic(frame_of(n as u32)) } else { None }).collect();
+        let carries: Vec<Option<Option<f64>>> = (0..layer.nodes.len())
+            .map(|n| if layer.attached[n] { dynamic(frame_of(n as u32)) } else { None })
+            .collect();
         let mut mass = vec![0.0; layer.nodes.len()];
         let mut damping = mass.clone();
         let mut entries = vec![Vec::new(); layer.nodes.len()];
@@ -113,7 +114,7 @@ impl Model {
                 mass[*n as usize] += 0.25 * material.density * volume;
                 damping[*n as usize] += 0.25 * material.damping_mass * material.density * volume;
                 // A tetrahedron within one core does not deform: the core's nodes get no force from it.
-                let within = nodes.iter().all(|n| layer.bound[*n as usize] && frame_of(*n) == frame);
+                let within = nodes.iter().all(|n| layer.attached[*n as usize] && frame_of(*n) == frame);
                 if !(within && carries[*n as usize].is_some()) {
                     entries[*n as usize].push((4 * (tetrahedron_first + t) + corner) as u32);
                 }
@@ -121,7 +122,7 @@ impl Model {
         }
         let rigid = |t: usize| {
             let nodes = layer.tetrahedra[t];
-            nodes.iter().all(|n| layer.bound[*n as usize] && frame_of(*n) == frame_of(nodes[0]))
+            nodes.iter().all(|n| layer.attached[*n as usize] && frame_of(*n) == frame_of(nodes[0]))
         };
         let patch_first = self.patches.count();
         let moduli = |t: usize| {
@@ -136,10 +137,10 @@ impl Model {
             let frame = frame_of(i as u32);
             let place = &self.frames[frame as usize];
             // A node of no tetrahedron has no mass; it stays where it is in its frame.
-            let bound = layer.bound[i] || mass[i] == 0.0;
+            let bound = layer.attached[i] || mass[i] == 0.0;
             let holder = match carries[i] {
                 Some(_) => shaders::NODE_ATTACHED,
-                None if bound => shaders::NODE_HELD,
+                None if bound => shaders::NODE_KINEMATIC,
                 None => shaders::NODE_FREE,
             };
             if bound
@@ -155,11 +156,11 @@ impl Model {
             }
             self.node_rest.push(texel(*rest - place.rest_centre, mass[i]));
             self.node_damping.push(damping[i] as f32);
-            self.velocity.push(texel(if holder == shaders::NODE_HELD { DVec3::ZERO } else { velocity }, 0.0));
+            self.velocity.push(texel(if holder == shaders::NODE_KINEMATIC { DVec3::ZERO } else { velocity }, 0.0));
         }
         for frame in frame_first..self.frames.len() {
             if let Motion::Prepared(FrameMotion::Dynamic { mass: wanted, .. }) = self.frames[frame].motion {
-                let own = |n: &usize| layer.bound[*n] && frame_of(*n as u32) == frame as u32;
+                let own = |n: &usize| layer.attached[*n] && frame_of(*n as u32) == frame as u32;
                 let nodes: Vec<u32> = (0..layer.nodes.len()).filter(own).map(|n| (node_first + n) as u32).collect();
                 let own_mass: f64 = nodes.iter().map(|n| mass[*n as usize - node_first]).sum();
                 let factor = wanted.map_or(1.0, |wanted| wanted / own_mass);

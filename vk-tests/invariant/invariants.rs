@@ -26,7 +26,7 @@ impl State {
 
     /// Mass, position and velocity of each free node.
     pub fn nodes(&self) -> impl Iterator<Item = (f64, DVec3, DVec3)> {
-        let free = self.twin.layer.bound.iter().map(|bound| !bound);
+        let free = self.twin.layer.attached.iter().map(|bound| !bound);
         let all = self.twin.elements.masses.iter().copied().zip(self.twin.world_nodes()).zip(&self.twin.velocity);
         all.zip(free).filter(|(_, free)| *free).map(|(((m, x), v), _)| (m, x, *v))
     }

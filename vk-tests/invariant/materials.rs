@@ -29,7 +29,7 @@ fn a_neo_hookean_tetrahedron_stretched_by_half_by_hand() {
     // gradient F = diag(1.5, 1, 1): I = |F|^2 = 4.25, J = det F = 1.5, cofactors diag(1, 1.5, 1.5), stress P = 4/3 mu
     // (1 - 1 / (I + 1)) F + ((lambda + 5/6 mu) (J - 1) - mu) cofactors.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Layer::default() };
+    let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], attached: vec![false; 4], ..Layer::default() };
     let soft = Material { law: MaterialLaw::NeoHookean, ..material(2e4) };
     let mut system = System::new(&[layered(layer, soft, DQuat::IDENTITY)], 0.0, 1);
     system.velocity.fill([0.0; 4]);

@@ -53,7 +53,7 @@ pub fn keys(scene_position: DVec3, orientation: DQuat, angle: f64, shift: DVec3)
 pub fn carry(twin: &mut oracle::step::SoftBody, simulation: &Simulation, body: usize, time: f64, h: f64) {
     let place = &simulation.bodies()[body];
     let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
-    for (i, rest) in layer.nodes.iter().enumerate().filter(|(i, _)| layer.bound[*i]) {
+    for (i, rest) in layer.nodes.iter().enumerate().filter(|(i, _)| layer.attached[*i]) {
         let FrameMotion::Kinematic(keys) = &frames[node_frames[i] as usize].motion else { continue };
         let drive = Trajectory::new(keys, Key { time: 0.0, position: DVec3::ZERO, orientation: DQuat::IDENTITY });
         let at = |time: f64| {
@@ -139,7 +139,7 @@ pub fn twin_cores(simulation: &Simulation, body: usize) -> Vec<oracle::step::Cor
     let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
     let core = |(index, frame): (usize, &palpate::internal::prepare::Frame)| {
         let FrameMotion::Dynamic { hinge, .. } = frame.motion else { return None };
-        let carried = (0..layer.nodes.len()).filter(|n| layer.bound[*n] && node_frames[*n] == index as u32);
+        let carried = (0..layer.nodes.len()).filter(|n| layer.attached[*n] && node_frames[*n] == index as u32);
         Some(oracle::step::Core {
             nodes: carried.map(|n| (body, n as u32)).collect(),
             centre: place.position + place.orientation * frame.centre,
@@ -331,7 +331,7 @@ fn a_human_bends_its_arm() {
     let (mut carried, mut free) = (0, 0.0f64);
     for (n, d) in moved.iter().enumerate() {
         let taken = turn * (layer.nodes[n] - elbow) + elbow - layer.nodes[n];
-        match (layer.bound[n], driven(node_frames[n])) {
+        match (layer.attached[n], driven(node_frames[n])) {
             (true, true) => {
                 carried += 1;
                 assert!(d.distance(taken) < 1e-9, "{d} {taken}");

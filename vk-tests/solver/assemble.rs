@@ -96,7 +96,7 @@ fn a_tetrahedron_at_rest_by_hand() {
     // V and gradient g_i of the shape function. It is diagonal for node 1, whose gradient is e_x. Node 2 is attached.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let tetrahedron =
-        Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false, false, true, false], ..Layer::default() };
+        Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], attached: vec![false, false, true, false], ..Layer::default() };
     let mut system = System::new(&[layered(tetrahedron, material(2e4), DQuat::IDENTITY)], 0.0, 1);
     system.velocity.fill([0.0; 4]);
     system.rotate();

@@ -27,7 +27,7 @@ const LIMIT: usize = 500;
 /// A cube of `cells` Kuhn cells an edge, whose nodes in the face x = 0 are attached.
 fn block(cells: u32) -> Layer {
     let mut layer = kuhn_box(DVec3::ZERO, DVec3::splat(EDGE), [cells; 3]);
-    layer.bound = layer.nodes.iter().map(|x| x.x < 1e-6).collect();
+    layer.attached = layer.nodes.iter().map(|x| x.x < 1e-6).collect();
     layer
 }
 
@@ -101,7 +101,7 @@ fn a_stiff_human_takes_few_iterations_at_long_steps() {
     let mesh = gmsh::read(&meshes.join("tet/human.v41.msh")).unwrap();
     let centroid = mesh.nodes.iter().sum::<DVec3>() / mesh.nodes.len() as f64;
     let bound = mesh.nodes.iter().map(|x| x.distance(centroid) <= BOUND).collect();
-    let human = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, bound, ..Layer::default() };
+    let human = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, attached: bound, ..Layer::default() };
     let short = iterations(human.clone(), 1e-3);
     let long = iterations(human, 1e-2);
     assert!(long <= HUMAN && short <= long, "{short}, {long}");

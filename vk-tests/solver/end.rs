@@ -248,8 +248,12 @@ fn the_state_moves_by_hand() {
     // solve/commit with a frame turned by 90 degrees about z: what moves along the world's y moves along the frame's x.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let bound = vec![false, false, false, true];
-    let tetrahedron =
-        palpate::internal::prepare::Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound, ..Default::default() };
+    let tetrahedron = palpate::internal::prepare::Layer {
+        nodes,
+        tetrahedra: vec![[0, 1, 2, 3]],
+        attached: bound,
+        ..Default::default()
+    };
     let turn = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
     let mut passes = Passes::new(System::new(&[layered(tetrahedron, material(2e4), turn)], 0.0, 1));
     passes.system.velocity = vec![[0.0, 1.0, 0.0, 0.0]; 4];

@@ -36,7 +36,7 @@ fn bar() -> Body {
         let at = (x.x + 0.24) / 0.08;
         ((at - at.round()).abs() < 0.26).then_some(at.round() as usize)
     };
-    layer.bound = layer.nodes.iter().map(|x| core_of(x).is_some()).collect();
+    layer.attached = layer.nodes.iter().map(|x| core_of(x).is_some()).collect();
     let node_frames: Vec<u32> =
         layer.nodes.iter().map(|x| (((x.x + 0.24) / 0.08).round() as u32).min(CORES as u32 - 1)).collect();
     let masses = palpate_oracle::elastic::Elements::new(&layer, material(1e5), DMat3::IDENTITY).masses;

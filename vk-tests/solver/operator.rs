@@ -78,7 +78,7 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
     let tetrahedron = palpate::internal::prepare::Layer {
         nodes,
         tetrahedra: vec![[0, 1, 2, 3]],
-        bound: vec![false; 4],
+        attached: vec![false; 4],
         ..Default::default()
     };
     let mut system = System::new(&[layered(tetrahedron, material(2e4), DQuat::IDENTITY)], 0.0, 1);
@@ -118,7 +118,7 @@ fn nodes_gather_their_elements_by_hand() {
     let tetrahedron = palpate::internal::prepare::Layer {
         nodes,
         tetrahedra: vec![[0, 1, 2, 3]],
-        bound: vec![false, true, false, false],
+        attached: vec![false, true, false, false],
         ..Default::default()
     };
     let system = System::new(&[layered(tetrahedron, material(2e4), DQuat::IDENTITY)], 0.0, 1);

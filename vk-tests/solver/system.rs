@@ -106,8 +106,8 @@ pub fn layer(nodes: usize) -> Layer {
     let mut layer = kuhn_box(-half, half, [side as u32; 3]);
     layer.nodes.truncate(nodes);
     layer.tetrahedra.retain(|t| t.iter().all(|i| (*i as usize) < nodes));
-    layer.bound = vec![true; nodes];
-    layer.tetrahedra.iter().flatten().for_each(|i| layer.bound[*i as usize] = false);
+    layer.attached = vec![true; nodes];
+    layer.tetrahedra.iter().flatten().for_each(|i| layer.attached[*i as usize] = false);
     layer
 }
 
@@ -272,7 +272,7 @@ impl System {
     }
 
     /// Velocities at the end of the step that a body's trial displacements already contain, m/s.
-    pub fn held_velocity(&self, body: usize) -> Vec<DVec3> {
+    pub fn kinematic_velocity(&self, body: usize) -> Vec<DVec3> {
         let own = self.model.soft.get(body).map_or(0..0, |soft| soft.nodes.clone());
         let gained = |i: usize| self.trial_change.get(i).map(|x| wide(&self.velocity[i]) + wide(x));
         own.map(|i| gained(i).unwrap_or_default()).collect()
@@ -491,7 +491,7 @@ enum Side {
 /// Two layers, of 100 and 60 nodes and of different stiffness, turned; nine nodes of the second are attached.
 pub fn two_layers() -> Vec<Body> {
     let mut second = layer(60);
-    second.bound[..9].fill(true);
+    second.attached[..9].fill(true);
     vec![
         layered(layer(100), material(2e4), DQuat::from_scaled_axis(DVec3::new(0.4, 1.0, -0.3))),
         layered(second, material(2e5), DQuat::from_scaled_axis(DVec3::new(-2.0, 0.3, 0.8))),
@@ -508,7 +508,7 @@ pub fn two_layers_one_on_a_core() -> Vec<Body> {
     let mut bodies = two_layers();
     if let Shape::Soft { layer, frames, materials, .. } = &mut bodies[1].shape {
         let masses = palpate_oracle::elastic::Elements::new(layer, &*materials, DMat3::IDENTITY).masses;
-        let bound = (0..masses.len()).filter(|n| layer.bound[*n]);
+        let bound = (0..masses.len()).filter(|n| layer.attached[*n]);
         let (sum, mass) = bound.fold((DVec3::ZERO, 0.0), |(s, m), n| (s + masses[n] * layer.nodes[n], m + masses[n]));
         frames[0] = prepare::Frame { centre: sum / mass, motion: FrameMotion::Dynamic { mass: None, hinge: None } };
     }

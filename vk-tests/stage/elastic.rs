@@ -75,7 +75,7 @@ pub fn scattered(count: usize, random: &mut Random) -> Layer {
         layer.nodes.extend(corners.map(|x| centre + 0.02 * (x + 0.2 * random.vector())));
         layer.tetrahedra.push(std::array::from_fn(|k| 4 * t + k as u32));
     }
-    layer.bound = vec![false; layer.nodes.len()];
+    layer.attached = vec![false; layer.nodes.len()];
     layer
 }
 
@@ -150,7 +150,7 @@ pub fn expect_oracle(what: &str, system: &System, force: f64) {
     let weight = |material: &Material| h * (h + material.damping_stiffness);
     let elements = body.elements.linearised(&body.displacement, &found);
     let viscous = elements.apply_weighted(&body.velocity, &found, weight);
-    let held = elements.apply_weighted(&system.held_velocity(0), &found, |_| h * h);
+    let held = elements.apply_weighted(&system.kinematic_velocity(0), &found, |_| h * h);
     let want = elastic.iter().zip(&viscous).zip(&held).flat_map(|((f, kv), held)| (h * *f - *kv + *held).to_array());
     let got = &system.element_forces[..system.element_forces.len() - 4];
     expect_of_largest(
@@ -196,7 +196,7 @@ fn a_tetrahedron_stretched_along_an_edge_by_hand() {
     // elastic/element_forces on a unit corner of 1 m with d_1 = (0.01, 0, 0): strain E = diag(0.01, 0, 0), stress P = 2 mu E +
     // 0.01 lambda I, volume V = 1/6.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Layer::default() };
+    let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], attached: vec![false; 4], ..Layer::default() };
     let mut system = System::new(&[layered(layer, material(2e4), DQuat::IDENTITY)], 0.0, 1);
     system.velocity.fill([0.0; 4]);
     system.displacement[1] = [0.01, 0.0, 0.0, 0.0];

@@ -99,7 +99,7 @@ fn the_energy_of_a_tetrahedron_stretched_along_an_edge_by_hand() {
     // corotational density is (mu + lambda / 2) 1e-4.
     for law in [MaterialLaw::Corotational, MaterialLaw::NeoHookean] {
         let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-        let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], bound: vec![false; 4], ..Layer::default() };
+        let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], attached: vec![false; 4], ..Layer::default() };
         let soft = palpate::scene::Material { law, ..material(2e4) };
         let mut system = System::new(&[layered(layer, soft, DQuat::IDENTITY)], 0.0, 1);
         system.displacement[1] = [0.01, 0.0, 0.0, 0.0];

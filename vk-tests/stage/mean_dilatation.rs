@@ -137,7 +137,7 @@ fn expect_oracle(what: &str, system: &System, seed: u64) {
         let elastic = body.elements.forces(&body.displacement, &q);
         let elements = body.elements.linearised(&body.displacement, &q);
         let viscous = elements.apply_stiffness(&body.velocity, &q);
-        let held = elements.apply_weighted(&system.held_velocity(index), &q, |_| h * h);
+        let held = elements.apply_weighted(&system.kinematic_velocity(index), &q, |_| h * h);
         let all = elastic.iter().zip(&viscous).zip(&held);
         let want = all.flat_map(|((f, kv), held)| (h * *f - step * *kv + *held).to_array());
         expect_of_largest(&format!("{what}: right-hand side"), &right[own3], &want.collect::<Vec<_>>(), FORCE);
@@ -188,9 +188,9 @@ fn a_common_velocity_is_not_resisted_at_all() {
 #[test]
 fn tetrahedra_within_a_core_need_no_patch() {
     let mut layer = kuhn_box(DVec3::ZERO, DVec3::ONE, [6, 3, 3]);
-    layer.bound = layer.nodes.iter().map(|x| x.x < 0.6).collect();
+    layer.attached = layer.nodes.iter().map(|x| x.x < 0.6).collect();
     layer.patches = patches(&layer, |_| 0);
-    let within = |t: usize| layer.tetrahedra[t].iter().all(|n| layer.bound[*n as usize]);
+    let within = |t: usize| layer.tetrahedra[t].iter().all(|n| layer.attached[*n as usize]);
     let mut all = Patches::default();
     all.add(&layer, 0, |_| [1.0, 0.0], within);
     let count = layer.patches.iter().max().map_or(0, |last| *last as usize + 1);

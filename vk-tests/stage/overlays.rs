@@ -194,7 +194,7 @@ fn cores_and_bones_are_where_their_frames_are() {
     for (k, part) in mesh.parts.iter().enumerate() {
         assert!(values[part.vertices.clone()].iter().all(|x| *x == k as f32));
         expect_closed(&part.name, &places, of(part, &triangles));
-        let own = |n: &u32| layer.bound[*n as usize] && node_frames[*n as usize] == k as u32;
+        let own = |n: &u32| layer.attached[*n as usize] && node_frames[*n as usize] == k as u32;
         let whole = layer.tetrahedra.iter().filter(|t| t.iter().all(own));
         let want = whole.map(|t| palpate::internal::prepare::layer::volume6(&layer.nodes, t)).sum::<f64>() / 6.0;
         let got = properties(&places, of(part, &triangles)).volume;

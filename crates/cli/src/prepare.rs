@@ -131,7 +131,7 @@ pub fn prepare(arguments: &Arguments) -> Result<()> {
         bar.set_message("pictures");
         let begun = Instant::now();
         let mut shown = layer.clone();
-        shown.bound = held;
+        shown.attached = held;
         write_pictures(&mut output, &body, &shown, skin)?;
         report.seconds.insert("pictures".into(), begun.elapsed().as_secs_f64().into());
         report.peak_memory_bytes = peak_memory();

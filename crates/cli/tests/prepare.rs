@@ -64,7 +64,7 @@ fn a_model_becomes_a_body_that_a_scene_can_use() {
     let (body, _) = prepare::body_and_report(&scene.bodies[0], &scene, &Cache::off(), &mut |_| Ok(())).unwrap();
     let prepare::Shape::Soft { layer, skin, .. } = &body.shape else { panic!("not soft") };
     assert_eq!(layer.tetrahedra.len() as u64, report["layer"]["tetrahedra"].as_u64().unwrap());
-    let bound = layer.bound.iter().filter(|&&b| b).count();
+    let bound = layer.attached.iter().filter(|&&b| b).count();
     assert!(bound > 0 && bound < layer.nodes.len() / 2, "{bound} of {}", layer.nodes.len());
     // The sphere starts clear of the skin and ends inside.
     let scene::ToolShape::Sphere(radius) = scene.tool.as_ref().unwrap().shape else { panic!("no sphere") };

@@ -41,7 +41,7 @@ impl SoftBody {
         let start = |bound: &bool| if *bound { DVec3::ZERO } else { velocity };
         Self {
             displacement: vec![DVec3::ZERO; layer.nodes.len()],
-            velocity: layer.bound.iter().map(start).collect(),
+            velocity: layer.attached.iter().map(start).collect(),
             given_rotations: None,
             elements,
             layer,

@@ -157,7 +157,7 @@ impl Simulation {
             if *bound { vec![] } else { vec![(first, DMat3::IDENTITY)] }
         };
         let mut nodes: Vec<Vec<Map>> =
-            self.bodies.iter().map(|b| b.layer.bound.iter().map(&mut number).collect()).collect();
+            self.bodies.iter().map(|b| b.layer.attached.iter().map(&mut number).collect()).collect();
         let cores: Vec<usize> = (0..self.cores.len()).map(|k| count + 6 * k).collect();
         for (core, first) in self.cores.iter().zip(&cores) {
             for (body, node) in &core.nodes {

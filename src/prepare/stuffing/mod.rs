@@ -205,7 +205,7 @@ impl Surface<'_> {
         let (parts, dropped) = parts::drop_bits(&self.solid, (self.vertices, self.triangles), &cuts, &mut filling);
         let volume = core + total(&filling.nodes, &filling.tetrahedra);
         let bound = vec![false; filling.nodes.len()];
-        let layer = Layer { nodes: filling.nodes, tetrahedra: filling.tetrahedra, bound, ..Layer::default() };
+        let layer = Layer { nodes: filling.nodes, tetrahedra: filling.tetrahedra, attached: bound, ..Layer::default() };
         Filled {
             layer,
             shift,

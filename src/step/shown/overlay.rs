@@ -242,7 +242,7 @@ impl Simulation {
         for (index, body, _) in self.shown_bodies() {
             let Shape::Soft { layer, node_frames, .. } = &body.shape else { continue };
             for (k, core) in self.scene.bodies[index].cores.iter().enumerate() {
-                let own = |node: &u32| layer.bound[*node as usize] && node_frames[*node as usize] == k as u32;
+                let own = |node: &u32| layer.attached[*node as usize] && node_frames[*node as usize] == k as u32;
                 let whole: Vec<[u32; 4]> = layer.tetrahedra.iter().filter(|t| t.iter().all(own)).copied().collect();
                 let faces: Vec<[u32; 3]> = boundary_faces(&whole).into_iter().map(|(face, _)| face).collect();
                 let first = self.first_node(index);

@@ -82,7 +82,7 @@ fn host_inverse(model: &Model, scaled: bool) -> Mat<f64> {
 fn boxed(cells: [u32; 3], held: impl Fn(DVec3) -> bool) -> Layer {
     let half = 0.01 * DVec3::new(cells[0].into(), cells[1].into(), cells[2].into());
     let mut layer = kuhn_box(-half, half, cells);
-    layer.bound = layer.nodes.iter().map(|x| held(*x)).collect();
+    layer.attached = layer.nodes.iter().map(|x| held(*x)).collect();
     layer
 }
 
@@ -122,7 +122,7 @@ pub fn large_core(hinged: bool) -> Body {
     let mut body = turned(boxed([6, 6, 8], |x| x.z < 0.03));
     if let Shape::Soft { layer, frames, materials, .. } = &mut body.shape {
         let masses = palpate_oracle::elastic::Elements::new(layer, &*materials, glam::DMat3::IDENTITY).masses;
-        let bound = || (0..masses.len()).filter(|n| layer.bound[*n]);
+        let bound = || (0..masses.len()).filter(|n| layer.attached[*n]);
         let mass: f64 = bound().map(|n| masses[n]).sum();
         let centre = bound().map(|n| masses[n] * layer.nodes[n]).sum::<DVec3>() / mass;
         let hinge = hinged.then_some(Hinge { point: centre, axis: DVec3::new(0.48, 0.6, 0.64) });
@@ -134,7 +134,7 @@ pub fn large_core(hinged: bool) -> Body {
 /// Two bodies, of which the first is soft enough to go without a coarse level and the second has one.
 pub fn soft_and_stiff() -> Vec<Body> {
     let mut second = layer(60);
-    second.bound[..9].fill(true);
+    second.attached[..9].fill(true);
     vec![layered(layer(100), material(2e3), DQuat::from_rotation_x(1.0)), turned(second)]
 }
 

@@ -17,7 +17,7 @@ fn turned_by(bodies: &[palpate::internal::prepare::Body], turn: DQuat) -> Passes
     let mut system = System::preconditioned(bodies, 0.0, 3, Preconditioner::Coarse);
     let mut at = 0;
     for body in &system.twin.bodies {
-        for (x, bound) in body.layer.nodes.iter().zip(&body.layer.bound) {
+        for (x, bound) in body.layer.nodes.iter().zip(&body.layer.attached) {
             let d = if *bound { DVec3::ZERO } else { turn * *x - *x + DVec3::new(0.02, -0.01, 0.03) };
             system.displacement[at] = d.as_vec3().extend(0.0).to_array();
             at += 1;

@@ -163,11 +163,11 @@ mod tests {
         let body = prepared(&scene).unwrap();
         let block = layer(&body).unwrap();
         assert_eq!((block.tetrahedra.len(), block.nodes.len()), (384, 125));
-        assert!(block.nodes.iter().zip(&block.bound).all(|(x, bound)| *bound == (x.x == 0.0)));
+        assert!(block.nodes.iter().zip(&block.attached).all(|(x, bound)| *bound == (x.x == 0.0)));
 
         let body = prepared(&Mesh::Human.scene(2e4, 0.01).unwrap()).unwrap();
         let human = layer(&body).unwrap();
-        let bound = human.bound.iter().filter(|bound| **bound).count();
+        let bound = human.attached.iter().filter(|bound| **bound).count();
         assert!((10_000..11_000).contains(&human.tetrahedra.len()) && bound > 10 && bound < human.nodes.len() / 4);
     }
 }

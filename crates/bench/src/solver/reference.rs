@@ -83,7 +83,7 @@ fn key(scene: &Scene, twin: &SoftBody, steps: usize) -> Result<Key> {
     let nodes: Vec<[f64; 3]> = twin.layer.nodes.iter().map(|x| x.to_array()).collect();
     maker.add(bytemuck::cast_slice(&nodes));
     maker.add(bytemuck::cast_slice(&twin.layer.tetrahedra));
-    maker.add(&twin.layer.bound.iter().map(|bound| u8::from(*bound)).collect::<Vec<_>>());
+    maker.add(&twin.layer.attached.iter().map(|bound| u8::from(*bound)).collect::<Vec<_>>());
     // The debug format of a float is the shortest text that reads back as the same number, so that it tells inputs
     // apart.
     let rest = (

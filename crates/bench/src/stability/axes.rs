@@ -8,7 +8,7 @@ use palpate::scene::MaterialLaw;
 use super::cases::{Case, bare, both, hang, pluck, press, release, rest, sphere, spin, still, teleport, throw, thrust};
 use super::labels::{power, si, stretched};
 use super::meshes;
-use super::setup::{Bound, Setup};
+use super::setup::{Attachment, Setup};
 use crate::meshes::MeshFolder;
 
 /// A value of an axis.
@@ -332,13 +332,14 @@ fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
             Axis { name: "tetrahedron", title: "A single tetrahedron", is_listed: true, cells }
         }
         "bound" => {
-            let cell = |label: &str, bound: Bound, is_still| {
-                let case = |case: Case| Case { setup: Setup { bound: bound.clone(), ..case.setup.clone() }, ..case };
+            let cell = |label: &str, attachment: Attachment, is_still| {
+                let case =
+                    |case: Case| Case { setup: Setup { attachment: attachment.clone(), ..case.setup.clone() }, ..case };
                 let cases = both(Setup::default()).into_iter().map(case);
                 let cases = cases.map(|c| if is_still { still(c) } else { c }).collect();
                 Cell { label: label.into(), is_core: true, cases }
             };
-            let cells = vec![cell("all but one", Bound::AllButOne, false), cell("all", Bound::All, true)];
+            let cells = vec![cell("all but one", Attachment::AllButOne, false), cell("all", Attachment::All, true)];
             Axis { name: "bound", title: "Nodes bound", is_listed: true, cells }
         }
         _ => return Ok(None),

@@ -6,7 +6,7 @@ use palpate::scene::MaterialLaw;
 
 use super::invariants::{AT_REST, DRIFT, Promise};
 use super::modes;
-use super::setup::{Bound, RADIUS, Setup, Sphere};
+use super::setup::{Attachment, RADIUS, Setup, Sphere};
 use super::trace::HALF_ULP;
 
 /// Least number of steps of a case, and most steps that a case is given to come to rest.
@@ -89,7 +89,7 @@ pub struct Settling {
 
 /// The block, attached at its side, is let go under gravity.
 pub fn hang(setup: Setup) -> Case {
-    let setup = Setup { bound: Bound::Side, ..setup };
+    let setup = Setup { attachment: Attachment::Side, ..setup };
     let steps = damped_steps(&setup);
     let scenario = if setup.material.damping_mass > 0.0 { "hang" } else { "hang, undamped" };
     let settling = Some(Settling { steps: Some(steps), other: 0.0 });
@@ -119,7 +119,7 @@ pub fn pluck(setup: Setup) -> Case {
     let waves = setup.material.young / setup.material.density * (setup.dt / setup.edge).powi(2);
     let rounded = INSIDE * HALF_ULP * waves * way;
     let promise = Promise { drift: Some((0, (solved + rounded) * setup.edge)), ..Promise::default() };
-    let setup = Setup { bound: Bound::Nothing, gravity: 0.0, ..setup };
+    let setup = Setup { attachment: Attachment::Nothing, gravity: 0.0, ..setup };
     let (start, steps) = (Start::Stretched(1.0 + stretch), UNDAMPED as usize);
     Case { scenario: "pluck", setup, start, steps, promise, settling: None }
 }
@@ -151,7 +151,7 @@ pub fn press(setup: Setup, sphere: Sphere) -> Case {
     let settling = Some(Settling { steps: Some(after as usize), other: swing(&sphere, setup.dt) });
     let scenario = if setup.material.damping_mass > 0.0 { "press" } else { "press, undamped" };
     let promise = left_alone(&setup);
-    let setup = Setup { bound: Bound::Bottom, sphere: Some(Sphere { path, ..sphere }), ..setup };
+    let setup = Setup { attachment: Attachment::Bottom, sphere: Some(Sphere { path, ..sphere }), ..setup };
     Case { scenario, setup, start: Start::Rest, steps, promise, settling }
 }
 
@@ -172,7 +172,7 @@ pub fn sphere(edge: f64) -> Sphere {
 /// gone through and the block has come to rest.
 pub fn throw(setup: Setup, mass: f64) -> Case {
     let sphere = Sphere { mass, coupling: None, speed: THROWN, path: Vec::new() };
-    let setup = Setup { bound: Bound::Bottom, gravity: 0.0, ..setup };
+    let setup = Setup { attachment: Attachment::Bottom, gravity: 0.0, ..setup };
     let block = setup.material.density * setup.edge.powi(3);
     let is_brief = mass <= BOUNCES * block || mass >= PASSES * block;
     let through = ((1.5 + 2.0 * RADIUS) * setup.edge / THROWN / setup.dt).ceil() as usize;
@@ -185,7 +185,7 @@ pub fn throw(setup: Setup, mass: f64) -> Case {
 
 /// The block, attached at its bottom, is stretched, compressed or turned inside out by this factor, and let go.
 pub fn release(setup: Setup, factor: f64) -> Case {
-    let setup = Setup { bound: Bound::Bottom, ..setup };
+    let setup = Setup { attachment: Attachment::Bottom, ..setup };
     let steps = damped_steps(&setup);
     let promise = Promise { shape: Some(SHAPE * setup.edge), ..Promise::default() };
     let settling = Some(Settling { steps: Some(steps), other: 0.0 });
@@ -212,7 +212,7 @@ pub fn thrust(setup: Setup, speed: f64) -> Case {
     let tool = Sphere { path, ..pushed(setup.edge) };
     let settling = Some(Settling { steps: Some(after), other: swing(&tool, setup.dt) });
     let promise = left_alone(&setup);
-    let setup = Setup { bound: Bound::Bottom, sphere: Some(tool), ..setup };
+    let setup = Setup { attachment: Attachment::Bottom, sphere: Some(tool), ..setup };
     Case { scenario: "thrust", setup, start: Start::Rest, steps, promise, settling }
 }
 
@@ -228,20 +228,20 @@ pub fn teleport(setup: Setup, way: f64) -> Case {
     let tool = Sphere { path, ..pushed(setup.edge) };
     let settling = Some(Settling { steps: Some(after), other: swing(&tool, setup.dt) });
     let promise = left_alone(&setup);
-    let setup = Setup { bound: Bound::Bottom, sphere: Some(tool), ..setup };
+    let setup = Setup { attachment: Attachment::Bottom, sphere: Some(tool), ..setup };
     Case { scenario: "teleport", setup, start: Start::Rest, steps, promise, settling }
 }
 
 /// A free block spins at this angular speed (rad/s) without gravity: its centre must stay.
 pub fn spin(setup: Setup, speed: f64) -> Case {
     let promise = Promise { drift: Some((0, DRIFT * setup.edge)), ..Promise::default() };
-    let setup = Setup { bound: Bound::Nothing, gravity: 0.0, ..setup };
+    let setup = Setup { attachment: Attachment::Nothing, gravity: 0.0, ..setup };
     Case { scenario: "spin", setup, start: Start::Spinning(speed), steps: 200, promise, settling: None }
 }
 
 /// A block rests on a floor for this many steps: once settled, it must stay.
 pub fn rest(setup: Setup, steps: usize) -> Case {
-    let setup = Setup { bound: Bound::Nothing, has_floor: true, ..setup };
+    let setup = Setup { attachment: Attachment::Nothing, has_floor: true, ..setup };
     let drift = Some((SETTLED, DRIFT * setup.edge));
     let promise = Promise { rest: Some(AT_REST), drift, touches: true, ..Promise::default() };
     Case { scenario: "rest", setup, start: Start::Rest, steps, promise, settling: None }

@@ -72,7 +72,7 @@ impl Before {
         let sizes = self.sizes(h, start, end);
         let pushed = self.pushed(done);
         let mut left = Left::default();
-        for i in (0..start.len()).filter(|i| !self.body.layer.bound[*i]) {
+        for i in (0..start.len()).filter(|i| !self.body.layer.attached[*i]) {
             let (mass, damping, push) = (elements.masses[i], elements.damping[i], &pushed[i]);
             let own = h * forces[i] + h * mass * done.gravity - h * damping * start[i] - of_start[i];
             let image = (mass + h * damping) * (end[i] - start[i]) + of_end[i] - of_start[i];

@@ -39,7 +39,7 @@ pub fn decay(frequency: f64, damping: f64, h: f64) -> f64 {
 /// The least w^2 of K x = w^2 M x over the free nodes of a body at rest (K: stiffness, M: lumped mass), by inverse
 /// iteration; `None`: no node is free. Errors: K cannot be factorised.
 fn slowest_square(body: &SoftBody) -> Result<Option<f64>> {
-    let (elements, bound) = (&body.elements, &body.layer.bound);
+    let (elements, bound) = (&body.elements, &body.layer.attached);
     let mut unknown = vec![None; bound.len()];
     let free = bound.iter().enumerate().filter(|(_, bound)| !**bound);
     let count = free.enumerate().map(|(k, (i, _))| unknown[i] = Some(3 * k)).count();
@@ -95,7 +95,7 @@ mod tests {
 
     fn bar(cells: [u32; 3], size: DVec3, poisson: f64) -> SoftBody {
         let mut layer: Layer = kuhn_box(DVec3::ZERO, size, cells);
-        layer.bound = layer.nodes.iter().map(|x| x.x < 1e-9).collect();
+        layer.attached = layer.nodes.iter().map(|x| x.x < 1e-9).collect();
         let material = Material {
             law: MaterialLaw::Corotational,
             young: 2e4,

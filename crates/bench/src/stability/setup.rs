@@ -18,7 +18,7 @@ const GAP: f64 = 0.02;
 
 /// Which nodes are attached to the fixed core.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Bound {
+pub enum Attachment {
     /// The face x = 0, from which the block hangs out sideways.
     Side,
     /// The face y = 0, on which the block stands.
@@ -65,7 +65,7 @@ pub struct Setup {
     /// Position of the block's lowest corner, m.
     pub origin: DVec3,
     /// Nodes that are attached.
-    pub bound: Bound,
+    pub attachment: Attachment,
     /// The sphere tool; `None`: there is none.
     pub sphere: Option<Sphere>,
     /// Whether there is a floor at the block's bottom.
@@ -92,7 +92,7 @@ impl Default for Setup {
             dt: 1e-3,
             gravity: 9.81,
             origin: DVec3::ZERO,
-            bound: Bound::Side,
+            attachment: Attachment::Side,
             sphere: None,
             has_floor: false,
             stiffness: None,
@@ -186,12 +186,16 @@ impl Setup {
 
     fn bind(&self) -> Option<Bind> {
         let (thin, wide) = (ON_FACE * self.edge, 2.0 * self.edge);
-        match self.bound {
-            Bound::Side => Some(Bind::Box { low: -DVec3::new(thin, wide, wide), high: DVec3::new(thin, wide, wide) }),
-            Bound::Bottom => Some(Bind::Box { low: -DVec3::new(wide, thin, wide), high: DVec3::new(wide, thin, wide) }),
-            Bound::Nothing => None,
-            Bound::All => Some(Bind::All),
-            Bound::AllButOne => Some(Bind::Nodes((0..(self.cells + 1).pow(3) - 1).collect())),
+        match self.attachment {
+            Attachment::Side => {
+                Some(Bind::Box { low: -DVec3::new(thin, wide, wide), high: DVec3::new(thin, wide, wide) })
+            }
+            Attachment::Bottom => {
+                Some(Bind::Box { low: -DVec3::new(wide, thin, wide), high: DVec3::new(wide, thin, wide) })
+            }
+            Attachment::Nothing => None,
+            Attachment::All => Some(Bind::All),
+            Attachment::AllButOne => Some(Bind::Nodes((0..(self.cells + 1).pow(3) - 1).collect())),
         }
     }
 }

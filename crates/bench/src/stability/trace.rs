@@ -141,7 +141,7 @@ impl Observer {
     }
 
     fn free(&self) -> impl Iterator<Item = usize> + '_ {
-        self.body.layer.bound.iter().enumerate().filter(|(_, bound)| !**bound).map(|(i, _)| i)
+        self.body.layer.attached.iter().enumerate().filter(|(_, bound)| !**bound).map(|(i, _)| i)
     }
 
     fn centre(&self) -> DVec3 {

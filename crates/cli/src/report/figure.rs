@@ -76,7 +76,7 @@ pub fn layer(layer: &Layer, view: &View) -> Picture {
         layer::boundary_faces(&layer.tetrahedra).into_iter().map(|(triangle, _)| sorted(triangle)).collect();
     let faces = layer::boundary_faces(&kept).into_iter().map(|(triangle, tetrahedron)| {
         let corners = triangle.map(|n| layer.nodes[n as usize]);
-        let is_bound = kept[tetrahedron as usize].iter().all(|&n| layer.bound[n as usize]);
+        let is_bound = kept[tetrahedron as usize].iter().all(|&n| layer.attached[n as usize]);
         let colour = match (outer.contains(&sorted(triangle)), is_bound) {
             (true, _) => OUTSIDE,
             (false, true) => CORE,

@@ -183,7 +183,7 @@ struct Block {
 impl Block {
     fn new(deform: impl Fn(DVec3) -> DVec3) -> Self {
         let mut layer = kuhn_box(DVec3::ZERO, DVec3::new(0.2, 0.1, 0.1), [6, 3, 3]);
-        layer.bound = layer.nodes.iter().map(|x| x.x == 0.0).collect();
+        layer.attached = layer.nodes.iter().map(|x| x.x == 0.0).collect();
         let elements = Elements::new(&layer, matter(2e4, 0.45), DMat3::IDENTITY);
         let d = layer.nodes.iter().map(|x| deform(*x) - *x).collect();
         let v = vec![DVec3::ZERO; layer.nodes.len()];
@@ -241,7 +241,7 @@ impl Block {
 
     /// Solves (M + h^2 K) x = b over free nodes; if `velocity`, h^2 K v is first subtracted from b.
     fn solve(&mut self, how: Linear, h: f64, d: &[DVec3], mut b: Vec<DVec3>, velocity: bool) -> Vec<DVec3> {
-        let free: Vec<usize> = (0..d.len()).filter(|i| !self.layer.bound[*i]).collect();
+        let free: Vec<usize> = (0..d.len()).filter(|i| !self.layer.attached[*i]).collect();
         let mut place = vec![usize::MAX; d.len()];
         free.iter().enumerate().for_each(|(k, i)| place[*i] = 3 * k);
         let mut a = Entries::default();

@@ -16,7 +16,7 @@ const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
 /// A bar of 20 cm with its left end bound, bent by `angle` (rad) over its length, with zero velocity.
 fn bent(material: Material, patched: bool, angle: f64) -> SoftBody {
     let mut layer = kuhn_box(DVec3::new(0.0, -0.02, -0.02), DVec3::new(0.2, 0.02, 0.02), [10, 2, 2]);
-    layer.bound = layer.nodes.iter().map(|x| x.x < 1e-9).collect();
+    layer.attached = layer.nodes.iter().map(|x| x.x < 1e-9).collect();
     if patched {
         layer.patches = patches(&layer, |_| 0);
     }
@@ -42,7 +42,7 @@ fn left(before: &SoftBody, after: &SoftBody, h: f64) -> f64 {
     let viscous = elements.apply_weighted(&after.velocity, &rotations, |material| material.damping_stiffness);
     let (elastic, start) = (forces(after), forces(before));
     let (mut sum, mut size) = (0.0, 0.0);
-    for i in (0..elastic.len()).filter(|i| !after.layer.bound[*i]) {
+    for i in (0..elastic.len()).filter(|i| !after.layer.attached[*i]) {
         let (mass, damping) = (elements.masses[i], elements.damping[i]);
         let force = mass * GRAVITY - damping * after.velocity[i] + elastic[i] - viscous[i];
         sum += (mass * (after.velocity[i] - before.velocity[i]) - h * force).length_squared();

@@ -60,7 +60,7 @@ fn two_blocks_in_contact_keep_their_momentum() {
 fn the_wrench_at_rest_balances_the_coupling() {
     let mut simulation = Simulation::new(2e-3, DVec3::ZERO);
     let mut body = block(0.05, 6, DVec3::ZERO, DVec3::ZERO);
-    body.layer.bound = body.layer.nodes.iter().map(|x| x.y < -0.049).collect();
+    body.layer.attached = body.layer.nodes.iter().map(|x| x.y < -0.049).collect();
     body.elements.damping = body.elements.masses.iter().map(|mass| 20.0 * mass).collect();
     let law = law(&body);
     simulation.bodies.push(body);

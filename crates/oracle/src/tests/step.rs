@@ -66,8 +66,8 @@ fn one_step_satisfies_the_equation_of_motion() {
     let body = &mut simulation.bodies[0];
     let mut random = Random(4);
     for i in 0..body.layer.nodes.len() {
-        body.layer.bound[i] = body.layer.nodes[i].y < -0.04;
-        if body.layer.bound[i] {
+        body.layer.attached[i] = body.layer.nodes[i].y < -0.04;
+        if body.layer.attached[i] {
             body.velocity[i] = DVec3::ZERO;
         } else {
             body.displacement[i] = 0.005 * random.vector();
@@ -83,13 +83,13 @@ fn one_step_satisfies_the_equation_of_motion() {
     let force = before.elements.forces(&before.displacement, &rotations);
     let stiff =
         before.elements.linearised(&before.displacement, &rotations).apply_stiffness(&after.velocity, &rotations);
-    for i in (0..force.len()).filter(|i| !before.layer.bound[*i]) {
+    for i in (0..force.len()).filter(|i| !before.layer.attached[*i]) {
         let m = before.elements.masses[i];
         let v1 = after.velocity[i];
         let right = h * (m * GRAVITY + force[i] - (h + 2e-3) * stiff[i] - 3.0 * m * v1);
         assert!((m * (v1 - before.velocity[i]) - right).length() < SOLVE * right.length().max(m));
     }
-    for i in (0..force.len()).filter(|i| before.layer.bound[*i]) {
+    for i in (0..force.len()).filter(|i| before.layer.attached[*i]) {
         assert_eq!(after.displacement[i], DVec3::ZERO);
     }
 }
@@ -267,7 +267,7 @@ fn ten_thousand_tetrahedra_take_twenty_steps_in_seconds() {
     assert_eq!(layer.tetrahedra.len(), 10_368);
     let mut simulation = Simulation::new(1e-3, GRAVITY);
     let mut body = SoftBody::new(layer, material(2e4, 0.45), DVec3::ZERO, DQuat::IDENTITY, DVec3::ZERO);
-    body.layer.bound = body.layer.nodes.iter().map(|x| x.x == 0.0).collect();
+    body.layer.attached = body.layer.nodes.iter().map(|x| x.x == 0.0).collect();
     simulation.bodies.push(body);
     let clock = std::time::Instant::now();
     for _ in 0..20 {

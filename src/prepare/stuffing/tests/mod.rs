@@ -26,7 +26,7 @@ fn check(layer: &Layer, report: &LayerReport) {
     assert!(layer.tetrahedra.iter().all(|t| layer::volume6(&layer.nodes, t) > 0.0));
     let mut used = vec![false; layer.nodes.len()];
     layer.tetrahedra.iter().flatten().for_each(|&n| used[n as usize] = true);
-    assert!(used.iter().all(|&u| u) && layer.bound.len() == used.len());
+    assert!(used.iter().all(|&u| u) && layer.attached.len() == used.len());
     let mut faces: Vec<([u32; 3], bool)> = Vec::new();
     for t in &layer.tetrahedra {
         for face in FACES {

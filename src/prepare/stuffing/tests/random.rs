@@ -95,5 +95,5 @@ fn is_within(cuts: &cut::Cuts, corner: Corner) -> bool {
 
 fn layer_of(filling: fill::Filling) -> Layer {
     let bound = vec![false; filling.nodes.len()];
-    Layer { nodes: filling.nodes, tetrahedra: filling.tetrahedra, bound, ..Layer::default() }
+    Layer { nodes: filling.nodes, tetrahedra: filling.tetrahedra, attached: bound, ..Layer::default() }
 }

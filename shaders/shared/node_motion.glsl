@@ -1,5 +1,5 @@
 // Values of node_info.w: what determines a node's motion.
 
 const uint NODE_FREE = 0;       // a free node, an unknown of the solver
-const uint NODE_HELD = 1;       // a node attached to a frame whose motion is prescribed
+const uint NODE_KINEMATIC = 1;       // a node attached to a frame whose motion is prescribed
 const uint NODE_ATTACHED = 2;    // a node attached to a dynamic core, whose motion the solver finds
