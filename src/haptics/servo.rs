@@ -83,7 +83,7 @@ pub struct Tick {
     /// Number of the simulation step that gave the newest wrench; 0 if there was none yet.
     pub step: u64,
     /// Time by which the newest wrench is out of date: since the inputs of its step were taken, s.
-    pub age: f64,
+    pub staleness: f64,
     /// Share of the force that is played, from 0 to 1.
     pub gain: f64,
     /// Linear damping that the passivity controller injected, N s/m.
@@ -151,13 +151,13 @@ impl Servo {
         let (device, is_well) = self.feel_for(&reading, period, &mut events);
         self.take(newest, time, &mut events);
         let newest = self.contact.newest();
-        let (step, age) = (newest.step, if newest.step > 0 { time - newest.time } else { 0.0 });
+        let (step, staleness) = (newest.step, if newest.step > 0 { time - newest.time } else { 0.0 });
         // A wrench from the future is trusted as little as one that is out of date or of unknown time.
         let longest = match events.has(Event::BadWrench) {
             true => self.settings.limits.watchdog.min(LONGEST_BAD),
             false => self.settings.limits.watchdog,
         };
-        if age.is_nan() || age.abs() > longest {
+        if staleness.is_nan() || staleness.abs() > longest {
             events.raise(Event::StaleWrench);
         }
         if (device.position - self.home).length() > self.settings.limits.workspace {
@@ -189,7 +189,7 @@ impl Servo {
             contact: self.felt,
             played,
             step,
-            age,
+            staleness,
             gain: self.gain.value(),
             damping,
             energy: self.passivity.energy(),

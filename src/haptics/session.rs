@@ -67,7 +67,7 @@ pub struct Report {
     /// How late the baseline thread woke, if it ran.
     pub bare: Option<Lateness>,
     /// How far the newest wrench was out of date at each tick that had one.
-    pub age: Ages,
+    pub staleness: Staleness,
     /// Number and duration of unusual events.
     pub events: EventCounts,
     /// Energy exchanged between hand and device.
@@ -101,17 +101,17 @@ impl Report {
 /// Statistics of how far wrenches were out of date: exact to a microsecond up to 0.1 s and to half a percent up to 1000
 /// s.
 #[derive(Debug, Clone)]
-pub struct Ages(Lateness);
+pub struct Staleness(Lateness);
 
-impl Ages {
+impl Staleness {
     /// Empty statistics.
-    pub fn new() -> Ages {
-        Ages(Lateness::new())
+    pub fn new() -> Staleness {
+        Staleness(Lateness::new())
     }
 
     /// Adds the time (s) by which the newest wrench was out of date at a tick.
-    fn add(&mut self, age: f64) {
-        self.0.add(age, f64::INFINITY);
+    fn add(&mut self, staleness: f64) {
+        self.0.add(staleness, f64::INFINITY);
     }
 
     /// The time out of date that a `share` (0 to 1) of the ticks does not exceed, s; 0 without any tick.
@@ -120,9 +120,9 @@ impl Ages {
     }
 }
 
-impl Default for Ages {
+impl Default for Staleness {
     fn default() -> Self {
-        Ages::new()
+        Staleness::new()
     }
 }
 
@@ -144,7 +144,7 @@ pub fn hold(
     }
     let first = first_steps(environment, tool, options.shortest_step, limits.force)?;
     let period = 1.0 / haptics.rate;
-    let delay = if haptics.local_model { 0.0 } else { first.age };
+    let delay = if haptics.local_model { 0.0 } else { first.staleness };
     let inertia = (0..3).map(|k| tool.inertia.col(k)[k]).sum::<f64>() / 3.0;
     let gains = coupling::choose(&profile, period, delay, tool.mass, inertia, tool.coupling.as_ref());
     notes.push(gains.reason);
@@ -194,7 +194,7 @@ struct FirstSteps {
     /// Wall-clock time of one step, s.
     took: f64,
     /// Greatest time by which a wrench gets out of date, s: it stays the newest until the next step has finished.
-    age: f64,
+    staleness: f64,
 }
 
 /// Simulates steps with the tool at rest and uncoupled. The first is left out of the timing, because many drivers are
@@ -211,7 +211,7 @@ fn first_steps(environment: &mut dyn Environment, tool: &Tool, h: f64, max_force
     times.remove(0);
     times.sort_unstable_by(f64::total_cmp);
     let took = times[times.len() / 2].max(h);
-    Ok(FirstSteps { steps, took, age: 2.0 * took })
+    Ok(FirstSteps { steps, took, staleness: 2.0 * took })
 }
 
 struct Session {
@@ -236,7 +236,7 @@ impl Session {
             notes,
             lateness: Lateness::new(),
             bare: None,
-            age: Ages::default(),
+            staleness: Staleness::default(),
             events: EventCounts::default(),
             energy: Energy::default(),
             peak_force: 0.0,
@@ -314,7 +314,7 @@ impl Session {
             report.peak_force = report.peak_force.max(tick.played.force.length());
             report.end = [tick.played, tick.contact];
             if tick.step > 0 {
-                report.age.add(tick.age);
+                report.staleness.add(tick.staleness);
             }
             let is_lost = tick.events.has(Event::DeviceLost);
             self.lost_since = if is_lost { self.lost_since.or(Some(tick.time)) } else { None };

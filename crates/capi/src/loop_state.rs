@@ -277,7 +277,7 @@ impl Facts {
         state.events_so_far |= tick.events.0;
         state.buttons = tick.reading.map_or(state.buttons, |reading| reading.buttons);
         state.ticks = tick.index + 1;
-        (state.wrench_step, state.wrench_age) = (tick.step, tick.age);
+        (state.wrench_step, state.wrench_age) = (tick.step, tick.staleness);
         (state.time, state.gain) = (tick.time, tick.gain);
         (state.device, state.tool) = (pose(&tick.device), pose(&tick.tool));
         (state.contact_force, state.contact_torque) = (tick.contact.force.to_array(), tick.contact.torque.to_array());

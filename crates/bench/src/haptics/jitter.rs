@@ -114,7 +114,7 @@ fn session(
         servo: Late::of(&report.lateness),
         bare: report.bare.as_ref().map(Late::of),
         steps: report.steps,
-        age: [0.5, 0.99].map(|share| report.age.quantile(share)),
+        age: [0.5, 0.99].map(|share| report.staleness.quantile(share)),
         notes: report.notes,
     })
 }

@@ -23,9 +23,9 @@ pub fn summary(report: &Report) -> Value {
         "lateness": lateness(&report.lateness),
         "bare_timer": report.bare.as_ref().map(lateness),
         "age_ms": {
-            "p50": 1e3 * report.age.quantile(0.5),
-            "p99": 1e3 * report.age.quantile(0.99),
-            "worst": 1e3 * report.age.quantile(1.0),
+            "p50": 1e3 * report.staleness.quantile(0.5),
+            "p99": 1e3 * report.staleness.quantile(0.99),
+            "worst": 1e3 * report.staleness.quantile(1.0),
         },
         "steps": report.steps,
         "pace": report.pace,
@@ -84,7 +84,7 @@ impl fmt::Display for Closing<'_> {
         if report.lost > 0 {
             writeln!(f, "lost: {} ticks are not counted, nor recorded", report.lost)?;
         }
-        let ages = [0.5, 0.99, 1.0].map(|share| 1e3 * report.age.quantile(share));
+        let ages = [0.5, 0.99, 1.0].map(|share| 1e3 * report.staleness.quantile(share));
         let (steps, pace) = (report.steps, 100.0 * report.pace);
         writeln!(f, "force age: {:.1} ms (median), {:.1} (p99), {:.1} (worst)", ages[0], ages[1], ages[2])?;
         writeln!(f, "steps: {steps}; bodies moved at {pace:.0} % of the world's pace")?;

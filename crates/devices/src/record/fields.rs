@@ -79,8 +79,22 @@ impl Field {
 /// (rad/s), in world axes. Energies (J) are given per axis, `_rx _ry _rz` for rotation about it; the net energy given
 /// to the hand is `energy_given` minus `energy_taken`.
 pub fn of_tick(tick: &Tick) -> Vec<Field> {
-    let Tick { index, time, late, reading, device, tool, contact, played, step, age, gain, damping, energy, events } =
-        *tick;
+    let Tick {
+        index,
+        time,
+        late,
+        reading,
+        device,
+        tool,
+        contact,
+        played,
+        step,
+        staleness,
+        gain,
+        damping,
+        energy,
+        events,
+    } = *tick;
     let mut fields = List::default();
     fields.count("tick", index);
     fields.number("time_s", time);
@@ -91,7 +105,7 @@ pub fn of_tick(tick: &Tick) -> Vec<Field> {
     fields.wrench(["contact_force", "contact_torque"], contact);
     fields.wrench(["played_force", "played_torque"], played);
     fields.count("step", step);
-    fields.number("age_s", age);
+    fields.number("age_s", staleness);
     fields.number("gain", gain);
     fields.number("damping", damping);
     let Energy { taken, given, damped, lent, stored } = energy;
