@@ -18,7 +18,7 @@
 //!     .body(block)?
 //!     .tool(Tool::sphere(0.01, 0.05).at([0.0, 0.011, 0.0]))?
 //!     .coupling(Coupling { stiffness: 1000.0, damping: 10.0, ..Coupling::default() })?
-//!     .drive(vec![Key::at(0.0, [0.0, 0.011, 0.0]), Key::at(0.1, [0.0, 0.004, 0.0])])?
+//!     .trajectory(vec![Key::at(0.0, [0.0, 0.011, 0.0]), Key::at(0.1, [0.0, 0.004, 0.0])])?
 //!     .build()?;
 //! let mut simulation = Simulation::open(&scene, &Options::default())?;
 //! for _ in 0..120 {

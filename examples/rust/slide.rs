@@ -18,7 +18,7 @@ fn main() -> palpate::Result<()> {
         .body(slab)?
         .tool(Tool::sphere(0.01, 0.05).at([-0.04, 0.012, 0.0]))?
         .coupling(Coupling { stiffness: 1000.0, damping: 10.0, ..Coupling::default() })?
-        .drive(keys)?
+        .trajectory(keys)?
         .build()?;
     let mut simulation = Simulation::open(&scene, &Options::default())?;
     for _ in 0..600 {

@@ -117,7 +117,7 @@ fn of_layers(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &st
 fn of_the_tool(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &str)) {
     let Known { scene, model, .. } = known;
     let touches = scene.tool.is_some() && !model.pairs.is_empty();
-    let held = scene.haptics.is_held;
+    let held = scene.haptics.has_device;
     let no = if scene.tool.is_none() { "no tool" } else { "nothing can touch" };
     add("wrench", touches, "net force and torque on the tool".into(), no);
     let no = if touches { "no haptic device holds the tool: nothing uses it" } else { no };

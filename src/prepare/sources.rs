@@ -82,7 +82,7 @@ mod tests {
         "scene/body.rs",
         "scene/build.rs",
         "scene/check.rs",
-        "scene/drive.rs",
+        "scene/trajectory.rs",
         "scene/hand.rs",
         "scene/haptics.rs",
         "scene/joint.rs",

@@ -117,7 +117,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
         bodies: vec![body],
         tool: None,
         coupling: None,
-        drive: Vec::new(),
+        trajectory: Vec::new(),
         haptics: Haptics::default(),
         probes: Vec::new(),
         preset: None,

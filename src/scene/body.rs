@@ -12,7 +12,7 @@ use super::material::{material, regions};
 use super::meshes::Meshes;
 use super::tetrahedra::EXTENSIONS;
 use super::{
-    Bind, Body, Core, Hinge, Layer, Model, Motion, SceneBuilder, Shape, Skeleton, Surface, drive, joint, skeleton,
+    Bind, Body, Core, Hinge, Layer, Model, Motion, SceneBuilder, Shape, Skeleton, Surface, joint, skeleton, trajectory,
 };
 use crate::Result;
 
@@ -336,7 +336,7 @@ fn motion(table: &Table) -> Result<Motion> {
         },
     };
     if motion == "driven" {
-        return drive::core_keys(&table.need("keys")?).map(Motion::Kinematic);
+        return trajectory::core_keys(&table.need("keys")?).map(Motion::Kinematic);
     }
     refuse(table, &["keys"], "belongs to motion = \"driven\"")?;
     Ok(if motion == "dynamic" { Motion::Dynamic } else { Motion::Fixed })

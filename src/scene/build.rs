@@ -30,7 +30,7 @@ use crate::{Error, Result};
 ///     .body(block)?
 ///     .tool(Tool::sphere(0.01, 0.05).at([0.03, 0.045, 0.03]))?
 ///     .coupling(Coupling { stiffness: 500.0, damping: 5.0, ..Coupling::default() })?
-///     .drive(vec![Key::at(0.0, [0.03, 0.045, 0.03]), Key::at(0.2, [0.03, 0.035, 0.03])])?
+///     .trajectory(vec![Key::at(0.0, [0.03, 0.045, 0.03]), Key::at(0.2, [0.03, 0.035, 0.03])])?
 ///     .build()?;
 /// assert_eq!(scene.bodies[0].name, "block");
 /// # Ok(())
@@ -110,16 +110,16 @@ impl SceneBuilder {
     }
 
     /// Sets the reference trajectory of the haptic device, linear between keys.
-    pub fn drive(&mut self, keys: Vec<Key>) -> Result<&mut Self> {
+    pub fn trajectory(&mut self, keys: Vec<Key>) -> Result<&mut Self> {
         check::keys(&keys).map_err(|problem| self.wrong("drive.keys", problem))?;
-        self.scene.drive = unit_keys(keys);
+        self.scene.trajectory = unit_keys(keys);
         Ok(self)
     }
 
     /// Sets the haptic device and its loop; [`Haptics::is_held`] is set according to the kind of device.
     pub fn haptics(&mut self, haptics: Haptics) -> Result<&mut Self> {
         haptics.check().map_err(|problem| self.wrong("haptics", problem))?;
-        self.scene.haptics = Haptics { is_held: haptics.device != DeviceKind::Scripted, ..haptics };
+        self.scene.haptics = Haptics { has_device: haptics.device != DeviceKind::Scripted, ..haptics };
         Ok(self)
     }
 
@@ -156,7 +156,7 @@ impl SceneBuilder {
         of("tool", scene.tool.as_ref().map_or(Ok(()), Tool::check))?;
         of("coupling", scene.coupling.as_ref().map_or(Ok(()), Coupling::check))?;
         of("haptics", scene.haptics.check())?;
-        for (key, is_given) in [("coupling", scene.coupling.is_some()), ("drive", !scene.drive.is_empty())] {
+        for (key, is_given) in [("coupling", scene.coupling.is_some()), ("drive", !scene.trajectory.is_empty())] {
             if is_given && scene.tool.is_none() {
                 return Err(Error::key(&scene.file, key, "the scene has no tool for it", "add a tool or leave it out"));
             }
@@ -531,7 +531,7 @@ mod tests {
             words(builder().tool(Tool::sphere(0.0, 1.0))),
             words(builder().tool(Tool::sphere(0.1, 0.0))),
             words(builder().coupling(Coupling { stiffness: -1.0, ..Coupling::default() })),
-            words(builder().drive(vec![])),
+            words(builder().trajectory(vec![])),
             words(builder().haptics(Haptics { rate: 1.0, ..Haptics::default() })),
             words(builder().probe(Probe { name: "tool".into(), body: "a".into(), nearest: DVec3::ZERO })),
         ];
@@ -554,7 +554,7 @@ mod tests {
         all.body(Body { collides: Some(vec!["b".into()]), ..soft() }).unwrap();
         assert!(all.build().unwrap_err().to_string().contains("`body.a.collides`: there is no body \"b\""));
         all.body(Body { name: "b".into(), dilatation: Dilatation::Patch, ..soft() }).unwrap();
-        all.drive(vec![Key::at(0.0, [0.0; 3])]).unwrap();
+        all.trajectory(vec![Key::at(0.0, [0.0; 3])]).unwrap();
         assert!(all.build().unwrap_err().to_string().contains("`drive`: the scene has no tool for it"));
         all.tool(Tool::body("b")).unwrap();
         assert!(all.build().unwrap_err().to_string().contains("`tool.body`: the first core of \"b\""));
@@ -577,7 +577,7 @@ mod tests {
         builder.contact(Contact { friction: 0.3, ..Contact::default() }).unwrap();
         builder.body(soft()).unwrap().tool(Tool::sphere(0.01, 0.1).at([1.0, 2.0, 3.0])).unwrap();
         builder.coupling(Coupling { stiffness: 5.0, damping: 1.0, ..Coupling::default() }).unwrap();
-        builder.drive(vec![Key::at(0.0, [1.0, 2.0, 3.0])]).unwrap();
+        builder.trajectory(vec![Key::at(0.0, [1.0, 2.0, 3.0])]).unwrap();
         assert_eq!(format!("{:?}", builder.build().unwrap()), format!("{written:?}"));
     }
 }

@@ -24,7 +24,7 @@ const LONGEST_STEP: f64 = 0.02;
 pub struct Haptics {
     /// Whether a device moves the tool and the simulation runs in real time; else the keys of `[drive]` move it, step
     /// by step in simulated time.
-    pub is_held: bool,
+    pub has_device: bool,
     /// The kind of device.
     pub device: DeviceKind,
     /// The profile (limits) of a simulated device, or limits below which a Haply must stay; `None`: the device's own
@@ -128,7 +128,7 @@ impl DeviceKind {
 impl Default for Haptics {
     fn default() -> Haptics {
         Haptics {
-            is_held: false,
+            has_device: false,
             device: DeviceKind::Scripted,
             profile: None,
             rate: 1000.0,
@@ -169,7 +169,7 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
     let limit = |key: &str| table.option(key, Value::positive);
     let device = table.or("device", default.device, |value| value.one_of("device", &DeviceKind::CHOICES))?;
     let haptics = Haptics {
-        is_held: device != DeviceKind::Scripted,
+        has_device: device != DeviceKind::Scripted,
         device,
         profile: table.option("profile", profile)?,
         rate: table.or("rate", default.rate, rate)?,

@@ -11,7 +11,7 @@ use super::keys::{Node, Source, Table, Value};
 use super::preset::{self, PRESETS, Preset};
 use super::{
     Body, Contact, Coupling, DepthPath, Haptics, Preconditioner, Probe, Scene, SceneBuilder, Sides, Solver, Step, Tool,
-    ToolShape, body, check, drive, haptics, names,
+    ToolShape, body, check, haptics, names, trajectory,
 };
 use crate::{Error, Result};
 
@@ -71,7 +71,7 @@ impl Scene {
             bodies: Vec::new(),
             tool: None,
             coupling: None,
-            drive: Vec::new(),
+            trajectory: Vec::new(),
             haptics: Haptics::default(),
             probes: Vec::new(),
             preset: None,
@@ -81,7 +81,7 @@ impl Scene {
     /// The longest time step of the simulation, s. In a session with a haptic device a step lasts as long as it takes
     /// to compute.
     pub fn longest_step(&self) -> f64 {
-        if self.haptics.is_held { self.haptics.longest_step.max(self.step.dt) } else { self.step.dt }
+        if self.haptics.has_device { self.haptics.longest_step.max(self.step.dt) } else { self.step.dt }
     }
 
     /// Name of the scene: the name of its file without folder and extension.
@@ -104,7 +104,7 @@ impl Scene {
 
     /// Length of a run for which no other is given, s: up to the last key of the trajectory, else one second.
     pub fn duration(&self) -> f64 {
-        self.drive.last().map(|key| key.time).filter(|&time| time > 0.0).unwrap_or(DEFAULT_DURATION)
+        self.trajectory.last().map(|key| key.time).filter(|&time| time > 0.0).unwrap_or(DEFAULT_DURATION)
     }
 }
 
@@ -153,8 +153,8 @@ pub(super) fn add(builder: &mut SceneBuilder, source: &Source, document: &Node) 
     let scene = builder.scene_mut();
     scene.tool = root.option("tool", tool)?.or(scene.tool.take());
     scene.coupling = root.option("coupling", coupling)?.or(scene.coupling);
-    if let Some(keys) = root.option("drive", drive::read)? {
-        scene.drive = keys;
+    if let Some(keys) = root.option("drive", trajectory::read)? {
+        scene.trajectory = keys;
     }
     if root.has("haptics") {
         scene.haptics = haptics::read(&root)?;

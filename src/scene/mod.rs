@@ -13,7 +13,6 @@ mod body;
 mod build;
 pub(crate) mod check;
 mod cursor;
-mod drive;
 #[doc(hidden)]
 pub mod gmsh;
 #[doc(hidden)]
@@ -41,6 +40,7 @@ mod tests;
 pub mod tetgen;
 #[doc(hidden)]
 pub mod tetrahedra;
+mod trajectory;
 mod triangulate;
 #[doc(hidden)]
 pub mod vtk;
@@ -89,7 +89,7 @@ pub struct Scene {
     /// Virtual coupling between haptic device and tool; `None`: nothing holds the tool, which moves freely.
     pub coupling: Option<Coupling>,
     /// Reference trajectory of the haptic device; empty: the device rests at the tool's first pose.
-    pub drive: Vec<Key>,
+    pub trajectory: Vec<Key>,
     /// Haptic device and haptic loop.
     pub haptics: Haptics,
     /// Points whose positions are recorded.

@@ -139,7 +139,7 @@ fn the_example_is_read_in_full() {
     assert!(matches!(tool.shape, ToolShape::Sphere(0.01)));
     assert_eq!((tool.mass, tool.scale, tool.orientation), (0.05, 1.0, DQuat::IDENTITY));
     assert_eq!(scene.coupling.unwrap().angular_damping, 0.002);
-    assert_eq!((scene.drive.len(), scene.drive[1].position.z, scene.drive[1].time), (2, 0.1, 0.3));
+    assert_eq!((scene.trajectory.len(), scene.trajectory[1].position.z, scene.trajectory[1].time), (2, 0.1, 0.3));
     assert_eq!((scene.haptics.rate, scene.haptics.limits.force), (1000.0, Some(8.0)));
     assert_eq!((scene.probes[0].body.as_str(), scene.probes[0].nearest.z), ("head", 0.1));
 }
@@ -186,19 +186,20 @@ fn other_ways_to_say_it() {
 fn drives_come_from_keys_or_from_a_file() {
     let folder = Folder::new();
     let tool = "[tool]\nsphere = 1\nmass = 1\n[drive]\n";
-    let turned = folder.load(&format!("{tool}keys = [[0, 0, 0, 0, 0, 0, 0.6, 0.8004]]")).unwrap().drive[0].orientation;
+    let turned =
+        folder.load(&format!("{tool}keys = [[0, 0, 0, 0, 0, 0, 0.6, 0.8004]]")).unwrap().trajectory[0].orientation;
     assert!((turned.length() - 1.0).abs() < 1e-15 && (turned.z - 0.6).abs() < 1e-3, "normalised");
     let file = |text: &str| {
         fs::write(folder.0.path().join("press.csv"), text).unwrap();
         folder.load(&format!("{tool}path = \"press.csv\""))
     };
-    let keys = file("t,x,y,z,qx,qy,qz,qw\n0,1,2,3,0,0,0,1\n\n0.5, 4,5,6,1,0,0,0\n").unwrap().drive;
+    let keys = file("t,x,y,z,qx,qy,qz,qw\n0,1,2,3,0,0,0,1\n\n0.5, 4,5,6,1,0,0,0\n").unwrap().trajectory;
     assert_eq!(
         keys[1],
         Key { time: 0.5, position: DVec3::new(4.0, 5.0, 6.0), orientation: DQuat::from_xyzw(1., 0., 0., 0.) }
     );
     for same in ["\u{feff}0,1,2,3\r\n# a remark\r\n\"0.5\" , 4,5,6\r\n", "# a remark\nt,x,y,z\n0,1,2,3\n0.5,4,5,6"] {
-        let read = file(same).unwrap().drive;
+        let read = file(same).unwrap().trajectory;
         assert_eq!(
             read.iter().map(|key| key.position).collect::<Vec<_>>(),
             [keys[0].position, keys[1].position],

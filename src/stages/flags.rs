@@ -12,7 +12,7 @@ impl Flags {
     /// reach.
     pub const NOT_CONVERGED: Flags = Flags(shaders::FLAG_NOT_CONVERGED);
     /// There are more contact patches, or more active chunks of skin, than there is room for.
-    pub const REGION_OVERFLOW: Flags = Flags(shaders::FLAG_PATCH_OVERFLOW);
+    pub const PATCH_OVERFLOW: Flags = Flags(shaders::FLAG_PATCH_OVERFLOW);
     /// There are more contacts, or more ray hits, than there is room for.
     pub const CONTACT_OVERFLOW: Flags = Flags(shaders::FLAG_CONTACT_OVERFLOW);
     /// A contact is deeper than the scene's `depth_limit`.
@@ -36,7 +36,7 @@ impl Flags {
     /// Every flag and its name, by rising bit.
     pub const ALL: [(Flags, &'static str); 11] = [
         (Flags::NOT_CONVERGED, "not_converged"),
-        (Flags::REGION_OVERFLOW, "region_overflow"),
+        (Flags::PATCH_OVERFLOW, "region_overflow"),
         (Flags::CONTACT_OVERFLOW, "contact_overflow"),
         (Flags::DEPTH_BEYOND_LIMIT, "depth_beyond_limit"),
         (Flags::NOT_A_HEIGHT_FIELD, "not_a_height_field"),

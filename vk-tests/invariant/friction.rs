@@ -149,8 +149,8 @@ pub fn beside(
         let contact_patch = simulation.touch().unwrap().0[0];
         let contacts = twin.contacts(DVec3::from(contact_patch.normal.map(f64::from)).normalize_or_zero());
         let device = scene.coupling.map(|_| {
-            let device =
-                palpate::internal::step::trajectory::Trajectory::new(&scene.drive, scene.drive[0]).device(row.time, h);
+            let device = palpate::internal::step::trajectory::Trajectory::new(&scene.trajectory, scene.trajectory[0])
+                .device(row.time, h);
             tool::Device {
                 position: device.position,
                 orientation: device.orientation,

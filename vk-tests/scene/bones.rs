@@ -106,7 +106,7 @@ fn pressed(scene: &Scene, steps: usize) -> (f64, f64, f64) {
         let normal = DVec3::from(simulation.touch().unwrap().0[0].normal.map(f64::from));
         let contacts = if normal == DVec3::ZERO { vec![] } else { twin.contacts(normal.normalize()) };
         let RigidState { position, orientation, velocity, angular_velocity } =
-            Trajectory::new(&scene.drive, scene.drive[0]).device(row.time, h);
+            Trajectory::new(&scene.trajectory, scene.trajectory[0]).device(row.time, h);
         let device = oracle::tool::Device { position, orientation, velocity, angular_velocity };
         let report = twin.oracle.step(Some(&device), &contacts).unwrap();
         forces.0.push(row.tool.unwrap().force);

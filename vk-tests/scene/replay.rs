@@ -38,7 +38,8 @@ fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tic
         trust: 5e-3,
         arm: 0.02,
     };
-    let drive = Trajectory::new(&scene.drive, Key { time: 0.0, position: tool.centre, orientation: tool.orientation });
+    let drive =
+        Trajectory::new(&scene.trajectory, Key { time: 0.0, position: tool.centre, orientation: tool.orientation });
     let header = Header::new(scene, &simulation, "scripted", "keys").unwrap();
     let mut recording = Recording::create(file, &header).unwrap();
     recording.begin(&settings, &tool).unwrap();

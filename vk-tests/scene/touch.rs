@@ -164,8 +164,8 @@ fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Step
         found.push(contacts.iter().map(|c| (c.side, c.vertex)).collect());
         let tool = row.tool.unwrap();
         let h = scene.step.dt;
-        let device =
-            palpate::internal::step::trajectory::Trajectory::new(&scene.drive, scene.drive[0]).device(row.time, h);
+        let device = palpate::internal::step::trajectory::Trajectory::new(&scene.trajectory, scene.trajectory[0])
+            .device(row.time, h);
         let device = oracle::tool::Device {
             position: device.position,
             orientation: device.orientation,
@@ -175,8 +175,8 @@ fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Step
         let report = twin.oracle.step(Some(&device), &own).unwrap();
         forces.0.push(tool.force);
         forces.1.push(report.wrench.force);
-        poses.0.push(tool.tool.position - scene.drive[0].position);
-        poses.1.push(twin.oracle.tool.as_ref().unwrap().centre - scene.drive[0].position);
+        poses.0.push(tool.tool.position - scene.trajectory[0].position);
+        poses.1.push(twin.oracle.tool.as_ref().unwrap().centre - scene.trajectory[0].position);
         let (moved, _) = simulation.nodes(0).unwrap().unwrap();
         let want = &twin.oracle.bodies[0].displacement;
         if want.iter().any(|d| *d != DVec3::ZERO) {

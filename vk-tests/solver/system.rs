@@ -68,7 +68,7 @@ fn scene(dt: f32, preconditioner: Preconditioner) -> Scene {
         bodies: vec![],
         tool: None,
         coupling: None,
-        drive: vec![],
+        trajectory: vec![],
         haptics: scene::Haptics::default(),
         probes: vec![],
         preset: None,

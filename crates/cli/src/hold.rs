@@ -42,7 +42,7 @@ pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
         let names = PROFILES.map(|profile| profile.name).join(", ");
         return wrong("is no profile", &format!("give one of {names}"));
     };
-    if !scene.haptics.is_held {
+    if !scene.haptics.has_device {
         return wrong(
             "is a haptic device's, and none holds the tool",
             "give --haptics DEVICE as well, or leave it out",
@@ -62,7 +62,7 @@ pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
 /// Makes the haptic device that a scene asks for.
 pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
     let haptics = &scene.haptics;
-    let drive = Trajectory::new(&scene.drive, start);
+    let drive = Trajectory::new(&scene.trajectory, start);
     Ok(match haptics.device {
         DeviceKind::Scripted => Box::new(Scripted::new(drive, profile_of(scene, "scripted"), 1.0 / haptics.rate)),
         DeviceKind::Hand => {

@@ -92,7 +92,7 @@ fn scene_of(header: &Header, arguments: &Arguments) -> Result<Scene> {
         return Err(Error::input(&arguments.file, None, problem, "name it by --scene"));
     }
     let mut scene = Scene::load(path)?;
-    scene.haptics.is_held = true;
+    scene.haptics.has_device = true;
     if record::digest(path)? != header.scene_digest {
         let problem = "is not the scene as it was recorded";
         if arguments.scene.is_none() {

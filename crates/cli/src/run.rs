@@ -170,7 +170,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let kind = DeviceKind::CHOICES.iter().find(|(known, _)| known == name);
         scene.haptics.device = kind.map_or(scene.haptics.device, |(_, kind)| *kind);
     }
-    scene.haptics.is_held |= arguments.haptics.is_some() || arguments.record.is_some();
+    scene.haptics.has_device |= arguments.haptics.is_some() || arguments.record.is_some();
     if let Some(name) = &arguments.profile {
         hold::choose_profile(&mut scene, name)?;
     }
@@ -178,12 +178,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return explain(arguments, &scene, iterations);
     }
     #[cfg(feature = "view")]
-    if scene.haptics.is_held && arguments.snapshot.is_some() {
+    if scene.haptics.has_device && arguments.snapshot.is_some() {
         let problem = "is held in the world's time, and pictures would delay it";
         let remedy = "leave out --snapshot, or watch it by palpate view";
         return Err(palpate::Error::key(&scene.file, "haptics.device", problem, remedy));
     }
-    let extent = if scene.haptics.is_held {
+    let extent = if scene.haptics.has_device {
         Extent::Seconds(seconds_of(arguments, &scene)?)
     } else {
         steps_of(arguments, &scene)?

@@ -70,8 +70,8 @@ pub fn view(arguments: &Arguments) -> Result<()> {
     if let Some((_, kind)) = DeviceKind::CHOICES.iter().find(|(known, _)| *known == name) {
         scene.haptics.device = *kind;
     }
-    scene.haptics.is_held = name != "drive";
-    if scene.haptics.is_held && scene.tool.is_none() {
+    scene.haptics.has_device = name != "drive";
+    if scene.haptics.has_device && scene.tool.is_none() {
         let problem = "is missing: a haptic device has nothing to hold";
         return Err(Error::key(&scene.file, "tool", problem, "add a [tool], or view it with --device drive"));
     }
@@ -131,12 +131,12 @@ pub fn view(arguments: &Arguments) -> Result<()> {
 fn extent_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
     match (arguments.steps, arguments.seconds) {
         (None, None) => Ok(Extent::Endless),
-        (Some(_), _) if scene.haptics.is_held => {
+        (Some(_), _) if scene.haptics.has_device => {
             let problem = "steps were asked for, and a session with a haptic device lasts some time";
             Err(Error::key(&scene.file, "haptics.device", problem, "give --seconds instead, or --device drive"))
         }
         (Some(steps), _) => Ok(Extent::Steps(steps)),
-        (None, Some(seconds)) if scene.haptics.is_held => Ok(Extent::Seconds(seconds)),
+        (None, Some(seconds)) if scene.haptics.has_device => Ok(Extent::Seconds(seconds)),
         (None, Some(seconds)) => Ok(Extent::Steps((seconds / scene.step.dt).round().max(1.0) as u64)),
     }
 }

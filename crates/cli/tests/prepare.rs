@@ -69,7 +69,7 @@ fn a_model_becomes_a_body_that_a_scene_can_use() {
     // The sphere starts clear of the skin and ends inside.
     let scene::ToolShape::Sphere(radius) = scene.tool.as_ref().unwrap().shape else { panic!("no sphere") };
     let gap = |p: glam::DVec3| skin.vertices.iter().map(|v| v.distance(p)).fold(f64::INFINITY, f64::min) - radius;
-    assert!(gap(scene.drive[0].position) > 0.0 && gap(scene.drive[1].position) < -0.2 * radius);
+    assert!(gap(scene.trajectory[0].position) > 0.0 && gap(scene.trajectory[1].position) < -0.2 * radius);
 }
 
 #[test]

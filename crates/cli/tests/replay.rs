@@ -38,7 +38,7 @@ fn record(folder: &Path, has_end: bool, spoil: impl Fn(&mut Tick)) -> (PathBuf, 
     let (scene, file) = (folder.join("scene.toml"), folder.join("session"));
     fs::write(&scene, SCENE).unwrap();
     let mut loaded = Scene::load(&scene).unwrap();
-    loaded.haptics.is_held = true;
+    loaded.haptics.has_device = true;
     let mut simulation = Simulation::open(&loaded, &Options::of_program()).unwrap();
     let tool = simulation.tool().unwrap().clone();
     let (limits, _) = Limits::new(Profile::named("scripted").unwrap(), &Lowered::default());

@@ -126,7 +126,7 @@ fn scene(sides: Sides) -> Scene {
         bodies: vec![],
         tool: None,
         coupling: None,
-        drive: vec![],
+        trajectory: vec![],
         haptics: scene::Haptics::default(),
         probes: vec![],
         preset: None,

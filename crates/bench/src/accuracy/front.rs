@@ -157,7 +157,7 @@ fn scene(settings: &Settings) -> Result<(Scene, usize)> {
     let (start, end) = (touch + DVec3::Z * ABOVE, touch - DVec3::Z * TRAVEL);
     let mut scene = head::scene(&head, start);
     scene.coupling = Some(Coupling { stiffness: 500.0, damping: 5.0, angular_stiffness: 0.5, angular_damping: 0.002 });
-    scene.drive = vec![key(0.0, start), key(DOWN * LONGEST, end)];
+    scene.trajectory = vec![key(0.0, start), key(DOWN * LONGEST, end)];
     // Without gravity, since the force of a head that sags while it is pressed would say more about the sagging.
     scene.step.gravity = DVec3::ZERO;
     let body = crate::solver::prepared(&scene)?;

@@ -89,7 +89,7 @@ impl Press {
         let mut scene = Scene {
             tool: Some(tool),
             coupling: Some(coupling),
-            drive: vec![key(0.0, start), key(self.seconds, start - self.size * self.travel * DVec3::Y)],
+            trajectory: vec![key(0.0, start), key(self.seconds, start - self.size * self.travel * DVec3::Y)],
             ..Scene::of_body("press", self.block(origin))
         };
         scene.step.dt = self.dt;

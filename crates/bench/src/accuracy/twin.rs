@@ -55,7 +55,7 @@ pub fn reference(scene: &Scene, steps: usize, options: &Options) -> Result<Refer
     simulation.time_every(0)?;
     let mut twin = Twin::new(scene, &simulation)?;
     let start = Key { time: 0.0, position: DVec3::ZERO, orientation: glam::DQuat::IDENTITY };
-    let drive = Trajectory::new(&scene.drive, start);
+    let drive = Trajectory::new(&scene.trajectory, start);
     let mut forces = Vec::with_capacity(steps);
     for _ in 0..steps {
         let row = simulation.step()?;

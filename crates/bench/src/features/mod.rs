@@ -215,7 +215,7 @@ fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
 
 /// Input of a haptic loop whose haptic device stays at the last pose of the scene's `[drive]` keys.
 fn held(scene: &Scene) -> Option<DeviceInput> {
-    let last = scene.drive.last()?;
+    let last = scene.trajectory.last()?;
     let state = RigidState::at_rest(last.position, last.orientation);
     Some(DeviceInput {
         ticks: 0,

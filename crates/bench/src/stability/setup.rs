@@ -149,7 +149,7 @@ impl Setup {
         });
         let key =
             |(time, height): &(f64, f64)| Key { time: *time, position: at(*height), orientation: DQuat::IDENTITY };
-        scene.drive = sphere.path.iter().map(key).collect();
+        scene.trajectory = sphere.path.iter().map(key).collect();
         // Angular gains are the linear ones at a lever arm of the sphere's radius.
         let arm2 = (RADIUS * self.edge).powi(2);
         scene.coupling = sphere.coupling.map(|(stiffness, damping)| Coupling {

@@ -30,7 +30,7 @@ fn made(file: &Path, say: &mut dyn FnMut(String)) -> Result<(Scene, Bodies)> {
     let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     crate::prepare::quietly(file, folder.path(), &mut |stage| say(format!("preparing {name}: {stage}")))?;
     let mut scene = Scene::load(&folder.path().join("scene.toml"))?;
-    scene.haptics.is_held = true;
+    scene.haptics.has_device = true;
     let mut bodies = Bodies::default();
     bodies.complete(&scene, &Cache::of_user(), &mut |progress| {
         say(format!("preparing {name}: {}, {}", progress.name, progress.stage.name()));
@@ -55,7 +55,7 @@ mod tests {
         std::fs::write(&bad, "v 1 2\nf 1 2 3\n").unwrap();
         let mut lines = Vec::new();
         let (scene, bodies) = made(&good, &mut |line| lines.push(line)).unwrap();
-        assert!(scene.tool.is_some() && scene.coupling.is_some() && scene.haptics.is_held);
+        assert!(scene.tool.is_some() && scene.coupling.is_some() && scene.haptics.has_device);
         assert_eq!((bodies.bodies.len(), bodies.tool.is_some()), (1, true));
         assert!(lines.iter().all(|line| line.starts_with("preparing box.obj: ")) && lines.len() > 3, "{lines:?}");
         let error = made(&bad, &mut |_| {}).map(drop).unwrap_err().to_string();

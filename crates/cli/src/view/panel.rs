@@ -258,7 +258,7 @@ impl Panel {
                 };
                 let mut changed = slide(ui, &mut new.stiffness, [10.0, 1e4], "stiffness, N/m", true);
                 changed |= slide(ui, &mut new.damping, [0.0, 100.0], "damping, N s/m", false);
-                if settings.is_held {
+                if settings.has_device {
                     ui.label(RichText::new("asked for; the loop takes what is safe, and begins anew").small());
                 }
                 if changed {

@@ -38,7 +38,7 @@ pub struct Settings {
     /// The virtual coupling that was asked for.
     pub coupling: Option<Coupling>,
     /// Whether the tool is held by a device, so that the haptic loop limits the coupling.
-    pub is_held: bool,
+    pub has_device: bool,
 }
 
 /// Recent state of the haptic loop.
@@ -109,7 +109,7 @@ impl Out {
 }
 
 /// What the user can change of a simulation, with its present values.
-pub(super) fn settings(simulation: &Simulation, is_held: bool) -> Settings {
+pub(super) fn settings(simulation: &Simulation, has_device: bool) -> Settings {
     let scene = simulation.scene();
     let of_body = |(index, body): (usize, &palpate::scene::Body)| {
         let name = body.name.clone();
@@ -124,6 +124,6 @@ pub(super) fn settings(simulation: &Simulation, is_held: bool) -> Settings {
         contact: Some(scene.contact.clone()),
         stiffness: simulation.contact_stiffness(),
         coupling: if simulation.tool().is_some() { scene.coupling } else { None },
-        is_held,
+        has_device,
     }
 }

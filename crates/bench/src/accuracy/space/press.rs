@@ -122,7 +122,7 @@ impl Press {
         let mut scene = Scene {
             tool: Some(tool),
             coupling: Some(coupling),
-            drive: vec![key(0.0, start), key(DOWN as f64 * DT, centre(-self.depth))],
+            trajectory: vec![key(0.0, start), key(DOWN as f64 * DT, centre(-self.depth))],
             ..Scene::of_body("press", self.body())
         };
         scene.step.dt = DT;
