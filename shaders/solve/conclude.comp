@@ -93,8 +93,8 @@ void main() {
         sums.x += inner(rigids[index].operator_product, preconditioned_rows(index, true));
     }
     sums = workgroup_sum(sums);
-    bool again = solve.status != STATUS_RUNNING && sums.z > 0.0 && solve.retries < MAX_RETRIES;
-    if (CONTACT && again) {
+    bool must_retry = solve.status != STATUS_RUNNING && sums.z > 0.0 && solve.retries < MAX_RETRIES;
+    if (CONTACT && must_retry) {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
             if (is_released(contact)) continue;
@@ -113,8 +113,8 @@ void main() {
     float residual_floor = sqrt(max(solve.floor_norm2, sums.w) / norm2);
     uint verdict = VERDICT_DONE;
     if (solve.status == STATUS_RUNNING) verdict = VERDICT_CONTINUE;
-    else if (again) verdict = VERDICT_RETRY;
-    if (again) {
+    else if (must_retry) verdict = VERDICT_RETRY;
+    if (must_retry) {
         solve.retries += 1;
         counts.released = uint(sums.z);
     }

@@ -69,7 +69,7 @@ impl Model {
 
     /// Like [`Model::add_coarse`] for a model that differs from `before` in materials alone: it takes over the blocks,
     /// and the choice which bodies have a coarse level.
-    pub(super) fn add_coarse_again(&mut self, dt: f64, before: &Model) {
+    pub(super) fn add_coarse_like(&mut self, dt: f64, before: &Model) {
         self.add_blocks_of(before);
         let kept = |soft: &SoftRange| before.coarse.bodies.iter().find(|(body, ..)| *body == soft.body);
         let wanted: Vec<_> = self

@@ -219,7 +219,7 @@ impl Model {
 
     /// A model of the same bodies with other materials or another contact law: its arrays have the same sizes, its
     /// blocks of nodes are the same, and the same bodies have a coarse level.
-    pub fn again(&self, scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
+    pub fn with_materials_of(&self, scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
         Model::made(scene, bodies, tool, Some(self))
     }
 
@@ -229,7 +229,7 @@ impl Model {
         model.group_cores();
         model.stiffen_joints(scene.step.dt);
         match before {
-            Some(before) => model.add_coarse_again(scene.longest_step(), before),
+            Some(before) => model.add_coarse_like(scene.longest_step(), before),
             None => model.add_coarse(scene.longest_step(), scene.solver.preconditioner),
         }
         model.friction = [scene.contact.friction as f32, scene.contact.friction_speed as f32];

@@ -8,7 +8,7 @@
 //! 4. [`Recordings::end`]: the verdict, the state at the end of the step, the wrench on the tool and its gap to the
 //!    nearest body, the fit of floating frames, probes.
 //! 5. [`Simulation::submit`] reads the verdict: more iterations, another solve after contacts under tension were
-//!    released ([`Recordings::again`]), a further Newton iteration ([`Recordings::newton`]), or done.
+//!    released ([`Recordings::resolve`]), a further Newton iteration ([`Recordings::newton`]), or done.
 //! 6. [`Simulation::arrive`] moves frames and tool to the end of the step. A step that failed is done in two halves;
 //!    where those fail too, everything stops ([`Recordings::stop`]).
 
@@ -32,7 +32,7 @@ pub struct Recordings {
     /// Everything before the solver's loop.
     pub begin: Recording,
     /// The solver's set-up once more, after contacts were released.
-    pub again: Recording,
+    pub resolve: Recording,
     /// Both set-ups for a further Newton iteration: the first one, and the one after contacts were released. `None`
     /// where a step has only one Newton iteration.
     pub newton: Option<[Recording; 2]>,
@@ -53,7 +53,7 @@ impl Recordings {
     pub fn new(stages: &Stages, max_iterations: u32, recorder: impl Fn() -> Result<Recorder>) -> Result<Recordings> {
         Ok(Recordings {
             begin: begin(stages, &recorder)?,
-            again: again(stages, &recorder)?,
+            resolve: resolve(stages, &recorder)?,
             newton: newton(stages, &recorder)?,
             iterate: iterate(stages, max_iterations, &recorder)?,
             end: end(stages, &recorder)?,
@@ -63,7 +63,7 @@ impl Recordings {
 
     /// Submits every part once, to warm up drivers that compile kernels late.
     pub fn submit_once(&self) -> Result<()> {
-        let mut parts = vec![&self.begin, &self.again];
+        let mut parts = vec![&self.begin, &self.resolve];
         parts.extend(self.newton.iter().flatten());
         parts.extend(self.iterate.iter().map(|(_, plan)| plan));
         parts.push(&self.end);
@@ -93,12 +93,12 @@ fn begin(stages: &Stages, blank: Blank) -> Result<Recording> {
     begin.finish()
 }
 
-fn again(stages: &Stages, blank: Blank) -> Result<Recording> {
+fn resolve(stages: &Stages, blank: Blank) -> Result<Recording> {
     let Stages { common, elastic, solve, .. } = stages;
-    let mut again = blank()?;
-    elastic.record(&mut again, common);
-    solve.record_start(&mut again, common, elastic);
-    again.finish()
+    let mut part = blank()?;
+    elastic.record(&mut part, common);
+    solve.record_start(&mut part, common, elastic);
+    part.finish()
 }
 
 fn newton(stages: &Stages, blank: Blank) -> Result<Option<[Recording; 2]>> {
@@ -106,13 +106,13 @@ fn newton(stages: &Stages, blank: Blank) -> Result<Option<[Recording; 2]>> {
     if !elastic.repeats() {
         return Ok(None);
     }
-    let [mut first, mut again] = [blank()?, blank()?];
+    let [mut first, mut next] = [blank()?, blank()?];
     elastic.record_trial(&mut first, common, solve);
-    for part in [&mut first, &mut again] {
+    for part in [&mut first, &mut next] {
         elastic.record_newton(part, common);
         solve.record_start(part, common, elastic);
     }
-    Ok(Some([first.finish()?, again.finish()?]))
+    Ok(Some([first.finish()?, next.finish()?]))
 }
 
 fn iterate(stages: &Stages, max_iterations: u32, blank: Blank) -> Result<Vec<(u32, Recording)>> {
@@ -215,7 +215,7 @@ impl Simulation {
             _ => &self.plain,
         };
         let mut wanted = self.last_iterations + SPARE_ITERATIONS;
-        let (mut again, mut times) = (&set.again, Vec::new());
+        let (mut again, mut times) = (&set.resolve, Vec::new());
         // The part to submit before the iterations, if any.
         let mut first = Some(&set.begin);
         // Iterations of all solves before the last one, and of the longest solve so far.

@@ -127,7 +127,7 @@ impl Simulation {
 
     /// Replaces the scene and its bodies by changed ones that differ in materials and contact law alone.
     fn take_up(&mut self, scene: scene::Scene, bodies: Vec<Body>) -> Result<()> {
-        let model = self.model.again(&scene, &bodies, self.tool_body.as_ref());
+        let model = self.model.with_materials_of(&scene, &bodies, self.tool_body.as_ref());
         if model.coarse.bodies.len() != self.model.coarse.bodies.len() {
             return Err(Error::Usage(
                 "with these materials the coarse matrix of the preconditioner cannot be inverted; make a new simulation"
