@@ -119,17 +119,17 @@ impl Simulation {
     /// at 50 steps a second, makes contact oscillate that is steady otherwise (README, "The hand"). A tool that is a
     /// core of a soft body keeps the simulation's own state. The weight of the tool is compensated and not felt.
     #[doc(hidden)]
-    pub fn step_device_input(&mut self, held: &DeviceInput, h: f64) -> Result<StepReport> {
+    pub fn step_device_input(&mut self, input: &DeviceInput, h: f64) -> Result<StepReport> {
         let time = self.time + h;
         self.has_weight = false;
-        let RigidState { position, orientation, .. } = held.device;
+        let RigidState { position, orientation, .. } = input.device;
         self.drive = Trajectory::new(&[], Key { time: self.time, position, orientation });
-        self.max_force = held.max_force;
+        self.max_force = input.max_force;
         if let Some(tool) = &mut self.tool {
-            tool.coupling = held.coupling;
+            tool.coupling = input.coupling;
         }
         if let (Some(tool), None) = (&mut self.tool, self.model.tool_core) {
-            let RigidState { position, orientation, velocity, angular_velocity } = held.tool;
+            let RigidState { position, orientation, velocity, angular_velocity } = input.tool;
             // The body is as the last step left it. With the tool further out, the step would begin without contact,
             // since contact is found at its beginning, and the tool would fall into the body unopposed.
             let normal = self.last_wrench.and_then(|wrench| wrench.normal()).unwrap_or_default();
@@ -141,8 +141,8 @@ impl Simulation {
         self.max_force = f64::INFINITY;
         let row = row?;
         if let Some(wrench) = &mut self.last_wrench {
-            wrench.time = held.time;
-            wrench.is_driven = self.frames.is_any_kinematic_moving(time - h, time);
+            wrench.time = input.time;
+            wrench.has_kinematic_motion = self.frames.has_kinematic_motion(time - h, time);
         }
         Ok(row)
     }

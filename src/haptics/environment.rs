@@ -11,13 +11,13 @@ use crate::step::{ContactWrench, DeviceInput, Gap, RigidState, Simulation, Wrenc
 /// A source of contact wrenches: one step from the loop's state to the wrench that the tool feels.
 pub trait Environment {
     /// Simulates `h` s from the given poses and twists of device and tool, and returns the contact wrench at the end.
-    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench>;
+    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench>;
 }
 
 impl Environment for Simulation {
-    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench> {
-        self.step_device_input(held, h)?;
-        let nothing = || ContactWrench { time: held.time, ..ContactWrench::none(held.tool) };
+    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
+        self.step_device_input(input, h)?;
+        let nothing = || ContactWrench { time: input.time, ..ContactWrench::none(input.tool) };
         Ok(self.contact_wrench().copied().unwrap_or_else(nothing))
     }
 }
@@ -41,14 +41,14 @@ pub struct Wall {
 impl Environment for Wall {
     /// Steps as the simulation does: moves the tool by implicit Euler towards the device's pose, which is taken at
     /// rest; then evaluates the wall's force at the end of the step.
-    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench> {
+    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
         let tool = &mut self.tool;
-        tool.coupling = held.coupling;
-        let RigidState { position, orientation, velocity, angular_velocity } = held.tool;
+        tool.coupling = input.coupling;
+        let RigidState { position, orientation, velocity, angular_velocity } = input.tool;
         (tool.centre, tool.orientation) = (position, orientation);
         (tool.velocity, tool.angular_velocity) = (velocity, angular_velocity);
-        let device = RigidState::at_rest(held.device.position, held.device.orientation);
-        let device = tool.within_reach(&device, held.max_force);
+        let device = RigidState::at_rest(input.device.position, input.device.orientation);
+        let device = tool.within_reach(&device, input.max_force);
         let rows = tool.rows(h, DVec3::ZERO, &device);
         let force = |y: f64, v: f64| -self.stiffness * y - self.damping * v;
         let mut change: [f64; 6] = std::array::from_fn(|k| rows.rhs[k] / rows.matrix[k][k]);
@@ -62,7 +62,7 @@ impl Environment for Wall {
         let push = if depth > 0.0 { force(tool.centre.y, tool.velocity.y).max(0.0) } else { 0.0 };
         let mut wrench = ContactWrench {
             step: self.steps,
-            time: held.time,
+            time: input.time,
             wrench: Wrench { force: DVec3::Y * push, torque: DVec3::ZERO },
             pressing: push,
             ..ContactWrench::none(tool.state())
@@ -93,7 +93,7 @@ pub struct Cushion {
     /// Height (m) of the spring's far end at a time (s); it begins at 0.
     pub far_end: fn(f64) -> f64,
     /// Whether wrenches report that a kinematic body (here the far end) moved.
-    pub tells_driven: bool,
+    pub tells_kinematic_motion: bool,
     /// Whether a wrench without contact reports the gap to the surface.
     pub tells_gap: bool,
     /// The tool, with the same constants as the loop's.
@@ -115,7 +115,7 @@ impl Cushion {
             mass: 0.005,
             penalty: 3.0 * stiffness,
             far_end: |_| 0.0,
-            tells_driven: false,
+            tells_kinematic_motion: false,
             tells_gap: true,
             tool,
             surface: [0.0; 2],
@@ -146,13 +146,13 @@ impl Cushion {
 }
 
 impl Environment for Cushion {
-    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench> {
-        let device = RigidState::at_rest(held.device.position, held.device.orientation);
+    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
+        let device = RigidState::at_rest(input.device.position, input.device.orientation);
         let tool = &mut self.tool;
-        tool.coupling = held.coupling;
-        (tool.centre, tool.orientation) = (held.tool.position, held.tool.orientation);
-        (tool.velocity, tool.angular_velocity) = (held.tool.velocity, held.tool.angular_velocity);
-        let rows = tool.rows(h, DVec3::ZERO, &tool.within_reach(&device, held.max_force));
+        tool.coupling = input.coupling;
+        (tool.centre, tool.orientation) = (input.tool.position, input.tool.orientation);
+        (tool.velocity, tool.angular_velocity) = (input.tool.velocity, input.tool.angular_velocity);
+        let rows = tool.rows(h, DVec3::ZERO, &tool.within_reach(&device, input.max_force));
         let touching = self.solve(&rows, h, true);
         let [moved, sunk, force] = if touching[2] > 0.0 { touching } else { self.solve(&rows, h, false) };
         let mut change: [f64; 6] = std::array::from_fn(|k| rows.rhs[k] / rows.matrix[k][k]);
@@ -160,16 +160,17 @@ impl Environment for Cushion {
         self.tool.advance(h, change);
         self.surface[1] += sunk;
         self.surface[0] += h * self.surface[1];
-        let is_driven = self.tells_driven && (self.far_end)(self.time) != (self.far_end)(self.time + h);
+        let has_kinematic_motion =
+            self.tells_kinematic_motion && (self.far_end)(self.time) != (self.far_end)(self.time + h);
         self.time += h;
         self.steps += 1;
         let push = force.max(0.0);
         let mut wrench = ContactWrench {
             step: self.steps,
-            time: held.time,
+            time: input.time,
             wrench: Wrench { force: DVec3::Y * push, torque: DVec3::ZERO },
             pressing: push,
-            is_driven,
+            has_kinematic_motion,
             ..ContactWrench::none(self.tool.state())
         };
         if push > 0.0 {

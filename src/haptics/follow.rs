@@ -179,7 +179,7 @@ impl Followed {
             self.share += wanted;
             return false;
         }
-        let driven = if self.newest.is_driven { DRIVEN_POWER * period } else { 0.0 };
+        let driven = if self.newest.has_kinematic_motion { DRIVEN_POWER * period } else { 0.0 };
         let loan = passivity.lend(missing.min(self.credit + driven));
         self.credit -= loan.min(self.credit);
         self.share += wanted * (1.0 - ((missing - loan) / asked).min(1.0));

@@ -200,7 +200,7 @@ impl Servo {
     }
 
     /// The state of device and tool from which the next simulation step starts.
-    pub fn held(&self) -> DeviceInput {
+    pub fn input(&self) -> DeviceInput {
         let time = self.time.unwrap_or(0.0);
         let coupling = self.tool.coupling.filter(|_| self.index > 0);
         let max_force = self.settings.limits.force;

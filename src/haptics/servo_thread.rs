@@ -39,7 +39,7 @@ impl ServoThread {
     pub fn start(mut device: Box<dyn Device>, servo: Servo, stop: Arc<AtomicBool>) -> Result<ServoThread, Fault> {
         device.open()?;
         let (wrenches, newest) = triple_buffer::triple_buffer(&servo.newest());
-        let (out, states) = triple_buffer::triple_buffer(&servo.held());
+        let (out, states) = triple_buffer::triple_buffer(&servo.input());
         let (record, ticks) = rtrb::RingBuffer::new(ROOM);
         let metronome = Metronome::new(servo.period());
         let begun = metronome.begun();
@@ -126,7 +126,7 @@ fn tick_until_stopped(mut device: Opened, mut servo: Servo, mut links: Links, mu
         if is_lost {
             tick.events.raise(Event::RecordLost);
         }
-        links.out.write(servo.held());
+        links.out.write(servo.input());
         is_lost = links.record.push(tick).is_err();
     }
 }
@@ -278,9 +278,9 @@ mod tests {
 
     /// Passes a wrench without contact to the loop, so that the newest wrench is never out of date.
     fn feed(thread: &mut ServoThread) {
-        let held = thread.newest();
-        let step = held.ticks + 1;
-        thread.give(ContactWrench { step, time: held.time, ..ContactWrench::none(held.tool) });
+        let input = thread.newest();
+        let step = input.ticks + 1;
+        thread.give(ContactWrench { step, time: input.time, ..ContactWrench::none(input.tool) });
     }
 
     #[test]
@@ -291,8 +291,8 @@ mod tests {
                 feed(&mut thread);
                 told.lock().unwrap().iter().flatten().any(|wrench| wrench.force.length() > 0.0)
             });
-            let held = thread.newest();
-            assert!(held.ticks > 0 && held.coupling.is_some() && thread.is_running());
+            let input = thread.newest();
+            assert!(input.ticks > 0 && input.coupling.is_some() && thread.is_running());
             let ticks: Vec<Tick> = thread.ticks().collect();
             assert!(ticks.iter().enumerate().all(|(k, tick)| tick.index == k as u64));
             match is_dropped {
@@ -330,7 +330,7 @@ mod tests {
         let servo = Servo::new(settings, tool);
         let (record, mut ticks) = rtrb::RingBuffer::new(4);
         let (_wrenches, newest) = triple_buffer::triple_buffer(&servo.newest());
-        let (out, _states) = triple_buffer::triple_buffer(&servo.held());
+        let (out, _states) = triple_buffer::triple_buffer(&servo.input());
         let stop = Arc::<AtomicBool>::default();
         let links = Links { newest, out, record, stop: stop.clone() };
         let work = move || tick_until_stopped(Opened(device), servo, links, Metronome::new(1e-3));

@@ -159,8 +159,8 @@ pub fn hold(
     };
     let tool = Tool { coupling: Some(gains.coupling), ..tool.clone() };
     record(Moment::Begin(&settings, &tool))?;
-    for (held, wrench) in &first.steps {
-        record(Moment::Step(held, options.shortest_step, wrench))?;
+    for (input, wrench) in &first.steps {
+        record(Moment::Step(input, options.shortest_step, wrench))?;
     }
     let servo = Servo::new(settings, tool);
     let bare = options.bare_timer.then(|| BareTimer::start(period));
@@ -201,11 +201,11 @@ struct FirstSteps {
 /// slow in it.
 fn first_steps(environment: &mut dyn Environment, tool: &Tool, h: f64, max_force: f64) -> Result<FirstSteps> {
     let state = tool.state();
-    let held = DeviceInput { ticks: 0, time: 0.0, device: state, tool: state, coupling: None, max_force };
+    let input = DeviceInput { ticks: 0, time: 0.0, device: state, tool: state, coupling: None, max_force };
     let (mut steps, mut times) = (Vec::new(), Vec::new());
     for _ in 0..FIRST_STEPS {
         let begun = Instant::now();
-        steps.push((held, environment.feel(&held, h)?));
+        steps.push((input, environment.feel(&input, h)?));
         times.push(begun.elapsed().as_secs_f64());
     }
     times.remove(0);
@@ -268,14 +268,14 @@ impl Session {
         let begun = self.thread.now();
         let (mut last, mut ahead) = (begun, 0.0);
         while self.goes_on(options) {
-            let (start, held) = (self.thread.now(), self.thread.newest());
+            let (start, input) = (self.thread.now(), self.thread.newest());
             let h = pace.length();
-            let wrench = environment.feel(&held, h)?;
+            let wrench = environment.feel(&input, h)?;
             self.thread.give(wrench);
             simulated += h;
             self.report.steps += 1;
             self.compare(&wrench);
-            record(Moment::Step(&held, h, &wrench))?;
+            record(Moment::Step(&input, h, &wrench))?;
             self.take_ticks(record)?;
             let now = self.thread.now();
             pace.took(now - start, now);

@@ -51,7 +51,7 @@ pub fn run_controlled(
     let (mut newest, mut next) = (servo.newest(), None::<(u64, ContactWrench)>);
     for k in 0..ticks {
         if k % u64::from(schedule.ticks_a_step) == 0 {
-            let wrench = environment.feel(&servo.held(), f64::from(schedule.ticks_a_step) * period)?;
+            let wrench = environment.feel(&servo.input(), f64::from(schedule.ticks_a_step) * period)?;
             if let Some((_, waiting)) = next.replace((k + u64::from(schedule.delay), wrench)) {
                 newest = waiting;
             }

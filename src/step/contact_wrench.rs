@@ -31,7 +31,7 @@ pub struct ContactWrench {
     /// The gap to the nearest body; `None` where the tool touches something, or nothing is known to be near.
     pub gap: Option<Gap>,
     /// Whether a driven body moved during the step: contact may then give out work that no hand put in.
-    pub is_driven: bool,
+    pub has_kinematic_motion: bool,
 }
 
 /// The gap between the tool and the nearest body, and how stiff contact will be where it ends.
@@ -60,7 +60,7 @@ impl ContactWrench {
             damping,
             pressing: 0.0,
             gap: None,
-            is_driven: false,
+            has_kinematic_motion: false,
         }
     }
 

@@ -215,7 +215,7 @@ impl Frames {
     }
 
     /// Whether any driven frame moves between two times, s.
-    pub fn is_any_kinematic_moving(&self, from: f64, to: f64) -> bool {
+    pub fn has_kinematic_motion(&self, from: f64, to: f64) -> bool {
         let moves = |state: &State| match &state.mover {
             Mover::Kinematic(drive) => drive.pose(from) != drive.pose(to),
             _ => false,

@@ -92,7 +92,7 @@ pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report) -> Contact
         damping: matrix(&report.damping),
         pressing: report.pressing.into(),
         gap: None,
-        is_driven: false,
+        has_kinematic_motion: false,
     }
 }
 

@@ -132,8 +132,8 @@ struct Recorded<'a> {
 }
 
 impl Environment for Recorded<'_> {
-    fn feel(&mut self, held: &DeviceInput, h: f64) -> palpate::Result<ContactWrench> {
-        let wrench = self.simulation.feel(held, h)?;
+    fn feel(&mut self, input: &DeviceInput, h: f64) -> palpate::Result<ContactWrench> {
+        let wrench = self.simulation.feel(input, h)?;
         self.wrenches.push(wrench);
         Ok(wrench)
     }
@@ -185,8 +185,8 @@ fn a_force_held_is_that_of_the_step_and_of_the_block_at_rest_and_the_first_touch
         // The device moves in at 10 mm/s, stays for two seconds and moves out again.
         let keys = [key(0.0, above), key(0.1, above), key(0.4, deep), key(2.4, deep), key(2.7, above)];
         let (ticks, wrenches) = follow(&mut simulation, profile, &keys, 3.0);
-        let held = &ticks[2300];
-        let (played, step) = (held.played.force.length(), wrenches[held.step as usize - 1].wrench.force.length());
+        let input = &ticks[2300];
+        let (played, step) = (input.played.force.length(), wrenches[input.step as usize - 1].wrench.force.length());
         // For comparison, the block at rest without the loop: the device is put at the same place, with the same
         // virtual coupling, until nothing moves.
         let mut alone = block();
@@ -200,7 +200,7 @@ fn a_force_held_is_that_of_the_step_and_of_the_block_at_rest_and_the_first_touch
         );
         alone.couple(Some(coupling.coupling));
         let pose = |position| palpate::Pose { position, orientation: DQuat::IDENTITY };
-        let rest = (0..150).map(|_| alone.step_at(pose(held.device.position)).unwrap()).last().unwrap();
+        let rest = (0..150).map(|_| alone.step_at(pose(input.device.position)).unwrap()).last().unwrap();
         let rest = rest.tool.unwrap().force.length();
         println!("{profile}: played {played:.4} N, step {step:.4} N, at rest {rest:.4} N");
         assert!(played > 0.3 && (played / step - 1.0).abs() < 0.03 && (played / rest - 1.0).abs() < 0.03, "{profile}");

@@ -47,9 +47,9 @@ fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tic
     let (mut newest, mut next, mut most) = (servo.newest(), servo.newest(), 0.0f64);
     for k in 0..TICKS {
         if k % EVERY == 0 {
-            let (held, h) = (servo.held(), 1e-3 * EVERY as f64);
-            next = simulation.feel(&held, h).unwrap();
-            recording.step(&held, h, &next).unwrap();
+            let (input, h) = (servo.input(), 1e-3 * EVERY as f64);
+            next = simulation.feel(&input, h).unwrap();
+            recording.step(&input, h, &next).unwrap();
             most = most.max(next.wrench.force.length());
         }
         if k % EVERY == DELAY {

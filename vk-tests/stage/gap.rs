@@ -465,8 +465,8 @@ mod told {
 
     /// Runs a step from this pose and velocity of the tool.
     fn step(simulation: &mut Simulation, tool: RigidState) -> ContactWrench {
-        let held = DeviceInput { ticks: 1, time: 0.0, device: tool, tool, coupling: None, max_force: f64::INFINITY };
-        simulation.step_device_input(&held, STEP).unwrap();
+        let input = DeviceInput { ticks: 1, time: 0.0, device: tool, tool, coupling: None, max_force: f64::INFINITY };
+        simulation.step_device_input(&input, STEP).unwrap();
         let messages = simulation.context().validation_messages();
         assert!(messages.is_empty(), "{messages:#?}");
         *simulation.contact_wrench().unwrap()

@@ -64,14 +64,14 @@ struct Felt<'a> {
 }
 
 impl Environment for Felt<'_> {
-    fn feel(&mut self, held: &DeviceInput, h: f64) -> palpate::Result<ContactWrench> {
+    fn feel(&mut self, input: &DeviceInput, h: f64) -> palpate::Result<ContactWrench> {
         let begun = Instant::now();
-        let row = self.object.simulation.step_device_input(held, h);
+        let row = self.object.simulation.step_device_input(input, h);
         self.object.has_failed = row.is_err();
         let newest = Newest::new(wrench_of(&row?), begun);
         self.steps.note(newest);
         self.told.note(newest);
-        let nothing = || ContactWrench { time: held.time, ..ContactWrench::none(held.tool) };
+        let nothing = || ContactWrench { time: input.time, ..ContactWrench::none(input.tool) };
         Ok(self.object.simulation.contact_wrench().copied().unwrap_or_else(nothing))
     }
 }

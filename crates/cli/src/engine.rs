@@ -69,9 +69,9 @@ impl Engine {
     }
 
     /// Does a step of `h` s with the haptic loop's inputs; returns its report and the contact wrench on the tool.
-    pub fn step_device_input(&mut self, held: &DeviceInput, h: f64) -> Result<(StepReport, ContactWrench)> {
-        let row = self.simulation.step_device_input(held, h)?;
-        let wrench = self.simulation.contact_wrench().copied().unwrap_or(ContactWrench::none(held.tool));
+    pub fn step_device_input(&mut self, input: &DeviceInput, h: f64) -> Result<(StepReport, ContactWrench)> {
+        let row = self.simulation.step_device_input(input, h)?;
+        let wrench = self.simulation.contact_wrench().copied().unwrap_or(ContactWrench::none(input.tool));
         Ok((self.counted(row), wrench))
     }
 

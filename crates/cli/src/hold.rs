@@ -95,8 +95,8 @@ struct Watched<'a> {
 }
 
 impl Environment for Watched<'_> {
-    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench> {
-        let (row, wrench) = self.engine.step_device_input(held, h)?;
+    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
+        let (row, wrench) = self.engine.step_device_input(input, h)?;
         (self.watch)(&row)?;
         Ok(wrench)
     }
@@ -126,7 +126,7 @@ pub fn hold(
         (None, _) => Ok(()),
         (Some(recording), Moment::Begin(settings, tool)) => recording.begin(settings, tool),
         (Some(recording), Moment::Tick(tick)) => recording.tick(tick),
-        (Some(recording), Moment::Step(held, h, wrench)) => recording.step(held, h, wrench),
+        (Some(recording), Moment::Step(input, h, wrench)) => recording.step(input, h, wrench),
     };
     let mut environment = Watched { engine, watch };
     let report = session::hold(device, &tool, &scene.haptics, &mut environment, &options, write)?;

@@ -53,7 +53,7 @@ fn record(folder: &Path, has_end: bool, spoil: impl Fn(&mut Tick)) -> (PathBuf, 
     for k in 0..TICKS {
         let time = 1e-3 * k as f64;
         if k % EVERY == 0 {
-            let held = servo.held();
+            let held = servo.input();
             newest = simulation.feel(&held, 0.015).unwrap();
             recording.step(&held, 0.015, &newest).unwrap();
         }

@@ -94,7 +94,7 @@ fn one_session(making: Making, mut fault: impl FnMut(u64, &mut Inputs)) -> Vec<T
     for k in 0..TICKS {
         if k % INTERVAL == 0 {
             newest = coming;
-            coming = wall.feel(&servo.held(), INTERVAL as f64 * PERIOD).unwrap();
+            coming = wall.feel(&servo.input(), INTERVAL as f64 * PERIOD).unwrap();
         }
         let time = k as f64 * PERIOD;
         let mut inputs = Inputs { time, reading: hand.read(time), newest, is_taken: true };

@@ -95,7 +95,7 @@ pub struct Begin {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Step {
     /// Inputs of the step: pose and twist of haptic device and tool.
-    pub held: DeviceInput,
+    pub input: DeviceInput,
     /// Length of the step, s.
     pub h: f64,
     /// Contact wrench that the step returned.
@@ -176,9 +176,9 @@ impl Recording {
     }
 
     /// Records a step of `h` s with its inputs and the contact wrench that it returned.
-    pub fn step(&mut self, held: &DeviceInput, h: f64, wrench: &ContactWrench) -> Result<()> {
+    pub fn step(&mut self, input: &DeviceInput, h: f64, wrench: &ContactWrench) -> Result<()> {
         self.totals.steps += 1;
-        self.put(Entry::Step(Box::new(Step { held: *held, h, wrench: *wrench })))
+        self.put(Entry::Step(Box::new(Step { input: *input, h, wrench: *wrench })))
     }
 
     /// Writes the end and returns the numbers of entries.

@@ -144,7 +144,7 @@ impl Replay<'_> {
         let mut servo = Servo::new(settings, tool);
         loop {
             self.source.look_ahead()?;
-            let is_due = self.source.steps.front().is_some_and(|step| step.held.ticks <= self.done.0);
+            let is_due = self.source.steps.front().is_some_and(|step| step.input.ticks <= self.done.0);
             if is_due && let Some(step) = self.source.steps.pop_front() {
                 if let Some(difference) = self.step(&step, &servo)? {
                     return Ok(Some(difference));
@@ -159,7 +159,7 @@ impl Replay<'_> {
         }
         match self.source.steps.front() {
             Some(step) if self.source.is_whole => {
-                let problem = format!("step {} starts from tick {}, after the last", self.done.1 + 1, step.held.ticks);
+                let problem = format!("step {} starts from tick {}, after the last", self.done.1 + 1, step.input.ticks);
                 Err(self.source.wrong(problem))
             }
             _ => Ok(None),
@@ -169,16 +169,16 @@ impl Replay<'_> {
     /// Repeats a step, from the servo's present state.
     fn step(&mut self, recorded: &Step, servo: &Servo) -> Result<Option<Difference>> {
         let number = self.done.1 + 1;
-        if recorded.held.ticks < self.done.0 {
-            let problem = format!("step {number} starts from tick {}, which is long past", recorded.held.ticks);
+        if recorded.input.ticks < self.done.0 {
+            let problem = format!("step {number} starts from tick {}, which is long past", recorded.input.ticks);
             return Err(self.source.wrong(problem));
         }
         if !(recorded.h > 0.0 && recorded.h.is_finite()) {
             return Err(self.source.wrong(format!("step {number} is {:?} s long", recorded.h)));
         }
-        let held = servo.held();
-        let wrench = self.environment.feel(&held, recorded.h)?;
-        let step = Step { held, wrench, ..*recorded };
+        let input = servo.input();
+        let wrench = self.environment.feel(&input, recorded.h)?;
+        let step = Step { input, wrench, ..*recorded };
         let difference = first_difference(Place::Step(number), &fields::of_step(recorded), &fields::of_step(&step));
         if difference.is_none() {
             self.done.1 = number;

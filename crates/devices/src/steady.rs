@@ -129,7 +129,7 @@ impl Case {
         let mut cushion = Cushion {
             far_end: self.far_end,
             tells_gap: self.tells_gap,
-            tells_driven: true,
+            tells_kinematic_motion: true,
             ..Cushion::new(self.stiffness, tool.clone())
         };
         let felt = cushion.felt();
@@ -152,7 +152,7 @@ impl Case {
         for k in 0..(seconds / PERIOD) as u64 {
             let is_stalled = self.stalls.iter().any(|[first, last]| (*first..=*last).contains(&k));
             if k % interval == 0 && !is_stalled {
-                let wrench = cushion.feel(&servo.held(), interval as f64 * PERIOD).unwrap();
+                let wrench = cushion.feel(&servo.input(), interval as f64 * PERIOD).unwrap();
                 steps.push(wrench.wrench.force.y);
                 coming.push((k + interval + self.late, wrench));
             }

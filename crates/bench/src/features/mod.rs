@@ -157,7 +157,7 @@ struct Side {
     simulation: Simulation,
     /// For [`Feature::Stiffness`]: the input of a haptic loop that holds the tool, and whether every step computes
     /// contact stiffness and damping for the loop; else only the last unmeasured step does.
-    held: Option<(DeviceInput, bool)>,
+    input: Option<(DeviceInput, bool)>,
     run: Run,
 }
 
@@ -167,8 +167,8 @@ impl Side {
         let mut simulation = open(&scene, settings)?;
         simulation.time_every(u64::from(feature == Feature::Timestamps && with))?;
         let run = Run { plan: Plan::of(&simulation), ..Run::default() };
-        let held = (feature == Feature::Stiffness).then(|| held(&scene)).flatten().map(|held| (held, with));
-        Ok(Side { simulation, held, run })
+        let input = (feature == Feature::Stiffness).then(|| input(&scene)).flatten().map(|input| (input, with));
+        Ok(Side { simulation, input, run })
     }
 
     /// Does steps that are not measured: those in which the tool is pressed in, and for [`Feature::Stiffness`] one in
@@ -180,7 +180,7 @@ impl Side {
 
     /// A step that also computes contact stiffness and damping for a haptic loop; `None`: there is no loop.
     fn step_device_input(&mut self) -> Result<Option<StepReport>> {
-        let Some((held, _)) = &self.held else { return Ok(None) };
+        let Some((input, _)) = &self.input else { return Ok(None) };
         // The loop's tool is put where the simulation's is, so that both simulations move alike.
         let now = self.simulation.tool().map(|tool| RigidState {
             position: tool.centre,
@@ -188,8 +188,8 @@ impl Side {
             velocity: tool.velocity,
             angular_velocity: tool.angular_velocity,
         });
-        let held = DeviceInput { tool: now.unwrap_or(held.tool), ..*held };
-        self.simulation.step_device_input(&held, STEP).map(Some)
+        let input = DeviceInput { tool: now.unwrap_or(input.tool), ..*input };
+        self.simulation.step_device_input(&input, STEP).map(Some)
     }
 
     /// A round: measures `count` steps.
@@ -198,7 +198,7 @@ impl Side {
         for _ in 0..count {
             let begun = Instant::now();
             let asked =
-                if self.held.as_ref().is_some_and(|(_, with)| *with) { self.step_device_input()? } else { None };
+                if self.input.as_ref().is_some_and(|(_, with)| *with) { self.step_device_input()? } else { None };
             let row = asked.map_or_else(|| self.simulation.step(), Ok)?;
             times.push(begun.elapsed().as_secs_f64() * 1e6);
             self.run.iterations += u64::from(row.iterations);
@@ -214,7 +214,7 @@ fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
 }
 
 /// Input of a haptic loop whose haptic device stays at the last pose of the scene's `[drive]` keys.
-fn held(scene: &Scene) -> Option<DeviceInput> {
+fn input(scene: &Scene) -> Option<DeviceInput> {
     let last = scene.trajectory.last()?;
     let state = RigidState::at_rest(last.position, last.orientation);
     Some(DeviceInput {

@@ -148,10 +148,10 @@ fn press(controller: Controller, name: &'static str, body: f64, rate: f64, gap: 
         Controller::Session => rig.follow(&keys, &start, &mut cushion, schedule)?,
         _ => rig.follow_controlled(&keys, &start, &mut cushion, schedule, control)?,
     };
-    let held = |tick: &&Tick| (ends[3] - 1.0..ends[3]).contains(&tick.time);
-    let forces = ticks.iter().filter(held).map(|tick| tick.played.force.y);
+    let hold_result = |tick: &&Tick| (ends[3] - 1.0..ends[3]).contains(&tick.time);
+    let forces = ticks.iter().filter(hold_result).map(|tick| tick.played.force.y);
     let spread = super::rig::Spread::of(forces);
-    let device = ticks.iter().rfind(held).map_or(0.0, |tick| tick.device.position.y);
+    let device = ticks.iter().rfind(hold_result).map_or(0.0, |tick| tick.device.position.y);
     let still = (-device / (1.0 / felt + 1.0 / rig.coupling().stiffness)).min(profile.max_force);
     let read =
         |tick: &Tick| tick.reading.map_or(tick.device, |reading: palpate::internal::haptics::Reading| reading.state);

@@ -39,7 +39,7 @@ fn the_local_model_may_be_better_or_worse() {
     assert!(walls::delays(&[]).unwrap().finding.contains("nothing"));
 }
 
-fn held(mode: Mode, mean: f64, deviation: f64) -> HoldResult {
+fn hold_result(mode: Mode, mean: f64, deviation: f64) -> HoldResult {
     let force = Spread { mean, deviation, swing: 4.0 * deviation };
     let reading = Spread { swing: 2e-5, ..Spread::default() };
     HoldResult {
@@ -56,7 +56,8 @@ fn held(mode: Mode, mean: f64, deviation: f64) -> HoldResult {
 
 #[test]
 fn a_force_that_is_gone_is_not_still() {
-    let all = [held(Mode::Session, 0.0, 0.0), held(Mode::Local, 2.0, 0.019), held(Mode::Raw, 2.0, 0.3)];
+    let all =
+        [hold_result(Mode::Session, 0.0, 0.0), hold_result(Mode::Local, 2.0, 0.019), hold_result(Mode::Raw, 2.0, 0.3)];
     let section = forces::holds(&all).unwrap();
     let told = "as in a session 0 of 1, 1 left without a force; without friction 0 of 1, 1 left without a force; no passivity \
                 control 1 of 1 (the noisiest 19.00 mN of 2.00 N: wall, 500 N/m, touch, 50 Hz); without friction 1 of 1 (the \
@@ -68,7 +69,7 @@ fn a_force_that_is_gone_is_not_still() {
     assert_eq!(row[..6], ["wall, 500 N/m", "touch", "50", "0.000", "0.00 (0.00)", "0.00 (0.00)"]);
     assert_eq!(row[9..], ["2.000", "300.00 (1200.00)", "300.00 (1200.00)", "20", "8 + 40"]);
     assert_eq!(section.table.heads.len(), row.len());
-    let noisy = forces::holds(&[held(Mode::Local, 2.0, 0.021)]).unwrap().finding;
+    let noisy = forces::holds(&[hold_result(Mode::Local, 2.0, 0.021)]).unwrap().finding;
     assert!(noisy.contains("no passivity control 0 of 1"), "{noisy}");
 }
 

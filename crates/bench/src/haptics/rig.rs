@@ -150,8 +150,8 @@ pub struct Recorded<'a> {
 }
 
 impl Environment for Recorded<'_> {
-    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench> {
-        let wrench = self.inner.feel(held, h)?;
+    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
+        let wrench = self.inner.feel(input, h)?;
         self.wrenches.push(wrench);
         Ok(wrench)
     }

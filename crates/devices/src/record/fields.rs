@@ -120,9 +120,9 @@ pub fn of_tick(tick: &Tick) -> Vec<Field> {
 
 /// All values of a step.
 pub fn of_step(step: &Step) -> Vec<Field> {
-    let Step { held, h, wrench } = *step;
+    let Step { input, h, wrench } = *step;
     let mut fields = List::default();
-    let DeviceInput { ticks, time, device, tool, coupling, max_force } = held;
+    let DeviceInput { ticks, time, device, tool, coupling, max_force } = input;
     fields.count("held_ticks", ticks);
     fields.number("held_time_s", time);
     fields.state("held_device", &device);
@@ -135,7 +135,7 @@ pub fn of_step(step: &Step) -> Vec<Field> {
     fields.add(["held_damping", "_angular", ""], gain(|c| c.angular_damping));
     fields.number("held_max_force", max_force);
     fields.number("h_s", h);
-    let ContactWrench { step, time, tool, wrench, stiffness, damping, pressing, gap, is_driven } = wrench;
+    let ContactWrench { step, time, tool, wrench, stiffness, damping, pressing, gap, has_kinematic_motion } = wrench;
     fields.count("step", step);
     fields.number("time_s", time);
     fields.state("tool", &tool);
@@ -151,7 +151,7 @@ pub fn of_step(step: &Step) -> Vec<Field> {
     fields.add(["gap_normal", "_y", ""], of_gap(|gap| gap.normal.y));
     fields.add(["gap_normal", "_z", ""], of_gap(|gap| gap.normal.z));
     fields.add(["gap_m", "", ""], of_gap(|gap| gap.distance));
-    fields.count("is_driven", is_driven.into());
+    fields.count("is_driven", has_kinematic_motion.into());
     fields.add(["gap_stiffness", "", ""], of_gap(|gap| gap.stiffness));
     fields.0
 }

@@ -58,8 +58,8 @@ impl Walled {
 }
 
 impl Environment for Walled {
-    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench> {
-        let mut wrench = self.0.feel(held, h)?;
+    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
+        let mut wrench = self.0.feel(input, h)?;
         if wrench.step == 12 {
             wrench.pressing = f64::NAN;
         }
@@ -93,14 +93,14 @@ fn session(mut keep: impl FnMut(Entry)) {
     let mut servo = Servo::new(settings, tool());
     keep(Entry::Begin(Box::new(Begin { settings, tool: tool() })));
     for _ in 0..FIRST {
-        let (held, h) = (servo.held(), 0.01);
-        keep(Entry::Step(Box::new(Step { held, h, wrench: walled.feel(&held, h).unwrap() })));
+        let (input, h) = (servo.input(), 0.01);
+        keep(Entry::Step(Box::new(Step { input, h, wrench: walled.feel(&input, h).unwrap() })));
     }
     let (mut newest, mut under_way, mut waiting) = (servo.newest(), None, Vec::new());
     for k in 0..TICKS {
         if k % EVERY == 0 {
-            let (held, h) = (servo.held(), 1e-3 * EVERY as f64);
-            under_way = Some(Step { held, h, wrench: walled.feel(&held, h).unwrap() });
+            let (input, h) = (servo.input(), 1e-3 * EVERY as f64);
+            under_way = Some(Step { input, h, wrench: walled.feel(&input, h).unwrap() });
         }
         if k % EVERY == DELAY {
             newest = under_way.map_or(newest, |step| step.wrench);
@@ -139,7 +139,7 @@ fn write_all(recording: &mut Recording, entries: &[Entry]) {
         match entry {
             Entry::Begin(begin) => recording.begin(&begin.settings, &begin.tool),
             Entry::Tick(tick) => recording.tick(tick),
-            Entry::Step(step) => recording.step(&step.held, step.h, &step.wrench),
+            Entry::Step(step) => recording.step(&step.input, step.h, &step.wrench),
             Entry::End(_) => Ok(()),
         }
         .unwrap();

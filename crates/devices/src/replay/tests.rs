@@ -75,7 +75,7 @@ fn one_bit_is_found_and_named_where_it_is() {
     starts(difference(tick(0, |tick| flip(&mut tick.energy.given[3]))), "tick 0 differs first in energy_given_rx: ");
     starts(difference(tick(499, |tick| tick.events.raise(Event::Clamped))), "tick 499 differs first in events: ");
     starts(difference(step(9, |step| step.h += 1e-6)), "step 9 differs first in ");
-    starts(difference(step(9, |step| flip(&mut step.held.tool.position.x))), "step 9 differs first in held_tool_x: ");
+    starts(difference(step(9, |step| flip(&mut step.input.tool.position.x))), "step 9 differs first in held_tool_x: ");
     starts(difference(step(2, |step| flip(&mut step.wrench.wrench.force.y))), "step 2 differs first in force_y: ");
     starts(
         difference(step(5, |step| flip(&mut step.wrench.stiffness[1][3]))),
@@ -112,9 +112,9 @@ fn what_is_no_session_is_refused() {
         };
         assert!(refusal(spoil).contains("a limit of the servo is "), "{watchdog}");
     }
-    let past = refusal(step(8, |step| step.held.ticks = 3));
+    let past = refusal(step(8, |step| step.input.ticks = 3));
     assert!(past.contains("step 8 starts from tick 3"), "{past}");
-    let beyond = refusal(step(27, |step| step.held.ticks = 10_000));
+    let beyond = refusal(step(27, |step| step.input.ticks = 10_000));
     assert!(beyond.contains("tick 485 felt step 27") || beyond.contains("after the last"), "{beyond}");
 }
 

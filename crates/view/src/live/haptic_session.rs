@@ -55,12 +55,12 @@ struct Felt<'a, 'b> {
 }
 
 impl Environment for Felt<'_, '_> {
-    fn feel(&mut self, held: &DeviceInput, h: f64) -> Result<ContactWrench> {
+    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
         let mut worker = self.worker.borrow_mut();
-        let row = worker.in_turn(|simulation| simulation.step_device_input(held, h))?;
-        let nothing = || ContactWrench { time: held.time, ..ContactWrench::none(held.tool) };
+        let row = worker.in_turn(|simulation| simulation.step_device_input(input, h))?;
+        let nothing = || ContactWrench { time: input.time, ..ContactWrench::none(input.tool) };
         let wrench = worker.simulation.contact_wrench().copied().unwrap_or_else(nothing);
-        worker.last_input = Some(*held);
+        worker.last_input = Some(*input);
         worker.set_loop(Some(self.heard.borrow_mut().taken()));
         worker.found(&row)?;
         Ok(wrench)
@@ -79,7 +79,7 @@ impl Worker {
             (tool.velocity, tool.angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
         }
         let (position, orientation) = match &self.last_input {
-            Some(held) => (held.device.position, held.device.orientation),
+            Some(input) => (input.device.position, input.device.orientation),
             None => (tool.centre, tool.orientation),
         };
         let start = Key { time: 0.0, position, orientation };
@@ -128,7 +128,7 @@ impl Worker {
             match (&mut recording, moment) {
                 (Some(recording), Moment::Begin(settings, tool)) => recording.begin(settings, tool)?,
                 (Some(recording), Moment::Tick(tick)) => recording.tick(tick)?,
-                (Some(recording), Moment::Step(held, h, wrench)) => recording.step(held, h, wrench)?,
+                (Some(recording), Moment::Step(input, h, wrench)) => recording.step(input, h, wrench)?,
                 _ => {}
             }
             // Commands are executed here, because the loop already has the step's wrench, and the inputs of the next

@@ -230,7 +230,7 @@ fn a_mouse_presses_is_recorded_from_the_start_and_replays_to_the_same_bits() {
     let mut steps = 0;
     for entry in recorded {
         if let palpate_devices::record::Entry::Step(step) = entry.unwrap() {
-            again.step_device_input(&step.held, step.h).unwrap();
+            again.step_device_input(&step.input, step.h).unwrap();
             assert_eq!(again.contact_wrench(), Some(&step.wrench), "step {steps}");
             steps += 1;
         }

@@ -286,14 +286,14 @@ impl Worker {
     /// Does a single step while paused, with the inputs that the device gave last.
     fn step_once(&mut self) {
         let h = self.simulation.scene().step.dt;
-        let held = self.simulation.tool().map(|tool| {
+        let input = self.simulation.tool().map(|tool| {
             let own = tool.state();
             let (coupling, max_force) = (tool.coupling, f64::INFINITY);
             let first = DeviceInput { ticks: 0, time: 0.0, device: own, tool: own, coupling, max_force };
             DeviceInput { tool: own, ..self.last_input.unwrap_or(first) }
         });
-        let row = match (&self.lead, held) {
-            (Lead::Device { .. }, Some(held)) => self.in_turn(|simulation| simulation.step_device_input(&held, h)),
+        let row = match (&self.lead, input) {
+            (Lead::Device { .. }, Some(input)) => self.in_turn(|simulation| simulation.step_device_input(&input, h)),
             _ => self.in_turn(Simulation::step),
         };
         let state = match row.and_then(|row| self.found(&row)) {

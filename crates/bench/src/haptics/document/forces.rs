@@ -38,10 +38,10 @@ pub fn holds(holds: &[HoldResult]) -> Result<Section> {
         let mut row = vec![name_of(first.met), first.profile.clone(), format!("{:.0}", first.rate)];
         for (mode, _) in Mode::ALL {
             let noise = |f: Spread| format!("{:.2} ({:.2})", 1e3 * f.deviation, 1e3 * f.swing);
-            let held = group.iter().find(|held| held.mode == mode);
-            row.push(held.map_or_else(String::new, |held| format!("{:.3}", held.force.mean)));
-            row.push(held.map_or_else(String::new, |held| noise(held.force)));
-            row.push(held.and_then(|held| held.no_friction).map_or_else(String::new, noise));
+            let hold_result = group.iter().find(|hold_result| hold_result.mode == mode);
+            row.push(hold_result.map_or_else(String::new, |hold_result| format!("{:.3}", hold_result.force.mean)));
+            row.push(hold_result.map_or_else(String::new, |hold_result| noise(hold_result.force)));
+            row.push(hold_result.and_then(|hold_result| hold_result.no_friction).map_or_else(String::new, noise));
         }
         row.extend([format!("{:.0}", 1e6 * first.reading.swing), quantum(&first.quantum_forces)]);
         table.rows.push(row);
@@ -49,7 +49,7 @@ pub fn holds(holds: &[HoldResult]) -> Result<Section> {
     let axes = Logarithmic { x: "rate of the simulation, Hz", y: "noise, N", level: Some(STILL) };
     let drawn: Vec<Panel> = holds.chunk_by(|a, b| a.met == b.met).map(noise).collect();
     Ok(Section {
-        title: "How still a held force keeps".into(),
+        title: "How still a hold_result force keeps".into(),
         question: format!(
             "How much noise is in the force of a person who means to press {:.0} mm deep, over the last of three \
              seconds? Allowed are {:.0} % of the force or {STILL} N; `noise` is its standard deviation, `swing` from \
@@ -73,23 +73,29 @@ fn noise(holds: &[HoldResult]) -> Panel {
     let short = [(Mode::Session, "session"), (Mode::Local, "local"), (Mode::Raw, "raw")];
     let line = |(mode, name)| {
         let mut points: Vec<(f64, f64)> = Vec::new();
-        for held in holds.iter().filter(|held| held.mode == mode && is_there(&held.force)) {
-            let noise = held.force.deviation.max(DRAWN);
-            match points.iter_mut().find(|point| point.0 == held.rate) {
+        for hold_result in holds.iter().filter(|hold_result| hold_result.mode == mode && is_there(&hold_result.force)) {
+            let noise = hold_result.force.deviation.max(DRAWN);
+            match points.iter_mut().find(|point| point.0 == hold_result.rate) {
                 Some(point) => point.1 = point.1.max(noise),
-                None => points.push((held.rate, noise)),
+                None => points.push((hold_result.rate, noise)),
             }
         }
         Line { name: String::from(name), points, ..Line::default() }
     };
-    Panel { title: holds.first().map(|held| name_of(held.met)).unwrap_or_default(), lines: short.map(line).into() }
+    Panel {
+        title: holds.first().map(|hold_result| name_of(hold_result.met)).unwrap_or_default(),
+        lines: short.map(line).into(),
+    }
 }
 
 fn hold_finding(holds: &[HoldResult]) -> String {
     let of = |(mode, name): (Mode, &str)| {
-        let all = || holds.iter().filter(move |held| held.mode == mode);
-        let [own, slippery] = [|held: &HoldResult| Some(held.force), |held: &HoldResult| held.no_friction]
-            .map(|of| judged(&all().filter_map(|held| Some((held, of(held)?))).collect::<Vec<_>>()));
+        let all = || holds.iter().filter(move |hold_result| hold_result.mode == mode);
+        let [own, slippery] =
+            [|hold_result: &HoldResult| Some(hold_result.force), |hold_result: &HoldResult| hold_result.no_friction]
+                .map(|of| {
+                    judged(&all().filter_map(|hold_result| Some((hold_result, of(hold_result)?))).collect::<Vec<_>>())
+                });
         format!("{name} {own}; without friction {slippery}")
     };
     format!("Still enough are: {}.", Mode::ALL.map(of).join("; "))
@@ -102,8 +108,8 @@ fn judged(forces: &[(&HoldResult, Spread)]) -> String {
     let gone = forces.len() - there().count();
     let gone = if gone > 0 { format!(", {gone} left without a force") } else { String::new() };
     let worst = there().max_by(|a, b| a.1.deviation.total_cmp(&b.1.deviation));
-    let worst = worst.map_or_else(String::new, |(held, force)| {
-        let at = format!("{}, {}, {:.0} Hz", name_of(held.met), held.profile, held.rate);
+    let worst = worst.map_or_else(String::new, |(hold_result, force)| {
+        let at = format!("{}, {}, {:.0} Hz", name_of(hold_result.met), hold_result.profile, hold_result.rate);
         format!(" (the noisiest {:.2} mN of {:.2} N: {at})", 1e3 * force.deviation, force.mean)
     });
     format!("{still} of {}{worst}{gone}", forces.len())
