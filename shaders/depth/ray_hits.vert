@@ -9,7 +9,7 @@
 // chunk, contact patch), six vertices a triangle. It finds the same hits as cross.comp, bit for bit.
 
 layout(constant_id = 1) const uint BUCKETS = 1;
-layout(constant_id = 3) const uint SQUARES = 1;      // cells along a side of the viewport, a pixel each
+layout(constant_id = 3) const uint RASTER_CELLS = 1;      // cells along a side of the viewport, a pixel each
 
 layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };      // active chunk and contact patch of each work item
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
@@ -27,13 +27,13 @@ layout(location = 3) flat out uvec3 triangle_at;    // the triangle, 2 * patch +
 #include "shared/spatial_hash.glsl"
 #include "shared/depth_grid.glsl"
 #include "shared/covered_cells.glsl"
-#include "shared/squares.glsl"
+#include "shared/raster_cells.glsl"
 
 void main() {
     uvec2 work_item = work_items[gl_InstanceIndex];
     ActiveChunk entry = active_chunks[work_item.x];
     Chunk chunk = chunks[entry.chunk];
-    gl_Position = no_squares();
+    gl_Position = no_cells();
     uint t = gl_VertexIndex / 6;
     Pair pair = pairs[entry.side / 2];
     uint side = entry.side & 1, at = chunk.triangle_first + t;
@@ -42,5 +42,5 @@ void main() {
     ivec2 first, last;
     bool any_covered = covered_cells(contact_patches[work_item.y], work_item.y, side, triangle, corners, first, last);
     triangle_at = uvec3(triangle, 2 * work_item.y + side, gl_InstanceIndex);
-    if (any_covered) gl_Position = corner_of_squares(first, last, gl_VertexIndex % 6);
+    if (any_covered) gl_Position = corner_of_cells(first, last, gl_VertexIndex % 6);
 }

@@ -102,7 +102,7 @@ impl Solid {
     }
 
     /// Hits of the segment from `a` to `b` on the surface, as ascending shares of its length.
-    pub fn crossings(&self, a: DVec3, b: DVec3) -> Vec<f64> {
+    pub fn hits(&self, a: DVec3, b: DVec3) -> Vec<f64> {
         let (low, high) = (a.min(b), a.max(b));
         let (low, high) = (Vector::new(low.x, low.y, low.z), Vector::new(high.x, high.y, high.z));
         let near = parry3d_f64::bounding_volume::Aabb::new(low, high);
@@ -186,7 +186,7 @@ mod tests {
     const DIPOLES: f64 = 0.02;
 
     #[test]
-    fn a_sphere_has_its_distance_its_winding_and_its_crossings() {
+    fn a_sphere_has_its_distance_its_winding_and_its_hits() {
         let (vertices, triangles) = sphere::icosphere(0.1);
         let solid = Solid::new(&vertices, &triangles).unwrap();
         for i in 0..200u32 {
@@ -195,10 +195,10 @@ mod tests {
             assert!((solid.winding(p) - w).abs() < DIPOLES, "{} {w}", solid.winding(p));
             assert!((solid.signed(p) - (p.length() - 0.1)).abs() < 5e-4);
         }
-        let through = solid.crossings(DVec3::new(-0.2, 0.01, 0.02), DVec3::new(0.2, 0.01, 0.02));
+        let through = solid.hits(DVec3::new(-0.2, 0.01, 0.02), DVec3::new(0.2, 0.01, 0.02));
         assert_eq!(through.len(), 2);
         assert!((through[0] + through[1] - 1.0).abs() < 1e-3 && (through[0] - 0.256).abs() < 2e-3, "{through:?}");
-        assert!(solid.crossings(DVec3::ZERO, DVec3::splat(0.05)).is_empty());
+        assert!(solid.hits(DVec3::ZERO, DVec3::splat(0.05)).is_empty());
     }
 
     #[test]

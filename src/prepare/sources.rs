@@ -24,7 +24,7 @@ pub(super) const SOURCES: &[&str] = &[
     include_str!("prepared.rs"),
     include_str!("proxy.rs"),
     include_str!("quality.rs"),
-    include_str!("repair/crossings.rs"),
+    include_str!("repair/intersections.rs"),
     include_str!("repair/faces.rs"),
     include_str!("repair/mod.rs"),
     include_str!("repair/outside.rs"),

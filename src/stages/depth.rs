@@ -24,7 +24,7 @@ const MOST_HITS: usize = 1 << 20;
 /// Where the draw's arguments lie in the indirect arguments, in units of VkDrawIndirectCommand (four words).
 const DRAW: u32 = 3 * shaders::ARGS_DRAW / 4;
 /// Pixels along a side of the graphics path's viewport, one pixel per cell of the spatial hash.
-const SQUARES: u32 = MOST_CELLS + 1;
+const RASTER_CELLS: u32 = MOST_CELLS + 1;
 
 /// Pipeline and arrays of the depth stage.
 pub struct Depth {
@@ -46,8 +46,11 @@ impl Depth {
     /// Kernels and arrays for a model. The graphics path needs the device feature [`Context::fragment_stores`].
     pub fn new(context: &Arc<Context>, model: &Model, path: Path) -> Result<Depth> {
         let hits = (2 * CHUNK_VERTICES * model.max_gathering_work_items()).clamp(LEAST_HITS, MOST_HITS);
-        let constants =
-            [("BUCKETS", skin::buckets(model).into()), ("MOST_HITS", count(hits)), ("SQUARES", SQUARES.into())];
+        let constants = [
+            ("BUCKETS", skin::buckets(model).into()),
+            ("MOST_HITS", count(hits)),
+            ("RASTER_CELLS", RASTER_CELLS.into()),
+        ];
         let cross = match path {
             Path::Graphics => RayHitKernel::Graphics(RasterPipeline::new(context, "depth/ray_hits", &constants)?),
             Path::Compute => {
@@ -81,7 +84,9 @@ impl Depth {
             pairs: &cull.pairs,
         };
         match &self.cross {
-            RayHitKernel::Graphics(cross) => recorder.draw_indirect(cross, &arguments, &common.args, DRAW, SQUARES),
+            RayHitKernel::Graphics(cross) => {
+                recorder.draw_indirect(cross, &arguments, &common.args, DRAW, RASTER_CELLS)
+            }
             RayHitKernel::Compute(cross) => {
                 recorder.dispatch_indirect(cross, &arguments, &common.args, shaders::ARGS_WORK_ITEMS)
             }

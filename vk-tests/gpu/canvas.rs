@@ -359,8 +359,8 @@ fn what_cannot_be_drawn_is_refused() {
         let error = Image::new(context, "image", Texels::Colour, size, 1).err().unwrap().to_string();
         assert!(error.contains(&format!("{} x {} pixels", size[0], size[1])), "{error}");
     }
-    let error = RasterPipeline::onto(context, "test/squares", &[], &PLAIN).err().unwrap().to_string();
-    assert!(error.contains("may not write squares"), "{error}");
+    let error = RasterPipeline::onto(context, "test/raster_cells", &[], &PLAIN).err().unwrap().to_string();
+    assert!(error.contains("may not write raster_cells"), "{error}");
     assert!(shader_names().any(|name| name == "test/flat.frag"));
     let corners = array(&rectangle([0., 0., 40., 24.], 0.5, RED));
     let indices = Buffer::from_slice(context, "indices", &[0u32; 6], Memory::Device).unwrap();

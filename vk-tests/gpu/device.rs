@@ -3,7 +3,7 @@
 //! stage does.
 
 use palpate::internal::gpu::{Buffer, Kernel, Memory, Named, RasterPipeline, Recorder, Recording, Size};
-use palpate::internal::shaders::test::{Bump, DrawSquares};
+use palpate::internal::shaders::test::{Bump, DrawRasterCells};
 use palpate::internal::stages::cull::MOST_CELLS;
 use palpate::{Context, Options};
 
@@ -18,7 +18,7 @@ fn bump() -> Kernel {
 
 fn cells(name: &str) -> Buffer {
     let cells = Buffer::from_slice(context(), name, &[1u32; CELLS as usize], Memory::Device).unwrap();
-    cells.known_as(&["cells", "rectangles", "squares"])
+    cells.known_as(&["cells", "rectangles", "raster_cells"])
 }
 
 fn bump_of(cells: &Buffer, amount: u32) -> Bump<'_> {
@@ -206,20 +206,21 @@ fn a_device_is_found_by_index_and_by_part_of_its_name() {
 /// weighted by 1 + its index. A rectangle is given by its first and last cell: x, y, x, y.
 fn covered(side: u32, rectangles: &[[i32; 4]], first: u32) -> Vec<u32> {
     let context = context();
-    let pipeline = RasterPipeline::new(context, "test/squares", &[("SQUARES", side.into())]).unwrap();
+    let pipeline = RasterPipeline::new(context, "test/raster_cells", &[("RASTER_CELLS", side.into())]).unwrap();
     let rectangles_there = Buffer::from_slice(context, "rectangles", rectangles, Memory::Device).unwrap();
-    let squares = Buffer::new(context, "squares", u64::from(side * side) * 4, Memory::Device).unwrap();
-    let out = Buffer::new(context, "out", squares.bytes(), Memory::Readback).unwrap();
+    let raster_cells = Buffer::new(context, "raster_cells", u64::from(side * side) * 4, Memory::Device).unwrap();
+    let out = Buffer::new(context, "out", raster_cells.bytes(), Memory::Readback).unwrap();
     // Two indirect draws, of which the second runs: vertices, instances, first vertex, first instance.
     let args = [[9u32; 4], [6, rectangles.len() as u32 - first, 0, 0]];
     let args = Buffer::from_slice(context, "args", &args, Memory::Device).unwrap();
     let mut recorder = Recorder::new(context).unwrap();
     recorder.stage("raster");
     // The draw waits for the fill, and the copy for the draw.
-    recorder.fill(&squares, 0);
-    let arguments = DrawSquares { first_rectangle: first, rectangles: &rectangles_there, squares: &squares };
+    recorder.fill(&raster_cells, 0);
+    let arguments =
+        DrawRasterCells { first_rectangle: first, rectangles: &rectangles_there, raster_cells: &raster_cells };
     recorder.draw_indirect(&pipeline, &arguments, &args, 1, side);
-    recorder.copy(&squares, &out);
+    recorder.copy(&raster_cells, &out);
     let recording = recorder.finish().unwrap();
     assert_eq!((recording.passes()[0].dispatches, recording.passes()[0].dependent), (3, 3));
     for _ in 0..2 {
@@ -257,7 +258,7 @@ fn a_rectangle_of_squares_has_a_fragment_each_and_no_other() {
             }
             let got = covered(side, &rectangles, first);
             let wrong = got.iter().zip(&want).filter(|(a, b)| a != b).count();
-            assert!(wrong == 0, "{side} squares a side, from rectangle {first}: {wrong} squares are wrong");
+            assert!(wrong == 0, "{side} raster_cells a side, from rectangle {first}: {wrong} raster_cells are wrong");
         }
     }
 }
@@ -265,21 +266,21 @@ fn a_rectangle_of_squares_has_a_fragment_each_and_no_other() {
 #[test]
 fn draws_that_cannot_be_are_refused() {
     let context = context();
-    let pipeline = RasterPipeline::new(context, "test/squares", &[]).unwrap();
+    let pipeline = RasterPipeline::new(context, "test/raster_cells", &[]).unwrap();
     let (a, args) = (cells("a"), Buffer::from_slice(context, "args", &[0u32; 4], Memory::Device).unwrap());
     let fails = |buffers: &[(&str, &Buffer)], push: &[u8], slot, side| {
         let mut recorder = Recorder::new(context).unwrap();
-        let arguments = Named { shader: "test/squares", buffers, push };
+        let arguments = Named { shader: "test/raster_cells", buffers, push };
         recorder.draw_indirect(&pipeline, &arguments, &args, slot, side);
         recorder.finish().map(|_| ()).unwrap_err().to_string()
     };
     let b = cells("b");
-    let both = [("rectangles", &a), ("squares", &b)];
+    let both = [("rectangles", &a), ("raster_cells", &b)];
     assert!(fails(&both, &[0; 4], 1, 8).contains("lie outside args"));
     assert!(fails(&both, &[0; 4], 0, 0).contains("0 pixels a side"));
     assert!(fails(&both, &[0; 4], 0, u32::MAX).contains("pixels a side"));
     assert!(fails(&both, &[], 0, 8).contains("push constants"));
-    assert!(fails(&both[..1], &[0; 4], 0, 8).contains("uses squares, which was left out"));
-    assert!(fails(&[("rectangles", &a), ("squares", &a)], &[0; 4], 0, 8).contains("writes a"));
+    assert!(fails(&both[..1], &[0; 4], 0, 8).contains("uses raster_cells, which was left out"));
+    assert!(fails(&[("rectangles", &a), ("raster_cells", &a)], &[0; 4], 0, 8).contains("writes a"));
     assert_clean(context, "refused draws");
 }

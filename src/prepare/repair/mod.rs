@@ -7,8 +7,8 @@
 //! everything in a [`RepairReport`]. [`strict`] runs the same code and refuses a surface that it would change. Vertices
 //! keep their order and number: the skin's vertex i is the file's i-th `v` line, and only the faces' indices change.
 
-mod crossings;
 mod faces;
+mod intersections;
 mod outside;
 mod report;
 mod topology;
@@ -18,7 +18,7 @@ use std::path::Path;
 use glam::DVec3;
 
 pub use outside::closed;
-pub use report::{Count, Crossings, RepairReport};
+pub use report::{Count, Intersections, RepairReport};
 
 use crate::scene::obj::{self, TriangleMesh};
 use crate::{Error, Result};
@@ -89,7 +89,7 @@ fn mend(mesh: TriangleMesh, report: &mut RepairReport) -> std::result::Result<Tr
     let mut faces = Faces::new(&vertices, triangles);
     faces.clean(report);
     outside::orient(&mut faces, report)?;
-    report.self_intersections = crossings::count(&faces);
+    report.self_intersections = intersections::count(&faces);
     report.triangles_kept = faces.corners.len();
     let triangles = faces.corners;
     Ok(TriangleMesh { vertices, triangles })

@@ -25,7 +25,7 @@ impl Count {
 
 /// Pairs of triangles that intersect.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Crossings {
+pub struct Intersections {
     /// Number of pairs.
     pub count: usize,
     /// The first pairs (indices of triangles in the file, from 0), in ascending order.
@@ -70,7 +70,7 @@ pub struct RepairReport {
     /// Edges of more than two triangles, across which no triangle has a neighbour.
     pub non_manifold_edges: Count,
     /// Pairs of triangles that intersect; triangles that only touch are not counted.
-    pub self_intersections: Crossings,
+    pub self_intersections: Intersections,
     /// Volume with holes closed by fans.
     pub volume: f64,
 }
@@ -147,9 +147,10 @@ impl RepairReport {
             self.non_manifold_edges,
             "edges of more than two triangles, kept; contact is not followed across them".into(),
         );
-        let crossings = &self.self_intersections;
-        if let Some(&[a, b]) = crossings.first_pairs.first() {
-            let text = format!("{} pairs of triangles intersect, first {a} and {b} (from 0), kept", crossings.count);
+        let intersections = &self.self_intersections;
+        if let Some(&[a, b]) = intersections.first_pairs.first() {
+            let text =
+                format!("{} pairs of triangles intersect, first {a} and {b} (from 0), kept", intersections.count);
             said.push((Some(a), text));
         }
         said

@@ -196,9 +196,9 @@ fn an_edge_of_four_triangles_is_kept() {
 #[test]
 fn crossings_are_counted_and_touching_is_not() {
     let sphere = ball(1.0);
-    assert_eq!(repair(sphere).unwrap().1.self_intersections, Crossings::default());
+    assert_eq!(repair(sphere).unwrap().1.self_intersections, Intersections::default());
     let mut mesh = tetrahedra(&[(DVec3::ZERO, 1.0), (DVec3::splat(0.125), 0.25)]);
-    assert_eq!(repair(mesh.clone()).unwrap().1.self_intersections, Crossings::default());
+    assert_eq!(repair(mesh.clone()).unwrap().1.self_intersections, Intersections::default());
     // A corner of the inner tetrahedron is moved out through the slanted face of the outer one, so that three faces
     // intersect that face.
     mesh.vertices[5].x = 2.0;

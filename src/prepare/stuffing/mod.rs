@@ -30,7 +30,7 @@ use glam::DVec3;
 use super::distance::Solid;
 use super::lattice::Lattice;
 use super::{Layer, layer, mass};
-pub use report::{Crossing, Crossings, Dropped, LayerReport, Thickened};
+pub use report::{Dropped, LayerReport, SurfaceEdge, SurfaceEdges, Thickened};
 use stencil::Corner;
 
 /// Greatest number of tetrahedra in a layer; more would not fit the step on any GPU.

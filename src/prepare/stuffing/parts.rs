@@ -86,7 +86,7 @@ fn joined_wedges(solid: &Solid, filling: &Filling, surface: &[bool], near: &[u32
 
 /// Whether the segment between two inside nodes leaves the solid.
 fn leaves(solid: &Solid, a: DVec3, b: DVec3) -> bool {
-    let hits = solid.crossings(a, b);
+    let hits = solid.hits(a, b);
     hits.windows(2).any(|pair| solid.signed(a.lerp(b, (pair[0] + pair[1]) / 2.0)) > 0.0)
 }
 

@@ -12,7 +12,7 @@ const PLACES: usize = 100;
 
 /// A lattice edge that passes a gap or a piece of material which the layer does not follow.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Crossing {
+pub struct SurfaceEdge {
     /// Midpoint of the edge, m.
     pub place: [f64; 3],
     /// Length of the gap, or of the material, along the edge, m.
@@ -21,11 +21,11 @@ pub struct Crossing {
 
 /// Lattice edges of one kind that the layer does not follow.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Crossings {
+pub struct SurfaceEdges {
     /// Number of such edges.
     pub count: usize,
     /// The edges with the widest gap or material, widest first.
-    pub widest: Vec<Crossing>,
+    pub widest: Vec<SurfaceEdge>,
 }
 
 /// Lattice nodes outside the surface that count as inside (are *taken in*) for the sake of thin features.
@@ -84,22 +84,22 @@ pub struct LayerReport {
     /// Number of nodes duplicated where parts only touched.
     pub doubled: usize,
     /// Lattice edges across a gap that is filled: both sides are connected within a cell.
-    pub welded: Crossings,
+    pub welded: SurfaceEdges,
     /// Lattice nodes outside the surface that count as inside, so that features thinner than a cell stay connected.
     pub thickened: Thickened,
     /// Lattice edges through material that the layer lacks: features thinner than a cell, and sharp edges.
-    pub lost: Crossings,
+    pub lost: SurfaceEdges,
     /// Wall-clock time, s; it is not stored with a cached report, which must be the same in every run.
     #[serde(skip)]
     pub seconds: f64,
 }
 
 /// The report's entry for some lattice edges, given by their nodes and widths.
-fn crossings(mut edges: Vec<([u32; 2], f64)>, lattice: &Lattice) -> Crossings {
+fn surface_edges(mut edges: Vec<([u32; 2], f64)>, lattice: &Lattice) -> SurfaceEdges {
     edges.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     let place = |nodes: [u32; 2]| (lattice.position(nodes[0]) + lattice.position(nodes[1])) / 2.0;
-    let crossing = |&(nodes, width): &([u32; 2], f64)| Crossing { place: place(nodes).to_array(), width };
-    Crossings { count: edges.len(), widest: edges.iter().take(PLACES).map(crossing).collect() }
+    let surface_edge = |&(nodes, width): &([u32; 2], f64)| SurfaceEdge { place: place(nodes).to_array(), width };
+    SurfaceEdges { count: edges.len(), widest: edges.iter().take(PLACES).map(surface_edge).collect() }
 }
 
 impl Filled {
@@ -135,12 +135,12 @@ impl Filled {
             },
             separated: self.separated,
             doubled: self.doubled,
-            welded: crossings(self.welded.clone(), lattice),
+            welded: surface_edges(self.welded.clone(), lattice),
             thickened: Thickened {
                 nodes: taken.len(),
                 places: taken.iter().take(PLACES).map(|&n| lattice.position(n).to_array()).collect(),
             },
-            lost: crossings(self.lost.clone(), lattice),
+            lost: surface_edges(self.lost.clone(), lattice),
             seconds,
         })
     }

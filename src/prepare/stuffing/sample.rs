@@ -164,7 +164,7 @@ pub(super) fn edges(solid: &Solid, lattice: &Lattice, value: &[f64]) -> Vec<Edge
     in_parallel(&mut edges, 256, |_, edges| {
         for edge in edges {
             let [a, b] = edge.nodes.map(|n| lattice.position(n));
-            edge.hits = solid.crossings(a, b);
+            edge.hits = solid.hits(a, b);
             for pair in edge.hits.windows(2) {
                 let middle = (pair[0] + pair[1]) / 2.0;
                 let value = solid.signed(a.lerp(b, middle));

@@ -8,14 +8,14 @@ use robust::{Coord3D, orient3d};
 
 use super::faces::Faces;
 use super::points;
-use super::report::Crossings;
+use super::report::Intersections;
 
 /// Number of pairs listed in a report.
 const NAMED: usize = 8;
 
 /// Counts the pairs of triangles of which an edge of one passes through the other. Pairs that share an edge, that only
 /// touch, or that lie in one plane are not counted. Signs are exact (J. Shewchuk 1997, from the `robust` crate).
-pub(super) fn count(faces: &Faces) -> Crossings {
+pub(super) fn count(faces: &Faces) -> Intersections {
     let boxes: Vec<Aabb> = faces.corners.iter().map(|&t| bounds(points(faces.vertices, t))).collect();
     let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
     let mut found = Vec::new();
@@ -26,7 +26,7 @@ pub(super) fn count(faces: &Faces) -> Crossings {
         found[before..].sort_unstable();
     }
     let first_pairs = found.iter().take(NAMED).copied().collect();
-    Crossings { count: found.len(), first_pairs }
+    Intersections { count: found.len(), first_pairs }
 }
 
 fn bounds(corners: [DVec3; 3]) -> Aabb {

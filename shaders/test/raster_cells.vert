@@ -5,17 +5,17 @@
 // Test shader of rasterization without attachments, not part of the step: draws rectangles of cells, an instance of six
 // vertices each.
 
-layout(constant_id = 1) const uint SQUARES = 1;
+layout(constant_id = 1) const uint RASTER_CELLS = 1;
 layout(scalar) readonly buffer Rectangles { ivec4 rectangles[]; };     // first and last cell
 layout(push_constant, scalar) uniform Push { uint first_rectangle; };
 layout(location = 0) flat out uint colour;
 
-#include "shared/squares.glsl"
+#include "shared/raster_cells.glsl"
 
 void main() {
     uint rectangle = first_rectangle + gl_InstanceIndex;
     ivec4 range = rectangles[rectangle];
     colour = 1 + rectangle;
-    gl_Position = no_squares();
-    if (all(lessThanEqual(range.xy, range.zw))) gl_Position = corner_of_squares(range.xy, range.zw, gl_VertexIndex % 6);
+    gl_Position = no_cells();
+    if (all(lessThanEqual(range.xy, range.zw))) gl_Position = corner_of_cells(range.xy, range.zw, gl_VertexIndex % 6);
 }

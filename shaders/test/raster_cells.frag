@@ -4,11 +4,11 @@
 // Test shader of rasterization without attachments, not part of the step: adds a number to a cell. One invocation a
 // cell.
 
-layout(constant_id = 1) const uint SQUARES = 1;
-layout(scalar) buffer Squares { uint squares[]; };
+layout(constant_id = 1) const uint RASTER_CELLS = 1;
+layout(scalar) buffer RasterCells { uint raster_cells[]; };
 layout(location = 0) flat in uint colour;
 
 void main() {
     uvec2 at = uvec2(gl_FragCoord.xy);
-    atomicAdd(squares[at.y * SQUARES + at.x], colour);
+    atomicAdd(raster_cells[at.y * RASTER_CELLS + at.x], colour);
 }
