@@ -10,15 +10,15 @@ struct CoarseVector {
 CoarseVector coarse_zero() { return CoarseVector(vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0)); }
 
 // Restriction: adds a node's force v, at (x, y, z) = `at`, to the sums of its block over the modes.
-void add_restriction(inout CoarseVector modes, vec3 v, vec3 at) {
-    modes.c0 += v;
-    modes.c1 += v * at.x;
-    modes.c2 += v * at.y;
-    modes.c3 += v * at.z;
+void add_restriction(inout CoarseVector coarse_vector, vec3 v, vec3 at) {
+    coarse_vector.c0 += v;
+    coarse_vector.c1 += v * at.x;
+    coarse_vector.c2 += v * at.y;
+    coarse_vector.c3 += v * at.z;
 }
 
 // Prolongation: velocity that the modes give to a node at (x, y, z) = `at`, in the axes of c0 to c3.
-vec3 prolongation(CoarseVector modes, vec3 at) { return modes.c0 + modes.c1 * at.x + modes.c2 * at.y + modes.c3 * at.z; }
+vec3 prolongation(CoarseVector coarse_vector, vec3 at) { return coarse_vector.c0 + coarse_vector.c1 * at.x + coarse_vector.c2 * at.y + coarse_vector.c3 * at.z; }
 
 vec4[3] packed(CoarseVector m) { return vec4[3](vec4(m.c0, m.c1.x), vec4(m.c1.yz, m.c2.xy), vec4(m.c2.z, m.c3)); }
 

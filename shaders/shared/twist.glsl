@@ -2,10 +2,10 @@
 
 // twist_of_<modes>(first, count, turn) sums the modes of `count` blocks from place `first` on in the array <modes>, and
 // turns the six numbers (linear, angular) into world axes by the body's rotation `turn`.
-#define TWIST_OF(modes) \
-    float[6] twist_of_##modes(uint first, uint count, vec4 turn) { \
+#define TWIST_OF(coarse_vector) \
+    float[6] twist_of_##coarse_vector(uint first, uint count, vec4 turn) { \
         vec3 linear = vec3(0.0), angular = vec3(0.0); \
-        for (uint b = first; b < first + count; b++) add_restriction(linear, angular, fetch(modes, 3 * b), fetch(modes, 3 * b + 1)); \
+        for (uint b = first; b < first + count; b++) add_restriction(linear, angular, fetch(coarse_vector, 3 * b), fetch(coarse_vector, 3 * b + 1)); \
         return turned_twist(linear, angular, turn); \
     }
 

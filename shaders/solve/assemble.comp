@@ -119,7 +119,7 @@ void main() {
     Block block = block_of(gl_WorkGroupID.x);
     vec4 place = fetch(block_places, gl_WorkGroupID.x), turn = frames[block.frame].rotation;
     float h = params.dt;
-    CoarseVector modes = coarse_zero(), moved = coarse_zero();
+    CoarseVector coarse_vector = coarse_zero(), moved = coarse_zero();
     vec3 sums = vec3(0.0);
     for (uint at = lane; at < block.count; at += SIZE) {
         uvec4 node = block_node(block, at);
@@ -157,8 +157,8 @@ void main() {
         rhs[i] = vec4(b, 0.0);
         if (block.rigid != NONE) {
             vec3 arm = rotate(turn, rest.xyz);
-            modes.c0 += b;
-            modes.c1 += cross(arm, b);
+            coarse_vector.c0 += b;
+            coarse_vector.c1 += cross(arm, b);
             preconditioned[i] = vec4(0.0);
             inverse[2 * i] = vec4(a, 0.0);
             inverse[2 * i + 1] = vec4(c, 0.0);
@@ -171,7 +171,7 @@ void main() {
         if (COARSE) {
             sums.z += ROUNDING * dot(e, ROUNDING * e);
             vec3 where = (rest.xyz - place.xyz) * place.w;
-            add_restriction(modes, b, where);
+            add_restriction(coarse_vector, b, where);
             add_restriction(moved, fetch(displacement, i).xyz, where);
         }
         preconditioned[i] = vec4(z, 0.0);
@@ -181,24 +181,24 @@ void main() {
     if (block.rigid != NONE) {
         Rigid rigid = rigids[block.rigid];
         if (lane == 0 && gl_WorkGroupID.x == rigid.block_first) {
-            modes.c1 += frames[block.frame].gyroscopic;
+            coarse_vector.c1 += frames[block.frame].gyroscopic;
             if (TOOL_CORE != NONE && block.rigid == TOOL_CORE) {
-                modes.c0 += vec3(params.tool_rhs[0], params.tool_rhs[1], params.tool_rhs[2]);
-                modes.c1 += vec3(params.tool_rhs[3], params.tool_rhs[4], params.tool_rhs[5]);
+                coarse_vector.c0 += vec3(params.tool_rhs[0], params.tool_rhs[1], params.tool_rhs[2]);
+                coarse_vector.c1 += vec3(params.tool_rhs[3], params.tool_rhs[4], params.tool_rhs[5]);
             }
         }
         if (JOINTS && lane == 0 && gl_WorkGroupID.x == rigid.block_first) {
             for (uint k = rigid.joint_first; k < rigid.joint_first + rigid.joint_count; k++) {
-                add_springs(joint_sides[k] / 2, joint_sides[k] % 2, modes.c0, modes.c1);
+                add_springs(joint_sides[k] / 2, joint_sides[k] % 2, coarse_vector.c0, coarse_vector.c1);
             }
         }
-        follow(rigid.hinge, modes.c0, modes.c1);
+        follow(rigid.hinge, coarse_vector.c0, coarse_vector.c1);
         if (lane == 0 && gl_WorkGroupID.x == rigid.block_first) {
-            modes.c0 += vec3(rigid.carried_residual[0], rigid.carried_residual[1], rigid.carried_residual[2]);
-            modes.c1 += vec3(rigid.carried_residual[3], rigid.carried_residual[4], rigid.carried_residual[5]);
+            coarse_vector.c0 += vec3(rigid.carried_residual[0], rigid.carried_residual[1], rigid.carried_residual[2]);
+            coarse_vector.c1 += vec3(rigid.carried_residual[3], rigid.carried_residual[4], rigid.carried_residual[5]);
         }
     }
-    vec4 p[3] = packed(modes);
+    vec4 p[3] = packed(coarse_vector);
     vec4 totals[SUMS] = vec4[SUMS](vec4(sums, 0.0), p[0], p[1], p[2], vec4(moved.c1, 0.0), vec4(moved.c2, 0.0), vec4(moved.c3, 0.0));
     workgroup_sums(totals, COARSE ? 7 : (block.rigid != NONE ? 4 : 1));
     if (lane != 0) return;

@@ -53,10 +53,10 @@ void main() {
     uint b = gl_WorkGroupID.x;
     Block block = block_of(b);
     vec4 place = fetch(block_places, b), turn = fetch(block_turns, b);
-    CoarseVector modes = coarse_zero();
+    CoarseVector coarse_vector = coarse_zero();
     if (COARSE) {
         uint coarse_index = coarse_index_of(b);
-        modes = coarse_start(coarse_index, turn);
+        coarse_vector = coarse_start(coarse_index, turn);
         if (gl_LocalInvocationID.x < 3) restricted_direction[3 * coarse_index + gl_LocalInvocationID.x] = vec4(0.0);
     }
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
@@ -74,7 +74,7 @@ void main() {
         vec3 r = fetch(rhs, i).xyz;
         // The product is skipped where the factor is zero, because the last solution may hold NaN after a failed step.
         if (solve.warm_start != 0.0) r -= solve.warm_start * fetch(operator_product, i).xyz;
-        vec3 u = precondition(i, r, modes, (rest - place.xyz) * place.w);
+        vec3 u = precondition(i, r, coarse_vector, (rest - place.xyz) * place.w);
         solution[i] = solve.warm_start != 0.0 ? solve.warm_start * solution[i] : vec4(0.0);
         residual[i] = vec4(r, 0.0);
         preconditioned[i] = vec4(u, 0.0);

@@ -124,7 +124,7 @@ bool next_scalars(out Scalars scalars) {
 }
 
 // Four scaled modes of P^T r with the new r, at texel k of the body; zero beyond its end.
-vec4 next_modes(CoarseBlock block, uint k, uint read, Scalars scalars) {
+vec4 next_coarse_vector(CoarseBlock block, uint k, uint read, Scalars scalars) {
     if (k >= block.texels) return vec4(0.0);
     uint at = block.first + k;
     vec4 s = fetch(restricted_product, at) + scalars.beta * restricted_direction[read + at];
@@ -137,7 +137,7 @@ vec4[3] coarse_correction(uint b, Scalars scalars) {
     uint read = set * 3 * BLOCKS, write = (1 - set) * 3 * BLOCKS;
     vec4 totals[SUMS] = vec4[SUMS](vec4(0.0), vec4(0.0), vec4(0.0));
     for (uint k = gl_LocalInvocationID.x; k < row_texels(block); k += SIZE) {
-        vec4 low = next_modes(block, 2 * k, read, scalars), high = next_modes(block, 2 * k + 1, read, scalars);
+        vec4 low = next_coarse_vector(block, 2 * k, read, scalars), high = next_coarse_vector(block, 2 * k + 1, read, scalars);
         add_products(totals, block, k, low, high);
     }
     if (gl_LocalInvocationID.x < 3) {
@@ -192,8 +192,8 @@ void update_tool(Scalars scalars) {
     }
 }
 
-// Updates a core and the nodes of one of its blocks; `modes` is the coarse correction of u.
-void update_attached(uint b, Block block, vec4 turn, CoarseVector modes, Scalars scalars) {
+// Updates a core and the nodes of one of its blocks; `coarse_vector` is the coarse correction of u.
+void update_attached(uint b, Block block, vec4 turn, CoarseVector coarse_vector, Scalars scalars) {
     Rigid own = rigids[block.rigid];
     bool writes = b == own.block_first;
     // New residuals of every core of the group, for the product with the group's inverse.
@@ -205,7 +205,7 @@ void update_attached(uint b, Block block, vec4 turn, CoarseVector modes, Scalars
         for (int i = 0; i < 6; i++) group_residuals[6 * k + i] = residual[i];
     }
     barrier();
-    float coarse[6] = float[6](modes.c0.x, modes.c0.y, modes.c0.z, modes.c1.x, modes.c1.y, modes.c1.z);
+    float coarse[6] = float[6](coarse_vector.c0.x, coarse_vector.c0.y, coarse_vector.c0.z, coarse_vector.c1.x, coarse_vector.c1.y, coarse_vector.c1.z);
     for (uint i = gl_LocalInvocationID.x; i < 6; i += SIZE) {
         float sum = 0.0;
         uint row = inverse_row(block.rigid, i);
@@ -222,8 +222,8 @@ void update_attached(uint b, Block block, vec4 turn, CoarseVector modes, Scalars
     }
 }
 
-// Updates the free nodes of a block; `modes` is the coarse correction of u.
-void update_free(Block block, vec4 place, CoarseVector modes, Scalars scalars) {
+// Updates the free nodes of a block; `coarse_vector` is the coarse correction of u.
+void update_free(Block block, vec4 place, CoarseVector coarse_vector, Scalars scalars) {
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         uint i = block_node(block, at).x;
         vec4 p = fetch(preconditioned, i) + scalars.beta * fetch(direction, i);
@@ -233,7 +233,7 @@ void update_free(Block block, vec4 place, CoarseVector modes, Scalars scalars) {
         solution[i] += scalars.alpha * p;
         vec4 r = fetch(residual, i) - scalars.alpha * s;
         next_residual[i] = r;
-        vec3 u = precondition(i, r.xyz, modes, COARSE ? (fetch(node_rest, i).xyz - place.xyz) * place.w : vec3(0.0));
+        vec3 u = precondition(i, r.xyz, coarse_vector, COARSE ? (fetch(node_rest, i).xyz - place.xyz) * place.w : vec3(0.0));
         next_preconditioned[i] = vec4(u, 0.0);
     }
 }
@@ -250,11 +250,11 @@ void main() {
     uint b = FIRST + gl_WorkGroupID.x;
     Block block = block_of(b);
     vec4 turn = fetch(block_turns, b);
-    CoarseVector modes = coarse_zero();
+    CoarseVector coarse_vector = coarse_zero();
     if (COARSE) {
         vec4 z[3] = coarse_correction(b, scalars);
-        modes = to_world(unpacked(z[0], z[1], z[2]), turn);
+        coarse_vector = to_world(unpacked(z[0], z[1], z[2]), turn);
     }
-    if (ROLE == ATTACHED_NODES) update_attached(b, block, turn, modes, scalars);
-    else update_free(block, fetch(block_places, b), modes, scalars);
+    if (ROLE == ATTACHED_NODES) update_attached(b, block, turn, coarse_vector, scalars);
+    else update_free(block, fetch(block_places, b), coarse_vector, scalars);
 }

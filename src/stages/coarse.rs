@@ -21,7 +21,7 @@ use crate::shaders::NONE;
 
 /// Modes per block: the twelve affine ones of free nodes, or for nodes attached to a core the six of its twist and six
 /// that are unused.
-pub const MODES: usize = 12;
+pub const BLOCK_UNKNOWNS: usize = 12;
 /// Stiffness number from which the coarse level pays for a body with one node per aggregate; see [`least_number`].
 const STIFF: f64 = 2.4;
 /// Number of aggregates of a body that has enough nodes for them, at least.
@@ -150,7 +150,7 @@ impl Model {
         let mut blocks: Vec<usize> = (0..self.blocks.blocks.len()).filter(own).collect();
         blocks.sort_by_key(|b| self.blocks.coarse_indices[*b]);
         let Some(first_coarse_index) = blocks.first().map(|b| self.blocks.coarse_indices[*b]) else { return false };
-        let size = MODES * blocks.len();
+        let size = BLOCK_UNKNOWNS * blocks.len();
         // E has the independent motions as columns: the inverse on the modes is E (E^T A_c E)^-1 E^T.
         let (matrix, motions) = (self.coarse_matrix(soft, &blocks, dt), self.motions(&blocks));
         let half = combined(&motions, matrix.as_ref());
@@ -167,7 +167,7 @@ impl Model {
         let pair = |x: &[half::f16]| u32::from(x[0].to_bits()) | u32::from(x[1].to_bits()) << 16;
         coarse.inverse.extend(rows.chunks(8).map(|x| [0, 2, 4, 6].map(|k| pair(&x[k..]))));
         (0..blocks.len()).for_each(|k| {
-            let first = first_texel + k * MODES * texels;
+            let first = first_texel + k * BLOCK_UNKNOWNS * texels;
             coarse.blocks[blocks[k]] =
                 [first as u32, first_coarse_index, (size / 4) as u32, first_coarse_index + k as u32];
         });
@@ -182,11 +182,12 @@ impl Model {
         for (k, b) in blocks.iter().enumerate() {
             let [.., rigid] = self.blocks.blocks[*b];
             if rigid != NONE {
-                cores.entry(rigid).or_default().push(MODES * k);
+                cores.entry(rigid).or_default().push(BLOCK_UNKNOWNS * k);
                 continue;
             }
             for weights in self.affine_motions(*b) {
-                let mode = |axis: usize| weights.iter().enumerate().map(move |(m, w)| (MODES * k + 3 * m + axis, *w));
+                let mode =
+                    |axis: usize| weights.iter().enumerate().map(move |(m, w)| (BLOCK_UNKNOWNS * k + 3 * m + axis, *w));
                 motions.extend((0..3).map(|axis| mode(axis).filter(|(_, w)| *w != 0.0).collect()));
             }
         }

@@ -114,7 +114,7 @@ struct Variant {
     /// Number of workgroups.
     groups: u32,
     /// Index of its indirect arguments in the solver's loop (shaders/shared/args.glsl).
-    slot: u32,
+    args_index: u32,
 }
 
 /// The kernel of the coarse level, A_c^-1 times restricted vectors, as it runs outside the solver's loop: before it,
@@ -156,12 +156,12 @@ impl Solve {
         ];
         let roles: Vec<_> = roles.into_iter().filter(|(_, _, groups, _)| *groups > 0).collect();
         let variants = |name: &str, constants: &[(&str, Const)]| -> Result<Vec<Variant>> {
-            let variant = |(role, first, groups, slot): &(u32, usize, usize, u32)| {
+            let variant = |(role, first, groups, args_index): &(u32, usize, usize, u32)| {
                 let own =
                     [("ROLE", Const::Uint(*role)), ("FIRST", count(*first)), ("LEADS", (*role == roles[0].0).into())];
                 let own = if name == "solve/update" { &own[..] } else { &own[..2] };
                 let kernel = reduce(name, &[constants, own].concat())?;
-                Ok(Variant { kernel, groups: *groups as u32, slot: *slot })
+                Ok(Variant { kernel, groups: *groups as u32, args_index: *args_index })
             };
             roles.iter().map(variant).collect()
         };
@@ -178,8 +178,8 @@ impl Solve {
             let sets = [vector(now[0])?, vector(now[0])?];
             Ok(Both { now: sets.each_ref().map(|set| set.known_as(now)), next: sets.map(|set| set.known_as(next)) })
         };
-        let modes = |name: &str, sets: usize| zeros::<[f32; 4]>(context, name, 3 * groups * sets);
-        let coarse_modes = |name: &str, sets: usize| modes(name, if is_coarse { sets } else { 0 });
+        let block_vectors = |name: &str, sets: usize| zeros::<[f32; 4]>(context, name, 3 * groups * sets);
+        let coarse_vectors = |name: &str, sets: usize| block_vectors(name, if is_coarse { sets } else { 0 });
         let all = 2 * rigid_count;
         Ok(Solve {
             assemble: reduce(
@@ -229,14 +229,14 @@ impl Solve {
             coarse_blocks: upload_or_nothing(context, "coarse_blocks", &model.coarse.blocks)?,
             coarse_inverse: upload_or_nothing(context, "coarse_inverse", &model.coarse.inverse)?,
             coarse_scales: upload_or_nothing(context, "coarse_scales", &model.coarse.scales)?,
-            restricted_rhs: modes("restricted_rhs", 1)?,
-            restricted_product: modes("restricted_product", 1)?,
-            restricted_residual: coarse_modes("restricted_residual", 1)?
+            restricted_rhs: block_vectors("restricted_rhs", 1)?,
+            restricted_product: block_vectors("restricted_product", 1)?,
+            restricted_residual: coarse_vectors("restricted_residual", 1)?
                 .known_as(&["restricted_residual", "restricted_rhs"]),
-            restricted_direction: coarse_modes("restricted_direction", 2)?,
-            coarse_rhs: coarse_modes("coarse_rhs", 1)?,
-            coarse_product: coarse_modes("coarse_product", 1)?,
-            coarse_dots: coarse_modes("coarse_dots", 1)?,
+            restricted_direction: coarse_vectors("restricted_direction", 2)?,
+            coarse_rhs: coarse_vectors("coarse_rhs", 1)?,
+            coarse_product: coarse_vectors("coarse_product", 1)?,
+            coarse_dots: coarse_vectors("coarse_dots", 1)?,
             rigids: upload_or_nothing(context, "rigids", &rigids_at_rest)?,
             rigid_blocks: array::<f32>(context, "rigid_blocks", shaders::CORE_NUMBERS as usize * model.cores.len())?,
             rigid_inverses: array::<f32>(context, "rigid_inverses", inverse_numbers)?,

@@ -11,7 +11,7 @@ use super::step::Simulation;
 
 /// Modes of a block, the columns of P: for free nodes a constant and the coordinates x, y and z, times three axes each;
 /// for a core its linear and angular motion.
-pub const MODES: usize = 12;
+pub const BLOCK_UNKNOWNS: usize = 12;
 
 /// Least eigenvalue of P^T P, relative to the largest, of a combination of modes that counts as independent.
 const LEAST: f64 = 1e-9;
@@ -32,17 +32,17 @@ pub struct Block {
 /// The matrix P of modes, with a row for each unknown and a column for each mode. A free node moves as R (c0 + c1 x +
 /// c2 y + c3 z), with R the block's rotation and (x, y, z) the node's rest position from the middle of its block, over
 /// the greatest distance from there; a core moves by its twist in rotated axes, in its first block's modes.
-pub fn modes(simulation: &Simulation, blocks: &[Block]) -> Mat<f64> {
+pub fn prolongation(simulation: &Simulation, blocks: &[Block]) -> Mat<f64> {
     let unknowns = simulation.unknowns();
-    let mut p = Mat::zeros(unknowns.count, MODES * blocks.len());
+    let mut p = Mat::zeros(unknowns.count, BLOCK_UNKNOWNS * blocks.len());
     let mut seen = BTreeSet::new();
     for (b, block) in blocks.iter().enumerate() {
         let turn = DMat3::from_quat(block.turn.normalize());
         if let Some(core) = block.core {
             let (first, (linear, angular)) = (unknowns.cores[core], simulation.cores[core].freedom());
             if seen.insert(core) {
-                set(&mut p, first, MODES * b, &(linear * turn));
-                set(&mut p, first + 3, MODES * b + 3, &(angular * turn));
+                set(&mut p, first, BLOCK_UNKNOWNS * b, &(linear * turn));
+                set(&mut p, first + 3, BLOCK_UNKNOWNS * b + 3, &(angular * turn));
             }
             continue;
         }
@@ -53,7 +53,7 @@ pub fn modes(simulation: &Simulation, blocks: &[Block]) -> Mat<f64> {
             let at = if size > 0.0 { (place - middle) / size } else { DVec3::ZERO };
             for (first, _) in &unknowns.nodes[block.body][*node as usize] {
                 for (k, weight) in [1.0, at.x, at.y, at.z].into_iter().enumerate() {
-                    set(&mut p, *first, MODES * b + 3 * k, &(weight * turn));
+                    set(&mut p, *first, BLOCK_UNKNOWNS * b + 3 * k, &(weight * turn));
                 }
             }
         }

@@ -8,7 +8,7 @@ use faer::Mat;
 use glam::{DMat3, DVec3};
 
 use super::super::model::{Core, Model, SoftRange};
-use super::MODES;
+use super::BLOCK_UNKNOWNS;
 use crate::shaders::NONE;
 
 impl Model {
@@ -20,16 +20,16 @@ impl Model {
             let [first, count, _, rigid] = self.blocks.blocks[*b];
             for node in &self.blocks.nodes[first as usize..(first + count) as usize] {
                 let basis = Basis::new(self, *b, node[0], rigid);
-                bases[node[0] as usize - soft.nodes.start] = Some((MODES * k, basis));
+                bases[node[0] as usize - soft.nodes.start] = Some((BLOCK_UNKNOWNS * k, basis));
             }
         }
-        let mut matrix = self.restricted(soft, &bases, MODES * blocks.len(), dt);
+        let mut matrix = self.restricted(soft, &bases, BLOCK_UNKNOWNS * blocks.len(), dt);
         // All blocks of a core share its six modes; a joint's springs are added to those of the first block.
-        let first_mode = |core: usize| {
+        let first_unknown = |core: usize| {
             let first = blocks.iter().position(|b| *b == self.blocks.cores[core].1.start)?;
-            Some(MODES * first)
+            Some(BLOCK_UNKNOWNS * first)
         };
-        self.add_springs(&mut matrix, dt, first_mode);
+        self.add_springs(&mut matrix, dt, first_unknown);
         matrix
     }
 

@@ -161,9 +161,9 @@ impl Solve {
             recorder.together(|recorder| {
                 // The first variant is dispatched by the loop's indirect arguments and writes them; the others run at
                 // the same time and must do neither.
-                for (index, Variant { kernel, groups, slot }) in self.update.iter().enumerate() {
+                for (index, Variant { kernel, groups, args_index }) in self.update.iter().enumerate() {
                     if index == 0 {
-                        recorder.dispatch_indirect(kernel, &arguments, &common.args, *slot);
+                        recorder.dispatch_indirect(kernel, &arguments, &common.args, *args_index);
                     } else {
                         recorder.dispatch_groups(kernel, &arguments, *groups);
                     }
@@ -312,8 +312,8 @@ impl Solve {
                     iterates: Some(&self.iterates),
                     contact_forces: &touch.contact_forces,
                 };
-                let slot = if in_loop { shaders::ARGS_LOOP_CONTACT_PRODUCT } else { shaders::ARGS_CONTACTS };
-                recorder.dispatch_indirect(&self.contact_product, &arguments, &common.args, slot);
+                let args_index = if in_loop { shaders::ARGS_LOOP_CONTACT_PRODUCT } else { shaders::ARGS_CONTACTS };
+                recorder.dispatch_indirect(&self.contact_product, &arguments, &common.args, args_index);
             }
         });
     }
@@ -369,9 +369,9 @@ impl Solve {
             joint_sides: Some(&self.joint_sides),
         };
         recorder.together(|recorder| {
-            for Variant { kernel, groups, slot } in kernels {
+            for Variant { kernel, groups, args_index } in kernels {
                 match set {
-                    Some(_) => recorder.dispatch_indirect(kernel, &arguments, &common.args, *slot),
+                    Some(_) => recorder.dispatch_indirect(kernel, &arguments, &common.args, *args_index),
                     None => recorder.dispatch_groups(kernel, &arguments, *groups),
                 }
             }

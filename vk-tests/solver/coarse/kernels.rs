@@ -6,10 +6,10 @@ use faer::Mat;
 use glam::{DMat3, DVec3};
 use palpate::internal::prepare::Body;
 use palpate::scene::Preconditioner;
-use palpate_oracle::coarse::MODES;
+use palpate_oracle::coarse::BLOCK_UNKNOWNS;
 
 use super::super::passes::{Change, Passes};
-use super::{host_inverse, kinds, large_core, modes_of, product, soft_and_stiff, turned};
+use super::{coarse_vector_of, host_inverse, kinds, large_core, product, soft_and_stiff, turned};
 use crate::harness::context;
 use crate::harness::random::Random;
 use crate::solver::system::{System, layer, triples, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge};
@@ -63,7 +63,7 @@ fn expect_within(what: &str, got: &[f64], want: &[f64], sizes: &[f64], share: f6
 impl Twin {
     /// The twin of a system whose blocks are turned as solve/assemble found them.
     pub fn new(passes: &Passes) -> Twin {
-        let p = modes_of(&passes.system, &passes.block_turns);
+        let p = coarse_vector_of(&passes.system, &passes.block_turns);
         Twin { p, inverse: host_inverse(&passes.system.model, false) }
     }
 
@@ -117,12 +117,12 @@ fn diagonal(passes: &Passes, x: &[f64], of: fn(f64) -> f64) -> Vec<f64> {
 
 /// Modes in which those of each core's blocks, which all move with the core, are summed into the core's first block.
 fn summed(passes: &Passes, mut modes: Vec<f64>) -> Vec<f64> {
-    modes.truncate(MODES * passes.blocks());
+    modes.truncate(BLOCK_UNKNOWNS * passes.blocks());
     for rigid in &passes.rigids[..passes.system.model.cores.len()] {
         let first = rigid.first_coarse_index as usize;
         for coarse_index in first + 1..first + rigid.block_count as usize {
-            for k in 0..MODES {
-                modes[MODES * first + k] += std::mem::take(&mut modes[MODES * coarse_index + k]);
+            for k in 0..BLOCK_UNKNOWNS {
+                modes[BLOCK_UNKNOWNS * first + k] += std::mem::take(&mut modes[BLOCK_UNKNOWNS * coarse_index + k]);
             }
         }
     }
@@ -218,7 +218,7 @@ fn follow(what: &str, system: System) -> f64 {
     );
 
     passes.coarse(true);
-    let count = MODES * passes.blocks();
+    let count = BLOCK_UNKNOWNS * passes.blocks();
     let (of_rhs, of_product) =
         (flat(&passes.restricted_rhs)[..count].to_vec(), flat(&passes.restricted_product)[..count].to_vec());
     for (name, got, from) in

@@ -7,7 +7,7 @@ use palpate::scene::Preconditioner;
 use palpate_oracle::coarse::{correction, matrix};
 use palpate_oracle::linear::Entries;
 
-use super::{host_inverse, kinds, large_core, modes_of, rest_turns};
+use super::{coarse_vector_of, host_inverse, kinds, large_core, rest_turns};
 use crate::solver::system::{System, layer, layered, material};
 
 /// Relative rounding of a number stored in half precision: half a unit in the last place.
@@ -26,7 +26,7 @@ fn the_host_s_inverse_is_the_oracle_s() {
     // each other.
     for (what, bodies) in kinds() {
         let system = System::preconditioned(&bodies, 0.0, 1, Preconditioner::Coarse);
-        let p = modes_of(&system, &rest_turns(&system));
+        let p = coarse_vector_of(&system, &rest_turns(&system));
         let (a, _) = system.twin.assemble(None, &[]);
         let want = correction(&a, &p).unwrap();
         // A check of the oracle itself: its correction leaves no error that the modes can represent.
@@ -107,7 +107,7 @@ fn half_precision_leaves_the_preconditioner_positive() {
     }
     cases.push(("2e7 Pa on a core".into(), System::preconditioned(&[stiff], 0.0, 1, Preconditioner::Coarse)));
     for (what, system) in cases {
-        let p = modes_of(&system, &rest_turns(&system));
+        let p = coarse_vector_of(&system, &rest_turns(&system));
         let (a, _) = system.twin.assemble(None, &[]);
         let coarse = &p * host_inverse(&system.model, false) * p.transpose();
         let values = scaled_eigenvalues(&(jacobi(&system, &a) + &coarse));

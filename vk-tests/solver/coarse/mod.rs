@@ -16,7 +16,7 @@ use palpate::internal::prepare::{Body, Frame, FrameMotion, Layer, Shape};
 use palpate::internal::shaders::NONE;
 use palpate::internal::stages::model::Model;
 use palpate::scene::Hinge;
-use palpate_oracle::coarse::{Block, MODES, modes};
+use palpate_oracle::coarse::{BLOCK_UNKNOWNS, Block, prolongation};
 
 use crate::solver::system::{
     System, layer, layered, material, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge,
@@ -47,8 +47,8 @@ fn blocks_of(system: &System, turns: &[[f32; 4]]) -> Vec<Block> {
 const NOTHING: f64 = 1.0e-12;
 
 /// The prolongation P, its modes in the order of slots.
-fn modes_of(system: &System, turns: &[[f32; 4]]) -> Mat<f64> {
-    let mut all = modes(&system.twin, &blocks_of(system, turns));
+fn coarse_vector_of(system: &System, turns: &[[f32; 4]]) -> Mat<f64> {
+    let mut all = prolongation(&system.twin, &blocks_of(system, turns));
     all.col_iter_mut().flat_map(|column| column.iter_mut()).filter(|x| x.abs() < NOTHING).for_each(|x| *x = 0.0);
     all
 }
@@ -61,16 +61,16 @@ fn rest_turns(system: &System) -> Vec<[f32; 4]> {
 /// The coarse inverses that the kernels read, as one matrix over the modes of all slots; if `scaled`, with ones on the
 /// diagonal as they are stored.
 fn host_inverse(model: &Model, scaled: bool) -> Mat<f64> {
-    let (coarse, count) = (&model.coarse, MODES * model.blocks.blocks.len());
+    let (coarse, count) = (&model.coarse, BLOCK_UNKNOWNS * model.blocks.blocks.len());
     let mut inverse = Mat::zeros(count, count);
     let scale = |mode: usize| if scaled { 1.0 } else { f64::from(coarse.scales[mode / 4][mode % 4]) };
     for [first, first_coarse_index, texels, coarse_index] in coarse.blocks.iter().map(|block| block.map(|x| x as usize))
     {
-        for row in 0..if texels > 0 { MODES } else { 0 } {
+        for row in 0..if texels > 0 { BLOCK_UNKNOWNS } else { 0 } {
             for column in 0..4 * texels {
                 let word = coarse.inverse[first + row * (4 * texels).div_ceil(8) + column / 8][column % 8 / 2];
                 let half = half::f16::from_bits((word >> (16 * (column % 2)) & 0xffff) as u16);
-                let (i, j) = (MODES * coarse_index + row, MODES * first_coarse_index + column);
+                let (i, j) = (BLOCK_UNKNOWNS * coarse_index + row, BLOCK_UNKNOWNS * first_coarse_index + column);
                 inverse[(i, j)] = scale(i) * scale(j) * half.to_f64();
             }
         }

@@ -77,7 +77,7 @@ impl Passes {
     }
 
     /// The role of the block whose modes are at a slot, or the tool's where there is no such block.
-    pub fn role_of_slot(&self, coarse_index: usize) -> u32 {
+    pub fn role_of_args(&self, coarse_index: usize) -> u32 {
         let blocks = &self.system.model.blocks;
         match blocks.coarse_indices.iter().position(|own| *own as usize == coarse_index) {
             Some(b) if b < blocks.free => FREE,
