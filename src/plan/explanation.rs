@@ -5,9 +5,10 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::{Entry, Feature};
+use super::Feature;
 use crate::gpu::Pass;
 use crate::scene::preset::Chosen;
+use crate::stages::StageNeed;
 
 /// What one step does, and what it leaves out and why.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -86,8 +87,8 @@ pub struct Array {
 
 impl StageUse {
     /// A stage of the plan, still without passes and arrays.
-    pub(crate) fn of(entry: &Entry) -> StageUse {
-        let Entry { stage, recorded, reason } = entry;
+    pub(crate) fn of(entry: &StageNeed) -> StageUse {
+        let StageNeed { stage, recorded, reason } = entry;
         StageUse { stage: stage.to_string(), recorded: *recorded, reason: reason.clone(), ..StageUse::default() }
     }
 
