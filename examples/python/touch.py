@@ -1,4 +1,4 @@
-"""Touches a scene's body and prints the force. Needs nothing but Python: python3 touch.py SCENE STEPS"""
+"""Runs a scene and prints the force on the tool after each step. Needs nothing but Python: python3 touch.py SCENE STEPS"""
 
 import ctypes
 import sys
@@ -40,7 +40,7 @@ class ContextOptions(ctypes.Structure):
 
 
 def kept():
-    """What takes long, as preparing bodies does, is kept in the user's cache."""
+    """Options of a context that keeps prepared bodies and measurements in the user's cache."""
     return ContextOptions(size=ctypes.sizeof(ContextOptions), cache=b"", measure=1)
 
 

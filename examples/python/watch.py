@@ -1,6 +1,6 @@
-"""Touches a scene's first body and watches its skin give way, with NumPy: python3 watch.py SCENE STEPS
+"""Runs a scene and reads the deformed skin of its first body into NumPy arrays: python3 watch.py SCENE STEPS
 
-The arrays are NumPy's own, which the library writes into; the force is a view of the wrench, new after every step."""
+The library writes into arrays that NumPy owns; `force` is a view of the wrench and changes with every step."""
 
 import ctypes
 import sys
@@ -11,7 +11,7 @@ from touch import Wrench, kept, library
 
 
 def skin(palpate, simulation, body, positions=None, normals=None):
-    """How many vertices a body's skin has; their positions (m) and normals go into the arrays, float32, three a row."""
+    """Writes positions (m) and normals of a body's skin into arrays (float32, three a row); returns its vertex count."""
     pointer = lambda array: None if array is None else array.ctypes.data_as(c_void_p)
     count = c_size_t()
     capacity = 0 if positions is None else len(positions)
