@@ -73,7 +73,7 @@ pub struct Simulation {
     timed: Option<[Recordings; 2]>,
     tool: Option<Tool>,
     frames: Frames,
-    drive: Trajectory,
+    trajectory: Trajectory,
     probes: Vec<ProbePlace>,
     plan: Plan,
     /// The kind of buffers through which kernels read their arrays, and why it was chosen.
@@ -123,7 +123,7 @@ impl Simulation {
         let time = self.time + h;
         self.has_weight = false;
         let RigidState { position, orientation, .. } = input.device;
-        self.drive = Trajectory::new(&[], Key { time: self.time, position, orientation });
+        self.trajectory = Trajectory::new(&[], Key { time: self.time, position, orientation });
         self.max_force = input.max_force;
         if let Some(tool) = &mut self.tool {
             tool.coupling = input.coupling;
@@ -160,7 +160,7 @@ impl Simulation {
         let h = self.scene.step.dt;
         let end = self.next_end(h);
         self.has_weight = true;
-        self.drive.lead(end - h, Key { time: end, position: pose.position, orientation: pose.orientation });
+        self.trajectory.lead(end - h, Key { time: end, position: pose.position, orientation: pose.orientation });
         self.step_to(end, h)
     }
 
@@ -171,7 +171,7 @@ impl Simulation {
         self.time = time;
         // A frozen step leaves the forces of a solve that was not accepted.
         self.is_solved = !Flags(report.flags).contains(Flags::FROZEN);
-        let device = self.drive.device(time, h);
+        let device = self.trajectory.device(time, h);
         let probes = self.read_probes()?;
         self.last_wrench = self.tool.as_ref().map(|tool| tools::contact_wrench(tool, self.step, &report));
         self.add_gap(&report)?;

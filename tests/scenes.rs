@@ -51,7 +51,7 @@ fn what_should_move_moves() {
     assert!(matches!(gears.bodies[0].cores[0].motion, Motion::Kinematic(_)));
     assert!(gears.bodies[1].cores[0].hinge.is_some());
     let human = load("touch-human.toml");
-    let driven = |core: &&palpate::scene::Core| matches!(core.motion, Motion::Kinematic(_));
-    assert_eq!(human.bodies[0].cores.iter().filter(driven).count(), 2);
+    let kinematic = |core: &&palpate::scene::Core| matches!(core.motion, Motion::Kinematic(_));
+    assert_eq!(human.bodies[0].cores.iter().filter(kinematic).count(), 2);
     assert!(load("pumpkins.toml").bodies[1].cores.is_empty());
 }

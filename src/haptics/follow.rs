@@ -10,7 +10,7 @@ use super::passivity::Passivity;
 use crate::step::{ContactWrench, RigidState, Wrench};
 
 /// Power that a kinematic body (one whose motion is prescribed) may supply to the hand, W.
-const DRIVEN_POWER: f64 = 0.1;
+const KINEMATIC_POWER: f64 = 0.1;
 
 /// Number of wrenches at the beginning of a contact that may understate its stiffness, because it is still shallow.
 const SHALLOW: u32 = 3;
@@ -179,8 +179,8 @@ impl Followed {
             self.share += wanted;
             return false;
         }
-        let driven = if self.newest.has_kinematic_motion { DRIVEN_POWER * period } else { 0.0 };
-        let loan = passivity.lend(missing.min(self.credit + driven));
+        let kinematic = if self.newest.has_kinematic_motion { KINEMATIC_POWER * period } else { 0.0 };
+        let loan = passivity.lend(missing.min(self.credit + kinematic));
         self.credit -= loan.min(self.credit);
         self.share += wanted * (1.0 - ((missing - loan) / asked).min(1.0));
         missing > loan

@@ -126,9 +126,9 @@ pub fn frames(
     }
     let shares = shares(layer, materials);
     let frame = |(index, core): (usize, &crate::scene::Core)| {
-        let carried = (0..holders.len()).filter(|&n| layer.attached[n] && holders[n] == index as u32);
+        let attached = (0..holders.len()).filter(|&n| layer.attached[n] && holders[n] == index as u32);
         let add = |(sum, all): (DVec3, f64), n: usize| (sum + shares[n] * layer.nodes[n], all + shares[n]);
-        let (sum, all) = carried.fold((DVec3::ZERO, 0.0), add);
+        let (sum, all) = attached.fold((DVec3::ZERO, 0.0), add);
         let motion = match &core.motion {
             Motion::Fixed => FrameMotion::Fixed,
             Motion::Kinematic(keys) => FrameMotion::Kinematic(keys.clone()),
@@ -137,8 +137,8 @@ pub fn frames(
         let mut centre = sum / f64::max(all, f64::MIN_POSITIVE);
         if let FrameMotion::Dynamic { hinge, .. } = motion {
             centre = hinge.map_or(centre, |hinge| hinge.point);
-            let carried = (0..holders.len()).filter(|&n| layer.attached[n] && holders[n] == index as u32);
-            let inertia = carried.fold(DMat3::ZERO, |sum, n| sum + point_inertia(shares[n], layer.nodes[n] - centre));
+            let attached = (0..holders.len()).filter(|&n| layer.attached[n] && holders[n] == index as u32);
+            let inertia = attached.fold(DMat3::ZERO, |sum, n| sum + point_inertia(shares[n], layer.nodes[n] - centre));
             let size = (inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z) / 3.0;
             let (spread, problem) = match hinge {
                 Some(Hinge { axis, .. }) => {

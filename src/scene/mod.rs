@@ -402,7 +402,7 @@ impl Core {
     }
 
     /// A kinematic core that follows the poses of `keys`.
-    pub fn driven(name: &str, bind: Bind, keys: Vec<Key>) -> Core {
+    pub fn kinematic(name: &str, bind: Bind, keys: Vec<Key>) -> Core {
         Core::of(name, Motion::Kinematic(keys), bind)
     }
 

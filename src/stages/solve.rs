@@ -148,10 +148,10 @@ impl Solve {
         let (rigids_at_rest, inverse_numbers) = rigids_of(model);
         let reduce = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Reduce, constants);
         // Each role that occurs: its number, first block, number of workgroups, index of its indirect arguments.
-        let (free, carried) = (model.blocks.free, block_count - model.blocks.free);
+        let (free, attached) = (model.blocks.free, block_count - model.blocks.free);
         let roles = [
             (shaders::FREE_NODES, 0, free, shaders::ARGS_LOOP_FREE),
-            (shaders::ATTACHED_NODES, free, carried, shaders::ARGS_LOOP_ATTACHED),
+            (shaders::ATTACHED_NODES, free, attached, shaders::ARGS_LOOP_ATTACHED),
             (shaders::TOOL_ROWS, 0, usize::from(has_tool), shaders::ARGS_LOOP_TOOL),
         ];
         let roles: Vec<_> = roles.into_iter().filter(|(_, _, groups, _)| *groups > 0).collect();
@@ -268,7 +268,7 @@ impl Solve {
         self.coarse_scales.write(&model.coarse.scales)
     }
 
-    /// The arrays that a step leaves for the next: the solution and the carried residual, of nodes and of rigid bodies,
+    /// The arrays that a step leaves for the next: the solution and the attached residual, of nodes and of rigid bodies,
     /// the solver's state, and how the blocks had rotated.
     pub fn state(&self) -> [&Buffer; 6] {
         [&self.solution, &self.carried_residual, &self.rigids, &self.iterates, &self.state, &self.block_rotations]

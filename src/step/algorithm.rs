@@ -162,7 +162,7 @@ impl Simulation {
     /// again, up to `halvings` times. Where even the shortest fail, everything stops where it is, so nothing ever
     /// jumps.
     pub(super) fn advance(&mut self, from: f64, h: f64, halvings: u32) -> Result<Report> {
-        let device = self.drive.device(from + h, h);
+        let device = self.trajectory.device(from + h, h);
         self.frames.set_out(from + h, h, self.tool.as_ref());
         self.step_origin = self.origin();
         self.write_inputs(h, &device)?;

@@ -206,8 +206,8 @@ impl Frames {
     /// Makes a driven frame go uniformly from where it is at `time` to a key; false where the frame is not driven.
     pub fn lead(&mut self, frame: usize, time: f64, key: Key) -> bool {
         match &mut self.states[frame].mover {
-            Mover::Kinematic(drive) => {
-                drive.lead(time, key);
+            Mover::Kinematic(trajectory) => {
+                trajectory.lead(time, key);
                 true
             }
             _ => false,
@@ -217,7 +217,7 @@ impl Frames {
     /// Whether any driven frame moves between two times, s.
     pub fn has_kinematic_motion(&self, from: f64, to: f64) -> bool {
         let moves = |state: &State| match &state.mover {
-            Mover::Kinematic(drive) => drive.pose(from) != drive.pose(to),
+            Mover::Kinematic(trajectory) => trajectory.pose(from) != trajectory.pose(to),
             _ => false,
         };
         self.states.iter().any(moves)
@@ -274,7 +274,7 @@ impl State {
             })),
         };
         let (position, orientation) = match &mover {
-            Mover::Kinematic(drive) => drive.pose(0.0),
+            Mover::Kinematic(trajectory) => trajectory.pose(0.0),
             _ => (place.position, place.orientation),
         };
         let start = Place { centre: position + orientation * rest_centre, rotation: orientation };
@@ -283,8 +283,8 @@ impl State {
 
     fn set_out(&mut self, time: f64, h: f64, tool: Option<&Tool>) {
         match (&self.mover, tool) {
-            (Mover::Kinematic(drive), _) => {
-                let (position, orientation) = drive.pose(time);
+            (Mover::Kinematic(trajectory), _) => {
+                let (position, orientation) = trajectory.pose(time);
                 self.end = Place { centre: position + orientation * self.rest_centre, rotation: orientation };
             }
             (Mover::Floating(floating), _) => {

@@ -132,7 +132,7 @@ impl Prepared {
         let tool_core_mass = tools::tool_core_mass(&model);
         Ok(Simulation {
             has_friction: model.friction[0] > 0.0,
-            drive: Trajectory::new(&scene.trajectory, Key { time: 0.0, position: start.0, orientation: start.1 }),
+            trajectory: Trajectory::new(&scene.trajectory, Key { time: 0.0, position: start.0, orientation: start.1 }),
             scene: scene.clone(),
             context: Arc::clone(context),
             bodies,

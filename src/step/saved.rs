@@ -24,7 +24,7 @@ struct State {
     time: f64,
     has_weight: bool,
     tool: Option<RigidState>,
-    drive: Trajectory,
+    trajectory: Trajectory,
     frames: Vec<SavedFrame>,
     wrench: Option<ContactWrench>,
     iterations: u32,
@@ -42,7 +42,7 @@ impl Simulation {
             time: self.time,
             has_weight: self.has_weight,
             tool: self.tool.as_ref().map(|tool| tool.state()),
-            drive: self.drive.clone(),
+            trajectory: self.trajectory.clone(),
             frames: self.frames.saved(),
             wrench: self.last_wrench,
             iterations: self.last_iterations,
@@ -71,7 +71,7 @@ impl Simulation {
             return Err(wrong("belongs to other bodies"));
         }
         let frames = state.frames.len() == self.model.frames.len() && state.frames.iter().all(SavedFrame::is_whole);
-        if !frames || !state.drive.is_whole() || state.tool.is_some() != self.tool.is_some() {
+        if !frames || !state.trajectory.is_whole() || state.tool.is_some() != self.tool.is_some() {
             return Err(wrong("is damaged"));
         }
         write_all(&self.context, &self.stages.state(), &state.arrays)?;
@@ -80,7 +80,7 @@ impl Simulation {
             (tool.centre, tool.orientation) = (saved.position, saved.orientation);
             (tool.velocity, tool.angular_velocity) = (saved.velocity, saved.angular_velocity);
         }
-        self.drive = state.drive;
+        self.trajectory = state.trajectory;
         self.frames.restore(&state.frames);
         (self.last_wrench, self.last_iterations) = (state.wrench, state.iterations);
         (self.last_timed, self.is_solved) = (None, false);

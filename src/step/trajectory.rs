@@ -75,32 +75,32 @@ mod tests {
 
     #[test]
     fn poses_between_keys_are_blended_and_the_ends_are_held() {
-        let drive = Trajectory::new(&[key(1.0, 0.0, 0.0), key(3.0, 4.0, 1.0)], key(0.0, 9.0, 0.0));
-        assert_eq!(drive.pose(0.0).0, DVec3::ZERO);
-        assert!((drive.pose(2.0).0 - DVec3::X * 2.0).length() < 1e-15);
-        assert!(drive.pose(2.0).1.dot(DQuat::from_rotation_y(0.5)).abs() > 1.0 - 1e-12);
-        assert_eq!(drive.pose(7.0).0, DVec3::X * 4.0);
-        let device = drive.device(2.0, 0.001);
+        let trajectory = Trajectory::new(&[key(1.0, 0.0, 0.0), key(3.0, 4.0, 1.0)], key(0.0, 9.0, 0.0));
+        assert_eq!(trajectory.pose(0.0).0, DVec3::ZERO);
+        assert!((trajectory.pose(2.0).0 - DVec3::X * 2.0).length() < 1e-15);
+        assert!(trajectory.pose(2.0).1.dot(DQuat::from_rotation_y(0.5)).abs() > 1.0 - 1e-12);
+        assert_eq!(trajectory.pose(7.0).0, DVec3::X * 4.0);
+        let device = trajectory.device(2.0, 0.001);
         assert!((device.velocity - DVec3::X * 2.0).length() < 1e-9);
         assert!((device.angular_velocity - DVec3::Y * 0.5).length() < 1e-6);
     }
 
     #[test]
     fn a_device_that_is_led_is_where_it_was_told_to_be_and_moved_evenly() {
-        let mut drive = Trajectory::new(&[], key(0.0, 1.0, 0.0));
-        drive.lead(0.5, key(1.0, 2.0, 0.3));
-        assert_eq!((drive.pose(0.0).0, drive.pose(1.0).0), (DVec3::X, 2.0 * DVec3::X));
-        assert!((drive.device(1.0, 0.5).velocity - 2.0 * DVec3::X).length() < 1e-12);
-        drive.lead(1.0, key(1.5, 4.0, 0.3));
-        assert_eq!((drive.pose(1.25).0, drive.pose(9.0).0), (3.0 * DVec3::X, 4.0 * DVec3::X));
+        let mut trajectory = Trajectory::new(&[], key(0.0, 1.0, 0.0));
+        trajectory.lead(0.5, key(1.0, 2.0, 0.3));
+        assert_eq!((trajectory.pose(0.0).0, trajectory.pose(1.0).0), (DVec3::X, 2.0 * DVec3::X));
+        assert!((trajectory.device(1.0, 0.5).velocity - 2.0 * DVec3::X).length() < 1e-12);
+        trajectory.lead(1.0, key(1.5, 4.0, 0.3));
+        assert_eq!((trajectory.pose(1.25).0, trajectory.pose(9.0).0), (3.0 * DVec3::X, 4.0 * DVec3::X));
     }
 
     #[test]
     fn keys_of_opposite_sign_turn_the_shorter_way() {
         let mut far = key(1.0, 0.0, 0.2);
         far.orientation = -far.orientation;
-        let drive = Trajectory::new(&[key(0.0, 0.0, 0.0), far], key(0.0, 0.0, 0.0));
-        let turned = rotation_vector(drive.pose(0.5).1);
+        let trajectory = Trajectory::new(&[key(0.0, 0.0, 0.0), far], key(0.0, 0.0, 0.0));
+        let turned = rotation_vector(trajectory.pose(0.5).1);
         assert!((turned - DVec3::Y * 0.1).length() < 1e-9, "{turned}");
     }
 }

@@ -39,7 +39,7 @@ impl Twin {
                     layers.push((layer, &materials.all[0]));
                     if let (true, Some(coupling)) = (scene.tool_body_index() == Some(index), scene.coupling) {
                         let (core, orientation) = (oracle.cores.len(), body.orientation);
-                        oracle.held = Some(CoupledCore { core, orientation, coupling });
+                        oracle.coupled = Some(CoupledCore { core, orientation, coupling });
                     }
                     oracle.cores.extend(twin_cores(simulation, index));
                     oracle.bodies.push(soft_twin(simulation, index));
@@ -90,7 +90,7 @@ impl Twin {
 
     /// Centre of the rigid tool, or of the core that the virtual coupling pulls on, m.
     fn tool_centre(&self) -> DVec3 {
-        let held = || self.oracle.cores[self.oracle.held.unwrap().core].centre;
+        let held = || self.oracle.cores[self.oracle.coupled.unwrap().core].centre;
         self.oracle.tool.as_ref().map_or_else(held, |tool| tool.centre)
     }
 

@@ -55,9 +55,9 @@ pub fn carry(twin: &mut oracle::step::SoftBody, simulation: &Simulation, body: u
     let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
     for (i, rest) in layer.nodes.iter().enumerate().filter(|(i, _)| layer.attached[*i]) {
         let FrameMotion::Kinematic(keys) = &frames[node_frames[i] as usize].motion else { continue };
-        let drive = Trajectory::new(keys, Key { time: 0.0, position: DVec3::ZERO, orientation: DQuat::IDENTITY });
+        let trajectory = Trajectory::new(keys, Key { time: 0.0, position: DVec3::ZERO, orientation: DQuat::IDENTITY });
         let at = |time: f64| {
-            let (position, orientation) = drive.pose(time);
+            let (position, orientation) = trajectory.pose(time);
             position + orientation * *rest
         };
         twin.velocity[i] = (at(time) - at(time - h)) / h;
@@ -65,7 +65,7 @@ pub fn carry(twin: &mut oracle::step::SoftBody, simulation: &Simulation, body: u
 }
 
 #[test]
-fn a_bar_between_a_fixed_and_a_driven_core_bends_as_the_oracles() {
+fn a_bar_between_a_fixed_and_a_kinematic_core_bends_as_the_oracles() {
     let orientation = DQuat::from_xyzw(0.1, 0.2, 0.3, 0.9273618495495703);
     let position = DVec3::new(0.4, 0.1, -0.2);
     for (young, angle) in [(2e4, 0.4), (2e4, 1.5), (1e6, 0.4)] {
@@ -123,7 +123,7 @@ fn pressed(scene: &Scene, steps: usize) -> (f64, f64, f64) {
 const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
 
 #[test]
-fn a_block_whose_core_is_driven_into_the_tool_pushes_as_the_oracles() {
+fn a_block_whose_core_is_kinematic_into_the_tool_pushes_as_the_oracles() {
     let text = press(2e4, 0.001, Place::default(), TIGHT);
     let driven = "motion = \"driven\"\nkeys = [[0.0, 0.0, 0.0, 0.0], \
                   [0.03, 0.001, 0.004, 0.0, 0.03, 0.0, 0.04, 0.9987492177719089]]";
@@ -139,9 +139,9 @@ pub fn twin_cores(simulation: &Simulation, body: usize) -> Vec<oracle::step::Cor
     let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
     let core = |(index, frame): (usize, &palpate::internal::prepare::Frame)| {
         let FrameMotion::Dynamic { hinge, .. } = frame.motion else { return None };
-        let carried = (0..layer.nodes.len()).filter(|n| layer.attached[*n] && node_frames[*n] == index as u32);
+        let attached = (0..layer.nodes.len()).filter(|n| layer.attached[*n] && node_frames[*n] == index as u32);
         Some(oracle::step::Core {
-            nodes: carried.map(|n| (body, n as u32)).collect(),
+            nodes: attached.map(|n| (body, n as u32)).collect(),
             centre: place.position + place.orientation * frame.centre,
             velocity: if hinge.is_some() { DVec3::ZERO } else { place.velocity },
             spin: DVec3::ZERO,
@@ -233,7 +233,7 @@ pub fn cube(half: f64) -> String {
 }
 
 #[test]
-fn a_driven_body_presses_as_if_the_other_came_to_it() {
+fn a_kinematic_body_presses_as_if_the_other_came_to_it() {
     // A rigid cube comes down on a block, or it rests while the block's core moves up: seen from the core both are the
     // same.
     let folder = tempfile::tempdir().unwrap();
@@ -328,20 +328,20 @@ fn a_human_bends_its_arm() {
     let (moved, _) = simulation.nodes(0).unwrap().unwrap();
     // Nodes attached to the forearm's bone are where the bone took them, and nodes attached to other bones where they
     // were. The nodes between are displaced.
-    let (mut carried, mut free) = (0, 0.0f64);
+    let (mut attached, mut free) = (0, 0.0f64);
     for (n, d) in moved.iter().enumerate() {
         let taken = turn * (layer.nodes[n] - elbow) + elbow - layer.nodes[n];
         match (layer.attached[n], driven(node_frames[n])) {
             (true, true) => {
-                carried += 1;
+                attached += 1;
                 assert!(d.distance(taken) < 1e-9, "{d} {taken}");
             }
             (true, false) => assert!(d.length() < 1e-9),
             (false, _) => free = free.max(d.length()),
         }
     }
-    println!("human: {carried} nodes on the forearm, others moved by up to {free:.3} m");
-    assert!(carried > 3 && free > 0.05 && free < 0.5);
+    println!("human: {attached} nodes on the forearm, others moved by up to {free:.3} m");
+    assert!(attached > 3 && free > 0.05 && free < 0.5);
 }
 
 #[test]

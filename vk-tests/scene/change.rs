@@ -108,7 +108,7 @@ fn another_contact_law_is_felt_at_once() {
 }
 
 #[test]
-fn a_driven_core_goes_where_it_is_sent_and_stays() {
+fn a_kinematic_core_goes_where_it_is_sent_and_stays() {
     let keys = "motion = \"driven\"\nkeys = [[0.0, 0.4, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703]]";
     let mut simulation = open(&scene(&joints::chain(2e4, keys, ["", ""], "gravity = [0.0, 0.0, 0.0]")), None);
     let root = 1;

@@ -50,7 +50,7 @@ fn a_held_pad_presses_and_rubs_as_the_oracles() {
         let (mut peak, mut turned, mut iterations) = (0.0f64, 0.0f64, 0);
         let errors = beside(&scene, 80, |row, simulation, twin, report| {
             peak = peak.max(report.wrench.force.length());
-            let held = twin.oracle.held.unwrap().orientation;
+            let held = twin.oracle.coupled.unwrap().orientation;
             turned = turned.max(simulation.frames(1)[0].rotation.angle_between(held));
             iterations = iterations.max(row.iterations);
         });

@@ -38,7 +38,7 @@ fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tic
         trust: 5e-3,
         arm: 0.02,
     };
-    let drive =
+    let trajectory =
         Trajectory::new(&scene.trajectory, Key { time: 0.0, position: tool.centre, orientation: tool.orientation });
     let header = Header::new(scene, &simulation, "scripted", "keys").unwrap();
     let mut recording = Recording::create(file, &header).unwrap();
@@ -56,7 +56,7 @@ fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tic
             newest = next;
         }
         let time = 1e-3 * k as f64;
-        let reading = Reading { time, state: drive.device(0.3 * time, 1e-3), buttons: 0 };
+        let reading = Reading { time, state: trajectory.device(0.3 * time, 1e-3), buttons: 0 };
         let mut tick = servo.tick(time, 0.0, Ok(reading), &newest);
         spoil(&mut tick);
         recording.tick(&tick).unwrap();

@@ -1,5 +1,5 @@
 //! Kernels that deal with the coordinate frames of bodies: tetrahedra, skin and proxies with nodes in two frames, nodes
-//! attached to driven frames, the new state as seen from the frame at the end of a step, and the sums from which a
+//! attached to kinematic frames, the new state as seen from the frame at the end of a step, and the sums from which a
 //! floating frame is fitted.
 
 use bytemuck::Zeroable;
@@ -296,18 +296,18 @@ fn the_new_state_is_the_same_place_seen_from_the_frames_end() {
 }
 
 #[test]
-fn driven_nodes_go_where_their_frame_takes_them() {
+fn kinematic_nodes_go_where_their_frame_takes_them() {
     let (h, width) = (1e-3, context().group_size() as usize);
     for (count, angle) in [(1, 0.0), (width - 1, 1e-4), (width, 1e-3), (width + 1, 0.5), (1234, 0.01)] {
         let mut random = Random(41 + count as u64);
         let (frame, start, end) = moving(&mut random, h, angle);
         let rest: Vec<[f32; 4]> = (0..2 * count).map(|_| narrow(0.2 * random.vector())).collect();
-        let driven: Vec<u32> = (0..count as u32).map(|i| 2 * i + 1).collect();
+        let kinematic: Vec<u32> = (0..count as u32).map(|i| 2 * i + 1).collect();
         let out = case("pose/carry")
             .constant("ATTACHED_NODES", count as u32)
             .input("params", &[StepParams { dt: h as f32, ..bytemuck::Zeroable::zeroed() }])
             .input("frames", &[frame])
-            .input("attached_nodes", &driven)
+            .input("attached_nodes", &kinematic)
             .input("node_info", &vec![[0u32; 4]; 2 * count])
             .input("node_rest", &rest)
             .input("solve", &[Solve::zeroed()])

@@ -60,12 +60,12 @@ fn relative(flow: &Flow, c: usize) -> (DVec3, DVec3) {
     // The surface point s1 lies beyond s2 by the depth.
     let depth = f64::from(contact.depth) * n;
     let points = if of_second { [vertex + depth, vertex] } else { [vertex, vertex - depth] };
-    let driven = |k: usize| pair.kinematic_frame[k] != NONE;
+    let kinematic = |k: usize| pair.kinematic_frame[k] != NONE;
     let at = match pair.tool_sign {
         1.0 => points[1],
         -1.0 => points[0],
-        _ if driven(0) => points[1],
-        _ if driven(1) => points[0],
+        _ if kinematic(0) => points[1],
+        _ if kinematic(1) => points[0],
         _ => vertex,
     };
     let mut v = DVec3::ZERO;
@@ -76,7 +76,7 @@ fn relative(flow: &Flow, c: usize) -> (DVec3, DVec3) {
     }
     let twist = (wide(&flow.params.tool_twist[..3]), wide(&flow.params.tool_twist[3..]));
     v += f64::from(pair.tool_sign) * (twist.0 + twist.1.cross(at - wide(&flow.params.tool_centre)));
-    for k in (0..2).filter(|k| driven(*k)) {
+    for k in (0..2).filter(|k| kinematic(*k)) {
         let frame = &flow.frames[pair.kinematic_frame[k] as usize];
         let carried = wide(&frame.linear) + wide(&frame.angular).cross(at - wide(&frame.centre));
         v += if k == 0 { carried } else { -carried };
@@ -85,12 +85,12 @@ fn relative(flow: &Flow, c: usize) -> (DVec3, DVec3) {
 }
 
 #[test]
-fn friction_of_soft_rigid_and_driven_skins() {
+fn friction_of_soft_rigid_and_kinematic_skins() {
     let (_, _, mut flow) = crowd(Path::Compute);
     let frictionless = flow.contacts.clone();
     flow.model.friction = [0.6, 0.01];
     [flow.params.friction, flow.params.friction_speed] = flow.model.friction;
-    // Of the pairs a-b, a-floor, a-tool, b-floor and b-tool, a moves on a driven frame against b, and the floor on one
+    // Of the pairs a-b, a-floor, a-tool, b-floor and b-tool, a moves on a kinematic frame against b, and the floor on one
     // against b.
     (flow.pairs[0].kinematic_frame, flow.pairs[3].kinematic_frame) = ([0, NONE], [NONE, 1]);
     for (k, frame) in flow.frames.iter_mut().enumerate() {
@@ -100,7 +100,7 @@ fn friction_of_soft_rigid_and_driven_skins() {
     flow.respond();
     // Tolerance of f32 positions and velocities after a dozen roundings.
     let close = Tolerance { abs: 1e-6, rel: 1e-5 };
-    let (mut rubbing, mut tool, mut driven) = (0, 0, 0);
+    let (mut rubbing, mut tool, mut kinematic) = (0, 0, 0);
     for (c, was) in frictionless.iter().enumerate() {
         let got: &Contact = &flow.contacts[c];
         let what = format!("contact {c}, side {}", got.side);
@@ -123,11 +123,11 @@ fn friction_of_soft_rigid_and_driven_skins() {
         expect_close(&what, &[got.friction], &[f64::from(flow.model.friction[0]) * force / speed], allowed);
         rubbing += usize::from(got.friction > 0.0);
         let pair = &flow.pairs[got.side as usize / 2];
-        driven += usize::from(pair.kinematic_frame != [NONE; 2]);
+        kinematic += usize::from(pair.kinematic_frame != [NONE; 2]);
         // Without friction these two are zero, and the rest is the same.
         assert_eq!((was.friction, was.slip), (0.0, [0.0; 3]));
         assert_eq!((was.normal, was.area, was.depth, was.quads), (got.normal, got.area, got.depth, got.quads));
     }
-    println!("{rubbing} rub, {tool} on the tool, {driven} on driven frames");
-    assert!(rubbing > 40 && rubbing < frictionless.len() && tool > 20 && driven > 20);
+    println!("{rubbing} rub, {tool} on the tool, {kinematic} on kinematic frames");
+    assert!(rubbing > 40 && rubbing < frictionless.len() && tool > 20 && kinematic > 20);
 }

@@ -179,7 +179,7 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
 }
 
 #[test]
-fn a_driven_core_is_taken_along_and_others_stay() {
+fn a_kinematic_core_is_taken_along_and_others_stay() {
     let context = context();
     let driven = BLOCK.replace("motion = \"fixed\"", "motion = \"driven\"\nkeys = [[0.0, 0.0, 0.0, 0.0]]");
     let simulation = simulation(context, &driven);

@@ -62,11 +62,11 @@ pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
 /// Makes the haptic device that a scene asks for.
 pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
     let haptics = &scene.haptics;
-    let drive = Trajectory::new(&scene.trajectory, start);
+    let trajectory = Trajectory::new(&scene.trajectory, start);
     Ok(match haptics.device {
-        DeviceKind::Scripted => Box::new(Scripted::new(drive, profile_of(scene, "scripted"), 1.0 / haptics.rate)),
+        DeviceKind::Scripted => Box::new(Scripted::new(trajectory, profile_of(scene, "scripted"), 1.0 / haptics.rate)),
         DeviceKind::Hand => {
-            let hand = Hand::new(haptics.hand, drive, profile_of(scene, "premium"));
+            let hand = Hand::new(haptics.hand, trajectory, profile_of(scene, "premium"));
             Box::new(hand.map_err(|problem| Error::key(&scene.file, "haptics.hand", problem, "correct it"))?)
         }
         DeviceKind::Replay => {

@@ -9,7 +9,7 @@ use palpate::scene::Profile;
 /// A device whose pose is a given function of time.
 #[derive(Debug, Clone)]
 pub struct Scripted {
-    drive: Trajectory,
+    trajectory: Trajectory,
     profile: Profile,
     tick: f64,
 }
@@ -17,8 +17,8 @@ pub struct Scripted {
 impl Scripted {
     /// A device that follows the trajectory `drive`, with the limits of `profile`. `tick` is the time between readings,
     /// s; a reading's velocity is the mean over the tick before it.
-    pub fn new(drive: Trajectory, profile: Profile, tick: f64) -> Scripted {
-        Scripted { drive, profile, tick }
+    pub fn new(trajectory: Trajectory, profile: Profile, tick: f64) -> Scripted {
+        Scripted { trajectory, profile, tick }
     }
 }
 
@@ -32,7 +32,7 @@ impl Device for Scripted {
     }
 
     fn read(&mut self, time: f64) -> Result<Reading, Fault> {
-        let mut state = self.drive.device(time, self.tick);
+        let mut state = self.trajectory.device(time, self.tick);
         if !self.profile.senses_rotation {
             (state.orientation, state.angular_velocity) = (DQuat::IDENTITY, DVec3::ZERO);
         }
@@ -60,13 +60,13 @@ mod tests {
     #[test]
     fn readings_are_the_drive_with_the_last_ticks_twist() {
         for profile in PROFILES {
-            let drive = Trajectory::new(&[key(1.0, 0.0, 0.0), key(3.0, 4.0, 1.0)], key(0.0, 0.0, 0.0));
-            let mut device = Scripted::new(drive.clone(), profile.clone(), 1e-3);
+            let trajectory = Trajectory::new(&[key(1.0, 0.0, 0.0), key(3.0, 4.0, 1.0)], key(0.0, 0.0, 0.0));
+            let mut device = Scripted::new(trajectory.clone(), profile.clone(), 1e-3);
             assert_eq!(device.profile(), &profile);
             device.open().unwrap();
             for time in [0.0, 1.0, 1.0005, 2.0, 2.9, 3.0005, 7.0] {
                 let reading = device.read(time).unwrap();
-                let expected = drive.device(time, 1e-3);
+                let expected = trajectory.device(time, 1e-3);
                 assert_eq!((reading.time, reading.buttons), (time, 0));
                 assert_eq!((reading.state.position, reading.state.velocity), (expected.position, expected.velocity));
                 let turned = if profile.senses_rotation {

@@ -120,10 +120,10 @@ impl Case {
         let heights = [ABOVE, ABOVE, -depth, -depth, ABOVE];
         let key = |(time, y): (f64, f64)| Key { time, position: DVec3::Y * y, orientation: DQuat::IDENTITY };
         let keys: Vec<Key> = ends.into_iter().zip(heights).map(key).collect();
-        let drive = Trajectory::new(&keys, keys[0]);
+        let trajectory = Trajectory::new(&keys, keys[0]);
         let mut device: Box<dyn Device> = match self.is_scripted {
-            true => Box::new(Scripted::new(drive, profile.clone(), PERIOD)),
-            false => Box::new(Hand::new(HandParameters::default(), drive, profile.clone()).unwrap()),
+            true => Box::new(Scripted::new(trajectory, profile.clone(), PERIOD)),
+            false => Box::new(Hand::new(HandParameters::default(), trajectory, profile.clone()).unwrap()),
         };
         device.open().unwrap();
         let mut cushion = Cushion {
@@ -332,7 +332,7 @@ fn repeated_stalls_lend_no_more_than_one() {
 }
 
 #[test]
-fn a_driven_body_that_pushes_gives_a_tenth_of_a_watt() {
+fn a_kinematic_body_that_pushes_gives_a_tenth_of_a_watt() {
     let push: fn(f64) -> f64 = |t| 0.02 * (t - 2.0).clamp(0.0, 1.0);
     for (profile, is_scripted) in PROFILES.into_iter().flat_map(|name| [(name, false), (name, true)]) {
         let case = Case { profile, is_scripted, far_end: push, stiffness: 2000.0, speed: 0.05, hold: 4.0, ..SLOW };

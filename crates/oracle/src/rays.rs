@@ -25,7 +25,7 @@ pub struct Rays<'a> {
     triangles: &'a [[u32; 3]],
     /// Vertices projected to the plane.
     flat: Vec<DVec2>,
-    cells: Bins,
+    cells: Cells,
 }
 
 impl<'a> Rays<'a> {
@@ -40,7 +40,7 @@ impl<'a> Rays<'a> {
                 [a.min(b).min(c), a.max(b).max(c)]
             })
             .collect();
-        Rays { plane, positions, triangles, flat, cells: Bins::new(&boxes) }
+        Rays { plane, positions, triangles, flat, cells: Cells::new(&boxes) }
     }
 
     /// First hit of the ray from `x` along -`normal`.
@@ -68,7 +68,7 @@ impl<'a> Rays<'a> {
 pub struct Outline {
     plane: Plane,
     edges: Vec<[DVec2; 2]>,
-    cells: Bins,
+    cells: Cells,
     within: f64,
 }
 
@@ -89,7 +89,7 @@ impl Outline {
         let ends = |uses: &[(u32, u32, bool)]| [uses[0].0, uses[0].1].map(|v| plane.project(positions[v as usize]));
         let edges: Vec<[DVec2; 2]> = uses.chunk_by(|e, f| (e.0, e.1) == (f.0, f.1)).filter(jumps).map(ends).collect();
         let boxes: Vec<_> = edges.iter().map(|[a, b]| [a.min(*b) - within, a.max(*b) + within]).collect();
-        Outline { plane, edges, cells: Bins::new(&boxes), within }
+        Outline { plane, edges, cells: Cells::new(&boxes), within }
     }
 
     /// Whether the line through `x` along the normal passes an outline within that distance.
@@ -122,7 +122,7 @@ impl Plane {
 }
 
 /// A grid whose cells list the boxes that overlap them.
-struct Bins {
+struct Cells {
     low: DVec2,
     cell: f64,
     size: [usize; 2],
@@ -131,12 +131,12 @@ struct Bins {
     members: Vec<u32>,
 }
 
-impl Bins {
+impl Cells {
     /// Has about one cell a box, but never more than 1024 cells a side, for slender outlines.
     fn new(boxes: &[[DVec2; 2]]) -> Self {
         let low = boxes.iter().fold(DVec2::INFINITY, |low, b| low.min(b[0]));
         let high = boxes.iter().fold(DVec2::NEG_INFINITY, |high, b| high.max(b[1]));
-        let mut cells = Bins { low: DVec2::ZERO, cell: 1.0, size: [1, 1], starts: vec![0, 0], members: vec![] };
+        let mut cells = Cells { low: DVec2::ZERO, cell: 1.0, size: [1, 1], starts: vec![0, 0], members: vec![] };
         if boxes.is_empty() {
             return cells;
         }

@@ -61,7 +61,7 @@ pub struct Simulation {
     /// Joints between the cores.
     pub joints: Vec<Joint>,
     /// The core that the haptic device holds, if any.
-    pub held: Option<CoupledCore>,
+    pub coupled: Option<CoupledCore>,
     /// Friction of all contacts, if there is any.
     pub friction: Option<Friction>,
     /// Newton iterations of a step.
@@ -139,7 +139,7 @@ impl Simulation {
             active: active[j],
         };
         let contacts: Vec<_> = (0..contacts.len()).map(resolve).collect();
-        let wrench = match (&self.tool, &self.held) {
+        let wrench = match (&self.tool, &self.coupled) {
             (Some(tool), _) => wrench::on_tool(&contacts, tool.centre),
             (None, Some(held)) => wrench::on_core(&contacts, &self.cores[held.core]),
             (None, None) => Wrench::default(),
@@ -209,7 +209,7 @@ impl Simulation {
         for joint in &self.joints {
             joint.add_terms(&self.cores, &unknowns.cores, &mut a, &mut b, self.dt);
         }
-        if let (Some(held), Some(device)) = (&self.held, device) {
+        if let (Some(held), Some(device)) = (&self.coupled, device) {
             held.add_terms(&self.cores[held.core], &mut a, &mut b, unknowns.cores[held.core], self.dt, device);
         }
         if let Some(tool) = &self.tool {
@@ -321,7 +321,7 @@ impl Simulation {
             }
         }
         self.joints.iter_mut().for_each(|joint| joint.advance(&self.cores, self.dt));
-        if let Some(held) = &mut self.held {
+        if let Some(held) = &mut self.coupled {
             held.turn(self.dt, &self.cores[held.core]);
         }
         if let Some(tool) = &mut self.tool {

@@ -33,12 +33,17 @@ pub fn on_core(contacts: &[Resolved], core: &Core) -> Wrench {
     sum(contacts, core.centre, |carrier| matches!(carrier, Carrier::Nodes(own, _) if Some(*own) == body), true)
 }
 
-fn sum(contacts: &[Resolved], centre: DVec3, is_held: impl Fn(&Carrier) -> bool, friction_at_own: bool) -> Wrench {
+fn sum(
+    contacts: &[Resolved],
+    centre: DVec3,
+    wants_stiffness: impl Fn(&Carrier) -> bool,
+    friction_at_own: bool,
+) -> Wrench {
     let mut sum = Wrench::default();
     for resolved in contacts.iter().filter(|r| r.active) {
         let contact = &resolved.contact;
-        let of_first = is_held(&contact.first.carrier);
-        let (point, other, direction) = match (of_first, is_held(&contact.second.carrier)) {
+        let of_first = wants_stiffness(&contact.first.carrier);
+        let (point, other, direction) = match (of_first, wants_stiffness(&contact.second.carrier)) {
             (true, _) => (&contact.first, &contact.second, -contact.normal),
             (_, true) => (&contact.second, &contact.first, contact.normal),
             _ => continue,

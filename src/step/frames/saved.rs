@@ -17,13 +17,13 @@ pub struct SavedFrame {
     /// Translation (m) and rotation vector (rad) from the frame to its fit; of floating frames.
     fit: [DVec3; 2],
     /// Reference trajectory; of driven frames.
-    drive: Option<Trajectory>,
+    trajectory: Option<Trajectory>,
 }
 
 impl SavedFrame {
     /// Whether its trajectory, if it has one, has a pose at any time.
     pub fn is_whole(&self) -> bool {
-        self.drive.as_ref().is_none_or(Trajectory::is_whole)
+        self.trajectory.as_ref().is_none_or(Trajectory::is_whole)
     }
 }
 
@@ -45,10 +45,10 @@ impl State {
         match &self.mover {
             Mover::Floating(f) => (twist, fit) = ([f.velocity, f.spin], [f.shift, f.turn]),
             Mover::Dynamic { velocity, spin, .. } => twist = [*velocity, *spin],
-            Mover::Kinematic(drive) => path = Some(drive.clone()),
+            Mover::Kinematic(trajectory) => path = Some(trajectory.clone()),
             Mover::Fixed | Mover::Tool => {}
         }
-        SavedFrame { start: self.start, end: self.end, twist, fit, drive: path }
+        SavedFrame { start: self.start, end: self.end, twist, fit, trajectory: path }
     }
 
     fn restore(&mut self, saved: &SavedFrame) {
@@ -56,9 +56,9 @@ impl State {
         match &mut self.mover {
             Mover::Floating(f) => ([f.velocity, f.spin], [f.shift, f.turn]) = (saved.twist, saved.fit),
             Mover::Dynamic { velocity, spin, .. } => [*velocity, *spin] = saved.twist,
-            Mover::Kinematic(drive) => {
-                if let Some(saved) = &saved.drive {
-                    drive.clone_from(saved);
+            Mover::Kinematic(trajectory) => {
+                if let Some(saved) = &saved.trajectory {
+                    trajectory.clone_from(saved);
                 }
             }
             Mover::Fixed | Mover::Tool => {}

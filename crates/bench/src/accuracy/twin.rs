@@ -55,7 +55,7 @@ pub fn reference(scene: &Scene, steps: usize, options: &Options) -> Result<Refer
     simulation.time_every(0)?;
     let mut twin = Twin::new(scene, &simulation)?;
     let start = Key { time: 0.0, position: DVec3::ZERO, orientation: glam::DQuat::IDENTITY };
-    let drive = Trajectory::new(&scene.trajectory, start);
+    let trajectory = Trajectory::new(&scene.trajectory, start);
     let mut forces = Vec::with_capacity(steps);
     for _ in 0..steps {
         let row = simulation.step()?;
@@ -64,7 +64,7 @@ pub fn reference(scene: &Scene, steps: usize, options: &Options) -> Result<Refer
             .first()
             .map_or(DVec3::ZERO, |contact_patch| DVec3::from(contact_patch.normal.map(f64::from)));
         let contacts = twin.contacts(normal.normalize_or_zero());
-        let device = drive.device(row.time, scene.step.dt);
+        let device = trajectory.device(row.time, scene.step.dt);
         let device = tool::Device {
             position: device.position,
             orientation: device.orientation,
