@@ -338,7 +338,8 @@ void open_contact_patch(Pair pair, uint r, uint first_patch) {
         for (uint p = lane; p < pair.proxy_count[side]; p += SIZE) {
             uint pair_proxy = begin + p;
             bool near = (proxy_patches[pair_proxy] & member) != 0;
-            vec3 box_low = boxes[2 * (pair_proxy * PAIR_PATCHES + r)], box_high = boxes[2 * (pair_proxy * PAIR_PATCHES + r) + 1];
+            uint box = 2 * (pair_proxy * PAIR_PATCHES + r);
+            vec3 box_low = boxes[box], box_high = boxes[box + 1];
             if (!near) hull_box(pair.first_proxy[side] + p, axes, false, box_low, box_high);
             bool within = touches && all(lessThanEqual(box_low.xy, column_high))
                 && all(greaterThanEqual(box_high.xy, column_low))
@@ -396,7 +397,9 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     Pair pair = pairs[gl_WorkGroupID.x];
     uint first_patch = gl_WorkGroupID.x * PAIR_PATCHES;
-    for (uint r = 0; r < PAIR_PATCHES; r++) before[r] = vec4(contact_patches[first_patch + r].normal, contact_patches[first_patch + r].weight);
+    for (uint r = 0; r < PAIR_PATCHES; r++) {
+        before[r] = vec4(contact_patches[first_patch + r].normal, contact_patches[first_patch + r].weight);
+    }
     barrier();
     if (pair.is_plane != 0) {
         patch_count = 1;

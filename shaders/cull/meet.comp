@@ -133,7 +133,8 @@ void list_all() {
             else mask &= ~(1u << r);
             work_item += 1;
         }
-        active_chunks[e] = ActiveChunk(found.x, low, 2 * pair_proxies[low].pair + pair_proxies[low].side, mask, first_work_item);
+        uint side = 2 * pair_proxies[low].pair + pair_proxies[low].side;
+        active_chunks[e] = ActiveChunk(found.x, low, side, mask, first_work_item);
     }
     // There are more work items than fit, or the driver ended the loop early.
     if (all.y > MAX_WORK_ITEMS || done != (used + SIZE - 1 - lane) / SIZE) atomicOr(counts.flags, FLAG_PATCH_OVERFLOW);

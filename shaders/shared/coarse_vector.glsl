@@ -18,7 +18,7 @@ void add_restriction(inout CoarseVector coarse_vector, vec3 v, vec3 at) {
 }
 
 // Prolongation: velocity that the modes give to a node at (x, y, z) = `at`, in the axes of c0 to c3.
-vec3 prolongation(CoarseVector coarse_vector, vec3 at) { return coarse_vector.c0 + coarse_vector.c1 * at.x + coarse_vector.c2 * at.y + coarse_vector.c3 * at.z; }
+vec3 prolongation(CoarseVector m, vec3 at) { return m.c0 + m.c1 * at.x + m.c2 * at.y + m.c3 * at.z; }
 
 vec4[3] packed(CoarseVector m) { return vec4[3](vec4(m.c0, m.c1.x), vec4(m.c1.yz, m.c2.xy), vec4(m.c2.z, m.c3)); }
 
@@ -28,4 +28,6 @@ CoarseVector to_frame(CoarseVector m, vec4 q) {
     return CoarseVector(rotate_back(q, m.c0), rotate_back(q, m.c1), rotate_back(q, m.c2), rotate_back(q, m.c3));
 }
 
-CoarseVector to_world(CoarseVector m, vec4 q) { return CoarseVector(rotate(q, m.c0), rotate(q, m.c1), rotate(q, m.c2), rotate(q, m.c3)); }
+CoarseVector to_world(CoarseVector m, vec4 q) {
+    return CoarseVector(rotate(q, m.c0), rotate(q, m.c1), rotate(q, m.c2), rotate(q, m.c3));
+}

@@ -39,7 +39,8 @@ void box_cells(ContactPatch contact_patch, uint side, uint triangle, out vec3 co
 
 // Corners and hash cells of a triangle; false where no cell can hold a vertex whose ray meets it.
 bool covered_cells(
-    ContactPatch contact_patch, uint patch_index, uint side, uint triangle, out vec3 corners[3], out ivec2 first, out ivec2 last) {
+    ContactPatch contact_patch, uint patch_index, uint side, uint triangle, out vec3 corners[3], out ivec2 first,
+    out ivec2 last) {
     vec2 least, greatest;
     box_of(contact_patch, triangle, corners, least, greatest);
     first = cell_of(contact_patch, 1 - side, least);

@@ -17,7 +17,9 @@ uint depth_key(uint side, float height) { return side == 0 ? height_key(height) 
 // First cell of a side's grid.
 uint grid_first(uint contact_patch, uint side) { return (2 * contact_patch + side) * GRID * GRID; }
 
-vec2 grid_cell_size(ContactPatch contact_patch) { return max(contact_patch.high - contact_patch.low, vec2(1.0e-12)) / float(GRID); }
+vec2 grid_cell_size(ContactPatch contact_patch) {
+    return max(contact_patch.high - contact_patch.low, vec2(1.0e-12)) / float(GRID);
+}
 
 // First cell (x, y) and last cell (z, w) that a box in the patch's plane covers.
 uvec4 grid_cells(ContactPatch contact_patch, vec2 low, vec2 high) {
@@ -37,7 +39,8 @@ struct Slab {
 // Bound on the height of a chunk in a cell: the greatest for a chunk of a, the least for one of b.
 float slab_height(ContactPatch contact_patch, Slab slab, uint side, uvec2 grid_cell) {
     vec2 size = grid_cell_size(contact_patch);
-    vec2 low = max(contact_patch.low + vec2(grid_cell) * size, slab.low), high = min(contact_patch.low + vec2(grid_cell + 1) * size, slab.high);
+    vec2 low = max(contact_patch.low + vec2(grid_cell) * size, slab.low);
+    vec2 high = min(contact_patch.low + vec2(grid_cell + 1) * size, slab.high);
     // The margin covers the rounding of the cells' borders.
     low -= 1.0e-3 * size;
     high += 1.0e-3 * size;

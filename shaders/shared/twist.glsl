@@ -1,15 +1,18 @@
 // Six rows of a rigid body from the sums over the modes of its blocks of nodes. Needs shared/rotation.glsl.
 
-// twist_of_<modes>(first, count, turn) sums the modes of `count` blocks from place `first` on in the array <modes>, and
+// twist_of_<array>(first, count, turn) sums the modes of `count` blocks from place `first` on in the buffer <array>, and
 // turns the six numbers (linear, angular) into world axes by the body's rotation `turn`.
-#define TWIST_OF(coarse_vector) \
-    float[6] twist_of_##coarse_vector(uint first, uint count, vec4 turn) { \
+#define TWIST_OF(array) \
+    float[6] twist_of_##array(uint first, uint count, vec4 turn) { \
         vec3 linear = vec3(0.0), angular = vec3(0.0); \
-        for (uint b = first; b < first + count; b++) add_restriction(linear, angular, fetch(coarse_vector, 3 * b), fetch(coarse_vector, 3 * b + 1)); \
+        for (uint b = first; b < first + count; b++) { \
+            add_modes(linear, angular, fetch(array, 3 * b), fetch(array, 3 * b + 1)); \
+        } \
         return turned_twist(linear, angular, turn); \
     }
 
-void add_restriction(inout vec3 linear, inout vec3 angular, vec4 low, vec4 high) {
+// Adds the first two modes of a block, from the first two of its texels.
+void add_modes(inout vec3 linear, inout vec3 angular, vec4 low, vec4 high) {
     linear += low.xyz;
     angular += vec3(low.w, high.xy);
 }

@@ -153,7 +153,8 @@ vec4[3] coarse_correction(uint b, Scalars scalars) {
 // Updates x, r, p and s of a core or of the tool, and returns its new residual. One invocation runs it.
 void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float residual[6]) {
     bool is_tool = ROLE == TOOL_ROWS;
-    float rows[6] = twist_of_restricted_product(is_tool ? BLOCKS : rigids[index].first_coarse_index, is_tool ? 1 : rigids[index].block_count, turn);
+    float rows[6] = twist_of_restricted_product(
+        is_tool ? BLOCKS : rigids[index].first_coarse_index, is_tool ? 1 : rigids[index].block_count, turn);
     RigidIterate now = iterates[set * RIGIDS + index];
     for (int k = 0; k < 6; k++) {
         now.p[k] = now.u[k] + scalars.beta * now.p[k];
@@ -205,7 +206,8 @@ void update_attached(uint b, Block block, vec4 turn, CoarseVector coarse_vector,
         for (int i = 0; i < 6; i++) group_residuals[6 * k + i] = residual[i];
     }
     barrier();
-    float coarse[6] = float[6](coarse_vector.c0.x, coarse_vector.c0.y, coarse_vector.c0.z, coarse_vector.c1.x, coarse_vector.c1.y, coarse_vector.c1.z);
+    vec3 c0 = coarse_vector.c0, c1 = coarse_vector.c1;
+    float coarse[6] = float[6](c0.x, c0.y, c0.z, c1.x, c1.y, c1.z);
     for (uint i = gl_LocalInvocationID.x; i < 6; i += SIZE) {
         float sum = 0.0;
         uint row = inverse_row(block.rigid, i);
