@@ -1,8 +1,9 @@
-//! The crate's one error type. Every variant says what went wrong, where, and what to do about it.
+//! The error type of the whole crate. Its messages name what went wrong and where, and what the user can do about it.
 
 use std::path::{Path, PathBuf};
 
-/// What can go wrong; the variants differ in who can mend it: the user's input, the machine, or the simulation.
+/// What can go wrong: the user's input or output (`Input`, `Key`, `Usage`, `Output`), the machine (`NoDevice`,
+/// `Vulkan`, `Memory`), or the simulation (`Simulation`, `Cancelled`).
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file the user named is missing, unreadable or malformed.
@@ -10,7 +11,7 @@ pub enum Error {
     Input {
         /// The file.
         file: PathBuf,
-        /// One-based line, where there is one.
+        /// Number of the faulty line, from 1; `None` where the error is not in a single line.
         line: Option<usize>,
         /// What is wrong.
         problem: String,
@@ -29,7 +30,8 @@ pub enum Error {
         /// What the user can do.
         remedy: String,
     },
-    /// The command line or a call asks for something that does not exist or cannot be done; the message has the remedy.
+    /// The command line or a call asks for something that does not exist or cannot be done; the message includes the
+    /// remedy.
     #[error("{0}")]
     Usage(String),
     /// A file could not be written.
@@ -37,7 +39,7 @@ pub enum Error {
     Output {
         /// The file or directory.
         file: PathBuf,
-        /// The system's reason.
+        /// The error that the operating system returned.
         source: std::io::Error,
     },
     /// No Vulkan device can run palpate.
@@ -53,15 +55,15 @@ pub enum Error {
         /// The VkResult, as text.
         result: String,
     },
-    /// The GPU's memory, or the largest array it allows, is too small for what was asked; the message has the remedy.
+    /// The GPU's memory, or the largest array it allows, is too small for the scene; the message includes the remedy.
     #[error(
-        "{0}; leave out bodies, make layers coarser (layer.cell) or skins smaller, or use a device with more memory"
+        "{0}; leave out bodies, use coarser layers (a larger layer.cell) or smaller skins, or a device with more memory"
     )]
     Memory(String),
     /// The simulation cannot go on.
     #[error("{0}")]
     Simulation(String),
-    /// The caller's progress callback ended the work; the message says where.
+    /// The caller's progress callback cancelled the work; the message names the stage that was reached.
     #[error("{0}")]
     Cancelled(String),
 }
@@ -80,8 +82,8 @@ impl Error {
         Error::Key { file: file.into(), key: key.into(), problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// The program's exit status: 2 bad input or output, 3 no usable GPU, 4 the simulation (or the GPU under it) failed
-    /// or was cancelled.
+    /// Exit status of a program that ends with this error: 2 for bad input or output, 3 for no usable GPU, 4 for a
+    /// simulation that failed (or whose GPU failed) or was cancelled.
     pub fn exit_status(&self) -> u8 {
         match self {
             Error::Input { .. } | Error::Key { .. } | Error::Usage(_) | Error::Output { .. } => 2,

@@ -1,5 +1,6 @@
-//! The step plan: which stages of the step a scene needs, and why the others are left out. It is written to
-//! `summary.json`, and pass by pass by `palpate run --explain`.
+//! The step plan: which stages of the step a scene needs, and why the others are left out. A run writes it to
+//! `summary.json`; `palpate run --explain` prints it with every pass. The depth stage, which finds where rays from skin
+//! vertices hit the other body, has two implementations (paths): graphics and compute.
 
 mod explanation;
 mod features;
@@ -14,10 +15,10 @@ pub use explanation::{Array, Explanation, KernelUse, StageUse};
 pub use features::Feature;
 pub(crate) use kernels::{stage_of, why_not};
 
-/// All ten stages of the step.
+/// The ten stages of the step, needed by the scene or not.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Plan {
-    /// One entry per stage.
+    /// One entry per stage: whether it is recorded, and why.
     pub entries: Vec<StageNeed>,
     /// Which path the depth stage takes (graphics or compute) and why; `None` where the stage is left out.
     pub depth: Option<String>,
@@ -29,8 +30,8 @@ impl Plan {
         Plan { entries: stages::needs(scene, model, depth.clone()), depth }
     }
 
-    /// Every feature that a scene can have, and whether this one uses it. `bodies`: the prepared bodies without the
-    /// tool; `timed_every`: one step in so many is timed by timestamps, 0: none.
+    /// Every feature that a scene can have, and whether this scene uses it. `bodies`: the prepared bodies without the
+    /// tool; `timed_every`: one step in this many is timed by timestamps; 0: no step is.
     pub fn features(&self, scene: &Scene, model: &Model, bodies: &[Body], timed_every: u64) -> Vec<Feature> {
         features::features(&features::Known { scene, model, bodies, depth: self.depth.as_deref(), timed_every })
     }

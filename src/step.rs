@@ -1,7 +1,8 @@
-//! The step of a simulation: the pose of the haptic device goes in, the contact wrench on the tool comes out. The order
-//! of the stages is in `algorithm.rs`; this file has what a user of a [`Simulation`] sees. In a haptic session a loop
-//! in another thread moves the tool a thousand times a second, and steps follow one another as fast as they are
-//! computed.
+//! The step of a simulation: its input is the pose of the haptic device, its output the contact wrench on the tool. The
+//! order of the stages is in `algorithm.rs`; this file has what a user of a [`Simulation`] sees. Outside a haptic loop
+//! the device follows the scene's keys or poses that the caller gives. A haptic loop runs in another thread and moves
+//! the tool a thousand times a second, while steps follow one another as fast as they are computed. A core is a rigid
+//! body inside a soft one, to which nodes are attached; a skin is the surface mesh of a body.
 
 mod algorithm;
 mod change;
@@ -53,10 +54,10 @@ use stage_set::Stages;
 use tool::Tool;
 use trajectory::Trajectory;
 
-/// How often a failed step may be halved; the last attempts are eighths of it.
+/// How often a failed step may be halved; the shortest attempts are eighths of the step.
 const MOST_HALVINGS: u32 = 3;
-/// One step in this many is timed, unless [`Simulation::time_every`] says otherwise: timestamps split the GPU's work
-/// and cost up to a millisecond on some drivers.
+/// One step in this many is timed, unless [`Simulation::time_every`] sets another number: timestamps split the GPU's
+/// work and cost up to a millisecond on some drivers.
 pub const TIMED_EVERY: u64 = 8;
 
 /// A scene that is being simulated.
@@ -69,7 +70,7 @@ pub struct Simulation {
     model: Model,
     stages: Stages,
     plain: Recordings,
-    /// Recordings with timestamps: one set timed stage by stage, one with the query's stages timed as one.
+    /// Recordings with timestamps: one set timed stage by stage, one with the stages from pose to contact timed as one.
     timed: Option<[Recordings; 2]>,
     tool: Option<Tool>,
     frames: Frames,
@@ -100,24 +101,26 @@ pub struct Simulation {
     step_origin: DVec3,
     /// Per body: the plane at which its tetrahedral mesh is cut open for display, where it is not the default one.
     cuts: BTreeMap<usize, Cut>,
-    /// The arrays that are displayed, made when somebody first asks for them.
+    /// The arrays that are displayed, made when they are first asked for.
     shown: Option<shown::Shown>,
 }
 
 impl Simulation {
-    /// One step of the scene's `dt`. The haptic device is where the scene's keys put it, or, after
-    /// [`Simulation::step_device_input`] has replaced the keys for good, stays where that had it.
+    /// Simulates one step of the scene's `dt`. The haptic device follows the scene's keys. [`Simulation::step_at`] and
+    /// [`Simulation::step_device_input`] replace the keys for good; after such a call the device stays at the pose that
+    /// the call gave it.
     pub fn step(&mut self) -> Result<StepReport> {
         let h = self.scene.step.dt;
         self.has_weight = true;
         self.step_to(self.next_end(h), h)
     }
 
-    /// A step of `h` seconds for the haptic loop: it starts from the loop's state of the tool and pulls towards the
-    /// loop's haptic device as it is now. Where contact pushed in the last step, the tool starts no further out along
-    /// the normal than that step left it. Where the device will be at the end is not known: extrapolating its motion,
-    /// at 50 steps a second, makes contact oscillate that is steady otherwise (README, "The hand"). A tool that is a
-    /// core of a soft body keeps the simulation's own state. The weight of the tool is compensated and not felt.
+    /// Simulates a step of `h` seconds for the haptic loop: it starts from the loop's state of the tool, and the
+    /// virtual coupling pulls the tool towards the loop's haptic device at its present pose. The pose of the device at
+    /// the end of the step is not known, and extrapolating its motion, at 50 steps a second, makes contact oscillate
+    /// that is steady otherwise (README, "The hand"). Where contact pushed the tool in the last step, the tool starts
+    /// no further out along the contact normal than that step left it. A tool that is a core of a soft body keeps the
+    /// simulation's own state. The weight of the tool is compensated and not felt.
     #[doc(hidden)]
     pub fn step_device_input(&mut self, input: &DeviceInput, h: f64) -> Result<StepReport> {
         let time = self.time + h;
@@ -130,8 +133,8 @@ impl Simulation {
         }
         if let (Some(tool), None) = (&mut self.tool, self.model.tool_core) {
             let RigidState { position, orientation, velocity, angular_velocity } = input.tool;
-            // The body is as the last step left it. With the tool further out, the step would begin without contact,
-            // since contact is found at its beginning, and the tool would fall into the body unopposed.
+            // The body is as the last step left it. Contact is found at the beginning of a step, so with the tool
+            // further out this step would have no contact, and the tool would move into the body unopposed.
             let normal = self.last_wrench.and_then(|wrench| wrench.normal()).unwrap_or_default();
             let out = normal.dot(position - tool.centre).max(0.0);
             (tool.centre, tool.orientation) = (position - out * normal, orientation);
@@ -154,8 +157,8 @@ impl Simulation {
         self.last_wrench.as_ref()
     }
 
-    /// A step of the scene's `dt` with the haptic device in this pose at its end, after uniform motion from where it
-    /// was.
+    /// Simulates a step of the scene's `dt` that ends with the haptic device in this pose, to which it moves uniformly
+    /// from where it was.
     pub fn step_at(&mut self, pose: Pose) -> Result<StepReport> {
         let h = self.scene.step.dt;
         let end = self.next_end(h);
@@ -169,7 +172,7 @@ impl Simulation {
         self.step += 1;
         let report = self.advance(time - h, h, MOST_HALVINGS)?;
         self.time = time;
-        // A frozen step leaves the forces of a solve that was not accepted.
+        // A frozen step, in which no attempt succeeded, leaves the forces of a solve that was not accepted.
         self.is_solved = !Flags(report.flags).contains(Flags::FROZEN);
         let device = self.trajectory.device(time, h);
         let probes = self.read_probes()?;
@@ -194,8 +197,8 @@ impl Simulation {
         self.model.pairs.iter().map(|pair| f64::from(pair.stiffness)).fold(0.0, f64::max)
     }
 
-    /// Sets the virtual coupling between tool and haptic device from now on. The haptic loop chooses its own; a caller
-    /// that goes on without the loop should give back the earlier one.
+    /// Sets the virtual coupling between tool and haptic device from now on. The haptic loop sets a coupling of its
+    /// own; a caller that continues without the loop should restore the earlier one.
     #[doc(hidden)]
     pub fn couple(&mut self, coupling: Option<Coupling>) {
         if let Some(tool) = &mut self.tool {
@@ -203,7 +206,7 @@ impl Simulation {
         }
     }
 
-    /// End of the next step of `h` seconds, s: a whole multiple of `h`, unless the loop has taken steps of other
+    /// End of the next step of `h` seconds, s: a whole multiple of `h`, unless the haptic loop has taken steps of other
     /// lengths.
     pub(super) fn next_end(&self, h: f64) -> f64 {
         if self.time == self.step as f64 * h { (self.step + 1) as f64 * h } else { self.time + h }
@@ -237,8 +240,8 @@ impl Simulation {
         self.path
     }
 
-    /// Times one step in `steps` from now on, alternately stage by stage and with the query's stages as one. With 0 no
-    /// step is timed, and the recordings with timestamps are dropped.
+    /// Times one step in `steps` from now on, alternately stage by stage and with the stages from pose to contact as
+    /// one. With 0 no step is timed, and the recordings with timestamps are dropped.
     pub fn time_every(&mut self, steps: u64) -> Result<()> {
         match steps {
             0 => self.timed = None,
@@ -250,7 +253,7 @@ impl Simulation {
     }
 
     /// Times of the stages in the last step, microseconds, where it was a timed one. In every second timed step the
-    /// query's stages are a single one, [`POSE_TO_CONTACT`](crate::stages::POSE_TO_CONTACT).
+    /// stages from pose to contact have a single time, [`POSE_TO_CONTACT`](crate::stages::POSE_TO_CONTACT).
     pub fn stage_times(&self) -> Option<&[(String, f64)]> {
         self.last_timed.as_deref()
     }
@@ -280,21 +283,22 @@ impl Simulation {
         &self.bodies
     }
 
-    /// For each body, and the tool's own: its name, what was found in its files and what was done about it.
+    /// For each body, and the tool's own: its name, and the report of what was found in its files and what was done
+    /// about it.
     #[doc(hidden)]
     pub fn reports(&self) -> impl Iterator<Item = (&str, &BodyReport)> {
         let bodies = self.bodies.iter().map(|body| (body.name.as_str(), &body.report));
         bodies.chain(self.tool_body.iter().map(|body| ("tool", &body.report)))
     }
 
-    /// The tool, if the scene has one; where it is a body of the scene, that body's core.
+    /// The tool, if the scene has one; where the tool is a body of the scene, that body's core.
     #[doc(hidden)]
     pub fn tool(&self) -> Option<&Tool> {
         self.tool.as_ref()
     }
 
-    /// Where the coordinate frames of a body are now: one per core, or a single one that floats or carries a rigid
-    /// skin; none for a half-space.
+    /// The current poses of a body's rigid coordinate frames: one per core, or a single one that floats or carries a
+    /// rigid skin; none for a half-space.
     #[doc(hidden)]
     pub fn frames(&self, body: usize) -> Vec<frames::Place> {
         let first = self.model.body_frames[body];
@@ -324,8 +328,8 @@ impl Simulation {
         Ok((touch.cull.contact_patches.read::<ContactPatch>()?, contacts))
     }
 
-    /// World position that f32 positions on the GPU are relative to: the tool's centre, or the first body's, since
-    /// contact needs precision there.
+    /// World position that f32 positions on the GPU are relative to: the tool's centre, where contact needs precision,
+    /// or without a tool the centre of the first body's frame.
     fn origin(&self) -> DVec3 {
         let first = self.model.frames.first().map_or(DVec3::ZERO, |_| self.frames.place(0).centre);
         self.tool.as_ref().map_or(first, |tool| tool.centre)

@@ -1,4 +1,5 @@
-//! Build script: links the libraries that shaderc needs besides its own archive, for all programs that use palpate.
+//! Build script: links the libraries that shaderc (compiler from GLSL to SPIR-V) needs besides its own archive, for all
+//! programs that use palpate.
 //!
 //! Debian and Ubuntu divide shaderc into archives that do not refer to each other: `libshaderc_combined.a` lacks
 //! glslang and SPIRV-Tools. They are merged into one archive here, which is linked as a whole.
@@ -35,7 +36,7 @@ fn main() -> ExitCode {
 }
 
 /// Links the missing libraries on Linux with the system's shaderc. On other systems, and where the user names a folder
-/// of shaderc or builds it from source, its archive is complete.
+/// of shaderc or builds it from source, shaderc's own archive is complete.
 fn link() -> Result<(), String> {
     let is_linux = env::var("CARGO_CFG_TARGET_OS").is_ok_and(|system| system == "linux");
     let is_given = env::var_os("SHADERC_LIB_DIR").is_some() || env::var_os("VULKAN_SDK").is_some();
@@ -60,9 +61,9 @@ fn link() -> Result<(), String> {
     Ok(())
 }
 
-/// Merges those of the libraries that exist in the folder `system` into one archive, and links it.
+/// Merges those of the libraries PARTS that exist in the folder `system` into one archive, and links it.
 fn merge(system: &Path) -> Result<(), String> {
-    let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo gives no OUT_DIR")?);
+    let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo did not set OUT_DIR")?);
     let merged = out.join("libpalpate_glslang.a");
     if merged.exists() {
         fs::remove_file(&merged).map_err(|error| format!("cannot replace {}: {error}", merged.display()))?;
@@ -75,7 +76,7 @@ fn merge(system: &Path) -> Result<(), String> {
     let failed = |why: String| format!("shaderc's archives cannot be merged by `ar -M`: {why}; run palpate's setup.sh");
     let mut ar =
         Command::new("ar").arg("-M").stdin(Stdio::piped()).spawn().map_err(|error| failed(error.to_string()))?;
-    let mut input = ar.stdin.take().ok_or("ar takes no input")?;
+    let mut input = ar.stdin.take().ok_or("cannot write to the standard input of `ar`")?;
     input.write_all(script.as_bytes()).map_err(|error| failed(error.to_string()))?;
     drop(input);
     let status = ar.wait().map_err(|error| failed(error.to_string()))?;

@@ -14,24 +14,25 @@ struct Buffer {
     content: String,
     /// The shader's comment on it, for documentation.
     comment: String,
-    /// "read", "written" or "read and written".
+    /// How the shader accesses it: "read", "written" or "read and written".
     access: &'static str,
-    /// Whether some choice of the specialization constants leaves it unused.
+    /// Whether some values of the specialization constants leave it unused.
     is_optional: bool,
 }
 
-/// The Rust text of one module a stage, with the arguments of its kernels and its own structs.
+/// The Rust text of one module for each stage (folder of shaders), with the arguments of its kernels and its own
+/// structs.
 pub fn modules(headers: &[String], shaders: &[Shader]) -> Result<String, String> {
     let mut stages: BTreeMap<&str, String> = BTreeMap::new();
     let mut structs: BTreeMap<&str, BTreeMap<String, String>> = BTreeMap::new();
-    // Vertex and fragment shader of a graphics pipeline share one struct of arguments.
+    // The vertex and fragment shader of a graphics pipeline share one struct of arguments.
     let mut pipelines: BTreeMap<&str, Vec<&Shader>> = BTreeMap::new();
     for shader in shaders {
         let pipeline = shader.name.strip_suffix(".vert").or(shader.name.strip_suffix(".frag"));
         let Some((stage, _)) = shader.name.split_once('/') else { continue };
         for (name, text) in structs::own(headers, shader)? {
             if *structs.entry(stage).or_default().entry(name.clone()).or_insert_with(|| text.clone()) != text {
-                return Err(format!("{stage} has two layouts of {name}"));
+                return Err(format!("two shaders of stage {stage} declare the struct {name} with different layouts"));
             }
         }
         match pipeline {
@@ -72,7 +73,7 @@ fn arguments(name: &str, prefix: &str, shaders: &[&Shader]) -> Result<String, St
         let types = Types::of(&shader.words)?;
         let own = types.push();
         if !push.is_empty() && !own.is_empty() && own != push {
-            return Err(format!("the stages of {name} differ in their push constants"));
+            return Err(format!("vertex and fragment shader of {name} declare different push constants"));
         }
         push = if push.is_empty() { own } else { push };
         let optional = specialise::optional(&shader.words)?;
@@ -91,7 +92,10 @@ fn arguments(name: &str, prefix: &str, shaders: &[&Shader]) -> Result<String, St
             match buffers.iter_mut().find(|other| other.name == own.name) {
                 None => buffers.push(own),
                 Some(other) if other.content != own.content => {
-                    return Err(format!("the stages of {name} differ in what {} holds", own.name));
+                    return Err(format!(
+                        "vertex and fragment shader of {name} declare buffer {} with different types",
+                        own.name
+                    ));
                 }
                 Some(other) => other.is_optional &= own.is_optional,
             }

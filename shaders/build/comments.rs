@@ -13,7 +13,7 @@ pub struct Constant {
     pub comment: String,
 }
 
-/// The constants of a header whose value is a number. Those whose value is an expression stay in the shaders.
+/// The constants of a header whose value is a number. Constants whose value is an expression get no Rust constant.
 pub fn constants(header: &str) -> Vec<Constant> {
     let constant = |line: &str| {
         let (declaration, comment) = split(line);

@@ -104,7 +104,7 @@ fn refresh(root: &Path, source: &Path, out: &Path) -> Result<(Shader, bool), Str
         }
         write(&made_of, now.as_bytes())?;
     }
-    let last = files.last().ok_or("a shader has no kind of arrays")?;
+    let last = files.last().ok_or_else(|| format!("internal error: {name} was not compiled"))?;
     let bytes = fs::read(last).map_err(|e| format!("cannot read {}: {e}", last.display()))?;
     let words = bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect();
     Ok((Shader { name, text, files, words }, is_new))

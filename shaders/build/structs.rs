@@ -100,7 +100,8 @@ impl Types {
         self.push.and_then(|id| self.members(id)).unwrap_or_default()
     }
 
-    /// Rust type of a buffer's contents: that of the only member of its block, or of the block.
+    /// Rust type of a buffer's contents: the type of its block's only member, or of the block if it has several
+    /// members.
     pub fn content(&self, variable: u32) -> String {
         let block = self.variables.get(&variable).copied().unwrap_or_default();
         let members = self.members(block).unwrap_or_default();
@@ -110,7 +111,7 @@ impl Types {
         }
     }
 
-    /// The structs within buffers, without the blocks that are the buffers themselves.
+    /// The structs that are members of buffers, without the blocks that are the buffers themselves.
     fn held(&self) -> impl Iterator<Item = (&str, Vec<Member>)> {
         let held = self.types.keys().filter(|id| !self.blocks.contains(id));
         held.filter_map(|id| Some((self.names.get(id)?.as_str(), self.members(*id)?)))
@@ -131,7 +132,10 @@ pub fn shared(headers: &[String], shaders: &[Shader]) -> Result<String, String> 
             if let Some(header) = headers.iter().find(|header| comments::defines(header, name)) {
                 let own = definition(header, name, &members);
                 if *known.entry(name.to_string()).or_insert_with(|| own.clone()) != own {
-                    return Err(format!("shader {} has another layout of {name} than others have", shader.name));
+                    return Err(format!(
+                        "shader {} declares {name} with a different layout than other shaders",
+                        shader.name
+                    ));
                 }
             }
         }

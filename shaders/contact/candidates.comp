@@ -5,22 +5,23 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
-// Contact, narrow phase: the penetration depth of every skin vertex in an active chunk (a group of at most 64 skin
-// vertices that passed culling) whose vertices gather contacts. One workgroup a chunk.
+// Contact, narrow phase: finds the penetration depth of skin vertices. One workgroup runs for each active chunk (a
+// group of at most 64 skin vertices that passed culling) whose vertices are tested for contact.
 //
-// Each contact patch (`ContactPatch`: an area where bodies a and b may touch, with a normal from a to b) that sees a vertex
-// shoots one ray from it along the normal, back through its own body, and the depth stage has listed the triangles of
-// the other body that the ray hits. The nearest hit decides: through the front of a triangle the vertex lies within the
-// other body, through the back it does not. The vertex becomes one contact, however many patches see it: with depths
-// d_r and shares w_r of the patches r, the patch of the greatest w_r / d_r^2 gives the triangle, and others enter depth
-// and normal from half of that value on, with full weight where they are equal, so that no other patch takes over with
-// a jump. A half-space needs no ray: depth = offset - N.x, N its normal. Only vertices that face the other body take
-// part; the contact's area is the rest area projected along the normal, halved where vertices of both bodies gather
-// contacts.
+// For each contact patch (`ContactPatch`: a column of space where bodies a and b may touch, with a normal from a to b)
+// that contains a vertex, one ray runs from the vertex along the normal, back through its own body, and the depth stage
+// has listed the triangles of the other body that the ray hits. The nearest hit decides: if the ray leaves the other
+// body there (front of a triangle), the vertex lies within that body, otherwise not. The vertex becomes one contact,
+// however many patches contain it. With depths d_r and shares w_r of the patches r, the patch of the greatest w_r /
+// d_r^2 gives the triangle. Other patches contribute to depth and normal from half of that value on, with full weight
+// where the values are equal, so that the contact does not jump when another patch becomes the strongest. A half-space
+// needs no ray: depth = offset - N.x, N its normal. Only vertices that face the other body take part; the contact's
+// area is the rest area projected along the normal, halved where vertices of both bodies are tested.
 //
-// Results lie at the vertex's place in its chunk, as a candidate. The last workgroup to finish lists all candidates
-// that collide, in an order that is the same on every device; where they exceed CAPACITY, deepest.comp lists them
-// instead, and a flag says so. Oracle: oracle::contact::ray_depths, oracle::regions::blend.
+// The result for a vertex, a candidate, is stored at the vertex's place in its chunk. The last workgroup to finish
+// lists all candidates that collide, in an order that is the same on every device; where they exceed CAPACITY,
+// contact/deepest lists them instead, and a flag reports it. The f64 references are oracle::contact::ray_depths and
+// oracle::contact_patches::blend.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -32,7 +33,7 @@ layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) coherent buffer CountsInOut { Counts counts; };
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, chunk_vertices);      // skin vertices of chunks, four a texel
+READ_ONLY(uvec4, chunk_vertices);      // skin vertices of chunks, four per texel
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 layout(scalar) readonly buffer Shares { float shares[]; };  // patch weights of each slot (a proxy in a pair)
@@ -41,7 +42,7 @@ READ_ONLY(vec4, skin);
 layout(scalar) readonly buffer FanFirst { uint fan_first[]; };     // first entry of each vertex in fans, then the end
 layout(scalar) readonly buffer Fans { uint fans[]; };              // triangles around each vertex
 layout(scalar) readonly buffer Areas { float areas[]; };          // rest area of each vertex, m^2
-READ_ONLY(uvec4, entry_hits);           // first hit on the ray of each vertex in a work item, four a texel
+READ_ONLY(uvec4, entry_hits);           // first hit on the ray of each vertex in a work item, four per texel
 READ_ONLY(uvec4, hits);               // triangle, next hit on the ray, bits of the depth, 2 * work item + (1: a front)
 layout(scalar) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // depth (m), two barycentrics, area (m^2)
 layout(scalar) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
@@ -50,7 +51,7 @@ layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; };  
 layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };  // active chunk and contact patch of each work item
 layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };         // candidate of each contact
 layout(scalar) writeonly buffer Args { uint args[]; };
-layout(scalar) coherent buffer ChunkContacts { uvec2 chunk_contacts[]; };   // a bit a vertex of each chunk: it collides
+layout(scalar) coherent buffer ChunkContacts { uvec2 chunk_contacts[]; };  // one bit per vertex: it collides
 
 // Unit outward normal of a skin vertex, from the area vectors of the triangles around it.
 vec3 outward_normal(uint vertex) {
@@ -67,8 +68,9 @@ vec3 outward_normal(uint vertex) {
 // A number above every index of a hit; shared/ray_hit.glsl explains why loops test against it.
 const uint ALL_HITS = 0x80000000u;
 
-// The nearest hit on a ray, and of equally near ones that of the lowest triangle: triangle, 2 * work item + (1: a
-// front), bits of the depth; NONE where there is no hit. `through`: the ray meets another layer within depth_limit.
+// The nearest hit on a ray, and of equally near hits that of the lowest triangle: triangle, 2 * work item + (1: a
+// front), bits of the depth; NONE where there is no hit. `through`: the ray also meets the back of a triangle within
+// depth_limit.
 uvec3 nearest_ray_hit(uint hash_entry, out bool through) {
     uvec3 best = uvec3(NONE, 0, 0);
     float depth = 3.0e38, back = 3.0e38;
@@ -110,7 +112,7 @@ shared uint colliding[2];
 shared uint totals[SIZE];
 shared bool is_last;
 
-// Lists the vertices of a chunk that have hits (`all`: every vertex), so that lanes work side by side on these alone.
+// Lists the vertices of a chunk that have hits (with `all` every vertex), so that all lanes work on listed vertices.
 void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
     uint lane = gl_LocalInvocationID.x;
     if (lane == 0) listed_count = colliding[0] = colliding[1] = 0;
@@ -185,7 +187,7 @@ void find_candidates() {
             normal += weight * contact_patches[(entry.side / 2) * PAIR_PATCHES + r].normal;
         }
         depth /= all;
-        // Where normals cancel, for a vertex between two opposite patches, no direction is right.
+        // Where normals cancel, for a vertex between two opposite patches, no contact normal can be chosen.
         if (dot(normal, normal) <= 1.0e-6 * all * all) {
             atomicOr(counts.flags, FLAG_NOT_HEIGHT_FIELD);
             continue;
@@ -199,7 +201,7 @@ void find_candidates() {
         if (folded) atomicOr(counts.flags, FLAG_NOT_HEIGHT_FIELD);
         if (depth > params.depth_limit) {
             atomicOr(counts.flags, FLAG_DEPTH_LIMIT);
-            // The shortest way out lies far off the ray, so that this depth would be felt as a blow.
+            // The shortest way out lies far off the ray, so this depth would give far too large a force.
             if (BLEND && facing < GRAZING) continue;
         }
         candidate_hits[at] = vec4(depth, hit.yz, area);

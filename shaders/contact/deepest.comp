@@ -5,8 +5,8 @@
 #include "shared/types.glsl"
 
 // Contact: lists the deepest candidates where more collide than there is room for (CAPACITY), in the order of
-// candidates. A candidate is a skin vertex at its place in an active chunk (contact/candidates). One workgroup; each
-// lane takes a contiguous run of candidates. Oracle: its test filters the list on the CPU.
+// candidates. A candidate is the result of contact/candidates for one skin vertex. There is one workgroup; each of its
+// lanes handles a contiguous range of candidates. The test compares with a list filtered on the CPU.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -36,7 +36,7 @@ uint deeper(uint i, float least) {
         + uint(depth_of(i + 3) > least);
 }
 
-// Number of candidates deeper than `least` before this lane's run, and in all.
+// Number of candidates deeper than `least`, before this lane's range (x) and in total (y).
 uvec2 count_deeper(float least) {
     uint lane = gl_LocalInvocationID.x;
     uint found = 0;
@@ -64,7 +64,8 @@ void count_digits(uint i, uint prefix, uint shift) {
     count_digit(i + 3, prefix, shift);
 }
 
-// The greatest depth at which not all candidates fit, found digit by digit of its bits, as in a radix sort.
+// The greatest depth at which not all candidates as deep fit any more, found digit by digit of its bits, as in a radix
+// sort.
 float first_beyond_capacity() {
     uint lane = gl_LocalInvocationID.x;
     uint prefix = 0, above = 0;
@@ -91,7 +92,7 @@ uint equal(uint i, float least) {
         + uint(depth_of(i + 3) == least);
 }
 
-// Number of candidates exactly as deep as `least` before this lane's run.
+// Number of candidates exactly as deep as `least` before this lane's range.
 uint count_equal(float least) {
     uint lane = gl_LocalInvocationID.x;
     uint found = 0;
@@ -106,7 +107,8 @@ uint count_equal(float least) {
     return before;
 }
 
-// Lists a candidate if it is deeper than `least`, or as deep and there is still room. `ties` counts equals.
+// Lists a candidate if it is deeper than `least`, or equally deep and there is room. `ties` counts the equally deep
+// ones.
 void list_one(inout uint at, inout uint ties, uint i, float least, uint room) {
     float depth = depth_of(i);
     if (depth > least || (depth == least && ties < room)) contact_source[at++] = i;

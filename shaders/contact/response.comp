@@ -6,17 +6,19 @@
 #include "shared/args.glsl"
 #include "shared/contact_law.glsl"
 
-// Contact: for each colliding vertex the record that the solver reads. A contact's relative velocity along its normal n
-// is J v = n.(v(s1) - v(s2)), with s1 and s2 its points on bodies a and b. J is kept as at most sixteen weighted nodes
-// (a skin vertex hangs on four nodes; the opposing point lies in a triangle, whose corners hang on four to twelve) and
-// the tool's twist. It also writes J v and the friction coefficient at the start (shared/contact_law.glsl).
+// Contact: writes for each colliding vertex the record that the solver reads. A contact's relative velocity along its
+// normal n is J v = n.(v(s1) - v(s2)), with s1 and s2 its points on bodies a and b. The Jacobian J is kept as at most
+// sixteen weighted nodes (a skin vertex is embedded with four nodes; the opposing point lies in a triangle, whose
+// corners are embedded with four to twelve nodes) and the tool's twist. The kernel also writes J v and the friction
+// coefficient at the start of the step (shared/contact_law.glsl).
 //
-// Each entry (node, weight) of a contact goes onto one of its node's lists, from which sort.comp makes the transposed
-// index from nodes to contacts. One invocation a contact. Oracle: oracle::contact::gather; its test walks the lists.
+// Each entry (node, weight) of a contact goes onto one of its node's lists, from which contact/sort makes the
+// transposed index from nodes to contacts. One invocation runs for each contact. The f64 reference is
+// oracle::contact::gather; the test also follows the lists. A frame is a rigid coordinate frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const bool FRICTION = false;
-layout(constant_id = 4) const bool TOOL = true;  // rigid tool exists; else tool_sign marks a soft body the device holds
+layout(constant_id = 4) const bool TOOL = true;  // true: a rigid tool exists; else the device holds a soft body
 layout(constant_id = 3) const uint LISTS = 8;    // lists of a node, as many as a workgroup of sort.comp has lanes
 
 layout(scalar) readonly buffer Params { StepParams params; };
@@ -36,7 +38,7 @@ layout(scalar) writeonly buffer Contacts { Contact contacts[]; };
 layout(scalar) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };      // four quads (groups of four nodes) a contact
 layout(scalar) writeonly buffer EntryWeights { vec4 entry_weights[]; };
 layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };        // lists in use of each node, zero at first
-layout(scalar) buffer NodeLists { uint node_lists[]; };  // LISTS heads a node: the last entry put on each list, or NONE
+layout(scalar) buffer NodeLists { uint node_lists[]; };  // LISTS heads per node: last entry put on each, or NONE
 layout(scalar) writeonly buffer NextEntries { uint next_entries[]; };     // the entry after each in its list
 layout(scalar) writeonly buffer TouchedNodes { uint touched_nodes[]; };   // every node with entries
 layout(scalar) buffer Args { uint args[]; };
@@ -45,8 +47,8 @@ uint quads = 0;
 uvec4 nodes[4];
 vec4 weights[4];
 
-// Adds a skin vertex's four nodes with their weights times `share`; there are none where it belongs to a rigid body.
-// Corners of a triangle that lie in one tetrahedron, as most do, share a quad.
+// Adds a skin vertex's four nodes with their weights times `share`; a vertex of a rigid body has none. Corners of a
+// triangle that lie in one tetrahedron, as most do, share a quad (group of four nodes).
 void add(uint vertex, float share) {
     uvec4 own = fetch(skin_nodes, vertex);
     if (own.x == NONE) return;
@@ -62,7 +64,7 @@ void add(uint vertex, float share) {
     quads += 1;
 }
 
-// Puts an entry of contact c onto a list of its node; each list takes the entries of every LISTS-th contact.
+// Puts an entry of contact c onto a list of its node; each list gets the entries of every LISTS-th contact.
 void list(uint entry, uint node, uint c) {
     uint before = atomicExchange(node_lists[node * LISTS + c % LISTS], entry);
     next_entries[entry] = before;
@@ -100,7 +102,7 @@ void main() {
     }
     // The point where the contact acts on a rigid body. For the normal force s1 and s2 do equally well, since both are
     // on one line along n. Friction acts on a rigid body at the other body's point, so that both forces of a contact
-    // act at one point; on a held soft body it acts at that body's own point.
+    // act at one point. On a soft body that the device holds, it acts at that body's own point.
     vec3 at = fetch(skin, vertex).xyz;
     if (FRICTION) {
         float rigid = TOOL ? pair.tool_sign : -pair.tool_sign;

@@ -3,18 +3,19 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
 
-// Contact: sorts each node's entries (a contact and its weight on the node), which response.comp put on lists, so that
-// sums over them have a fixed order. A window of entries is marked in a bitmask in shared memory, one bit an entry, and
-// the set bits are written in ascending order. Where a node's run of entries begins depends on the order of the
-// workgroups; its contents do not. The node's lists and their count are cleared for the next step. One workgroup a
-// touched node, one lane a list. Oracle: its test sorts the index on the CPU.
+// Contact: sorts the entries of each node (an entry is a contact and its weight on the node), which contact/response
+// put on lists, so that sums over them have a fixed order. A window of entries is marked in a bitmask in shared memory,
+// one bit for each entry, and the set bits are written in ascending order. Where a node's range of entries begins
+// depends on the order in which workgroups run; the contents of the range do not. The node's lists and their count are
+// cleared for the next step. One workgroup runs for each node with contacts, one lane for each list. The test compares
+// with an index sorted on the CPU.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
 layout(scalar) readonly buffer TouchedNodes { uint touched_nodes[]; };
 layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };      // lists in use of each node
-layout(scalar) buffer NodeLists { uint node_lists[]; };            // head of each list, SIZE a node; see response.comp
+layout(scalar) buffer NodeLists { uint node_lists[]; };  // head of each list, SIZE per node; see response.comp
 layout(scalar) readonly buffer NextEntries { uint next_entries[]; };    // the entry after each in its list
 layout(scalar) readonly buffer EntryWeights { float entry_weights[]; };
 layout(scalar) buffer CountsInOut { Counts counts; };

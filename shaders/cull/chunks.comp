@@ -6,15 +6,16 @@
 #include "shared/rotation.glsl"
 #include "shared/depth_grid.glsl"
 
-// Cull, broad phase: tests the chunks (groups of at most 64 skin vertices) of an active slot (a collision proxy in a
-// pair of bodies a and b) against the opposing slots, along the axes of each of its contact patches (`ContactPatch`). With
-// frame rotation R, embedding weights w_i, rest positions r_i and displacements d_i of nodes, a skin vertex is at
-// x = c + R sum w_i (r_i + d_i). So a chunk's skin lies in its rest box, moved by the middle of its nodes'
-// displacements and grown by (sum |w|) times half their spread.
+// Cull, broad phase: tests the chunks (groups of at most 64 skin vertices) of an active slot (a collision proxy in one
+// pair of bodies a and b) against the opposing slots, along the axes of each of its contact patches (`ContactPatch`: a
+// column of space with one contact normal). With frame rotation R, embedding weights w_i, rest positions r_i and
+// displacements d_i of nodes, a skin vertex is at x = c + R sum w_i (r_i + d_i). So a chunk's skin lies in its rest
+// box, moved by the middle of its nodes' displacements and grown by (sum |w|) times half their spread.
 //
 // A chunk stays in a patch if that box overlaps the box of an opposing slot along the tangents and does not lie wholly
-// in front of it. It then raises the min-max depth grid of its side (shared/depth_grid.glsl), against which cull/meet tests
-// the other side. One workgroup an active slot. Oracle: oracle::regions::chunk_box.
+// in front of it. Its heights then enter the min-max depth grid of its side (shared/depth_grid.glsl), against which
+// cull/meet tests chunks of the other side. One workgroup runs for each active slot. The f64 reference is
+// oracle::contact_patches::chunk_box. A frame is a rigid coordinate frame, a link the relative placement of two frames.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -26,21 +27,22 @@ layout(scalar) readonly buffer ActivePairProxies { uint active_pair_proxies[]; }
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, chunk_nodes);       // two a texel: node, link from the proxy's frame to the node's
+READ_ONLY(uvec4, chunk_nodes);       // two per texel: node, link from the proxy's frame to the node's
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer Links { Link links[]; };
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
-layout(scalar) readonly buffer Boxes { vec3 boxes[]; };  // least and greatest corner, PAIR_PATCHES a slot
+layout(scalar) readonly buffer Boxes { vec3 boxes[]; };  // least and greatest corner, PAIR_PATCHES per slot
 layout(scalar) readonly buffer ProxyPatches { uint proxy_patches[]; };    // bit mask of each slot's patches
-layout(scalar) writeonly buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };    // patch mask of each chunk of a slot, in x
-layout(scalar) writeonly buffer Slabs { Slab slabs[]; };     // bounds of chunks, PAIR_PATCHES a chunk of a slot
+layout(scalar) writeonly buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };    // patch mask of each chunk, in x
+layout(scalar) writeonly buffer Slabs { Slab slabs[]; };     // bounds of chunks, PAIR_PATCHES per chunk of a slot
 layout(scalar) buffer DepthGrids { uint depth_grids[]; };             // min-max depth grids, see shared/depth_grid.glsl
 
 #include "shared/link.glsl"
 #include "shared/moved.glsl"
 
-// Cosine between a chunk's mean normal and the patch's normal below which its plane is too steep to be a bound.
+// Cosine of the angle between a chunk's mean normal and the patch's normal below which the chunk's plane is too steep
+// to be a bound.
 const float STEEP = 0.2;
 
 // Middle of the displacements of a chunk's nodes, and bound on the skin's distance from it, in the proxy's frame.
@@ -60,7 +62,7 @@ void spread_of(Chunk chunk, out vec3 middle, out vec3 spread) {
     spread = 1.001 * chunk.weight_bound * 0.5 * (greatest - least);
 }
 
-// Enters a chunk's bound into the cells of its side's depth grid that it covers.
+// Enters the bound on a chunk's heights into the cells of its side's depth grid that the chunk covers.
 void raise_grid(uint patch_index, ContactPatch contact_patch, uint side, Slab slab) {
     uvec4 range = grid_cells(contact_patch, slab.low, slab.high);
     uint grid = grid_first(patch_index, side);
@@ -73,7 +75,7 @@ void raise_grid(uint patch_index, ContactPatch contact_patch, uint side, Slab sl
     }
 }
 
-// The plane over (for a chunk of b: under) a box of half-width `thickness` along `normal` about `centre`, in the
+// The plane over (for a chunk of b: under) a slab of half-thickness `thickness` along `normal` about `centre`, in the
 // patch's axes; where it is too steep, a flat plane at the height `extreme`.
 vec3 plane_of(vec3 centre, vec3 normal, float thickness, uint side, float extreme) {
     if (abs(normal.z) < STEEP) return vec3(0.0, 0.0, extreme);

@@ -5,21 +5,24 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
-// Cull, broad phase: forms the contact patches (`ContactPatch`) of a pair of bodies a and b: columns in which they may touch,
-// each with one contact normal. One workgroup a pair of bodies. Oracle: oracle::regions.
+// Cull, broad phase: forms the contact patches (`ContactPatch`) of a pair of bodies a and b: columns of space in which
+// they may touch, each with one contact normal. One workgroup runs for each pair of bodies. The f64 reference is
+// oracle::contact_patches.
 //
-// The directions of its pairs of collision proxies (where they touched in the last step, the way their contacts pushed)
-// are gathered into at most PAIR_PATCHES clusters of similar directions, by mean shift from the strongest direction
-// that is left (Fukunaga and Hostetler 1975). Each cluster is a patch, and the weighted mean of its directions the
-// normal. Memberships are smooth in directions and weights, and a patch's strength grows from zero, so nothing jumps
-// when a patch appears. A proxy divides the weight of its vertices among the patches that its pairs belong to.
+// A pair of collision proxies has a direction, estimated from the two hulls and, once they touch, from the push of
+// their contacts in the last step. These directions are clustered by similarity into at most PAIR_PATCHES clusters, by
+// mean shift that starts at the strongest direction left over (Fukunaga and Hostetler 1975). Each cluster is a patch,
+// whose normal is the weighted mean of its directions. Memberships are smooth in directions and weights, and a patch's
+// strength grows from zero, so that nothing jumps when a patch appears. A proxy divides the weight of its vertices
+// among the patches of its pairs.
 //
-// The column of a patch is what the members on both sides cover in common. Of all proxies of both bodies those in the
-// column whose skin may lie beyond the other side's become active slots (a slot is a proxy in a pair of bodies).
+// The column of a patch is what its member proxies of both bodies cover in common. All proxies of both bodies that lie
+// in the column, and whose skin may reach beyond the other side's, become active slots (a slot is a proxy in one pair
+// of bodies). A chunk is a group of at most 64 skin vertices.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 2) const float FOLLOW = 1.0;          // share of its turn that a normal makes in a step
+layout(constant_id = 2) const float FOLLOW = 1.0;          // share of its rotation that a normal makes in one step
 layout(constant_id = 3) const uint BUCKETS = 1;
 layout(constant_id = 1) const uint MOST_CELLS = 128;      // hash cells along a side of a patch at most
 
@@ -28,18 +31,18 @@ layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Bounds { ProxyBounds bounds[]; };
 READ_ONLY(vec4, hull);
-READ_ONLY(vec4, directions);  // two a proxy pair: unit normal, weight; push of the last step's contacts, its length
+READ_ONLY(vec4, directions);  // two per proxy pair: unit normal, weight; push of the last step's contacts, its length
 layout(scalar) buffer ContactPatches { ContactPatch contact_patches[]; };
 layout(scalar) writeonly buffer Shares { float shares[]; };  // patch weights of each slot (a proxy in a pair)
-layout(scalar) buffer Boxes { vec3 boxes[]; };                     // least and greatest corner, PAIR_PATCHES a slot
-layout(scalar) coherent buffer ProxyPatches { uint proxy_patches[]; };  // bits: patches it is in; then its memberships
+layout(scalar) buffer Boxes { vec3 boxes[]; };                     // least and greatest corner, PAIR_PATCHES per slot
+layout(scalar) coherent buffer ProxyPatches { uint proxy_patches[]; };  // low bits: columns it is in; upper: membership
 layout(scalar) writeonly buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };
-layout(scalar) writeonly buffer ActivePairProxies { uint active_pair_proxies[]; };  // slots that are in the column of a patch
-layout(scalar) writeonly buffer DepthGrids { uint depth_grids[]; };  // min-max depth grids, see shared/depth_grid.glsl; cleared here
+layout(scalar) writeonly buffer ActivePairProxies { uint active_pair_proxies[]; };  // slots in a patch's column
+layout(scalar) writeonly buffer DepthGrids { uint depth_grids[]; };  // min-max depth grids, cleared here
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) buffer Args { uint args[]; };
 layout(scalar) coherent buffer NearPairs { uint near_pairs[]; };  // proxy pairs with a direction, in order
-layout(scalar) writeonly buffer Buckets { uint buckets[]; };  // its depth grids are cleared here, see shared/spatial_hash.glsl
+layout(scalar) writeonly buffer Buckets { uint buckets[]; };  // hash lists and depth grids; the latter are cleared here
 
 #include "shared/sum.glsl"
 #include "shared/depth_grid.glsl"
@@ -56,16 +59,17 @@ const float LEAST_SHARE = 1.0e-4;
 // Weight of a patch that has all strength at the vertices of proxies that are not its members.
 const float GUEST_SHARE = 0.05;
 // Share of all strength up to which a patch has no weight at the vertices of proxies that are not its members, because
-// directions estimated from proxies alone are too uncertain for that.
+// a weaker patch may rest on directions estimated from proxies alone, which are too uncertain for that.
 const float GUESTS_FROM = 0.1;
 // Least share of a proxy pair's direction that makes its proxies members of a patch.
 const float LEAST_PART = 0.01;
 
-// Strength above which a patch's normal is known to come from contacts, not from proxies alone.
+// Strength above which a patch's normal was found from contacts, not from proxies alone.
 const float TOLD = 0.1;
-// Weight of a direction that proxies estimate, relative to one that contacts give.
+// Weight of a direction that is estimated from proxies, relative to one found from contacts.
 const float GUESS = 0.01;
-// Total push of contacts (depth x area, m^3), in cubed edge lengths, at which contacts have half their full weight.
+// Total push of contacts (depth x area, m^3), in units of the cubed edge length, at which contacts have half their full
+// weight.
 const float LEAST_PUSH = 0.1;
 
 shared vec3 low[SIZE];
@@ -84,7 +88,7 @@ uint near_count = 0;
 struct Direction {
     vec3 normal;      // unit, from a to b
     float push;       // weight in the mean normal of a patch
-    float weight;     // weight in whether a patch exists
+    float weight;     // weight in the decision whether a patch exists
 };
 
 // Combines the direction that a proxy pair's hulls estimate with its contacts' push; false where the hulls are apart.
@@ -123,7 +127,7 @@ void list_near(Pair pair) {
 // Similarity of two directions, 0 to 1.
 float alike(vec3 n, vec3 m) { return smoothstep(UNLIKE, ALIKE, dot(n, m)); }
 
-// Share of a direction that the first `count` patches leave.
+// Share of a direction that belongs to none of the first `count` patches.
 float remainder(vec3 n, uint count) {
     float left = 1.0;
     for (uint r = 0; r < count; r++) left *= 1.0 - alike(n, normals[r]);
@@ -137,7 +141,7 @@ float part(vec3 n, uint r) {
     return all > 0.0 ? strength[r] * alike(n, normals[r]) / all : 0.0;
 }
 
-// The direction of which the first `count` patches leave the most, and the weight that they leave.
+// The direction with the greatest weight left over by the first `count` patches, and that weight.
 vec4 strongest_remainder(Pair pair, uint count) {
     uint lane = gl_LocalInvocationID.x;
     vec4 best = vec4(0.0, 1.0, 0.0, 0.0);
@@ -158,8 +162,8 @@ vec4 strongest_remainder(Pair pair, uint count) {
     return best;
 }
 
-// A normal that came from contacts in the last step turns only by the share FOLLOW towards its new direction: contacts
-// answer a step late, and with long steps the whole turn would overshoot.
+// A normal that came from contacts in the last step makes only the share FOLLOW of the rotation to its new direction:
+// contacts respond one step late, and with long steps the whole rotation would overshoot.
 vec3 followed(vec3 n) {
     vec3 last = vec3(0.0);
     float cosine = ALIKE;
@@ -171,7 +175,7 @@ vec3 followed(vec3 n) {
     return last == vec3(0.0) ? n : normalize(mix(last, n, FOLLOW));
 }
 
-// Finds the patches, their normals and strengths; a flag says if directions are left over.
+// Finds the patches, their normals and strengths; raises FLAG_PATCH_OVERFLOW if directions are left over.
 void find_normals(Pair pair) {
     uint lane = gl_LocalInvocationID.x;
     for (uint r = 0; r < PAIR_PATCHES; r++) {
@@ -209,7 +213,8 @@ void find_normals(Pair pair) {
     if (left > LEAST_STRENGTH && lane == 0) atomicOr(counts.flags, FLAG_PATCH_OVERFLOW);
 }
 
-// Writes the weight of each patch at the vertices of each slot, and (upper bits) the patches it is a member of.
+// Writes for each slot the weight of each patch at its vertices, and in the upper bits of `proxy_patches` the patches
+// of which it is a member.
 void share_out(Pair pair) {
     uint a_count = pair.proxy_count[0], b_count = pair.proxy_count[1];
     for (uint s = gl_LocalInvocationID.x; s < a_count + b_count; s += SIZE) {
@@ -237,7 +242,8 @@ void share_out(Pair pair) {
         uint pair_proxy = pair_proxy_of(pair, s);
         for (uint r = 0; r < PAIR_PATCHES; r++) {
             float own = (members & (1u << r)) != 0 ? max(LEAST_SHARE, share[r] / sum) : 0.0;
-            // Strong patches see the vertices of other proxies too: along their normal may be the shorter way out.
+            // A strong patch also has weight at the vertices of other proxies: the shorter way out may be along its
+            // normal.
             if (near && r < patch_count) own = max(own, GUEST_SHARE * max(0.0, strength[r] / all - GUESTS_FROM));
             shares[pair_proxy * PAIR_PATCHES + r] = own;
         }
@@ -248,7 +254,8 @@ void share_out(Pair pair) {
     barrier();
 }
 
-// Box of a proxy's inflated hull along the patch's axes; unless `exact`, the larger one of its world bounds.
+// Box of a proxy's inflated hull along the patch's axes; unless `exact`, the larger box around its bounds in world
+// axes.
 void hull_box(uint id, mat3 axes, bool exact, out vec3 least, out vec3 greatest) {
     Proxy proxy = proxies[id];
     float inflation = bounds[id].inflation;
@@ -358,17 +365,17 @@ void open_contact_patch(Pair pair, uint r, uint first_patch) {
     if (params.texel > 0.0 && params.texel < finest) atomicOr(counts.flags, FLAG_PATCH_OVERFLOW);
     float cell[2];
     for (uint side = 0; side < 2; side++) {
-        // Two or three cells a vertex, unless an opposing triangle would then cover many cells.
+        // Two or three cells for each vertex, unless a triangle of the other side would then cover many cells.
         float wanted = params.texel > 0.0 ? params.texel : max(0.6 * edge[side], edge[1 - side] / 6.0);
         cell[side] = max(wanted, finest);
     }
-    // The turn since the last step is measured against the nearest of the last normals, as their order may change.
+    // The rotation since the last step is measured against the nearest of the last normals, as their order may change.
     float turn = 0.0, cosine = -1.0;
     for (uint q = 0; q < PAIR_PATCHES; q++) {
         if (before[q].w > 0.0) cosine = max(cosine, dot(before[q].xyz, normals[r]));
     }
     if (cosine > -1.0) turn = acos(min(cosine, 1.0));
-    // A turn before the skins touch does not count, because the direction is only an estimate.
+    // A rotation before the skins touch does not count, because the direction is then only an estimate.
     if (touches && all_pushes >= least_push) atomicMax(counts.turn, floatBitsToUint(turn));
     contact_patches[first_patch + r] =
         ContactPatch(normals[r], axes[0], axes[1], column_low, column_high, cell, touches ? strength[r] : 0.0, turn);

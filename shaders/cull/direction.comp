@@ -4,14 +4,15 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Cull, broad phase: estimates the contact normal of a pair of collision proxies (convex hulls) a and b, and sums how
-// their contacts of the last step pushed. One workgroup a pair. Oracle: oracle::proximity::direction.
+// Cull, broad phase: estimates the contact normal of a pair of collision proxies (convex hulls) a and b, and sums the
+// push of their contacts in the last step. One workgroup runs for each pair. The f64 reference is
+// oracle::proximity::direction.
 //
 // Over all face normals n of both hulls (oriented from a to b) the separation is s(n) = min over b of n.y - max over a
-// of n.x. Near the greatest separation s_max the directions are blended, n = sum max(0, 1 - (s_max - s) / blend)^2 n,
-// so that the normal turns smoothly where the best face changes, for separate and for overlapping hulls alike; a
-// penetration direction by itself jumps from face to face, and the force with it. The weight of the pair is
-// max(0, reach - max(s_max, distance))^2, which vanishes at the reach beyond which the pair is culled.
+// of n.x. Directions near the greatest separation s_max are blended, n = sum max(0, 1 - (s_max - s) / blend)^2 n, so
+// that the normal turns smoothly where the best face changes, for separate and for overlapping hulls alike; the
+// direction of least penetration would jump from face to face, and the force with it. The weight of the pair is max(0,
+// reach - max(s_max, distance))^2, which vanishes at the distance `reach` beyond which the pair is culled.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -23,7 +24,7 @@ READ_ONLY(vec4, hull);
 READ_ONLY(vec4, faces);             // face planes of all hulls: unit normal, offset
 layout(scalar) readonly buffer ActivePairs { uint active_pairs[]; };
 layout(scalar) readonly buffer Reach { vec2 reach_of[]; };     // reach and distance of the hulls of each pair, m
-layout(scalar) writeonly buffer Directions { vec4 directions[]; };  // two a pair: unit normal, weight; push, its length
+layout(scalar) writeonly buffer Directions { vec4 directions[]; };  // two per pair: normal, weight; push, its length
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer ContactSource { uint contact_source[]; };   // candidate of each contact of the last step
 READ_ONLY(uvec4, candidate_pushes);  // depth x area x normal (bits) of the last step's candidates; proxy pair
@@ -82,7 +83,7 @@ void main() {
         float weight = max(0.0, reach_of[i].x - max(greatest, reach_of[i].y));
         sum = partial[0];
         // Where the normals cancel (a thin plate half way through another, two boxes in one place), the first of the
-        // best stands.
+        // faces with the greatest separation gives the direction.
         if (dot(sum.xyz, sum.xyz) <= 0.01 * sum.w * sum.w) {
             uint best = 0;
             while (best + 1 < face_count && separation[best] < greatest) best += 1;
@@ -90,7 +91,7 @@ void main() {
         }
         directions[2 * i] = vec4(normalize(sum.xyz), weight * weight);
     }
-    // Once skins touch, the last step's contacts tell the direction better: sum depth x area x outward normal.
+    // Once skins touch, the contacts of the last step give a better direction: sum depth x area x outward normal.
     vec3 push = vec3(0.0);
     for (uint c = lane; c < counts.last_contacts; c += SIZE) {
         uvec4 found = fetch(candidate_pushes, contact_source[c]);

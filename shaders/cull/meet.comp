@@ -5,14 +5,15 @@
 #include "shared/depth_grid.glsl"
 #include "shared/args.glsl"
 
-// Cull, broad phase: of an active slot's chunks (a slot is a collision proxy in a pair of bodies; a chunk is a group of
-// at most 64 skin vertices), lists those that in some cell of a contact patch's depth grid may reach beyond what the
-// chunks of the other side reach. One workgroup an active slot.
+// Cull, broad phase: lists those chunks (groups of at most 64 skin vertices) of an active slot (a collision proxy in
+// one pair of bodies) that, in some cell of the depth grid of a contact patch (`ContactPatch`), may reach beyond what
+// the chunks of the other side reach. One workgroup runs for each active slot.
 //
 // The last workgroup to finish joins the lists of all slots, in the order of slots: active chunks, a work item for each
-// active chunk and patch, and the indirect arguments of all later stages. Slots whose vertices gather contacts come
-// first, so arrays of vertices need no room for the others. More work items than MAX_WORK_ITEMS raise the region overflow
-// flag. Oracle: its test tries every chunk against every opposing chunk, and joins the lists.
+// active chunk and patch, and the indirect arguments of all later stages. Slots whose vertices are tested for contact
+// come first, so that arrays of vertices need no room for the others. More work items than MAX_WORK_ITEMS raise
+// FLAG_PATCH_OVERFLOW. The test compares with a CPU loop over every chunk and every opposing chunk. A contact patch is
+// a column of space in which two bodies may touch.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -25,10 +26,10 @@ layout(scalar) readonly buffer PairProxies { PairProxy pair_proxies[]; };
 layout(scalar) readonly buffer ActivePairProxies { uint active_pair_proxies[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
-layout(scalar) readonly buffer Slabs { Slab slabs[]; };  // bounds of chunks, PAIR_PATCHES a chunk of a slot
-layout(scalar) readonly buffer DepthGrids { uint depth_grids[]; };               // min-max depth grids, see shared/depth_grid.glsl
-layout(scalar) coherent buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };  // patch mask; becomes chunk, mask + items before
-layout(scalar) coherent buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };    // chunks and work items; become running totals
+layout(scalar) readonly buffer Slabs { Slab slabs[]; };  // bounds of chunks, PAIR_PATCHES per chunk of a slot
+layout(scalar) readonly buffer DepthGrids { uint depth_grids[]; };               // see shared/depth_grid.glsl
+layout(scalar) coherent buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };  // patch mask; then chunk, mask + items
+layout(scalar) coherent buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };  // chunks, items; then running totals
 layout(scalar) writeonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) writeonly buffer WorkItems { uvec2 work_items[]; };  // active chunk and contact patch of each work item
 layout(scalar) coherent buffer CountsInOut { Counts counts; };
@@ -53,7 +54,7 @@ bool meets_grid(uint patch_index, uint side, Slab slab) {
     return false;
 }
 
-// Lists a slot's chunks that are left, in their order, with the work items before each.
+// Lists the chunks of a slot that are kept, in their order, with the number of work items before each.
 void list_pair_proxy(uint pair_proxy_index) {
     uint lane = gl_LocalInvocationID.x;
     PairProxy pair_proxy = pair_proxies[pair_proxy_index];

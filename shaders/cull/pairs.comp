@@ -5,12 +5,12 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
-// Cull, broad phase: which pairs of collision proxies (convex hulls) may touch. First their boxes are tested, then the
-// distance of the hulls: a pair stays if it is at most `reach`, the sum of both inflations (how far skin may lie
-// outside a hull) and a seam. The pairs of a workgroup are far apart in the list, so that near ones, which lie
-// together, are shared between workgroups; pairs whose boxes meet are listed, so that lanes work side by side on their
-// hulls. No result depends on the order in which pairs are appended. A workgroup takes SHARE pairs. Oracle:
-// oracle::proximity::pairs (distance by parry3d).
+// Cull, broad phase: finds which pairs of collision proxies (convex hulls) may touch. First their boxes are tested,
+// then the distance of the hulls: a pair stays if it is at most `reach`, the sum of both inflations (how far skin may
+// lie outside a hull) and a seam. The pairs of a workgroup are far apart in the list of pairs, so that near pairs,
+// which are adjacent there, are divided among workgroups. Pairs whose boxes meet are listed, so that all lanes work on
+// the hulls of such pairs. No result depends on the order in which pairs are appended. A workgroup tests SHARE pairs.
+// The f64 reference is oracle::proximity::pairs (distance by parry3d).
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -18,7 +18,7 @@ layout(constant_id = 1) const uint PROXY_PAIRS = 1;
 layout(constant_id = 2) const uint SHARE = 64;      // pairs of a workgroup
 
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
-READ_ONLY(vec4, bounds);           // two texels a proxy: least corner and inflation, greatest corner and radius
+READ_ONLY(vec4, bounds);           // two texels per proxy: least corner and inflation, greatest corner and radius
 READ_ONLY(uvec4, proxy_pairs);     // proxy of a, proxy of b
 READ_ONLY(vec4, hull);
 layout(scalar) writeonly buffer ActivePairs { uint active_pairs[]; };
@@ -45,7 +45,7 @@ void main() {
         directions[2 * i] = vec4(0.0);
         uvec2 which = fetch(proxy_pairs, i).xy;
         vec4 a_low = fetch(bounds, 2 * which.x), b_low = fetch(bounds, 2 * which.y);
-        // Hulls are shrunk where a body is cut into several of them; the seam covers that.
+        // Where a body is cut into several hulls these are shrunk; the seam covers the gaps between them.
         vec4 a_top = fetch(bounds, 2 * which.x + 1), b_top = fetch(bounds, 2 * which.y + 1);
         float reach = a_low.w + b_low.w + SEAM * min(a_top.w, b_top.w);
         vec3 apart = max(a_low.xyz - b_top.xyz, b_low.xyz - a_top.xyz);

@@ -4,10 +4,13 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Depth, narrow phase, compute path: finds where the rays of skin vertices hit the triangles of the opposing skin. For
-// each triangle of an active chunk, front and back faces alike, it visits the cells of the contact patch's spatial hash
-// that the triangle covers, and tests the vertices there (shared/ray_hit.glsl). Hits go onto a list of their vertex.
-// One workgroup a work item (chunk, patch). Oracle: oracle::contact::ray_depths; its test tries all pairs.
+// Depth, narrow phase, as a compute shader (ray_hits.vert and ray_hits.frag are the version that uses the rasterizer):
+// finds where the rays of skin vertices hit the triangles of the opposing skin. For each triangle of an active chunk (a
+// group of at most 64 skin vertices that passed culling), front and back faces alike, it visits the cells of the
+// contact patch's spatial hash that the triangle covers, and tests the vertices there (shared/ray_hit.glsl). Each hit
+// goes onto the list of its vertex. One workgroup runs for each work item (chunk, patch). The f64 reference is
+// oracle::contact::ray_depths; the test tries all pairs of vertex and triangle. A contact patch is a column of space in
+// which two bodies may touch.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -15,14 +18,14 @@ layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 2) const uint MOST_HITS = 1;
 
 layout(scalar) buffer CountsInOut { Counts counts; };
-layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };      // active chunk and contact patch of each work item
+layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };  // active chunk and contact patch of each item
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four a texel
+READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four per texel
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 READ_ONLY(uvec4, triangles);       // three skin vertices
 READ_ONLY(vec4, skin);
-READ_ONLY(uvec4, buckets);         // heads of the hash's lists, four a texel; see shared/spatial_hash.glsl
+READ_ONLY(uvec4, buckets);         // heads of the hash's lists, four per texel; see shared/spatial_hash.glsl
 READ_ONLY(uvec4, hash_entries);
 layout(scalar) readonly buffer EntryCells { uvec2 entry_cells[]; };      // cell of each vertex in the hash
 layout(scalar) buffer EntryHits { uint entry_hits[]; };                      // first hit of each vertex in the hash
@@ -34,10 +37,10 @@ layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 #include "shared/covered_cells.glsl"
 #include "shared/ray_hit.glsl"
 
-// Cells above which all lanes share a triangle.
+// Number of cells above which all lanes share a triangle.
 const uint SHARED = 32;
 
-// How many of `count` elements this lane has, where lanes take them in turn.
+// How many of `count` elements this lane handles, where each lane handles every SIZE-th element.
 uint turns_of(uint count) { return (count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE; }
 
 uint count_of(ivec2 first, ivec2 last) { return uint(last.x - first.x + 1) * uint(last.y - first.y + 1); }
@@ -57,11 +60,12 @@ void main() {
     vec3 corners[3];
     ivec2 first, last;
     // `due` and `done` count the triangles and cells that this lane has to visit and those that it visited: drivers may
-    // end loops early (see README). Half-spaces need no rays, nor does a side whose vertices gather no contacts.
+    // end loops early (see README.md). Half-spaces need no rays, nor do triangles opposite to a side whose vertices are
+    // not tested for contact.
     Pair pair = pairs[entry.side / 2];
     uint triangle_count = pair.is_plane != 0 || !gathers(pair, other) ? 0 : chunk.triangle_count;
     uint due = turns_of(triangle_count), done = 0;
-    // Triangles that may be hit are listed, so that lanes work side by side on these alone.
+    // Triangles that may be hit are listed, so that all lanes work on listed triangles.
     if (lane == 0) listed_count = large_count = 0;
     barrier();
     for (uint t = lane; t < triangle_count; t += SIZE) {

@@ -4,25 +4,27 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Depth, narrow phase, graphics path: draws the cells of a contact patch's spatial hash that a triangle covers as a
-// quad, so that the rasterizer distributes them, one fragment a cell (cross.frag). One instance a work item (active
-// chunk, contact patch), six vertices a triangle. It finds the same hits as cross.comp, bit for bit.
+// Depth, narrow phase, as a vertex shader: draws the cells of a contact patch's spatial hash that a triangle covers as
+// a rectangle, so that the rasterizer distributes the cells, one fragment for each (ray_hits.frag). One instance is
+// drawn for each work item (a chunk of skin in one contact patch), with six vertices for each triangle. It finds the
+// same hits as ray_hits.comp, bit for bit. A contact patch is a column of space in which two bodies may touch; a chunk
+// is a group of skin vertices.
 
 layout(constant_id = 1) const uint BUCKETS = 1;
-layout(constant_id = 3) const uint RASTER_CELLS = 1;      // cells along a side of the viewport, a pixel each
+layout(constant_id = 3) const uint RASTER_CELLS = 1;      // cells along a side of the viewport, one pixel each
 
-layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };      // active chunk and contact patch of each work item
+layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };  // active chunk and contact patch of each item
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four a texel
+READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four per texel
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 READ_ONLY(uvec4, triangles);       // three skin vertices
 READ_ONLY(vec4, skin);
-READ_ONLY(uvec4, buckets);         // hash lists and depth grids, four a texel; see shared/spatial_hash.glsl
+READ_ONLY(uvec4, buckets);         // hash lists and depth grids, four per texel; see shared/spatial_hash.glsl
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 
 layout(location = 0) flat out vec3 corners[3];      // along the patch's axes, m
-layout(location = 3) flat out uvec3 triangle_at;    // the triangle, 2 * patch + its side, its work item
+layout(location = 3) flat out uvec3 triangle_at;    // triangle, 2 * patch + its side, work item
 
 #include "shared/spatial_hash.glsl"
 #include "shared/depth_grid.glsl"

@@ -3,8 +3,9 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 
-// Draw, beside the step: energy density at each node, the mean over its tetrahedra weighted by volume; zero at a node
-// without tetrahedra. One invocation a node. Oracle: its test takes the same sum in f64.
+// Draw (for display, not part of the step): energy density at each node, the mean over its tetrahedra weighted by
+// volume; zero at a node without tetrahedra. One invocation runs for each node. The test compares with the same sum in
+// f64.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;

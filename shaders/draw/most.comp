@@ -2,8 +2,9 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 
-// Draw, beside the step: the greatest number of each range of an array of non-negative numbers. It is zero for an empty
-// range; NaN is ignored. One workgroup a range. Oracle: its test takes the greatest in f64.
+// Draw (for display, not part of the step): the greatest number in each range of an array of non-negative numbers. It
+// is zero for an empty range; NaN is ignored. One workgroup runs for each range. The test compares with the greatest
+// number in f64.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

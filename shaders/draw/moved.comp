@@ -5,15 +5,15 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Draw, beside the step: distance of a vertex from where the frames of its nodes alone would put it, |sum w_i R_i d_i|
-// (m), with weight w_i, frame rotation R_i and displacement d_i of its four nodes; zero on a rigid body. One invocation
-// a vertex. Oracle: its test takes the same sum in f64.
+// Draw (for display, not part of the step): distance of a vertex from where it would be if its body did not deform,
+// |sum w_i R_i d_i| (m), with weight w_i, displacement d_i, and rotation R_i of the frame of each of its four nodes;
+// zero on a rigid body. One invocation runs for each vertex. The test compares with the same sum in f64.
 
 layout(local_size_x_id = 0) in;
 
 layout(push_constant) uniform Points { uint vertices; };
 
-layout(scalar) readonly buffer Frames { Frame frames[]; };     // placements as they are now
+layout(scalar) readonly buffer Frames { Frame frames[]; };     // placements of the frames, as they are now
 READ_ONLY(uvec4, skin_nodes);      // four nodes; NONE first: rigid
 READ_ONLY(vec4, skin_weights);
 READ_ONLY(vec4, displacement);

@@ -3,9 +3,10 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 
-// Draw, beside the step: unit outward normals of the skin as it is now, along sum (b - a) x (c - a) over the triangles
-// (a, b, c) around a vertex, which weights each by its area; zero where they have no area. One invocation a skin vertex
-// of all bodies. Oracle: its test takes the same sum in f64 over Simulation::skin_positions.
+// Draw (for display, not part of the step): unit outward normals of the skin as it is now, along sum (b - a) x (c - a)
+// over the triangles (a, b, c) around a vertex, which weights each triangle by its area; zero where all triangles have
+// no area. One invocation runs for each skin vertex of all bodies. The test compares with the same sum in f64 over
+// Simulation::skin_positions.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint VERTICES = 0;

@@ -5,15 +5,16 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Draw, beside the step and only for display: position of a skin vertex as it is now, relative to an origin that the
-// host chose (m): x = sum w_i (c_i + R_i (r_i + d_i)) over its four nodes, with weight w_i, rest position r_i,
-// displacement d_i, and centre c_i and rotation R_i of the node's frame; or c + R r on a rigid body. One invocation a
-// skin vertex of all bodies. Oracle: Simulation::skin_positions.
+// Draw (for display, not part of the step): position of a skin vertex as it is now, relative to an origin that the host
+// (CPU side) chose (m): x = sum w_i (c_i + R_i (r_i + d_i)) over its four nodes, with weight w_i, rest position r_i,
+// displacement d_i, and centre c_i and rotation R_i of the node's frame; or c + R r on a rigid body. One invocation
+// runs for each skin vertex of all bodies. The reference is Simulation::skin_positions. A frame is a rigid coordinate
+// frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint VERTICES = 0;
 
-layout(scalar) readonly buffer Frames { Frame frames[]; };      // placements as they are now
+layout(scalar) readonly buffer Frames { Frame frames[]; };      // placements of the frames, as they are now
 READ_ONLY(uvec4, skin_nodes);      // four nodes; NONE first: a rigid skin
 READ_ONLY(vec4, skin_weights);     // four weights; of a rigid skin: position in the frame
 READ_ONLY(vec4, node_rest);

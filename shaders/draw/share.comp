@@ -2,9 +2,10 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 
-// Draw, beside the step: adds lambda / 2 theta^2 to the energy density of each tetrahedron of an F-bar patch
-// (elastic/mean_dilatation), with the patch's mean dilatation theta = sum V tr(E) / V over the volumes V and strains E of its
-// tetrahedra. One invocation a patch, which alone writes its tetrahedra. Oracle: oracle::elastic::Elements::densities.
+// Draw (for display, not part of the step): adds lambda / 2 theta^2 to the energy density of each tetrahedron of an
+// F-bar patch (elastic/mean_dilatation), with the patch's mean dilatation theta = sum V tr(E) / sum V over the volumes
+// V and strains E of its tetrahedra. One invocation runs for each patch, and no other writes its tetrahedra. The f64
+// reference is oracle::elastic::Elements::densities.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PATCHES = 0;

@@ -4,9 +4,9 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Draw, beside the step: interpolates a number from nodes to a skin vertex, max(0, sum w_i n_i), with weight w_i and
-// number n_i of its four nodes (the weights of skin outside its tetrahedron may be negative); zero on a rigid body. One
-// invocation a vertex. Oracle: its test takes the same sum in f64.
+// Draw (for display, not part of the step): interpolates a number from nodes to a skin vertex, max(0, sum w_i n_i),
+// with weight w_i and number n_i of each of its four nodes (weights may be negative where skin lies outside its
+// tetrahedron); zero on a rigid body. One invocation runs for each vertex. The test compares with the same sum in f64.
 
 layout(local_size_x_id = 0) in;
 

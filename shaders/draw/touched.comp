@@ -5,13 +5,13 @@
 #include "shared/types.glsl"
 #include "shared/contact_law.glsl"
 
-// Draw, beside the step: depth (m) and pressure (Pa) of the last step's contacts at skin vertices: at the vertex that
-// gathered a contact and at the corners of the triangle that it met, so that both skins show it; of several contacts at
-// a vertex the greatest. The pressure is what the solver applied at the end of the step,
-// max(0, k delta + (h k + d) delta') (shared/contact_law.glsl), or, where that is not known because the state was
-// loaded, the pressure at the start of the step. Released contacts give neither. The arrays are cleared before. No
-// number is negative, so bits sort like the floats. One invocation a contact; vertices are written by atomics whose
-// order does not matter. Oracle: its test takes the same from Simulation::touch.
+// Draw (for display, not part of the step): depth (m) and pressure (Pa) of the last step's contacts at skin vertices. A
+// contact counts at the vertex that collided and at the corners of the triangle that this vertex met, so that both
+// skins show it; where a vertex has several contacts, the greatest number counts. The pressure is what the solver
+// applied at the end of the step, max(0, k delta + (h k + d) delta') (shared/contact_law.glsl), or, where that is not
+// known because the state was loaded, the pressure at the start of the step. Released contacts give neither. The arrays
+// are cleared before. No number is negative, so bits sort like the floats. One invocation runs for each contact; it
+// writes by atomics whose order does not matter. The test compares with Simulation::touch.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint CAPACITY = 0;

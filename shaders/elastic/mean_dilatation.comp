@@ -4,15 +4,16 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Elastic: F-bar patches, groups of tetrahedra, against volumetric locking. The tetrahedra e of a patch share one
-// volumetric strain, the mean dilatation theta = sum V_e tr(E_e) / V, with volumes V_e, V = sum V_e, strains E_e.
+// Elastic: F-bar patches, groups of tetrahedra that share one volumetric strain against volumetric locking. The shared
+// strain of the tetrahedra e of a patch is the mean dilatation theta = sum V_e tr(E_e) / V, with volumes V_e, V = sum
+// V_e, strains E_e.
 //
 // In the operator (h^2 + h beta) K, with the step h and stiffness-proportional damping beta, a patch is a matrix c c^T
 // over its nodes j, c_j = sqrt((h^2 + h beta) lambda / V) sum sqrt(V_e) g'_ej, with g' the scaled gradients of
-// elastic/element_forces. To the right-hand side it gives h f - (h^2 + h beta) K v = -(h theta sqrt(lambda V / (h^2 + h beta))
-// + c . v) c, with shared/lag.glsl in place of the velocity v in later Newton iterations. It runs after elastic/element_forces;
-// solve/patch_product uses the rows c in every conjugate gradient iteration. One invocation a patch. After de Souza Neto,
-// Andrade Pires and Owen (2005). Oracle: oracle::elastic.
+// elastic/element_forces. The right-hand side gets h f - (h^2 + h beta) K v = -(h theta sqrt(lambda V / (h^2 + h beta))
+// + c . v) c, with the velocity of shared/lag.glsl in place of v in later Newton iterations. The kernel runs after
+// elastic/element_forces; solve/patch_product uses the rows c in every conjugate gradient iteration. One invocation
+// runs for each patch. After de Souza Neto, Andrade Pires and Owen (2005). The f64 reference is oracle::elastic.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PATCHES = 0;
@@ -20,11 +21,11 @@ layout(constant_id = 2) const uint TETRAHEDRA = 0;
 layout(constant_id = 5) const bool NEWTON = false;       // whether this is a later Newton iteration
 
 layout(scalar) readonly buffer Params { StepParams params; };
-READ_ONLY(uvec4, patch_nodes);         // three a patch: its nodes, padded with the first (shared/f_bar_patch.glsl)
-READ_ONLY(uvec4, patch_members);  // six a patch, two members each: tetrahedron; places of its nodes, four bits each
+READ_ONLY(uvec4, patch_nodes);         // three per patch: its nodes, padded with the first (shared/f_bar_patch.glsl)
+READ_ONLY(uvec4, patch_members);  // six per patch, two members each: tetrahedron; indices of its nodes, four bits each
 READ_ONLY(vec4, patch_constants);      // V (m^3), lambda (Pa), beta (s)
-READ_ONLY(vec4, rest_gradients);       // three a tetrahedron; w of the first: sqrt(V_e)
-READ_ONLY(vec4, gradients);            // scaled gradients, three a tetrahedron, and three zeros; w of the third: tr(E)
+READ_ONLY(vec4, rest_gradients);       // three per tetrahedron; w of the first: sqrt(V_e)
+READ_ONLY(vec4, gradients);  // scaled gradients, three per tetrahedron, and three zeros; w of the third: tr(E)
 READ_ONLY(vec4, velocity);
 READ_ONLY(vec4, trial_change);
 layout(scalar) writeonly buffer PatchRows { vec4 patch_rows[]; };          // c, twelve nodes a patch

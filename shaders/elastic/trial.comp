@@ -7,11 +7,13 @@
 #include "shared/link.glsl"
 #include "shared/node_motion.glsl"
 
-// Elastic: trial displacements for the next Newton iteration: where the solution x of the last solve would take each
-// node by the end of the step of h seconds, seen from its frame (rotation R) at the start, so that links between frames
-// hold. For a free node that is d + h R^T (v + x); for a node attached to a dynamic core h R^T u + (Q - I) r, with the
-// core's new twist (u, w), Q the rotation by h R^T w, and r the rest position. elastic/element_forces linearises there. Steps
-// of one Newton iteration do not run this. One invocation a node. Oracle: oracle::newton.
+// Elastic: trial displacements for the next Newton iteration, at which elastic/element_forces linearises: where the
+// solution x of the last solve would take each node by the end of the step of h seconds, seen from its frame (rotation
+// R) at the start, so that the links between frames still apply. For a free node that is d + h R^T (v + x); for a node
+// attached to a dynamic core (rigid core inside a soft body) h R^T u + (Q - I) r, with the core's new twist (u, w), Q
+// the rotation by h R^T w, and r the rest position. Steps of one Newton iteration do not run this. One invocation runs
+// for each node. The f64 reference is oracle::newton. A frame is a rigid coordinate frame, a link the relative
+// placement of two frames.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;

@@ -6,15 +6,16 @@
 #include "shared/rotation.glsl"
 #include "shared/link.glsl"
 
-// Pose: velocities of the nodes attached to moving frames (kinematic or dynamic cores). One invocation an attached
-// node. Oracle: oracle::step, whose bound nodes may have any velocity.
+// Pose: velocities of the nodes attached to moving frames: to rigid cores that are kinematic (their motion is
+// prescribed) or dynamic (the solver finds it). One invocation runs for each attached node. The f64 reference is
+// oracle::step, where attached nodes may have any velocity.
 //
-// On a dynamic core the velocity is that at the start of the step, v = u + w x arm, with the core's twist (u, w); the
-// node's first guess of the change of velocity is that of the core's last solution with this step's arms, so that A x
-// can be taken of it. On a kinematic frame it is the mean over the whole step,
-// v = (x1 - x0) / h = v_centre + R0 (R0^T R1 - I) r / h, with R0 and R1 the frame's rotations at start and end, and r
-// the rest position. The right-hand side, h f - (h^2 + h beta) K v, then contains what these known velocities
-// contribute to the unknown ones, and contacts feel them.
+// On a dynamic core the velocity is that at the start of the step, v = u + w x arm, with the core's twist (u, w). The
+// node's first guess of the change of velocity follows from the core's last solution with this step's arms, so that A x
+// can be computed from it. On a kinematic frame the velocity is the mean over the whole step, v = (x1 - x0) / h =
+// v_centre + R0 (R0^T R1 - I) r / h, with R0 and R1 the frame's rotations at start and end, and r the rest position.
+// The right-hand side, h f - (h^2 + h beta) K v, then contains the effect of these known velocities on the unknown
+// ones, and contacts use them. A frame is a rigid coordinate frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint ATTACHED_NODES = 0;

@@ -5,10 +5,11 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Pose: the sums from which the host fits a floating frame (that of a soft body without cores) to its nodes, at the end
-// of the step: sum m d, sum m r x d, sum m v and sum m (x - centre) x v over its nodes of mass m, with rest position r,
-// displacement d, position x and velocity v. Where the first two vanish, the frame is the best fit (M. Mueller and
-// others 2005, "Meshless Deformations Based on Shape Matching"). One workgroup a frame. Oracle: f64 sums in its test.
+// Pose: computes the sums from which the host fits a floating frame (that of a soft body without cores) to its nodes,
+// at the end of the step: sum m d, sum m r x d, sum m v and sum m (x - centre) x v over its nodes of mass m, with rest
+// position r, displacement d, position x and velocity v. Where the first two vanish, the frame is the best fit (M.
+// Mueller and others 2005, "Meshless Deformations Based on Shape Matching"). One workgroup runs for each frame. The
+// test compares with sums in f64. A frame is a rigid coordinate frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

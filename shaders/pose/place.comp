@@ -6,11 +6,12 @@
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
 
-// Pose: places a collision proxy (convex hull) in the world: its vertices x = c + R r and face planes n = R n_rest,
-// offset = n_rest . r + n . c, with centre c and rotation R of its frame; the box of the hull; and the bound on how far
-// its skin lies outside the hull, margin + (sum |w|) max |d|, over embedding weights w and displacements d, in the
+// Pose: places a collision proxy (convex hull) in the world. It writes the hull's vertices x = c + R r and face planes
+// n = R n_rest, offset = n_rest . r + n . c, with centre c and rotation R of its frame; the hull's box; and a bound on
+// how far skin lies outside the hull, margin + (sum |w|) max |d|, over embedding weights w and displacements d, in the
 // proxy's frame, of the nodes that move the skin. All workgroups together clear the spatial hash; the first invocation
-// clears the step's counters and indirect arguments. One workgroup a proxy. Oracle: oracle::proximity.
+// clears the step's counters and indirect arguments. One workgroup runs for each proxy. The f64 reference is
+// oracle::proximity. A frame is a rigid coordinate frame, a link the relative placement of two frames.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -21,7 +22,7 @@ layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 READ_ONLY(vec4, hull_rest);          // vertices of all hulls, from their frame's centre, m
 READ_ONLY(vec4, face_rest);          // face planes of all hulls: unit normal, offset
-READ_ONLY(uvec4, proxy_nodes);       // two a texel: node, link from the proxy's frame to the node's
+READ_ONLY(uvec4, proxy_nodes);       // two per texel: node, link from the proxy's frame to the node's
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer Links { Link links[]; };
@@ -30,7 +31,7 @@ layout(scalar) writeonly buffer Faces { vec4 faces[]; };    // face planes in th
 layout(scalar) writeonly buffer Bounds { ProxyBounds bounds[]; };
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) writeonly buffer Args { uint args[]; };
-layout(scalar) writeonly buffer Buckets { uint buckets[]; };      // heads of the hash's lists, see shared/spatial_hash.glsl
+layout(scalar) writeonly buffer Buckets { uint buckets[]; };      // heads of the lists, see shared/spatial_hash.glsl
 
 #include "shared/link.glsl"
 #include "shared/moved.glsl"

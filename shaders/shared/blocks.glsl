@@ -1,6 +1,7 @@
-// Blocks of nodes, each worked on by one workgroup of the solver's kernels: first blocks of neighbouring free nodes of
-// one frame, also aggregates of the coarse space, then blocks of nodes attached to one dynamic core. Needs `blocks`,
-// `block_nodes`.
+// A block is a set of nodes of soft bodies that one workgroup of the solver's kernels works on. Blocks of free nodes
+// come first: neighbours within one frame (rigid coordinate frame), which are also the aggregates of the
+// preconditioner's coarse space. Blocks of nodes attached to one dynamic core (rigid core inside a soft body) follow.
+// An including shader declares `blocks` and `block_nodes`.
 
 struct Block {
     uint first, count;          // its nodes, a range of block_nodes
@@ -13,11 +14,13 @@ Block block_of(uint b) {
     return Block(x.x, x.y, x.z, x.w);
 }
 
-// The k-th node of a block: index, first of its texels in `node_elements`, number of these, bits of its damping.
+// The k-th node of a block: node index, its first texel in `node_elements`, its number of texels there, damping (float
+// bits).
 uvec4 block_node(Block block, uint k) { return fetch(block_nodes, block.first + k); }
 
 // Mass-proportional damping alpha m of a node, kg/s.
 float node_damping(uvec4 node) { return uintBitsToFloat(node.w); }
 
-// Place of a block's modes among those of all blocks, body by body. Needs `coarse_blocks`.
+// Index of a block's modes (basis of the coarse space) among the modes of all blocks, which are stored body by body. An
+// including shader declares `coarse_blocks`.
 uint coarse_index_of(uint b) { return fetch(coarse_blocks, b).w; }

@@ -1,10 +1,12 @@
 // Coarse space of the two-level additive Schwarz preconditioner: A_c^-1, the inverse of the Galerkin matrix
-// A_c = P^T A P of a body at rest, over the modes of all its blocks of nodes (aggregates; shared/coarse_vector.glsl). It is
-// scaled to a unit diagonal and kept in half precision, eight numbers a texel. A block owns twelve rows.
+// A_c = P^T A P of a body at rest, over the modes (basis) of all its blocks of nodes (aggregates;
+// shared/coarse_vector.glsl). A_c^-1 is scaled to a unit diagonal and kept in half precision, eight numbers in a texel.
+// A block has twelve modes, hence twelve rows.
 //
-// Needs `coarse_inverse`, those rows; `coarse_scales`, the square roots of the diagonal of A_c^-1, three texels a
-// block; and `coarse_blocks`, for each block: first texel of its rows, place of the body's first block, a quarter of
-// the number of the body's modes (zero where it has no coarse space), place of the block itself; places count blocks.
+// An including shader declares three arrays: `coarse_inverse` holds these rows. `coarse_scales` holds the square roots
+// of the diagonal of A_c^-1, three texels for each block. `coarse_blocks` holds for each block: first texel of its
+// rows, index of the body's first block, a quarter of the number of the body's modes (zero where it has no coarse
+// space), index of the block itself; the indices count all blocks that have modes.
 
 struct CoarseBlock {
     uint matrix;                // first texel of its rows
@@ -23,8 +25,8 @@ uint row_texels(CoarseBlock block) { return (block.texels + 1) / 2; }
 
 vec4 coarse_scale(uint at) { return fetch(coarse_scales, at); }
 
-// Adds to a block's twelve products of A_c^-1 and a vector of modes the terms of eight entries of that vector, `low`
-// and `high`, already multiplied by their scales; `k` is their texel in a row.
+// Adds to `products`, a block's twelve rows of A_c^-1 times a vector over the modes, the terms of eight entries of that
+// vector: `low` and `high`, already multiplied by their scales. `k` is the texel of these entries in a row.
 void add_products(inout vec4 products[3], CoarseBlock block, uint k, vec4 low, vec4 high) {
     uint stride = row_texels(block);
     for (uint row = 0; row < 3; row++) {

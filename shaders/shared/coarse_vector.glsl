@@ -1,7 +1,8 @@
-// Modes: the basis of the coarse space of the preconditioner, for each block of nodes (one workgroup). Free nodes of a
-// block move as R (c0 + c1 x + c2 y + c3 z), where (x, y, z) is a node's rest position from the middle of the block
-// over the block's size, and R the block's rotation (solve/assemble). Nodes attached to a core move by its twist,
-// (R c0, R c1), R the core's rotation. A block has twelve numbers, in three texels: c0 c1.x, c1.yz c2.xy, c2.z c3.
+// Modes are the basis of the preconditioner's coarse space: twelve motions for each block (set of nodes that one
+// workgroup works on). Free nodes of a block move as R (c0 + c1 x + c2 y + c3 z), where (x, y, z) is a node's rest
+// position relative to the middle of the block, divided by the block's size, and R is the block's rotation
+// (solve/assemble). Nodes attached to a core (rigid core inside a soft body) move by its twist (R c0, R c1), with R the
+// core's rotation. A block's twelve numbers lie in three texels: c0 c1.x, c1.yz c2.xy, c2.z c3.
 
 struct CoarseVector {
     vec3 c0, c1, c2, c3;
@@ -9,7 +10,7 @@ struct CoarseVector {
 
 CoarseVector coarse_zero() { return CoarseVector(vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0)); }
 
-// Restriction: adds a node's force v, at (x, y, z) = `at`, to the sums of its block over the modes.
+// Restriction P^T: adds the force v on a node at (x, y, z) = `at` to the twelve sums of the node's block.
 void add_restriction(inout CoarseVector coarse_vector, vec3 v, vec3 at) {
     coarse_vector.c0 += v;
     coarse_vector.c1 += v * at.x;
@@ -17,7 +18,7 @@ void add_restriction(inout CoarseVector coarse_vector, vec3 v, vec3 at) {
     coarse_vector.c3 += v * at.z;
 }
 
-// Prolongation: velocity that the modes give to a node at (x, y, z) = `at`, in the axes of c0 to c3.
+// Prolongation P: velocity of a node at (x, y, z) = `at` for the coefficients c0 to c3, in the block's axes.
 vec3 prolongation(CoarseVector m, vec3 at) { return m.c0 + m.c1 * at.x + m.c2 * at.y + m.c3 * at.z; }
 
 vec4[3] packed(CoarseVector m) { return vec4[3](vec4(m.c0, m.c1.x), vec4(m.c1.yz, m.c2.xy), vec4(m.c2.z, m.c3)); }

@@ -1,15 +1,15 @@
-// The contact law: the one place where pressure, its slope and friction of a contact are computed. Needs
-// shared/types.glsl.
+// The contact law: the one place where the shaders compute pressure, its slope and friction of a contact. An including
+// shader includes shared/types.glsl first.
 //
 // Pressure p = k delta + d delta' (Kelvin-Voigt penalty, N/m^2), with penetration depth delta (m), its rate delta'
-// (m/s), stiffness k (N/m^3) and damping d (N s/m^3). The solver takes it at the end of a step of h seconds:
-// k delta + (h k + d) delta', with delta of the start and delta' of the end, so it is linear in the change of velocity.
+// (m/s), stiffness k (N/m^3) and damping d (N s/m^3). The solver uses p at the end of a step of h seconds: k delta + (h
+// k + d) delta', with delta at the start and delta' at the end, which is linear in the change of velocity.
 //
-// Friction is Coulomb's, regularised: -c v_t with the tangential velocity v_t of the end of the step, and a coefficient
-// of its start, c = mu a max(0, p) / sqrt(|v_t|^2 + s^2), with friction coefficient mu, contact area a (m^2), and s the
-// speed (m/s) below which friction is viscous.
+// Friction is regularised Coulomb friction, -c v_t, with the tangential velocity v_t at the end of the step. Its
+// coefficient c = mu a max(0, p) / sqrt(|v_t|^2 + s^2) is computed at the start, with friction coefficient mu, contact
+// area a (m^2), and s the speed (m/s) below which friction is viscous.
 //
-// Oracle: oracle::contact_law. The host's version is in stages/contact_law.rs.
+// The f64 reference is oracle::contact_law; the host's version is in stages/contact_law.rs.
 
 // Pressure p at the start of the step, N/m^2.
 float start_pressure(float depth, float rate, float stiffness, float damping) {
@@ -48,7 +48,7 @@ vec3 end_friction(Contact contact, vec4 force, float h) {
     return contact.friction * contact.slip + (force.xyz - force.w * contact.normal) / h;
 }
 
-// Stiffness (N/m) and damping (N s/m) along the normal that the tool feels of a contact.
+// Stiffness (N/m) and damping (N s/m) of a contact along its normal, as the tool feels them.
 float normal_stiffness(Contact contact) { return contact.area * contact.stiffness; }
 float normal_damping(Contact contact) { return contact.area * contact.damping; }
 

@@ -1,7 +1,8 @@
-// Dynamic cores: P maps a core's twist (u, w) to the velocities of the nodes attached to it, v = u + w x arm; P^T sums
-// forces on these nodes to a force and a torque. Needs `node_rest` and shared/rotation.glsl.
+// Motion of nodes attached to a dynamic core (rigid core inside a soft body, whose motion the solver finds): the matrix
+// P maps a core's twist (u, w) to the velocities of its nodes, v = u + w x arm; P^T sums forces on these nodes to a
+// force and a torque. An including shader declares `node_rest` and includes shared/rotation.glsl.
 
-// Arm of an attached node: the vector from its core's centre to it, world axes, where `rotation` is the core's.
+// Arm of an attached node: the vector from its core's centre to it, in world axes; `rotation` is the core's.
 vec3 arm_of(uint node, vec4 rotation) { return rotate(rotation, fetch(node_rest, node).xyz); }
 
 vec3 carry(float twist[6], vec3 arm) {

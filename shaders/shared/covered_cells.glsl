@@ -1,11 +1,14 @@
-// A triangle in the axes of a contact patch (`ContactPatch`), and the cells of the other side's spatial hash that its box
-// covers. Needs shared/spatial_hash.glsl, shared/depth_grid.glsl, and `triangles`, `skin` and `buckets` as read-only arrays.
+// A triangle of one side (0: body a, 1: body b) of a contact patch (`ContactPatch`) in the patch's axes, and the cells
+// that its box covers in the spatial hash of the other side's vertices. An including shader includes
+// shared/spatial_hash.glsl and shared/depth_grid.glsl, and declares `triangles`, `skin` and `buckets` as read-only
+// arrays.
 
-// Whether the ray of some vertex of the other side may meet a triangle of `side`: whether in any depth grid cell that
-// its box (`least` to `greatest`) covers, it reaches (`height`) the vertex that lies farthest into its body. It is also
-// true where the driver ends the loops before all cells are tested.
+// Whether the ray of some vertex of the other side may meet a triangle of `side`. The triangle's box runs from `least`
+// to `greatest`, and `height` is the height that it reaches towards the other body. The answer is true if in any
+// covered cell of the depth grid this height reaches the other side's vertex that lies farthest into the triangle's
+// body. It is also true where the driver ends the loops before all cells are tested.
 bool seen(ContactPatch contact_patch, uint patch_index, uint side, vec2 least, vec2 greatest, float height) {
-    // The margin covers the rounding of the exact test.
+    // The margin covers the rounding of the exact test in shared/ray_hit.glsl.
     vec2 margin = 1.0e-3 * grid_cell_size(contact_patch);
     uvec4 range = grid_cells(contact_patch, least - margin, greatest + margin);
     uint left = (range.z - range.x + 1) * (range.w - range.y + 1);
@@ -37,7 +40,8 @@ void box_cells(ContactPatch contact_patch, uint side, uint triangle, out vec3 co
     last = cell_of(contact_patch, 1 - side, greatest);
 }
 
-// Corners and hash cells of a triangle; false where no cell can hold a vertex whose ray meets it.
+// Corners of a triangle and the hash cells that it covers; false if no vertex in these cells can have a ray that meets
+// it.
 bool covered_cells(
     ContactPatch contact_patch, uint patch_index, uint side, uint triangle, out vec3 corners[3], out ivec2 first,
     out ivec2 last) {

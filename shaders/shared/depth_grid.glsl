@@ -1,6 +1,8 @@
-// Min-max depth grid of a contact patch (`ContactPatch`): GRID x GRID cells over its rectangle. In each cell, first the
-// greatest height (coordinate along the normal) that chunks of a reach, then, in a second grid, the least height that
-// chunks of b reach. Heights are kept as integers that sort like the floats. Needs `depth_grids` where the grid is written.
+// Min-max depth grids of a contact patch (`ContactPatch`), each of GRID x GRID cells over its rectangle. In each cell
+// the first grid holds the greatest height (coordinate along the normal) that skin of body a reaches, the second the
+// least height that skin of body b reaches. Skin enters by chunks (groups of at most 64 vertices). Heights are kept as
+// integers that sort like the floats. A shader that writes the grids declares `depth_grids`. A contact patch is a
+// column of space where two bodies may touch.
 
 const uint GRID = 16;
 
@@ -10,11 +12,11 @@ uint height_key(float height) {
     return (bits & 0x80000000u) != 0 ? ~bits : bits | 0x80000000u;
 }
 
-// Key of a triangle of `side` by the height that it reaches towards the other body, or of a vertex of the other side by
-// its height: the vertex's ray may meet the triangle only where the triangle's key is not less than the vertex's.
+// Sort key of a height in the direction in which `side` reaches towards the other body. The ray of a vertex of the
+// other side may meet a triangle of `side` only where the triangle's key is at least the vertex's key.
 uint depth_key(uint side, float height) { return side == 0 ? height_key(height) : ~height_key(height); }
 
-// First cell of a side's grid.
+// Index of the first cell of a side's grid.
 uint grid_first(uint contact_patch, uint side) { return (2 * contact_patch + side) * GRID * GRID; }
 
 vec2 grid_cell_size(ContactPatch contact_patch) {
@@ -36,7 +38,7 @@ struct Slab {
     float extreme;              // greatest height of the box for a chunk of a, least for one of b, m
 };
 
-// Bound on the height of a chunk in a cell: the greatest for a chunk of a, the least for one of b.
+// Bound on the height of a chunk within a cell: an upper bound for a chunk of a, a lower bound for one of b.
 float slab_height(ContactPatch contact_patch, Slab slab, uint side, uvec2 grid_cell) {
     vec2 size = grid_cell_size(contact_patch);
     vec2 low = max(contact_patch.low + vec2(grid_cell) * size, slab.low);

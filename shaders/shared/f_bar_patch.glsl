@@ -1,11 +1,11 @@
-// F-bar patches: groups of tetrahedra that share one volumetric strain (elastic/mean_dilatation). These functions say where the
-// nodes, rows and forces of patch p lie in their arrays, one patch beside the next. Needs PATCHES and TETRAHEDRA, the
-// numbers of patches and of tetrahedra, and `patch_nodes`.
+// F-bar patches: groups of tetrahedra that share one volumetric strain (elastic/mean_dilatation). These functions give
+// the indices of a patch's nodes, rows and forces in their arrays, where the k-th entries of all patches are adjacent.
+// An including shader declares `patch_nodes` and the numbers PATCHES and TETRAHEDRA.
 
 const uint PATCH_NODES = 12;
 const uint PATCH_TETRAHEDRA = 12;
 
-// Four of a patch's nodes; q is 0, 1 or 2.
+// Four of the nodes of patch p; q is 0, 1 or 2.
 uvec4 patch_quad(uint p, uint q) {
     return fetch(patch_nodes, PATCHES * q + p);
 }
@@ -15,7 +15,7 @@ uint patch_row(uint p, uint k) {
     return PATCHES * k + p;
 }
 
-// Index of the force on a patch's k-th node in `element_forces`, behind those of all tetrahedra and four zeros.
+// Index of the force on a patch's k-th node in `element_forces`, after the forces of all tetrahedra and four zeros.
 uint patch_entry(uint p, uint k) {
     return 4 * (TETRAHEDRA + 1) + patch_row(p, k);
 }

@@ -1,7 +1,9 @@
 // Distance between two convex hulls by the algorithm of Gilbert, Johnson and Keerthi (1988), with closest points of a
-// simplex as in Ericson, "Real-Time Collision Detection" (2005), chapter 5.1. Needs `hull`, the points of all hulls.
+// simplex as in Ericson, "Real-Time Collision Detection" (2005), chapter 5.1. An including shader declares `hull`, the
+// points of all hulls.
 //
-// `hull_distance` returns a lower bound of the distance, equal to it once converged, so no pair is missed.
+// `hull_distance` returns a lower bound of the distance, so that no pair in reach is missed; once converged the bound
+// equals the distance.
 
 // The point of a hull that lies farthest along a direction.
 vec3 support(uint first, uint count, vec3 direction) {
@@ -23,7 +25,8 @@ struct Simplex {
     uint count;
 };
 
-// Closest point to the origin on a segment or triangle. The simplex shrinks to the feature that holds it.
+// Closest point to the origin on a segment or triangle. The simplex shrinks to the vertex, edge or face that holds this
+// point.
 vec3 closest_on_segment(inout Simplex s, vec3 a, vec3 b) {
     vec3 ab = b - a;
     float t = -dot(a, ab), length2 = dot(ab, ab);
@@ -61,7 +64,7 @@ vec3 closest_on_triangle(inout Simplex s, vec3 a, vec3 b, vec3 c) {
     return a + ab * (vb * scale) + ac * (vc * scale);
 }
 
-// True when the origin lies strictly on the other side of triangle abc than d.
+// True when the origin and d lie strictly on opposite sides of the plane of triangle abc.
 bool outside(vec3 a, vec3 b, vec3 c, vec3 d) {
     vec3 n = cross(b - a, c - a);
     return dot(-a, n) * dot(d - a, n) < 0.0;
@@ -95,7 +98,7 @@ vec3 closest_on_simplex(inout Simplex s) {
 
 const uint GJK_ROUNDS = 24;
 
-// Stops as soon as the bound exceeds `enough`.
+// Lower bound of the distance between two hulls; iteration stops as soon as the bound exceeds `enough`.
 float hull_distance(uint a_first, uint a_count, uint b_first, uint b_count, float enough) {
     Simplex s;
     vec3 v = fetch(hull, a_first).xyz - fetch(hull, b_first).xyz;
@@ -113,7 +116,7 @@ float hull_distance(uint a_first, uint a_count, uint b_first, uint b_count, floa
         s.points[s.count] = w;
         s.count += 1;
         v = closest_on_simplex(s);
-        // The simplex holds the origin (the hulls overlap), or is too flat to tell.
+        // The simplex contains the origin (the hulls overlap), or is too flat to decide.
         if (s.count == 4) return bound;
     }
     return bound;

@@ -1,6 +1,8 @@
-// Joints at a dynamic core. Needs `joints`, and `joint_sides`: by core, its sides of joints, 2 * joint + side.
+// Joints between rigid bodies, of which at least one is a dynamic core (rigid core inside a soft body). An including
+// shader declares `joints` and `joint_sides`, which lists for each core its ends of joints as 2 * joint + side.
 
-// Adds a joint's product with a change of twist (`linear`, `angular`) of its side `from`, to rows of its side `to`.
+// Adds a joint's operator product: what a change of twist (`linear`, `angular`) of its side `from` gives in the rows of
+// side `to`.
 void add_joint(uint joint, uint to, uint from, vec3 linear, vec3 angular, inout vec3 force, inout vec3 torque) {
     float sign = to == from ? 1.0 : -1.0, w[6] = joints[joint].angular;
     vec3 along = sign * joints[joint].linear * (linear + cross(angular, joints[joint].arm[from]));
@@ -10,7 +12,7 @@ void add_joint(uint joint, uint to, uint from, vec3 linear, vec3 angular, inout 
     torque += cross(joints[joint].arm[to], along) + sign * about;
 }
 
-// Adds the impulses of a joint's springs to the right-hand side of one of its sides.
+// Adds the impulses of a joint's springs to the right-hand side of the body on one of its sides.
 void add_springs(uint joint, uint side, inout vec3 force, inout vec3 torque) {
     float sign = side == 0 ? 1.0 : -1.0;
     vec3 along = sign * joints[joint].impulse;

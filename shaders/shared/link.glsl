@@ -1,7 +1,9 @@
-// Displacements across frames. Needs shared/types.glsl and shared/rotation.glsl.
+// Converts displacements from one rigid coordinate frame to another by a `Link` (their relative placement). An
+// including shader includes shared/types.glsl and shared/rotation.glsl.
 
-// (Q - I) p from the vector part of the quaternion, so that a small rotation keeps its digits.
+// (Q - I) p for the rotation Q of the unit quaternion q, computed without differences of nearly equal numbers, so that
+// a small rotation keeps its digits.
 vec3 turned(vec4 q, vec3 p) { return 2.0 * cross(q.xyz, cross(q.xyz, p) + q.w * p); }
 
-// Displacement in the link's first frame of a node at rest position r whose displacement in the second frame is d.
+// Displacement, in the frame that the link leads to, of a node at rest position r with displacement d in its own frame.
 vec3 across(Link link, vec3 r, vec3 d) { return link.offset + turned(link.turn, r + d) + d; }

@@ -1,11 +1,11 @@
-// The material law: the one place where a tetrahedron's stress, the operator's moduli and the energy density are
-// computed. They follow from its strain E, where its deformation gradient is F = R (I + E) with the polar rotation R.
-// Every law is linear elasticity with Lame parameters mu and lambda at small strain.
+// The material law: the one place where the shaders compute a tetrahedron's stress, the moduli of the solver's operator
+// and the energy density. They follow from its strain E, where the deformation gradient is F = R (I + E) with the polar
+// rotation R. At small strain every law is linear elasticity with Lame parameters mu and lambda.
 //
-// Another law needs an id here, a branch in `evaluate` and in `energy_density`, a name in scene/material.rs, its id and
-// parameters in stages/material_law.rs, and branches in oracle::material_law; parameters besides mu and lambda are in
-// ElasticMaterial. Needs shared/types.glsl, shared/strain.glsl, and LAWS, a bit for each law that some material has.
-// Oracle: oracle::material_law.
+// A new law needs an id here, a branch in `evaluate` and in `energy_density`, a name in scene/material.rs, its id and
+// parameters in stages/material_law.rs, and branches in oracle::material_law, the f64 reference. Its parameters besides
+// mu and lambda are in ElasticMaterial. An including shader includes shared/types.glsl and shared/strain.glsl, and
+// declares LAWS, with a bit for each law that some material has.
 
 const uint LAW_COROTATIONAL = 0;      // corotational linear elasticity
 const uint LAW_NEO_HOOKEAN = 1;       // stable neo-Hookean elasticity
@@ -40,14 +40,14 @@ float compression_modulus(ElasticMaterial material) { return STIFFENING * (mater
 
 #include "shared/neo_hookean.glsl"
 
-// Whether any material of the scene has this law; a kernel has no code of laws that are not used.
+// Whether any material of the scene has this law; a kernel is compiled without the code of unused laws.
 bool is_used(uint law) { return (LAWS & (1u << law)) != 0; }
 
-// Evaluates a material's law at the strain `e`. `compression` is the part of the strain that the compression penalty acts
-// on (`excess_compression` in shared/strain.glsl). `lambda` is the tetrahedron's own; it is zero where an F-bar patch acts in its
-// place (elastic/mean_dilatation). The operator of the corotational law gets half of the compression penalty as shear modulus,
-// which is isotropic and at least as stiff as the penalty. A law that is unknown, or not compiled, gives NaN, so that
-// the step is not accepted and its flag says so.
+// Evaluates a material's law at the strain `e`. `compression` is the part of the strain that the compression penalty
+// acts on (`excess_compression` in shared/strain.glsl). `lambda` is the tetrahedron's own, or zero where an F-bar patch
+// (tetrahedra that share one volumetric strain, elastic/mean_dilatation) applies it instead. The operator of the
+// corotational law gets half of the compression penalty as shear modulus, which is isotropic and at least as stiff as
+// the penalty. A law that is unknown, or not compiled, gives NaN, so that the step is rejected and a flag reports it.
 Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 compression, float lambda) {
     Evaluation law;
     if (is_used(LAW_COROTATIONAL) && material.law == LAW_COROTATIONAL) {
@@ -65,7 +65,7 @@ Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 compression, float la
     return law;
 }
 
-// Energy density of a law, J/m^3, zero at rest, without the part of lambda that acts by F-bar patches.
+// Energy density of a law, J/m^3, zero at rest. It leaves out the part of lambda that acts through F-bar patches.
 float energy_density(ElasticMaterial material, mat3 e, mat3 compression, float lambda) {
     float density = uintBitsToFloat(0x7fc00000u);
     if (is_used(LAW_COROTATIONAL) && material.law == LAW_COROTATIONAL) {

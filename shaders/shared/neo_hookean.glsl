@@ -1,6 +1,7 @@
 // Stable neo-Hookean elasticity (Smith, de Goes and Kim 2018, equation 14) with m = 4/3 mu and l = lambda + 5/6 mu, so
 // that mu and lambda are those of small strain. F is the deformation gradient, e = R^T F - I the strain, I = |F|^2 and
-// J = det F. Needs shared/strain.glsl, `Evaluation` and `compression_modulus`. Oracle: oracle::neo_hookean.
+// J = det F. An including shader includes shared/strain.glsl and defines `Evaluation` and `compression_modulus`. The
+// f64 reference is oracle::neo_hookean.
 
 mat3 cofactors(mat3 a) {
     return mat3(cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1]));
@@ -8,10 +9,10 @@ mat3 cofactors(mat3 a) {
 
 // Stress P = m (1 - 1 / (I + 1)) F + (l (J - 1) - mu) cof F, expanded about F = identity so that nothing cancels.
 //
-// Operator: 2 mu' |sym L|^2 + lambda' tr(L)^2 of L = dF F^-1. In terms of L the second derivative of this law is
-// isotropic but for a matrix b = S^2, S the symmetric part of F in the polar decomposition. In place of b the operator
-// takes the mean of its eigenvalues or, where that is larger, a bound from the greatest, so that it is at least half as
-// stiff as the second derivative. Stretches in S that are below LEAST are raised to it.
+// The solver's operator is 2 mu' |sym L|^2 + lambda' tr(L)^2 of L = dF F^-1. In terms of L the second derivative of the
+// energy is isotropic except for a matrix b = S^2, with S the symmetric part of F in the polar decomposition. In place
+// of b the operator takes the mean of its eigenvalues or, where larger, a bound from its greatest eigenvalue, so that
+// it is at least half as stiff as the second derivative. Stretches in S below LEAST are raised to LEAST.
 Evaluation neo_hookean(mat3 e, ElasticMaterial material, mat3 compression) {
     float mu = material.mu, lambda = material.lambda;
     float m = 4.0 / 3.0 * mu, l = lambda + 5.0 / 6.0 * mu, tr = trace(e);
@@ -35,8 +36,8 @@ Evaluation neo_hookean(mat3 e, ElasticMaterial material, mat3 compression) {
     return law;
 }
 
-// Energy density (J/m^3), zero at rest, expanded the same way: with x = (I - 3) / 4,
-// m/2 (3/4 (|e|^2 + tr(e e) - tr(e)^2) - 3/2 det e + x - log(1 + x)) + l/2 (J - 1)^2.
+// Energy density (J/m^3), zero at rest, also expanded about F = identity: with x = (I - 3) / 4, it is m/2 (3/4 (|e|^2 +
+// tr(e e) - tr(e)^2) - 3/2 det e + x - log(1 + x)) + l/2 (J - 1)^2.
 float neo_hookean_energy(mat3 e, float mu, float lambda) {
     float m = 4.0 / 3.0 * mu, l = lambda + 5.0 / 6.0 * mu, tr = trace(e), second = trace(e * e), third = determinant(e);
     float x = 0.25 * (2.0 * tr + square(e)), larger = tr + 0.5 * (tr * tr - second) + third;

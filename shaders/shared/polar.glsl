@@ -1,11 +1,12 @@
 // Polar decomposition: the rotation R nearest to a matrix F, by iteration from a guess. Each round turns R by a
 // rotation vector w. Where the symmetric part S of R^T F is far from singular, w is Newton's step to a symmetric R^T F,
-// (tr(S) I - S) w = axial(R^T F), which converges quadratically; from the last step's rotation one round mostly
-// suffices. Elsewhere w = axial(R^T F) / |tr(R^T F)| (Mueller et al. 2016, "A Robust Method to Extract the Rotational
-// Part of Deformations"), which is slower, but proper and steady under inversion. Needs shared/rotation.glsl.
+// (tr(S) I - S) w = axial(R^T F), which converges quadratically; from the rotation of the last time step one round
+// mostly suffices. Elsewhere w = axial(R^T F) / |tr(R^T F)| (Mueller et al. 2016, "A Robust Method to Extract the
+// Rotational Part of Deformations"), which is slower, but stays a proper rotation and converges under inversion. An
+// including shader includes shared/rotation.glsl.
 
 const uint POLAR_ROUNDS = 40;
-const float NEWTON_DONE = 1.0e-4;       // Newton step after which the iteration ends, rad: its square is the error left
+const float NEWTON_DONE = 1.0e-4;       // Newton step after which the iteration ends, rad; its square is the error left
 const float POLAR_DONE = 1.0e-7;        // slow step before which the iteration ends, rad: f32 resolves no less
 const float POLAR_LOST = 1.0e-5;        // last step above which the rotation counts as not found, rad
 
@@ -13,7 +14,7 @@ mat3 matrix_of(vec4 q) {
     return mat3(rotate(q, vec3(1, 0, 0)), rotate(q, vec3(0, 1, 0)), rotate(q, vec3(0, 0, 1)));
 }
 
-// Rotation nearest to `f` from the guess `q`; `lost`: it was not found within the rounds.
+// Rotation nearest to `f`, from the guess `q`; `lost` is set if it was not found within POLAR_ROUNDS rounds.
 vec4 polar(mat3 f, vec4 q, out bool lost) {
     lost = false;
     for (uint k = 0; k < POLAR_ROUNDS; k++) {

@@ -1,8 +1,9 @@
-// Cells of a spatial hash as pixels, for the graphics path of the depth stage: RASTER_CELLS cells span a side of clip space.
+// Cells of a spatial hash as pixels, for the graphics version of the depth stage: RASTER_CELLS cells span a side of
+// clip space.
 
 // One of six corners of two triangles that together cover the centres of the cells from `first` to `last`, each once,
-// and no others: their borders run along cell borders, half a pixel from any centre, and a centre on the diagonal
-// belongs to one.
+// and no others: the triangles' borders run along cell borders, half a pixel from any centre, and a centre on the
+// diagonal belongs to one of the two triangles.
 vec4 corner_of_cells(ivec2 first, ivec2 last, uint corner) {
     bool right = corner == 1 || corner >= 4, upper = corner == 2 || corner == 3 || corner == 5;
     vec2 at = vec2(right ? last.x + 1 : first.x, upper ? last.y + 1 : first.y);

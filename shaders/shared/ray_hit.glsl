@@ -1,14 +1,17 @@
-// Exact test of a triangle of one side of a contact patch against the vertices of the other side, in the hash cells
-// that it covers. The ray of a vertex of body a runs against the patch's normal (which points from a to b), that of a
-// vertex of b along it. Where a ray meets the triangle, the hit is put on the vertex's list, `entry_hits`. Needs
-// shared/spatial_hash.glsl, `buckets`, `hash_entries`, `entry_cells`, `entry_hits`, `hits`, `counts` and MOST_HITS (room for hits).
+// Exact test of a triangle of one side (body a or b) of a contact patch against the vertices of the other side, in the
+// hash cells that it covers. The ray of a vertex of body a runs against the patch's normal (which points from a to b),
+// that of a vertex of b along it. A hit goes onto the vertex's linked list, `entry_hits`. A work item is a chunk (group
+// of skin vertices) in one contact patch. An including shader includes shared/spatial_hash.glsl and declares `buckets`,
+// `hash_entries`, `entry_cells`, `entry_hits`, `hits`, `counts` and MOST_HITS (room for hits).
 
-// A number above every index of `hash_entries`. A loop follows a list while the next index is below it, and must then have come
-// to NONE: Mesa's llvmpipe ends loops early (see README), and a compiler cannot know that no other index is so large.
+// A number above every index of `hash_entries`. A loop follows a list while the next index is below this number. If the
+// index is not NONE afterwards, Mesa's llvmpipe ended the loop early (see README.md); a test against NONE in the loop
+// itself would let the compiler remove the test afterwards.
 const uint ALL_ENTRIES = 0x80000000u;
 
-// Vertices that are tested before hits are recorded. On GPUs and vector CPUs each round of a loop costs all the code in
-// it, whichever lane needs it, so recording stays outside the inner loop; more rounds would let lanes with a hit wait.
+// Most vertices that are tested before a hit is recorded. On GPUs and vector CPUs each round of a loop costs all the
+// code in it, whichever lane needs it, so recording stays outside the inner loop. More rounds would let lanes that have
+// a hit wait longer for the others.
 const uint TURNS = 8;
 
 // Puts a hit at the head of a vertex's list: its triangle, the next hit, its depth, the triangle's work item, and
@@ -23,9 +26,9 @@ void record_ray_hit(uint hash_entry, bool front, float depth, uint triangle, uin
     }
 }
 
-// Tests a triangle against all vertices in the cells from `first` to `last`; `corners` are along the patch's axes,
-// `side` and `work_item` the triangle's. One loop goes from list to list as well as along each list, so that no lane waits
-// for others at a list's end. Returns the number of lists whose end was reached.
+// Tests a triangle against all vertices in the cells from `first` to `last`; `corners` are along the patch's axes, and
+// `side` and `work_item` are the triangle's. One loop goes through the cells' lists and along each list, so that no
+// lane waits for others at the end of a list. Returns the number of lists whose end was reached.
 uint hit_cells(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint side, uint triangle, uint work_item) {
     ivec2 cell = ivec2(first.x - 1, first.y);
     uint left = uint(last.x - first.x + 1) * uint(last.y - first.y + 1), ended = 0, hash_entry = NONE;
@@ -45,7 +48,8 @@ uint hit_cells(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint s
                 at = hash_entry;
                 uvec4 found = fetch(hash_entries, hash_entry);
                 vec3 x = uintBitsToFloat(found.xyz);
-                // `precise` gives an edge's product exactly opposite signs in its two triangles: no ray passes between.
+                // `precise` gives an edge's product exactly opposite signs in its two triangles, so that no ray passes
+                // between them.
                 precise vec2 p = corners[0].xy - x.xy, q = corners[1].xy - x.xy, r = corners[2].xy - x.xy;
                 precise vec3 b = vec3(q.x * r.y - q.y * r.x, r.x * p.y - r.y * p.x, p.x * q.y - p.y * q.x);
                 precise float b_sum = b.x + b.y + b.z;
@@ -62,7 +66,8 @@ uint hit_cells(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint s
             turns++;
         } while (!is_hit && turns < TURNS && (hash_entry < ALL_ENTRIES || left > 0));
         precise float depth = (side == 1 ? -volume : volume) / sum;
-        // A bucket may hold vertices of several cells that the triangle covers: a hit counts in the vertex's cell.
+        // A list may hold vertices of several cells that the triangle covers: a hit counts only in the vertex's own
+        // cell.
         if (is_hit && depth > 0.0 && entry_cells[at] == cell_key(cell, patch_side)) {
             record_ray_hit(at, side == 1 ? sum < 0.0 : sum > 0.0, depth, triangle, work_item);
         }

@@ -1,6 +1,7 @@
-// Operator and preconditioner products in the six rows of a rigid body (dynamic core, or the tool). Needs `params`,
-// `frames`, `rigids`, `rigid_inverses`, `iterates`, `solve`, `restricted_product`, BLOCKS, RIGIDS, TOOL,
-// shared/rotation.glsl, shared/twist.glsl, shared/six.glsl and shared/rigid_inverse.glsl.
+// Operator and preconditioner products in the six equations (rows) of a rigid body: a dynamic core inside a soft body,
+// or the tool. An including shader declares `params`, `frames`, `rigids`, `rigid_inverses`, `iterates`, `solve`,
+// `restricted_product`, BLOCKS, RIGIDS and TOOL, and includes shared/rotation.glsl, shared/twist.glsl, shared/six.glsl
+// and shared/rigid_inverse.glsl.
 
 // Operator product A x of the newest iterate, in the rows of a rigid body.
 float[6] product_of(uint index) {
@@ -15,7 +16,8 @@ float[6] product_of(uint index) {
     return y;
 }
 
-// M^-1 b of a rigid body's group, or M^-1 times its `operator_product` (A x or b - A x); the six rows of that body.
+// The six rows of a rigid body of M^-1 y, where y is b, or, if `of_product`, the `operator_product` (A x or b - A x),
+// of all bodies of its group (the bodies that joints connect to it).
 float[6] preconditioned_rows(uint index, bool of_product) {
     uint first = rigids[index].group_first, count = rigids[index].group_count, row = inverse_row(index, 0);
     float z[6] = float[6](0.0, 0.0, 0.0, 0.0, 0.0, 0.0);

@@ -1,11 +1,12 @@
-// Variants of a solver kernel, by the specialization constant ROLE. They run side by side, each without the code of the
-// others, for which masked lanes would pay.
+// Variants of a solver kernel, selected by the specialization constant ROLE. They run concurrently. Each variant leaves
+// out the code of the others, which would cost time even where all its lanes are masked. A block is a set of nodes that
+// one workgroup works on; a dynamic core is a rigid core inside a soft body.
 
 const uint FREE_NODES = 0;      // works on blocks of free nodes
 const uint ATTACHED_NODES = 1;   // works on blocks of nodes attached to dynamic cores
 const uint TOOL_ROWS = 2;       // works on the six rows of the tool, which has no nodes
 
-// Variants of solve/gather by when it runs, the specialization constant MODE.
+// Variants of solve/gather, selected by the specialization constant MODE, which tells when the kernel runs.
 const uint GATHER_WARM_START = 0;     // before the iterations, for the warm start
 const uint GATHER_LOOP = 1;     // in an iteration
 const uint GATHER_END = 2;      // after the iterations, for the recomputed residual

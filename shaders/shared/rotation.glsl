@@ -1,4 +1,4 @@
-// Rotations as unit quaternions x y z w.
+// Functions on rotations, which are kept as unit quaternions x y z w.
 
 vec3 rotate(vec4 q, vec3 p) { return p + 2.0 * cross(q.xyz, cross(q.xyz, p) + q.w * p); }
 

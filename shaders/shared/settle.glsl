@@ -1,4 +1,4 @@
-// Makes what a workgroup wrote to coherent buffers visible to all its invocations.
+// Waits for a workgroup's invocations, and makes what they wrote to coherent buffers visible to all of them.
 
 void settle() {
     memoryBarrierBuffer();

@@ -1,8 +1,9 @@
-// Shadow lookup by percentage-closer filtering: how much of the sun reaches a point, as the share of a box of 3 x 3
-// texels around it, interpolated between texels, in which the shadow map's depth is not in front of the point. Needs
-// `shadow`, the shadow map (four depths a texel of the array, row by row), and `view`.
+// Shadow lookup by percentage-closer filtering: the share of the sun's light that reaches a point. It is the share of a
+// box of 3 x 3 texels around the point, interpolated between texels, in which the shadow map's depth is not in front of
+// the point. An including shader declares `view` and `shadow`, the shadow map (four depths in a texel of the array, row
+// by row).
 
-// For four depths of a row from index `first` on: 1 where it lies at or behind `depth`, else 0.
+// For four depths of a row, from index `first` on: 1 where the shadow map's depth is at or behind `depth`, else 0.
 vec4 lit_row(int first, float depth) {
     vec4 a = fetch(shadow, first >> 2), b = fetch(shadow, (first >> 2) + 1);
     int from = first & 3;

@@ -1,7 +1,8 @@
-// Coarse part of e . M^-1 e for rounding errors e that are independent from node to node. Needs `coarse_scales`.
+// Coarse part of e . M^-1 e, with the preconditioner M, for rounding errors e that are independent from node to node.
+// An including shader declares `coarse_scales`.
 
-// Estimate of e . P A_c^-1 P^T e for a block, relative to the sum of e . e over its nodes: the trace of A_c^-1 in the
-// block's modes over three, because each of the modes takes one of the three axes.
+// Estimate of e . P A_c^-1 P^T e for a block of nodes, relative to the sum of e . e over its nodes: one third of the
+// trace of A_c^-1 over the block's modes, because each mode moves nodes along one of the three axes.
 float coarse_share(uint pair_proxy) {
     float share = 0.0;
     for (uint k = 0; k < 3; k++) {

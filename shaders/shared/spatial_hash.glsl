@@ -1,20 +1,22 @@
-// Spatial hash of the skin vertices of one side of a contact patch (`ContactPatch`), over square cells of the patch's plane:
-// a hash table (`buckets`) of linked lists (`hash_entries`). Needs BUCKETS, the number of lists, a power of two.
+// Spatial hash of the skin vertices of one side (body a or b) of a contact patch (`ContactPatch`), over square cells of
+// the patch's plane: a hash table (`buckets`) of linked lists (`hash_entries`). An including shader declares BUCKETS,
+// the number of lists, a power of two.
 //
 // The first BUCKETS words of `buckets` are the heads of the lists. After them lies, for each patch and side, a depth
-// grid of FIELD x FIELD cells (shared/depth_grid.glsl): in each cell the key of the vertex of that side that lies farthest
-// into the other body, against which triangles of the other side are culled.
+// grid of GRID x GRID cells (shared/depth_grid.glsl): in each cell the key of the vertex of that side that lies
+// farthest into the other body, against which triangles of the other side are culled.
 //
 // An element of `hash_entries` is a skin vertex in a work item (active chunk and patch): its coordinates along tangent,
-// bitangent and normal, as bits of floats, and the next element of its list, or NONE at the end. `patch_side` is
-// 2 * patch + side.
+// bitangent and normal, as bits of floats, and the next element of its list, or NONE at the end. `patch_side` is 2 *
+// patch + side. A work item is a chunk (group of skin vertices) in one contact patch, which is a column of space where
+// two bodies may touch.
 
 uint bucket_of(ivec2 cell, uint patch_side) {
     uint key = uint(cell.x) * 73856093u ^ uint(cell.y) * 19349663u ^ patch_side * 83492791u;
     return (key ^ key >> 15) & (BUCKETS - 1);
 }
 
-// Identifies a cell among those of all patches, which a bucket does not: a patch has less than 2^16 cells a side.
+// Identifies a cell among those of all patches; a list may mix several cells. A patch has less than 2^16 cells a side.
 uvec2 cell_key(ivec2 cell, uint patch_side) { return uvec2(patch_side, cell.x | cell.y << 16); }
 
 // Cell of a point in the patch's plane. `precise` puts the same point into the same cell in every shader.

@@ -1,5 +1,5 @@
-// Strain E of a tetrahedron, and its part for the compression penalty. Needs shared/rotation.glsl. Oracle:
-// oracle::elastic.
+// Strain E of a tetrahedron, and the part of it that the compression penalty acts on. An including shader includes
+// shared/rotation.glsl. The f64 reference is oracle::elastic.
 
 const float LEAST = 0.3;            // principal stretch below which the compression penalty acts
 const float STIFFENING = 10.0;      // modulus of the compression penalty, in units of lambda + 2 mu
@@ -21,8 +21,8 @@ mat3 strain(vec4 q, mat3 g) {
 // n_k of its symmetric part, by Jacobi's method.
 mat3 excess_compression(mat3 strain) {
     mat3 a = 0.5 * (strain + transpose(strain));
-    // Gershgorin's circles show that no stretch is below LEAST, as is the case nearly everywhere. The loop then has no
-    // rounds; it is not an untaken branch, which some devices run with all lanes masked.
+    // Where Gershgorin's circles show that no stretch is below LEAST, as nearly everywhere, the loop below has no
+    // rounds. This is cheaper than a branch around the loop, which some devices run with all lanes masked.
     vec3 reach = vec3(abs(a[1][0]) + abs(a[2][0]), abs(a[1][0]) + abs(a[2][1]), abs(a[2][0]) + abs(a[2][1]));
     bool clear = all(greaterThan(vec3(1.0 + a[0][0], 1.0 + a[1][1], 1.0 + a[2][2]) - reach, vec3(LEAST)));
     uint rounds = clear ? 0 : 3 * JACOBI_SWEEPS;

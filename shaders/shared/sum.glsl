@@ -1,4 +1,5 @@
-// Sum of a vector over a workgroup in a fixed order (a tree); every lane gets the total. Needs SIZE, a power of two.
+// Sum of a vector over a workgroup in a fixed order (a tree); every lane gets the total. An including shader declares
+// SIZE, the workgroup's size, a power of two.
 
 shared vec4 sum_partial[SIZE];
 

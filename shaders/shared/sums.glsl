@@ -1,6 +1,6 @@
 // Sums of several vectors over a workgroup at once, in a fixed order; every lane gets the totals. Each lane sums one
-// component over all lanes, or over a part of them where there are more lanes than components. Needs SIZE, the
-// workgroup's size, and SUMS, the number of vectors at most.
+// component over all lanes, or over a part of the lanes where there are more lanes than components. An including shader
+// declares SIZE, the workgroup's size, and SUMS, the greatest number of vectors.
 
 const uint SUM_PARTS = SIZE > 32 ? SIZE / 32 : 1;      // parts into which the lanes of a sum are divided
 const uint SUM_SHARE = SIZE / SUM_PARTS;               // lanes of a part

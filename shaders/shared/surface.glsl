@@ -1,4 +1,5 @@
-// Colour of a surface under sun and sky, or by its vertex values. Needs `view`, `materials` and `colours`.
+// Colour of a surface under sun and sky, or by its vertex values. An including shader declares `view`, `materials` and
+// `colours`.
 
 // Colour (sRGB, premultiplied by alpha) of a point x with unit normal n and vertex value `value`; `sun_share` is the
 // share of the sun's light that reaches it.
@@ -10,7 +11,7 @@ vec4 surface(uint material_index, vec3 x, vec3 n, float value, float sun_share) 
     if ((material.flags & VALUED) != 0) {
         float share = clamp((value - material.low) / (material.high - material.low), 0.0, 1.0);
         vec3 mapped = fetch(colours, uint(share * float(SCALE_COLOURS - 1) + 0.5)).rgb;
-        // Near the lower end of the scale the material's own colour shows, unless EVEN.
+        // Near the lower end of the scale the material's own colour shows, unless EVEN is set.
         evenness = (material.flags & EVEN) != 0 ? 1.0 : smoothstep(0.0, 0.02, share);
         own.rgb = mix(own.rgb, mapped, evenness);
     }
@@ -18,7 +19,7 @@ vec4 surface(uint material_index, vec3 x, vec3 n, float value, float sun_share) 
     if ((material.flags & UNLIT) != 0) return vec4(shown(own.rgb) * own.a, own.a);
     float sun = max(dot(n, view.sun), 0.0) * ((material.flags & BARE) != 0 ? 1.0 : sun_share);
     float sky = 0.5 + 0.5 * n.y;
-    // Light changes colours that stand for values less, so that they can be read.
+    // Lighting changes colours that show values less, so that the values can be read from them.
     vec3 light = mix(vec3(0.16, 0.16, 0.18) + sky * vec3(0.26, 0.28, 0.31) + sun * vec3(0.86, 0.82, 0.74),
                      vec3(0.62 + 0.18 * sky + 0.3 * sun), evenness);
     float glint = max(dot(n, normalize(eye + view.sun)), 0.0);

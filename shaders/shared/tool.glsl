@@ -1,6 +1,6 @@
-// Jacobian of a contact with respect to the tool's twist.
+// Jacobian J of a contact with respect to the tool's twist (linear and angular velocity).
 
-// Column of J^T: the derivative by the tool's twist of the contact's relative velocity along a direction.
+// Column of J^T: the derivative of the contact's relative velocity along a direction by the tool's twist.
 void tool_column(Contact contact, vec3 direction, out float column[6]) {
     vec3 lever = contact.tool_sign * cross(contact.arm, direction);
     for (int k = 0; k < 3; k++) {

@@ -1,7 +1,8 @@
-// Six rows of a rigid body from the sums over the modes of its blocks of nodes. Needs shared/rotation.glsl.
+// Six numbers (force and torque, in world axes) of a rigid core from the sums over the modes of its blocks of attached
+// nodes. An including shader includes shared/rotation.glsl.
 
-// twist_of_<array>(first, count, turn) sums the modes of `count` blocks from place `first` on in the buffer <array>, and
-// turns the six numbers (linear, angular) into world axes by the body's rotation `turn`.
+// twist_of_<array>(first, count, turn) sums the first six modes of `count` blocks from index `first` on in the buffer
+// <array>, and rotates the sums (linear, angular) to world axes by the body's rotation `turn`.
 #define TWIST_OF(array) \
     float[6] twist_of_##array(uint first, uint count, vec4 turn) { \
         vec3 linear = vec3(0.0), angular = vec3(0.0); \
@@ -11,7 +12,7 @@
         return turned_twist(linear, angular, turn); \
     }
 
-// Adds the first two modes of a block, from the first two of its texels.
+// Adds the first six numbers of a block's modes, which are in the first two of its texels.
 void add_modes(inout vec3 linear, inout vec3 angular, vec4 low, vec4 high) {
     linear += low.xyz;
     angular += vec3(low.w, high.xy);

@@ -1,15 +1,16 @@
 // Structures and constants that several kernels share. The build script (shaders/build) makes Rust structs and
-// constants of them, and of those in the other files of this folder; their comments become the documentation there.
+// constants of them, and of those in the other files of this folder; the comments become their Rust documentation.
 //
-// Layout is scalar block layout throughout. Positions are in world axes, relative to the step's origin, which the host
+// All structures have scalar block layout. Positions are in world axes, relative to the step's origin, which the host
 // (CPU side) chooses next to the tool, so that f32 loses no digits far from the world's origin. Units are SI; h is the
-// step, s.
+// length of the step, s.
 //
 // A layered body is a skin (high-resolution surface mesh) embedded in a layer (tetrahedral simulation mesh), some of
-// whose nodes are attached to rigid cores. A frame is the rigid coordinate frame of a core or of a body. A proxy is a
-// convex collision proxy that covers part of a skin. A chunk is a group of at most 64 skin vertices with their
-// triangles, the unit of culling. A region is a contact patch: a column of space in which two bodies may touch, with
-// one contact normal.
+// whose nodes are attached to rigid cores. A core is dynamic if the solver finds its motion, kinematic if its motion is
+// prescribed. A frame is the rigid coordinate frame of a core or of a body. A proxy is a convex collision proxy that
+// covers part of a skin; a slot is one proxy in one pair of bodies. A chunk is a group of at most 64 skin vertices with
+// their triangles, which culling keeps or drops as a whole. A contact patch is a column of space in which two bodies a
+// and b may touch, with one contact normal. A side is body a or b of a pair.
 
 const uint NONE = 0xffffffffu;  // index that stands for nothing
 
@@ -22,12 +23,13 @@ struct StepParams {
     vec3 gravity;               // m/s^2, world axes
     float depth_limit;          // penetration depth above which a contact raises FLAG_DEPTH_LIMIT, m
     float texel;                // edge of the spatial hash's cells, m; 0: chosen from the edge lengths of the skins
-    uint wants_stiffness;               // 1: a haptic loop drives the tool, and needs the wrench's stiffness and damping
+    uint wants_stiffness;               // 1: a haptic loop moves the tool, and needs the stiffness and damping that it
+                                        // feels
     float friction;             // Coulomb's coefficient mu
     float friction_speed;       // sliding speed below which friction is viscous, m/s
-    float tool_matrix[36];      // 6x6 operator of the tool's twist without contact: inertia and virtual coupling; where
-                                // the haptic device holds a core of a soft body instead, the coupling alone, since the
-                                // core's nodes have the inertia
+    float tool_matrix[36];      // 6x6 operator of the tool's twist without contact: inertia and virtual coupling
+                                // (spring and damper to the haptic device); the coupling alone where the device holds a
+                                // core of a soft body, since that core's nodes have the inertia
     float tool_rhs[6];          // right-hand side that belongs to tool_matrix, N s and N m s
     float tool_twist[6];        // linear (m/s) and angular (rad/s) velocity of the tool at the start; unused where the
                                 // device holds a core
@@ -41,10 +43,10 @@ struct Frame {
     vec3 centre;                // c0, m, relative to the origin
     vec3 linear;                // (c1 - c0) / h, m/s
     vec3 angular;               // angular velocity, rad/s, world axes
-    vec4 turn;                  // quaternion of R1^T R0: how the start lies in the frame at the end
+    vec4 turn;                  // quaternion of R1^T R0, from the frame's axes at the start to those at the end
     vec3 gyroscopic;            // angular momentum that a dynamic core's spin gains by gyroscopic torque, N m s
-    uint core;                  // the dynamic core whose frame it is, or NONE; the solver finds that core's motion, so
-                                // linear and angular are its twist at the start, and turn means nothing
+    uint core;                  // the dynamic core whose frame this is, or NONE; the solver finds that core's motion,
+                                // so linear and angular are its twist at the start, and turn has no meaning
 };
 
 // A rigid body among the solver's unknowns: a dynamic core or, after all of these, the tool. Its six unknowns are the
@@ -54,16 +56,17 @@ struct Rigid {
     uint frame;                 // frame of a core
     uint node_first, node_count;            // attached nodes, a range of block_nodes
     uint block_first, block_count;          // blocks of those nodes
-    uint first_coarse_index;            // place of those blocks' modes among the modes of all blocks
-    vec3 hinge;                 // unit hinge axis through the centre, world: it only turns about that; zero: free
-    uint joint_first, joint_count;          // its sides of joints, a range of joint_sides
-    uint group_first, group_count;          // range of rigid bodies that joints connect, itself included
+    uint first_coarse_index;            // index of the first of those blocks' modes among the modes of all blocks
+    vec3 hinge;                 // unit axis, in world axes, of a hinge through the centre, about which alone the body
+                                // turns; zero: no hinge
+    uint joint_first, joint_count;          // its ends of joints, a range of joint_sides
+    uint group_first, group_count;          // range of its group: the rigid bodies that joints connect, itself included
     uint parent;                // its parent in the tree that the joints of this group form, or NONE
     uint inverse_first;         // where its group's inverse begins in rigid_inverses
     float rounding;             // e . M^-1 e, where e sums the magnitudes of the terms of b
     float b[6];                 // right-hand side of its six rows, N s and N m s
     float operator_product[6];             // operator product A x before the iterations, residual b - A x after them
-    float carried_residual[6];          // carried residual: b - A x of the last accepted step, which the next b includes
+    float carried_residual[6];          // carried residual: b - A x of the last accepted step; the next b includes it
 };
 
 // The part of a rigid body's state that conjugate gradient iterations change. There are two sets: an iteration reads
@@ -79,12 +82,12 @@ struct RigidIterate {
 // A ball joint with a dynamic core on at least one side. Its force acts on both sides at one point between them, so
 // that momentum and angular momentum are conserved. Written by the host each step.
 struct Joint {
-    uint rigid[2];              // rigid bodies on its two sides; NONE: a side whose motion is prescribed
+    uint rigid[2];              // rigid bodies on its two sides; NONE: the motion of that side is prescribed
     vec3 arm[2];                // from the centre of each side to the joint, world axes, m
     float linear;               // h^2 k of the spring between the two ends, kg
     float angular[6];           // h^2 K + h D for the relative spin: xx yy zz, xy xz yz, world axes, kg m^2
     vec3 impulse;               // impulse on the first side, the opposite of that on the second, N s
-    vec3 twist;                 // angular impulse on the first side that the springs against turning add, N m s
+    vec3 twist;                 // angular impulse on the first side of the springs that resist rotation, N m s
 };
 
 // An elastic material.
@@ -96,12 +99,12 @@ struct ElasticMaterial {
     float more[4];              // parameters of a law that needs others than mu and lambda
 };
 
-// How one frame lies to another: a node at rest position r (from the centre at rest) with displacement d in its own
-// frame is at x_to = r + offset + (Q - I) r + Q d in the other, a form in which nothing cancels. Written by the host
-// each step.
+// Placement of one frame relative to another: a node at rest position r (from the centre at rest) with displacement d
+// in its own frame is at x_to = r + offset + (Q - I) r + Q d in the other, a form in which nothing cancels. Written by
+// the host each step.
 struct Link {
     vec4 turn;                  // Q, quaternion x y z w
-    vec3 offset;                // m; zero while both frames are as placed
+    vec3 offset;                // m; zero while both frames are where the scene placed them
 };
 
 // Sums over the nodes of a floating frame (that of a soft body without cores), from which the host fits the frame to
@@ -116,7 +119,7 @@ struct Fit {
 // A pair of bodies a and b that may touch; b may be a half-space. Written by the host each step, because the half-space
 // is relative to the origin.
 struct Pair {
-    uint first_proxy_pair;      // first of its pairs of proxies, in which b's proxy varies fastest
+    uint first_proxy_pair;      // first of its pairs of proxies (one of a, one of b), in which b's proxy varies fastest
     uint proxy_pair_count;
     uint first_proxy[2];        // first collision proxy of a and of b
     uint proxy_count[2];
@@ -126,18 +129,19 @@ struct Pair {
     float tool_sign;            // 1: a is the tool or the soft body that the haptic device holds, -1: b is, 0: neither
     uint is_plane;              // 1: b is a half-space
     uint kinematic_frame[2];       // frame of a and of b where these are rigid and kinematic, or NONE
-    uint lone_side;             // whose vertices gather contacts; 0: those of both, 1: a's alone, 2: b's alone
-    vec4 direction;             // prescribed contact normal, in place of the one that culling finds; w = 0: none
+    uint lone_side;             // side whose vertices are tested for contact; 0: both sides, 1: a alone, 2: b alone
+    vec4 direction;             // prescribed contact normal, in place of the one that culling finds; w = 0: none is
+                                // prescribed
     vec4 plane;                 // unit normal and offset of the half-space
 };
 
-// The slot of the s-th proxy of a pair, a's proxies before b's.
+// Index of the slot of the s-th proxy of a pair, a's proxies before b's.
 uint pair_proxy_of(Pair pair, uint s) {
     uint a_count = pair.proxy_count[0];
     return s < a_count ? pair.first_pair_proxy[0] + s : pair.first_pair_proxy[1] + s - a_count;
 }
 
-// Whether the vertices of a side (0: a, 1: b) gather contacts.
+// Whether the vertices of a side (0: a, 1: b) are tested for contact.
 bool gathers(Pair pair, uint side) { return pair.lone_side == 0 || pair.lone_side == side + 1; }
 
 // A convex collision proxy: a hull that moves with a frame and covers part of a skin.
@@ -160,14 +164,14 @@ struct ProxyBounds {
     float radius;               // half the diagonal of that box, m
 };
 
-// A chunk: at most 64 skin vertices of a proxy with their triangles, the unit of culling.
+// A chunk: at most 64 skin vertices of a proxy with their triangles, which culling keeps or drops as a whole.
 struct Chunk {
     vec3 centre;                // centre of its box at rest, in the proxy's frame, m
     vec3 axes[2];               // the box's first two axes; the third is their cross product
     vec3 half_extent;           // half the box's size along its axes, m
     float weight_bound;         // greatest sum of absolute embedding weights of a vertex
     uint vertex_first;          // its list of vertices: first its own, then others that its triangles and normals need
-    uint vertex_count, embed_count;         // its own vertices; all in the list
+    uint vertex_count, embed_count;         // number of its own vertices; number of all vertices in the list
     uint triangle_first, triangle_count;
     uint node_first, node_count;            // nodes that move it, a range of chunk_nodes
 };
@@ -184,7 +188,7 @@ struct PairProxy {
     uint chunk_first;           // first of the entries that are reserved for its chunks
 };
 
-// A contact patch of a pair of bodies: a column of space in which they may touch, and the normal along which they do.
+// A contact patch of a pair of bodies: a column of space in which they may touch, and the contact normal there.
 struct ContactPatch {
     vec3 normal;                // unit, from a to b
     vec3 tangent;
@@ -199,7 +203,7 @@ struct ContactPatch {
 struct ActiveChunk {
     uint chunk;
     uint pair_proxy;
-    uint side;                  // 2 * pair + (0: a, 1: b)
+    uint side;                  // 2 * pair + (0: the chunk is of body a, 1: of b)
     uint contact_patches;               // bit mask of the pair's contact patches in which it may touch
     uint first_work_item;            // first of its work items, one for each of those patches
 };
@@ -208,14 +212,14 @@ struct ActiveChunk {
 struct Counts {
     uint chunks;                // active chunks
     uint work_items;                 // work items, one for each active chunk and contact patch of it
-    uint gathering;             // active chunks whose vertices gather contacts; these come first
+    uint gathering;             // active chunks whose vertices are tested for contact; these come first
     uint pair_proxies_met;             // workgroups of cull/meet that have finished
     uint hits;                  // ray hits found by the depth stage
     uint chunks_asked;          // workgroups of contact/candidates that have finished
     uint contacts;
     uint entries;               // entries of the transposed index, from nodes to contacts
     uint released;               // contacts that were released because they were under tension
-    uint turn;                  // largest turn of a contact patch's normal since the last step, rad, as float bits
+    uint turn;                  // largest rotation of a contact patch's normal since the last step, rad, as float bits
     uint last_contacts;         // contacts of the last step
     uint flags;                 // FLAG_*
 };
@@ -223,7 +227,7 @@ struct Counts {
 // A contact: one colliding skin vertex. Its point s1 on body a and its point s2 on body b move at v1 and v2.
 struct Contact {
     vec3 normal;                // unit, from a to b
-    float area;                 // area projected along the normal, halved where both sides gather contacts, m^2
+    float area;                 // area projected along the normal, halved where vertices of both sides are tested, m^2
     vec3 arm;                   // from the tool's centre to the point where the contact acts on the tool, m
     float tool_sign;            // 1: a is the tool or the held body, -1: b is, 0: neither
     float depth;                // penetration depth delta, m
@@ -234,7 +238,7 @@ struct Contact {
     vec3 slip;                  // tangential part of v1 - v2 at the start, m/s
     uint quads;                 // groups of four weighted nodes in use, 1 to 4
     uint vertex;                // the skin vertex
-    uint side;                  // side to which the vertex belongs: 2 * pair + (0: a, 1: b)
+    uint side;                  // body to which the vertex belongs: 2 * pair + (0: a, 1: b)
     uint triangle;              // triangle of the opposing skin; NONE: a half-space
     vec2 barycentric;           // weights of that triangle's second and third corner at the opposing point
 };
@@ -245,19 +249,19 @@ struct Solve {
     float rhs_norm2;            // b . M^-1 b
     float floor_norm2;          // what f32 rounding contributes to rhs_norm2
     uint status;                // STATUS_*
-    uint current;               // which of the two sets holds the newest iterate
+    uint current;               // which of the two sets of iterates is the newest
     uint retries;               // how often the system was solved again after contacts were released
     uint newton_iterations;        // Newton iterations after the first in this step
 };
 
-// Scalars of a conjugate gradient iteration, in two sets that take turns.
+// Scalars of a conjugate gradient iteration. There are two sets: an iteration reads one and writes the other.
 struct Iteration {
     float gamma;                // r . M^-1 r
     float alpha;                // step length along the search direction
     uint count;                 // iterations done
 };
 
-const uint CORE_NUMBERS = 72;       // numbers of a dynamic core in rigid_blocks, two 6x6 matrices
+const uint CORE_NUMBERS = 72;       // length of a dynamic core's data in rigid_blocks: two 6x6 matrices
 
 const uint STATUS_RUNNING = 0;      // the solver has not converged yet
 const uint STATUS_CONVERGED = 1;    // the residual is below the tolerance
@@ -272,7 +276,7 @@ struct Report {
     float residual_floor;       // least relative residual that f32 can reach
     uint contacts;
     float max_depth;            // m
-    float turn;                 // largest turn of a contact patch's normal since the last step, rad
+    float turn;                 // largest rotation of a contact patch's normal since the last step, rad
     uint flags;                 // FLAG_*
     float force[3];             // net contact force on the tool, N
     float torque[3];            // net contact torque about the tool's centre, N m
@@ -289,11 +293,11 @@ struct SkinPart {
     vec3 low, high;             // box around the boxes of these chunks at rest, in the proxy's frame, m
 };
 
-// The shortest way from the tool to one such part at the end of the step, for the host. It starts at the centre of a
+// The shortest way from the tool to a SkinPart at the end of the step, for the host. It starts at the centre of a
 // spherical tool, and at the surface of any other tool.
 struct SkinGap {
     vec3 way;                   // vector to the nearest triangle that faces the tool, world axes, m
-    uint triangle;              // that triangle, of the skin or of the tool; NONE: nothing is near
+    uint triangle;              // nearest triangle, of the skin or of the tool; NONE: no triangle is near
     float back;                 // distance to the nearest triangle that faces away, m
 };
 
@@ -301,9 +305,9 @@ const float GAP_FAR = 3.0e38;       // distance where nothing was found, m
 
 const uint VERDICT_DONE = 0;        // the step is accepted
 const uint VERDICT_CONTINUE = 1;    // the recorded iterations ran out: run more
-const uint VERDICT_RETRY = 2;       // contacts were under tension and are released: solve again
+const uint VERDICT_RETRY = 2;       // contacts were under tension and have been released: solve again
 const uint VERDICT_FAILED = 3;      // not finite, or with too large a residual: the state stays as it was
-const uint VERDICT_NEWTON = 4; // solved: linearise elasticity where the solution leads and solve again
+const uint VERDICT_NEWTON = 4; // solved: linearise elasticity at the solution and solve again
 
 const uint FLAG_NOT_CONVERGED = 1;      // the residual is well above both the tolerance and the floor of f32
 const uint FLAG_PATCH_OVERFLOW = 2;    // more contact patches, or work items of these, than fit

@@ -10,9 +10,11 @@
 // embedded in, each with weight w_i, rest position r_i and displacement d_i in a frame with centre c_i and rotation
 // R_i; x = c + R r on a rigid body. A vertex that several chunks list is written by each of them with the same value.
 //
-// If the chunk's vertices gather contacts, its own ones go into the spatial hash of each of its contact patches
-// (`ContactPatch`), where the depth stage finds them by triangle, unless they lie in front of all that the other side
-// reaches. One workgroup an active chunk. Oracle: oracle::proximity::embed; its test lists the contents of the hash.
+// If the chunk's vertices are tested for contact, its own ones go into the spatial hash of each of its contact patches
+// (`ContactPatch`: a column of space where two bodies may touch), where the depth stage looks them up for each
+// triangle. Vertices in front of all skin of the other side are left out. One workgroup runs for each active chunk. The
+// f64 reference is oracle::proximity::embed; the test lists the contents of the hash. A frame is a rigid coordinate
+// frame, a work item a chunk in one contact patch.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -25,7 +27,7 @@ layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer PairProxies { PairProxy pair_proxies[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, chunk_vertices);  // skin vertices of chunks, four a texel
+READ_ONLY(uvec4, chunk_vertices);  // skin vertices of chunks, four per texel
 READ_ONLY(uvec4, skin_nodes);      // four nodes; NONE first: a rigid skin
 READ_ONLY(vec4, skin_weights);     // four weights; of a rigid skin: position in the frame
 READ_ONLY(vec4, node_rest);
@@ -34,8 +36,8 @@ READ_ONLY(uvec4, node_info);       // frame in z
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 layout(scalar) readonly buffer Shares { float shares[]; };    // patch weights of each slot (a proxy in a pair)
 layout(scalar) writeonly buffer Skin { vec4 skin[]; };
-layout(scalar) buffer Buckets { uint buckets[]; };  // hash lists and depth grids, cleared to NONE; see shared/spatial_hash.glsl
-layout(scalar) writeonly buffer HashEntries { uvec4 hash_entries[]; };       // vertices in the hash, CHUNK_VERTICES a work item
+layout(scalar) buffer Buckets { uint buckets[]; };  // hash lists and depth grids, cleared to NONE
+layout(scalar) writeonly buffer HashEntries { uvec4 hash_entries[]; };       // CHUNK_VERTICES for each work item
 layout(scalar) writeonly buffer EntryHits { uint entry_hits[]; };     // first hit on each vertex's ray: set to NONE
 layout(scalar) writeonly buffer EntryCells { uvec2 entry_cells[]; };      // cell of each vertex in the hash
 READ_ONLY(uvec4, depth_grids);  // min-max depth grids of chunks, four cells a texel

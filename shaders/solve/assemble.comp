@@ -6,22 +6,23 @@
 #include "shared/rounding.glsl"
 #include "shared/contact_law.glsl"
 
-// Solve: right-hand side and preconditioner of the nodes. One workgroup a block of nodes (neighbouring free nodes, or
-// nodes attached to one dynamic core); nodes whose motion is prescribed are in no block. Oracle: oracle::step. It
-// writes:
-// - b of each node, h m g - h alpha m v + sum (h f - (h^2 + h beta) K v)
-//   - sum w ((h a k delta + (h^2 k + h d) a delta') n + h c v_t), sums over elements and over contacts; plus the
-//   carried residual b - A x of the last solve, whose impulse would be lost otherwise, step after step in the same
-//   smooth modes, which a warm start leaves until the end.
-// - the inverse of the 3x3 diagonal block of A of each free node; of attached nodes the block itself, for their core.
+// Solve: right-hand side and preconditioner of the nodes. One workgroup runs for each block of nodes (neighbouring free
+// nodes, or nodes attached to one dynamic core, a rigid core inside a soft body whose motion the solver finds); nodes
+// whose motion is prescribed are in no block. The f64 reference is oracle::step. The kernel writes:
+// - the right-hand side b of each node: h m g - h alpha m v, plus the sum over its elements of h f - (h^2 + h beta) K
+//   v, minus the sum over its contacts of w ((h a k delta + (h^2 k + h d) a delta') n + h c v_t), plus the carried
+//   residual b - A x of the last solve. Without the latter its impulse would be lost step after step in the same smooth
+//   modes, since a warm start reduces these last.
+// - the inverse of the 3x3 diagonal block of A of each free node; for an attached node the block itself, from which
+//   solve/cores sums its core's block.
 // - for each block of nodes, b . D^-1 b, with D the diagonal blocks, and (e . D^-1 e) eps^2, where e sums the
-//   magnitudes of the terms of b, and eps is ROUNDING: what rounding makes of b for a body at rest.
+//   magnitudes of the terms of b, and eps is ROUNDING: the rounding error of b for a body at rest.
 // - for each block, its rotation (the polar part of its nodes' affine fit), in whose axes its modes are, and the
-//   restriction P^T b of b to its modes (shared/coarse_vector.glsl).
+//   restriction P^T b of b to its modes (basis of the coarse space, shared/coarse_vector.glsl).
 //
 // Symbols: step h; mass m, gravity g, damping alpha and beta, velocity v of a node; force f and stiffness K of an
 // element; and of a contact (shared/contact_law.glsl) the weight w of the node, area a, stiffness k, damping d, depth
-// delta, rate delta', normal n, friction c and tangential velocity v_t.
+// delta, rate delta', normal n, friction c and tangential velocity v_t. A frame is a rigid coordinate frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -54,9 +55,9 @@ READ_ONLY(vec4, carried_residual);        // carried residual b - A x of the las
 layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) writeonly buffer Rhs { vec4 rhs[]; };
 layout(scalar) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
-layout(scalar) writeonly buffer Inverse { vec4 inverse[]; };      // D^-1, two texels a node: xx yy zz, xy xz yz
+layout(scalar) writeonly buffer Inverse { vec4 inverse[]; };      // D^-1, two texels per node: xx yy zz, xy xz yz
 layout(scalar) writeonly buffer Partials { vec2 partials[]; };    // b . D^-1 b and (e . D^-1 e) eps^2 a block
-layout(scalar) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three texels a block
+layout(scalar) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three texels per block
 layout(scalar) buffer BlockRotations { vec4 block_rotations[]; };  // rotation of each block in its frame, a guess
 layout(scalar) writeonly buffer BlockTurns { vec4 block_turns[]; };        // rotation of each block in the world
 READ_ONLY(vec4, coarse_scales);
@@ -76,7 +77,7 @@ const uint SUMS = 7;
 #include "shared/share.glsl"
 #include "shared/joint.glsl"
 
-// Adds what contacts give to a node's right-hand side `b`, to the magnitudes `e` of its terms, and to its diagonal
+// Adds the terms of contacts to a node's right-hand side `b`, to the magnitudes `e` of its terms, and to its diagonal
 // block, whose diagonal is `a` and whose off-diagonal (xy xz yz) is `c`.
 void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c) {
     float h = params.dt;
@@ -85,7 +86,7 @@ void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c
         uint touching = sorted[k].x;
         Contact contact = contacts[touching];
         // The tetrahedra in which a triangle's corners are embedded share nodes. So a contact may have several entries
-        // at a node, which lie together: their weights are summed, and the block holds the square of the sum.
+        // at a node, which are adjacent: their weights are summed, and the diagonal block gets the square of the sum.
         float w = 0.0;
         for (; k < run.x + run.y && sorted[k].x == touching; k++) w += uintBitsToFloat(sorted[k].y);
         float g = normal_operator(contact, h), f = w * normal_impulse(contact, h);

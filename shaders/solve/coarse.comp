@@ -4,21 +4,23 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Solve: coarse correction outside the solver's loop, z = A_c^-1 P^T b for each block of nodes, with its part of inner
-// products; before the first iteration also for A x, of the last solution x, for the warm start. Two-level additive
-// Schwarz preconditioner (Dryja and Widlund 1987): P^T restricts to the affine modes of aggregates (blocks of nodes),
-// and A_c is the Galerkin matrix at rest (shared/coarse.glsl). One workgroup a block. Oracle: oracle::coarse.
+// Solve: coarse correction before and after the solver's loop, z = A_c^-1 P^T b for each block of nodes (set of nodes
+// that one workgroup works on), with its part of inner products; before the first iteration also that of A x, with the
+// last solution x, for the warm start. Two-level additive Schwarz preconditioner (Dryja and Widlund 1987): P^T
+// restricts to the affine modes of aggregates (the blocks), and A_c is the Galerkin matrix at rest
+// (shared/coarse.glsl). One workgroup runs for each block. The f64 reference is oracle::coarse. Modes are the basis of
+// the preconditioner's coarse space (shared/coarse_vector.glsl).
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 1) const bool WARM_START = true;  // before the loop, for b and A x; else after it, for b - A x alone
+layout(constant_id = 1) const bool WARM_START = true;  // true: before the loop, for b and A x; false: after it
 
 READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(uvec4, coarse_inverse);
 READ_ONLY(vec4, coarse_scales);
-READ_ONLY(vec4, restricted_rhs);           // P^T b, three texels a block; after the loop P^T (b - A x)
+READ_ONLY(vec4, restricted_rhs);           // P^T b, three texels per block; after the loop P^T (b - A x)
 READ_ONLY(vec4, restricted_product);         // P^T A x
-layout(scalar) writeonly buffer CoarseRhs { vec4 coarse_rhs[]; };          // z_b = A_c^-1 P^T b, three texels a block
+layout(scalar) writeonly buffer CoarseRhs { vec4 coarse_rhs[]; };          // z_b = A_c^-1 P^T b, three texels per block
 layout(scalar) writeonly buffer CoarseProduct { vec4 coarse_product[]; };      // z_Ax = A_c^-1 P^T A x
 layout(scalar) writeonly buffer CoarseDots { vec4 coarse_dots[]; };        // b . z_b, A x . z_b, A x . z_Ax of a block
 
@@ -27,13 +29,13 @@ const uint SUMS = 6;
 #include "shared/sums.glsl"
 #include "shared/coarse.glsl"
 
-// Four scaled modes of P^T b, at texel k of the body; zero beyond its end.
+// Four scaled modes of P^T b, at texel k of the body; zero beyond the body's last texel.
 vec4 scaled_rhs(CoarseBlock block, uint k) {
     uint at = block.first + k;
     return k < block.texels ? coarse_scale(at) * fetch(restricted_rhs, at) : vec4(0.0);
 }
 
-// Four scaled modes of P^T A x, at texel k of the body; zero beyond its end.
+// Four scaled modes of P^T A x, at texel k of the body; zero beyond the body's last texel.
 vec4 scaled_product(CoarseBlock block, uint k) {
     uint at = block.first + k;
     return k < block.texels ? coarse_scale(at) * fetch(restricted_product, at) : vec4(0.0);

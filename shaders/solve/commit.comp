@@ -7,11 +7,12 @@
 #include "shared/link.glsl"
 #include "shared/node_motion.glsl"
 
-// Solve: commits the solution x (change of velocity) to the state of the nodes: v += x and
-// d += (dR - I) (r + d) + h R1^T (v - v_centre), with dR = R1^T R0, R0 and R1 the rotation of a node's frame at the
-// start and end of the step h, r its rest position and v_centre the velocity of the frame's centre. So the node is at
-// the same place in the world, seen from where the frame is at the end. Also keeps the carried residual b - A x for the
-// next step. Attached nodes keep d = 0. One invocation a node. Oracle: oracle::step.
+// Solve: commits the solution x (change of velocity) to the state of the nodes: v += x and d += (dR - I) (r + d) + h
+// R1^T (v - v_centre), with dR = R1^T R0, R0 and R1 the rotation of a node's frame at the start and end of the step h,
+// r its rest position and v_centre the velocity of the frame's centre. The second formula moves the node by h v in the
+// world, and expresses its place in the frame at the end. The kernel also keeps the carried residual b - A x for the
+// next step. Nodes attached to a rigid core keep d = 0. One invocation runs for each node. The f64 reference is
+// oracle::step. A frame is a rigid coordinate frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;
@@ -46,7 +47,7 @@ void main() {
         frame.turn = turn_by(-params.dt * rotate_back(frame.rotation, frame.angular + vec3(x[3], x[4], x[5])));
     }
     vec3 d = displacement[i].xyz;
-    // The rotation into the frame at the end is R1^T = dR R0^T.
+    // R1^T = dR R0^T maps world axes to the axes of the frame at the end.
     vec3 step = rotate(frame.turn, rotate_back(frame.rotation, params.dt * (v - frame.linear)));
     displacement[i] = vec4(d + turned(frame.turn, fetch(node_rest, i).xyz + d) + step, 0.0);
 }

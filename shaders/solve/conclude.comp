@@ -6,13 +6,15 @@
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: the verdict on a solve. One workgroup. Oracle: oracle::step.
+// Solve: decides whether a solve is accepted, repeated or rejected. There is one workgroup. The f64 reference is
+// oracle::step.
 //
-// The relative residual sqrt((b - A x) . M^-1 (b - A x) / b . M^-1 b) is recomputed, instead of taking the
-// recurrence's. A contact is under tension if its pressure at the end of the step, k delta + (h k + d) delta'
-// (shared/contact_law.glsl), is negative. Contacts do not adhere, so these are released, and the host has the step
-// solved again, MAX_RETRIES times at most (each solve starts from the last solution and is short). Contacts that are
-// under tension after that count as zero, and a flag says so. Once solved, a next Newton iteration may follow.
+// The relative residual sqrt((b - A x) . M^-1 (b - A x) / b . M^-1 b) is recomputed; the recurrence's value is not
+// used. A contact is under tension if its pressure at the end of the step, k delta + (h k + d) delta'
+// (shared/contact_law.glsl), is negative. Contacts do not adhere, so such contacts are released, and the host has the
+// step solved again, MAX_RETRIES times at most (each solve starts from the last solution and is short). The pressure of
+// contacts still under tension after that counts as zero, and a flag reports them. Once solved, a further Newton
+// iteration may follow. A dynamic core is a rigid core inside a soft body whose motion the solver finds.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -42,9 +44,10 @@ layout(scalar) writeonly buffer CoreChanges { float core_changes[]; };     // ch
 layout(scalar) readonly buffer RigidInverses { float rigid_inverses[]; };
 
 const uint MAX_RETRIES = 4;
-// Relative residual above which a solve that broke down is not accepted.
+// Relative residual above which a solution is rejected if the solve broke down.
 const float WORTHLESS = 0.1;
-// Relative residual above which no solve is accepted: it is then farther from the solution than where it began.
+// Relative residual above which every solution is rejected: it is then farther from the exact solution than where it
+// began.
 const float DIVERGED = 1.0;
 
 shared float deepest[SIZE];
@@ -74,8 +77,8 @@ void main() {
     vec4 sums = vec4(0.0);
     for (uint k = lane; k < BLOCKS; k += SIZE) sums.xw += dots[k] + (COARSE ? vec2(coarse_dots[k].x, 0.0) : vec2(0.0));
     float depth = 0.0;
-    // In `sums`: x: (b - A x) . M^-1 (b - A x); y: contacts that are not released; z: those under tension; w: the
-    // square of the norm that rounding of x contributes to the residual.
+    // Components of `sums`: x: (b - A x) . M^-1 (b - A x); y: number of contacts that are not released; z: number of
+    // contacts under tension; w: the square of the norm that rounding of x contributes to the residual.
     if (CONTACT) {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
@@ -104,11 +107,11 @@ void main() {
             }
         }
     }
-    // All lanes have read what lane 0 changes.
+    // All lanes have now read what lane 0 changes below.
     barrier();
     if (lane != 0) return;
     float norm2 = max(solve.rhs_norm2, 1.0e-38);
-    // The magnitude is taken: a value far below zero is as wrong as one far above, and max(sums.x, 0) may hide NaN.
+    // The magnitude is used: a value far below zero is as wrong as one far above, and max(sums.x, 0) may hide NaN.
     float residual = solve.rhs_norm2 <= solve.floor_norm2 ? 0.0 : sqrt(abs(sums.x) / norm2);
     float residual_floor = sqrt(max(solve.floor_norm2, sums.w) / norm2);
     uint verdict = VERDICT_DONE;
@@ -120,12 +123,12 @@ void main() {
     }
     uint flags = counts.flags;
     if (verdict == VERDICT_DONE) {
-        // Written so that NaN raises the flag as well.
+        // The condition is written so that NaN raises the flag as well.
         if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
         if (sums.z > 0.0) flags |= FLAG_TENSION;
-        // A solution is not committed if it is not finite, or if the norm of its right-hand side or of that one's
-        // rounding overflows, since nothing can be said of the residual then; nor if the solve broke down early. One
-        // that merely ran out of iterations is nearer to the solution than before.
+        // A solution is not committed if it is not finite, or if the norm of its right-hand side, or the rounding of
+        // that norm, overflows, since the residual then means nothing; nor if the solve broke down early. A solve that
+        // merely ran out of iterations is committed: it is nearer to the solution than its start.
         float all = sums.x + solve.rhs_norm2 + solve.floor_norm2;
         bool finite = !isnan(all) && !isinf(all);
         if (!finite) {

@@ -7,16 +7,18 @@
 
 // Solve: operator product of contacts with a change of velocity p: (h^2 k + h d) a n n.(J p) + h c (I - n n^T) J p,
 // with a contact's Jacobian J, normal n, area a, stiffness k, damping d and friction c (shared/contact_law.glsl) over a
-// step h. solve/gather sums it at the nodes and on the tool. It runs beside solve/element_product, and is a kernel of its own
-// because a branch would cost every tetrahedron where lanes are masked. One invocation a contact. Oracle: oracle::step.
+// step h. solve/gather sums it at the nodes and on the tool. It runs concurrently with solve/element_product. It is a
+// kernel of its own because a branch for contacts in that kernel would cost time for every tetrahedron on devices that
+// run untaken branches with lanes masked. One invocation runs for each contact. The f64 reference is oracle::step. A
+// dynamic core is a rigid core inside a soft body whose motion the solver finds.
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 4) const bool TOOL = true;  // rigid tool exists; else tool_sign marks a soft body the device holds
+layout(constant_id = 4) const bool TOOL = true;  // true: a rigid tool exists; else the device holds a soft body
 layout(constant_id = 6) const uint RIGIDS = 0;   // rigid bodies: dynamic cores and the tool, which is the last
 layout(constant_id = 7) const bool FRICTION = false;
 
 layout(push_constant) uniform Which {
-    bool of_solution;           // the tool's p is its x, else its u
+    bool of_solution;           // whether the tool's p is its x (solution), else its u
     uint set;                   // set of iterates that holds u
 };
 

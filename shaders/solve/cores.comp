@@ -5,17 +5,18 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: preconditioner and right-hand side of dynamic cores. One workgroup a core, at work for a group's first core
-// only. Oracle: oracle::step.
+// Solve: preconditioner and right-hand side of dynamic cores (rigid cores inside soft bodies, whose motion the solver
+// finds). One workgroup runs for each core, and does nothing unless the core is the first of its group (the cores that
+// joints connect). The f64 reference is oracle::step.
 //
-// A core's block is sum P_i^T D_i P_i over the nodes i attached to it, with D_i the node's diagonal block and P_i the
-// map from the core's twist to the node's velocity, plus its joints and, if the haptic device holds it, the virtual
-// coupling. Joints are stiffer than what they connect, so the cores of a group, which joints connect, are inverted
-// together. Joints form trees, in which elimination from the leaves to the root causes no fill-in. Then follows the
-// inverse A^-1, from the root to the leaves: for a core c with parent p, S_c the Schur complement of c after its
-// children, T_c = S_c^-1 A_cp, and cores j numbered before c,
+// A core's diagonal block of the operator is sum P_i^T D_i P_i over the nodes i attached to it, with D_i the node's
+// diagonal block and P_i the map from the core's twist to the node's velocity, plus the terms of its joints and, if the
+// haptic device holds it, of the virtual coupling. Joints are stiffer than what they connect, so the cores of a group
+// are inverted together. Joints form trees, in which elimination from the leaves to the root causes no fill-in. The
+// inverse A^-1 is then computed from the root to the leaves: for a core c with parent p, S_c the Schur complement of c
+// after its children, T_c = S_c^-1 A_cp, and cores j numbered before c,
 //   A^-1_cj = -T_c A^-1_pj,  A^-1_cc = S_c^-1 - A^-1_cp T_c^T.
-// For a core on a hinge S_c is inverted along the hinge's axis alone.
+// For a core on a hinge S_c is inverted for the rotation about the hinge's axis alone.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -28,7 +29,7 @@ READ_ONLY(uvec4, block_nodes);
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, rhs);
 READ_ONLY(vec4, inverse);              // of attached nodes: their diagonal blocks, not inverted
-READ_ONLY(vec4, restricted_rhs);       // P^T b, three texels a block of nodes
+READ_ONLY(vec4, restricted_rhs);       // P^T b, three texels per block of nodes
 layout(scalar) readonly buffer Joints { Joint joints[]; };
 layout(scalar) readonly buffer JointSides { uint joint_sides[]; };         // 2 * joint + side, by core
 layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
@@ -49,7 +50,8 @@ vec3 block_times(uint node, vec3 v) {
     return symmetric_times(fetch(inverse, 2 * node).xyz, fetch(inverse, 2 * node + 1).xyz, v);
 }
 
-// P (P^T B P)^-1 P^T for a 6x6 block B, where P maps a spin about `axis` to a twist; false without inertia about it.
+// P (P^T B P)^-1 P^T for a 6x6 block B, where P maps a spin about `axis` to a twist; false if there is no inertia about
+// it.
 bool invert_about(vec3 axis, float block[36], out float inverse[36]) {
     float moment = 0.0;
     for (int i = 0; i < 3; i++) {
@@ -74,7 +76,7 @@ void add_joint_block(uint joint, uint to, uint from, inout float block[36]) {
     }
 }
 
-// Writes a core's block, its right-hand side, and, into its `operator_product`, the magnitudes of the terms of the latter.
+// Writes a core's block and right-hand side, and the magnitudes of the right-hand side's terms to `operator_product`.
 void assemble(uint c) {
     Rigid core = rigids[c];
     vec4 turn = frames[core.frame].rotation;
@@ -129,7 +131,7 @@ void eliminate(uint c) {
     float block[36], inverse_block[36];
     for (int k = 0; k < 36; k++) block[k] = rigid_blocks[CORE_NUMBERS * c + k];
     bool hinged = core.hinge != vec3(0.0);
-    // Where the block is singular in f32 the inverse becomes NaN, so that the step fails and a flag says so.
+    // Where the block is singular in f32 the inverse becomes NaN, so that the step is rejected and a flag reports it.
     if (!(hinged ? invert_about(core.hinge, block, inverse_block) : invert(block, inverse_block)))
         inverse_block[0] = uintBitsToFloat(0x7fc00000u);
     for (int k = 0; k < 36; k++) rigid_blocks[CORE_NUMBERS * c + k] = inverse_block[k];
@@ -153,8 +155,8 @@ void eliminate(uint c) {
     }
 }
 
-// Writes rows and columns of core c into the inverse of a group of `count` cores from `first` on, where those of the
-// cores before c are written already; the inverse begins at `base`.
+// Writes rows and columns of core c into the inverse of a group of `count` cores from index `first` on; those of the
+// cores before c have been written. The inverse begins at `base`.
 void spread(uint c, uint first, uint count, uint base) {
     uint width = 6 * count, row = 6 * (c - first);
     uint parent_row = JOINTS ? 6 * (rigids[c].parent - first) : 0;

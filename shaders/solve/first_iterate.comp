@@ -5,9 +5,11 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: the first iterate of conjugate gradients, from the last solution x' times the factor `warm_start` of solve/first_residual:
-// x = warm x', r = b - warm A x', u = M^-1 r (shared/preconditioner.glsl), search direction zero. Nodes attached to a
-// core follow its iterate. One workgroup a block of nodes. Oracle: oracle::step.
+// Solve: the first iterate of conjugate gradients, from the last solution x' times the factor `warm_start` (warm) of
+// solve/first_residual: x = warm x', r = b - warm A x', u = M^-1 r (shared/preconditioner.glsl), search direction zero.
+// Nodes attached to a rigid core take their values from the core's iterate. One workgroup runs for each block of nodes.
+// The f64 reference is oracle::step. A block is a set of nodes that one workgroup works on, a frame a rigid coordinate
+// frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -23,7 +25,7 @@ READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, rhs);
 READ_ONLY(vec4, operator_product);            // A x'
 READ_ONLY(vec4, inverse);
-READ_ONLY(vec4, coarse_rhs);       // A_c^-1 P^T b, three texels a block
+READ_ONLY(vec4, coarse_rhs);       // A_c^-1 P^T b, three texels per block
 READ_ONLY(vec4, coarse_product);     // A_c^-1 P^T A x'
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) buffer Solution { vec4 solution[]; };      // x', becomes x

@@ -8,11 +8,12 @@
 #include "shared/contact_law.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: scalars and rigid bodies before the first conjugate gradient iteration. It sums the inner products of all
-// workgroups; writes the tool's 6x6 block, its inverse and right-hand side; chooses the factor of the warm start,
-// w = (y . M^-1 b) / (y . M^-1 y) with y = A x, by which the last step's solution x leaves the least residual, so a
-// warm start is never worse than none (projection on the earlier solution, Fischer 1998); and sets the loop's indirect
-// arguments. A body at rest, whose b is within rounding, stops at once. One workgroup. Oracle: oracle::step.
+// Solve: scalars and rigid bodies (the tool and dynamic cores inside soft bodies) before the first conjugate gradient
+// iteration. The kernel sums the inner products of all workgroups; writes the tool's 6x6 block, its inverse and
+// right-hand side; and sets the loop's indirect arguments. It also chooses the factor of the warm start, w = (y . M^-1
+// b) / (y . M^-1 y) with y = A x, at which w x, from the last step's solution x, has the least residual, so that a warm
+// start is never worse than none (projection on the earlier solution, Fischer 1998). A body at rest, whose b is within
+// rounding, stops at once. There is one workgroup. The f64 reference is oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -56,16 +57,17 @@ TWIST_OF(coarse_product)
 
 const uint CORES = RIGIDS - (TOOL ? 1 : 0);
 
-// Factor w of the warm start, from `sums`: b . M^-1 b, its rounding, y . M^-1 b, y . M^-1 y. It is zero for a body at
-// rest, and where the last solution is zero or has overflowed.
+// Factor w of the warm start; `sums`: b . M^-1 b, its rounding, y . M^-1 b, y . M^-1 y. It is zero for a body at rest,
+// and where the last solution is zero or has overflowed.
 float warm_start_factor(vec4 sums) {
     float factor = sums.z / sums.w;
     return sums.x > sums.y && sums.w > 0.0 && !isnan(factor) && !isinf(factor) ? factor : 0.0;
 }
 
-// Writes the inverse of the tool's block, its right-hand side, and the rounding of the latter.
+// Writes the inverse of the tool's block, its right-hand side, and the rounding of that right-hand side.
 void assemble_tool() {
-    // The upper triangle of the block by rows, then the right-hand side; they are summed four numbers at a time.
+    // Upper triangle of the block by rows (21 numbers), then the right-hand side; they are summed four numbers at a
+    // time.
     float block[28];
     for (int k = 0; k < 28; k++) block[k] = 0.0;
     for (uint c = gl_LocalInvocationID.x; c < (CONTACT ? counts.contacts : 0); c += SIZE) {
@@ -108,7 +110,7 @@ void assemble_tool() {
             at += 1;
         }
     }
-    // Where the block is singular in f32 the inverse becomes NaN, so that the step fails and a flag says so.
+    // Where the block is singular in f32 the inverse becomes NaN, so that the step is rejected and a flag reports it.
     if (!invert(matrix, inverse_block)) inverse_block[0] = uintBitsToFloat(0x7fc00000u);
     for (int i = 0; i < 6; i++) {
         rigids[RIGIDS - 1].b[i] = params.tool_rhs[i] + block[at + i] + rigids[RIGIDS - 1].carried_residual[i];

@@ -6,17 +6,18 @@
 #include "shared/rounding.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: operator product w = A p of each node, from the element and contact products of solve/element_product, solve/patch_product and
-// solve/contact_product; inner products with it; and sums over the modes of each block of nodes (shared/coarse_vector.glsl), P^T w and
-// P^T r. The modes of a core's blocks are its six rows. MODE says what p is and which inner products are taken, with
-// preconditioner M of diagonal blocks D:
+// Solve: operator product w = A p of each node, summed from the output of solve/element_product, solve/patch_product
+// and solve/contact_product; inner products with w; and sums over the modes (basis of the coarse space,
+// shared/coarse_vector.glsl) of each block of nodes, P^T w and P^T r. The modes of blocks of nodes attached to a rigid
+// core are the core's six rows. MODE selects p and the inner products, with preconditioner M of diagonal blocks D:
 //   GATHER_WARM_START, before the loop: p the last solution; w . D^-1 b, w . D^-1 w; `preconditioned` is D^-1 b.
-//   GATHER_LOOP, in an iteration: p = u = M^-1 r; r . u, w . u, with the rows of cores and tool; `preconditioned` is u,
-//     `residual_or_rhs` is r.
+//   GATHER_LOOP, in an iteration: p = u = M^-1 r; r . u, w . u, including the rows of cores and tool; `preconditioned`
+//     is u, `residual_or_rhs` is r.
 //   GATHER_END, after the loop: p the solution x; r . D^-1 r with r = b - w; and e . M^-1 e with e = eps D x, an
-//     estimate of what rounding of x, independent from node to node, makes of w; `residual_or_rhs` is b.
-// One workgroup a block of free nodes, or a block of attached nodes, or for the tool's rows: these are variants, by
-// ROLE, that run side by side. Oracle: oracle::step.
+//     estimate of the rounding error of w that follows from rounding of x at each node; `residual_or_rhs` is b.
+// One workgroup runs for each block of free nodes, for each block of attached nodes, or for the tool's rows: these are
+// variants, selected by ROLE, that run concurrently. The f64 reference is oracle::step. A frame is a rigid coordinate
+// frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -50,12 +51,12 @@ READ_ONLY(vec4, contact_forces);
 READ_ONLY(vec4, change);          // p
 READ_ONLY(vec4, preconditioned);
 READ_ONLY(vec4, residual_or_rhs);
-READ_ONLY(vec4, inverse);         // D^-1, two texels a node
+READ_ONLY(vec4, inverse);         // D^-1, two texels per node
 layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) writeonly buffer OperatorProduct { vec4 operator_product[]; };      // w
 layout(scalar) writeonly buffer Dots { vec2 dots[]; };
-layout(scalar) writeonly buffer RestrictedProduct { vec4 restricted_product[]; };         // P^T w, three texels a block
+layout(scalar) writeonly buffer RestrictedProduct { vec4 restricted_product[]; };  // P^T w, three texels per block
 layout(scalar) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 READ_ONLY(vec4, coarse_scales);
@@ -90,7 +91,7 @@ void add_tool_contacts(uint contact_count, inout vec3 force_sum, inout vec3 torq
 
 vec3 three(float six[6], int from) { return vec3(six[from], six[from + 1], six[from + 2]); }
 
-// Adds the operator product of a core's joints, in its rows.
+// Adds the operator product of a core's joints to its rows.
 void add_joints(Rigid rigid, inout vec3 force, inout vec3 torque) {
     for (uint k = rigid.joint_first; k < rigid.joint_first + rigid.joint_count; k++) {
         uint joint = joint_sides[k] / 2, side = joint_sides[k] % 2;
@@ -104,9 +105,9 @@ void add_joints(Rigid rigid, inout vec3 force, inout vec3 torque) {
     }
 }
 
-// Upper bound of e . M^-1 e, where e is what rounding of x makes of the core's joints to cores numbered after it:
-// joints respond to small differences of twists, through J^T G J, with G their stiffness and J the map from twists to
-// these differences. The preconditioner contains that term, so J M^-1 J^T <= G^-1.
+// Upper bound of e . M^-1 e, where e is the error that rounding of x causes in the core's joints to cores numbered
+// after it. Joints respond to small differences of twists, through J^T G J, with G their stiffness and J the map from
+// twists to these differences. The preconditioner contains that term, so J M^-1 J^T <= G^-1.
 float lost_in_joints(uint index, Rigid rigid) {
     float sum = 0.0;
     for (uint k = rigid.joint_first; k < rigid.joint_first + rigid.joint_count; k++) {
@@ -124,7 +125,7 @@ float lost_in_joints(uint index, Rigid rigid) {
     return sum;
 }
 
-// Products at the nodes of a block; adds their share of the inner products, and of the sums over modes in world axes.
+// Products at the nodes of a block; adds their part of the inner products, and of the sums over modes in world axes.
 void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout CoarseVector of_residual) {
     Block block = block_of(b);
     vec4 place = fetch(block_places, b), turn = fetch(block_turns, b);
@@ -195,7 +196,7 @@ void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout 
     }
 }
 
-// Products in the tool's rows: contacts and, in an iteration, its inertia and coupling, which lane 0 adds.
+// Products in the tool's rows: contacts and, in an iteration, the tool's inertia and coupling, which lane 0 adds.
 void gather_tool(inout vec3 sums, inout CoarseVector of_product) {
     CoarseVector rows = coarse_zero();
     if (CONTACT) add_tool_contacts(counts.contacts, rows.c0, rows.c1);

@@ -3,24 +3,25 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 
-// Solve: operator product of F-bar patches (elastic/mean_dilatation) with a change of velocity p: c (c . p), where c is a
-// patch's row. It runs beside solve/element_product, and is a kernel of its own because some devices run the untaken branches of
-// a shared one with lanes masked: 350 instead of 130 us an iteration on lavapipe, for a block of 10,368 tetrahedra. One
-// invocation a patch. Oracle: oracle::elastic::Elements::patch_rows.
+// Solve: operator product of F-bar patches (groups of tetrahedra that share one volumetric strain,
+// elastic/mean_dilatation) with a change of velocity p: c (c . p), where c is a patch's row. It runs concurrently with
+// solve/element_product, and is a kernel of its own because some devices run the untaken branches of a shared kernel
+// with lanes masked: 350 instead of 130 us an iteration on lavapipe, for a block of 10,368 tetrahedra. One invocation
+// runs for each patch. The f64 reference is oracle::elastic::Elements::patch_rows.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PATCHES = 0;
 layout(constant_id = 2) const uint TETRAHEDRA = 0;
 
-READ_ONLY(uvec4, patch_nodes);     // three a patch: its nodes, padded with the first
+READ_ONLY(uvec4, patch_nodes);     // three per patch: its nodes, padded with the first
 READ_ONLY(vec4, patch_rows);       // c, from elastic/mean_dilatation
 READ_ONLY(vec4, change);
 layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };
 
 #include "shared/f_bar_patch.glsl"
 
-// Fetches four entries of a patch's row c, and returns their part of c . (p - p0), with p0 the first node's p. They are
-// separate variables, because an array that a loop indexes may end up in memory.
+// Fetches four entries of a patch's row c, and returns their part of c . (p - p0), with p0 the first node's p. The
+// entries are separate variables, because an array that a loop indexes may be kept in slow memory.
 float patch_part(uint p, uint q, vec3 p0, out vec3 c0, out vec3 c1, out vec3 c2, out vec3 c3) {
     uvec4 nodes = patch_quad(p, q);
     c0 = fetch(patch_rows, patch_row(p, 4 * q)).xyz;
@@ -40,7 +41,7 @@ vec3 patch_forces(uint p, uint q, vec3 f0, vec3 f1, vec3 f2, vec3 f3) {
     return f0 + f1 + f2 + f3;
 }
 
-// The entries of a row sum to zero, so velocities relative to the first node's make a common velocity give no force.
+// The entries of a row sum to zero, so a common velocity gives no force; relative velocities make this exact in f32.
 void main() {
     uint p = gl_GlobalInvocationID.x;
     if (p >= PATCHES) return;

@@ -11,11 +11,13 @@
 // gamma' and alpha' of the last iteration: beta = gamma / gamma', alpha = gamma / (delta - beta gamma / alpha'),
 // p = u + beta p, s = w + beta s, x += alpha p, r -= alpha s, u = M^-1 r.
 //
-// Every workgroup sums the inner products, and the modes of its body, for itself and in the same order, so no workgroup
-// waits for another's result; what is read of one set of iterates is written to the other. When converged, or broken
-// down, the indirect arguments of the loop become zero, and all later iterations cost next to nothing. One workgroup a
-// block of free nodes, or a block of attached nodes, or for the tool's rows: variants (ROLE) that run side by side.
-// Oracle: oracle::step.
+// Every workgroup sums the inner products, and the modes of its body, by itself and in the same order, so no workgroup
+// waits for another's result. There are two sets of iterates: one is read, the other written. After convergence or
+// breakdown the indirect arguments of the loop become zero, and all later iterations cost next to nothing. One
+// workgroup runs for each block of free nodes, for each block of attached nodes, or for the tool's rows: these are
+// variants, selected by ROLE, that run concurrently. The f64 reference is oracle::step. A block is a set of nodes that
+// one workgroup works on; attached nodes are those of rigid cores. Modes are the basis of the coarse space
+// (shared/coarse_vector.glsl). A frame is a rigid coordinate frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -40,10 +42,10 @@ READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(uvec4, coarse_inverse);
 READ_ONLY(vec4, coarse_scales);
 layout(scalar) readonly buffer Dots { vec2 dots[]; };      // r . u and w . u of each workgroup of solve/gather
-READ_ONLY(vec4, restricted_product);         // P^T w, three texels a block
+READ_ONLY(vec4, restricted_product);         // P^T w, three texels per block
 READ_ONLY(vec4, restricted_residual);     // P^T r
 READ_ONLY(vec4, operator_product);                   // w
-READ_ONLY(vec4, inverse);                 // D^-1, two texels a node
+READ_ONLY(vec4, inverse);                 // D^-1, two texels per node
 READ_ONLY(vec4, residual);
 READ_ONLY(vec4, preconditioned);
 READ_ONLY(vec4, direction);
@@ -90,7 +92,7 @@ void stop(uint status) {
     for (uint k = ARGS_LOOP_APPLY; k <= ARGS_LOOP_TOOL; k++) args[3 * k] = 0;
 }
 
-// Step lengths of this iteration; false where the loop has ended.
+// Computes the step lengths of this iteration; false where the loop has ended.
 bool next_scalars(out Scalars scalars) {
     vec4 totals[SUMS] = vec4[SUMS](vec4(0.0), vec4(0.0), vec4(0.0));
     for (uint k = gl_LocalInvocationID.x; k < PARTIALS; k += SIZE) totals[0].xy += dots[k];
@@ -98,14 +100,15 @@ bool next_scalars(out Scalars scalars) {
     float gamma = totals[0].x, delta = totals[0].y;
     Iteration last = iterations[set];
     float enough = max(params.tolerance * params.tolerance * solve.rhs_norm2, solve.floor_norm2);
-    // The magnitude of gamma counts: far below zero the preconditioner is not positive definite and cannot be trusted.
+    // The magnitude of gamma counts: if gamma is far below zero, the preconditioner is not positive definite.
     if (abs(gamma) <= enough) {
         stop(STATUS_CONVERGED);
         return false;
     }
     scalars.beta = last.count == 0 ? 0.0 : gamma / last.gamma;
     float curvature = last.count == 0 ? delta : delta - scalars.beta * gamma / last.alpha;
-    // Where the residual leaps up, the difference may be lost to rounding: then search directions start anew from u.
+    // Where the residual grew suddenly, the difference may be lost to rounding: search directions then start anew from
+    // u.
     if (scalars.beta > 1.0 && curvature <= 0.0 && !isinf(curvature) && delta > 0.0) {
         scalars.beta = 0.0;
         curvature = delta;
@@ -123,7 +126,7 @@ bool next_scalars(out Scalars scalars) {
     return true;
 }
 
-// Four scaled modes of P^T r with the new r, at texel k of the body; zero beyond its end.
+// Four scaled modes of P^T r with the new r, at texel k of the body; zero beyond the body's last texel.
 vec4 next_coarse_vector(CoarseBlock block, uint k, uint read, Scalars scalars) {
     if (k >= block.texels) return vec4(0.0);
     uint at = block.first + k;
@@ -131,7 +134,7 @@ vec4 next_coarse_vector(CoarseBlock block, uint k, uint read, Scalars scalars) {
     return coarse_scale(at) * (fetch(restricted_residual, at) - scalars.alpha * s);
 }
 
-// Coarse correction of a block, A_c^-1 P^T r with the new r, in its axes. Also writes its part of P^T s.
+// Coarse correction of a block, A_c^-1 P^T r with the new r, in the block's axes. Also writes its part of P^T s.
 vec4[3] coarse_correction(uint b, Scalars scalars) {
     CoarseBlock block = coarse_block(b);
     uint read = set * 3 * BLOCKS, write = (1 - set) * 3 * BLOCKS;
@@ -172,7 +175,7 @@ void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float
     iterates[next].s = now.s;
 }
 
-// New residual of another core of the group.
+// New residual of another core of the group (the cores that joints connect).
 float[6] residual_of(uint index, Scalars scalars) {
     vec4 turn = fetch(block_turns, rigids[index].block_first);
     float rows[6] = twist_of_restricted_product(rigids[index].first_coarse_index, rigids[index].block_count, turn);
@@ -242,8 +245,8 @@ void update_free(Block block, vec4 place, CoarseVector coarse_vector, Scalars sc
 
 void main() {
     Scalars scalars;
-    // Variants that do not lead are dispatched in every iteration. In the one that ends the loop the leading variant
-    // writes this status while they read it; all their workgroups return, whichever value they see.
+    // Variants that do not lead are dispatched in every iteration. In the iteration that ends the loop the leading
+    // variant writes this status while the others read it; all their workgroups return, whichever value they read.
     if (solve.status != STATUS_RUNNING || !next_scalars(scalars)) return;
     if (ROLE == TOOL_ROWS) {
         update_tool(scalars);

@@ -1,5 +1,6 @@
 #version 460
-// Test kernel of the recorder, not part of the step: cells[i] = 3 cells[i] + amount. One invocation a cell.
+// Test kernel of the recorder (src/gpu/recorder.rs), not part of the step: cells[i] = 3 cells[i] + amount. One
+// invocation runs for each cell.
 #extension GL_EXT_scalar_block_layout : require
 layout(local_size_x_id = 0) in;
 layout(scalar) buffer Cells { uint cells[]; };

@@ -1,7 +1,8 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 
-// Test shader of the canvas, not part of the step: corners at given places with given colours. One invocation a corner.
+// Test shader of the canvas (src/gpu/canvas.rs), not part of the step: corners at given places with given colours. One
+// invocation runs for each corner.
 
 struct Corner {
     vec4 place;     // in clip space

@@ -1,8 +1,8 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 
-// Test shader of rasterization without attachments, not part of the step: adds a number to a cell. One invocation a
-// cell.
+// Test shader of rasterization without attachments, not part of the step: adds a number to the cell of its pixel. One
+// invocation runs for each cell of a rectangle.
 
 layout(constant_id = 1) const uint RASTER_CELLS = 1;
 layout(scalar) buffer RasterCells { uint raster_cells[]; };

@@ -2,8 +2,8 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 
-// Test shader of rasterization without attachments, not part of the step: draws rectangles of cells, an instance of six
-// vertices each.
+// Test shader of rasterization without attachments, not part of the step: draws rectangles of cells, one instance of
+// six vertices for each.
 
 layout(constant_id = 1) const uint RASTER_CELLS = 1;
 layout(scalar) readonly buffer Rectangles { ivec4 rectangles[]; };     // first and last cell

@@ -4,10 +4,10 @@
 #include "shared/arrays.glsl"
 #include "shared/look.glsl"
 
-// View: shadows on the ground, which is otherwise of the background's colour. One invocation a pixel.
+// View: shadows on the ground, which otherwise has the colour of the background. One invocation runs for each pixel.
 
 layout(scalar) uniform Views { View view; };
-READ_ONLY(vec4, shadow);      // shadow map: depths from the sun, four a texel
+READ_ONLY(vec4, shadow);      // shadow map: depths from the sun, four per texel
 
 layout(location = 0) in vec3 x;
 layout(location = 0) out vec4 colour;

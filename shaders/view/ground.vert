@@ -4,7 +4,7 @@
 #include "shared/look.glsl"
 
 // View: the part of the ground that the shadow map covers; beyond it ground and background look alike. Six invocations
-// (two triangles).
+// run (two triangles).
 
 layout(scalar) uniform Views { View view; };
 

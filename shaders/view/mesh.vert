@@ -5,7 +5,8 @@
 #include "shared/look.glsl"
 
 // View: a vertex of a mesh, as the kernels of shaders/draw placed it. Where triangles are as small as pixels the colour
-// is computed here, because on a CPU rasterizer a triangle costs as much as sixteen pixels. One invocation a vertex.
+// is computed here and interpolated, because on a CPU rasterizer a triangle costs as much as sixteen pixels. One
+// invocation runs for each vertex.
 
 layout(constant_id = 1) const bool AT_VERTICES = false;      // whether the colour is computed here
 
@@ -13,7 +14,7 @@ layout(scalar) uniform Views { View view; };
 READ_ONLY(vec4, positions);    // m, relative to the origin
 READ_ONLY(vec4, normals);      // unit, outward
 READ_ONLY(vec4, values);       // four vertices a texel
-READ_ONLY(vec4, shadow);       // shadow map: depths from the sun, four a texel
+READ_ONLY(vec4, shadow);       // shadow map: depths from the sun, four per texel
 READ_ONLY(vec4, colours);      // linear colours of the scale, then of whole numbers
 layout(scalar) readonly buffer Materials { Material materials[]; };
 layout(push_constant) uniform Push { uint material_index; };

@@ -2,8 +2,8 @@
 #extension GL_EXT_scalar_block_layout : require
 
 // View: pixels of the panel (text and plots over the rendered image): texels of an atlas of letters, times a colour.
-// Letters lie on whole pixels, so the nearest texel is right. Colours are sRGB, premultiplied by alpha. One invocation
-// a pixel.
+// Letters lie on whole pixels, so the nearest texel is exact. Colours are sRGB, premultiplied by alpha. One invocation
+// runs for each pixel.
 
 layout(scalar) readonly buffer Atlas { uint texels[]; };      // four bytes each
 

@@ -1,10 +1,11 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 
-// View: a corner of the panel's triangles. Five numbers each: position in points from the upper left corner; position
-// in the atlas, from 0 to 1; colour, a byte a component. One invocation a corner.
+// View: a corner of the panel's triangles (text and plots over the rendered image). A corner has five numbers: position
+// in points from the upper left corner of the image; position in the atlas, from 0 to 1; colour, one byte for each
+// component. One invocation runs for each corner.
 
-layout(scalar) readonly buffer Corners { float corners[]; };      // five a corner
+layout(scalar) readonly buffer Corners { float corners[]; };      // five per corner
 
 layout(push_constant, scalar) uniform Push {
     vec2 points;    // size of the rendered image, points

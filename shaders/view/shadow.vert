@@ -4,7 +4,8 @@
 #include "shared/arrays.glsl"
 #include "shared/look.glsl"
 
-// View: the shadow map, a depth image from the sun. One invocation a vertex of the meshes that cast shadows.
+// View: the shadow map, an image of depths seen from the sun. One invocation runs for each vertex of the meshes that
+// cast shadows.
 
 layout(scalar) uniform Views { View view; };
 READ_ONLY(vec4, positions);    // m, relative to the origin

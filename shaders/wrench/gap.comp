@@ -6,19 +6,20 @@
 #include "shared/rotation.glsl"
 
 // Wrench: the shortest way from a rigid tool to the skins that it may touch, at the end of the step. It runs only for a
-// haptic loop, which renders a wall there until the next step. Skin is where the new displacements and the frames at
-// the end have it. One workgroup a part of skin (some chunks, groups of at most 64 skin vertices, of one proxy); it
-// writes one SkinGap. Oracle: oracle::gap.
+// haptic loop, which renders a wall there until the next step. Skin is placed by the new displacements and by the
+// frames at the end of the step. One workgroup runs for each part of skin (some chunks, groups of at most 64 skin
+// vertices, of one collision proxy); it writes one SkinGap. The f64 reference is oracle::gap.
 //
-// For a spherical tool the way runs from its centre to a triangle; for any other tool it is the shortest between a
-// vertex of one skin and a triangle of the other, in both combinations, as contact is found. Of triangles that face
-// away only the least distance is kept: where that is less than the way, the tool is within a body. Ties go to the
-// lower triangle, then vertex.
+// For a spherical tool the way runs from its centre to a triangle. For any other tool it is the shortest way between a
+// vertex of one skin and a triangle of the other, tested for vertices of both skins, as contact is. For triangles that
+// face away only the least distance is kept: where that is less than the length of the way, the tool is within a body.
+// Among equally long ways the one with the lower triangle counts, then that with the lower vertex.
 //
-// The chunks of a part are taken in the order of lower bounds of their distance, until no bound is below the shortest
-// way found. The bound is the distance to the chunk's rest box, moved by the middle of its nodes' displacements and
-// grown by (sum |w|), over embedding weights w, times half their spread. The positions of vertices that it visits are
-// left in `skin`, from the tool's centre along the tool's axes.
+// The chunks of a part are visited in the order of lower bounds of their distance, until no bound is below the length
+// of the shortest way found. The bound is the distance to the chunk's rest box, moved by the middle of its nodes'
+// displacements and grown by (sum |w|), over embedding weights w, times half their spread. The positions of visited
+// vertices are stored in `skin`, relative to the tool's centre along the tool's axes. A frame is a rigid coordinate
+// frame, a link the relative placement of two frames.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -27,7 +28,7 @@ layout(constant_id = 2) const bool SPANS = false;       // whether a skin vertex
 layout(constant_id = 3) const uint SHARE = 64;          // chunks of a part at most
 layout(constant_id = 4) const bool ROUND = false;       // whether the tool is a sphere
 layout(constant_id = 5) const float RADIUS = 0.0;       // radius about the tool's centre that holds all of it, m
-layout(constant_id = 6) const float REACH = 0.0;        // length of the longest way that is looked for, m
+layout(constant_id = 6) const float REACH = 0.0;        // length of the longest way that is sought, m
 layout(constant_id = 7) const uint TOOL_FRAME = 0;
 layout(constant_id = 8) const uint TOOL_CHUNK_FIRST = 0;
 layout(constant_id = 9) const uint TOOL_CHUNKS = 0;
@@ -39,10 +40,10 @@ layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) readonly buffer Parts { SkinPart parts[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, proxy_nodes);        // two a texel: node, link from the proxy's frame to the node's
-READ_ONLY(uvec4, chunk_nodes);        // two a texel: node, link from the proxy's frame to the node's
-READ_ONLY(uvec4, chunk_vertices);     // skin vertices of chunks, four a texel
-READ_ONLY(uvec4, chunk_triangles);    // triangles of chunks, four a texel
+READ_ONLY(uvec4, proxy_nodes);        // two per texel: node, link from the proxy's frame to the node's
+READ_ONLY(uvec4, chunk_nodes);        // two per texel: node, link from the proxy's frame to the node's
+READ_ONLY(uvec4, chunk_vertices);     // skin vertices of chunks, four per texel
+READ_ONLY(uvec4, chunk_triangles);    // triangles of chunks, four per texel
 READ_ONLY(uvec4, triangles);
 READ_ONLY(uvec4, skin_nodes);     // four nodes; NONE first: a rigid skin
 READ_ONLY(vec4, skin_weights);    // four weights; of a rigid skin: position in the frame
@@ -67,7 +68,7 @@ struct Place {
 struct Way {
     vec3 along;         // vector from a sphere's centre, or from a point of another tool's surface, m
     float size;         // its length, m
-    uint triangle, vertex;      // its ends
+    uint triangle, vertex;      // index of the triangle and of the vertex at its ends
 };
 
 shared float bounds[SHARE];
@@ -78,7 +79,7 @@ shared Way ways[SIZE];
 
 float[6] change_of(uint rigid) { return iterates[solve.current * RIGIDS + rigid].x; }
 
-// Placement of a frame at the end of the step; see solve/commit.
+// Placement of a frame at the end of the step, as solve/commit computes it.
 Place end_of(Frame frame) {
     if (frame.core == NONE) {
         vec4 back = vec4(-frame.turn.xyz, frame.turn.w);
@@ -122,7 +123,8 @@ vec3 position(Place place, Place tool, uint vertex) {
     return rotate_back(tool.rotation, x - tool.centre);
 }
 
-// Displacement of a node at the end of the step in the frame of the proxy that lists it; links are those of the start.
+// Displacement of a node at the end of the step in the frame of the proxy that lists it; the links are those at the
+// start.
 vec3 moved(uvec2 node, Frame start, Place place) {
     vec3 d = fetch(displacement, node.x).xyz;
     if (!SPANS || node.y == 0) return d;
@@ -134,7 +136,7 @@ vec3 moved(uvec2 node, Frame start, Place place) {
 // Distance of a point from a box about the origin.
 float box_distance(vec3 x, vec3 half_extent) { return length(max(abs(x) - half_extent, vec3(0.0))); }
 
-// This lane's share of the largest displacement of the nodes that move a proxy's skin, squared.
+// Square of the largest displacement of the nodes that move a proxy's skin, over the nodes of this lane.
 float largest_move2(Proxy proxy, Frame start, Place place) {
     float largest = 0.0;
     for (uint i = proxy.node_first / 2 + gl_LocalInvocationID.x; 2 * i < proxy.node_first + proxy.node_count; i += SIZE) {
@@ -184,7 +186,7 @@ float chunk_distance(Chunk chunk, vec3 middle, vec3 spread, Place place, vec3 x)
     return box_distance(along, chunk.half_extent + grown) - SLACK;
 }
 
-// Centre and radius of a sphere that holds a chunk of the tool.
+// Centre of a sphere that contains a chunk of the tool; ball_radius gives its radius.
 vec3 ball_centre(uint k, Place tool) { return tool.centre + rotate(tool.rotation, chunks[TOOL_CHUNK_FIRST + k].centre); }
 float ball_radius(uint k) { return length(chunks[TOOL_CHUNK_FIRST + k].half_extent); }
 
@@ -215,14 +217,15 @@ vec3 nearest_of_triangle(vec3 a, vec3 b, vec3 c, vec3 n) {
     return dot(z, z) < dot(x, x) ? z : x;
 }
 
-// Whether way a is shorter, or as long with the lower triangle or vertex.
+// Whether way a is shorter than way b, or equally long with a lower triangle, then vertex.
 bool is_shorter(Way a, Way b) {
     if (a.size != b.size) return a.size < b.size;
     return a.triangle < b.triangle || (a.triangle == b.triangle && a.vertex < b.vertex);
 }
 
-// Considers the way from the origin to a triangle: if the triangle faces the origin, keeps the way if it is the
-// shortest, else its length. `sign` is -1 where the origin is on the skin and the triangle on the tool.
+// Tests the way from the origin to a triangle. For a triangle that faces the origin, keeps the way in `front` if it is
+// the shortest; for one that faces away, keeps the least distance in `back`. `sign` is -1 where the origin is a vertex
+// of the skin and the triangle is the tool's.
 void consider(vec3 a, vec3 b, vec3 c, float sign, uint triangle, uint vertex, inout Way front, inout float back) {
     vec3 n = cross(b - a, c - a), x = nearest_of_triangle(a, b, c, n);
     Way way = Way(sign * x, length(x), triangle, vertex);
@@ -239,7 +242,7 @@ uvec3 corners_at(uint i, out uint triangle) {
     return fetch(triangles, triangle).xyz;
 }
 
-// Considers the way from a vertex of the tool to a triangle of the skin.
+// Tests the way from a vertex of the tool to a triangle of the skin.
 void consider_vertex(uint i, uint end, vec3 a, vec3 b, vec3 c, uint triangle, inout Way front, inout float back) {
     if (i >= end) return;
     uint vertex = vertex_at(i);
@@ -247,7 +250,7 @@ void consider_vertex(uint i, uint end, vec3 a, vec3 b, vec3 c, uint triangle, in
     consider(a - x, b - x, c - x, 1.0, triangle, vertex, front, back);
 }
 
-// Considers the way from a triangle of the tool to a vertex of the skin.
+// Tests the way from a triangle of the tool to a vertex of the skin.
 void consider_triangle(uint i, uint end, vec3 x, uint vertex, inout Way front, inout float back) {
     if (i >= end) return;
     uint triangle;
@@ -257,7 +260,7 @@ void consider_triangle(uint i, uint end, vec3 x, uint vertex, inout Way front, i
     consider(a, b, c, -1.0, triangle, vertex, front, back);
 }
 
-// Considers the ways between a chunk of the skin and one of the tool. A round of a loop takes four elements of the
+// Tests the ways between a chunk of the skin and a chunk of the tool. A round of a loop tests four elements of the
 // tool, because llvmpipe ends loops after 65,535 rounds.
 void look_between(Chunk chunk, Chunk other, float limit, inout Way front, inout float back) {
     float radius = length(other.half_extent) + SLACK;
@@ -290,8 +293,7 @@ void look_between(Chunk chunk, Chunk other, float limit, inout Way front, inout 
     }
 }
 
-// Considers the ways to a chunk. `limit` is the length above which ways are not wanted; it becomes that of the shortest
-// found.
+// Tests the ways to a chunk. Ways longer than `limit` are not wanted; it becomes the length of the shortest way found.
 void look_at(Chunk chunk, uint k, Place place, Place tool, inout float limit, inout Way front, inout float back) {
     for (uint l = gl_LocalInvocationID.x; l < chunk.embed_count; l += SIZE) {
         uint vertex = vertex_at(chunk.vertex_first + l);
@@ -315,7 +317,7 @@ void look_at(Chunk chunk, uint k, Place place, Place tool, inout float limit, in
     }
 }
 
-// Shortest way of all lanes; only lane 0 gets it.
+// Shortest way found by all lanes; only lane 0 gets it.
 Way shortest(Way own) {
     uint lane = gl_LocalInvocationID.x;
     ways[lane] = own;
@@ -336,7 +338,7 @@ void main() {
     float back = GAP_FAR;
     float limit = REACH;
 
-    // All of the part may be too far away.
+    // Returns early if the whole part is too far away.
     float largest = sqrt(-workgroup_min(-largest_move2(proxy, start, place)));
     vec3 at = rotate_back(place.rotation, tool.centre - place.centre) - 0.5 * (part.low + part.high);
     float apart = box_distance(at, 0.5 * (part.high - part.low)) - 1.001 * proxy.weight_bound * largest - SLACK;

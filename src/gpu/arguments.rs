@@ -5,8 +5,8 @@ use super::Buffer;
 
 /// The arguments of one pass.
 pub trait Arguments {
-    /// The shader's name, as in `solve/element_product`; for the two shaders of a graphics pipeline, the name without `.vert` and
-    /// `.frag`.
+    /// The shader's name, as in `solve/element_product`; for the two shaders of a graphics pipeline, the name without
+    /// `.vert` and `.frag`.
     fn shader(&self) -> &str;
 
     /// One entry per buffer that the shader declares. `None` leaves the buffer out, which is allowed for a shader

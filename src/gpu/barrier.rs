@@ -1,6 +1,6 @@
-//! Decides when one pass of a recording must wait for an earlier one. Uses are tracked per buffer and image, but the
-//! result is a global memory barrier: drivers treat it as well as a per-buffer one, and one such barrier covers all
-//! passes before it.
+//! Decides when one pass (dispatch, draw, fill or copy) of a recording must wait for an earlier one. Uses are tracked
+//! for each buffer and image, but the result is a global memory barrier: drivers treat it as well as a barrier for one
+//! buffer, and one global barrier covers all passes before it.
 
 use std::collections::HashSet;
 
@@ -49,7 +49,7 @@ pub(super) struct Hazards {
 }
 
 impl Hazards {
-    /// Notes a command with its uses. Returns the barrier that must be recorded before the command, if one must.
+    /// Notes a command with its uses. Returns the barrier that must be recorded before the command, or `None`.
     pub fn before(&mut self, uses: &[Use]) -> Option<MemoryBarrier2<'static>> {
         let waits = |u: &Use| self.written.contains(&u.id) || (u.writes && self.read.contains(&u.id));
         let mut needed = uses.iter().any(waits);
@@ -156,11 +156,15 @@ mod tests {
 
     #[test]
     fn only_dependent_passes_wait() {
-        assert_eq!(barriers(&[&[write(1)], &[write(2)], &[read(3)]]), [false, false, false], "independent");
-        assert_eq!(barriers(&[&[read(1)], &[read(1)]]), [false, false], "two reads");
-        assert_eq!(barriers(&[&[write(1)], &[read(1)]]), [false, true], "read after write");
-        assert_eq!(barriers(&[&[read(1)], &[write(1)]]), [false, true], "write after read");
-        assert_eq!(barriers(&[&[write(1)], &[write(1)]]), [false, true], "write after write");
+        assert_eq!(
+            barriers(&[&[write(1)], &[write(2)], &[read(3)]]),
+            [false, false, false],
+            "independent passes do not wait"
+        );
+        assert_eq!(barriers(&[&[read(1)], &[read(1)]]), [false, false], "a read does not wait for a read");
+        assert_eq!(barriers(&[&[write(1)], &[read(1)]]), [false, true], "a read waits for an earlier write");
+        assert_eq!(barriers(&[&[read(1)], &[write(1)]]), [false, true], "a write waits for an earlier read");
+        assert_eq!(barriers(&[&[write(1)], &[write(1)]]), [false, true], "a write waits for an earlier write");
     }
 
     #[test]
@@ -185,7 +189,7 @@ mod tests {
         hazards.end_together();
         let mut waits = |uses: &[Use]| hazards.before(uses).is_some();
         assert!(waits(&[read(3)]), "later passes wait for all writes of the group, even before a barrier in it");
-        assert!(!waits(&[read(2)]), "one barrier covers all");
+        assert!(!waits(&[read(2)]), "one barrier covers the whole group");
     }
 
     #[test]

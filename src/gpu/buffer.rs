@@ -52,7 +52,7 @@ const LEAST_BYTES: u64 = 16;
 #[derive(Clone)]
 pub struct Buffer {
     pub(super) inner: Arc<Inner>,
-    /// Names of shader buffers that this handle may be given for; empty: only the array's own name.
+    /// Names of shader buffers for which a kernel may take this handle; empty: only the array's own name.
     roles: &'static [&'static str],
 }
 
@@ -135,8 +135,8 @@ impl Buffer {
         Ok(buffer)
     }
 
-    /// Another handle of this array, which kernels take for their buffers of these names and for no others. A handle
-    /// that was not made by this function is taken only for the buffer that has the array's own name.
+    /// Another handle of this array, which kernels take for their buffers of the given names and for no others. A
+    /// handle that was not made by this function is taken only for the buffer with the array's own name.
     pub fn known_as(&self, roles: &'static [&'static str]) -> Buffer {
         Buffer { inner: self.inner.clone(), roles }
     }
@@ -203,12 +203,12 @@ impl Buffer {
         staging.read()
     }
 
-    /// Overwrites the start of the array with `data`, wherever its memory is; for GPU memory it costs as much as
-    /// [`Buffer::read`].
+    /// Overwrites the start of the array with `data`, wherever its memory is. For GPU memory this takes a staging copy
+    /// and a submit of its own, like [`Buffer::read`].
     pub fn write<T: Pod>(&self, data: &[T]) -> Result<()> {
         let bytes = size_of_val(data) as u64;
         if bytes > self.inner.bytes {
-            return Err(self.misuse(format!("{bytes} bytes do not fit into its {}", self.inner.bytes)));
+            return Err(self.misuse(format!("{bytes} bytes do not fit into its {} bytes", self.inner.bytes)));
         }
         if bytes == 0 {
             return Ok(());
@@ -296,7 +296,7 @@ impl Inner {
         // SAFETY: the buffer belongs to this live device.
         let requirements = unsafe { device.get_buffer_memory_requirements(self.handle) };
         let kind = self.context.device_memory_type(requirements.memory_type_bits);
-        let kind = kind.ok_or_else(|| Error::Memory(format!("array {}: no memory of the device's fits", self.name)))?;
+        let kind = kind.ok_or_else(|| Error::Memory(format!("array {}: no suitable type of memory", self.name)))?;
         let mut export = vk::ExportMemoryAllocateInfo::default().handle_types(EXTERNAL);
         let mut dedicated = vk::MemoryDedicatedAllocateInfo::default().buffer(self.handle);
         let info = vk::MemoryAllocateInfo::default()
@@ -345,7 +345,7 @@ impl Drop for Inner {
         }
         if let Some((memory, bytes)) = self.own.take() {
             self.context.allocated.fetch_sub(bytes, Ordering::Relaxed);
-            // SAFETY: as above; the buffer that was bound to this memory is destroyed.
+            // SAFETY: as above; the buffer that was bound to this memory is destroyed before.
             unsafe { self.context.device.free_memory(memory, None) };
         }
         if let Some(allocation) = self.allocation.take() {
@@ -357,7 +357,7 @@ impl Drop for Inner {
     }
 }
 
-/// A view of mapped memory for reading; other readers may exist, writers are locked out.
+/// A view of mapped memory for reading; other readers may exist at the same time, writers may not.
 pub struct Mapped<'a, T> {
     pointer: *const T,
     length: usize,
@@ -365,7 +365,7 @@ pub struct Mapped<'a, T> {
     _of: PhantomData<&'a [T]>,
 }
 
-/// A view of mapped memory for writing; all others are locked out.
+/// A view of mapped memory for writing; no other view exists at the same time.
 pub struct MappedMut<'a, T> {
     pointer: *mut T,
     length: usize,

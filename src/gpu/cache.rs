@@ -4,11 +4,11 @@
 use std::path::{Path, PathBuf};
 use std::{env, fs, process};
 
-/// First bytes of our file. The length of the driver's blob, a checksum and the blob follow; the checksum is needed
-/// because drivers check little of a blob.
+/// First bytes of a cache file. The length of the driver's blob (its cache data), a checksum and the blob follow; the
+/// checksum is needed because drivers check little of a blob.
 const MAGIC: &[u8; 8] = b"palpate1";
 
-/// The driver's blob of the last run; empty where there is none that can be trusted.
+/// The driver's blob of the last run; empty if there is none, or if its checksum is wrong.
 pub(super) fn load(folder: &Path, key: &str) -> Vec<u8> {
     fs::read(file(folder, key)).ok().and_then(|bytes| unpack(&bytes)).unwrap_or_default()
 }
@@ -66,8 +66,8 @@ mod tests {
         for at in 0..packed.len() {
             let mut spoiled = packed.clone();
             spoiled[at] ^= 1;
-            assert_eq!(unpack(&spoiled), None, "byte {at} spoiled");
-            assert_eq!(unpack(&packed[..at]), None, "cut at {at}");
+            assert_eq!(unpack(&spoiled), None, "a file whose byte {at} is wrong must be ignored");
+            assert_eq!(unpack(&packed[..at]), None, "a file cut off at byte {at} must be ignored");
         }
     }
 }

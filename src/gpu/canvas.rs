@@ -1,5 +1,5 @@
-//! Rendering onto images (a canvas), for the viewer: methods of [`Recorder`]. Draws without images, which the depth
-//! stage uses to distribute work, are in `draw.rs`.
+//! Rendering onto images, for the viewer: methods of [`Recorder`]. A canvas is a set of images that are rendered onto
+//! together. Draws without images, which the depth stage uses to distribute work, are in `draw.rs`.
 #![allow(unsafe_code)]
 
 use ash::vk::{self, AccessFlags2 as Access, Handle, PipelineStageFlags2 as Stages};
@@ -40,7 +40,7 @@ pub struct Drawn<'a> {
     pub arguments: &'a dyn Arguments,
     /// Vertex indices, one u32 each; `None`: the draw is not indexed.
     pub indices: Option<&'a Buffer>,
-    /// First index, and the number of indices; of vertices where the draw is not indexed.
+    /// First index and number of indices; first vertex and number of vertices where the draw is not indexed.
     pub range: (u32, u32),
     /// Number of instances.
     pub instances: u32,
@@ -60,7 +60,7 @@ impl Canvas {
 }
 
 impl Recorder {
-    /// Draws all of these in order, as one pass of the recording.
+    /// Draws all of `all` in order, as one pass of the recording.
     pub fn paint(&mut self, canvas: &Canvas, before: Before, all: &[Drawn]) {
         let ready = self.try_paint(canvas, before, all);
         self.note(ready);

@@ -29,8 +29,8 @@ impl Recorder {
             let declared = interface.declared.join(", ");
             return Err(self.error(format!("kernel {name} has no buffer {unknown}; it has {declared}")));
         }
-        // Buffers that this variant of the shader does not use are checked too, so that a wrong array is found
-        // whichever variant runs.
+        // Buffers that this variant of the shader does not use are checked too, so that a wrong array is found with
+        // every variant.
         for (slot, buffer) in given.iter().filter_map(|(slot, buffer)| Some((slot, (*buffer)?))) {
             if !buffer.may_be(slot) {
                 let what = format!("kernel {name}: array {} may not be bound to its buffer {slot}", buffer.name());
@@ -69,8 +69,8 @@ impl Recorder {
             BindingKind::Uniform if bytes <= u64::from(limits.max_uniform_buffer_range) => return Ok(()),
             BindingKind::Uniform => format!("a uniform block holds at most {}", limits.max_uniform_buffer_range),
             _ if buffer.inner.views.is_some() => return Ok(()),
-            _ if bytes % 16 != 0 => "a texel buffer is made of elements of 16".into(),
-            _ => format!("a texel buffer holds at most {} elements of 16", limits.max_texel_buffer_elements),
+            _ if bytes % 16 != 0 => "a texel buffer needs a multiple of 16 bytes".into(),
+            _ => format!("a texel buffer holds at most {} elements of 16 bytes", limits.max_texel_buffer_elements),
         };
         Err(self.error(format!("kernel {kernel}: array {} as {slot}: it has {bytes} bytes, but {what}", buffer.name())))
     }

@@ -28,8 +28,8 @@ const REDUCE_SIZE: u32 = 128;
 /// Size of the blocks in which memory is requested from the driver, bytes.
 const MEMORY_BLOCK: u64 = 16 << 20;
 
-/// Least number of 16-byte elements that the device's texel buffers must hold for texel buffers to be used: 1 GiB,
-/// which is less than the memory of most GPUs. With a lower limit, large scenes would not run.
+/// Least number of 16-byte elements that the device's texel buffers must hold for texel buffers to be used: 1 GiB. This
+/// is less than the memory of most GPUs; a lower limit would prevent large scenes from running.
 const TEXEL_ELEMENTS: u32 = 1 << 26;
 
 /// How kernels reach arrays of vectors that they only read; see `shaders/shared/arrays.glsl`.
@@ -93,7 +93,7 @@ impl Options {
 
 /// An open Vulkan device. Its methods may be called from any thread; submits are serialised.
 pub struct Context {
-    // These fields stand in the order in which `Drop` destroys them.
+    // `Drop` destroys these fields in the order in which they are declared here.
     pub(super) allocator: ManuallyDrop<Mutex<memory::Allocator>>,
     pub(super) cache: vk::PipelineCache,
     pub(super) device: ash::Device,
@@ -133,7 +133,7 @@ pub struct Context {
 }
 
 impl Context {
-    /// Opens a device. [`Error::NoDevice`] says what is missing and how to get it.
+    /// Opens a device. If none can be used, [`Error::NoDevice`] explains what is missing and how to get it.
     pub fn open(options: &Options) -> Result<Arc<Context>> {
         for (name, _) in &options.replaced {
             kernel::known(name, Arrays::Texel)?;
@@ -178,14 +178,14 @@ impl Context {
         Self::of(opened, chosen, options)
     }
 
-    /// Uses a device that another program, the host, opened, and leaves it open. Of `options`, `device`, `validation`
-    /// and `threads` are ignored: they are the host's business.
+    /// Uses a device that another program, the host, opened, and leaves it open. The fields `device`, `validation` and
+    /// `threads` of `options` are ignored, since the host decides them.
     ///
     /// # Safety
     /// The handles must belong to one Vulkan 1.3 instance and stay alive as long as the context, which buffers,
     /// simulations and recordings keep alive. The device must have been created with [`HostDevice::FEATURES`] and with
-    /// whatever else `host` says is enabled. The host may use the queue only while it holds the lock, whose functions
-    /// may be called from any thread; without a lock, only while no call into the engine is running.
+    /// whatever else the fields of `host` declare as enabled. The host may use the queue only while it holds the lock,
+    /// whose functions may be called from any thread; without a lock, only while no call into the engine is running.
     #[doc(hidden)]
     pub unsafe fn on_host(host: HostDevice, options: &Options) -> Result<Arc<Context>> {
         use vk::Handle;
@@ -287,8 +287,9 @@ impl Context {
         GROUP_SIZE
     }
 
-    /// Workgroup size of kernels that give one workgroup to each work item and synchronise at barriers, invocations. On
-    /// a CPU device it is the subgroup size: a workgroup is then one SIMD vector, and barriers cost nothing.
+    /// Workgroup size, in invocations, of kernels that give one workgroup to each work item and synchronise at
+    /// barriers. On a CPU device it is the subgroup size: a workgroup is then one SIMD vector, and barriers cost
+    /// nothing.
     #[doc(hidden)]
     pub fn reduce_size(&self) -> u32 {
         if self.info.kind == DeviceKind::Cpu { self.subgroup_size.max(1) } else { REDUCE_SIZE }
@@ -312,8 +313,8 @@ impl Context {
         self.fragment_stores
     }
 
-    /// How kernels reach arrays of vectors that they only read: as [`Options::arrays`] asked for, else as
-    /// [`Context::choose_arrays`] decided, else through texel buffers where these are large enough.
+    /// How kernels reach arrays of vectors that they only read: the kind given by [`Options::arrays`], else the kind
+    /// that [`Context::choose_arrays`] decided, else texel buffers where these are large enough.
     pub fn arrays(&self) -> Arrays {
         let by_limit = || if self.has_large_texel_buffers() { Arrays::Texel } else { Arrays::Storage };
         *self.arrays.get_or_init(by_limit)
@@ -331,7 +332,7 @@ impl Context {
         self.arrays_asked_for
     }
 
-    /// Decides how all kernels made from now on reach their arrays, unless that was asked for or decided before.
+    /// Decides how all kernels made from now on reach their arrays, unless the options or an earlier call decided it.
     #[doc(hidden)]
     pub fn choose_arrays(&self, arrays: Arrays) {
         self.arrays.get_or_init(|| arrays);
@@ -378,13 +379,14 @@ impl Context {
         self.cache_folder.as_deref()
     }
 
-    /// Times of the depth stage by its graphics and its compute path, microseconds, once they are measured.
+    /// Times of the depth stage as graphics draws and as compute dispatches, microseconds, once they are measured.
     #[doc(hidden)]
     pub fn measured_paths(&self) -> &OnceLock<[f64; 2]> {
         &self.measured_paths
     }
 
-    /// Whether the kind of arrays is settled: asked for, decided, or already used by a kernel.
+    /// Whether the kind of arrays is decided: by the options, by [`Context::choose_arrays`], or because a kernel uses
+    /// it.
     #[doc(hidden)]
     pub fn has_arrays(&self) -> bool {
         self.arrays.get().is_some()
@@ -467,7 +469,7 @@ struct Opened {
 }
 
 impl Opened {
-    /// Destroys what the engine opened, where no context could be made; a host's objects are left alone.
+    /// Destroys what the engine opened, if no context could be made; a host's objects are left alone.
     fn close(&mut self) {
         if self.host.is_some() {
             return;

@@ -9,8 +9,8 @@ use ash::vk::{self, Handle};
 
 use super::log::{Level, Log};
 
-/// Receives the validation layer's messages. They are passed on at once where the log has a receiver, else kept until
-/// somebody takes them.
+/// Receives the validation layer's messages. They are passed on at once if the log has a receiver, otherwise kept until
+/// they are fetched.
 #[derive(Default)]
 pub(super) struct Messages {
     kept: Mutex<Vec<String>>,
@@ -39,8 +39,8 @@ impl Messages {
     }
 }
 
-/// Text of a performance message that is ignored: it advises another layout for copies, but images stay in the general
-/// layout for good (see image.rs).
+/// Text of a performance message that is ignored: it recommends another layout for copies, but images always stay in
+/// the general layout (see image.rs).
 const ADVICE: &str = "instead of GENERAL";
 
 unsafe extern "system" fn callback(
@@ -73,8 +73,8 @@ impl Labels {
     pub fn name<H: Handle>(&self, handle: H, name: &str) {
         let (Some(utils), Ok(name)) = (&self.0, CString::new(name)) else { return };
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
-        // SAFETY: the handle belongs to this live device; the info lives through the call. A name is only a help, so
-        // a failure does not matter.
+        // SAFETY: the handle belongs to this live device; the info lives through the call. A name only helps debugging,
+        // so a failure does not matter.
         let _ = unsafe { utils.set_debug_utils_object_name(&info) };
     }
 

@@ -1,4 +1,4 @@
-//! Lists the Vulkan devices, finds out whether palpate can run on each and why not, and chooses one.
+//! Lists the Vulkan devices, finds out for each whether palpate can run on it and why not, and chooses one.
 #![allow(unsafe_code)]
 
 use std::ffi::CStr;
@@ -67,7 +67,7 @@ pub(super) fn candidates(instance: &ash::Instance) -> Result<Vec<Candidate>> {
     Ok(physical.into_iter().enumerate().map(|(index, device)| candidate(instance, index, device)).collect())
 }
 
-/// The device that was asked for; without such a request the preferred one of those that are usable.
+/// The requested device; without a request, the usable device with the most preferred type (discrete GPU first).
 pub(super) fn choose(candidates: Vec<Candidate>, asked: Option<&str>) -> Result<Candidate> {
     if candidates.is_empty() {
         return Err(Error::NoDevice(format!("Vulkan's loader found no device: no driver is installed. {REMEDY}")));

@@ -1,5 +1,5 @@
-//! Draws without attachments: a method of [`Recorder`]. The depth stage uses the rasterizer to distribute its work, and
-//! its fragment shader writes buffers.
+//! Draws without attachments (images): a method of [`Recorder`]. The depth stage uses the rasterizer to distribute its
+//! work; its fragment shader writes buffers.
 #![allow(unsafe_code)]
 
 use ash::vk::{self, Handle, PipelineStageFlags2 as Stages};
@@ -14,7 +14,7 @@ use crate::error::Result;
 const DRAW_ARGS: u64 = 16;
 
 impl Recorder {
-    /// Draws triangles over `side` x `side` pixels, which clip space spans. The arguments of the draw are the
+    /// Draws triangles over `side` x `side` pixels, the whole of clip space. The arguments of the draw are the
     /// VkDrawIndirectCommand (four u32) with index `slot` in `args`.
     pub fn draw_indirect(
         &mut self,
@@ -40,7 +40,7 @@ impl Recorder {
         let most = limits.max_framebuffer_width.min(limits.max_framebuffer_height);
         let most = most.min(limits.max_viewport_dimensions[0]).min(limits.max_viewport_dimensions[1]);
         if side == 0 || side > most {
-            let what = format!("{}: {side} pixels a side; the device draws 1 to {most}", interface.name);
+            let what = format!("{}: asked for {side} pixels a side, but the device draws 1 to {most}", interface.name);
             return Err(self.error(what));
         }
         self.check_args(args, offset, DRAW_ARGS)?;

@@ -1,5 +1,5 @@
-//! Borrows a Vulkan device that another program, the host, opened: what the host must tell about it, and how its queue
-//! is shared. In this file "host" is that program, not the CPU side.
+//! Borrows a Vulkan device that another program, the host, opened: what the host must specify about it, and how its
+//! queue is shared. In this file "host" is that program, not the CPU side.
 #![allow(unsafe_code)]
 
 use std::ffi::c_void;
@@ -86,8 +86,8 @@ impl HostDevice {
         Ok((entry, instance))
     }
 
-    /// The host's physical device, with only those optional features that the host enabled. Fails where the device
-    /// cannot run palpate or is none of the instance's, or where the queue family lacks graphics or compute.
+    /// The host's physical device, with only those optional features that the host enabled. Fails if the device cannot
+    /// run palpate or does not belong to the instance, or if the queue family lacks graphics or compute.
     pub(super) fn candidate(&self, instance: &ash::Instance) -> Result<Candidate> {
         let own = vk::PhysicalDevice::from_raw(self.physical_device);
         let found = device::candidates(instance)?.into_iter().find(|candidate| candidate.physical == own);
@@ -98,7 +98,7 @@ impl HostDevice {
         if let Err(why) = &candidate.info.usable {
             return Err(Error::NoDevice(format!("{name} cannot run palpate: {why}. {REMEDY}")));
         }
-        // SAFETY: both are alive, as the caller of `instance` promised.
+        // SAFETY: instance and device are alive, as the caller of `instance` promised.
         let families = unsafe { instance.get_physical_device_queue_family_properties(own) };
         let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
         match families.get(self.queue_family as usize) {
@@ -122,7 +122,7 @@ impl HostDevice {
     }
 }
 
-/// The queue, locked for one thread; it excludes the host's threads too where the host gave a lock.
+/// The queue, locked for one thread; it excludes the host's threads too if the host gave a lock.
 pub(super) struct QueueGuard<'a> {
     queue: MutexGuard<'a, vk::Queue>,
     lock: Option<QueueLock>,

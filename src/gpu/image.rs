@@ -68,7 +68,9 @@ impl Image {
         let most = most.min(context.limits.max_image_dimension2_d);
         if size.iter().any(|side| !(1..=most).contains(side)) {
             let [width, height] = size;
-            return Err(Error::Usage(format!("{width} x {height} pixels; the device draws 1 to {most} a side")));
+            return Err(Error::Usage(format!(
+                "an image of {width} x {height} pixels was requested, but the device draws 1 to {most} a side"
+            )));
         }
         let usage = if samples == 1 { texels.usage() } else { texels.usage() & !vk::ImageUsageFlags::TRANSFER_SRC };
         let info = vk::ImageCreateInfo::default()
@@ -117,7 +119,7 @@ impl Image {
         self.0.texels
     }
 
-    /// Size of all pixels, bytes; each has four.
+    /// Size of all pixels, bytes; each pixel has four bytes.
     pub fn bytes(&self) -> u64 {
         4 * u64::from(self.0.size[0]) * u64::from(self.0.size[1])
     }

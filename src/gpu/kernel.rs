@@ -16,12 +16,12 @@ mod table {
     include!(concat!(env!("OUT_DIR"), "/spirv.rs"));
 }
 
-/// How the workgroup size of a kernel is chosen; it becomes specialization constant 0.
+/// How the workgroup size of a kernel is chosen; the size becomes specialization constant 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Size {
     /// For kernels with one invocation per element; see [`Context::group_size`].
     Group,
-    /// For kernels with one workgroup per work item, whose invocations synchronise at barriers; see
+    /// For kernels with one workgroup per item of work, whose invocations synchronise at barriers; see
     /// [`Context::reduce_size`].
     Reduce,
     /// One invocation per workgroup.
@@ -98,8 +98,8 @@ impl Kernel {
         Self::with_arrays(context, name, size, constants, context.arrays())
     }
 
-    /// As [`Kernel::new`], but with the given kind of read-only arrays in place of the context's, so that the kinds can
-    /// be compared.
+    /// Like [`Kernel::new`], but with the given kind of read-only arrays instead of the context's, so that the kinds
+    /// can be compared.
     pub fn with_arrays(
         context: &Arc<Context>,
         name: &str,
@@ -152,7 +152,7 @@ impl Kernel {
 
 impl Drop for Inner {
     fn drop(&mut self) {
-        // SAFETY: recordings hold handles, so none that uses the pipeline is left.
+        // SAFETY: recordings hold handles of the kernels they use, so no recording that uses the pipeline is left.
         unsafe { self.interface.context.device.destroy_pipeline(self.pipeline, None) };
     }
 }
@@ -270,7 +270,7 @@ pub(super) fn shader(context: &Context, name: &str, arrays: Arrays) -> Result<(V
 }
 
 /// A shader with its specialization constants applied and without the buffers that it then never uses: SPIR-V words and
-/// interface. `number` gives each buffer its binding number by name; `None` keeps the number that it has.
+/// interface. `number` gives each buffer its binding number by name; if it returns `None`, the number is kept.
 pub(super) fn specialised(
     name: &str,
     words: &[u32],
@@ -305,7 +305,7 @@ impl<'a> Module<'a> {
 
 impl Drop for Module<'_> {
     fn drop(&mut self) {
-        // SAFETY: a pipeline does not need its module once made.
+        // SAFETY: a pipeline does not need its module after it has been created.
         unsafe { self.context.device.destroy_shader_module(self.handle, None) };
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 /// Severity of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Level {
-    /// Information: choices that were made, and faults that were found and repaired.
+    /// Information: choices that the engine made, and defects that it found and repaired in meshes.
     Note,
     /// The validation layer's warnings.
     Warning,
@@ -15,7 +15,7 @@ pub enum Level {
 
 type Hear = dyn Fn(Level, &str) + Send + Sync;
 
-/// Receives messages of one or several lines, on whatever thread they arise; without a receiver they are discarded.
+/// Receives messages of one or several lines, on the thread that causes them; without a receiver they are discarded.
 #[derive(Clone, Default)]
 pub struct Log(Option<Arc<Hear>>);
 

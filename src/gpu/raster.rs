@@ -51,8 +51,8 @@ pub(super) struct PipelineInner {
 
 impl RasterPipeline {
     /// Makes the pipeline of `shaders/<name>.vert`, which may only read its buffers, and `<name>.frag`, which may write
-    /// them; it has no attachments. `constants` sets specialization constants in those of the two that declare them; a
-    /// name that neither declares is an error. The device must have [`Context::fragment_stores`].
+    /// them; it has no attachments. `constants` sets specialization constants in each of the two shaders that declares
+    /// them; a name that neither declares is an error. The device must have [`Context::fragment_stores`].
     pub fn new(context: &Arc<Context>, name: &str, constants: &[(&str, Const)]) -> Result<RasterPipeline> {
         if !context.fragment_stores() {
             let device = context.device_name();
@@ -61,7 +61,8 @@ impl RasterPipeline {
         Self::made(context, name, constants, &Onto { samples: 1, ..Onto::default() })
     }
 
-    /// Makes a pipeline of two shaders that only read buffers; it draws onto canvases of this kind.
+    /// Makes a pipeline of two shaders that only read buffers; it draws onto canvases with the attachments given by
+    /// `onto`.
     pub fn onto(
         context: &Arc<Context>,
         name: &str,
@@ -70,9 +71,10 @@ impl RasterPipeline {
     ) -> Result<RasterPipeline> {
         let pipeline = Self::made(context, name, constants, onto)?;
         match pipeline.bindings().iter().find(|binding| binding.writes) {
-            Some(written) => {
-                Err(Error::Simulation(format!("pipeline {name} draws, and may not write {}", written.name)))
-            }
+            Some(written) => Err(Error::Simulation(format!(
+                "pipeline {name} draws onto a canvas, so its shaders may not write {}",
+                written.name
+            ))),
             None => Ok(pipeline),
         }
     }
@@ -125,7 +127,7 @@ impl RasterPipeline {
 
 impl Drop for PipelineInner {
     fn drop(&mut self) {
-        // SAFETY: recordings hold handles, so none that uses the pipeline is left.
+        // SAFETY: recordings hold handles of the pipelines they use, so no recording that uses this pipeline is left.
         unsafe { self.interface.context.device.destroy_pipeline(self.pipeline, None) };
     }
 }
@@ -133,13 +135,16 @@ impl Drop for PipelineInner {
 /// The interface of both shaders together.
 fn merge(mut vertex: Reflection, fragment: Reflection) -> std::result::Result<Reflection, String> {
     if let Some(written) = vertex.bindings.iter().find(|binding| binding.writes) {
-        return Err(format!("{} is not readonly; only fragments may write", written.name));
+        return Err(format!(
+            "the vertex shader may write {}: declare it readonly, since only fragment shaders may write",
+            written.name
+        ));
     }
     for binding in fragment.bindings {
         match vertex.bindings.iter().find(|other| other.binding == binding.binding) {
             None => vertex.bindings.push(binding),
             Some(same) if same.kind == binding.kind && !binding.writes => {}
-            Some(same) => return Err(format!("its stages differ in {}", same.name)),
+            Some(same) => return Err(format!("its vertex and fragment shader declare {} differently", same.name)),
         }
     }
     vertex.bindings.sort_by_key(|binding| binding.binding);

@@ -1,5 +1,6 @@
-//! Writes passes, in order, into a [`Recording`]. A pass is one dispatch, draw, fill or copy; passes belong to stages
-//! of the step (pose, cull, ...). Barriers between passes follow from what each kernel declares to read and write.
+//! Writes passes, in order, into a [`Recording`]. A pass is one dispatch, draw, fill or copy; each pass belongs to a
+//! stage of the step (pose, cull, ...). Barriers between passes follow from what each kernel declares to read and
+//! write.
 //!
 //! The methods that record return nothing, so that a stage reads like the algorithm; the first error is kept with the
 //! name of its stage, and returned by [`Recorder::finish`].
@@ -32,7 +33,7 @@ pub struct Recorder {
     labelled: bool,
     /// Gives each stage the name of the timer that measures it; `None` where nothing is timed.
     timers: Option<fn(&str) -> &str>,
-    /// Name of the timer that runs now.
+    /// Name of the timer that is running.
     timer: Option<String>,
     /// Whether dispatches are recorded without workgroups and draws without vertices.
     empty: bool,
@@ -79,7 +80,7 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Begins a recording whose passes have no work. It is submitted once before the first step, for drivers that
+    /// Begins a recording whose passes have no work. It is submitted once before the first step, because some drivers
     /// compile a pipeline only when it is first used.
     pub fn warm_up(context: &Arc<Context>) -> Result<Recorder> {
         Ok(Recorder { empty: true, ..Self::untimed(context)? })
@@ -99,8 +100,8 @@ impl Recorder {
         self.labelled = true;
     }
 
-    /// Records passes that run side by side: none waits for another, whatever they declare. No pass may read or write
-    /// what another of them writes.
+    /// Records passes that run concurrently: none waits for another, whatever they declare to read and write. No pass
+    /// may read or write what another pass of the closure writes.
     pub fn together(&mut self, passes: impl FnOnce(&mut Recorder)) {
         self.hazards.begin_together();
         passes(self);
@@ -158,7 +159,7 @@ impl Recorder {
         let sound = first_byte.is_multiple_of(4) && bytes.is_multiple_of(4);
         if !sound || first_byte.checked_add(bytes).is_none_or(|end| end > buffer.bytes()) {
             let size = buffer.bytes();
-            let what = format!("{bytes} bytes from {first_byte} are not whole words of its {size}");
+            let what = format!("{bytes} bytes from byte {first_byte} are not whole words within its {size} bytes");
             self.fail(format!("fill of {}: {what}", buffer.name()));
         } else if bytes > 0 {
             self.fill_words(buffer, first_byte, bytes, value);
@@ -175,7 +176,11 @@ impl Recorder {
         let within = |at: u64, buffer: &Buffer| at.checked_add(bytes).is_some_and(|end| end <= buffer.bytes());
         if !within(src_byte, src) || !within(dst_byte, dst) || src.inner.handle == dst.inner.handle {
             let (a, b) = (src.bytes(), dst.bytes());
-            self.fail(format!("{bytes} bytes cannot be copied from {} ({a}) to {} ({b})", src.name(), dst.name()));
+            self.fail(format!(
+                "{bytes} bytes cannot be copied from {} of {a} bytes to {} of {b} bytes",
+                src.name(),
+                dst.name()
+            ));
         }
         if bytes == 0 || self.error.is_some() {
             return;
@@ -321,8 +326,8 @@ impl Recorder {
         Ok(set)
     }
 
-    /// Notes a pass, and records a barrier before it where it must wait. `verb` says what a pass does ("fill", "copy",
-    /// "draw") that is not a mere run of the kernel `name`; it is empty for such a run.
+    /// Notes a pass, and records a barrier before it if it must wait. `verb` names a pass that does not run the kernel
+    /// `name` as a dispatch: "fill", "copy" or "draw"; it is empty for a dispatch.
     pub(super) fn pass(&mut self, verb: &str, name: &str, uses: &[Use]) {
         let barrier = self.hazards.before(uses);
         let passes = &mut self.commands.passes;
@@ -356,7 +361,7 @@ impl Recorder {
         }
     }
 
-    /// Keeps the first error. Returns whether there has been none so far.
+    /// Keeps the first error. Returns whether there has been no error so far.
     pub(super) fn note(&mut self, result: Result<()>) -> bool {
         if let Err(error) = result {
             self.error.get_or_insert(error);
@@ -393,9 +398,9 @@ mod tests {
     use super::super::{Named, Options, Size};
     use super::*;
 
-    /// The validation layer must report a missing barrier before a pass that reads what another pass wrote: the tests
-    /// rely on it. (It does not report one between two passes that write the same buffer: it treats shader writes at
-    /// one pipeline stage as ordered.)
+    /// The validation layer must report a missing barrier before a pass that reads what another pass wrote, since the
+    /// tests depend on it. (It does not report a missing barrier between two passes that write the same buffer: it
+    /// treats shader writes at one pipeline stage as ordered.)
     #[test]
     fn a_missing_barrier_is_seen_by_validation() {
         let device = std::env::var("PALPATE_TEST_DEVICE").ok();

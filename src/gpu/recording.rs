@@ -33,9 +33,9 @@ pub struct StagePasses {
 pub struct Pass {
     /// Name of its stage.
     pub stage: String,
-    /// Name of the kernel; for a fill or a copy that verb and the name of the array that is written.
+    /// Name of the kernel; for a fill or a copy, that verb and the name of the array that is written.
     pub what: String,
-    /// Whether the pass runs a kernel, rather than a fill, a copy or a draw onto images.
+    /// Whether the pass runs a kernel; false for a fill, a copy or a draw onto images.
     pub is_kernel: bool,
     /// Whether the pass waits for an earlier one. The first pass of a recording always counts as waiting.
     pub waits: bool,
@@ -52,12 +52,12 @@ pub struct ArrayUse {
     pub name: String,
     /// Size that was asked for, bytes.
     pub bytes: u64,
-    /// Whether the array is in GPU memory, rather than mapped for the CPU.
+    /// Whether the array is in GPU memory; false if it is mapped for the CPU.
     pub on_device: bool,
 }
 
 /// A command buffer that can be submitted any number of times. It holds handles of everything it uses, so that nothing
-/// is freed before it. It may move between threads, but only one thread at a time may submit it.
+/// is freed before the recording. It may move between threads, but only one thread at a time may submit it.
 pub struct Recording {
     pub(super) commands: Commands,
     ran: Cell<bool>,
@@ -175,7 +175,7 @@ impl Commands {
         sets.map(|sets| sets[0]).map_err(failed("vkAllocateDescriptorSets", stage))
     }
 
-    /// Ends the recording of commands.
+    /// Ends the recording, which can then be submitted.
     pub fn end(self, stage: &str) -> Result<Recording> {
         // SAFETY: the command buffer is in recording state.
         unsafe { self.context.device.end_command_buffer(self.buffer) }.map_err(failed("vkEndCommandBuffer", stage))?;
@@ -227,7 +227,7 @@ impl Recording {
         let context = &last.commands.context;
         for (i, recording) in recordings.iter().enumerate() {
             if recordings[..i].iter().any(|other| std::ptr::eq(*other, *recording)) {
-                return Err(Error::Simulation("a recording was submitted twice at once".into()));
+                return Err(Error::Simulation("a recording was given twice in one submit".into()));
             }
             if !Arc::ptr_eq(&recording.commands.context, context) {
                 return Err(Error::Simulation("recordings of different devices were submitted together".into()));
@@ -309,7 +309,7 @@ impl Recording {
         &self.commands.arrays
     }
 
-    /// The last stage that began before the device was lost, as far as timestamps tell.
+    /// The last stage that began before the device was lost, as far as timestamps show.
     fn stage_reached(recordings: &[&Recording]) -> String {
         let reached = recordings.iter().rev().find_map(|r| {
             let stamps = r.commands.timestamps();

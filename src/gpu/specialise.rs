@@ -14,8 +14,9 @@ use super::spirv::{HEADER, Instruction, instructions};
 enum Value {
     /// It has these 32 bits in every run; booleans are 0 and 1.
     Constant(u32),
-    /// It depends on specialization constants that have no value yet. Only [`optional`] knows such values: it takes a
-    /// branch on one straight to the merge block, since some choice of the constants may skip all that lies between.
+    /// It depends on specialization constants that have no value yet. Only [`optional`] uses such values: it follows a
+    /// branch on such a value straight to the merge block, since some choice of the constants may skip all code in
+    /// between.
     Open,
     /// It is found only at run time.
     Varying,
@@ -43,7 +44,7 @@ struct Flow<'a> {
 /// Values of specialization constants, by constant id.
 type Constants = HashMap<u32, u32>;
 
-/// The module without the bindings that it cannot use with these specialization constants.
+/// The module without the bindings that it cannot use with these values of the specialization constants.
 pub fn specialised(words: &[u32], constants: &Constants) -> Result<Vec<u32>, String> {
     Flow::of(words, Some(constants))?.stripped(words)
 }
@@ -110,8 +111,8 @@ fn is_binding(variable: &[u32]) -> bool {
     matches!(variable.get(2), Some(0 | 2 | 12))
 }
 
-/// Evaluates an instruction. The outer `None`: it is of no kind that is evaluated; the inner `None`: an operand is not
-/// known yet.
+/// Evaluates an instruction. The outer `None`: instructions of this kind are not evaluated; the inner `None`: an
+/// operand is not known yet.
 fn evaluate(opcode: u32, w: &[u32], value: impl Fn(u32) -> Option<Value>) -> Option<Option<Value>> {
     use Value::{Constant, Open, Varying};
     let both = |of: fn(u32, u32) -> Option<u32>| {
@@ -122,7 +123,8 @@ fn evaluate(opcode: u32, w: &[u32], value: impl Fn(u32) -> Option<Value>) -> Opt
             _ => Open,
         })
     };
-    // One operand alone may decide the result: false for "and", true for "or".
+    // For a logical operation, `deciding` is the operand value that decides the result alone: false for "and", true for
+    // "or".
     let logical = |deciding: u32| {
         let (a, b) = (value(w[0]), value(w[1]));
         if [a, b].contains(&Some(Constant(deciding))) {
@@ -163,7 +165,7 @@ fn evaluate(opcode: u32, w: &[u32], value: impl Fn(u32) -> Option<Value>) -> Opt
             Some(condition) => match (value(w[1]), value(w[2])) {
                 (None, _) | (_, None) => None,
                 (Some(a), Some(b)) if a == b => Some(a),
-                // As for "and" and "or": the result is as open, or as varying, as the condition.
+                // As for "and" and "or": the result is `Open` or `Varying`, like the condition.
                 _ => Some(condition),
             },
         },
@@ -209,7 +211,7 @@ impl<'a> Flow<'a> {
         Ok(flow)
     }
 
-    /// Gives values to the constants, which stand before the functions.
+    /// Gives values to the constants, which come before the functions in a module.
     fn read_constants(&mut self, given: Option<&Constants>) {
         let is_id = |i: &&Instruction| i.opcode == DECORATE && i.operands.get(1) == Some(&SPEC_ID);
         let numbers: HashMap<u32, u32> =
@@ -256,7 +258,8 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// One sweep over all functions that are called, as far as values are known; returns whether it found anything new.
+    /// Makes one pass over all functions that are called, with the values known so far; returns whether it found
+    /// anything new.
     fn advance(&mut self) -> bool {
         let before = (self.values.clone(), self.called.len(), self.running.len(), self.ways.len());
         let ranges: Vec<_> = self.called.iter().filter_map(|id| self.functions.get(id)).cloned().collect();
@@ -303,8 +306,7 @@ impl<'a> Flow<'a> {
         before != (self.values.clone(), self.called.len(), self.running.len(), self.ways.len())
     }
 
-    /// Takes the edges of a branch: the one for its value, else the default (`None`); all of them where the value
-    /// varies.
+    /// Follows the edges of a branch: the edge for its value, else the default (`None`); all edges if the value varies.
     fn decide(&mut self, block: u32, value: Option<Value>, merge: Option<u32>, ways: &[(Option<u32>, u32)]) {
         match (value, merge) {
             (None, _) => {}
@@ -394,7 +396,7 @@ impl<'a> Flow<'a> {
     }
 
     /// The module without its unused bindings. Reads of them in blocks that never run become undefined values; apart
-    /// from that, these blocks stay as they are, and the driver may remove them.
+    /// from that, these blocks are unchanged, and the driver may remove them.
     fn stripped(&self, words: &[u32]) -> Result<Vec<u32>, String> {
         let used = self.used();
         let bindings = self.instructions.iter().filter(|i| i.opcode == VARIABLE && is_binding(i.operands));
@@ -431,7 +433,7 @@ impl<'a> Flow<'a> {
                     CALL | COPY_OBJECT | COPY_MEMORY | PTR_ACCESS_CHAIN | IMAGE_TEXEL_POINTER | IMAGE_QUERY_SIZE,
                     operands,
                 ) if operands.iter().any(|id| gone.contains(id)) => {
-                    return Err(format!("instruction {opcode} of an unused buffer cannot be taken out"));
+                    return Err(format!("instruction {opcode} of an unused buffer cannot be removed"));
                 }
                 _ => out.extend(*words),
             }

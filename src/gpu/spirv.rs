@@ -6,7 +6,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-/// The kind of buffer that a binding is, as GLSL declares it.
+/// The kind of buffer of a binding, as GLSL declares it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BindingKind {
     /// `buffer` block.
@@ -67,7 +67,7 @@ impl Reflection {
     }
 }
 
-/// Gives each variable of a module the binding number that `bindings` has for it.
+/// Replaces the binding number of each variable of a module by the number in `bindings`.
 pub fn renumber(words: &mut [u32], bindings: &[Binding]) -> Result<(), String> {
     let mut at = HEADER;
     let lengths: Vec<usize> = instructions(words)?.iter().map(|instruction| instruction.words.len()).collect();
@@ -98,7 +98,7 @@ enum Type {
     Pointer { to: u32 },
 }
 
-/// The decorations of a variable, a type or a struct member, as far as they matter here.
+/// The decorations of a variable, a type or a struct member that are needed here.
 #[derive(Debug, Clone, Copy, Default)]
 struct Marks {
     spec_id: Option<u32>,
@@ -132,7 +132,7 @@ const STORAGE_UNIFORM: u32 = 2;
 const STORAGE_PUSH_CONSTANT: u32 = 9;
 const STORAGE_BUFFER: u32 = 12;
 
-/// Reads a SPIR-V module; the error says what in it cannot be used.
+/// Reads the interface of a SPIR-V module; an error names the part of the module that cannot be used.
 pub fn reflect(words: &[u32]) -> Result<Reflection, String> {
     let module = parse(words)?;
     let mut out = Reflection::default();
@@ -293,7 +293,7 @@ impl Module {
         }
     }
 
-    /// Size of a type, bytes; `matrix_stride` is that of the struct member that holds it.
+    /// Size of a type, bytes; `matrix_stride` is that of the struct member of this type.
     fn size(&self, id: u32, matrix_stride: u32) -> u32 {
         match self.types.get(&id) {
             Some(Type::Int { bytes, .. } | Type::Float { bytes }) => *bytes,

@@ -1,5 +1,5 @@
-//! Number of threads of lavapipe, Mesa's Vulkan driver for CPUs, which reads it from the environment when it is first
-//! asked for devices.
+//! Number of threads of lavapipe, Mesa's Vulkan driver for CPUs. The driver reads it from the environment when it first
+//! lists its devices.
 #![allow(unsafe_code)]
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,14 +7,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Number of lavapipe's threads besides the calling one. A value that the user set is kept.
 const VARIABLE: &str = "LP_NUM_THREADS";
 
-/// Whether the variable was set by this module.
+/// Whether this module set the variable.
 static SET: AtomicBool = AtomicBool::new(false);
 
 /// Number of lavapipe's threads besides the one that calls Vulkan; other drivers ignore it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Threads {
-    /// None for a scene with less than 20,000 tetrahedra, where waking threads costs more (some 50 us per pass) than
-    /// they save; the driver's default for others. `Simulation::open` decides this.
+    /// No further threads for a scene with less than 20,000 tetrahedra, where waking threads costs more (some 50 us per
+    /// pass) than they save; the driver's default for larger scenes. `Simulation::open` decides this.
     Auto,
     /// This number.
     Count(u32),

@@ -19,7 +19,11 @@ pub fn read_all(context: &Arc<Context>, arrays: &[&Buffer]) -> Result<Vec<u8>> {
 /// Overwrites these arrays with bytes that [`read_all`] returned for arrays of the same sizes.
 pub fn write_all(context: &Arc<Context>, arrays: &[&Buffer], bytes: &[u8]) -> Result<()> {
     if bytes.len() as u64 != total(arrays) {
-        return Err(Error::Simulation(format!("{} bytes are given for arrays of {}", bytes.len(), total(arrays))));
+        return Err(Error::Simulation(format!(
+            "{} bytes were given for arrays of {} bytes",
+            bytes.len(),
+            total(arrays)
+        )));
     }
     if bytes.is_empty() {
         return Ok(());

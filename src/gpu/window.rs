@@ -21,7 +21,7 @@ use commands::Commands;
 
 /// Longest wait for a swapchain image, ns: a compositor may give none to a window that is not visible.
 const LONGEST_WAIT: u64 = 100_000_000;
-/// How often an outdated swapchain is made anew before an image is dropped.
+/// Number of times that an outdated swapchain is made anew before an image is dropped.
 const ATTEMPTS: u32 = 3;
 /// Names this part of the program in errors.
 const STAGE: &str = "the window";
@@ -50,7 +50,7 @@ pub enum Content<'a> {
 
 /// A window in which images are shown. One thread at a time may use it.
 pub struct Window {
-    // These fields stand in the order in which `Drop` destroys them.
+    // `Drop` destroys these fields in the order in which they are declared here.
     commands: Commands,
     chain: Option<Chain>,
     surface: vk::SurfaceKHR,
@@ -132,7 +132,7 @@ impl Window {
         Ok(self.acquired.is_some())
     }
 
-    /// Shows `content` in the image that was acquired; does nothing where none was.
+    /// Shows `content` in the image that was acquired; does nothing if there is none.
     pub fn present(&mut self, content: Content) -> Result<()> {
         let (Some(chain), Some(index)) = (&mut self.chain, self.acquired.take()) else { return Ok(()) };
         let image = &chain.images[index as usize];
@@ -150,7 +150,7 @@ impl Window {
         Ok(())
     }
 
-    /// Chooses surface format and present mode; an [`Error::Simulation`] says what the surface lacks.
+    /// Chooses surface format and present mode. An [`Error::Simulation`] names what the surface lacks.
     fn choose(&mut self) -> Result<()> {
         let (surfaces, context) = (&self.surfaces, &self.context);
         let (physical, surface) = (context.physical, self.surface);
@@ -162,7 +162,9 @@ impl Window {
             (can, formats, modes)
         };
         if !can.map_err(failed("vkGetPhysicalDeviceSurfaceSupportKHR", STAGE))? {
-            return Err(Error::Simulation("its queue cannot present there; choose another device".into()));
+            return Err(Error::Simulation(
+                "the device's queue cannot present to this window; choose another device".into(),
+            ));
         }
         let formats = formats.map_err(failed("vkGetPhysicalDeviceSurfaceFormatsKHR", STAGE))?;
         let modes = modes.map_err(failed("vkGetPhysicalDeviceSurfacePresentModesKHR", STAGE))?;
@@ -170,14 +172,14 @@ impl Window {
         // brighten them.
         let plain = [vk::Format::B8G8R8A8_UNORM, vk::Format::R8G8B8A8_UNORM];
         let format = formats.iter().find(|format| plain.contains(&format.format)).or(formats.first());
-        self.format = *format.ok_or_else(|| Error::Simulation("its surface offers no image format".into()))?;
+        self.format = *format.ok_or_else(|| Error::Simulation("the window's surface offers no image format".into()))?;
         // In these two modes no thread waits for the screen while it holds the queue.
         let wanted = [vk::PresentModeKHR::MAILBOX, vk::PresentModeKHR::IMMEDIATE];
         self.mode = wanted.into_iter().find(|mode| modes.contains(mode)).unwrap_or(vk::PresentModeKHR::FIFO);
         Ok(())
     }
 
-    /// Makes a swapchain for a window of this size in place of the last one; none for a size of zero.
+    /// Replaces the swapchain by one for a window of this size; for a size of zero there is none.
     fn remake(&mut self, width: u32, height: u32) -> Result<()> {
         // The image shown last may still wait for its semaphore.
         self.commands.wait()?;
@@ -189,7 +191,7 @@ impl Window {
         let can =
             unsafe { self.surfaces.get_physical_device_surface_capabilities(self.context.physical, self.surface) };
         let can = can.map_err(failed("vkGetPhysicalDeviceSurfaceCapabilitiesKHR", STAGE))?;
-        // Where the surface has no size of its own, it gets the window's.
+        // Where the surface has no size of its own, it gets the window's size.
         let extent = match can.current_extent {
             vk::Extent2D { width: u32::MAX, .. } => vk::Extent2D {
                 width: width.clamp(can.min_image_extent.width, can.max_image_extent.width),

@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-/// A tick that comes later than this after its deadline has missed it, s.
+/// A tick that begins more than this time after its deadline has missed that deadline, s.
 pub const MISSED: f64 = 2e-3;
 
 /// Wakes its thread at whole multiples of a period, counted from its creation.
@@ -60,8 +60,8 @@ pub struct Lateness {
 const FINE: usize = 100_000;
 /// Ratio of the upper to the lower end of a coarse bin: the bin's middle is accurate to half a percent.
 const WIDENING: f64 = 1.01;
-/// Number of coarse bins beyond the first [`FINE`]: they reach beyond 1000 s. Ticks that are later still go into the
-/// last.
+/// Number of coarse bins after the first [`FINE`] bins; they cover lateness up to more than 1000 s. Ticks that are
+/// still later are counted in the last bin.
 const COARSE: usize = 930;
 /// Index of the last bin.
 const LAST: usize = FINE + COARSE - 1;
@@ -91,9 +91,9 @@ impl Lateness {
         Lateness { histogram: vec![0; FINE + COARSE], ..Lateness::default() }
     }
 
-    /// Adds a tick that came `late` s after its deadline; deadlines are `period` s apart. If it came later than
-    /// [`MISSED`], its own deadline and every later one that passed by more than [`MISSED`] before it came count as
-    /// missed.
+    /// Adds a tick that came `late` s after its deadline; deadlines are `period` s apart. If `late` exceeds [`MISSED`],
+    /// the tick's own deadline counts as missed, and so does each later deadline that lay more than [`MISSED`] in the
+    /// past when the tick came.
     pub fn add(&mut self, late: f64, period: f64) {
         self.ticks += 1;
         self.worst = self.worst.max(late);
@@ -104,7 +104,7 @@ impl Lateness {
     }
 
     /// The lateness that a `share` (0 to 1) of the ticks does not exceed, s: exact to a microsecond up to 0.1 s and to
-    /// half a percent up to 1000 s, never above that of the latest tick; 0 without any tick.
+    /// half a percent up to 1000 s, never above the lateness of the latest tick; 0 if there was no tick.
     pub fn quantile(&self, share: f64) -> f64 {
         let wanted = (share * self.ticks as f64).ceil().max(1.0) as u64;
         let mut seen = 0;
@@ -113,7 +113,8 @@ impl Lateness {
             seen >= wanted
         });
         at.map_or(0.0, |at| match at {
-            // A bin of one microsecond is returned as it is, though rounding may have put it above the latest tick.
+            // The value of a fine bin is returned unchanged, although rounding may put it half a microsecond above the
+            // latest tick.
             ..FINE => lateness_of(at),
             LAST => self.worst,
             _ => lateness_of(at).min(self.worst),
@@ -167,7 +168,10 @@ mod tests {
             lateness.add(30.0 * late, f64::INFINITY);
             for (share, exact) in [(0.5, late), (0.6, late), (0.99, 2.0 * late), (1.0, 30.0 * late)] {
                 let told = lateness.quantile(share);
-                assert!((told - exact).abs() <= 0.01 * exact, "{share} of {late} s: {told} s for {exact} s");
+                assert!(
+                    (told - exact).abs() <= 0.01 * exact,
+                    "quantile {share} with a least lateness of {late} s: {told} s, expected {exact} s"
+                );
             }
             assert_eq!(lateness.worst(), 30.0 * late);
         }
@@ -180,7 +184,10 @@ mod tests {
         for late in (0..2000).map(|k| 1e-4 * 1.01_f64.powi(k)).take_while(|late| *late < 2000.0) {
             lateness.add(late, f64::INFINITY);
             let last = lateness.quantile(1.0);
-            assert!(last <= lateness.worst() + 5e-7 && last >= 0.99 * late, "{late}: {last}");
+            assert!(
+                last <= lateness.worst() + 5e-7 && last >= 0.99 * late,
+                "after a tick {late} s late: the greatest quantile is {last} s"
+            );
         }
         let before = lateness.ticks();
         [f64::NAN, f64::INFINITY, 1e300, -1.0].iter().for_each(|late| lateness.add(*late, f64::INFINITY));
@@ -197,7 +204,10 @@ mod tests {
         let first = metronome.wait();
         std::thread::sleep(Duration::from_millis(20));
         let after = metronome.wait();
-        assert!(after.time >= 0.02 && after.late > 0.015, "{first:?} {after:?}");
+        assert!(
+            after.time >= 0.02 && after.late > 0.015,
+            "first wake-up: {first:?}; wake-up after 20 ms of sleep: {after:?}"
+        );
         let next = metronome.wait();
         // The deadline is a whole multiple of the period, and the first one after the last wake-up.
         let due = next.time - next.late;

@@ -1,4 +1,5 @@
-//! Chooses the gains of the virtual coupling, the spring and damper between haptic device and tool.
+//! Chooses the gains (stiffness and damping) of the virtual coupling: the spring and damper between haptic device and
+//! tool, the rigid body that the device leads.
 //!
 //! A virtual wall of stiffness K and damping B, sampled with period T, is passive if b > K T / 2 + |B|, where b is the
 //! device's own mechanical damping (J. E. Colgate and G. Schenkel, "Passivity of a class of sampled-data systems",
@@ -13,15 +14,15 @@ const PUBLISHED_PERIOD: f64 = 1e-3;
 /// Safety factor: the share of a theoretical limit that is used.
 const MARGIN: f64 = 0.8;
 
-/// The chosen gains and how they came about.
+/// The chosen gains, and the reason for them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gains {
     /// The coupling's gains.
     pub coupling: Coupling,
-    /// Damping that may still be injected beside these gains: linear, N s/m, and angular, N m s/rad. See
-    /// [`injectable`].
+    /// Damping that passivity control may inject in addition to the coupling's own: linear, N s/m, and angular, N m
+    /// s/rad. See [`injectable`].
     pub most_damping: [f64; 2],
-    /// One line of text: the gains, and what decided them.
+    /// One line of text: the gains, and the limits from which they follow.
     pub reason: String,
 }
 
@@ -31,26 +32,26 @@ pub fn dissipation(stiffness: f64, damping: f64) -> f64 {
     (0.5 * stiffness * PUBLISHED_PERIOD).max(damping)
 }
 
-/// The greatest stiffness (N/m) that the rules allow for a device's own damping and a virtual damping (N s/m each), a
-/// period T and a delay (s each).
+/// The greatest stiffness K (N/m) that both rules of this file's first comment allow: for the device's own damping b
+/// and a virtual damping B (N s/m each), a sampling period T and a delay of the force t_d (s each).
 pub fn stiffest(dissipation: f64, damping: f64, period: f64, delay: f64) -> f64 {
     let colgate = 2.0 * (dissipation - damping).max(0.0) / period;
     let delayed = (dissipation + damping) / (0.5 * period + delay);
     colgate.min(delayed)
 }
 
-/// Damping that may be added at period T (s) to a coupling of this stiffness and damping: the slack in Colgate's rule
-/// b > K T / 2 + B, halved and times the safety factor. The half stands for the velocity estimate, which is taken over
-/// one period and so lags by t_d = T / 2 beside the force, which is held for one period: by Gil's rule only
-/// 1 / (1 + 2 t_d / T) of the slack is left.
+/// Damping that may be added at period T (s) to a coupling of this stiffness and damping: the slack in Colgate's rule b
+/// > K T / 2 + B, halved and times the safety factor. The half accounts for the velocity estimate, which is taken over
+/// one period and so adds a lag of t_d = T / 2 to that of the force, which is held for one period: by Gil's rule only 1
+/// / (1 + 2 t_d / T) of the slack is left.
 pub fn injectable(dissipation: f64, stiffness: f64, damping: f64, period: f64) -> f64 {
     MARGIN * 0.5 * (dissipation - 0.5 * stiffness * period - damping).max(0.0)
 }
 
-/// Chooses the gains from the device's profile, the period (s) and the delay of the force (s): how far a raw force is
-/// out of date, or 0 if the local model follows contact between wrenches. `asked` holds the scene's gains, which may be
-/// lower than the limits but not higher. `mass` (kg) and `inertia` (kg m^2) are the tool's; they scale the angular
-/// gains if the device plays no torque.
+/// Chooses the gains from the device's profile, the period (s) and the delay of the force (s). The delay is 0 if a
+/// local contact model follows the tool between simulation steps; otherwise the force of the last step is played, and
+/// the delay is its age. `asked` holds the scene's gains, which may be lower than the limits but not higher. `mass`
+/// (kg) and `inertia` (kg m^2) are the tool's; they scale the angular gains if the device plays no torque.
 pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f64, asked: Option<&Coupling>) -> Gains {
     let slower = (PUBLISHED_PERIOD / period).min(1.0);
     let axis = |stiffness: f64, damping: f64| {
@@ -62,7 +63,8 @@ pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f6
     let (stiffness, damping) = axis(profile.stiffness, profile.damping);
     let (angular_stiffness, angular_damping) = match profile.angular_stiffness > 0.0 {
         true => axis(profile.angular_stiffness, profile.angular_damping),
-        // Nobody feels these gains: the tool's rotation then follows the device as quickly as its position does.
+        // The device plays no torque, so these gains are not felt: they let the tool's rotation follow the device as
+        // quickly as the tool's position does.
         false => (stiffness * inertia / mass, damping * inertia / mass),
     };
     let most = Coupling { stiffness, damping, angular_stiffness, angular_damping };
@@ -83,7 +85,7 @@ pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f6
     let Coupling { stiffness, damping, angular_stiffness, angular_damping } = coupling;
     let reason = format!(
         "coupling {stiffness:.0} N/m, {damping:.2} N s/m, {angular_stiffness:.3} N m/rad, {angular_damping:.4} N m s/rad \
-         ({origin}): profile {}, {:.0} Hz, force delayed by {:.1} ms allow {:.0} N/m with {:.2} N s/m",
+         ({origin}); limits of profile {} at {:.0} Hz with a force delay of {:.1} ms: {:.0} N/m, {:.2} N s/m",
         profile.name,
         1.0 / period,
         1e3 * delay,

@@ -1,5 +1,5 @@
 //! The interface of a haptic device. The haptic loop reads the device once a tick (one iteration of the loop, 1 ms
-//! unless a scene says otherwise) and commands a wrench (force and torque) to it once a tick.
+//! unless a scene sets another rate) and commands a wrench (force and torque) to it once a tick.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,10 +20,10 @@ pub struct Reading {
 /// Why a device could not be read or written. No fault ends the loop: it commands no force until the device is back.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Fault {
-    /// The device is unplugged, or its service does not answer. The text says what was found and what to do.
+    /// The device is unplugged, or its service does not answer. The text describes the finding and a remedy.
     #[error("the haptic device is lost: {0}")]
     Lost(String),
-    /// The device answers with impossible values. The text says what was found.
+    /// The device answers with impossible values. The text describes the finding.
     #[error("the haptic device returned invalid data: {0}")]
     Garbled(String),
 }
@@ -31,14 +31,14 @@ pub enum Fault {
 /// A haptic device, or a simulation of one. Only the loop's thread uses it; no call may block for longer than a small
 /// part of a tick.
 pub trait Device: Send {
-    /// Opens the device, so that it can be read. It exerts no force afterwards.
+    /// Opens the device, so that it can be read. It exerts no force until [`Device::write`] commands one.
     fn open(&mut self) -> Result<(), Fault>;
-    /// Limits of what the device may be commanded to play. A device that learns only in [`Device::open`] which hardware
-    /// it is returns, until then, the smallest limits of all the hardware that it may turn out to be, and never smaller
-    /// ones later; so limits that were taken from it before opening stay safe.
+    /// Limits of the wrench that the device may be commanded to exert, and of its workspace. Some drivers learn only in
+    /// [`Device::open`] which hardware they have. Until then they return the smallest limits of all hardware that it
+    /// may be, and after that never smaller ones, so that limits read before opening stay safe.
     fn profile(&self) -> &Profile;
-    /// Lines that the user should read before the loop begins, about this device. For hardware they are complete only
-    /// once it is open.
+    /// Notes about this device that the user should read before the loop begins, one line each. For hardware they are
+    /// complete only after [`Device::open`].
     fn notes(&self) -> Vec<String> {
         Vec::new()
     }

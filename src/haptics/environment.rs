@@ -1,6 +1,7 @@
-//! Whatever gives contact wrenches to the haptic loop: the simulation, or one-dimensional models of known stiffness
-//! that the loop is measured with. In each step an environment gets pose and twist of the haptic device and of the
-//! tool, which virtual coupling joins, and returns the contact wrench on the tool.
+//! Sources of contact wrenches for the haptic loop: the simulation, and one-dimensional models of known stiffness with
+//! which the loop is measured. In each step an environment gets pose and twist of the haptic device and of the tool
+//! (the rigid body that the device leads by a virtual coupling), and returns the contact wrench on the tool. A wrench
+//! without contact may report the *gap*: distance and direction to the nearest body.
 
 use glam::DVec3;
 
@@ -8,7 +9,7 @@ use crate::Result;
 use crate::step::tool::{Rows, Tool};
 use crate::step::{ContactWrench, DeviceInput, Gap, RigidState, Simulation, Wrench};
 
-/// A source of contact wrenches: one step from the loop's state to the wrench that the tool feels.
+/// A source of contact wrenches: each step computes one from the loop's state.
 pub trait Environment {
     /// Simulates `h` s from the given poses and twists of device and tool, and returns the contact wrench at the end.
     fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench>;
@@ -78,8 +79,9 @@ impl Environment for Wall {
 }
 
 /// A soft body with one degree of freedom: a surface with mass on a spring and a damper, which the tool presses down.
-/// Contact between tool and surface is a penalty spring. A wrench reports the stiffness of that spring alone, as the
-/// simulation does, whose K leaves out the body's own compliance: several times the stiffness that is felt.
+/// Contact between tool and surface is a penalty spring. A wrench reports the stiffness of the penalty spring alone,
+/// which is several times the stiffness that is felt. This is like the simulation, whose contact stiffness K leaves out
+/// the body's own compliance.
 #[derive(Debug, Clone)]
 pub struct Cushion {
     /// Stiffness of the body's spring, N/m.
@@ -90,7 +92,7 @@ pub struct Cushion {
     pub mass: f64,
     /// Stiffness of the penalty contact, N/m.
     pub penalty: f64,
-    /// Height (m) of the spring's far end at a time (s); it begins at 0.
+    /// Height (m) of the spring's far end as a function of time (s); 0 at time 0.
     pub far_end: fn(f64) -> f64,
     /// Whether wrenches report that a kinematic body (here the far end) moved.
     pub tells_kinematic_motion: bool,

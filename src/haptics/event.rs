@@ -1,6 +1,6 @@
-//! The events that a tick (one iteration of the haptic loop) may raise for the user to hear of. This file alone gives
-//! each event its bit and its name. The force *played* is the force commanded to the haptic device; the *newest wrench*
-//! is the contact wrench on the tool that the last finished simulation step gave back.
+//! Unusual events that a tick (one iteration of the haptic loop) may raise, which are recorded and reported to the
+//! user. Each event's bit and name are defined here only. The force *played* is the force commanded to the haptic
+//! device; the *newest wrench* is the contact wrench on the tool that the last finished simulation step gave back.
 
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +27,8 @@ pub enum Event {
     LateTick,
     /// The force rises from zero, at the start and after anything that made it fade.
     Engaging,
-    /// The tool left the neighbourhood in which the local contact model is trusted; the force does not grow further.
+    /// The tool left the neighbourhood in which the local contact model (the linear force law of the newest wrench) is
+    /// trusted; the force does not grow further.
     BeyondTrust,
     /// The passivity controller damped the force.
     Damped,
@@ -39,10 +40,10 @@ pub enum Event {
     SlewLimited,
     /// The wrench to be played was not finite; none was played.
     BadForce,
-    /// The recording misses ticks directly before this one.
+    /// The ticks directly before this one are missing from the recording.
     RecordLost,
-    /// The model of the newest wrench is blended in more slowly, because it holds more energy than the hand has
-    /// supplied.
+    /// The local contact model of the newest wrench is blended in more slowly, because it stores more energy than the
+    /// hand has supplied.
     Unpaid,
 }
 
@@ -105,7 +106,7 @@ pub struct EventCounts {
 }
 
 impl EventCounts {
-    /// Adds a tick's events; returns those that were absent from the tick before.
+    /// Adds a tick's events; returns those of them that the tick before did not have.
     pub fn add(&mut self, events: Events) -> Events {
         let begun = Events(events.0 & !self.last.0);
         for (k, (event, _)) in Event::ALL.into_iter().enumerate() {

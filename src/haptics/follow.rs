@@ -1,7 +1,9 @@
-//! Contact as the haptic loop follows it from one contact wrench of the simulation to the next. The local model
-//! (`local_model.rs`) of the newest wrench is blended in over one interval between wrenches, and more slowly if that
-//! would add more energy than the passivity budget (`passivity.rs`) covers: the energy that the hand has supplied, plus
-//! *loans*. A loan stands for energy that the hand would have supplied had the contact been known earlier.
+//! Contact on the tool (the rigid body that the haptic device leads) between two contact wrenches of the simulation.
+//! The haptic loop evaluates local models (`local_model.rs`), one for each wrench. That of the newest wrench is blended
+//! in over one interval between wrenches, and more slowly if that would add more energy than the passivity budget
+//! (`passivity.rs`) covers: the energy that the hand has supplied, plus *loans*. A loan stands for energy that the hand
+//! would have supplied if the contact had been known earlier. A wrench without contact may report the *gap* to the
+//! nearest body; its model is then a wall at the gap's end.
 
 use glam::DVec3;
 
@@ -18,11 +20,11 @@ const SHALLOW: u32 = 3;
 /// How local models are made and blended.
 #[derive(Debug, Clone, Copy)]
 pub struct Rules {
-    /// Whether contact follows the tool between wrenches; otherwise the newest wrench stays constant.
+    /// Whether the contact wrench follows the tool by the local model; otherwise the newest wrench is kept constant.
     pub local_model: bool,
     /// The tool's lever arm at which rotations count as displacements, m.
     pub arm: f64,
-    /// Distance from its pose up to which a local model is trusted, m.
+    /// Distance of the tool from a model's pose up to which the model is trusted, m.
     pub trust: f64,
     /// The longest interval to blend over, s.
     pub longest: f64,
@@ -32,28 +34,28 @@ pub struct Rules {
 #[derive(Debug, Clone)]
 pub struct Followed {
     rules: Rules,
-    /// Model of what was felt when the newest wrench arrived.
+    /// Model of the wrench that the tool felt when the newest wrench arrived.
     from: LocalModel,
     /// Model that is being blended in: that of the newest wrench, or, if that has no contact, an earlier one.
     to: LocalModel,
-    /// Weight of `to` in what is felt, from 0 to 1.
+    /// Weight of `to` in the wrench that the tool feels, from 0 to 1.
     share: f64,
     /// Time over which to blend, s.
     interval: f64,
     newest: ContactWrench,
-    /// Number of wrenches with contact in a row.
+    /// Number of successive wrenches with contact, up to the newest.
     touches: u32,
     /// Contact stiffness at the end of the last known gap, N/m; 0 if no gap was known.
     wall: f64,
-    /// Position of the tool in the last wrench without contact, m: from there it entered the contact.
+    /// Position of the tool in the last wrench without contact, m: the start of its way into the contact.
     entered: DVec3,
-    /// Bound on all loans of this contact, J: the greatest contact force so far times the way from `entered` against
-    /// it.
+    /// Bound on all loans of this contact, J: the greatest product so far of the contact force and the tool's way from
+    /// `entered` against that force.
     most_lent: f64,
     /// When the newest wrench was taken, s.
     taken: f64,
     /// Energy that may still be lent, J: the way that the tool went since the previous wrench, times the force by which
-    /// the newest model exceeds what was felt on that way.
+    /// the newest model exceeds the force felt on that way.
     credit: f64,
 }
 
@@ -83,7 +85,7 @@ impl Followed {
         &self.newest
     }
 
-    /// Contact wrench, slopes and energy felt in this state of the tool.
+    /// Contact wrench, its slopes (stiffness and damping), and the model's energy in this state of the tool.
     pub fn evaluate(&self, tool: &RigidState) -> Evaluation {
         let to = self.to.evaluate(tool);
         if self.share >= 1.0 { to } else { self.from.evaluate(tool).blend(&to, self.share) }
@@ -99,8 +101,8 @@ impl Followed {
         }
         let model = match local_model {
             false => LocalModel::raw(wrench),
-            // The stiffness of the wall at the gap's end stays a lower bound until contact is deep enough to show its
-            // own.
+            // The stiffness of the wall at the gap's end stays a lower bound until contact is deep enough for a wrench
+            // to report the full stiffness.
             true if (1..=SHALLOW).contains(&self.touches) => {
                 LocalModel::new(wrench, arm, trust).no_softer_inward(self.wall, trust)
             }
@@ -109,14 +111,14 @@ impl Followed {
         self.from = match self.share >= 1.0 {
             true => self.to,
             false => match self.evaluate(tool) {
-                // The tool is in no contact while one contact is blended into another: the later one says where contact
-                // begins again.
+                // At the tool's pose neither of the two blended models has contact: the newer one is kept, because it
+                // determines where contact begins again.
                 now if now.tangent == Tangent::zero() => self.to,
                 now => LocalModel::of(tool, &now, arm, trust),
             },
         };
-        // If the wrench has no contact, and the model so far has none at the wrench's pose either, that model stays,
-        // because it knows where contact begins again: a tool that bounces meets it between two wrenches.
+        // If neither the wrench nor the present model has contact at the wrench's pose, the present model is kept,
+        // because it determines where contact begins again: a bouncing tool may touch again before the next wrench.
         let is_remembered =
             !model.has_contact() && self.to.has_contact() && self.to.evaluate(&wrench.tool).tangent == Tangent::zero();
         if !is_remembered {
@@ -127,7 +129,7 @@ impl Followed {
         self.interval = if local_model { interval } else { 0.0 };
         self.share = 0.0;
         self.most_lent = self.most_lent.max(self.opposed(tool));
-        // If the gap was known, its wall already opposed this way.
+        // If the gap was known, the wall at its end has already opposed the tool's way.
         let unopposed = if self.wall > 0.0 { 0.0 } else { self.unopposed(tool) };
         self.credit = self.credit.max(unopposed).min((self.most_lent - lent).max(0.0));
         (self.newest, self.taken) = (*wrench, time);
@@ -136,8 +138,8 @@ impl Followed {
         }
     }
 
-    /// The force by which the new model exceeds what was felt, times the way that the tool went against it since the
-    /// previous wrench, J.
+    /// The force by which the new model exceeds the force felt so far, times the way that the tool went against it
+    /// since the previous wrench, J.
     fn unopposed(&self, tool: &RigidState) -> f64 {
         let Some(normal) = self.to.normal() else { return 0.0 };
         let way = -normal.dot(tool.position - self.newest.tool.position);
@@ -152,10 +154,10 @@ impl Followed {
         way.max(0.0) * along(&normal, &self.to.evaluate(tool).tangent.force).max(0.0)
     }
 
-    /// Advances the blend by `period` s. `stored` is the energy in coupling and tool, J, without contact. Energy that
-    /// the newer model adds at the tool's place must be covered by the passivity budget, or be lent against a way that
-    /// was unopposed; otherwise the blend is held back. Returns whether it was. `gain` is the share of the force that
-    /// is played; energies are scaled by it.
+    /// Advances the blend by `period` s, and returns whether it was held back. Energy that the newer model adds at the
+    /// tool's pose must be covered by the passivity budget or by a loan for a way that no force opposed; otherwise the
+    /// blend is held back. `stored` is the energy in coupling and tool, J, without contact. `gain` is the share of the
+    /// force that is played on the device; energies are scaled by it.
     pub fn advance(
         &mut self,
         tool: &RigidState,

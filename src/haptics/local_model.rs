@@ -1,8 +1,9 @@
-//! The local contact model, which the haptic loop follows between two simulation steps:
-//! F = F0 - K (y - y0) - D (v - v0). F0 is the contact wrench on the tool that the newest step found (force, then
-//! torque; N, N m), K and D its stiffness and damping, y0 and v0 the tool's pose and twist at that step, y and v those
-//! of now. K leaves out the body's compliance (no Schur complement), so it is the stiffness that the tool feels in the
-//! first moment and an upper bound of what it feels later.
+//! The local contact model, a linear force law on the tool (the rigid body that the haptic device leads) which the
+//! haptic loop evaluates between two simulation steps: F = F0 - K (y - y0) - D (v - v0). F0 is the contact wrench
+//! (force, then torque; N, N m) that the newest step found, K and D are its stiffness and damping, y0 and v0 are the
+//! tool's pose and twist at that step, and y and v the present ones. K leaves out the body's compliance (no Schur
+//! complement), so it is the stiffness that the tool feels in the first moment and an upper bound of what it feels
+//! later.
 //!
 //! Similar models: K. Mahvash and V. Hayward, "High-fidelity haptic synthesis of contact with deformable bodies"
 //! (2004); M. Otaduy and M. Lin, "A modular haptic rendering algorithm for stable and transparent 6-DOF manipulation"
@@ -19,7 +20,7 @@ const SHORTEST_ARM: f64 = 1e-4;
 /// A direction whose eigenvalue of K is below this share of the greatest one counts as having no stiffness: a force
 /// along it stores no energy.
 const LEAST_STIFF: f64 = 1e-3;
-/// Greatest number of iterations for the eigenvalues; about ten are taken.
+/// Greatest number of iterations for the eigenvalues; about ten are usually needed.
 const MOST_ROUNDS: usize = 200;
 
 /// A linear force law at one state of the tool: the wrench and its slopes, linear part first. The wrench falls by K per
@@ -97,9 +98,9 @@ impl Evaluation {
 
 impl LocalModel {
     /// The model of a wrench. `arm` (m) is the tool's lever arm at which rotations count as displacements; `trust` (m)
-    /// is the distance from the wrench's pose up to which the force grows as K says. K and D are projected onto the
-    /// symmetric positive semi-definite matrices. If the wrench has no contact but knows the gap to the nearest body,
-    /// the model is a wall at the gap's end.
+    /// is the distance from the wrench's pose up to which the force grows in proportion to K. K and D are projected
+    /// onto the symmetric positive semi-definite matrices. If the wrench has no contact but reports the gap to the
+    /// nearest body (distance and direction), the model is a wall at the gap's end.
     pub fn new(wrench: &ContactWrench, arm: f64, trust: f64) -> LocalModel {
         if let (Some(gap), true) = (wrench.gap, wrench.wrench == Wrench::ZERO) {
             return LocalModel::of_gap(wrench.tool, &gap, trust);
@@ -249,7 +250,7 @@ fn project(rows: &[[f64; 6]; 6], arm: f64) -> (Matrix6<f64>, Matrix6<f64>, f64) 
     if scaled.iter().all(|x| *x == 0.0) {
         return none;
     }
-    // Numbers so large that their squares overflow have no eigenvalues: K is then zero and the wrench stays as it is.
+    // If squares of the entries overflow, no eigenvalues are found: K is then zero and the wrench stays constant.
     let Some(mut parts) = SymmetricEigen::try_new(scaled, f64::EPSILON, MOST_ROUNDS) else { return none };
     parts.eigenvalues.apply(|x| *x = x.max(0.0));
     let greatest = parts.eigenvalues.max();
@@ -291,7 +292,7 @@ mod tests {
         assert_eq!(model.evaluate(&at(2.1e-3)), Evaluation::zero());
         let leaving = RigidState { velocity: DVec3::Y * 0.1, ..at(0.0) };
         assert!((model.evaluate(&leaving).tangent.force[1] - 1.7).abs() < 1e-12);
-        // Contact from two sides, with 6 N and 4 N, pushes back either way.
+        // Contact from two sides, with 6 N up and 4 N down, pushes the tool back whichever way it moves.
         let between = LocalModel::new(&pressed(10.0), 0.01, 1.0);
         assert!((between.evaluate(&at(5e-3)).tangent.force[1] + 3.0).abs() < 1e-12);
         assert_eq!(LocalModel::raw(&pressed(2.0)).evaluate(&at(-0.1)).tangent.force[1], 2.0);
@@ -313,7 +314,7 @@ mod tests {
     }
 
     /// On six axes, with one-sided and two-sided contact, within the trusted distance and beyond: the work along a
-    /// closed path is zero, and the work along any path is what the potential falls by.
+    /// closed path is zero, and the work along any path equals the decrease of the potential.
     #[test]
     fn force_is_the_gradient_of_the_potential() {
         let mut wrench = pressed(2.0);
@@ -346,11 +347,14 @@ mod tests {
                 let turned = rotation_vector(b.orientation * a.orientation.conjugate());
                 work += middle.tangent.force.dot(&vector(b.position - a.position, turned));
                 let fallen = start - model.evaluate(&b).stored;
-                assert!((work - fallen).abs() < 1e-9, "{pressing} {trust} {k}: {work} {fallen} J");
+                assert!(
+                    (work - fallen).abs() < 1e-9,
+                    "pressing {pressing} N, trust {trust} m, step {k}: work {work} J, potential fell {fallen} J"
+                );
             }
-            assert!(work.abs() < 1e-9, "{work} J around a closed path");
+            assert!(work.abs() < 1e-9, "work {work} J around a closed path, expected 0");
         }
-        assert!(beyond > 10_000, "{beyond}");
+        assert!(beyond > 10_000, "only {beyond} steps lie beyond the trusted distance");
     }
 
     #[test]
@@ -362,7 +366,10 @@ mod tests {
         for y in [-8e-4, -4e-4, 0.0, 5e-4] {
             let there = RigidState { velocity: DVec3::Y * 0.02, ..at(y) };
             let (a, b) = (model.evaluate(&there), next.evaluate(&there));
-            assert!((a.tangent.force - b.tangent.force).norm() < 1e-9 && (a.stored - b.stored).abs() < 1e-12, "{y}");
+            assert!(
+                (a.tangent.force - b.tangent.force).norm() < 1e-9 && (a.stored - b.stored).abs() < 1e-12,
+                "the two models differ at y = {y} m"
+            );
         }
     }
 
@@ -376,8 +383,14 @@ mod tests {
         for arm in [0.01, 0.0] {
             let tangent = LocalModel::new(&wrench, arm, 1.0).evaluate(&at(0.0)).tangent;
             let least = tangent.stiffness.symmetric_eigenvalues().min();
-            assert!(least > -1e-9 && tangent.stiffness == tangent.stiffness.transpose(), "{arm}: {least}");
-            assert!(tangent.stiffness[(0, 0)].abs() < 1e-9 && tangent.stiffness[(1, 1)] > 100.0, "{arm}");
+            assert!(
+                least > -1e-9 && tangent.stiffness == tangent.stiffness.transpose(),
+                "lever arm {arm} m: least eigenvalue of the stiffness {least}, or not symmetric"
+            );
+            assert!(
+                tangent.stiffness[(0, 0)].abs() < 1e-9 && tangent.stiffness[(1, 1)] > 100.0,
+                "lever arm {arm} m: wrong stiffness along x or y"
+            );
         }
         // A matrix that is positive semi-definite stays as it is.
         let tangent = LocalModel::new(&pressed(2.0), 0.01, 1.0).evaluate(&at(0.0)).tangent;

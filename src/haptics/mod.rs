@@ -1,5 +1,6 @@
-//! The haptic side of the engine, in f64 on the host: the interface of haptic devices, the tool that virtual coupling
-//! joins to the device, and the loop that commands a force to the device a thousand times a second.
+//! The haptic side of the engine, in f64 on the host: the interface of haptic devices, and the loop that commands a
+//! force to the device a thousand times a second. The device leads the *tool*, a rigid body, through a virtual coupling
+//! (spring and damper).
 
 pub mod clock;
 pub mod coupling;

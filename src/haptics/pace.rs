@@ -1,16 +1,17 @@
-//! Chooses the length h of the simulation's steps while a haptic device moves the tool. cost(h) is the wall-clock time
-//! that computing a step of length h takes. The choice is the smallest h with cost(h) <= h: simulated time then keeps
-//! up with real time, and the haptic loop gets a new contact wrench as often as possible.
+//! Chooses the length h of the simulation's steps during a haptic session. cost(h) is the wall-clock time that
+//! computing a step of length h takes. The choice is the smallest h with cost(h) <= h: simulated time then keeps up
+//! with real time, and the haptic loop gets a new contact wrench as often as possible.
 //!
-//! A longer step costs more solver iterations, so cost(h) = h may hold at several h (a stiff block: at 2 ms, and again
-//! at 20 ms), and a length that merely follows the cost of the last steps stays at whichever of them it reached. The
-//! iteration h <- cost(h), started from the shortest step, climbs to the smallest of them (Kleene's fixed-point
-//! iteration of a monotone function), so now and then a search begins again from the shortest step.
+//! A longer step costs more solver iterations, so cost(h) = h may hold at several h (for example, with a stiff block at
+//! 2 ms and again at 20 ms). A length that merely follows the cost of the last steps stays at the first of these
+//! lengths that it reaches. The iteration h <- cost(h), started from the shortest step, climbs to the smallest of these
+//! lengths (Kleene's fixed-point iteration of a monotone function), so a search from the shortest step is repeated at
+//! intervals.
 
 /// Weight of the newest step in the running mean of the cost.
 const NEWEST_SHARE: f64 = 0.1;
-/// Time from one search to the next, s: first value at the start, doubled each time a search finds nothing better, up
-/// to the second value.
+/// Time from one search to the next, s: at first the first value; it doubles whenever a search finds no shorter length,
+/// up to the second value.
 const SEARCHED_EVERY: [f64; 2] = [1.0, 16.0];
 /// Greatest number of steps in one search.
 const MOST_TRIES: u32 = 8;
@@ -93,8 +94,8 @@ mod tests {
         (pace.length(), simulated / now)
     }
 
-    /// Cost of a stiff block's step, s: 1.5 ms for short steps, and for long ones so much that 20 ms lasts as long as
-    /// it costs.
+    /// Cost of a stiff block's step of length `h`, s: little more than 1.5 ms for short steps; a step of 20 ms costs 20
+    /// ms.
     fn stiff(h: f64) -> f64 {
         if h < 4e-3 { 1.5e-3 + 0.2 * h } else { 0.018 + 0.1 * h }
     }
@@ -103,18 +104,21 @@ mod tests {
     fn of_two_lengths_that_last_as_long_as_they_cost_the_shorter_is_found() {
         let mut pace = Pace::new(1e-3, 0.02, 0.02);
         let (length, share) = run(&mut pace, 20.0, |h, _| stiff(h));
-        assert!((length - 1.875e-3).abs() < 2e-4 && share > 0.95, "{length} s, {share}");
+        assert!(
+            (length - 1.875e-3).abs() < 2e-4 && share > 0.95,
+            "step length {length} s, simulated over elapsed time {share}"
+        );
         // The running mean alone would stay at the longer of the two lengths.
         let mut mean = 0.02f64;
         (0..1000).for_each(|_| mean += 0.1 * (stiff(mean.min(0.02)) - mean));
-        assert!(mean > 0.019, "{mean}");
+        assert!(mean > 0.019, "running mean of the cost {mean} s");
     }
 
     #[test]
     fn a_disturbance_is_left_again() {
         let mut pace = Pace::new(1e-3, 0.02, 2e-3);
         let (length, _) = run(&mut pace, 20.0, |h, step| if step % 700 < 30 { 0.03 } else { stiff(h) });
-        assert!(length < 4e-3, "{length}");
+        assert!(length < 4e-3, "step length {length} s");
     }
 
     #[test]
@@ -123,7 +127,10 @@ mod tests {
             let mut pace = Pace::new(1e-3, 0.02, cost);
             let (length, share) = run(&mut pace, 100.0, |_, _| cost);
             let expected: f64 = if cost < 0.02 { 1.0 } else { 0.02 / cost };
-            assert!((length - cost.min(0.02)).abs() < 1e-9 && share > 0.99 * expected, "{cost}: {length} s, {share}");
+            assert!(
+                (length - cost.min(0.02)).abs() < 1e-9 && share > 0.99 * expected,
+                "cost {cost} s: step length {length} s, simulated over elapsed time {share}"
+            );
         }
         let mut pace = Pace::new(1e-3, 0.02, 1e-4);
         assert_eq!(run(&mut pace, 10.0, |_, _| 1e-4), (1e-3, 1.0));

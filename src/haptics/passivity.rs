@@ -1,10 +1,11 @@
 //! Passivity observer and controller (B. Hannaford and J.-H. Ryu, "Time-domain passivity control of haptic interfaces",
 //! 2002): observes the energy that the user's hand gave and received through the haptic device, and limits what it
 //! receives. The *budget* is the energy that the hand gave or was lent and has not received back; it may not fall below
-//! a small negative allowance. Energy is *lent* for a force that comes up where the hand has already moved unopposed.
-//! Further terms: a *tick* is one iteration of the haptic loop; a wrench is *played* when it is commanded to the
-//! device; the *gain* is the share (0 to 1) of the force that is played while it fades in or out; the *quantum* is the
-//! resolution of the device's encoders.
+//! a small negative allowance. Energy is *lent* for a contact force that appears late, after the hand has already moved
+//! unopposed into the contact. Further terms: the *tool* is the rigid body that the device leads by a virtual coupling;
+//! a *tick* is one iteration of the haptic loop; a wrench is *played* when it is commanded to the device; the *gain* is
+//! the share (0 to 1) of the force that is played while it fades in or out; the *quantum* is the resolution of the
+//! device's encoders.
 //!
 //! The played force F_k is constant from one tick to the next, so F_k . (x_k+1 - x_k) between two raw positions is
 //! exactly the work done on the hand, up to the quantum. Each axis is observed by itself, but there is one budget for
@@ -26,15 +27,16 @@ const ALLOWANCE: f64 = 5e-7;
 /// Share of quantum times force variation by which the budget may be overdrawn: the energy computed from quantised
 /// positions differs from the true one by up to half of that product.
 const ALLOWED_VARIATION: f64 = 0.25;
-/// The force variation counts up to this multiple of the greatest force, so that a force that oscillates earns no more.
+/// The force variation counts up to this multiple of the greatest force, so that a force that keeps oscillating does
+/// not raise the allowance without bound.
 const MOST_VARIATION: f64 = 20.0;
 /// The quantum of a coarse encoder, m, assumed until a smaller change of a position is seen. A device that stays within
 /// one quantum of a place is at rest.
 const QUANTUM: f64 = 2e-5;
 /// A device that turns by no more than this is also at rest, rad.
 const ANGULAR_QUANTUM: f64 = 2e-4;
-/// Part of the budget that survives the end of contact, J: positions that flicker by a quantum take and give that much
-/// energy, and what they took must not be forgotten before they give it back.
+/// Part of the budget that survives the end of contact, J: positions that flicker by a quantum take about that much
+/// energy and give it back later, and until then the budget must remember it.
 const KEPT: f64 = 2e-5;
 /// Bound on the hand's acceleration, whether it moves by itself or is pushed, m/s^2: 8 N on 0.2 kg.
 const QUICKEST: f64 = 40.0;
@@ -50,9 +52,9 @@ pub struct Energy {
     pub taken: [f64; 6],
     /// Energy that the hand received along each axis, J.
     pub given: [f64; 6],
-    /// Energy that the controller removed from what was to be played, J.
+    /// Energy that the controller removed from the wrenches to be played, J.
     pub damped: f64,
-    /// Energy lent to the hand and not repaid yet, J: for forces that came up where the hand had moved unopposed.
+    /// Energy lent to the hand and not repaid yet, J: for forces that appeared after the hand had moved unopposed.
     pub lent: f64,
     /// Energy that coupling, tool and contact model store now, times the gain, J.
     pub stored: f64,
@@ -86,7 +88,8 @@ pub struct Passivity {
     energy: Energy,
     /// Energy that the hand gave or was lent and has not received back, J; negative if it received more.
     budget: f64,
-    /// Whether the force has faded since contact began; and the bound on `energy.lent` from the second fade on, J.
+    /// `has_faded`: whether the force has faded since contact began. `limit`: bound on `energy.lent` from the second
+    /// fade on, J.
     has_faded: bool,
     limit: Option<f64>,
     last: Option<RigidState>,
@@ -171,7 +174,7 @@ impl Passivity {
         has_moved || has_turned
     }
 
-    /// Budget plus allowance less the energy `stored` (J), J: that much energy may still be added to what is stored.
+    /// Budget plus allowance less the energy `stored` (J), J: the energy that may still be added to the stored energy.
     pub fn surplus(&self, stored: f64) -> f64 {
         self.budget + self.allowance() - stored
     }
@@ -200,9 +203,9 @@ impl Passivity {
         loan
     }
 
-    /// Notes that the force begins to fade. When the force first returns, it may be lent all that it lacks; from the
-    /// second fade until the end of contact no more may be on loan than then. So a simulation that stalls repeatedly
-    /// borrows no more than one that stalls once.
+    /// Notes that the force begins to fade. When the force first returns, all missing energy may be lent. From the
+    /// second fade until the end of contact, the energy on loan may not exceed its amount at that second fade. So a
+    /// simulation that stalls repeatedly borrows no more than one that stalls once.
     pub fn begin_to_fade(&mut self) {
         if self.has_faded {
             self.limit.get_or_insert(self.energy.lent);
@@ -210,7 +213,7 @@ impl Passivity {
         self.has_faded = true;
     }
 
-    /// Notes that stored energy (J) has vanished: it repays what was lent.
+    /// Notes that stored energy (J) has vanished: it repays loans.
     pub fn repay(&mut self, energy: f64) {
         let repaid = energy.min(self.energy.lent).max(0.0);
         self.energy.lent -= repaid;
@@ -218,7 +221,7 @@ impl Passivity {
     }
 
     /// Notes that contact has ended. What the budget holds beyond the energy in coupling and tool (`stored`, J) first
-    /// repays what was lent; then the budget is cut down to `stored` and the small amount `KEPT`.
+    /// repays loans; then the budget is cut down to `stored` and the small amount `KEPT`.
     pub fn end_contact(&mut self, stored: f64) {
         self.repay(self.budget - stored);
         self.budget = self.budget.min(stored + KEPT);
@@ -232,10 +235,10 @@ impl Passivity {
 
     /// Damps the `wanted` wrench if it would give the hand more energy in the next `period` (s) than the budget holds.
     /// Only the deficit is removed, and never so much that the power changes its sign. A deficit below the work over
-    /// one quantum is removed only as far as the device bears the damping (the bound times `gain`, 0 to 1), and the
-    /// rest waits for later ticks; a larger deficit is removed at once, up to the whole force along the motion. A force
-    /// against the motion and any force on a device at rest are played unchanged, unless the force may oscillate
-    /// (`may_swing`).
+    /// one quantum is removed with at most the damping that the device renders stably (the bound times `gain`, 0 to 1),
+    /// and the rest waits for later ticks; a larger deficit is removed at once, up to the whole force along the motion.
+    /// A force against the motion and any force on a device at rest are played unchanged, unless the force may
+    /// oscillate (`may_swing`).
     pub fn control(&mut self, wanted: Wrench, device: &RigidState, period: f64, gain: f64) -> Control {
         let none = Control { wrench: wanted, damping: 0.0, is_limited: false };
         if !self.is_on {
@@ -345,13 +348,17 @@ mod tests {
         let mut without = Passivity::new(false, false, [10.0, 0.0]);
         let free = press(&mut without, 1000.0, 0.01, 100);
         // By hand: the played force is 1.5 ticks old on average and so generates about 2 x 1.5 x k x depth x step, J.
-        assert!(free > 1e-3, "{free}");
+        assert!(free > 1e-3, "generated energy {free} J, expected more than 1 mJ");
         assert_eq!(without.energy().damped, 0.0);
         let mut with = Passivity::new(true, false, [10.0, 0.0]);
         let held = press(&mut with, 1000.0, 0.01, 100);
         // The force varies by 10 N up and 10 N down, at a quantum of 20 um.
-        assert!(held < 2e-5 * (10.0 + 10.0) && with.variation > 15.0, "{held} J, {} N", with.variation);
-        assert!(with.energy().damped > 0.7 * free, "{:?}", with.energy());
+        assert!(
+            held < 2e-5 * (10.0 + 10.0) && with.variation > 15.0,
+            "the hand received {held} J with a force variation of {} N",
+            with.variation
+        );
+        assert!(with.energy().damped > 0.7 * free, "too little energy was damped: {:?}", with.energy());
     }
 
     #[test]
@@ -366,7 +373,11 @@ mod tests {
         }
         // Sample and hold generates about k v^2 h T (stiffness k, speed v, period h, duration T); the controller may
         // remove no more.
-        assert!(passivity.energy().damped < 1e-3 * 0.05 * 0.1 * 200.0, "{:?}", passivity.energy());
+        assert!(
+            passivity.energy().damped < 1e-3 * 0.05 * 0.1 * 200.0,
+            "too much energy was damped: {:?}",
+            passivity.energy()
+        );
     }
 
     #[test]
@@ -381,14 +392,20 @@ mod tests {
         assert_eq!(passivity.control(push(-3.0), &at(1e-3, 0.1), 1e-3, 1.0).wrench, push(-3.0));
         // Along the motion: the budget lacks a whole joule, so the whole force is removed.
         let damped = passivity.control(push(3.0), &at(1e-3, 0.1), 1e-3, 1.0);
-        assert!(damped.wrench.force.x.abs() < 1e-12 && damped.is_limited, "{damped:?}");
+        assert!(
+            damped.wrench.force.x.abs() < 1e-12 && damped.is_limited,
+            "the whole force along the motion must go: {damped:?}"
+        );
         // A deficit below the work over one quantum is damped within the bound of 10 N s/m: here 0.195 N at 0.1 m/s.
         passivity.budget = 0.3e-3 - 2e-5;
         let carried = passivity.control(push(3.0), &at(1e-3, 0.1), 1e-3, 1.0);
-        assert!((carried.wrench.force.x - 3.0 + 0.195).abs() < 1e-9 && !carried.is_limited, "{carried:?}");
+        assert!(
+            (carried.wrench.force.x - 3.0 + 0.195).abs() < 1e-9 && !carried.is_limited,
+            "damping within its bound removes 0.195 N: {carried:?}"
+        );
         passivity.budget = -1e-5;
         let weak = passivity.control(push(0.5), &at(1e-3, 0.1), 1e-3, 1.0);
-        assert!(weak.wrench.force.x.abs() < 1e-12, "power never changes sign: {weak:?}");
+        assert!(weak.wrench.force.x.abs() < 1e-12, "the power must not change its sign: {weak:?}");
         // A slow device also moves, once it is a quantum away from its rest pose; the quantum is the least change seen
         // so far.
         (0..10).for_each(|k| passivity.observe(&at(1e-3 + 1e-6 * f64::from(k), 1e-3)));
@@ -407,10 +424,10 @@ mod tests {
         let push = Wrench { force: DVec3::Y, ..Wrench::ZERO };
         assert_eq!(passivity.control(push, &sideways, 1e-3, 1.0).wrench, push);
         passivity.end_contact(0.0);
-        // Only what is kept remains of the 1e-4 J that this push would give in a tick.
+        // This push would give 1e-4 J in a tick; only the energy that is kept at the end of contact is left for it.
         let left = passivity.control(push, &sideways, 1e-3, 1.0).wrench.force;
         let kept = KEPT + passivity.allowance();
-        assert!(kept < 4e-5 && (left.y - kept / 1e-4).abs() < 1e-9, "{left}");
+        assert!(kept < 4e-5 && (left.y - kept / 1e-4).abs() < 1e-9, "force left {left} N");
     }
 
     #[test]
@@ -426,7 +443,8 @@ mod tests {
         passivity.lend(0.01);
         passivity.repay(0.05);
         assert_eq!((passivity.energy().lent, passivity.budget), (0.0, 0.0));
-        // What the hand gave repays the loan at the end of contact; the rest of it is forgotten then.
+        // At the end of contact, the energy that the hand gave repays the loan, and the rest of that energy is
+        // forgotten.
         passivity.lend(0.01);
         passivity.observe(&at(0.0, 0.0));
         passivity.play(push(-2.0));

@@ -1,5 +1,5 @@
-//! The last stage before the haptic device: limits on the force that may be *played* (commanded to the device). Nothing
-//! that a scene, a simulation or a device does bypasses it.
+//! The last stage before the haptic device: limits on the force that may be *played* (commanded to the device). No
+//! scene, simulation or device can bypass it.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -10,16 +10,16 @@ use crate::step::Wrench;
 
 /// The shortest time in which the force may go from zero to its limit, s.
 const SLEW_TIME: f64 = 4e-3;
-/// Time in which the force fades to zero when it must go, s.
+/// Time in which a force fades to zero, s.
 pub const FADE_TIME: f64 = 0.05;
-/// Time in which the force rises, at first and after each fade, s.
+/// Time in which the force rises from zero, at the start and after each fade, s.
 pub const ENGAGE_TIME: f64 = 0.2;
 /// Greatest time, s, by which a contact wrench may be out of date before the force fades, unless a scene asks for less.
-/// Until then the local contact model stands in for the simulation: it is passive by itself, and large bodies take a
-/// tenth of a second a step and more.
+/// Until then the force comes from the local contact model (the linear force law of the last wrench), which is passive
+/// by itself. The time is long because a step of large bodies takes a tenth of a second and more.
 pub const WATCHDOG: f64 = 1.0;
 
-/// Limits on what is played.
+/// Limits on the wrench that is played.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Limits {
     /// Greatest force, N.
@@ -32,13 +32,13 @@ pub struct Limits {
     pub angular_slew: f64,
     /// Radius of the workspace around the position where the device was first read, m.
     pub workspace: f64,
-    /// Time by which the newest contact wrench must be out of date for the force to fade, s.
+    /// Age of the newest contact wrench beyond which the force fades, s.
     pub watchdog: f64,
 }
 
 impl Limits {
-    /// The limits of a device's profile, lowered to what a scene asks for; the second part names what the scene asked
-    /// for above the profile's limits, which is refused.
+    /// The limits of a device's profile, lowered to what a scene asks for. The second value names the scene's keys that
+    /// ask for more than the profile allows; for these the profile's limit stays.
     pub fn new(profile: &Profile, lowered: &Lowered) -> (Limits, Vec<&'static str>) {
         let mut refused = Vec::new();
         let mut least = |name: &'static str, limit: f64, asked: Option<f64>| {
@@ -85,7 +85,7 @@ impl Gain {
     }
 }
 
-/// Clamps what is played by size and by rate of change. It remembers the last wrench played.
+/// Clamps the size and the rate of change of the wrench that is played. It remembers the last wrench played.
 #[derive(Debug, Clone)]
 pub struct Guard {
     limits: Limits,
@@ -98,8 +98,8 @@ impl Guard {
         Guard { limits, last: Wrench::ZERO }
     }
 
-    /// The wrench to play instead of `wanted`, `period` s after the last one: finite, within the limits on size and on
-    /// change.
+    /// The wrench to play instead of `wanted`, `period` s after the last one: it is finite and within the limits on
+    /// size and on rate of change.
     pub fn pass(&mut self, wanted: Wrench, period: f64, events: &mut Events) -> Wrench {
         if !wanted.is_finite() {
             events.raise(Event::BadForce);
@@ -110,7 +110,7 @@ impl Guard {
         // If the device plays no torque, removing the torque does not count as clamping.
         let is_clamped = short.force != wanted.force || (torque > 0.0 && short.torque != wanted.torque);
         let change = Wrench { force: short.force - self.last.force, torque: short.torque - self.last.torque };
-        // A falling force may always change as fast as a fading one, so that a low slew limit does not keep it up.
+        // A falling force may always change as fast as a fading one, so that a low slew limit does not delay its fall.
         let rate = |slew: f64, limit: f64, falls: bool| if falls { slew.max(limit / FADE_TIME) } else { slew };
         let most = period * rate(slew, force, short.force.length() < self.last.force.length());
         let most_angular = period * rate(angular_slew, torque, short.torque.length() < self.last.torque.length());
@@ -151,10 +151,10 @@ mod tests {
 
     #[test]
     fn a_limit_holds_to_the_last_bit() {
-        // Scaled to 0.03, one in five of these vectors is too long by a bit.
+        // When scaled to length 0.03, one in five of these vectors is too long by the last bit of rounding.
         for k in 0..1000 {
             let vector = DVec3::new(1.0 + f64::from(k), 2.0, 0.3 * f64::from(k));
-            assert!(within(vector, 0.03).length() <= 0.03, "{vector}");
+            assert!(within(vector, 0.03).length() <= 0.03, "vector {vector} is longer than 0.03 after shortening");
         }
         assert_eq!(within(DVec3::X, 2.0), DVec3::X);
         assert_eq!(within(DVec3::X, 0.0), DVec3::ZERO);
@@ -174,7 +174,10 @@ mod tests {
         assert_eq!(refused, ["max_force", "max_torque", "max_slew", "workspace", "watchdog"]);
         for odd in [f64::NAN, -1.0, f64::INFINITY] {
             let (limits, _) = Limits::new(profile, &ask(odd));
-            assert!(limits.force <= whole.force && limits.force >= 0.0 && limits.watchdog <= whole.watchdog, "{odd}");
+            assert!(
+                limits.force <= whole.force && limits.force >= 0.0 && limits.watchdog <= whole.watchdog,
+                "a request of {odd} led to limits outside the profile's"
+            );
         }
     }
 
@@ -189,9 +192,15 @@ mod tests {
         for (x, y) in wanted.into_iter().flat_map(|pair| [pair; 7]) {
             let mut events = Events::default();
             let played = guard.pass(force(x, y), 1e-3, &mut events);
-            assert!(played.force.length() <= limits.force && played.torque.length() <= limits.torque, "{x} {y}");
+            assert!(
+                played.force.length() <= limits.force && played.torque.length() <= limits.torque,
+                "wanted force ({x}, {y}, 0) N: a limit is exceeded"
+            );
             let step = (played.force - last.force).length();
-            assert!(step <= limits.slew * 1e-3 * (1.0 + 1e-12) || events.has(Event::BadForce), "{x} {y}: {step}");
+            assert!(
+                step <= limits.slew * 1e-3 * (1.0 + 1e-12) || events.has(Event::BadForce),
+                "wanted force ({x}, {y}, 0) N: the played force changed by {step} N in a tick"
+            );
             last = played;
         }
         let mut events = Events::default();
@@ -211,11 +220,11 @@ mod tests {
         for _ in 0..8000 {
             guard.pass(wanted, 1e-3, &mut events);
         }
-        assert!((guard.last.force.x - 8.0).abs() < 1e-6, "{guard:?}");
+        assert!((guard.last.force.x - 8.0).abs() < 1e-6, "the force did not rise to 8 N: {guard:?}");
         for _ in 0..50 {
             guard.pass(Wrench::ZERO, 1e-3, &mut events);
         }
-        assert!(guard.last.force.length() < 1e-9, "{guard:?}");
+        assert!(guard.last.force.length() < 1e-9, "the force did not fade within 50 ms: {guard:?}");
     }
 
     #[test]
@@ -224,6 +233,6 @@ mod tests {
         (0..200).for_each(|_| gain.go(true, 1e-3));
         assert!((gain.value() - 1.0).abs() < 1e-9);
         (0..50).for_each(|_| gain.go(false, 1e-3));
-        assert!(gain.value() < 1e-9, "{gain:?}");
+        assert!(gain.value() < 1e-9, "the share did not fall to zero within 50 ms: {gain:?}");
     }
 }

@@ -36,8 +36,8 @@ impl Sense {
         Sense { last: start, has_read: false }
     }
 
-    /// Checks a reading, `period` s after the last. A pose that leapt is accepted only once the played force
-    /// `has_faded`; until then the last valid pose is used.
+    /// Checks a reading, `period` s after the last. A pose that leapt is accepted only if the force commanded to the
+    /// device `has_faded`; until then the last valid pose is used.
     pub fn take(
         &mut self,
         reading: &Result<Reading, Fault>,
@@ -73,7 +73,7 @@ impl Sense {
         let is_first = !std::mem::replace(&mut self.has_read, true);
         self.last = state;
         if too_fast {
-            // The pose may be right although the velocity cannot be.
+            // The pose may be right although the velocity is implausible.
             return Sensed { state: RigidState::at_rest(state.position, state.orientation), is_first, ..unwell };
         }
         Sensed { state, is_well: !leapt, is_first, has_jumped: leapt }

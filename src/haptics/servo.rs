@@ -1,9 +1,10 @@
 //! One tick (iteration) of the haptic loop, from a reading of the haptic device to the wrench that is *played*, that is
-//! commanded to the device: no clock, no thread, no allocation, and the same bits for the same inputs.
+//! commanded to the device: it uses no clock, no thread and no allocation, and gives the same bits for the same inputs.
 //!
 //! The tool, a rigid body simulated here, follows the device by virtual coupling and feels contact by the local model
 //! of the newest contact wrench that the simulation gave (`local_model.rs`). The hand feels the reaction of the
-//! coupling's pull on the tool, after passivity control (`passivity.rs`) and safety limits (`safety.rs`).
+//! coupling's pull on the tool, after passivity control (`passivity.rs`) and safety limits (`safety.rs`), times the
+//! *gain*: a share (0 to 1) that falls when the force must fade and rises again after that.
 
 use glam::DVec3;
 use nalgebra::{Matrix6, Vector6};
@@ -21,7 +22,7 @@ use crate::step::{ContactWrench, DeviceInput, RigidState, Wrench};
 
 /// A tick that begins later than this after its deadline is late, s.
 const LATE: f64 = 2e-3;
-/// Longest time that a tick may integrate over, in periods, whatever the clock says.
+/// Longest time that a tick may integrate over, in periods, even if the clock advanced by more.
 const LONGEST_TICK: f64 = 4.0;
 /// Position resolution of a coarse encoder, m.
 const ENCODER_STEP: f64 = 2e-5;
@@ -33,29 +34,31 @@ const LONGEST_SMOOTHING: f64 = 0.001;
 const SHORTEST_TICK: f64 = 0.25;
 /// A clock that advances by more than this between two ticks has jumped, s.
 const LONGEST_GAP: f64 = 0.25;
-/// A simulation that answers with wrenches that are not finite is trusted no longer than this, s.
+/// While the simulation returns wrenches that are not finite, the force fades if the last finite one is older than
+/// this, s.
 const LONGEST_BAD: f64 = 0.25;
-/// Longest time over which a new wrench is blended in, s; a shorter interval since the last wrench is used as it is.
-/// With a longer time the felt contact would lag behind a body that moves.
+/// Longest time over which a new wrench is blended in, s: the blend takes the interval since the last wrench if that is
+/// shorter. With a longer time the felt contact would lag behind a body that moves.
 const LONGEST_BLEND: f64 = 0.02;
-/// Without contact, a coupling force below this share of the force limit is played in full at once, as there is nothing
-/// to fade in.
+/// Without contact, a coupling force below this share of the force limit is played in full at once, because a force
+/// this small need not fade in.
 const NOTHING_TO_FADE: f64 = 0.02;
 
-/// Settings of a servo. Together with the readings and the wrenches they determine every bit of what is played.
+/// Settings of a servo. Together with the readings and the wrenches they determine every bit of the wrench that is
+/// played.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// Period of a tick, s.
     pub period: f64,
-    /// Limits on what is played.
+    /// Limits on the wrench that is played.
     pub limits: Limits,
-    /// Whether contact follows the tool between wrenches; otherwise the newest wrench stays constant.
+    /// Whether the contact wrench follows the tool by the local model; otherwise the newest wrench is kept constant.
     pub local_model: bool,
     /// Whether the passivity controller acts; energy is observed in any case.
     pub passivity: bool,
     /// Greatest damping that the passivity controller may inject: linear, N s/m, and about any axis, N m s/rad.
     pub most_damping: [f64; 2],
-    /// Distance from its pose up to which the local model is trusted, m.
+    /// Distance of the tool from the local model's pose up to which the model is trusted, m.
     pub trust: f64,
     /// The tool's lever arm at which rotations count as displacements, m.
     pub arm: f64,
@@ -82,7 +85,7 @@ pub struct Tick {
     pub played: Wrench,
     /// Number of the simulation step that gave the newest wrench; 0 if there was none yet.
     pub step: u64,
-    /// Time by which the newest wrench is out of date: since the inputs of its step were taken, s.
+    /// Age of the newest wrench: time since the inputs of its step were taken, s.
     pub staleness: f64,
     /// Share of the force that is played, from 0 to 1.
     pub gain: f64,
@@ -143,8 +146,8 @@ impl Servo {
         }
     }
 
-    /// Runs one tick at `time` (s), which began `late` s after its deadline: takes the device's reading and returns
-    /// what to play. `newest` is the newest wrench of the simulation; it may be the same as in the last tick.
+    /// Runs one tick at `time` (s), which began `late` s after its deadline: takes the device's reading and returns the
+    /// wrench to play. `newest` is the newest wrench of the simulation; it may be the same as in the last tick.
     pub fn tick(&mut self, time: f64, late: f64, reading: Result<Reading, Fault>, newest: &ContactWrench) -> Tick {
         let mut events = Events::default();
         let period = self.clock(time, late, &mut events);
@@ -226,7 +229,7 @@ impl Servo {
         self.passivity.play(tick.played);
     }
 
-    /// Checks the clock and returns the time to integrate over, s.
+    /// Checks the clock and returns the time over which the tick integrates, s.
     fn clock(&mut self, time: f64, late: f64, events: &mut Events) -> f64 {
         if late > LATE {
             events.raise(Event::LateTick);
@@ -263,8 +266,8 @@ impl Servo {
     /// encoder step into a jump of the force. The filter does not lag behind a device that moves at constant velocity.
     fn smooth(&mut self, device: RigidState, period: f64) -> RigidState {
         let (stiffness, damping) = self.tool.coupling.map_or((0.0, 0.0), |c| (c.stiffness, c.damping));
-        // Share of an encoder step that is let through, so that a gain (N/m) turns it into a force change of at most
-        // [`STEP_FORCE`].
+        // Share of an encoder step that passes the filter, so that a stiffness `gain` (N/m) turns it into a force
+        // change of at most [`STEP_FORCE`].
         let share = |gain: f64| (STEP_FORCE / (gain * ENCODER_STEP)).clamp(period / (period + LONGEST_SMOOTHING), 1.0);
         let (of_position, of_velocity) = (share(stiffness), share(damping / period));
         let last = self.device;
@@ -341,9 +344,9 @@ impl Servo {
             && (torque == 0.0 || pull.torque.length() <= NOTHING_TO_FADE * torque)
     }
 
-    /// Books in the energy balance that the played share of the force (the gain) has changed, which scales all stored
-    /// energy. After a rise, what nobody has supplied is lent; a fall repays. When contact has ended, only the energy
-    /// in coupling and tool is kept.
+    /// Updates the energy balance for a change of the gain, which scales all stored energy. If the gain has risen,
+    /// energy that the hand has not supplied is lent; if it has fallen, the energy that vanished repays loans. When
+    /// contact has ended, the budget keeps only the energy in coupling and tool.
     fn book(&mut self, device: &RigidState) {
         let gain = self.gain.value();
         let risen = gain - std::mem::replace(&mut self.last_gain, gain);
@@ -351,7 +354,8 @@ impl Servo {
         let stored = self.stored(device) + contact.stored;
         if risen > 0.0 {
             let missing = -self.passivity.surplus(gain * stored);
-            // The coupling's energy beyond its reach, where the pull is limited, was never felt.
+            // Beyond the coupling's reach its pull is limited, so the energy stored there was never felt and is not
+            // lent.
             let near = self.tool.stored(&self.within_reach(device), f64::INFINITY, self.settings.limits.torque > 0.0);
             self.passivity.lend(missing.min(risen * (near + contact.stored)));
         } else if risen < 0.0 {

@@ -15,7 +15,8 @@ use super::event::Event;
 use super::servo::{Servo, Tick};
 use crate::step::{ContactWrench, DeviceInput};
 
-/// Greatest number of recorded ticks in the queue to the other thread. Ticks beyond it are lost, which is reported.
+/// Greatest number of recorded ticks in the queue to the simulation's thread. Ticks beyond it are lost, which is
+/// reported.
 const ROOM: usize = 1 << 14;
 /// Real-time priority of the loop's thread, of 0 to 99.
 #[cfg(unix)]
@@ -29,7 +30,7 @@ pub struct ServoThread {
     wrenches: triple_buffer::Input<ContactWrench>,
     states: triple_buffer::Output<DeviceInput>,
     ticks: rtrb::Consumer<Tick>,
-    /// Whether the thread got its raised priority; the error says why not.
+    /// Whether the thread got its raised priority; the error gives the reason if not.
     pub priority: Result<(), String>,
 }
 
@@ -47,7 +48,7 @@ impl ServoThread {
         let (tell, told) = std::sync::mpsc::channel();
         let device = Opened(device);
         let work = move || {
-            // The other thread waits for this message only.
+            // The starting thread waits for this message and for nothing else of the loop.
             let _ = tell.send(raise_priority());
             tick_until_stopped(device, servo, links, metronome);
         };
@@ -97,7 +98,7 @@ impl Drop for ServoThread {
     }
 }
 
-/// The loop's ends of the buffers that connect it with the other thread.
+/// The loop's ends of the buffers that connect it with the simulation's thread.
 struct Links {
     newest: triple_buffer::Output<ContactWrench>,
     out: triple_buffer::Input<DeviceInput>,
@@ -159,7 +160,8 @@ impl BareTimer {
         let stop = Arc::new(AtomicBool::new(false));
         let flag = stop.clone();
         let work = move || {
-            // The priority is raised, or not, as that of the loop's thread is; a refusal is no error here.
+            // This thread asks for the same priority as the loop's thread; if it is refused, the thread runs without
+            // it.
             let _ = raise_priority();
             let (mut metronome, mut lateness) = (Metronome::new(period), Lateness::new());
             while !flag.load(Ordering::Relaxed) {
@@ -201,7 +203,8 @@ mod tests {
     /// The wrenches that a device was commanded, in order; `None` stands for closing the device.
     type Told = Arc<Mutex<Vec<Option<Wrench>>>>;
 
-    /// A device that swings about a position, and panics at its n-th reading if `panics_at` says so.
+    /// A simulated device that swings about a position; its driver panics at reading number `panics_at`, if that is
+    /// given.
     struct Swinging {
         profile: Profile,
         told: Told,
@@ -300,7 +303,7 @@ mod tests {
                 false => assert!(thread.stop() && !thread.is_running()),
             }
             let told = told.lock().unwrap();
-            assert_eq!(told.last(), Some(&None), "the device was closed, and got no wrench after that");
+            assert_eq!(told.last(), Some(&None), "closing must be the last call to the device");
             assert_eq!(told.iter().filter(|told| told.is_none()).count(), 1);
         }
     }
@@ -345,9 +348,13 @@ mod tests {
         thread.join().unwrap();
         let indices: Vec<u64> = taken.iter().map(|tick| tick.index).collect();
         assert_eq!(indices[..4], [0, 1, 2, 3]);
-        assert!(indices[4] > 4, "{indices:?}");
+        assert!(indices[4] > 4, "no tick was lost: {indices:?}");
         for (last, tick) in taken.iter().zip(&taken[1..]) {
-            assert_eq!(tick.events.has(Event::RecordLost), tick.index != last.index + 1, "{indices:?}");
+            assert_eq!(
+                tick.events.has(Event::RecordLost),
+                tick.index != last.index + 1,
+                "a gap is not marked: {indices:?}"
+            );
         }
     }
 }

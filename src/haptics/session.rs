@@ -1,6 +1,7 @@
-//! A haptic session: the loop runs in its own thread, the simulation steps in this one, and a report of both is
-//! returned. A *tick* is one iteration of the loop; a wrench is *played* when it is commanded to the haptic device; the
-//! *newest wrench* is the contact wrench on the tool that the last simulation step found.
+//! A haptic session: the haptic loop runs in its own thread, the simulation steps in the calling thread, and a report
+//! on both is returned. A *tick* is one iteration of the loop; the *tool* is the rigid body that the haptic device
+//! leads; a wrench is *played* when it is commanded to the device; the *newest wrench* is the contact wrench on the
+//! tool that the last simulation step found.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -37,7 +38,7 @@ pub struct Options {
     pub shortest_step: f64,
     /// Ends the session when another thread sets it.
     pub stop: Arc<AtomicBool>,
-    /// Whether a thread that only wakes at the deadlines runs beside the loop, as a baseline for the ticks' lateness.
+    /// Whether a second thread, which only wakes at the loop's deadlines, runs as a baseline for the ticks' lateness.
     pub bare_timer: bool,
 }
 
@@ -60,7 +61,7 @@ pub enum Moment<'a> {
 pub struct Report {
     /// Name of the device's profile.
     pub profile: &'static str,
-    /// Lines for the user: why the coupling's gains are what they are, and anything else worth knowing.
+    /// Notes for the user, one line each: the reason for the coupling's gains, and anything unusual at the start.
     pub notes: Vec<String>,
     /// How late the loop's ticks came.
     pub lateness: Lateness,
@@ -76,22 +77,23 @@ pub struct Report {
     pub peak_force: f64,
     /// In the last tick: the wrench played, and the contact wrench on the tool.
     pub end: [Wrench; 2],
-    /// Sum of the magnitudes of force changes that the contact stiffness K predicted, and of those observed, N. Their
-    /// ratio is how far K overestimates what is felt.
+    /// Two sums over successive wrenches, N: magnitudes of the force changes that the contact stiffness K predicted,
+    /// and of those observed. Their ratio is the factor by which K overestimates the felt stiffness.
     pub foretold: (f64, f64),
     /// Number of simulation steps while the loop ran.
     pub steps: u64,
     /// Simulated time over elapsed time: below 1, bodies moved more slowly than in reality.
     pub pace: f64,
-    /// Number of ticks that ran but are neither counted here nor recorded, because they were not taken from the queue
-    /// in time.
+    /// Number of ticks that ran but are missing from this report and from the recording, because the queue to this
+    /// thread was full.
     pub lost: u64,
     /// Why the session ended early, if it did.
     pub ended: Option<String>,
 }
 
 impl Report {
-    /// Ratio of the contact stiffness K to the stiffness that is felt; `None` if too little was felt to say.
+    /// Ratio of the contact stiffness K to the stiffness that is felt; `None` if the observed force changes are too
+    /// small.
     pub fn overestimate(&self) -> Option<f64> {
         let (foretold, came) = self.foretold;
         (came > FELT).then(|| foretold / came)
@@ -126,8 +128,8 @@ impl Default for Staleness {
     }
 }
 
-/// Runs a session until its time is over, `options.stop` is set, or the device stays lost. `record` gets everything in
-/// order. At the end the device exerts no force and is closed, however the session ends.
+/// Runs a session until its time is over, `options.stop` is set, or the device stays lost. `record` is called with
+/// every record, in order. At the end the device exerts no force and is closed, however the session ends.
 pub fn hold(
     device: Box<dyn Device>,
     tool: &Tool,
@@ -188,7 +190,7 @@ pub fn hold(
     }
 }
 
-/// Results of the simulation steps before the loop.
+/// Results of the simulation steps that run before the loop begins.
 struct FirstSteps {
     steps: Vec<(DeviceInput, ContactWrench)>,
     /// Wall-clock time of one step, s.
@@ -197,8 +199,8 @@ struct FirstSteps {
     staleness: f64,
 }
 
-/// Simulates steps with the tool at rest and uncoupled. The first is left out of the timing, because many drivers are
-/// slow in it.
+/// Simulates steps with the tool at rest and uncoupled. The first step is left out of the timing, because many GPU
+/// drivers are slow in the first step.
 fn first_steps(environment: &mut dyn Environment, tool: &Tool, h: f64, max_force: f64) -> Result<FirstSteps> {
     let state = tool.state();
     let input = DeviceInput { ticks: 0, time: 0.0, device: state, tool: state, coupling: None, max_force };
@@ -250,8 +252,8 @@ impl Session {
         Session { thread, report, period, settings: *settings, before: None, lost_since: None }
     }
 
-    /// Simulates steps whose length follows the time that they take, so that bodies move as in reality, up to the
-    /// scene's longest step.
+    /// Simulates steps, each as long as a step takes to compute, so that bodies move in real time; the scene's longest
+    /// step limits this length.
     fn run(
         &mut self,
         environment: &mut dyn Environment,
@@ -279,8 +281,8 @@ impl Session {
             self.take_ticks(record)?;
             let now = self.thread.now();
             pace.took(now - start, now);
-            // When simulated time is ahead of real time, wait. When it is behind, catch up on one step's length at
-            // most.
+            // If simulated time is ahead of real time, the thread waits. If it is behind, at most one step's length is
+            // caught up.
             ahead = (ahead + h - (now - last)).max(-h);
             last = now;
             if ahead > 0.0 {
@@ -291,7 +293,7 @@ impl Session {
         Ok(())
     }
 
-    /// Whether time is left and loop and device work; notes in the report what does not.
+    /// Whether the session goes on. If it must end before its time is over, the reason is written into the report.
     fn goes_on(&mut self, options: &Options) -> bool {
         let now = self.thread.now();
         let loss = self.lost_since.map_or(0.0, |since| now - since);
@@ -323,8 +325,8 @@ impl Session {
         Ok(())
     }
 
-    /// Compares the force change that the last wrench's local model predicts for this wrench's pose with the one
-    /// observed.
+    /// Compares the force change that the last wrench's local contact model predicts for this wrench's pose with the
+    /// observed one.
     fn compare(&mut self, wrench: &ContactWrench) {
         if let Some((model, last)) = &self.before
             && let Some((normal, foretold)) = model.foretell(&wrench.tool)

@@ -27,8 +27,8 @@ impl AdaptiveWindow {
         AdaptiveWindow { quantum, times: [0.0; KEPT], positions: [DVec3::ZERO; KEPT], newest: 0, count: 0 }
     }
 
-    /// Adds a finite position (m) read at `time` (s). One that is no later than the newest carries no information and
-    /// is left out.
+    /// Adds a finite position (m) read at `time` (s). A position that is no later than the newest one carries no
+    /// information and is left out.
     pub fn push(&mut self, time: f64, position: DVec3) {
         if self.count > 0 && time <= self.times[self.newest] {
             return;
@@ -90,7 +90,10 @@ mod tests {
             let quanta: Vec<f64> = (0..100).map(|i| rate * i as f64).collect();
             let found = estimates(&quanta);
             assert_eq!(found[0], 0.0);
-            assert!(found[1..].iter().all(|&v| v == rate * QUANTUM / TICK), "{rate}: {found:?}");
+            assert!(
+                found[1..].iter().all(|&v| v == rate * QUANTUM / TICK),
+                "{rate} quanta a tick: estimates {found:?} m/s"
+            );
         }
     }
 
@@ -101,12 +104,16 @@ mod tests {
             let quanta: Vec<f64> = (0..200).map(|i| (rate * i as f64).round()).collect();
             let worst = (KEPT - 1) as f64 * TICK;
             for (i, v) in estimates(&quanta).into_iter().enumerate().skip(KEPT) {
-                assert!((v - rate * QUANTUM / TICK).abs() <= QUANTUM / worst, "{rate} at {i}: {v}");
+                assert!(
+                    (v - rate * QUANTUM / TICK).abs() <= QUANTUM / worst,
+                    "{rate} quanta a tick, tick {i}: estimate {v} m/s"
+                );
             }
         }
     }
 
-    /// A raw difference of two positions would jump by a quantum a tick, 31 times as much.
+    /// A velocity from only two successive positions would jump by a quantum a tick, 31 times the bound that is tested
+    /// here.
     #[test]
     fn rest_is_still_and_its_flicker_is_small() {
         assert!(estimates(&[5.0; 80]).iter().all(|&v| v == 0.0));
@@ -114,7 +121,7 @@ mod tests {
         let bound = QUANTUM / ((KEPT - 1) as f64 * TICK);
         assert!(flicker.contains(&0.0) && flicker.contains(&1.0));
         for (i, v) in estimates(&flicker).into_iter().enumerate().skip(KEPT) {
-            assert!(v.abs() <= bound, "at {i}: {v}");
+            assert!(v.abs() <= bound, "tick {i}: estimate {v} m/s");
         }
     }
 
@@ -123,11 +130,12 @@ mod tests {
         let quanta: Vec<f64> = (0..60).map(|i: i32| 50.0 * f64::from(i.min(40))).collect();
         let found = estimates(&quanta);
         assert_eq!(found[40], 50.0 * QUANTUM / TICK);
-        assert!(found[41..].iter().all(|&v| v == 0.0), "{found:?}");
+        assert!(found[41..].iter().all(|&v| v == 0.0), "estimates {found:?} m/s");
     }
 
-    /// By hand: one tick after a stop from two quanta a tick, the line over two ticks still passes within a quantum of
-    /// the position between, and the line over three ticks does not; a tick later only lines at rest do.
+    /// Calculated by hand: the motion stops from two quanta a tick. One tick later, the line over two ticks still
+    /// passes within a quantum of the position between its ends, and the line over three ticks does not. Another tick
+    /// later, only lines of slope zero do.
     #[test]
     fn a_slow_stop_is_seen_as_soon_as_a_quantum_allows() {
         let quanta: Vec<f64> = (0..60).map(|i: i32| 2.0 * f64::from(i.min(40))).collect();

@@ -1,5 +1,5 @@
-//! Runs the haptic loop and its environment in one thread and in virtual time, which never waits for a clock: for
-//! measurements and tests, which give the same bits in every run.
+//! Runs the haptic loop and its environment (the source of contact wrenches) in one thread and in virtual time, which
+//! never waits for a clock. Measurements and tests use it, because it gives the same bits in every run.
 
 use super::device::Device;
 use super::environment::Environment;
@@ -18,14 +18,14 @@ pub struct Schedule {
 
 impl Schedule {
     /// A schedule of steps that take as long as they simulate and follow one another directly. `rate` is the number of
-    /// steps a second, Hz, and `period` that of a tick, s.
+    /// steps a second, Hz, and `period` is the period of a tick, s.
     pub fn at(rate: f64, period: f64) -> Schedule {
         let ticks = (1.0 / (rate * period)).round().max(1.0) as u32;
         Schedule { ticks_a_step: ticks, delay: ticks }
     }
 }
 
-/// Runs the loop for that many ticks; `each` is called with every tick.
+/// Runs the loop for `ticks` ticks; `each` is called with every tick.
 pub fn run(
     device: &mut dyn Device,
     servo: &mut Servo,

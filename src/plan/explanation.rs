@@ -19,9 +19,9 @@ pub struct Explanation {
     pub device: String,
     /// Name and version of the device's driver.
     pub driver: String,
-    /// The preset that the scene names, if any.
+    /// The preset (a named set of settings) that the scene names, if any.
     pub preset: Option<Chosen>,
-    /// Number of solver iterations that the step is taken to need.
+    /// Number of solver iterations for which the passes of the step are counted.
     pub iterations: u32,
     /// Number of passes in the step.
     pub passes: u32,
@@ -64,8 +64,8 @@ pub struct KernelUse {
     pub kernel: String,
     /// Whether it is recorded.
     pub recorded: bool,
-    /// Number of passes per step. It is 0 for a kernel that only Newton iterations after the first run, where a step
-    /// has but one.
+    /// Number of passes per step. It is 0 for a kernel that belongs to Newton iterations after the first, where a step
+    /// has only one.
     pub passes: f64,
     /// Number of passes that wait for an earlier one.
     pub dependent: f64,
@@ -110,7 +110,7 @@ impl StageUse {
     }
 }
 
-/// Formats a number of bytes for a reader.
+/// Formats a number of bytes with a unit; 0 becomes `-`.
 fn amount(bytes: u64) -> String {
     match bytes {
         0 => "-".into(),
@@ -120,7 +120,7 @@ fn amount(bytes: u64) -> String {
     }
 }
 
-/// Formats a number of passes; it is whole where all iterations have the same passes.
+/// Formats a number of passes, rounded; 0 becomes `-`. The number is whole where all iterations have the same passes.
 fn times(passes: f64) -> String {
     if passes > 0.0 { format!("{passes:.0}") } else { "-".into() }
 }
@@ -130,12 +130,12 @@ impl fmt::Display for Explanation {
         writeln!(f, "{} on {} ({})", self.scene, self.device, self.driver)?;
         if let Some(Chosen { preset, set }) = &self.preset {
             let set: Vec<String> = set.iter().map(|(key, value)| format!("{key} = {value}")).collect();
-            let set = if set.is_empty() { "the scene itself gives all its settings".into() } else { set.join(", ") };
+            let set = if set.is_empty() { "no key, since the scene sets them all".into() } else { set.join(", ") };
             writeln!(f, "preset {preset}: {set}")?;
         }
         writeln!(
             f,
-            "a step of {} iterations: {} passes, {} of them wait for an earlier one; {} on the device\n",
+            "a step of {} solver iterations: {} passes, {} of which wait for an earlier pass; {} of GPU memory\n",
             self.iterations,
             self.passes,
             self.dependent_passes,

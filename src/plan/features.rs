@@ -1,6 +1,6 @@
 //! Which of the engine's optional features a scene uses, and why it leaves out the others; printed by the option
-//! `--explain` of `palpate run`. In the reasons, "layer" is a soft body's tetrahedral mesh and "core" one of its rigid
-//! parts.
+//! `--explain` of `palpate run`. In the reasons, "layer" is a soft body's tetrahedral mesh and "core" a rigid part of
+//! it to which nodes are attached.
 
 use serde::Serialize;
 
@@ -14,25 +14,26 @@ use crate::stages::model::Model;
 pub struct Feature {
     /// Name of the feature.
     pub feature: &'static str,
-    /// Whether the step uses it. An unused feature has no passes and no arrays; one that never has any of its own (the
-    /// 6x6 stiffness, damping, the weight) is then a branch that its kernel skips, or a factor of zero.
+    /// Whether the step uses it. An unused feature has no passes and no arrays. Features that have none even when used
+    /// (the 6x6 stiffness, damping, the tool's weight) are then a branch that a kernel skips, or a factor of zero.
     pub used: bool,
     /// Why it is used, or why not.
     pub reason: String,
 }
 
-/// What the features are found from, once the scene's bodies are prepared.
+/// What decides which features are used: the scene, and what was prepared from it.
 pub(super) struct Known<'a> {
     pub scene: &'a Scene,
     pub model: &'a Model,
     /// The scene's bodies; the tool is not among them.
     pub bodies: &'a [Body],
+    /// The path that the depth stage takes and why; `None` where that stage is left out.
     pub depth: Option<&'a str>,
-    /// One step in this many is timed; 0: none.
+    /// One step in this many is timed; 0: no step is.
     pub timed_every: u64,
 }
 
-/// All features: those of contact, of the soft bodies and of the tool.
+/// All features: those of contact, of the soft bodies, of the tool, and of measurements.
 pub fn features(known: &Known) -> Vec<Feature> {
     let mut features = Vec::new();
     let mut add = |feature, used: bool, yes: String, no: &str| {
@@ -78,39 +79,44 @@ fn of_layers(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &st
     let soft = !model.tetrahedra.is_empty();
     let no_layer = |no: &'static str| if soft { no } else { "no soft body" };
     let asked = match scene.solver.preconditioner {
-        Preconditioner::Jacobi => "solver.preconditioner is \"jacobi\"",
         Preconditioner::Coarse => "no body deforms",
         Preconditioner::Auto => "no body is stiff enough, for its number of nodes and the time step, to need it",
+        _ => "solver.preconditioner names one without it",
     };
     let names: Vec<&str> =
         model.coarse.bodies.iter().filter_map(|(at, ..)| Some(bodies.get(*at)?.name.as_str())).collect();
-    add("coarse level", !names.is_empty(), format!("of {}", names.join(", ")), no_layer(asked));
+    add("coarse level", !names.is_empty(), format!("in the preconditioner of {}", names.join(", ")), no_layer(asked));
     let damped = model.node_damping.iter().any(|x| *x > 0.0);
-    add("damping by mass", damped, "enters with the nodes' masses".into(), no_layer("damping_mass is zero"));
+    add("damping by mass", damped, "added to the nodes' equations".into(), no_layer("damping_mass is zero"));
     let damped = model.materials.iter().any(|material| material.damping > 0.0);
-    add("damping by stiffness", damped, "enters with each element".into(), no_layer("damping_stiffness is zero"));
+    add("damping by stiffness", damped, "added to the element forces".into(), no_layer("damping_stiffness is zero"));
     let surfaced = |body: &&SceneBody| matches!(body.shape, Shape::Soft { surface: Some(_), .. });
     let yes = format!("{} skin vertices on {} nodes", model.skin_nodes.len(), model.node_rest.len());
     let has_skin = scene.bodies.iter().any(|body| surfaced(&body));
     add("high-resolution skin", has_skin, yes, no_layer("the layers' boundaries are the skins"));
     let patches = model.patches.count();
-    add("patches", patches > 0, format!("{patches} of them"), no_layer("dilatation is \"element\""));
+    add(
+        "patches",
+        patches > 0,
+        format!("{patches} groups of tetrahedra that share one volumetric strain"),
+        no_layer("dilatation is \"element\""),
+    );
     let has_neo_hookean = material_law::has(&model.materials, MaterialLaw::NeoHookean);
     add("neo-Hookean law", has_neo_hookean, "used by a material".into(), no_layer("no material uses this law"));
     add("Newton iterations", model.newton > 1, format!("{} a step", model.newton), no_layer("step.newton is 1"));
     let (cores, joints, hinges) =
         (&model.cores, model.joints.len(), model.cores.iter().filter(|c| c.hinge != glam::DVec3::ZERO));
-    add("dynamic cores", !cores.is_empty(), format!("{} of them", cores.len()), "no core moves by forces");
-    add("joints", joints > 0, format!("{joints} of them"), "no two cores are joined");
+    add("dynamic cores", !cores.is_empty(), format!("{} cores that forces move", cores.len()), "forces move no core");
+    add("joints", joints > 0, format!("{joints} between cores"), "no two cores are joined");
     let hinges = hinges.count();
-    add("hinges", hinges > 0, format!("{hinges} of them"), "no core is on a hinge");
+    add("hinges", hinges > 0, format!("{hinges} cores turn on one"), "no core is on a hinge");
     let floating = model.floating.len();
     add("floating frames", floating > 0, format!("{floating} bodies without a core"), "every soft body has a core");
     add(
         "links of frames",
         model.spans_frames(),
-        format!("{} pairs of frames", model.links.len() - 1),
-        "nothing spans two frames",
+        format!("{} pairs of coordinate frames", model.links.len() - 1),
+        "no element or skin has nodes in two coordinate frames",
     );
 }
 
@@ -120,11 +126,11 @@ fn of_the_tool(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &
     let held = scene.haptics.has_device;
     let no = if scene.tool.is_none() { "no tool" } else { "nothing can touch" };
     add("wrench", touches, "net force and torque on the tool".into(), no);
-    let no = if touches { "no haptic device holds the tool: nothing uses it" } else { no };
-    add("6x6 stiffness and damping", touches && held, "for the loop's local model".into(), no);
+    let no = if touches { "no haptic device holds the tool, so nothing uses them" } else { no };
+    add("6x6 stiffness and damping", touches && held, "for the local model of contact in the haptic loop".into(), no);
     let no = if scene.tool.is_none() { "no tool" } else { "the tool is a body of its own" };
     add("held body", model.tool_core.is_some(), "the haptic device is coupled to a core of a body".into(), no);
-    add("virtual coupling", scene.coupling.is_some(), "enters the equations of the tool".into(), "no [coupling]");
+    add("virtual coupling", scene.coupling.is_some(), "added to the equations of the tool".into(), "no [coupling]");
     let no = if scene.tool.is_none() { "no tool" } else { "no haptic device: the tool's weight acts on it" };
     add("weight carried by the hand", scene.tool.is_some() && held, "a haptic device holds the tool".into(), no);
 }

@@ -1,4 +1,5 @@
-//! Reasons why a kernel is not recorded. Which kernels are recorded is read from the recordings themselves.
+//! The reasons, for `palpate run --explain`, why a kernel is not recorded. Which kernels are recorded is read from the
+//! recordings themselves.
 
 use crate::stages::gap;
 use crate::stages::model::Model;
@@ -12,26 +13,26 @@ pub fn stage_of(kernel: &str) -> &str {
     }
 }
 
-/// Why a stage that is recorded leaves out this kernel; `graphics`: its depth stage uses the graphics path. `None`
-/// where no reason is known, which a test forbids.
+/// Why a recorded stage leaves out this kernel. `graphics`: whether the depth stage uses its graphics implementation
+/// (path) rather than the compute one. `None` means that no reason is known; a test checks that this never happens.
 pub fn why_not(kernel: &str, model: &Model, graphics: bool) -> Option<&'static str> {
     let touches = !model.pairs.is_empty();
     let reason = match kernel {
         "pose/place" if !touches => "nothing can touch",
         "pose/carry" if model.attached_nodes.is_empty() => "no nodes are attached to a moving frame",
-        "cull/pairs" | "cull/direction" if !model.needs_depth() => "half-spaces have one normal",
+        "cull/pairs" | "cull/direction" if !model.needs_depth() => "only half-spaces are touched",
         "contact/sort" if model.node_rest.is_empty() => "no nodes",
-        "depth/ray_hits.vert" | "depth/ray_hits.frag" if !graphics => "the compute path does it",
-        "depth/ray_hits" if graphics => "the graphics path does it",
+        "depth/ray_hits.vert" | "depth/ray_hits.frag" if !graphics => "the compute path finds the ray hits",
+        "depth/ray_hits" if graphics => "the graphics path finds the ray hits",
         "elastic/trial" if model.newton == 1 => "the step has one Newton iteration",
         "elastic/mean_dilatation" | "solve/patch_product" if model.patches.count() == 0 => "there are no F-bar patches",
         "solve/contact_product" if !touches => "nothing can touch",
-        "solve/coarse" if model.coarse.bodies.is_empty() => "no body has a coarse level",
+        "solve/coarse" if model.coarse.bodies.is_empty() => "the preconditioner of no body has a coarse level",
         "solve/cores" if model.cores.is_empty() => "no dynamic cores",
         "solve/element_product" if model.tetrahedra.is_empty() => "no tetrahedra",
         "solve/commit" if model.node_rest.is_empty() => "no nodes",
         "wrench/gap" if model.tool_frame.is_none() => "the tool is a body of the scene",
-        "wrench/gap" if gap::part_count(model) == 0 => "the tool may touch no skin",
+        "wrench/gap" if gap::part_count(model) == 0 => "there is no skin that the tool may touch",
         "solve/assemble" | "solve/first_iterate" | "solve/coarse" if model.blocks.blocks.is_empty() => "no nodes",
         "solve/gather" | "solve/update" if model.blocks.blocks.is_empty() && model.tool_frame.is_none() => {
             "nothing moves"

@@ -11,8 +11,8 @@ use crate::scene::{Bind, Capsule, Core};
 /// A node whose distance from the skin is below this share of the diagonal of the skin's bounding box lies on the skin.
 const ON_SKIN: f64 = 1e-9;
 
-/// Whether each node is selected by `bind`. `skin` and the layer are in file coordinates. An error is a problem and its
-/// remedy.
+/// Whether each node is selected by `bind`. `skin` and the layer are in file coordinates. An error consists of a
+/// problem and its remedy.
 pub fn named(layer: &Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Result<Vec<bool>, (String, &'static str)> {
     Ok(match bind {
         Bind::All => vec![true; layer.nodes.len()],
@@ -39,8 +39,8 @@ pub fn named(layer: &Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Resul
     })
 }
 
-/// Depth of each node below the skin, m; negative outside. Holes of the skin are closed by triangle fans. It is an
-/// error if the skin has no triangle with an area or a coordinate that is not finite.
+/// Depth of each node below the skin, m; negative outside. Holes of the skin are closed by triangle fans. Errors: no
+/// triangle of the skin has an area, or one of its coordinates is not finite.
 pub fn depths(layer: &Layer, (vertices, triangles): (&[DVec3], &[[u32; 3]])) -> Result<Vec<f64>, String> {
     let (vertices, triangles) = repair::closed(vertices, triangles);
     let surface = Solid::new(&vertices, &triangles).map_err(|e| format!("the skin cannot be searched: {e}"))?;
@@ -63,8 +63,8 @@ pub fn capsule_depth(point: DVec3, capsule: &Capsule) -> f64 {
 }
 
 /// Removes from the selection `named` of the bone `index` the nodes that belong to another bone. If capsules overlap, a
-/// node belongs to the bone with the least [`capsule_depth`], in a tie to the first. A core that is no bone keeps its
-/// selection.
+/// node belongs to the bone with the least [`capsule_depth`], in a tie to the first of these bones. A core that is no
+/// bone keeps its selection.
 pub fn nearer_bones(layer: &Layer, cores: &[Core], index: usize, named: &mut [bool]) {
     let bone = |core: &Core| if let Some(Bind::Capsule(capsule)) = core.bind { Some(capsule) } else { None };
     let Some(own) = bone(&cores[index]) else { return };
@@ -79,8 +79,8 @@ pub fn nearer_bones(layer: &Layer, cores: &[Core], index: usize, named: &mut [bo
     }
 }
 
-/// Finds nodes that no core would hold: those in connected parts of the layer without an attached node. Returns their
-/// number and the first of them.
+/// Finds nodes that would not be connected to any core: those in connected parts of the layer without an attached node.
+/// Returns their number and the first of them.
 pub fn unattached(layer: &Layer) -> Option<(usize, u32)> {
     let (labels, count) = layer::parts(layer);
     let mut held = vec![false; count];
@@ -120,8 +120,8 @@ mod tests {
     #[test]
     fn a_capsule_binds_its_nodes() {
         let rod = |radii| Capsule { ends: [DVec3::ZERO, DVec3::new(0.5, 0.0, 0.0)], radii };
-        // The axis passes three nodes; a round end with a radius of a quarter reaches one node more, and so do the
-        // sides.
+        // The capsule's axis passes three nodes. With a radius of a quarter, the round end reaches one more node, and
+        // the sides reach their neighbours.
         assert_eq!(bound(Bind::Capsule(rod([0.1, 0.1]))).unwrap(), [0, 1, 2]);
         assert_eq!(bound(Bind::Capsule(rod([0.26, 0.26]))).unwrap(), [0, 1, 2, 3, 5, 6, 7, 25, 26, 27]);
         assert_eq!(bound(Bind::Capsule(rod([0.05, 0.26]))).unwrap(), [0, 1, 2, 3, 7, 27]);
@@ -135,8 +135,8 @@ mod tests {
             let bind = Some(Bind::Capsule(Capsule { ends, radii: [radius; 2] }));
             Core { name: String::new(), motion: Motion::Fixed, bind, mass: None, hinge: None }
         };
-        // The last bone equals the second, so its nodes go to the second. A core with a sphere is no bone and takes no
-        // node from one.
+        // The last bone equals the second, so the second gets the nodes of both. A core that binds a sphere is no bone:
+        // it neither loses nodes to a bone nor takes any from one.
         let mut cores = vec![core(0.0, 0.5, 0.3), core(1.0, 1.0, 0.6), core(1.0, 1.0, 0.6)];
         cores.push(Core { bind: Some(Bind::Sphere { centre: DVec3::ZERO, radius: 0.1 }), ..cores[0].clone() });
         let held = |index| {

@@ -1,4 +1,5 @@
-//! Prepares all bodies of a scene, one after another. A simulation is made from them and the scene.
+//! Prepares all bodies of a scene, one after another, and its tool (the rigid body that the haptic device leads). A
+//! simulation is made from the prepared bodies and the scene.
 
 use super::cache::Cache;
 use super::report::Stage;
@@ -20,7 +21,7 @@ pub struct Bodies {
 pub struct Progress<'a> {
     /// Name of the body in preparation, or "tool".
     pub name: &'a str,
-    /// Stage of its preparation that begins now.
+    /// Stage of the body's preparation that begins now.
     pub stage: Stage,
     /// Number of bodies that are ready; the tool counts as one.
     pub done: usize,

@@ -1,6 +1,7 @@
-//! Makes a prepared [`Body`] from a body or tool of the scene. The costly parts (reading, repair of the skin, which is
-//! the surface mesh, tetrahedral layer, embedding of the skin in it, collision proxies) come from `prepared.rs`, which
-//! caches them; this file then attaches nodes to cores, scales and places the body, and checks everything.
+//! Makes a prepared [`Body`] from a body or tool of the scene. The costly parts come from `prepared.rs`, which caches
+//! them: the repaired *skin* (surface mesh), the *layer* (tetrahedral mesh), the embedding of the skin in the layer,
+//! and the *proxies* (convex hulls for the broad phase). This file then attaches nodes of the layer to rigid cores,
+//! scales and places the body, and checks everything.
 
 use glam::DVec3;
 
@@ -15,7 +16,8 @@ use crate::scene::obj::TriangleMesh;
 use crate::scene::{self, Dilatation, MaterialLaw, Motion, Scene, Surface, ToolShape};
 use crate::{Error, Result};
 
-/// A closed skin encloses at least this share of its bounding box's diagonal cubed; a smaller volume is rounding error.
+/// Least volume that a closed skin must enclose, as a share of the cube of its bounding box's diagonal; a smaller
+/// volume is rounding error.
 const LEAST_VOLUME: f64 = 1e-12;
 
 /// Prepares a body of the scene with the user's cache. Errors name the key in the scene, or the file.
@@ -59,7 +61,7 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
     Ok(placed(body, made?, report))
 }
 
-/// Collects what was found in the body's files and the notes of the log.
+/// Collects the findings in the body's files and the notes of the log.
 fn report_of(keys: &Keys, layer: Option<&scene::Layer>, prepared: &Prepared, log: &Log) -> BodyReport {
     let mut notes = prepared.repair.as_ref().map(|found| keys.notes(found)).unwrap_or_default();
     let place = match layer {

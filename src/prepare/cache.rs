@@ -2,8 +2,8 @@
 //! everything the result depends on.
 //!
 //! The cache only saves time. An entry holds its own key and a checksum, so that an entry which is damaged, truncated,
-//! of another version or under another entry's name is recognised and made again. An entry is written to a temporary
-//! file and then renamed, so that other processes never see part of one.
+//! written by another version or stored under another entry's name is recognised and made again. An entry is written to
+//! a temporary file and then renamed, so that other processes never see part of one.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -42,7 +42,7 @@ impl KeyMaker {
         Self::of(SOURCES)
     }
 
-    /// Starts with other source texts as the first fields.
+    /// Starts with the given source texts as the first fields.
     pub fn of(sources: &[&str]) -> Self {
         let mut maker = KeyMaker(Sha256::new());
         sources.iter().for_each(|source| maker.add(source.as_bytes()));
@@ -100,7 +100,7 @@ impl Cache {
         Cache { folder: Some(folder.into()) }
     }
 
-    /// No cache: nothing is ever found or stored.
+    /// A cache that is switched off: nothing is ever found or stored.
     pub fn off() -> Self {
         Cache { folder: None }
     }
@@ -129,7 +129,7 @@ impl Cache {
         }
     }
 
-    /// Stores a value. The error says why it could not be stored, which the caller may ignore.
+    /// Stores a value. If this fails, the error gives the reason, and the caller may ignore it.
     pub fn store<T: Serialize>(&self, key: &Key, value: &T) -> Result<(), String> {
         let (Some(path), Some(folder)) = (self.path(key), &self.folder) else { return Ok(()) };
         let failed = |error: std::io::Error| format!("the cache in {} cannot be written: {error}", folder.display());
@@ -244,7 +244,11 @@ mod tests {
             let mut bytes = sound.clone();
             bytes[at] ^= 1 << (at % 8);
             fs::write(&path, &bytes).unwrap();
-            assert_eq!(cache.load::<Value>(&key("a")), Entry::Damaged(path.clone()), "byte {at}");
+            assert_eq!(
+                cache.load::<Value>(&key("a")),
+                Entry::Damaged(path.clone()),
+                "an entry with byte {at} changed was accepted"
+            );
         }
         fs::write(&path, &sound).unwrap();
         assert_eq!(cache.load(&key("a")), Entry::Found(value(0.0)));
@@ -258,7 +262,11 @@ mod tests {
         let sound = fs::read(&path).unwrap();
         for length in [0, 1, HEADER - 1, HEADER, HEADER + 1, sound.len() - 1] {
             fs::write(&path, &sound[..length]).unwrap();
-            assert_eq!(cache.load::<Value>(&key("a")), Entry::Damaged(path.clone()), "{length} bytes");
+            assert_eq!(
+                cache.load::<Value>(&key("a")),
+                Entry::Damaged(path.clone()),
+                "an entry cut to {length} bytes was accepted"
+            );
         }
         fs::write(&path, [sound.as_slice(), b"x"].concat()).unwrap();
         assert_eq!(cache.load::<Value>(&key("a")), Entry::Damaged(path));
@@ -290,7 +298,7 @@ mod tests {
         fs::write(folder.path().join("file"), "").unwrap();
         let cache = Cache::at(&folder.path().join("file/under"));
         let note = cache.store(&key("a"), &value(0.0)).unwrap_err();
-        assert!(note.contains("file/under") && note.contains("cannot be written"), "{note}");
+        assert!(note.contains("file/under") && note.contains("cannot be written"), "error text: {note}");
         assert_ne!(cache.load(&key("a")), Entry::Found(value(0.0)));
     }
 

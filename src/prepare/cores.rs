@@ -1,6 +1,7 @@
 //! Rigid cores of a deformable body: finds the nodes of the layer (tetrahedral simulation mesh) that are attached to
 //! each core, and makes the rigid coordinate frames that the nodes, the skin (surface mesh) and the collision proxies
-//! (convex hulls) follow.
+//! (convex hulls) follow. A *bone* is a core that binds the nodes in a capsule. A body without cores has one *floating*
+//! frame, which follows its free nodes by shape matching.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -12,20 +13,20 @@ use crate::Result;
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{Bind, Body, Hinge, Motion};
 
-/// Lower bounds that exclude nodes on one line: of the determinant of a dynamic core's inertia over the cube of its
-/// mean, and of the inertia about a hinge over the mean inertia.
+/// Lower bound that excludes nodes on one line, for two ratios: the determinant of a dynamic core's inertia tensor over
+/// the cube of its mean principal inertia, and the inertia about a hinge over that mean.
 const THINNEST: f64 = 1e-6;
 /// Remedy for a core without attached nodes.
 const ENLARGE: &str = "enlarge the region, or leave the core out for a free body";
 
 /// Marks the nodes attached to the body's cores as bound, and returns the index of the core that each node follows. An
-/// attached node follows the first core in the body's list that selects it (among bones with overlapping capsules as
-/// [`bind::nearer_bones`] says). A free node follows the core whose attached nodes are nearest along the edges of the
-/// layer, so that a hand beside a thigh follows the arm. In a body without cores all indices are 0. `skin` and `layer`
-/// are in file coordinates; `numbers` are the layer's nodes as numbered in their file, ascending. `error` makes an
-/// error from a key (`core.NAME.bind` or `layer`), a problem and a remedy.
+/// attached node follows the first core in the body's list that selects it; where capsules of bones overlap,
+/// [`bind::nearer_bones`] decides. A free node follows the core whose attached nodes are nearest along the edges of the
+/// layer, so that a hand near a thigh follows the arm's core and not the leg's. In a body without cores all indices are
+/// 0. `skin` and `layer` are in file coordinates; `numbers` holds the number of each node in the layer's file,
+///    ascending. `error` makes an error of a key (`core.NAME.bind` or `layer`), a problem and a remedy.
 ///
-/// Refused are a core without attached nodes, and a connected part of the layer without attached nodes.
+/// Errors: a core has no attached node, or a connected part of the layer has none.
 pub fn bind(
     body: &Body,
     layer: &mut Layer,
@@ -82,8 +83,8 @@ fn renumbered(bind: &Bind, numbers: &[u32]) -> std::result::Result<Bind, (String
     list.iter().map(place).collect::<std::result::Result<_, _>>().map(Bind::Nodes)
 }
 
-/// Gives every node without a core the core that it reaches first along edges (E. Dijkstra 1959); if two are equally
-/// far, the one with the lower index.
+/// Assigns each free node to the core whose attached nodes it reaches first along edges (E. Dijkstra 1959); if two
+/// cores are equally far, to the one with the lower index.
 fn nearest(layer: &Layer, mut holders: Vec<u32>) -> Vec<u32> {
     if holders.iter().all(|&holder| holder == 0 || holder == NONE) {
         return vec![0; holders.len()];
@@ -113,8 +114,8 @@ fn nearest(layer: &Layer, mut holders: Vec<u32>) -> Vec<u32> {
 
 /// The rigid frames of a soft body: one for each core, with its origin at the centre of mass of the attached nodes or
 /// on the core's hinge; without cores, one floating frame at the centre of mass. `layer` is in the rest frame (m),
-/// `holders` is what `bind` returned. Refused (key, problem, remedy) is a dynamic core whose nodes lie on one line, or
-/// all on its hinge: it would have no inertia about that axis.
+/// `holders` is the result of the function `bind`. It is an error (key, problem, remedy) if all nodes of a dynamic core
+/// lie on one line, or on its hinge: the core would have no inertia about that axis.
 pub fn frames(
     body: &Body,
     layer: &Layer,
@@ -175,8 +176,8 @@ pub fn floating(layer: &Layer, materials: &Materials) -> Frame {
     Frame { centre, motion: FrameMotion::Floating { mass: density * all, inertia: inertia * density } }
 }
 
-/// Lumped mass of each node over the density of the body's base material, m^3. So the centre of mass of a body with one
-/// material is the same to the last bit for any density.
+/// Lumped mass of each node over the density of the body's base material, m^3. Because of this division, the centre of
+/// mass of a body with one material has the same bits for any density.
 fn shares(layer: &Layer, materials: &Materials) -> Vec<f64> {
     let mut shares = vec![0.0; layer.nodes.len()];
     for (index, t) in layer.tetrahedra.iter().enumerate() {
@@ -188,7 +189,7 @@ fn shares(layer: &Layer, materials: &Materials) -> Vec<f64> {
     shares
 }
 
-/// Inertia tensor of a point mass at `r` (m) from the centre, mass x m^2.
+/// Inertia tensor of a point mass at the offset `r` (m) from the centre, in the unit of `mass` times m^2.
 fn point_inertia(mass: f64, r: DVec3) -> DMat3 {
     mass * (DMat3::from_diagonal(DVec3::splat(r.length_squared())) - DMat3::from_cols(r * r.x, r * r.y, r * r.z))
 }
@@ -231,9 +232,9 @@ mod tests {
             frames(&scene.bodies[0], &block, &vec![0; block.nodes.len()], &material)
         };
         let (key, problem, _) = frames_on(DVec3::ZERO).unwrap_err();
-        assert!(key == "core.core0.bind" && problem.contains("lie on its hinge"), "{key} {problem}");
-        // Beside the hinge the nodes have inertia about it, although they lie on a line. The hinge is scaled with the
-        // body.
+        assert!(key == "core.core0.bind" && problem.contains("lie on its hinge"), "key {key}, problem: {problem}");
+        // At a distance from the hinge the nodes have inertia about it, although they lie on a line. The hinge's point
+        // is scaled with the body.
         assert_eq!(frames_on(DVec3::new(0.05, 0.0, 0.0)).unwrap()[0].centre, DVec3::new(0.1, 0.0, 0.0));
     }
 
@@ -242,10 +243,14 @@ mod tests {
         let block = layer::kuhn_box(DVec3::ZERO, DVec3::new(0.2, 0.4, 0.6), [16, 16, 16]);
         let material = Material { density: 500.0, ..crate::prepare::tests::MATERIAL }.into();
         let frame = floating(&block, &material);
-        let FrameMotion::Floating { mass, inertia } = frame.motion else { panic!("not floating") };
+        let FrameMotion::Floating { mass, inertia } = frame.motion else { panic!("the frame is not floating") };
         assert!((mass - 24.0).abs() < 1e-9 && frame.centre.distance(DVec3::new(0.1, 0.2, 0.3)) < 0.002);
         let want = mass / 12.0 * (0.16 + 0.36);
         // Lumping at the nodes adds inertia in proportion to the square of the cell edge.
-        assert!((inertia.x_axis.x / want - 1.0).abs() < 0.01, "{} {want}", inertia.x_axis.x);
+        assert!(
+            (inertia.x_axis.x / want - 1.0).abs() < 0.01,
+            "inertia about x: {} kg m^2, expected {want}",
+            inertia.x_axis.x
+        );
     }
 }

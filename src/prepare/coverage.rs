@@ -1,15 +1,16 @@
-//! Share of the vertices of the skin (surface mesh) that lie inside the convex collision proxies. This is independent
-//! of ownership: each vertex has one owner among the proxies, but may lie in several.
+//! Share of the vertices of the skin (surface mesh) that lie inside the convex collision proxies. A proxy is *inflated*
+//! by moving its faces outwards by its margin. Each vertex is owned by one proxy, but may lie inside several; here it
+//! need only lie inside one.
 
 use super::{Proxy, Skin};
 
-/// Tolerance for a point on an inflated face, which counts as inside: rounding of its distance from the plane, as a
-/// share of the skin's size.
+/// Tolerance that lets a point on an inflated face count as inside: the rounding error of its distance from the plane,
+/// as a share of the skin's size.
 const ROUNDING: f64 = 1e-12;
 
-/// Share of the skin's vertices (of those in triangles) inside at least one proxy inflated by its margin. Construction
-/// promises 1; this function tests the hulls themselves. A vertex is first tested against its owner, so that the cost
-/// is about vertices times faces of one hull.
+/// Share of the skin's vertices (only those that triangles use) inside at least one inflated proxy. By construction it
+/// should be 1; this function tests the hulls themselves. A vertex is first tested against its owner, so that the cost
+/// is about the number of vertices times the number of faces of one hull.
 pub fn share(skin: &Skin, proxies: &[Proxy]) -> f64 {
     let mut used = vec![false; skin.vertices.len()];
     skin.triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
@@ -44,7 +45,8 @@ mod tests {
     /// Rounding of the GPU's margins and weights, which are f32: as a share of the displacement bound, and in metres.
     const SINGLE: f64 = 1e-6;
 
-    /// A head whose skin stands off its layer in places, so that weights extrapolate; and its arrays for the GPU.
+    /// A head with its arrays for the GPU. Its skin is enlarged by the share `stand_off`, so that it stands off the
+    /// layer (tetrahedral mesh) in places and embedding weights extrapolate.
     fn head(stand_off: f64) -> (Body, Model) {
         let surface = Some(scene::Surface::Model { model: scene::Model::Head, vertices: 3000 });
         let scene = scene(
@@ -95,9 +97,10 @@ mod tests {
     }
 
     /// Greatest share of its inflation that a proxy needs to contain its skin under a displacement field; the skin is
-    /// covered if this is at most 1. `weight`, if given, replaces the bound on the embedding weights.
+    /// covered if this share is at most 1. Under displacements the inflation is the margin plus a bound on the
+    /// embedding weights times the largest displacement of the proxy's nodes; `weight`, if given, replaces that bound.
     fn used(body: &Body, model: &Model, d: &[DVec3], weight: Option<f64>) -> f64 {
-        let Shape::Soft { layer, embedding, skin, proxies, .. } = &body.shape else { panic!("not soft") };
+        let Shape::Soft { layer, embedding, skin, proxies, .. } = &body.shape else { panic!("the body is not soft") };
         let mut worst = 0.0f64;
         let mut covered = vec![false; skin.vertices.len()];
         for (proxy, on_device) in proxies.iter().zip(&model.proxies) {
@@ -121,13 +124,16 @@ mod tests {
     fn skin_stays_within_inflated_proxies_under_any_deformation() {
         for stand_off in [0.0, 0.06] {
             let (body, model) = head(stand_off);
-            let Shape::Soft { layer, embedding, .. } = &body.shape else { panic!("not soft") };
+            let Shape::Soft { layer, embedding, .. } = &body.shape else { panic!("the body is not soft") };
             assert!(stand_off == 0.0 || embed::extrapolation(embedding) > 0.1);
             assert!(used(&body, &model, &vec![DVec3::ZERO; layer.nodes.len()], None) <= 1.0 + SINGLE);
             for (i, field) in fields(&layer.nodes).iter().enumerate() {
                 let share = used(&body, &model, field, None);
-                println!("stand-off {stand_off}, field {i}: {share:.3} of the inflation");
-                assert!(share > 0.05 && share <= 1.0 + SINGLE, "field {i}: {share}");
+                println!("skin enlarged by {stand_off}, displacement field {i}: {share:.3} of the inflation is needed");
+                assert!(
+                    share > 0.05 && share <= 1.0 + SINGLE,
+                    "displacement field {i}: {share} of the inflation is needed"
+                );
             }
         }
     }
@@ -137,7 +143,7 @@ mod tests {
     #[test]
     fn the_weights_of_extrapolated_skin_are_needed() {
         let (body, model) = head(0.06);
-        let Shape::Soft { layer, embedding, proxies, .. } = &body.shape else { panic!("not soft") };
+        let Shape::Soft { layer, embedding, proxies, .. } = &body.shape else { panic!("the body is not soft") };
         let sum = |e: &Embedding| e.weights.iter().map(|w| w.abs()).sum::<f64>();
         let most = (0..embedding.len()).max_by(|&a, &b| sum(&embedding[a]).total_cmp(&sum(&embedding[b]))).unwrap();
         let owner = proxies.iter().find(|p| p.vertices.contains(&(most as u32))).unwrap();
@@ -146,14 +152,14 @@ mod tests {
             field[*n as usize] = owner.faces[0].0 * (10.0 * w.signum());
         }
         let share = used(&body, &model, &field, None);
-        assert!(share > 0.9 && share <= 1.0 + SINGLE, "{share}");
+        assert!(share > 0.9 && share <= 1.0 + SINGLE, "{share} of the inflation is needed");
         assert!(used(&body, &model, &field, Some(1.0)) > 1.1);
     }
 
     #[test]
     fn each_proxy_draws_one_contiguous_range_and_each_triangle_has_one_owner() {
         let (body, model) = head(0.0);
-        let Shape::Soft { skin, .. } = &body.shape else { panic!("not soft") };
+        let Shape::Soft { skin, .. } = &body.shape else { panic!("the body is not soft") };
         let mut chunks = 0;
         for proxy in &model.proxies {
             assert_eq!(proxy.chunk_first, chunks);
@@ -184,6 +190,6 @@ mod tests {
         assert_eq!(share(&skin, &proxies), 1.0);
         proxies.iter_mut().for_each(|p| p.margin = 0.0);
         let less = share(&skin, &proxies);
-        assert!(less > 0.1 && less < 0.9, "{less}");
+        assert!(less > 0.1 && less < 0.9, "share of vertices covered without margins: {less}");
     }
 }

@@ -2,9 +2,9 @@
 //! otherwise defective.
 //!
 //! Distances come from a bounding volume hierarchy (parry). The sign is that of one half less the generalised winding
-//! number (A. Jacobson et al. 2013), which is summed over a tree of triangle clusters: exactly near the point, by one
-//! dipole for each far cluster (G. Barill et al. 2018, first order). Exact solid angles follow A. van Oosterom and J.
-//! Strackee 1983.
+//! number (A. Jacobson et al. 2013). That number is summed over a tree of triangle clusters: exactly for triangles near
+//! the point, and by one dipole for each far cluster (G. Barill et al. 2018, first order). Exact solid angles follow A.
+//! van Oosterom and J. Strackee 1983.
 
 use std::f64::consts::PI;
 
@@ -18,7 +18,8 @@ use parry3d_f64::shape::TriMesh;
 const FAR: f64 = 3.0;
 /// Greatest number of triangles in a leaf of the tree.
 const LEAF: usize = 8;
-/// Two hits closer together than this share of a segment are one: the segment meets an edge that two triangles share.
+/// Two hits closer together than this share of a segment count as one, because the segment then meets an edge that two
+/// triangles share.
 const SAME_CROSSING: f64 = 1e-7;
 /// Winding number at the boundary between inside and outside.
 pub const HALF: f64 = 0.5;
@@ -182,7 +183,8 @@ mod tests {
     use super::*;
     use crate::prepare::sphere;
 
-    /// Error of the winding number by dipoles, for one coarse sphere; deciding its sign would allow far more.
+    /// Allowed error of winding numbers by dipoles, for a coarse sphere. To tell inside from outside, far larger errors
+    /// would do.
     const DIPOLES: f64 = 0.02;
 
     #[test]
@@ -192,12 +194,15 @@ mod tests {
         for i in 0..200u32 {
             let p = DVec3::new(i as f64 * 0.137, i as f64 * 0.319, i as f64 * 0.531).map(|x| 0.4 * x.fract() - 0.2);
             let w = solid_angle(&solid.corners, p) / (4.0 * PI);
-            assert!((solid.winding(p) - w).abs() < DIPOLES, "{} {w}", solid.winding(p));
+            assert!((solid.winding(p) - w).abs() < DIPOLES, "winding number {}, exactly {w}", solid.winding(p));
             assert!((solid.signed(p) - (p.length() - 0.1)).abs() < 5e-4);
         }
         let through = solid.hits(DVec3::new(-0.2, 0.01, 0.02), DVec3::new(0.2, 0.01, 0.02));
         assert_eq!(through.len(), 2);
-        assert!((through[0] + through[1] - 1.0).abs() < 1e-3 && (through[0] - 0.256).abs() < 2e-3, "{through:?}");
+        assert!(
+            (through[0] + through[1] - 1.0).abs() < 1e-3 && (through[0] - 0.256).abs() < 2e-3,
+            "hits at the shares {through:?} of the segment"
+        );
         assert!(solid.hits(DVec3::ZERO, DVec3::splat(0.05)).is_empty());
     }
 

@@ -8,7 +8,7 @@ use parry3d_f64::shape::TriMesh;
 
 use super::{Embedding, Layer, layer};
 
-/// A weight this far below zero still counts as inside: it is rounding of the barycentric coordinates.
+/// A point with a weight this far below zero still counts as inside: the weight differs from zero by rounding.
 const INSIDE_ROUNDING: f64 = 1e-12;
 /// A skin vertex whose distance from the layer exceeds this share of the layer's diagonal is refused: surface and layer
 /// are then not in the same units or place.
@@ -19,9 +19,9 @@ const FLAT: f64 = 1e-14;
 /// Embeds every point in the layer (both in the same coordinates, m).
 ///
 /// A point inside the layer gets the tetrahedron in which its least weight is largest (in a tie, the one with the
-/// lowest index). A point outside gets, among the tetrahedra that share a node with the one behind the nearest boundary
-/// face, the one that extrapolates least. A point exactly on a node gets weight exactly 1 there. Errors: an empty
-/// layer, a flat tetrahedron, or a point far outside.
+/// lowest index). A point outside gets one of the tetrahedra that share a node with the tetrahedron behind the nearest
+/// boundary face: the one that extrapolates least (whose least weight is largest). A point exactly on a node gets
+/// exactly the weight 1 for that node. Errors: an empty layer, a flat tetrahedron, or a point far outside.
 pub fn embed(points: &[DVec3], layer: &Layer) -> Result<Vec<Embedding>, String> {
     let grid = Grid::build(layer)?;
     let mut outside: Option<Outside> = None;
@@ -76,7 +76,7 @@ impl Grid {
         let low = corners().fold(DVec3::INFINITY, DVec3::min);
         let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
         let extent = high - low;
-        // With about one cell per tetrahedron, a look-up meets a few tens of candidates.
+        // With about one cell per tetrahedron, a cell lists a few tens of tetrahedra.
         let edge = (extent.x * extent.y * extent.z / layer.tetrahedra.len() as f64).cbrt();
         let size = extent.to_array().map(|e| ((e / edge) as usize).clamp(1, 512));
         let rate = DVec3::new(size[0] as f64, size[1] as f64, size[2] as f64) / extent;
@@ -113,7 +113,7 @@ impl Grid {
                 self.entries = vec![0; start[start.len() - 1] as usize];
             }
         }
-        // Writing has advanced each start to the next cell's.
+        // Writing has advanced each cell's start to that of the next cell.
         start.rotate_right(1);
         start[0] = 0;
         self.start = start;
@@ -135,7 +135,7 @@ impl Grid {
         [1.0 - w.x - w.y - w.z, w.x, w.y, w.z]
     }
 
-    /// The tetrahedron that contains the point with the largest least weight, and the weights in it.
+    /// Of the tetrahedra that contain the point, the one whose least weight is largest, and the weights in it.
     fn containing(&self, layer: &Layer, point: DVec3) -> Option<(u32, [f64; 4])> {
         if point.cmplt(self.low).any() || point.cmpgt(self.high).any() {
             return None;
@@ -262,8 +262,8 @@ mod tests {
         assert!(place(&layer, &e[0]).distance(point) < RECONSTRUCTION);
         let nodes = layer.tetrahedra[e[0].tetrahedron as usize].map(|i| layer.nodes[i as usize]);
         assert_eq!(nodes.iter().filter(|n| n.y == 1.0).count(), 3);
-        // The point is 0.03 above a cell of height 0.25.
-        assert!((extrapolation(&e) - 0.12).abs() < 1e-12, "{}", extrapolation(&e));
+        // The point is 0.03 above a cell of height 0.25, and 0.03 / 0.25 = 0.12.
+        assert!((extrapolation(&e) - 0.12).abs() < 1e-12, "extrapolation {}", extrapolation(&e));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Convex hulls for collision proxies: few vertices, distinct face planes, and never without volume.
+//! Convex hulls for collision proxies. They have few vertices and distinct face planes, and always a volume.
 
 use glam::DVec3;
 use parry3d_f64::math::Vector;
@@ -10,14 +10,14 @@ use super::MAX_HULL_VERTICES;
 const THICKNESS: f64 = 1e-3;
 /// A hull thinner than this share of its diagonal is flat: its planes would be mostly rounding error.
 const FLAT: f64 = 1e-6;
-/// Two faces have one plane if the sine of the angle between their normals is below this. A triangle's plane must also
-/// pass within this distance (in diagonals) of the outermost corner along its normal.
+/// Two faces count as one plane if the sine of the angle between their normals is below this. A triangle's plane must
+/// also pass within this distance (in diagonals) of the outermost corner along its normal.
 const COPLANAR: f64 = 1e-7;
 
 /// Sets of more points than this are thinned before their hull is computed.
 const MANY: usize = 1500;
-/// Number of thinning directions along each side of a cube's face. They are 12 degrees apart at most, finer than a hull
-/// of 64 corners can resolve.
+/// Number of thinning directions along each side of a cube's face. Neighbouring directions are at most 12 degrees
+/// apart, which is finer than a hull of 64 corners can resolve.
 const DIRECTIONS: usize = 10;
 
 /// A convex hull with volume.
@@ -102,8 +102,8 @@ impl Growing {
             let hull = boxed(points)?;
             return Some(Growing { corners: Vec::new(), chosen: Vec::new(), hull, farthest: None });
         };
-        // A few extreme points may lie in a plane; more of them do not if the full hull has volume, or in the end all
-        // are taken.
+        // A few extreme points may lie in a plane. Then more of them are tried, and at last all corners of the full
+        // hull, which has a volume.
         let all: Vec<usize> = (0..full.vertices.len()).collect();
         let seeds = [seed(&full.vertices, 1), seed(&full.vertices, 3), all];
         for chosen in seeds {
@@ -265,7 +265,7 @@ mod tests {
         let margin = points.iter().map(|&p| hull.height(p)).fold(0.0, f64::max);
         // 64 caps that cover a sphere stand off it by about 1 - cos(0.27) = 0.04 at best, and by up to twice that if
         // chosen greedily.
-        assert!(margin > 0.02 && margin < 0.1, "{margin}");
+        assert!(margin > 0.02 && margin < 0.1, "margin {margin}");
     }
 
     #[test]

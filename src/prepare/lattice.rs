@@ -2,15 +2,15 @@
 //! (`stuffing`).
 //!
 //! The lattice's nodes are the corners and the centres of cubic cells. Every face between two cells carries four
-//! tetrahedra, one for each edge of the face: its nodes are the edge's two corners and the two cells' centres. All
-//! tetrahedra have the same shape, with dihedral angles of 60 and 90 degrees and volume `cell`^3 / 12. An edge is
-//! *long* (one cell edge, between two corners or two centres) or *short* (half a cell's space diagonal, between a
-//! corner and a centre).
+//! tetrahedra, one for each edge of the face: the tetrahedron's nodes are the edge's two corners and the centres of the
+//! two cells. All tetrahedra have the same shape, with dihedral angles of 60 and 90 degrees and volume `cell`^3 / 12.
+//! An edge is *long* (one cell edge, between two corners or two centres) or *short* (half a cell's space diagonal,
+//! between a corner and a centre).
 
 use glam::DVec3;
 
-/// Least distance between a side of the box and a lattice plane, in cells: if a flat side lay in a lattice plane,
-/// rounding would decide which nodes are inside.
+/// Least distance between a side of the box that the lattice surrounds and a lattice plane, in cells: if a flat side
+/// lay in a lattice plane, rounding would decide which nodes are inside.
 const CLEARANCE: f64 = 0.05;
 
 /// The background lattice: `size` cells along the axes from the corner `origin`.
@@ -171,7 +171,10 @@ mod tests {
             let lattice = Lattice::around(DVec3::ZERO, DVec3::splat(cells), 1.0);
             for side in [0.0, cells] {
                 let halves = 2.0 * (side - lattice.at([0; 3]).x);
-                assert!((halves - halves.round()).abs() > 0.9 * CLEARANCE, "{cells} {halves}");
+                assert!(
+                    (halves - halves.round()).abs() > 0.9 * CLEARANCE,
+                    "box of {cells} cells: a side lies at {halves} half cells, too near a lattice plane"
+                );
             }
         }
     }

@@ -1,5 +1,5 @@
-//! Functions of tetrahedral layers: makes a layer of a box, removes unused nodes, finds the boundary, volumes and
-//! connected parts.
+//! Functions of a *layer*, the tetrahedral simulation mesh of a soft body: they make the layer of a box, remove unused
+//! nodes, and find boundary, volumes and connected parts.
 
 use glam::DVec3;
 
@@ -9,8 +9,8 @@ use super::{Layer, skin::Sets};
 /// is positive.
 pub const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
-/// Order of the axes along which each of a cell's six Kuhn tetrahedra steps, and whether that order is an even
-/// permutation.
+/// For each of the six Kuhn tetrahedra of a cell: the order of the axes along which its nodes follow one another from
+/// the cell's low corner to its high corner, and whether that order is an even permutation.
 const KUHN: [([usize; 3], bool); 6] = [
     ([0, 1, 2], true),
     ([0, 2, 1], false),
@@ -31,8 +31,8 @@ pub fn kuhn_box(low: DVec3, high: DVec3, cells: [u32; 3]) -> Layer {
         for y in 0..=ny {
             for x in 0..=nx {
                 let t = DVec3::new(x as f64 / nx as f64, y as f64 / ny as f64, z as f64 / nz as f64);
-                // This form gives exactly `low` and `high` at the ends: bodies that touch and clamped faces may rely on
-                // it.
+                // This form gives exactly `low` and `high` at the ends, which scenes with touching bodies or with
+                // clamped faces may rely on.
                 layer.nodes.push(low * (DVec3::ONE - t) + high * t);
             }
         }
@@ -81,8 +81,8 @@ pub fn volume6(nodes: &[DVec3], tetrahedron: &[u32; 4]) -> f64 {
     (b - a).dot((c - a).cross(d - a))
 }
 
-/// The boundary of a layer: its vertices in ascending order of node, its triangles (outward, in order of their
-/// tetrahedron), and the node of each vertex.
+/// The boundary of a layer: its vertices in ascending order of node, its triangles (oriented outwards, in order of
+/// their tetrahedra), and the node of each vertex.
 pub fn boundary(layer: &Layer) -> (Vec<DVec3>, Vec<[u32; 3]>, Vec<u32>) {
     let faces = boundary_faces(&layer.tetrahedra);
     let mut used = vec![false; layer.nodes.len()];

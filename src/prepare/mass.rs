@@ -9,7 +9,8 @@ use glam::{DMat3, DVec3};
 /// Mass properties at unit density.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Properties {
-    /// Volume, m^3; negative if the surface is oriented inwards, about 0 if it is open or flat.
+    /// Volume, m^3; negative if the surface is oriented inwards, about 0 if it is flat. It has no meaning if the
+    /// surface is open.
     pub volume: f64,
     /// Centroid, m.
     pub centroid: DVec3,
@@ -56,7 +57,7 @@ mod tests {
         assert!(p.centroid.distance(low + size / 2.0) < 1e-10);
         let s = size * size;
         let want = DMat3::from_diagonal(volume / 12.0 * DVec3::new(s.y + s.z, s.x + s.z, s.x + s.y));
-        assert!((p.inertia - want).to_cols_array().iter().all(|e| e.abs() < 1e-9 * volume), "{:?}", p.inertia);
+        assert!((p.inertia - want).to_cols_array().iter().all(|e| e.abs() < 1e-9 * volume), "inertia {:?}", p.inertia);
     }
 
     #[test]
@@ -67,9 +68,9 @@ mod tests {
         for e in [ball.inertia.x_axis.x, ball.inertia.y_axis.y, ball.inertia.z_axis.z] {
             // The polyhedron is inscribed: its radius of gyration is too short by less than the relative error of its
             // volume.
-            assert!(e < want && e > 0.995 * want, "{e} {want}");
+            assert!(e < want && e > 0.995 * want, "moment of inertia {e}, expected a little less than {want}");
         }
-        // An inward orientation gives a negative volume, by which such skins are refused.
+        // An inward orientation gives a negative volume; surfaces with such a volume are refused.
         for v in &mut vertices {
             v.x = -v.x;
         }

@@ -1,5 +1,6 @@
 //! The material of each tetrahedron of a layer (simulation mesh): the body's base material, or that of a material
-//! region (a part of the body for which the scene gives a material of its own).
+//! region (a part of the body for which the scene gives a material of its own). A region may be a *group* of tetrahedra
+//! that the mesh file defines, a box or a sphere.
 
 use glam::DVec3;
 
@@ -42,8 +43,8 @@ impl From<&Materials> for Materials {
     }
 }
 
-/// The materials of a body's layer, which is in file coordinates. Refused are a group that the layer's file does not
-/// have, and a region without tetrahedra of its own (none lies in it, or all belong to earlier regions).
+/// The materials of a body's layer, which is in file coordinates. Errors: the layer's file does not have a region's
+/// group, or a region has no tetrahedra of its own (none lies in it, or all belong to earlier regions).
 pub(super) fn materials(keys: &Keys, body: &scene::Body, layer: &Layer, groups: &Groups) -> Result<Materials> {
     let base = body.material.ok_or_else(|| keys.error("material", "missing", "a soft body needs a material"))?;
     if body.regions.is_empty() {
@@ -87,7 +88,7 @@ pub(super) fn materials(keys: &Keys, body: &scene::Body, layer: &Layer, groups: 
     Ok(Materials { all, which })
 }
 
-/// For each tetrahedron, whether its centroid is inside.
+/// For each tetrahedron, whether `is_inside` holds for its centroid.
 fn inside(layer: &Layer, is_inside: impl Fn(DVec3) -> bool) -> Vec<bool> {
     let centroid = |nodes: &[u32; 4]| nodes.iter().map(|&node| layer.nodes[node as usize]).sum::<DVec3>() / 4.0;
     layer.tetrahedra.iter().map(|nodes| is_inside(centroid(nodes))).collect()
@@ -122,8 +123,8 @@ mod tests {
     }
 
     fn soft(regions: &str) -> (Materials, f64) {
-        let Shape::Soft { materials, frames, .. } = prepared(regions).unwrap().shape else { panic!("not soft") };
-        let FrameMotion::Floating { mass, .. } = frames[0].motion else { panic!("not floating") };
+        let Shape::Soft { materials, frames, .. } = prepared(regions).unwrap().shape else { panic!("body not soft") };
+        let FrameMotion::Floating { mass, .. } = frames[0].motion else { panic!("the frame is not floating") };
         (materials, mass)
     }
 
@@ -141,7 +142,7 @@ mod tests {
         assert_eq!(second, Material { damping_mass: 7.0, poisson: 0.1, ..base });
         assert_eq!(third, Material { damping_stiffness: 0.5, ..base });
         // The volumes are 1/6, 1/3 and 1/3 m^3 before the scale of a tenth.
-        assert!((mass - (900.0 + 2.0 * 1000.0 + 2.0 * 1000.0) / 6000.0).abs() < 1e-12, "{mass}");
+        assert!((mass - (900.0 + 2.0 * 1000.0 + 2.0 * 1000.0) / 6000.0).abs() < 1e-12, "mass {mass} kg");
         assert_eq!(soft(&region("group = 4", "density = 1")).0.which, [0, 1, 0]);
     }
 
@@ -160,7 +161,7 @@ mod tests {
             (region("sphere = [9, 9, 9, 1]", young), "`body.a.region[0].sphere`: no tetrahedron has its centroid"),
             (region("group = 1.5", young), "`body.a.region[0].group`: is of type float; give a whole number"),
             (region("group = 99999999999999999999", young), "give a whole number of 64 bits"),
-            (region("group = 3\nbox = [[0, 0, 0], [1, 1, 1]]", young), "given beside `group`"),
+            (region("group = 3\nbox = [[0, 0, 0], [1, 1, 1]]", young), "given together with `group`"),
             (region("", young), "`body.a.region[0].group`: missing; give exactly one of: group, box, sphere"),
             (region("box = [[0, 0, 0], [0, 1, 1]]", young), "`body.a.region[0].box`: "),
             (region("sphere = [0, 0, 0, 0]", young), "`body.a.region[0].sphere`: has radius 0.0"),
@@ -173,7 +174,7 @@ mod tests {
             ("region = 3\n".into(), "`body.a.region`: is of type integer; give an array"),
         ] {
             let message = prepared(&regions).unwrap_err().to_string();
-            assert!(message.contains(words), "{regions}: {message}");
+            assert!(message.contains(words), "scene with {regions} gives the error: {message}");
         }
     }
 
@@ -195,7 +196,7 @@ mod tests {
         ] {
             fs::write(&file, body + &region("group = 3", "young = 1")).unwrap();
             let message = Scene::load(&file).unwrap_err().to_string();
-            assert!(message.contains(words), "{words}: {message}");
+            assert!(message.contains(words), "expected `{words}` in the error: {message}");
         }
     }
 }

@@ -1,7 +1,9 @@
-//! Makes a layered body from what the user wrote. A layered body consists of a *skin* (the high-resolution triangle
-//! mesh that is seen and touched), a *layer* (the tetrahedral simulation mesh in which every skin vertex is embedded),
-//! rigid *cores* to which layer nodes are attached, and *proxies* (convex hulls that cover the skin, for the broad
-//! phase of contact). A rigid body has skin and proxies only.
+//! Makes a layered body from its description in a scene and the mesh files that it names. A layered body consists of a
+//! *skin* (the high-resolution triangle mesh that is seen and touched), a *layer* (the tetrahedral simulation mesh in
+//! which every skin vertex is embedded), rigid *cores* inside it to which layer nodes are attached, and *proxies*
+//! (convex hulls that cover the skin, for the broad phase of contact). A rigid body has skin and proxies only. The
+//! *tool* is the rigid body that a haptic device leads. A *frame* is a rigid coordinate frame that nodes, skin and
+//! proxies follow.
 //!
 //! Everything here runs on the host, in f64, before the first step. Coordinates of a [`Body`] are its *rest frame*: the
 //! coordinates of its files times its scale, not yet placed in the world by `position` and `orientation`.
@@ -46,7 +48,7 @@ pub use report::{Report, Stage};
 
 use crate::scene::{Hinge, Joint, Key};
 
-/// The index that means "no element".
+/// The index that stands for "no element", for example for a neighbour that does not exist.
 pub const NONE: u32 = u32::MAX;
 /// Greatest number of vertices of a proxy's hull.
 pub const MAX_HULL_VERTICES: usize = 64;
@@ -71,8 +73,8 @@ pub struct Body {
 /// Findings in a body's files, and the changes made to their contents.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
 pub struct BodyReport {
-    /// Report on the repair of the surface, or of the layer's boundary if that is the skin; `None` if neither was given
-    /// by the user.
+    /// Report on the repair of the surface, or of the layer's boundary if the boundary is the skin; `None` if the
+    /// engine generated both itself.
     pub repair: Option<repair::RepairReport>,
     /// Everything that was changed or left out, one line each, beginning with the file's name.
     pub notes: Vec<String>,
@@ -112,7 +114,7 @@ pub enum Shape {
         centroid: DVec3,
         /// Inertia tensor about the centroid for unit density (kg m^2 per kg/m^3), rest-frame axes.
         inertia: DMat3,
-        /// How the body moves. A tool has [`FrameMotion::Fixed`] here, because the host moves it.
+        /// How the body moves. The tool has [`FrameMotion::Fixed`] here, because the haptic loop on the host moves it.
         motion: FrameMotion,
     },
     /// The half-space `normal . x <= offset` in world axes, which has no skin.
@@ -138,8 +140,8 @@ pub struct Frame {
 pub enum FrameMotion {
     /// It stays where the body was placed.
     Fixed,
-    /// Kinematic motion along keys. A key gives the world pose of the body's rest frame: with the body's own `position`
-    /// and `orientation` as key, the frame is where it was at rest.
+    /// Kinematic motion along keys. A key gives the world pose of the body's rest frame: a key that equals the body's
+    /// own `position` and `orientation` leaves the frame where it was at rest.
     Kinematic(Vec<Key>),
     /// Moved by forces. The frame's origin is the centre of mass of the nodes attached to it, or the hinge's point.
     Dynamic {

@@ -1,8 +1,8 @@
-//! F-bar patches: groups of neighbouring tetrahedra that share one volumetric strain, their mean dilatation, which
-//! prevents volumetric locking. E. A. de Souza Neto, F. M. Andrade Pires, D. R. J. Owen, "F-bar-based linear triangles
-//! and tetrahedra for finite strain analysis of nearly incompressible solids. Part I" (2005), with the mean dilatation
-//! of J. C. Nagtegaal, D. M. Parks, J. R. Rice, "On numerically accurate finite element solutions in the fully plastic
-//! range" (1974).
+//! F-bar patches of a layer (tetrahedral mesh of a soft body): groups of neighbouring tetrahedra that share one
+//! volumetric strain, their mean dilatation, which prevents volumetric locking. E. A. de Souza Neto, F. M. Andrade
+//! Pires, D. R. J. Owen, "F-bar-based linear triangles and tetrahedra for finite strain analysis of nearly
+//! incompressible solids. Part I" (2005), with the mean dilatation of J. C. Nagtegaal, D. M. Parks, J. R. Rice, "On
+//! numerically accurate finite element solutions in the fully plastic range" (1974).
 
 use crate::shaders;
 use std::collections::HashMap;
@@ -10,14 +10,15 @@ use std::collections::HashMap;
 use super::{Layer, NONE, layer::FACES};
 
 /// Greatest number of tetrahedra in a patch. Of the sizes from 6 to 24, twelve comes closest to the deflections of
-/// quadratic elements: smaller patches still lock on coarse meshes, and with 24 a load sinks in too far by 6 to 10 %.
+/// quadratic elements: smaller patches still lock on coarse meshes, and with 24 the deflection under a load is too
+/// large by 6 to 10 %.
 pub const MOST_TETRAHEDRA: usize = shaders::PATCH_TETRAHEDRA as usize;
 /// Greatest number of nodes in a patch.
 pub const MOST_NODES: usize = shaders::PATCH_NODES as usize;
 
 /// Index of the patch of each tetrahedron. A patch is connected over faces and grows greedily by one neighbour at a
-/// time, which keeps it compact. It contains tetrahedra of one `group` only, and does not mix tetrahedra whose nodes
-/// are all attached to cores (they hardly deform) with others.
+/// time, which keeps it compact. All its tetrahedra have the same label `group` (their material). It does not mix
+/// tetrahedra whose nodes are all attached to rigid cores, which hardly deform, with others.
 pub fn patches(layer: &Layer, group: impl Fn(usize) -> u32) -> Vec<u32> {
     let neighbours = neighbours(&layer.tetrahedra);
     let bound = |t: usize| layer.tetrahedra[t].iter().all(|n| layer.attached[*n as usize]);

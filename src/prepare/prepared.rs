@@ -1,5 +1,5 @@
 //! The costly parts of a body, in file coordinates: repaired skin (surface mesh), layer (tetrahedral mesh), embedding
-//! of the skin in the layer, and convex collision proxies. They are made once and then cached. Attaching nodes to
+//! of the skin in the layer, and convex collision proxies. They are made once and then cached. Attaching nodes to rigid
 //! cores, scale, materials and placement are cheap, and `body.rs` does them each time.
 
 use std::path::Path;
@@ -20,7 +20,7 @@ use crate::scene::tetrahedra::{self, TetMesh};
 use crate::scene::{self, Surface};
 
 /// Remedy for a cell size that is refused.
-const UNITS: &str = "cells are in the file's coordinates, before scale";
+const UNITS: &str = "give cells in the file's coordinates, before `scale`";
 
 /// Everything that the costly parts depend on.
 #[derive(Debug, Clone)]
@@ -40,9 +40,9 @@ pub struct Prepared {
     pub mesh: TriangleMesh,
     /// The layer of a soft body, with no node attached yet.
     pub layer: Option<Layer>,
-    /// Groups of tetrahedra that the layer's file defines.
+    /// Named or numbered groups of tetrahedra that the layer's file defines.
     pub groups: Groups,
-    /// Report on the layer if it was made here by filling the surface.
+    /// Report on the layer if it was made by filling the surface with tetrahedra.
     pub filling: Option<LayerReport>,
     /// For each node its number in the layer's file, ascending; nodes that belong to no tetrahedron are left out.
     pub node_numbers: Vec<u32>,
@@ -59,7 +59,7 @@ pub struct Prepared {
 impl Recipe<'_> {
     /// The parts, from the cache if it has them; otherwise they are made and stored there.
     pub(super) fn prepared(&self, keys: &Keys, cache: &Cache, log: &mut Log) -> Result<Prepared> {
-        // If a file cannot be read here, `make` reports the error.
+        // If a file cannot be read for the key, the error is ignored here and reported by `make`.
         let key = if cache.is_on() { log.stage(Stage::Cache, || self.key(keys))?.ok() } else { None };
         let Some(key) = key else { return self.make(keys, log) };
         match log.stage(Stage::Cache, || cache.load(&key))? {
@@ -81,7 +81,7 @@ impl Recipe<'_> {
         Ok(prepared)
     }
 
-    /// Remedy for a layer that leaves skin far outside.
+    /// Remedy if skin vertices lie far outside the layer.
     fn surrounding(&self) -> &'static str {
         match self.layer {
             Some(scene::Layer::File(_) | scene::Layer::Mesh(_) | scene::Layer::Box { .. }) => {
@@ -134,7 +134,7 @@ impl Recipe<'_> {
             (None, Some(layer)) => {
                 let (mesh, found) = log.stage(Stage::Repair, || boundary(keys, layer, self.layer))??;
                 let said = found.iter().flat_map(RepairReport::sentences);
-                layer_notes.extend(said.map(|(_, text)| format!("of the boundary, {text}")));
+                layer_notes.extend(said.map(|(_, text)| format!("boundary of the layer: {text}")));
                 repair = found;
                 mesh
             }
@@ -194,7 +194,7 @@ fn boundary(keys: &Keys, layer: &Layer, source: Option<&scene::Layer>) -> Result
         return Ok((mesh, None));
     }
     let (mesh, found) = repair::repair(mesh)
-        .map_err(|refusal| keys.error("layer", format!("of its boundary, {}", refusal.problem), refusal.remedy))?;
+        .map_err(|refusal| keys.error("layer", format!("boundary is no skin: {}", refusal.problem), refusal.remedy))?;
     Ok((mesh, Some(found)))
 }
 
@@ -225,7 +225,7 @@ fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
         (scene::Layer::Box { low, high, cells }, _) => {
             let count = cells.iter().map(|&c| f64::from(c)).product::<f64>() * 6.0;
             if !(1.0..=stuffing::MAX_TETRAHEDRA).contains(&count) {
-                let problem = format!("makes {count:.0} tetrahedra, not 6 to 4 million");
+                let problem = format!("gives {count:.0} tetrahedra, allowed are 6 to 4 million");
                 return Err(keys.error("layer.cells", problem, "give other numbers of cells"));
             }
             Ok(Filled { layer: layer::kuhn_box(*low, *high, *cells), ..Filled::default() })
@@ -242,7 +242,7 @@ fn given(mesh: TetMesh) -> Filled {
 
 /// A layer made by filling the surface with tetrahedra.
 fn fill(mesh: &TriangleMesh, options: Options) -> std::result::Result<Filled, String> {
-    // Holes are closed, so that the layer's volume is compared with that of the same solid.
+    // Holes are closed, so that the layer's volume is compared with the volume of the solid that was filled.
     let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
     let (layer, report) = stuff(&vertices, &triangles, &options)?;
     let notes = notes_of(&report);
@@ -298,7 +298,7 @@ fn largest_extent(mesh: &TriangleMesh) -> f64 {
 /// Relative difference between the volumes of layer and skin above which a note is written.
 const VOLUME: f64 = 0.02;
 
-/// Makes the proxies of a skin; returns the mesh as well, which was moved in.
+/// Makes the proxies of a skin; returns them together with the mesh, of which it takes ownership.
 fn cover(keys: &Keys, mesh: TriangleMesh, hulls: Option<u32>) -> Result<(TriangleMesh, Vec<Proxy>)> {
     let skin = skin::build(mesh.vertices, mesh.triangles);
     let made = hulls.map_or_else(|| proxies(&skin), |hulls| proxy::at_most(&skin, hulls));

@@ -1,5 +1,6 @@
 //! Makes the collision proxies: convex hulls that cover the skin (surface mesh), for the broad phase and for a first
-//! penetration direction.
+//! estimate of the contact normal. A proxy *owns* the triangles and vertices that are tested in the narrow phase if it
+//! may touch.
 //!
 //! Approximate convex decomposition (K. Mamou's V-HACD, from parry) cuts the voxels of the solid into parts, and parts
 //! with too many triangles are halved. Each skin triangle belongs to the part that contains its centroid's voxel. A
@@ -21,9 +22,8 @@ const RESOLUTION: u32 = 64;
 /// Greatest volume that a part may lack in its own hull, as a share of the volume of the whole hull; it gives 20 to 30
 /// parts for a head, gear or pumpkin.
 const CONCAVITY: f64 = 0.0025;
-/// Default number of proxies. With fewer, one proxy of a head with 88,000 triangles owns more than 5,000 of them, and a
-/// proxy that may touch is processed as a whole; with this many, two bodies have fewer than two thousand pairs of
-/// proxies.
+/// Default number of proxies. It is a compromise: with fewer, one proxy of a head with 88,000 triangles owns more than
+/// 5,000 of them, all of which are processed if it may touch; with 40, two bodies have at most 1,600 pairs of proxies.
 const HULLS: u32 = 40;
 /// At most one in this many proxies comes from the cut along concavities; the others are left for halving parts with
 /// many triangles.
@@ -31,7 +31,7 @@ const CUT: u32 = 3;
 /// A part is halved while it has more than this many times its even share of the triangles, and the number of parts
 /// allows it.
 const BUSY: f64 = 1.25;
-/// A part with fewer triangles is never halved: processing them costs less than another proxy.
+/// A part with fewer triangles is never halved: processing its triangles costs less than another proxy.
 const FEW: usize = 1000;
 /// Approximate number of triangles of all hulls of a body together.
 const HULL_TRIANGLES: usize = 800;
@@ -68,8 +68,8 @@ pub fn at_most(skin: &Skin, hulls: u32) -> Result<Vec<Proxy>, String> {
     cover(skin, &parts)
 }
 
-/// The skin's vertices, with those that belong to no triangle moved to one that does: far away they would enlarge hull
-/// and voxels.
+/// The skin's vertices. Those that belong to no triangle are moved to a vertex that does, because far away they would
+/// enlarge the hull and the voxel grid.
 fn together(skin: &Skin) -> Vec<DVec3> {
     let first = skin.vertices[skin.triangles[0][0] as usize];
     let mut points = vec![first; skin.vertices.len()];
@@ -82,7 +82,7 @@ struct Parts {
     count: usize,
     /// Part of each skin triangle.
     owner: Vec<u32>,
-    /// Part at the place of each skin vertex; empty if there is one part only.
+    /// Part of the voxel at or near each skin vertex; empty if there is one part only.
     place: Vec<u32>,
     /// Points inside the solid, for each part.
     inner: Vec<Vec<DVec3>>,
@@ -216,7 +216,8 @@ impl VoxelGrid {
     }
 }
 
-/// Makes a proxy with hull, owned elements and margin for every part that owns triangles, in order of part.
+/// Makes a proxy with hull, owned vertices and triangles, and margin for every part that owns triangles, in order of
+/// part.
 fn cover(skin: &Skin, parts: &Parts) -> Result<Vec<Proxy>, String> {
     let mut proxies = vec![Proxy::default(); parts.count];
     for (t, &part) in parts.owner.iter().enumerate() {
@@ -268,7 +269,8 @@ fn spend(covers: &mut [(Vec<u32>, Growing)]) {
         let Some(growing) = worst.filter(|g| g.excess() > 0.0) else { return };
         let before = growing.hull.vertices.len() as i64;
         growing.grow();
-        // A new corner may make old corners inner points, so the numbers before and after are compared.
+        // With a new corner, old corners may become inner points, so the numbers of corners before and after are
+        // compared.
         left -= 2 * (growing.hull.vertices.len() as i64 - before);
     }
 }
@@ -301,7 +303,7 @@ pub(crate) mod tests {
         let proxies = super::proxies(&ball).unwrap();
         check(&ball, &proxies);
         assert_eq!(proxies.len(), 1);
-        assert!(proxies[0].margin < 0.001, "{}", proxies[0].margin);
+        assert!(proxies[0].margin < 0.001, "margin {} m", proxies[0].margin);
         let (v, t, _) = layer::boundary(&layer::kuhn_box(DVec3::ZERO, DVec3::ONE, [4, 4, 4]));
         let cube = skin::build(v, t);
         let proxies = super::proxies(&cube).unwrap();
@@ -333,8 +335,8 @@ pub(crate) mod tests {
         let skin = skin::build(v, t);
         let proxies = super::proxies(&skin).unwrap();
         check(&skin, &proxies);
-        assert!((2..=12).contains(&proxies.len()), "{}", proxies.len());
-        // The open corner of the L lies in no hull, so the cut follows the concavity.
+        assert!((2..=12).contains(&proxies.len()), "{} proxies", proxies.len());
+        // The point in the open corner of the L lies in no hull, which shows that the cut follows the concavity.
         let open = DVec3::new(0.5, 0.5, 0.1);
         let inside = |p: &Proxy| p.faces.iter().all(|(n, d)| n.dot(open) <= *d);
         assert!(!proxies.iter().any(inside));
@@ -348,11 +350,14 @@ pub(crate) mod tests {
             let proxies = at_most(&head, hulls).unwrap();
             check(&head, &proxies);
             let (count, busiest) = (proxies.len(), proxies.iter().map(|p| p.triangles.len()).max().unwrap());
-            assert!(count <= hulls as usize, "{count} of {hulls}");
-            assert!(count == hulls as usize || busiest <= FEW, "{count} of {hulls}: {busiest}");
-            assert!(busiest <= 3 * 11_996 / count + FEW, "{count} of {hulls}: {busiest}");
+            assert!(count <= hulls as usize, "{count} proxies, allowed {hulls}");
+            assert!(
+                count == hulls as usize || busiest <= FEW,
+                "{count} proxies of {hulls}: one owns {busiest} triangles"
+            );
+            assert!(busiest <= 3 * 11_996 / count + FEW, "{count} proxies of {hulls}: one owns {busiest} triangles");
             let triangles: usize = proxies.iter().map(|p| 2 * p.hull.len() - 4).sum();
-            assert!(triangles <= HULL_TRIANGLES + 2, "{triangles}");
+            assert!(triangles <= HULL_TRIANGLES + 2, "the hulls have {triangles} triangles in all");
         }
     }
 

@@ -1,4 +1,4 @@
-//! Shape quality of tetrahedra: the dihedral angles of a layer, whether it was made here or read from a file.
+//! Shape quality of the tetrahedra of a layer (simulation mesh of a soft body): their dihedral angles.
 
 use glam::DVec3;
 
@@ -74,7 +74,7 @@ mod tests {
         layer.tetrahedra[100][3] = 216;
         let spoiled = quality(&layer).unwrap();
         assert_eq!(spoiled.worst_tetrahedron, 100);
-        assert!(spoiled.worst < 5.0 && spoiled.first_percentile > 44.0, "{spoiled:?}");
+        assert!(spoiled.worst < 5.0 && spoiled.first_percentile > 44.0, "angles of the spoiled layer: {spoiled:?}");
         assert!(quality(&Layer::default()).is_none());
     }
 }

@@ -1,5 +1,6 @@
-//! The report on the preparation of a body: what was found, what was made, what it cost. It is written as `report.json`
-//! by `palpate prepare`, and displayed as a short text.
+//! The report on the preparation of a body: facts about its *skin* (surface mesh), *layer* (tetrahedral mesh) and
+//! *proxies* (convex hulls that cover the skin), repairs, times and memory. It is written as `report.json` by `palpate
+//! prepare`, and displayed as a short text.
 
 use std::fmt;
 use std::time::Instant;
@@ -28,7 +29,7 @@ pub enum Stage {
     Embed,
     /// Makes the convex hulls that cover the skin.
     Proxies,
-    /// Attaches nodes to cores, and scales everything.
+    /// Attaches nodes of the layer to rigid cores, and scales everything.
     Bind,
 }
 
@@ -68,7 +69,7 @@ pub enum CacheUse {
 /// error.
 pub type Watch<'a> = dyn FnMut(Stage) -> Result<()> + 'a;
 
-/// Log of a preparation: calls back at the beginning of each stage, and measures the stages' times.
+/// Log of a preparation: calls the callback at the beginning of each stage, and measures the stages' times.
 pub struct Log<'a> {
     watch: &'a mut Watch<'a>,
     /// Wall-clock time of each stage that ran, s.
@@ -108,7 +109,7 @@ pub struct Report {
     pub name: String,
     /// Facts about the skin after the repair.
     pub skin: SkinFacts,
-    /// Report on the repair of the given surface; null if the surface was not given.
+    /// Report on the repair of the surface; null if the engine generated the surface itself.
     pub repair: Option<RepairReport>,
     /// Facts about the layer of a soft body; null for a rigid body.
     pub layer: Option<LayerFacts>,
@@ -118,7 +119,7 @@ pub struct Report {
     pub cache: CacheUse,
     /// Wall-clock time of each stage, s.
     pub seconds: serde_json::Map<String, serde_json::Value>,
-    /// Greatest memory use of the process so far, bytes; null if the operating system does not tell.
+    /// Greatest memory use of the process so far, bytes; null if the operating system does not report it.
     pub peak_memory_bytes: Option<u64>,
     /// Information for the user.
     pub notes: Vec<String>,
@@ -137,7 +138,7 @@ pub struct SkinFacts {
     pub components: usize,
     /// Number of edges with one triangle.
     pub boundary_edges: usize,
-    /// Number of edges with three or more triangles, or with two that run along it in the same direction.
+    /// Number of edges with three or more triangles, or with two that run along the edge in the same direction.
     pub non_manifold_edges: usize,
     /// Enclosed volume with holes closed by triangle fans, m^3.
     pub volume_m3: f64,
@@ -154,8 +155,8 @@ pub struct LayerFacts {
     pub tetrahedra: usize,
     /// Volume, m^3.
     pub volume_m3: f64,
-    /// Volume of the layer over that of the skin, less one. For a layer made by filling, it is the filling's own figure
-    /// (`LayerReport::volume_difference`).
+    /// Volume of the layer over that of the skin, less one. For a layer made by filling, it is the value of the report
+    /// on the filling (`LayerReport::volume_difference`).
     pub volume_difference: f64,
     /// Smallest dihedral angle, degrees.
     pub worst_dihedral_deg: f64,
@@ -163,7 +164,7 @@ pub struct LayerFacts {
     pub first_percentile_dihedral_deg: f64,
     /// How far the least embedding weight lies below zero; 0 if all skin vertices lie inside the layer.
     pub largest_extrapolation: f64,
-    /// Number of nodes attached to cores.
+    /// Number of nodes attached to rigid cores.
     pub bound_nodes: usize,
     /// Report on the filling of the surface, in file coordinates; null for a layer that was not made by filling.
     pub filling: Option<LayerReport>,
@@ -184,7 +185,7 @@ pub struct ProxyFacts {
     pub most_skin_triangles: usize,
     /// Greatest distance of owned skin outside its proxy's hull, m.
     pub largest_margin_m: f64,
-    /// Share of the skin's vertices that lie inside at least one inflated proxy; 1 means all.
+    /// Share of the skin's vertices that lie inside at least one proxy inflated by its margin; 1 means all.
     pub coverage: f64,
 }
 
@@ -199,8 +200,8 @@ impl Report {
         let facts = skin_facts(skin);
         let layer = layer.map(|(layer, embedding)| {
             let mut measured = layer_facts(layer, embed::extrapolation(embedding), facts.volume_m3);
-            // The filling's own figure counts overlapping pieces of the surface once, and includes the inside that a
-            // shell leaves out.
+            // The value of the filling's report is better: it counts overlapping pieces of the surface once, and
+            // includes the volume that a shell leaves out.
             if let Some(filling) = &log.filling {
                 measured.volume_difference = filling.volume_difference;
             }
@@ -272,7 +273,7 @@ fn proxy_facts(skin: &Skin, proxies: &[Proxy]) -> ProxyFacts {
     }
 }
 
-/// Peak resident memory of the process, bytes, if the operating system tells (Linux does).
+/// Peak resident memory of the process, bytes, if the operating system reports it (Linux does).
 pub fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
@@ -301,7 +302,7 @@ impl fmt::Display for Report {
         if let Some(layer) = &self.layer {
             writeln!(
                 f,
-                "layer: {} nodes, {} tetrahedra, volume {:+.2} % of the skin's, dihedral angles from {:.1} degrees \
+                "layer: {} nodes, {} tetrahedra, volume {:+.2} % off the skin's, dihedral angles from {:.1} degrees \
                  (99 % above {:.1}), largest extrapolation {:.2e}",
                 layer.nodes,
                 layer.tetrahedra,
@@ -313,8 +314,8 @@ impl fmt::Display for Report {
         }
         writeln!(
             f,
-            "proxies: {}, hulls of at most {} vertices, {} triangles in all; margin up to {:.2e} m; at most {} skin \
-             triangles each; cover {:.2} % of the skin",
+            "proxies: {}, hulls of at most {} vertices, {} triangles in all; skin up to {:.2e} m outside; at most {} \
+             skin triangles each; {:.2} % of the skin's vertices covered",
             proxies.count,
             proxies.most_hull_vertices,
             proxies.hull_triangles,

@@ -1,16 +1,16 @@
 //! Decides which rigid coordinate frame each convex collision proxy follows. A proxy whose skin (surface mesh) follows
-//! several rigid cores is split between them, because one hull across a joint would have to be inflated by the whole
-//! swing of the other bone.
+//! several rigid cores is split between them, because a hull that follows one core of a joint would have to be inflated
+//! by the whole swing of the other core.
 
 use std::collections::BTreeMap;
 
 use super::hull::Growing;
 use super::{Embedding, Layer, NONE, Proxy, Skin};
 
-/// Triangles that follow another frame than most of their proxy stay with it if they are at most this share of its
-/// triangles.
+/// Triangles that follow another frame than most of their proxy stay with that proxy if they are at most this share of
+/// its triangles.
 const FEW: f64 = 0.1;
-/// Least number of corners that a split hull grows to, if its skin has as many.
+/// Least number of corners to which the hull of a split proxy grows, if its skin has that many.
 const LEAST_CORNERS: usize = 8;
 
 /// Lets each proxy follow the frame that most of its skin follows, and splits a proxy if much of its skin follows
@@ -34,7 +34,7 @@ pub(super) fn on_frames(
             let [a, b, c] = skin.triangles[t as usize].map(|v| followed[v as usize]);
             groups.entry(if b == c { b } else { a }).or_default().push(t);
         }
-        // Of several largest groups, the first is taken.
+        // If several groups are largest, the first of them is taken.
         let most = groups.iter().rev().max_by_key(|(_, list)| list.len()).map_or(0, |(frame, _)| *frame);
         let least = (FEW * proxy.triangles.len() as f64) as usize;
         let few: Vec<u32> =
@@ -58,7 +58,7 @@ fn frame_of(e: &Embedding, layer: &Layer, node_frames: &[u32]) -> u32 {
     node_frames[layer.tetrahedra[e.tetrahedron as usize][strongest] as usize]
 }
 
-/// Splits a proxy into one for each group of triangles.
+/// Splits a proxy into one proxy for each group of triangles, where a group follows one frame.
 fn part(proxy: &Proxy, skin: &Skin, groups: BTreeMap<u32, Vec<u32>>, most: u32) -> Vec<Proxy> {
     let mut owner: BTreeMap<u32, u32> = proxy.vertices.iter().map(|&v| (v, NONE)).collect();
     for (frame, list) in &groups {
@@ -77,7 +77,7 @@ fn part(proxy: &Proxy, skin: &Skin, groups: BTreeMap<u32, Vec<u32>>, most: u32) 
                 while growing.hull.vertices.len() < proxy.hull.len().max(LEAST_CORNERS) && growing.grow() {}
                 (growing.hull.vertices, growing.hull.faces)
             }
-            // If a group's points coincide, it keeps the old hull, which contains it too.
+            // If a group's points coincide, its proxy keeps the old hull, which also contains them.
             None => (proxy.hull.clone(), proxy.faces.clone()),
         };
         let height = |v: u32| {
@@ -111,7 +111,7 @@ mod tests {
         assert_eq!(parted.iter().map(|p| p.frame).collect::<Vec<_>>(), [0, 1]);
         for p in &parted {
             let (low, high) = if p.frame == 0 { (0.0, 2.8) } else { (2.4, 4.0) };
-            assert!(p.hull.iter().all(|v| v.x >= low && v.x <= high), "{:?}", p.hull);
+            assert!(p.hull.iter().all(|v| v.x >= low && v.x <= high), "hull {:?}", p.hull);
         }
         // A few triangles that follow another frame stay with their proxy; with a single frame nothing changes.
         let few: Vec<u32> = bar.nodes.iter().map(|n| u32::from(n.x > 3.6)).collect();

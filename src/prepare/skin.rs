@@ -7,9 +7,9 @@ use super::{NONE, Skin};
 
 /// A skin from positions (m, rest frame) and counter-clockwise triangles.
 ///
-/// Two triangles are neighbours if they alone share an edge and run along it in opposite directions. A boundary edge,
-/// an edge of three or more triangles and an edge whose triangles are inconsistently oriented have the neighbour
-/// [`NONE`]. Every index must be below the number of vertices (the readers check it).
+/// Two triangles are neighbours if they are the only ones at an edge and run along it in opposite directions. A
+/// boundary edge, an edge of three or more triangles and an edge whose triangles are inconsistently oriented have the
+/// neighbour [`NONE`]. Every index must be below the number of vertices (the readers check it).
 pub fn build(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Skin {
     let neighbours = neighbours(&triangles);
     let mut areas = vec![0.0; vertices.len()];
@@ -46,8 +46,8 @@ fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     neighbours
 }
 
-/// Counts defective edges: those of one triangle; and those of three or more triangles or of two that run along them in
-/// the same direction.
+/// Counts defective edges. The first number is that of edges with one triangle; the second is that of edges with three
+/// or more triangles, or with two that run along the edge in the same direction.
 pub fn defects(triangles: &[[u32; 3]]) -> (usize, usize) {
     let mut edges: Vec<(u32, u32, bool)> = Vec::with_capacity(3 * triangles.len());
     for &[a, b, c] in triangles {
@@ -77,8 +77,8 @@ pub fn parts(vertex_count: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, usize) {
     sets.labels()
 }
 
-/// Disjoint sets of indices (union-find). The representative is always the least member, so that labels do not depend
-/// on the order of joining.
+/// Disjoint sets of indices (union-find). A set's representative is always its least member, so that labels do not
+/// depend on the order of joining.
 pub struct Sets(Vec<u32>);
 
 impl Sets {

@@ -1,6 +1,6 @@
 //! The version of the code that prepares bodies: its source texts, and the lock file with the versions of its
-//! libraries. They are part of every cache key, so that a cached body made by other code is made again, and no version
-//! number has to be maintained.
+//! libraries. They are part of every cache key, so that a body that was cached by other code is made again, and no
+//! version number has to be maintained.
 
 /// Contents of every file on which the costly, cached parts of a body depend.
 pub(super) const SOURCES: &[&str] = &[

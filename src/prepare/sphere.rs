@@ -1,5 +1,5 @@
-//! The sphere tool's surface: an icosphere whose vertices all lie at the radius, so that contact starts where the
-//! sphere does.
+//! Surface of a spherical tool (the rigid body that the haptic device leads): an icosphere whose vertices all lie at
+//! the sphere's radius, so that contact starts where the sphere begins.
 
 use std::collections::BTreeMap;
 
@@ -73,6 +73,6 @@ mod tests {
         let ball = 4.0 / 3.0 * std::f64::consts::PI * 1e-6;
         let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
         // An inscribed polyhedron with edge e and radius r is smaller by about (e / r)^2 / 4; here e is 0.07 r.
-        assert!(volume < ball && volume > 0.995 * ball, "{volume}");
+        assert!(volume < ball && volume > 0.995 * ball, "volume {volume} m^3");
     }
 }

@@ -1,4 +1,6 @@
-//! Tests of the whole preparation: bodies and tools of a scene, and real meshes.
+//! Tests of the whole preparation of a scene's bodies and tool, on generated and on real meshes. A body has a skin
+//! (surface mesh), a layer (tetrahedral mesh), rigid cores to which nodes of the layer are attached, and proxies
+//! (convex hulls).
 
 #[path = "../../tests/real_meshes/mod.rs"]
 pub mod real_meshes;
@@ -40,7 +42,7 @@ fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
         check_layer(&layer, mass::properties(&mesh.vertices, &mesh.triangles).volume);
         let embeddings = embed(&mesh.vertices, &layer).unwrap();
         let worst = embed::extrapolation(&embeddings);
-        assert!(worst < EXTRAPOLATION, "{name}: {worst}, cell {cell}");
+        assert!(worst < EXTRAPOLATION, "{name}: extrapolation {worst} with cells of {cell} m");
         let embed_time = start.elapsed() - layer_time;
         let skin = skin::build(mesh.vertices, mesh.triangles);
         assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
@@ -52,22 +54,23 @@ fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
         let margin = proxies.iter().map(|p| p.margin).fold(0.0, f64::max);
         let most = proxies.iter().map(|p| p.triangles.len()).max().unwrap();
         println!(
-            "{name}: {} tetrahedra {layer_time:.0?}, embedding {embed_time:.0?}, {} proxies {proxy_time:.0?}, \
-             margin {margin:.2e}, most triangles {most}",
+            "{name}: {} tetrahedra in {layer_time:.0?}, embedding in {embed_time:.0?}, {} proxies in {proxy_time:.0?}, \
+             margin {margin:.2e} m, at most {most} triangles in a proxy",
             layer.tetrahedra.len(),
             proxies.len()
         );
-        // Greedy hulls of 64 corners leave a few per cent of a part's size outside; a missed corner would leave far
-        // more.
-        assert!(margin < 0.02 * (high - low).length(), "{name}: {margin}");
+        // Skin sticks out of greedy hulls of 64 corners by a few per cent of a part's size; with a missed corner it
+        // would stick out far more.
+        assert!(margin < 0.02 * (high - low).length(), "{name}: margin {margin} m");
     }
 }
 
-/// Greatest extrapolation of a skin vertex: it lies within a cell of the layer, and no height of its tetrahedron is
-/// much below half a cell.
+/// Greatest extrapolation of a skin vertex: the vertex lies within one cell of the layer, and no height of its
+/// tetrahedron is much below half a cell.
 const EXTRAPOLATION: f64 = 1.5;
 
-/// Checks that all volumes are positive, the layer is in one part, and its volume is what the surface encloses.
+/// Checks that all volumes are positive, the layer is in one part, and its volume agrees with the volume that the
+/// surface encloses.
 fn check_layer(layer: &Layer, volume: f64) {
     let volumes = layer.tetrahedra.iter().map(|t| layer::volume6(&layer.nodes, t) / 6.0);
     assert!(volumes.clone().all(|v| v > 0.0));
@@ -137,7 +140,7 @@ fn prepared(scene: &Scene) -> Result<Body> {
 fn a_box_is_bound_in_file_coordinates_and_scaled() {
     let face = Bind::Box { low: DVec3::ZERO, high: DVec3::new(0.0, 1.0, 1.0) };
     let body = prepared(&scene(cube(), &[face])).unwrap();
-    let Shape::Soft { layer, embedding, skin, proxies, .. } = body.shape else { panic!("not soft") };
+    let Shape::Soft { layer, embedding, skin, proxies, .. } = body.shape else { panic!("the body is not soft") };
     assert_eq!(layer.nodes[26], DVec3::splat(2.0));
     assert_eq!(layer.attached.iter().filter(|&&b| b).count(), 9);
     assert!((0..27).all(|n| layer.attached[n] == (layer.nodes[n].x == 0.0)));
@@ -152,10 +155,10 @@ fn cores_that_hold_nothing_and_bad_nodes_are_refused_by_name() {
     let error = prepared(&scene(cube(), &[Bind::All, nowhere])).unwrap_err().to_string();
     assert!(
         error.contains("`body.thing.core.core1.bind`") && error.contains("no node is attached to the core"),
-        "{error}"
+        "the error is: {error}"
     );
     let error = prepared(&scene(cube(), &[Bind::Nodes(vec![27])])).unwrap_err().to_string();
-    assert!(error.contains("node 27 does not exist, the layer has 27"), "{error}");
+    assert!(error.contains("node 27 does not exist, the layer has 27"), "the error is: {error}");
     assert!(prepared(&scene(cube(), &[])).is_ok());
 }
 
@@ -163,11 +166,14 @@ fn cores_that_hold_nothing_and_bad_nodes_are_refused_by_name() {
 fn cells_out_of_range_are_refused_by_name() {
     let layer = scene::Layer::Box { low: DVec3::ZERO, high: DVec3::ONE, cells: [200, 200, 200] };
     let error = prepared(&scene(scene::Shape::Soft { surface: None, layer }, &[])).unwrap_err().to_string();
-    assert!(error.contains("`body.thing.layer.cells`") && error.contains("48000000"), "{error}");
+    assert!(error.contains("`body.thing.layer.cells`") && error.contains("48000000"), "the error is: {error}");
     let layer = scene::Layer::Cell { cell: 3.0, grade: 1, thickness: None };
     let surface = Some(Surface::Model { model: Model::Head, vertices: 3000 });
     let error = prepared(&scene(scene::Shape::Soft { surface, layer }, &[])).unwrap_err().to_string();
-    assert!(error.contains("`body.thing.layer.cell`") && error.contains("smaller than one cell"), "{error}");
+    assert!(
+        error.contains("`body.thing.layer.cell`") && error.contains("smaller than one cell"),
+        "the error is: {error}"
+    );
 }
 
 #[test]
@@ -182,7 +188,7 @@ fn parts_with_nothing_to_hold_them_are_refused() {
     std::fs::write(&path, text).unwrap();
     let shape = scene::Shape::Soft { surface: None, layer: scene::Layer::File(path) };
     let error = prepared(&scene(shape.clone(), &[Bind::Nodes(vec![1])])).unwrap_err().to_string();
-    assert!(error.contains("4 nodes, among them") && error.contains("node 4"), "{error}");
+    assert!(error.contains("4 nodes, among them") && error.contains("node 4"), "the error is: {error}");
     assert!(prepared(&scene(shape, &[Bind::Nodes(vec![1, 7])])).is_ok());
 }
 
@@ -194,7 +200,7 @@ fn nodes_of_no_tetrahedron_are_left_out_and_cores_count_as_the_file_does() {
     std::fs::write(folder.path().join("spare.ele"), "1 4 0\n0 1 2 4 5\n").unwrap();
     let shape = scene::Shape::Soft { surface: None, layer: scene::Layer::File(path) };
     let body = prepared(&scene(shape.clone(), &[Bind::Nodes(vec![2, 5])])).unwrap();
-    let Shape::Soft { layer, .. } = &body.shape else { panic!("not soft") };
+    let Shape::Soft { layer, .. } = &body.shape else { panic!("the body is not soft") };
     assert_eq!(layer.nodes, [DVec3::ZERO, 2.0 * DVec3::X, 2.0 * DVec3::Y, 2.0 * DVec3::Z]);
     assert_eq!((&layer.tetrahedra[..], &layer.attached[..]), (&[[0, 1, 2, 3]][..], &[false, true, false, true][..]));
     assert!(
@@ -204,7 +210,7 @@ fn nodes_of_no_tetrahedron_are_left_out_and_cores_count_as_the_file_does() {
     );
     for (node, words) in [(3, "node 3 belongs to no tetrahedron"), (6, "node 6 does not exist")] {
         let error = prepared(&scene(shape.clone(), &[Bind::Nodes(vec![node])])).unwrap_err().to_string();
-        assert!(error.contains(words), "{error}");
+        assert!(error.contains(words), "the error is: {error}");
     }
 }
 
@@ -234,10 +240,14 @@ fn the_real_head_is_prepared_with_a_core() {
     let shape = scene::Shape::Soft { surface, layer: scene::Layer::Cell { cell: 0.012, grade: 1, thickness: None } };
     let start = std::time::Instant::now();
     let body = prepared(&scene(shape, &[Bind::Inset(0.03)])).unwrap();
-    println!("head in {:.1?}", start.elapsed());
-    let Shape::Soft { layer, embedding, skin, .. } = body.shape else { panic!("not soft") };
+    println!("the head was prepared in {:.1?}", start.elapsed());
+    let Shape::Soft { layer, embedding, skin, .. } = body.shape else { panic!("the body is not soft") };
     let bound = layer.attached.iter().filter(|&&b| b).count();
-    assert!(bound > layer.nodes.len() / 10 && bound < layer.nodes.len() / 2, "{bound} of {}", layer.nodes.len());
+    assert!(
+        bound > layer.nodes.len() / 10 && bound < layer.nodes.len() / 2,
+        "{bound} nodes are attached, of {}",
+        layer.nodes.len()
+    );
     assert_eq!(embedding.len(), skin.vertices.len());
     assert!(embed::extrapolation(&embedding) < EXTRAPOLATION);
 }
@@ -249,12 +259,12 @@ fn the_real_human_sticks_out_of_its_file_layer_a_little() {
     let surface = Some(Surface::File(folder.join("surf/human.obj")));
     let shape = scene::Shape::Soft { surface, layer: scene::Layer::File(folder.join("tet/human.v22.msh")) };
     let body = prepared(&scene(shape, &[Bind::Inset(0.03)])).unwrap();
-    let Shape::Soft { layer, embedding, skin, proxies, .. } = body.shape else { panic!("not soft") };
+    let Shape::Soft { layer, embedding, skin, proxies, .. } = body.shape else { panic!("the body is not soft") };
     assert_eq!((layer.nodes.len(), layer.tetrahedra.len(), skin.vertices.len()), (3128, 10204, 13380));
     // The file's mesh was made by fTetWild, which keeps within a tolerance of the surface, so some vertices lie
     // outside. A weight below -1 would mean that a sliver was chosen.
     let worst = embed::extrapolation(&embedding);
-    assert!(worst > 0.0 && worst < 1.0, "{worst}");
+    assert!(worst > 0.0 && worst < 1.0, "extrapolation {worst}");
     for (e, &v) in embedding.iter().zip(&skin.vertices) {
         let nodes = layer.tetrahedra[e.tetrahedron as usize].map(|i| layer.nodes[i as usize]);
         let back: DVec3 = nodes.iter().zip(e.weights).map(|(&n, w)| n * w).sum();

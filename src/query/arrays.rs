@@ -11,8 +11,9 @@ use crate::prepare::Cache;
 use crate::prepare::cache::{Entry, KeyMaker};
 use crate::shaders;
 
-/// Number of runs before times are taken, and (below) of runs whose times are taken.
+/// Number of runs of each recording before times are taken.
 const WARM_UP: usize = 3;
+/// Number of timed runs of each recording; the median time counts.
 const RUNS: usize = 9;
 /// Number of tetrahedra in the measured pass; the nodes of each lie close together in memory.
 const TETRAHEDRA: u32 = 1 << 14;
@@ -26,13 +27,13 @@ pub struct ArrayChoice {
 
 enum Why {
     Asked,
-    /// Texel buffers of the device are too small: they hold at most this number of elements.
+    /// The device's texel buffers are too small: they hold at most this number of elements.
     Limit(u32),
-    /// Kernels of the device may bind too few storage buffers: at most this number.
+    /// The device lets a kernel bind too few storage buffers: at most this number.
     Buffers(u32),
-    /// It was settled earlier on this context, for a kernel or another simulation.
+    /// The choice was made earlier in this context, for a kernel or another simulation.
     Before,
-    /// The options do not ask to measure.
+    /// The options do not ask for a measurement.
     Unmeasured,
     /// Median times of the measured pass, microseconds: with texel buffers, with storage buffers.
     Measured([f64; 2]),
@@ -70,7 +71,7 @@ impl fmt::Display for ArrayChoice {
         match self.why {
             Why::Asked => write!(f, "asked for"),
             Why::Limit(elements) => write!(f, "the device's texel buffers hold only {elements} elements"),
-            Why::Buffers(count) => write!(f, "the device's kernels have at most {count} storage buffers"),
+            Why::Buffers(count) => write!(f, "the device lets a kernel bind at most {count} storage buffers"),
             Why::Before => write!(f, "as chosen before on this device"),
             Why::Unmeasured => write!(f, "not measured"),
             Why::Measured([texel, storage]) => {
@@ -166,9 +167,9 @@ mod tests {
         let why = "storage buffers: the device's texel buffers hold only 65536 elements";
         assert_eq!(chosen(options), (Arrays::Storage, why.into()));
         let plain = chosen(Options { cache: Some(cache.clone()), ..Options::default() });
-        assert!(plain.1.contains("not measured") || plain.1.contains("hold only"), "{plain:?}");
+        assert!(plain.1.contains("not measured") || plain.1.contains("hold only"), "unmeasured choice: {plain:?}");
         let first = chosen(measured());
-        assert!(first.1.contains("measured ") || first.1.contains("hold only"), "{first:?}");
+        assert!(first.1.contains("measured ") || first.1.contains("hold only"), "choice by measurement: {first:?}");
         // Times differ from one measurement to the next, so equal times show that the second run read the stored ones.
         assert_eq!(chosen(measured()), first);
     }

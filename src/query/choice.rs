@@ -1,5 +1,6 @@
-//! Chooses between the two paths of the depth stage, compute and graphics: the one asked for, the only one that the
-//! device can run, or the faster one, which is measured once per device.
+//! Chooses between the two implementations (paths) of the depth stage, which finds where rays from skin vertices hit
+//! triangles: compute or graphics. It takes the path that is asked for, the only one that the device can run, or the
+//! faster one, which is measured once per device.
 
 use std::fmt;
 use std::sync::Arc;
@@ -15,11 +16,13 @@ use crate::scene::{Scene, Tool, ToolShape};
 use crate::stages::depth::{self, Path};
 use crate::{Error, Result};
 
-/// Number of runs of each path before times are taken, and (below) of runs whose times are taken.
+/// Number of runs of each path before times are taken.
 const WARM_UP: usize = 3;
+/// Number of timed runs of each path; the median time counts.
 const RUNS: usize = 9;
-/// The measured query has two spheres of this radius, whose skins overlap by the depth below, m.
+/// Radius of the two spheres of the measured query, m.
 const RADIUS: f64 = 0.01;
+/// Depth by which the skins of the two spheres overlap, m.
 const OVERLAP: f64 = 0.002;
 
 /// The path that was chosen, and why.
@@ -32,19 +35,19 @@ pub struct Choice {
 enum Why {
     Asked,
     Only,
-    /// The options do not ask to measure.
+    /// The options do not ask for a measurement.
     Unmeasured,
-    /// Median times of the depth stage, microseconds: by this path, by the other.
+    /// Median times of the depth stage, microseconds: by the chosen path, by the other.
     Measured(f64, f64),
 }
 
 impl Choice {
-    /// The path asked for, else the only one, else the faster one if the context measures; times are kept in its cache
-    /// folder.
+    /// Takes the path asked for, else the only one that the device can run, else the faster one if the context measures
+    /// (it keeps the times in its cache folder), else the compute path.
     pub fn new(context: &Arc<Context>, asked: Option<Path>) -> Result<Choice> {
         match asked {
             Some(Path::Graphics) if !context.fragment_stores() => Err(Error::NoDevice(format!(
-                "{} has no graphics path: it lacks fragmentStoresAndAtomics; ask for depth \"compute\" or \"auto\"",
+                "{} lacks fragmentStoresAndAtomics for the graphics path; ask for depth \"compute\" or \"auto\"",
                 context.device_name()
             ))),
             Some(path) => Ok(Choice { path, why: Why::Asked }),
@@ -68,9 +71,9 @@ impl fmt::Display for Choice {
         write!(f, "{} path: ", self.path.name())?;
         match self.why {
             Why::Asked => write!(f, "asked for"),
-            Why::Only => write!(f, "the only one, the device lacks fragmentStoresAndAtomics"),
+            Why::Only => write!(f, "the only one, since the device lacks fragmentStoresAndAtomics"),
             Why::Unmeasured => write!(f, "not measured"),
-            Why::Measured(own, other) => write!(f, "measured {own:.0} us against {other:.0} us"),
+            Why::Measured(own, other) => write!(f, "measured {own:.0} us, the other path {other:.0} us"),
         }
     }
 }
@@ -167,8 +170,8 @@ mod tests {
         let cache = Cache::of(&context);
         let begun = Instant::now();
         let first = kept_times(&context, &cache).unwrap();
-        println!("measured {first:?} us in {:?}", begun.elapsed());
-        assert!(first.iter().all(|us| *us > 0.0 && us.is_finite()), "{first:?}");
+        println!("median times of graphics and compute path {first:?} us, measured in {:?}", begun.elapsed());
+        assert!(first.iter().all(|us| *us > 0.0 && us.is_finite()), "median times {first:?} us");
         // Times differ from one measurement to the next, so times equal to the last bit show that the stored ones were
         // read.
         assert_eq!(kept_times(&context, &cache).unwrap(), first);
@@ -182,8 +185,8 @@ mod tests {
     #[test]
     fn the_faster_path_is_taken_and_said_with_both_figures() {
         let of = |times| Choice::faster(times).to_string();
-        assert_eq!(of([210.4, 900.0]), "graphics path: measured 210 us against 900 us");
-        assert_eq!(of([900.0, 210.4]), "compute path: measured 210 us against 900 us");
-        assert_eq!(of([5.0, 5.0]), "compute path: measured 5 us against 5 us");
+        assert_eq!(of([210.4, 900.0]), "graphics path: measured 210 us, the other path 900 us");
+        assert_eq!(of([900.0, 210.4]), "compute path: measured 210 us, the other path 900 us");
+        assert_eq!(of([5.0, 5.0]), "compute path: measured 5 us, the other path 5 us");
     }
 }

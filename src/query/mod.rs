@@ -50,13 +50,14 @@ pub struct QuerySettings {
     pub direction: Option<DVec3>,
     /// How runs are timed.
     pub timing: Timing,
-    /// Path by which the depth stage finds where triangles meet the rays of opposing vertices; `None`: the only path
-    /// that the device can run, or the faster one ([`Options::measure`]).
+    /// Path by which the depth stage finds where triangles meet the rays of opposing vertices; `None`: compute, or the
+    /// graphics path where [`Options::measure`] is set and finds it faster.
     pub depth: Option<Path>,
 }
 
 impl QuerySettings {
-    /// The usual settings: a depth limit of a tenth of the smaller body's extent, no given direction, and timed stages.
+    /// The default settings: a depth limit of a tenth of the smaller body's extent, no given direction, and timed
+    /// stages.
     pub fn of(a: &Body, b: &Body) -> QuerySettings {
         let extent = [a, b].map(|body| rigid(body).map_or(f64::INFINITY, |(skin, ..)| extent(skin)));
         QuerySettings {
@@ -79,10 +80,12 @@ pub struct Query {
     context: Arc<Context>,
     common: Common,
     touch: TouchStages,
-    /// One recording per [`Timing`]: untimed, timed by stage, timed as one.
+    /// One recording of the stages per [`Timing`]: untimed, each stage timed, all stages timed as one.
     records: [Recording; 3],
     timing: Timing,
+    /// Clears the results of the last run.
     fresh: Recording,
+    /// Copies the results to `contacts`, `counts` and `contact_patches`, which the host can read.
     fetch: Recording,
     contacts: Buffer,
     counts: Buffer,
@@ -94,7 +97,7 @@ pub struct Query {
     path: Path,
 }
 
-/// What the CPU side keeps of a body.
+/// What the host keeps of a body.
 struct Side {
     centroid: DVec3,
     vertices: u32,
@@ -137,14 +140,14 @@ pub struct QueryContact {
     pub triangle: u32,
     /// Barycentric coordinates of that hit in the triangle.
     pub barycentric: [f64; 3],
-    /// Area of the skin around the vertex, projected on the normal, m^2; halved, since the vertices of both bodies make
-    /// contacts.
+    /// Area of the skin around the vertex, projected along the normal, m^2; halved, since vertices of both bodies
+    /// become contacts.
     pub area: f64,
 }
 
 impl Query {
     /// Prepares two rigid bodies of a scene, by name, and opens a Vulkan device for them. Depths beyond a tenth of the
-    /// smaller body's extent raise a flag ([`Query::set_depth_limit`]); the broad phase finds the direction
+    /// smaller body's extent raise a flag ([`Query::set_depth_limit`]); the broad phase finds the contact normal
     /// ([`Query::set_direction`]).
     ///
     /// # Errors
@@ -332,8 +335,8 @@ impl Query {
         }
     }
 
-    /// The middle of the overlap of the bodies' bounding boxes, or of the gap between them: single precision has most
-    /// digits near it.
+    /// The world position that f32 positions on the GPU are relative to: the middle of the overlap of the bodies'
+    /// bounding boxes, or of the gap between them, since single precision is finest near its origin.
     fn origin(&self, poses: [(DVec3, DQuat); 2]) -> DVec3 {
         let boxes = [0, 1].map(|k| {
             let (position, orientation) = poses[k];
@@ -357,6 +360,7 @@ fn rigid(body: &Body) -> Result<(&Skin, &[Proxy], DVec3)> {
     }
 }
 
+/// What the host keeps of a rigid body; an error for any other body.
 fn side(body: &Body) -> Result<Side> {
     let (skin, proxies, centroid) = rigid(body)?;
     Ok(Side {

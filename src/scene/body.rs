@@ -251,12 +251,12 @@ pub(super) fn sphere(value: &Value) -> Result<(DVec3, f64)> {
     value.held((DVec3::new(x, y, z), radius), check::radius(radius))
 }
 
-/// The cores of a soft body: first one per bone, fixed unless a `[[body.core]]` of the same name says how it moves;
-/// then the other cores.
+/// The cores of a soft body: first one per bone, fixed unless a `[[body.core]]` of the same name gives its motion; then
+/// the other cores.
 fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
     let bones = skeleton.map_or(&[][..], |skeleton| &skeleton.bones);
     if bones.is_empty() {
-        refuse(table, &["bones"], "says how the bones of a `skeleton` move, but the body has no `skeleton`")?;
+        refuse(table, &["bones"], "gives the motion of the bones of a `skeleton`, but the body has no `skeleton`")?;
     }
     let motions = [("fixed", false), ("dynamic", true)];
     let usual = match table.or("bones", false, |value| value.one_of("motion of all bones", &motions))? {
@@ -296,7 +296,7 @@ fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
     Ok(cores)
 }
 
-/// Mass and hinge of a core; refused where the core is not dynamic, since nothing would use them.
+/// Mass and hinge of a core. They are refused for a core that is not dynamic, since nothing would use them.
 fn dynamic_keys(table: &Table, motion: &Motion) -> Result<(Option<f64>, Option<Hinge>)> {
     if !matches!(motion, Motion::Dynamic) {
         refuse(table, &DYNAMIC_KEYS, "belongs to motion = \"dynamic\"")?;
@@ -309,7 +309,7 @@ fn hinge(value: &Value) -> Result<Hinge> {
     let axis = table.need("axis")?;
     let direction = axis.vector()?;
     if direction.length() < SHORTEST_NORMAL {
-        return Err(axis.error("is zero", "give the direction of the line that the core turns about"));
+        return Err(axis.error("is zero", "give the direction of the line about which the core rotates"));
     }
     Ok(Hinge { point: table.need("point")?.vector()?, axis: direction.normalize() })
 }

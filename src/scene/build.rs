@@ -16,7 +16,7 @@ use super::{
 use crate::{Error, Result};
 
 /// A scene under construction. Each method checks what it is given; an error names the key that a scene file would have
-/// for it, and leaves the scene unchanged. That the bodies which it names exist is checked by [`SceneBuilder::build`].
+/// for it, and leaves the scene unchanged. [`SceneBuilder::build`] checks that all bodies named in the scene exist.
 ///
 /// ```
 /// use palpate::SceneBuilder;
@@ -43,8 +43,8 @@ pub struct SceneBuilder {
 }
 
 impl SceneBuilder {
-    /// A scene without bodies and tool; all else is as in a scene file without any table. Errors and results show
-    /// `name`. Files that tables name are relative to the folder of `name`; those of [`super::Surface::File`] and
+    /// A scene without bodies and tool; all else has the values of an empty scene file. Errors and results show `name`.
+    /// Files that tables name are relative to the folder of `name`; those of [`super::Surface::File`] and
     /// [`super::Layer::File`] are relative to the working directory.
     pub fn new(name: impl Into<PathBuf>) -> SceneBuilder {
         SceneBuilder { scene: Scene::empty(name), meshes: Meshes::default() }
@@ -58,7 +58,7 @@ impl SceneBuilder {
     /// Sets time step, gravity and number of Newton iterations.
     ///
     /// # Errors
-    /// The value is one that a scene file may not have either; the same holds for the methods below.
+    /// The value is one that a scene file may not have either. This also holds for the methods below.
     pub fn step(&mut self, step: Step) -> Result<&mut Self> {
         step.check().map_err(|problem| self.wrong("step", problem))?;
         self.overrule(&["step.dt", "step.newton"]);
@@ -132,8 +132,8 @@ impl SceneBuilder {
     }
 
     /// Adds the tables of a text in the format of scene files: its bodies and probes come after the existing ones, its
-    /// other tables and keys replace existing values, and what it leaves out stays. Bodies that it names must exist, in
-    /// the text or before it.
+    /// other tables and keys replace existing values, and values that it does not mention are kept. Bodies that it
+    /// names must be in the text or in the scene already.
     pub fn toml(&mut self, text: &str) -> Result<&mut Self> {
         let document = self.source(text).parse()?;
         self.add_document(text, &document)?;
@@ -168,7 +168,7 @@ impl SceneBuilder {
         Ok(scene.clone())
     }
 
-    /// The scene as it is so far; names in it may still be unresolved.
+    /// The scene so far; names in it may still be unresolved.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
@@ -179,7 +179,7 @@ impl SceneBuilder {
         &mut self.meshes
     }
 
-    /// As [`SceneBuilder::toml`], for tables that a program made: without a text, errors name keys but no lines.
+    /// Like [`SceneBuilder::toml`], for tables that a program made: without a text, errors name keys but no lines.
     #[doc(hidden)]
     pub fn tables(&mut self, tables: &toml::Table) -> Result<()> {
         self.add_document("", &Node::from(tables))
@@ -195,8 +195,8 @@ impl SceneBuilder {
         Ok(())
     }
 
-    /// Sets by name which bodies the body with index `body` collides with; `None`: every other. The named bodies must
-    /// exist.
+    /// Sets by name which bodies the body with index `body` collides with; `None`: all other bodies. The named bodies
+    /// must exist.
     pub fn collides(&mut self, body: usize, names: Option<Vec<String>>) -> Result<&mut Self> {
         let bodies = self.scene.bodies.len();
         let Some(named) = self.scene.bodies.get(body) else {
@@ -223,7 +223,7 @@ impl SceneBuilder {
         Ok(())
     }
 
-    /// The scene as it is so far, for `load.rs` to change.
+    /// The scene so far, for `load.rs` to change.
     pub(super) fn scene_mut(&mut self) -> &mut Scene {
         &mut self.scene
     }
@@ -366,7 +366,7 @@ mod tests {
         else {
             panic!("{:?}", builder.scene().bodies[0]);
         };
-        // The tetrahedron was given inside out, and was turned as one from a file would be.
+        // The tetrahedron was given inside out, and was corrected as one from a file would be.
         assert_eq!((skin.triangles.len(), inside.tetrahedra[0]), (4, [0, 2, 3, 1]));
     }
 
@@ -509,7 +509,7 @@ mod tests {
             Body { joints, cores: cores.to_vec(), ..soft() }
         };
         let refused = |joints| words(SceneBuilder::new("s").body(body(joints)));
-        assert!(refused(vec![joint([0, 3])]).starts_with("`body.a.joint[0].cores`: names core 3, and there are 3"));
+        assert!(refused(vec![joint([0, 3])]).starts_with("`body.a.joint[0].cores`: names core 3, but there are 3"));
         assert!(refused(vec![joint([1, 1])]).starts_with("`body.a.joint[0].cores`: is the same core"));
         let loop_of_three = vec![joint([0, 1]), joint([1, 2]), joint([2, 0])];
         assert!(refused(loop_of_three).starts_with("`body.a.joint[2]`: \"e\" and \"c\" are already connected"));

@@ -1,5 +1,5 @@
-//! The rules that the values of a scene obey. [`super::SceneBuilder`] checks whole structs, whoever made them; the
-//! reader of scene files (`keys.rs`) also checks single numbers, so that it can report their line.
+//! The rules for the values of a scene. [`super::SceneBuilder`] checks whole structs, whatever made them; the reader of
+//! scene files (`keys.rs`) also checks single numbers, so that it can report their line.
 
 use std::fmt::Debug;
 use std::ops::RangeInclusive;
@@ -22,7 +22,7 @@ const LONGEST_NAME: usize = 100;
 /// How far a quaternion's length may be from one: a smaller difference is rounding, a larger one a typing error.
 const UNIT_TOLERANCE: f64 = 1e-3;
 /// How far the length of a normal or an axis that a program gives may be from one; the reader of files normalises its
-/// own.
+/// own vectors.
 const NORMAL_TOLERANCE: f64 = 1e-6;
 /// Greatest number of solver iterations: they are recorded beforehand, with four passes each.
 pub const MOST_ITERATIONS: u32 = 10_000;
@@ -41,16 +41,16 @@ const MOST_BOX_TETRAHEDRA: u64 = 1 << 27;
 const POISSON: std::ops::Range<f64> = -0.5..0.5;
 /// Column prefixes of the trace, which no probe may have as its name.
 const RESERVED_PROBES: [&str; 4] = ["tool", "device", "force", "torque"];
-/// Remedy for a faulty key of a trajectory: says what a key is.
+/// Remedy for a wrong key of a trajectory; it explains what a key is.
 pub const KEY_REMEDY: &str =
     "a key is t,x,y,z or t,x,y,z,qx,qy,qz,qw: numbers below 1e30, unit quaternion, times increasing";
 
-/// A fault of a value, and its remedy.
+/// An error in a value, and its remedy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem {
-    /// Dotted path of the faulty key, relative to the value that was checked; empty where that whole value is at fault.
+    /// Dotted path of the wrong key, relative to the value that was checked; empty if that whole value is wrong.
     pub key: String,
-    /// What is at fault.
+    /// What is wrong.
     pub problem: String,
     /// What the user can do about it.
     pub remedy: String,
@@ -70,7 +70,7 @@ impl Problem {
         Problem { key: key.into(), problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// Puts `key` before the problem's own key, for a caller who has the checked value under that key.
+    /// Puts `key` before the problem's own key, for a caller whose checked value has that key.
     pub fn within(mut self, key: impl AsRef<str>) -> Problem {
         let dot = if self.key.is_empty() || self.key.starts_with('[') { "" } else { "." };
         self.key = format!("{}{dot}{}", key.as_ref(), self.key);
@@ -320,7 +320,7 @@ impl Material {
 
 impl Haptics {
     /// Checks the values, and returns the first problem. Settings of the Haply service and of the simulated hand are
-    /// not checked here, but where a file is read.
+    /// checked only where a file is read.
     pub(crate) fn check(&self) -> Check {
         rate(self.rate).under("rate")?;
         let limits = &self.limits;
@@ -369,7 +369,7 @@ impl Tool {
             _ => ("surface", &[]),
         };
         if let Some((key, _)) = given.iter().find(|(_, is_given)| *is_given) {
-            return Err(Problem::of(*key, format!("has no meaning beside `{shape}`"), "remove it"));
+            return Err(Problem::of(*key, format!("has no meaning together with `{shape}`"), "remove it"));
         }
         if is_body {
             return Ok(());
@@ -504,7 +504,7 @@ impl Body {
             direction(resistance.axis).under("axis")?;
         }
         if let Some(missing) = joint.cores.iter().find(|core| **core >= self.cores.len()) {
-            let problem = format!("names core {missing}, and there are {}, counted from 0", self.cores.len());
+            let problem = format!("names core {missing}, but there are {}, counted from 0", self.cores.len());
             return Err(Problem::of("cores", problem, "name two cores"));
         }
         if joint.cores[0] == joint.cores[1] {
@@ -583,7 +583,7 @@ impl Place {
 }
 
 impl Core {
-    /// Checks a core; `is_soft`: its body is soft, so that nodes are attached to the core.
+    /// Checks a rigid core; `is_soft`: its body is soft, so that nodes are attached to the core.
     fn check(&self, is_soft: bool) -> Check {
         name(&self.name).under("name")?;
         if let Motion::Kinematic(list) = &self.motion {

@@ -1,9 +1,9 @@
-//! Reads a mesh file, text or binary, from its beginning to its end: lines, words and numbers one by one, with errors
-//! that say where in the file they are.
+//! Reads a mesh file, text or binary, from beginning to end: lines, words and numbers one by one. Errors give the
+//! position in the file.
 //!
-//! The parsers that use it are our own so that errors name file and line, and so that a wrong count in a file's header
-//! never makes them allocate memory. Of the existing crates, mshio reads only Gmsh 4.1, vtkio is between releases, and
-//! neither reports lines.
+//! The parsers that use this are our own, so that errors name file and line, and so that a wrong count in a file's
+//! header never makes them allocate memory. Of the existing crates, mshio reads only Gmsh 4.1, vtkio had no current
+//! release, and neither reports lines.
 
 use std::path::Path;
 use std::str::FromStr;
@@ -27,9 +27,9 @@ pub(super) struct Cursor<'a> {
     path: &'a Path,
     bytes: &'a [u8],
     at: usize,
-    /// Position at which the item that was read last begins.
+    /// Position at which the last item read begins.
     mark: usize,
-    /// Remedy for any damage of the file.
+    /// Remedy that every error in the file's data shows.
     remedy: &'static str,
     /// Byte order of the numbers; `None` for text.
     pub order: Option<Order>,
@@ -58,7 +58,7 @@ impl<'a> Cursor<'a> {
         Cursor { has_lines: false, ..Cursor::new(name, &[], remedy) }
     }
 
-    /// Position at which the item that was read last begins, for [`Cursor::error_at`].
+    /// Position at which the last item read begins, for [`Cursor::error_at`].
     pub(super) fn mark(&self) -> usize {
         self.mark
     }
@@ -67,7 +67,7 @@ impl<'a> Cursor<'a> {
         self.error_at(self.mark, problem, self.remedy)
     }
 
-    /// An error at a byte of the file; it names the line of a text, or the byte itself among binary numbers.
+    /// An error at a byte of the file. In a text file it names the line, in a binary file the byte.
     pub(super) fn error_at(&self, mark: usize, problem: impl Into<String>, remedy: &str) -> Error {
         match self.order {
             Some(_) => Error::input(self.path, None, format!("{}, at byte {mark}", problem.into()), remedy),
@@ -97,7 +97,7 @@ impl<'a> Cursor<'a> {
         let rest = &self.bytes[self.at..];
         let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
         self.at = (self.at + length + 1).min(self.bytes.len());
-        // Bytes that are no UTF-8 become a character that no parser accepts, so that the error names this line.
+        // Bytes that are not UTF-8 become a character that no parser accepts, so that the error names this line.
         Some(std::str::from_utf8(&rest[..length]).unwrap_or("\u{fffd}").trim())
     }
 
@@ -111,7 +111,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The next line that is not empty; `what` says in the error what is missing where the file ends instead.
+    /// The next line that is not empty; if the file ends first, the error names `what` as missing.
     pub(super) fn need(&mut self, what: &str) -> Result<&'a str> {
         self.next_filled().ok_or_else(|| self.error(format!("the file ends early, before {what}")))
     }
@@ -120,11 +120,11 @@ impl<'a> Cursor<'a> {
     pub(super) fn expect(&mut self, marker: &str) -> Result<()> {
         match self.need(marker)? {
             line if line == marker => Ok(()),
-            line => Err(self.error(format!("\"{}\" stands where {marker} should", short(line)))),
+            line => Err(self.error(format!("found \"{}\" instead of {marker}", short(line)))),
         }
     }
 
-    /// Skips everything up to the end of the next `marker`, wherever that stands.
+    /// Skips everything up to the end of the next `marker`, at any position.
     pub(super) fn skip_past(&mut self, marker: &str) -> Result<()> {
         let rest = &self.bytes[self.at..];
         match rest.windows(marker.len()).position(|window| window == marker.as_bytes()) {
@@ -170,7 +170,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The next word, which stays unread; empty where there is none or it is not UTF-8.
+    /// The next word, without reading past it; empty if there is none or it is not UTF-8.
     pub(super) fn peek_word(&self) -> &'a str {
         let rest = self.bytes[self.at..].trim_ascii_start();
         let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
@@ -222,7 +222,7 @@ impl<'a> Cursor<'a> {
                 Ok(DVec3::new(*x, *y, *z))
             }
             [_, _, _, ..] => Err(self.error("a node's coordinate is not a finite number in range")),
-            _ => Err(self.error("a node has three coordinates")),
+            _ => Err(self.error("a node needs three coordinates")),
         }
     }
 

@@ -17,12 +17,12 @@ use crate::Result;
 const REMEDY: &str = "export the mesh again as MSH 2.2 or 4.1";
 /// Gmsh's type number of the four-node tetrahedron.
 const TETRAHEDRON: u64 = 4;
-/// Number of the physical group that stands for no group, in version 2.
+/// Number of the physical group that means "in no group", in version 2.
 const UNGROUPED: i64 = 0;
 /// Number of nodes of each of Gmsh's element types, from type 1.
 const NODE_COUNTS: [usize; 31] =
     [2, 3, 4, 4, 8, 6, 5, 3, 6, 9, 10, 27, 18, 14, 1, 8, 20, 15, 13, 9, 10, 12, 15, 15, 21, 4, 5, 6, 20, 35, 56];
-/// Gmsh numbers its element types below this; a greater number means a damaged file.
+/// All of Gmsh's element types have numbers below this; a greater number means a damaged file.
 const TYPE_COUNT: u64 = 200;
 
 /// Reads the nodes and the four-node tetrahedra of an MSH file; other elements are left out and counted in the notes.
@@ -32,7 +32,7 @@ pub fn read(path: &Path) -> Result<TetMesh> {
     parse(&cursor::bytes(path)?, path)
 }
 
-/// As [`read`], from the bytes of a file; messages name it by `path`.
+/// Like [`read`], but from the bytes of a file; messages name the file by `path`.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
     let mut cursor = Cursor::new(path, bytes, REMEDY);
     let version = header(&mut cursor)?;
@@ -46,7 +46,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
             "$PhysicalNames" => groups::names(&mut cursor, &mut file)?,
             "$Entities" if version == Version::V4 => volumes = groups::volumes(&mut cursor, &mut file)?,
             other if other.starts_with('$') => cursor.skip_past(&format!("$End{}", &other[1..]))?,
-            other => return Err(cursor.error(format!("\"{}\" stands outside any section", short(other)))),
+            other => return Err(cursor.error(format!("\"{}\" is outside any section", short(other)))),
         }
     }
     settle(file, &cursor)
@@ -76,7 +76,7 @@ fn header(cursor: &mut Cursor) -> Result<Version> {
             cursor.order = match cursor.i32("the binary 1 for the byte order")? {
                 1 => Some(Order::Little),
                 0x0100_0000 => Some(Order::Big),
-                other => return Err(cursor.error(format!("{other} instead of the binary 1 for the byte order"))),
+                other => return Err(cursor.error(format!("found {other} instead of the binary 1 for the byte order"))),
             };
         }
         other => return Err(cursor.error(format!("file type {} is neither 0 (text) nor 1 (binary)", short(other)))),
@@ -131,7 +131,7 @@ fn nodes_v4(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     let blocks = whole(cursor, "the counts of $Nodes", 0, 4)?[0];
     for _ in 0..cursor.natural(blocks, "the number of blocks")? {
         let head = whole(cursor, "a block of nodes (dimension, tag, parametric, count)", 3, 1)?;
-        // After the coordinates of a parametric node come as many parameters as its entity has dimensions.
+        // The coordinates of a parametric node are followed by as many parameters as its entity has dimensions.
         let parameters = if head[2] == 0 { 0 } else { head[0].clamp(0, 3) as usize };
         let mut ids = Vec::new();
         for _ in 0..cursor.natural(head[3], "the number of nodes in a block")? {
@@ -147,7 +147,7 @@ fn nodes_v4(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     cursor.expect("$EndNodes")
 }
 
-/// Adds the element that was read last, or counts it where it is not a four-node tetrahedron.
+/// Adds the element that was read last, or counts it if it is not a four-node tetrahedron.
 fn add_element(
     cursor: &Cursor,
     file: &mut Contents,
@@ -180,7 +180,7 @@ fn name(kind: u64) -> String {
     }
 }
 
-/// Number of nodes of a binary element, which only its type determines.
+/// Number of nodes of a binary element, which follows from its type alone.
 fn nodes_of(cursor: &Cursor, kind: u64) -> Result<usize> {
     let known = kind.checked_sub(1).and_then(|place| NODE_COUNTS.get(place as usize));
     known.copied().ok_or_else(|| cursor.error(format!("elements of the unknown type {kind}")))
@@ -206,7 +206,7 @@ fn elements_v2(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     cursor.expect("$EndElements")
 }
 
-/// Reads a run of binary elements of one type, and returns their number.
+/// Reads a group of binary elements of one type, and returns their number.
 fn binary_elements_v2(cursor: &mut Cursor, file: &mut Contents) -> Result<u64> {
     const WHAT: &str = "a run of elements (type, count, number of tags)";
     let head = whole(cursor, WHAT, 3, 0)?;
@@ -241,8 +241,8 @@ fn elements_v4(cursor: &mut Cursor, file: &mut Contents, volumes: &HashMap<i64, 
     cursor.expect("$EndElements")
 }
 
-/// Writes tetrahedra as MSH 4.1 ASCII: one volume, with ids from 1 in the order given. Coordinates have as many digits
-/// as it takes to read the same bits back.
+/// Writes tetrahedra as MSH 4.1 ASCII: one volume, with ids from 1 in the given order. Coordinates have enough digits
+/// to be read back with the same bits.
 pub fn write(w: &mut impl Write, nodes: &[DVec3], tetrahedra: &[[u32; 4]]) -> std::io::Result<()> {
     let low = nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -276,7 +276,7 @@ mod tests {
     #[test]
     fn sparse_ids_other_elements_and_negative_volumes() {
         let mesh = v2(&["1 15 2 1 1 10", "2 4 2 1 1 10 700 31 99"]).unwrap();
-        assert_eq!(mesh.nodes.len(), 5, "unused nodes stay");
+        assert_eq!(mesh.nodes.len(), 5, "unused nodes must be kept");
         assert_eq!(mesh.tetrahedra, [[0, 1, 2, 3]]);
         let turned = v2(&["2 4 2 1 1 700 10 31 99"]).unwrap().tetrahedra[0];
         let [a, b, c, d] = turned.map(|node| mesh.nodes[node as usize]);

@@ -1,4 +1,4 @@
-//! Groups of tetrahedra in a mesh file (material regions, for instance), whatever the file's format calls them.
+//! Groups of tetrahedra in a mesh file, for material regions. Each file format has its own name for them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,14 +12,14 @@ const MOST_LISTED: usize = 20;
 /// The group that each tetrahedron is in.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Groups {
-    /// Number of each tetrahedron's group; `None`: it is in none. Empty where the mesh is not from a file.
+    /// Number of each tetrahedron's group; `None`: it is in no group. Empty if the mesh is not from a file.
     pub of: Vec<Option<i64>>,
     /// Names of the groups, by number; a group may have none.
     pub names: BTreeMap<i64, String>,
 }
 
 impl Groups {
-    /// The number of a group that has tetrahedra. The error lists the groups that there are.
+    /// The number of a group that has tetrahedra; an error lists all such groups.
     pub fn find(&self, group: &Group) -> Result<i64, String> {
         let there: BTreeSet<i64> = self.of.iter().copied().flatten().collect();
         let is_it = |number: &&i64| match group {

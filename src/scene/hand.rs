@@ -1,11 +1,11 @@
 //! Parameters of the simulated hand, a haptic device of the crate `devices`: a person's arm and wrist, and the device
-//! held.
+//! that the person holds.
 
 /// Parameters of the person and of the device that matter to stability. People have 0.05 to 0.3 kg, 100 to 500 N/m and
-/// 2 to 10 N s/m. A device renders a virtual wall passively up to a stiffness of min(2 b / T, 2 c / q) N/m, where b is
-/// `device_damping`, c `friction`, q `quantum` and T the sampling period, s (Abbott and Okamura 2005, "Effects of
-/// position quantization and sampling rate on virtual-wall passivity"); with the default values that is 1000 N/m at 1
-/// kHz.
+/// 2 to 10 N s/m (mass, stiffness and damping). A device renders a virtual wall passively up to a stiffness of min(2 b
+/// / T, 2 c / q) N/m, where b is `device_damping`, c `friction`, q `quantum` and T the sampling period, s (Abbott and
+/// Okamura 2005, "Effects of position quantization and sampling rate on virtual-wall passivity"); with the default
+/// values that is 1000 N/m at 1 kHz.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HandParameters {
     /// Mass of hand and device, kg; 0.001 to 10.
@@ -33,7 +33,7 @@ pub struct HandParameters {
 }
 
 impl Default for HandParameters {
-    /// Values in the middle of the range that people have. The wrist's natural frequency is that of the arm, about 7
+    /// Values in the middle of the range that people have. The wrist has the same natural frequency as the arm, about 7
     /// Hz.
     fn default() -> Self {
         HandParameters {
@@ -60,7 +60,7 @@ impl HandParameters {
     /// Checks that all values are in range.
     ///
     /// # Errors
-    /// One line: the first value that is not, and its range.
+    /// One line that names the first value out of range, and its range.
     pub fn check(&self) -> Result<(), String> {
         let ranges = [
             ("mass", self.mass, 1e-3, 10.0, "kg"),
@@ -82,7 +82,10 @@ impl HandParameters {
         }
         let substeps = self.delay / self.substep;
         if (substeps - substeps.round()).abs() > Self::EARLY {
-            return Err(format!("the hand's delay is {substeps} substeps of {} s; give a whole number", self.substep));
+            return Err(format!(
+                "the hand's delay is {substeps} substeps of {} s; give a whole number of substeps",
+                self.substep
+            ));
         }
         Ok(())
     }

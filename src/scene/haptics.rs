@@ -1,6 +1,6 @@
-//! Reads `[haptics]`: the haptic device, the loop that plays its force, and limits below the device's own. Called by
-//! `load.rs`. In this file "device" is always the haptic device, and a wrench is what a step of the simulation reports:
-//! force and torque on the tool.
+//! Reads `[haptics]`: the haptic device, the loop that plays its force, and limits below those of the device. Called by
+//! `load.rs`. In this file "device" is always the haptic device, and a wrench is the force and torque on the tool that
+//! a step of the simulation reports.
 
 use std::path::PathBuf;
 
@@ -22,32 +22,31 @@ const LONGEST_STEP: f64 = 0.02;
 /// The settings of `[haptics]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Haptics {
-    /// Whether a device moves the tool and the simulation runs in real time; else the keys of `[drive]` move it, step
-    /// by step in simulated time.
+    /// Whether a device moves the tool and the simulation runs in real time; otherwise the keys of `[drive]` move the
+    /// tool, step by step in simulated time.
     pub has_device: bool,
     /// The kind of device.
     pub device: DeviceKind,
-    /// The profile (limits) of a simulated device, or limits below which a Haply must stay; `None`: the device's own
-    /// profile.
+    /// The profile (limits) of a simulated device; for a Haply device, the limits that it must not exceed; `None`: the
+    /// device's own profile.
     pub profile: Option<&'static Profile>,
     /// Rate of the haptic loop, Hz.
     pub rate: f64,
     /// Limits below those of the profile.
     pub limits: Lowered,
-    /// Whether the loop follows contact by a local model from one wrench to the next; else it plays the newest force
-    /// unchanged.
+    /// Whether the loop updates the force by a local model of the contact between two wrenches of the simulation;
+    /// otherwise it plays the newest force unchanged.
     pub local_model: bool,
-    /// Distance from the tool's pose in the newest wrench up to which the local model is trusted, m.
+    /// Greatest distance of the tool from its pose in the newest wrench at which the local model is used, m.
     pub trust: f64,
-    /// Whether the passivity controller acts; else energy is only observed.
+    /// Whether the passivity controller acts; otherwise energy is only observed.
     pub passivity: bool,
     /// The longest time step of the simulation, s. A step lasts as long as it takes to compute; where that is longer
     /// than this, bodies move slower than in real time.
     pub longest_step: f64,
     /// The simulated person, for device = "hand".
     pub hand: HandParameters,
-    /// The service through which a Haply is reached. Home position and rate of the device are set by the session
-    /// instead.
+    /// How to reach the service of a Haply device. The haptic loop sets the device's home position and rate.
     pub haply: HaplyService,
     /// The recorded session that is replayed, for device = "replay".
     pub recording: Option<PathBuf>,
@@ -58,12 +57,12 @@ pub struct Haptics {
 pub struct HaplyService {
     /// Address `ws://HOST:PORT` of the service; HOST must be `localhost` or a loopback address.
     pub url: String,
-    /// Whether the service may be on another machine after all.
+    /// Whether the service may be on another machine.
     pub trust_remote: bool,
     /// Id of the device; `None`: the first one.
     pub device_id: Option<String>,
-    /// Format of the forces sent; `None`: as the service's version requires, and [`Dialect::Vector`] where it reports
-    /// no version.
+    /// Format of the forces sent; `None`: the format that the service's version requires, and [`Dialect::Vector`] if it
+    /// reports no version.
     pub dialect: Option<Dialect>,
 }
 
@@ -82,7 +81,7 @@ pub enum Dialect {
     Values,
 }
 
-/// Limits that a scene asks for; each can only lower that of the device's profile.
+/// Limits that a scene sets; each can only lower the limit of the device's profile.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Lowered {
     /// Greatest force, N.
@@ -93,7 +92,7 @@ pub struct Lowered {
     pub slew: Option<f64>,
     /// Radius of the workspace, m.
     pub workspace: Option<f64>,
-    /// Latency of the newest wrench beyond which the force fades to zero, s.
+    /// Age of the newest wrench beyond which the force fades to zero, s.
     pub watchdog: Option<f64>,
 }
 
@@ -204,11 +203,11 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
 /// The problem with a profile that [`of_haply`] refuses.
 pub const NOT_HAPLYS: &str = "is not that of a Haply";
 
-/// Checks that a profile may be named for a Haply device, whose own limits it can only lower: it must be one of
-/// Haply's.
+/// Checks that a profile may be named for a Haply device: it must be one of Haply's, and can only lower the device's
+/// own limits.
 ///
 /// # Errors
-/// The remedy, where it may not.
+/// The remedy, if it may not.
 pub fn of_haply(profile: &Profile) -> std::result::Result<(), String> {
     let names = || HAPLY.each_ref().map(|profile| profile.name).join(" or ");
     if profile.is_haplys() { Ok(()) } else { Err(format!("remove it, or give {}", names())) }

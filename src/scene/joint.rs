@@ -1,5 +1,5 @@
-//! Ball joints between the cores (rigid parts) of a body: those of `[[body.joint]]`, and those between a skeleton's
-//! bones and their parents. Called by `body.rs`.
+//! Ball joints between the rigid cores of a soft body: those of `[[body.joint]]`, and those between a skeleton's bones
+//! and their parents. Called by `body.rs`.
 
 use glam::DVec3;
 
@@ -16,11 +16,11 @@ const SHORTEST_AXIS: f64 = 1e-9;
 /// A ball joint: a point that two cores of a body share; at least one of them is dynamic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joint {
-    /// Indices of the two cores in the body; the second turns about the first.
+    /// Indices of the two cores in the body; angles are those of the second relative to the first.
     pub cores: [usize; 2],
     /// Position of the joint, in the coordinates of the mesh file, before scale and pose.
     pub point: DVec3,
-    /// Resistance to turning.
+    /// Resistance to rotation.
     pub resistance: Resistance,
 }
 
@@ -57,7 +57,7 @@ pub(super) fn resistance(table: &Table, axis: Option<DVec3>) -> Result<Resistanc
 }
 
 /// The joints of a body: those that its table lists, then those between bones and their parents, except pairs that are
-/// listed already and pairs without a dynamic core.
+/// already listed and pairs without a dynamic core.
 pub(super) fn read(table: &Table, skeleton: Option<&Skeleton>, cores: &[Core]) -> Result<Vec<Joint>> {
     let mut joints: Vec<Joint> = Vec::new();
     if let Some(array) = table.get("joint") {
@@ -79,8 +79,10 @@ pub(super) fn read(table: &Table, skeleton: Option<&Skeleton>, cores: &[Core]) -
             continue;
         }
         if closes_loop(&joints, &joint, cores) {
-            let problem =
-                format!("with these, bone \"{}\" and its parent are also connected through other joints", bone.name);
+            let problem = format!(
+                "with these joints, bone \"{}\" and its parent are also connected through other joints",
+                bone.name
+            );
             return Err(table.error("joint", problem, "remove one: joints between dynamic cores must not form a loop"));
         }
         joints.push(joint);
@@ -121,7 +123,7 @@ fn is_dynamic(joint: &Joint, cores: &[Core]) -> bool {
 }
 
 /// Whether a joint would close a loop: its two cores are dynamic, and a chain of other joints between dynamic cores
-/// connects them already. Other joints between the same two cores do not count.
+/// already connects them. Other joints between the same two cores do not count.
 pub(super) fn closes_loop(joints: &[Joint], joint: &Joint, cores: &[Core]) -> bool {
     let dynamic = |joint: &&Joint| joint.cores.iter().all(|core| matches!(cores[*core].motion, Motion::Dynamic));
     let beside = |other: &&Joint| !joint.cores.iter().all(|core| other.cores.contains(core));
@@ -209,7 +211,7 @@ mod tests {
         let joint = body.joints.iter().find(|joint| joint.cores[1] == forearm).unwrap();
         assert_eq!((joint.cores[0], joint.point), (core("left_upper_arm"), DVec3::new(0.445, 1.395, -0.012)));
         assert!(joint.resistance.axis == DVec3::X && joint.resistance.swing.is_some());
-        // First only one bone is dynamic. Then the body's own joint replaces that of the skeleton, though it names the
+        // First only one bone is dynamic. Then the body's own joint replaces the skeleton's joint, though it names the
         // cores in the opposite order.
         let arm = "[[body.core]]\nname = \"left_forearm\"\nmotion = \"dynamic\"\n";
         let own = "[[body.joint]]\ncores = [\"left_forearm\", \"left_upper_arm\"]\npoint = [0.4, 1.4, 0]\n";

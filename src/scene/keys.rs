@@ -1,6 +1,6 @@
-//! Tables of a scene with their place in the file: every key and value remembers its dotted path and its line, so that
-//! any fault is reported as `scene.toml:12: `body.head.material.young`: ...`. `load.rs` reads scenes through this
-//! module, both from TOML text and from tables that a program made, which have no lines.
+//! Tables of a scene with their position in the file: every key and value has its dotted path and its line, so that any
+//! error is reported as `scene.toml:12: `body.head.material.young`: ...`. `load.rs` reads scenes through this module,
+//! both from TOML text and from tables that a program made, which have no lines.
 //!
 //! serde's derive is not used: it reports unknown keys without their table, and values out of range without their line.
 
@@ -17,7 +17,7 @@ use crate::{Error, Result};
 /// Similarity (Jaro-Winkler, 0 to 1) above which a known key is suggested in place of an unknown one.
 const LIKENESS: f64 = 0.7;
 
-/// A value, and the byte offset at which it begins in its text, if it has one.
+/// A value, and the byte offset at which it begins in its text, if there is a text.
 pub struct Node {
     kind: Kind,
     offset: Option<usize>,
@@ -25,14 +25,14 @@ pub struct Node {
 
 enum Kind {
     Text(String),
-    /// The integer as it was written, and its value where that fits into 64 bits.
+    /// The integer as it was written, and its value if that fits into 64 bits.
     Integer(String, Option<i64>),
-    /// The value, where the text is a number.
+    /// The value, if the text is a number.
     Float(Option<f64>),
     Truth(bool),
     Array(Vec<Node>),
     Table(Entries),
-    /// A date, which no scene has.
+    /// A date, which is not valid in a scene.
     Other,
 }
 
@@ -206,12 +206,12 @@ impl<'a> Table<'a> {
         match present[..] {
             [only] => Ok(only),
             [] => Err(self.error(choices[0], "missing", format!("give exactly one of: {}", choices.join(", ")))),
-            _ => Err(self.error(present[1], format!("given beside `{}`", present[0]), "give exactly one of them")),
+            _ => Err(self.error(present[1], format!("given together with `{}`", present[0]), "give only one of them")),
         }
     }
 
-    /// An error for a problem that a check found in what this table describes. It has the line of the table's key with
-    /// which the problem's own key begins.
+    /// An error for a problem that a check found in the values of this table. It has the line of the key with which the
+    /// problem's own key begins.
     pub fn wrong(&self, Problem { key, problem, remedy }: Problem) -> Error {
         let first = key.split(['.', '[']).next().unwrap_or_default();
         if first == key {
@@ -222,7 +222,7 @@ impl<'a> Table<'a> {
         Error::input(self.source.file, self.source.line(line), problem, remedy)
     }
 
-    /// An error about one of this table's keys, at the key's line, or at the table's where the key is absent.
+    /// An error about one of this table's keys, at the key's line; if the key is absent, at the table's line.
     pub fn error(&self, key: &str, problem: impl Into<String>, remedy: impl Into<String>) -> Error {
         match self.get(key) {
             Some(value) => value.error(problem, remedy),
@@ -344,8 +344,8 @@ impl<'a> Value<'a> {
         if let Kind::Text(text) = &self.value.kind { Ok(text) } else { Err(self.wrong_type("a string in quotes")) }
     }
 
-    /// Reads a string that is one of the names in `choices`, and returns its value; `what` says in errors what kind of
-    /// name it is.
+    /// Reads a string that is one of the names in `choices`, and returns its value; in errors, `what` is the kind of
+    /// name.
     pub fn one_of<T: Copy>(&self, what: &str, choices: &[(&str, T)]) -> Result<T> {
         let text = self.text()?;
         let found = choices.iter().find(|(name, _)| *name == text);
@@ -372,7 +372,7 @@ impl<'a> Value<'a> {
         Ok(path)
     }
 
-    /// Reads the name of a mesh in memory, and returns what `find` finds under it.
+    /// Reads the name of a mesh in memory, and returns the mesh that `find` finds by this name.
     pub fn mesh<T>(&self, find: impl Fn(&Meshes, &str) -> std::result::Result<T, Vec<String>>) -> Result<T> {
         let name = self.text()?;
         find(self.source.meshes, name).map_err(|known| {
@@ -381,7 +381,7 @@ impl<'a> Value<'a> {
         })
     }
 
-    /// The elements of an array; the key of each has its index.
+    /// The elements of an array; the dotted path of each contains its index.
     pub fn array(&self) -> Result<Vec<Value<'a>>> {
         let Kind::Array(array) = &self.value.kind else { return Err(self.wrong_type("an array")) };
         let element = |(index, value)| Value { source: self.source, key: format!("{}[{index}]", self.key), value };
@@ -422,7 +422,7 @@ impl<'a> Value<'a> {
         Ok(table)
     }
 
-    /// Reads a table whose keys are still to be checked, by [`Table::only`].
+    /// Reads a table whose keys are not checked yet; [`Table::only`] checks them.
     pub fn unchecked_table(&self) -> Result<Table<'a>> {
         let Kind::Table(table) = &self.value.kind else { return Err(self.wrong_type("a table")) };
         Ok(Table { source: self.source, path: self.key.clone(), table, offset: self.value.offset })
@@ -437,7 +437,7 @@ fn nearest<'a>(text: &str, known: &[&'a str]) -> Option<(&'a str, bool)> {
     Some((name, likeness > LIKENESS))
 }
 
-/// A remedy for a text that is none of the known names: it lists them, and suggests the nearest.
+/// A remedy for a text that is not a known name: it lists the known names, and suggests the nearest.
 pub fn suggest(text: &str, known: &[&str]) -> String {
     let all = if known.is_empty() { "none".into() } else { known.join(", ") };
     match nearest(text, known) {

@@ -1,7 +1,7 @@
 //! [`Scene::load`]: reads a TOML file into a checked [`Scene`].
 //!
-//! Bodies are read in `body.rs`, trajectories in `drive.rs`, and the settings of the haptic loop in `haptics.rs`. Mesh
-//! files must exist, but are not read here.
+//! Bodies are read in `body.rs`, trajectories in `trajectory.rs`, and the settings of the haptic loop in `haptics.rs`.
+//! Mesh files must exist, but are not read here.
 
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ use crate::{Error, Result};
 
 /// Name by which bodies refer to the tool.
 pub(super) const TOOL: &str = "tool";
-/// Length of a run where the trajectory of the haptic device has no keys, s.
+/// Length of a run if the reference trajectory of the haptic device has no keys, s.
 const DEFAULT_DURATION: f64 = 1.0;
 /// Defaults of a scene file: gravity (m/s^2), and below it the friction speed (m/s) and the depth limit (m).
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
@@ -28,8 +28,8 @@ const ROOT_KEYS: [&str; 10] =
     ["preset", "step", "solver", "contact", "body", "tool", "coupling", "drive", "haptics", "probe"];
 
 impl Scene {
-    /// Reads and checks a scene file: every number is finite and in range, every name resolves, every file that is
-    /// named exists. Errors name the file, the line, the key and the remedy.
+    /// Reads and checks a scene file: every number is finite and in range, every name resolves, every named file
+    /// exists. Errors name the file, the line, the key and the remedy.
     pub fn load(path: &Path) -> Result<Scene> {
         let text = std::fs::read_to_string(path)
             .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give a scene file"))?;
@@ -55,13 +55,13 @@ impl Scene {
         Err(Error::input(&self.file, None, problem, "add a [[body]] or a [tool]"))
     }
 
-    /// A scene of one body; all else is as in a scene file without any other table. Errors name `file`.
+    /// A scene of one body; all else has the values of a scene file without any other table. Errors name `file`.
     #[doc(hidden)]
     pub fn of_body(file: impl Into<PathBuf>, body: Body) -> Scene {
         Scene { bodies: vec![body], ..Scene::empty(file) }
     }
 
-    /// A scene without bodies and tool; all else is as in a scene file without any table. Errors name `file`.
+    /// A scene without bodies and tool; all else has the values of an empty scene file. Errors name `file`.
     pub fn empty(file: impl Into<PathBuf>) -> Scene {
         Scene {
             file: file.into(),
@@ -78,8 +78,8 @@ impl Scene {
         }
     }
 
-    /// The longest time step of the simulation, s. In a session with a haptic device a step lasts as long as it takes
-    /// to compute.
+    /// The longest time step of the simulation, s. With a haptic device a step lasts as long as it takes to compute, up
+    /// to this.
     pub fn longest_step(&self) -> f64 {
         if self.haptics.has_device { self.haptics.longest_step.max(self.step.dt) } else { self.step.dt }
     }
@@ -97,12 +97,13 @@ impl Scene {
         }
     }
 
-    /// The tool, where it is a rigid one of its own rather than a body of the scene.
+    /// The tool, if it is a rigid tool of its own and not a body of the scene.
     pub fn rigid_tool(&self) -> Option<&Tool> {
         self.tool.as_ref().filter(|tool| !matches!(tool.shape, ToolShape::Body(_)))
     }
 
-    /// Length of a run for which no other is given, s: up to the last key of the trajectory, else one second.
+    /// Length of a run for which no other is given, s: up to the last key of the trajectory, or one second without
+    /// keys.
     pub fn duration(&self) -> f64 {
         self.trajectory.last().map(|key| key.time).filter(|&time| time > 0.0).unwrap_or(DEFAULT_DURATION)
     }
@@ -129,8 +130,8 @@ impl Default for Contact {
     }
 }
 
-/// Adds tables to a scene: bodies and probes come after those that it has, other tables and keys replace what it has,
-/// and what the tables leave out stays. After an error the scene may be half changed.
+/// Adds tables to a scene: their bodies and probes come after the existing ones, their other tables and keys replace
+/// existing values, and values that they do not mention are kept. After an error the scene may be changed in part.
 pub(super) fn add(builder: &mut SceneBuilder, source: &Source, document: &Node) -> Result<()> {
     let root = Table::root(source, document, &ROOT_KEYS)?;
     let tables = ["step", "solver", "contact"];
@@ -163,7 +164,7 @@ pub(super) fn add(builder: &mut SceneBuilder, source: &Source, document: &Node) 
     names::check_names(&root, scene, before)
 }
 
-/// A table of the root; `None` where the scene leaves it out.
+/// A table of the root; `None` if the scene leaves it out.
 fn section<'a>(root: &Table<'a>, key: &str, known: &[&str]) -> Result<Option<Table<'a>>> {
     root.option(key, |value| value.table(known))
 }
@@ -215,11 +216,8 @@ fn solver(root: &Table, none: &Solver) -> Result<Solver> {
         tolerance: table.or("tolerance", none.tolerance, |value| value.ruled(check::tolerance))?,
         max_iterations: table
             .or("max_iterations", none.max_iterations, |value| value.whole(1, check::MOST_ITERATIONS))?,
-        preconditioner: table.or("preconditioner", none.preconditioner, |value| match value.text()? {
-            "auto" => Ok(Preconditioner::Auto),
-            "jacobi" => Ok(Preconditioner::Jacobi),
-            "coarse" => Ok(Preconditioner::Coarse),
-            other => Err(value.error(format!("is \"{other}\""), "give \"auto\", \"jacobi\" or \"coarse\"")),
+        preconditioner: table.or("preconditioner", none.preconditioner, |value| {
+            value.one_of("preconditioner", &Preconditioner::CHOICES)
         })?,
     })
 }
@@ -257,7 +255,7 @@ fn tool(value: &Value) -> Result<Tool> {
         ToolShape::Body(_) => &["mass", "position", "orientation", "velocity", "scale", "repair"],
     };
     if let Some(key) = meaningless.iter().find(|key| table.has(key)) {
-        return Err(table.error(key, format!("has no meaning beside `{shape_key}`"), "remove it"));
+        return Err(table.error(key, format!("has no meaning together with `{shape_key}`"), "remove it"));
     }
     // A tool that is a body of the scene has that body's mass and pose.
     let mass = if matches!(shape, ToolShape::Body(_)) { 0.0 } else { table.need("mass")?.positive()? };

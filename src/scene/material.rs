@@ -1,5 +1,5 @@
-//! Reads the elastic material of a soft body, `material`, and its material regions, `[[body.region]]`, in which the
-//! material is another. Called by `body.rs`.
+//! Reads the elastic material of a soft body, `material`, and its material regions, `[[body.region]]`, parts of the
+//! body that have another material. Called by `body.rs`.
 
 use glam::DVec3;
 
@@ -36,7 +36,7 @@ impl Material {
 /// How stress follows from strain; both laws agree with Hooke's law at small strain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MaterialLaw {
-    /// Stress is linear in the strain that is left when a tetrahedron's rotation is taken out.
+    /// Stress is linear in the strain that remains after a tetrahedron's rotation is removed.
     Corotational,
     /// The stable neo-Hookean law (Smith, de Goes and Kim 2018).
     NeoHookean,
@@ -88,7 +88,7 @@ pub enum Group {
     Number(i64),
 }
 
-/// Reads a material; values that the table leaves out are those of `base`, where there is one.
+/// Reads a material; values that the table leaves out are taken from `base`, if there is one.
 pub(super) fn material(value: &Value, base: Option<&Material>) -> Result<Material> {
     let table = value.table(&["law", "young", "poisson", "density", "damping_mass", "damping_stiffness"])?;
     let law = table.option("law", |value| value.one_of("law", &MaterialLaw::CHOICES))?;
@@ -103,7 +103,7 @@ pub(super) fn material(value: &Value, base: Option<&Material>) -> Result<Materia
     })
 }
 
-/// Reads a number that is required where `otherwise` has none.
+/// Reads a number that is required if `otherwise` is `None`.
 fn number<'a>(
     table: &Table<'a>,
     key: &str,

@@ -47,12 +47,12 @@ impl Meshes {
         Ok(())
     }
 
-    /// The surface of this name; the error lists the names that there are.
+    /// The surface of this name; an error lists the existing names.
     pub(super) fn surface(&self, name: &str) -> std::result::Result<Arc<TriangleMesh>, Vec<String>> {
         self.surfaces.get(name).cloned().ok_or_else(|| self.surfaces.keys().cloned().collect())
     }
 
-    /// The layer of this name; the error lists the names that there are.
+    /// The layer of this name; an error lists the existing names.
     pub(super) fn layer(&self, name: &str) -> std::result::Result<Arc<TetMesh>, Vec<String>> {
         self.layers.get(name).cloned().ok_or_else(|| self.layers.keys().cloned().collect())
     }
@@ -103,7 +103,7 @@ fn check_name(kind: &str, name: &str, is_taken: bool) -> Result<()> {
 }
 
 fn check_points(points: &[DVec3]) -> std::result::Result<(), String> {
-    // The greatest index stands for "none" elsewhere.
+    // The greatest index means "none" elsewhere.
     if points.len() >= u32::MAX as usize {
         return Err(format!("count is {}, but must be below {}", points.len(), u32::MAX));
     }
@@ -119,7 +119,7 @@ fn check_points(points: &[DVec3]) -> std::result::Result<(), String> {
 fn check_indices<const N: usize>(count: usize, elements: &[[u32; N]]) -> std::result::Result<(), String> {
     let bad = elements.iter().enumerate().find_map(|(k, e)| Some((k, e.iter().find(|&&i| i as usize >= count)?)));
     match bad {
-        Some((k, index)) => Err(format!("{k} names point {index}, and there are {count}, counted from 0")),
+        Some((k, index)) => Err(format!("{k} names point {index}, but there are {count}, counted from 0")),
         None if elements.is_empty() => Err("count is 0".into()),
         None => Ok(()),
     }

@@ -94,7 +94,7 @@ pub struct Scene {
     pub haptics: Haptics,
     /// Points whose positions are recorded.
     pub probes: Vec<Probe>,
-    /// The preset that the scene names, and the settings that it decided.
+    /// The preset that the scene names, and the settings that it determined.
     pub preset: Option<preset::Chosen>,
 }
 
@@ -131,7 +131,13 @@ pub enum Preconditioner {
     Coarse,
 }
 
-/// Settings of `[contact]`; `None` stands for "auto".
+impl Preconditioner {
+    /// Names that a scene file may give, with their values.
+    pub(crate) const CHOICES: [(&str, Preconditioner); 3] =
+        [("auto", Preconditioner::Auto), ("jacobi", Preconditioner::Jacobi), ("coarse", Preconditioner::Coarse)];
+}
+
+/// Settings of `[contact]`; in stiffness, damping, texel and depth `None` means "auto".
 #[derive(Debug, Clone)]
 pub struct Contact {
     /// Penalty stiffness per projected area, N/m^3.
@@ -140,14 +146,14 @@ pub struct Contact {
     pub damping: Option<f64>,
     /// Coulomb's coefficient of friction.
     pub friction: f64,
-    /// Speed below which friction is viscous instead of Coulomb's, m/s.
+    /// Speed below which friction is viscous instead of Coulomb friction, m/s.
     pub friction_speed: f64,
-    /// Edge of the grid cells in which the depth stage looks for ray hits, m; it changes the time this takes, not the
-    /// answer.
+    /// Edge of the grid cells in which the depth stage looks for ray hits, m; it changes how long this takes, not the
+    /// result.
     pub texel: Option<f64>,
     /// Depth beyond which a flag is raised, m.
     pub depth_limit: f64,
-    /// Path of the depth stage (narrow phase).
+    /// How the depth stage (narrow phase) is run; `None`: chosen by measuring.
     pub depth: Option<DepthPath>,
     /// The bodies whose skin vertices are tested for contact.
     pub sides: Sides,
@@ -156,9 +162,9 @@ pub struct Contact {
 /// The bodies whose skin vertices are tested for contact, where two bodies may touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sides {
-    /// Both: the contact forces of each side count half.
+    /// Both: contact areas are halved, since vertices of both skins are tested.
     Both,
-    /// Only the one with the finer skin (less area per vertex); its contact forces count whole.
+    /// Only the body with the finer skin (less area per vertex); its contact areas count in full.
     One,
 }
 
@@ -167,7 +173,7 @@ impl Sides {
     pub const CHOICES: [(&str, Sides); 2] = [("both", Sides::Both), ("one", Sides::One)];
 }
 
-/// How the depth stage finds where triangles meet the rays of opposing vertices; both paths give the same answer.
+/// How the depth stage finds where triangles meet the rays of opposing vertices; both ways give the same result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DepthPath {
     /// The rasterizer of the graphics pipeline distributes the work.
@@ -181,7 +187,7 @@ impl DepthPath {
     pub const CHOICES: [(&str, Option<DepthPath>); 3] =
         [("auto", None), ("graphics", Some(DepthPath::Graphics)), ("compute", Some(DepthPath::Compute))];
 
-    /// Name of the path in reports.
+    /// Name in reports.
     pub fn name(self) -> &'static str {
         match self {
             DepthPath::Graphics => "graphics",
@@ -226,7 +232,7 @@ pub struct Body {
 }
 
 impl Body {
-    /// A body of this shape at the origin; all else is as in a scene file that gives no other key.
+    /// A body of this shape at the origin; all other keys have their default values.
     fn of(name: &str, shape: Shape, material: Option<Material>, cores: Vec<Core>) -> Body {
         Body {
             name: name.into(),
@@ -286,7 +292,7 @@ pub enum Shape {
         /// Tetrahedral mesh that is simulated.
         layer: Layer,
     },
-    /// A rigid body: only a skin. It has exactly one core, without `bind`, which says how it moves.
+    /// A rigid body: only a skin. It has exactly one core, without `bind`, which gives its motion.
     Rigid {
         /// Skin of the body.
         surface: Surface,
@@ -337,7 +343,8 @@ pub enum Layer {
         cell: f64,
         /// Edge of the largest cells deep inside, as a multiple of `cell`: 1 (all equal), 2, 4 or 8.
         grade: u32,
-        /// Depth below the surface to which the body is filled, as a shell, m in file coordinates; `None`: all of it.
+        /// Depth below the surface to which the body is filled, as a shell, m in file coordinates; `None`: filled
+        /// completely.
         thickness: Option<f64>,
     },
     /// Generated to fill the surface, with this number of lattice cells along its largest extent.
@@ -346,7 +353,8 @@ pub enum Layer {
         cells: u32,
         /// Edge of the largest cells deep inside, as a multiple of those at the surface: 1 (all equal), 2, 4 or 8.
         grade: u32,
-        /// Depth below the surface to which the body is filled, as a shell, m in file coordinates; `None`: all of it.
+        /// Depth below the surface to which the body is filled, as a shell, m in file coordinates; `None`: filled
+        /// completely.
         thickness: Option<f64>,
     },
     /// Read from a tetrahedral mesh file.
@@ -387,7 +395,7 @@ pub struct Core {
     pub bind: Option<Bind>,
     /// Mass of a dynamic core, kg; `None`: the mass of its attached nodes.
     pub mass: Option<f64>,
-    /// The line about which alone a dynamic core may turn; `None`: it moves freely.
+    /// The line about which alone a dynamic core may rotate; `None`: it moves freely.
     pub hinge: Option<Hinge>,
 }
 

@@ -1,5 +1,5 @@
-//! Surfaces that the engine generates, so that they need no file: their names, and how finely they can be made. The
-//! module `crate::prepare` generates them.
+//! Surfaces that the engine generates, so that they need no file: their names, and their possible numbers of vertices.
+//! The module `crate::prepare` generates them.
 
 use std::ops::RangeInclusive;
 
@@ -30,7 +30,7 @@ impl Model {
         }
     }
 
-    /// Number of vertices where a scene gives none.
+    /// Number of vertices if a scene gives none.
     pub fn default_vertices(self) -> usize {
         match self {
             Model::Head => 44_000,
@@ -40,7 +40,7 @@ impl Model {
         }
     }
 
-    /// Range of the number of vertices: with fewer the shape is lost, more take minutes and gigabytes to prepare.
+    /// Range of the number of vertices: with fewer the shape is lost; more take minutes and gigabytes to prepare.
     pub fn vertices(self) -> RangeInclusive<usize> {
         match self {
             Model::Head => 500..=400_000,

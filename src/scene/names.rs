@@ -1,4 +1,4 @@
-//! Checks that everything that a scene names exists: bodies, and the tool. Called by `load.rs` and `build.rs`.
+//! Checks that every body, and the tool, that a scene refers to by name exists. Called by `load.rs` and `build.rs`.
 
 use super::keys::{Table, Value};
 use super::load::TOOL;
@@ -12,7 +12,7 @@ pub(super) struct Unresolved {
     pub remedy: String,
 }
 
-/// The place where a scene names something.
+/// The place where a scene refers to a name.
 pub(super) enum Place {
     /// The key `collides` of the body with this index.
     Collides(usize),
@@ -55,8 +55,8 @@ pub(super) fn check_names(root: &Table, scene: &Scene, before: [usize; 2]) -> Re
     check.or_else(|Unresolved { place, problem, remedy }| Err(place.value(root, before)?.error(problem, remedy)))
 }
 
-/// Checks what the bodies and probes of a scene name, from the indices `from` on, and what its tool names if the tool
-/// `is_new`.
+/// Checks the names in the bodies and probes of a scene from the indices `from` on, and the name in its tool if the
+/// tool `is_new`.
 pub(super) fn resolve(scene: &Scene, from: [usize; 2], is_new: bool) -> std::result::Result<(), Unresolved> {
     let wrong = |place, (problem, remedy)| Err(Unresolved { place, problem, remedy });
     for (index, body) in scene.bodies.iter().enumerate().skip(from[0]) {
@@ -97,7 +97,7 @@ pub(super) fn resolve(scene: &Scene, from: [usize; 2], is_new: bool) -> std::res
 pub(super) fn check_partner(scene: &Scene, body: &Body, name: &str) -> std::result::Result<(), (String, String)> {
     let wrong = |problem: &str, remedy: &str| Err((problem.into(), remedy.into()));
     if name == body.name {
-        return wrong("names the body itself", "a body never collides with itself");
+        return wrong("names the body itself", "remove it: a body never collides with itself");
     }
     if name != TOOL {
         let is_there = scene.bodies.iter().any(|other| other.name == name);
@@ -110,7 +110,7 @@ pub(super) fn check_partner(scene: &Scene, body: &Body, name: &str) -> std::resu
     }
 }
 
-/// Problem and remedy for a name that no body has.
+/// Problem and remedy for a name that is not the name of any body.
 fn unknown(scene: &Scene, name: &str) -> (String, String) {
     let bodies: Vec<&str> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
     let known = if bodies.is_empty() { "none".into() } else { bodies.join(", ") };

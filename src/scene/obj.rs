@@ -1,9 +1,9 @@
 //! Reads and writes Wavefront OBJ files: skins and tools are read, deformed skins are written.
 //!
 //! The parser is our own: the tobj crate drops unused vertices, orders the others by first use, does not support
-//! continuation lines and reports no line numbers, and a scene needs all four. The format is Wavefront's "Object Files
-//! (.obj)", appendix B1 of the Advanced Visualizer manual; only `v` and `f` lines matter to a skin, all others are
-//! ignored.
+//! continuation lines and reports no line numbers; a scene needs the opposite in all four. The format is Wavefront's
+//! "Object Files (.obj)", appendix B1 of the Advanced Visualizer manual; only `v` and `f` lines matter to a skin, all
+//! others are ignored.
 
 use std::io::Write;
 use std::path::Path;
@@ -17,7 +17,7 @@ use crate::{Error, Result};
 /// Greatest magnitude of a coordinate: a larger one does not fit in single precision with room for a product.
 const LARGEST: f64 = 1e30;
 
-/// A triangle mesh as a file gives it.
+/// A triangle mesh with the data of a file.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct TriangleMesh {
     /// The positions of all `v` lines, used or not, in file order and in the coordinates of the file.
@@ -28,8 +28,8 @@ pub struct TriangleMesh {
 
 /// Reads an OBJ file: polygons are cut into triangles, groups and objects are joined, vertices stay in file order.
 ///
-/// The result has valid numbers and indices, and at least one triangle with an area. Whether the surface can serve as a
-/// skin is decided elsewhere: see [`crate::prepare::repair`].
+/// The result has valid numbers and indices, and at least one triangle with an area. [`crate::prepare::repair`] decides
+/// whether the surface can serve as a skin.
 pub fn read(path: &Path) -> Result<TriangleMesh> {
     let bytes = std::fs::read(path)
         .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give an OBJ file"))?;
@@ -96,7 +96,7 @@ fn parse(text: &str, path: &Path) -> Result<Parsed> {
         let count = parsed.mesh.vertices.len();
         let corners: Vec<u32> = face.corners.iter().filter_map(|&i| u32::try_from(i).ok()).collect();
         if let Some(bad) = face.corners.iter().find(|&&corner| corner < 0 || corner >= count as i64) {
-            let problem = format!("a face names vertex {}, and there are {count}", bad + 1);
+            let problem = format!("a face names vertex {}, but there are {count}", bad + 1);
             return Err(Error::input(path, Some(face.line), problem, "correct the index, or export again"));
         }
         triangulate(&parsed.mesh.vertices, &corners, &mut parsed.mesh.triangles);
@@ -122,7 +122,7 @@ fn logical_lines(text: &str) -> impl Iterator<Item = (usize, String)> {
     })
 }
 
-/// Parses the words `x y z`; any that follow (a weight, a colour) are ignored.
+/// Parses the words `x y z`; further words (a weight, a colour) are ignored.
 fn vertex<'a>(words: impl Iterator<Item = &'a str>) -> std::result::Result<DVec3, String> {
     let mut coordinates = Vec::with_capacity(3);
     for word in words.take(3) {
@@ -149,7 +149,7 @@ fn face<'a>(words: impl Iterator<Item = &'a str>, vertices: usize) -> std::resul
             0 => return Err("a face names vertex 0".into()),
             1.. => corners.push(index - 1),
             _ if index.unsigned_abs() > vertices as u64 => {
-                return Err(format!("a face names vertex {index}, and only {vertices} stand before it"));
+                return Err(format!("a face names vertex {index}, but only {vertices} vertices come before it"));
             }
             _ => corners.push(vertices as i64 + index),
         }
@@ -181,7 +181,7 @@ mod tests {
         let text = "o a\r\nv 0 0 0 1.0 # first\r\nv 1 0 0\r\nv 1 1 0\r\nv 0 1 0\r\nv 9 9 9\r\nvt 0 0\r\nvn 0 0 1\r\n\
                     g one\r\nf 4/1/1 3/1/1 2/1/1 \\\r\n 1/1/1\r\ng two\r\nf -5//1 -4//-1 -2//1\r\nf 1/7 2/7 3/7";
         let mesh = mesh(text).unwrap();
-        assert_eq!(mesh.vertices.len(), 5, "unused vertices stay");
+        assert_eq!(mesh.vertices.len(), 5, "unused vertices must be kept");
         assert_eq!(mesh.triangles, [[3, 2, 1], [3, 1, 0], [0, 1, 3], [0, 1, 2]]);
     }
 
@@ -189,7 +189,7 @@ mod tests {
     fn errors_name_their_line() {
         let head = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
         let cases = [
-            ("f 1 2 4", ":4:", "vertex 4, and there are 3"),
+            ("f 1 2 4", ":4:", "vertex 4, but there are 3"),
             ("f 0 1 2", ":4:", "vertex 0"),
             ("f -4 1 2", ":4:", "vertex -4"),
             ("f 1 2 99999999999999999999", ":4:", "not a vertex index"),

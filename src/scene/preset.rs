@@ -1,5 +1,5 @@
-//! Presets: named sets of settings. A scene that names one gets its values for every setting that the scene itself does
-//! not give.
+//! Presets: named sets of settings. A scene that names a preset gets the preset's value for every setting that the
+//! scene itself does not give.
 
 use serde::Serialize;
 
@@ -33,18 +33,19 @@ pub const PRESETS: [Preset; 3] = [
     Preset { name: "accurate", dt: 0.001, tolerance: 1e-2, max_iterations: 200, newton: 1, sides: Sides::Both },
 ];
 
-/// The preset that a scene names, and the settings that it decided there; keys that the scene itself gives take
+/// The preset that a scene names, and the settings whose values come from it; keys that the scene itself gives take
 /// precedence.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Chosen {
     /// Name of the preset.
     pub preset: &'static str,
-    /// Dotted key and value of each setting that the preset decided, as in a scene file.
+    /// Dotted key and value, as in a scene file, of each setting whose value comes from the preset.
     pub set: Vec<(&'static str, String)>,
 }
 
 impl Preset {
-    /// The settings that this preset decides, where `is_given` tells which keys (table, key) the scene itself gives.
+    /// The settings that get their values from this preset; `is_given` is true for keys (table, key) that the scene
+    /// gives.
     pub fn chosen(&self, is_given: impl Fn(&str, &str) -> bool) -> Chosen {
         let sides = Sides::CHOICES.iter().find(|(_, sides)| *sides == self.sides).map_or("", |(name, _)| *name);
         let values = [

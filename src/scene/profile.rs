@@ -1,6 +1,6 @@
-//! Profiles: what haptic devices can do, according to CHAI3D (`cHapticDeviceInfo` of its drivers, version 3.2), but for
-//! [`MINVERSE`], which names its sources. Stiffness and damping are the greatest that a device renders stably at 1 kHz,
-//! not those of its mechanism.
+//! Profiles of haptic devices: limits and abilities. The values are those of CHAI3D (`cHapticDeviceInfo` of its
+//! drivers, version 3.2), except for [`MINVERSE`], which names its sources. Stiffness and damping are the greatest that
+//! a device renders stably at 1 kHz, not those of its mechanism.
 
 /// Limits and abilities of a haptic device.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,7 +26,7 @@ pub struct Profile {
 }
 
 /// All built-in profiles. Two of them are not of a haptic device: `scripted` is for poses that follow a script and for
-/// a tool that nobody holds, and `mouse` is for a mouse.
+/// a tool without a user, and `mouse` is for a mouse.
 pub const PROFILES: [Profile; 10] = [
     profile("scripted", [20.0, 1.0], [5000.0, 30.0], [5.0, 0.05], 10.0, true),
     profile("premium", [8.5, 0.188], [800.0, 5.0], [0.3, 0.004], 0.12, true),
@@ -53,11 +53,11 @@ pub const MINVERSE: Profile = profile("minverse", [2.0, 0.0], [300.0, 3.0], [0.0
 /// The profiles of Haply's devices.
 pub const HAPLY: [Profile; 2] = [INVERSE3, MINVERSE];
 
-/// The Haply profile that is lowest in every limit; a Haply device has it until its type is known.
+/// The Haply profile that is lowest in every limit; it is used for a Haply device until its type is known.
 pub const HAPLY_SMALLEST: Profile = MINVERSE;
 
-/// Profile of a mouse as haptic device. Nobody feels its force, which is only shown on the screen, so that it may be
-/// large.
+/// Profile of a mouse as haptic device. The force may be large, because nobody feels it: it is only shown on the
+/// screen.
 pub const MOUSE: Profile = profile("mouse", [20.0, 1.0], [5000.0, 30.0], [5.0, 0.05], 10.0, true);
 
 const fn profile(
@@ -82,7 +82,7 @@ const fn profile(
 }
 
 impl Profile {
-    /// The profile of this name; `None` where there is none.
+    /// The profile of this name; `None` if there is none.
     pub fn named(name: &str) -> Option<&'static Profile> {
         PROFILES.iter().find(|profile| profile.name == name)
     }
@@ -92,7 +92,7 @@ impl Profile {
         HAPLY.iter().any(|profile| profile.name == self.name)
     }
 
-    /// Whether no limit is above that of `other`.
+    /// Whether no limit is above the same limit of `other`.
     pub fn is_within(&self, other: &Profile) -> bool {
         self.limits().iter().zip(other.limits()).all(|((_, own), (_, others))| *own <= others)
     }
@@ -114,7 +114,7 @@ impl Profile {
     /// zero.
     ///
     /// # Errors
-    /// One line about the first limit that is not.
+    /// One line about the first limit that is not valid.
     pub fn check(&self) -> Result<(), String> {
         let fits =
             |name: &str, figure: f64| figure.is_finite() && figure >= 0.0 && (figure > 0.0 || name != "workspace");
@@ -166,7 +166,7 @@ mod tests {
         assert!(HAPLY.iter().all(|profile| HAPLY_SMALLEST.is_within(profile)));
         assert!(!INVERSE3.is_within(&MINVERSE) && PROFILES.iter().all(|profile| profile.is_within(profile)));
         assert!(!PROFILES[0].is_haplys());
-        // One limit above that of the other profile is enough.
+        // A single limit above that of the other profile is enough to exceed it.
         let far = Profile { workspace: 0.2, ..MINVERSE };
         assert!(!far.is_within(&INVERSE3));
     }

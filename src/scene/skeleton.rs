@@ -1,9 +1,9 @@
 //! Reads the skeleton file that a body names, as in `skeleton = "human-skeleton.toml"`: its bones are capsules, and
 //! each becomes a rigid core of the body. Called by `body.rs`.
 //!
-//! The nodes in a bone's capsule are attached to it. A node in several capsules belongs to the bone whose axis is
-//! nearest relative to the capsule's radius there, and among equals to the first. Coordinates are those of the body's
-//! mesh file, before scale and pose.
+//! The nodes in a bone's capsule are attached to that bone. A node in several capsules belongs to the bone whose axis
+//! is nearest, relative to the capsule's radius there; of equally near bones, to the first. Coordinates are those of
+//! the body's mesh file, before scale and pose.
 
 use std::path::PathBuf;
 
@@ -17,7 +17,7 @@ use crate::{Error, Result};
 /// A skeleton, as its file describes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Skeleton {
-    /// The file that it was read from.
+    /// The file that the skeleton was read from.
     pub file: PathBuf,
     /// The bones; parents come before their children.
     pub bones: Vec<Bone>,
@@ -30,9 +30,9 @@ pub struct Bone {
     pub name: String,
     /// Index of the parent bone; `None` for a root.
     pub parent: Option<usize>,
-    /// Position of the ball joint by which it turns about its parent.
+    /// Position of the ball joint between the bone and its parent.
     pub joint: DVec3,
-    /// Resistance of that joint to turning; its limits refer to the capsule's axis.
+    /// Resistance of that joint to rotation; its limits refer to the capsule's axis.
     pub resistance: Resistance,
     /// The capsule whose nodes are attached to the bone.
     pub capsule: Capsule,
@@ -129,12 +129,12 @@ mod tests {
         for bone in &bones {
             let [a, b] = bone.capsule.ends;
             for p in (0..=10).map(|k| a.lerp(b, f64::from(k) / 10.0)) {
-                assert!(winding_number(&vertices, &triangles, p) > 0.5, "{} at {p}", bone.name);
+                assert!(winding_number(&vertices, &triangles, p) > 0.5, "{} leaves the skin at {p}", bone.name);
                 let near = vertices.iter().map(|v| v.distance(p)).fold(f64::INFINITY, f64::min);
-                assert!(near > DEEP, "{} at {p}: {near}", bone.name);
+                assert!(near > DEEP, "{}: its axis at {p} is only {near} m from a skin vertex", bone.name);
             }
             let inside = winding_number(&vertices, &triangles, bone.joint) > 0.5;
-            assert!(inside, "{}'s joint", bone.name);
+            assert!(inside, "the joint of {} must lie within the skin", bone.name);
             // Bones on the left mirror those on the right.
             if let Some(other) = bone.name.strip_prefix("left_") {
                 let other = bones.iter().find(|b| b.name == format!("right_{other}")).unwrap();
@@ -148,7 +148,7 @@ mod tests {
     fn every_bone_of_the_human_holds_nodes_of_a_coarse_layer() {
         let (vertices, triangles) = crate::prepare::model::surface(Model::Human, Model::Human.default_vertices());
         let (layer, _) = stuff(&vertices, &triangles, &Options::uniform(CELL)).unwrap();
-        println!("{} nodes, {} tetrahedra", layer.nodes.len(), layer.tetrahedra.len());
+        println!("layer of the human: {} nodes, {} tetrahedra", layer.nodes.len(), layer.tetrahedra.len());
         let core = |bone: &Bone| Core {
             name: bone.name.clone(),
             motion: Motion::Fixed,
@@ -163,7 +163,7 @@ mod tests {
             let mut named: Vec<bool> = depths.map(|depth| depth <= 1.0).collect();
             bind::nearer_bones(&layer, &cores, index, &mut named);
             let count = named.iter().filter(|&&n| n).count();
-            println!("{}: {count} nodes", bone.name);
+            println!("{}: {count} attached nodes", bone.name);
             least = least.min(count);
         }
         assert!(least >= HELD, "{least}");
@@ -190,7 +190,7 @@ mod tests {
             ("\"shin\"", "\"hip\"", "\"hip\" is taken by another bone"),
             ("radius = 0.1", "radius = 0", "bones.toml:5: `bone.hip.radius`: is 0"),
             ("radii = [0.1, 0.2]", "radii = [0.1]", "`bone.shin.radii`: has 1 elements"),
-            ("radius = 0.1", "radius = 0.1\nradii = [1, 1]", "`bone.hip.radii`: given beside `radius`"),
+            ("radius = 0.1", "radius = 0.1\nradii = [1, 1]", "`bone.hip.radii`: given together with `radius`"),
             ("joint = [0, 0, 0]", "", "`bone.hip.joint`: missing"),
             ("joint = [0, 0, 0]", "joint = [0, nan, 0]", "`bone.hip.joint[1]`: is NaN"),
             ("radius = 0.1", "radius = 0.1\nstiffness = 1", "`bone.hip.stiffness`: a root bone has no parent"),

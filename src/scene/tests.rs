@@ -86,7 +86,7 @@ ends = [[1, 0, 0], [2, 0, 0]]
 radii = [0.1, 0.2]
 "#;
 
-/// A temporary folder with the files that the scenes of these tests name.
+/// A temporary folder with the files to which the scenes of these tests refer.
 struct Folder(TempDir);
 
 impl Folder {
@@ -110,9 +110,9 @@ impl Folder {
     }
 }
 
-/// The example with `old` replaced once by `new`; panics where the example does not have `old`.
+/// The example with `old` replaced once by `new`; panics if the example does not contain `old`.
 fn with(old: &str, new: &str) -> String {
-    assert!(EXAMPLE.contains(old), "`{old}` is in the example");
+    assert!(EXAMPLE.contains(old), "the example must contain `{old}`");
     EXAMPLE.replacen(old, new, 1)
 }
 
@@ -133,8 +133,8 @@ fn the_example_is_read_in_full() {
     assert_eq!(head.material.unwrap().young, 2e4);
     assert_eq!(head.collides.as_deref(), Some(&["tool".to_string()][..]));
     assert!(matches!((&head.cores[0].motion, &head.cores[0].bind), (Motion::Fixed, Some(Bind::Inset(0.03)))));
-    let Shape::Plane { normal, offset } = scene.bodies[1].shape else { panic!("the floor is a plane") };
-    assert_eq!((normal, offset), (DVec3::Y, 0.5), "normalised with its offset");
+    let Shape::Plane { normal, offset } = scene.bodies[1].shape else { panic!("the floor must be a plane") };
+    assert_eq!((normal, offset), (DVec3::Y, 0.5), "the normal must be normalised, and the offset with it");
     let tool = scene.tool.unwrap();
     assert!(matches!(tool.shape, ToolShape::Sphere(0.01)));
     assert_eq!((tool.mass, tool.scale, tool.orientation), (0.05, 1.0, DQuat::IDENTITY));
@@ -273,7 +273,7 @@ fn values_out_of_range_are_refused_by_key_and_line() {
         ("{ cell = 0.01 }", "{ box = [[0, 0, 0], [1, 0, 1]], cells = [1, 1, 1] }", "is not below"),
         ("{ cell = 0.01 }", "{ box = [[0, 0, 0], [1, 1, 1]], cells = [1, 0, 1] }", "`body.head.layer.cells[1]`: is 0"),
         ("{ cell = 0.01 }", "{ box = [[0, 0, 0], [1, 1, 1]], cells = [9999, 9999, 9999] }", "too many tetrahedra"),
-        ("{ cell = 0.01 }", "{ cell = 1, box = [[0, 0, 0], [1, 1, 1]] }", "given beside `cell`"),
+        ("{ cell = 0.01 }", "{ cell = 1, box = [[0, 0, 0], [1, 1, 1]] }", "given together with `cell`"),
         ("plane = [0.0, 2.0,", "plane = [0.0, 0.0,", "`body.floor.plane`: the normal is zero"),
         ("[0.3, 0.0, 0.2, 0.10]", "[0.0, 0.0, 0.2, 0.10]", "`drive.keys[1]`: time 0.0 does not come after 0.0"),
         ("[0.3, 0.0, 0.2, 0.10]", "[0.3, 0.0, 0.2]", "`drive.keys[1]`: has 3 numbers"),
@@ -283,7 +283,7 @@ fn values_out_of_range_are_refused_by_key_and_line() {
     ] {
         let message = folder.message(&with(old, new));
         assert!(message.contains(words), "`{new}`: {message}");
-        assert!(!message.contains('\n'), "one line: {message}");
+        assert!(!message.contains('\n'), "the message must be one line: {message}");
     }
 }
 
@@ -305,7 +305,7 @@ fn what_does_not_fit_together_is_refused() {
         ("layer = {", "#", "a rigid body has none"),
         ("surface = \"head.obj\"", "#", "made around a `surface`"),
         ("name = \"floor\"", "name = \"floor\"\nscale = 2.0", "`body.floor.scale`: has no meaning for a plane"),
-        ("sphere = 0.01", "sphere = 0.01\nsurface = \"head.obj\"", "`tool.surface`: given beside `sphere`"),
+        ("sphere = 0.01", "sphere = 0.01\nsurface = \"head.obj\"", "`tool.surface`: given together with `sphere`"),
         ("sphere = 0.01", "", "`tool.sphere`: missing"),
         ("[tool]\nsphere = 0.01\nmass = 0.05                     # kg\nposition = [0.0, 0.2, 0.15]\n", "", "no [tool]"),
         ("motion = \"fixed\"", "motion = \"driven\"", "`body.head.core.skull.keys`: missing"),
@@ -381,7 +381,7 @@ fn a_skeleton_gives_a_core_a_bone() {
         let message = folder.message(&core(said));
         assert!(message.contains(words), "{said}: {message}");
     }
-    // The cores of bones come first, in the skeleton's order; a core with a bone's name says how that bone moves.
+    // The cores of bones come first, in the skeleton's order; a core with a bone's name gives the bone's motion.
     let said = "name = \"ball\"\nbind = { all = true }\n[[body.core]]\nname = \"fore\"\nmotion = \"driven\"\n\
                 keys = \"keys.csv\"";
     let body = folder.load(&core(said)).unwrap().bodies[0].clone();
@@ -436,10 +436,13 @@ fn a_held_body_has_a_dynamic_core_and_no_keys_of_its_own() {
     assert!(scene.tool_body_index() == Some(0) && scene.rigid_tool().is_none());
     let message = |body: &str, tool: &str| folder.message(&held(body, tool));
     assert!(message("", "").contains("`tool.body`: the first core of \"a\""));
-    assert!(message(dynamic, "sphere = 0.1").contains("given beside"));
+    assert!(message(dynamic, "sphere = 0.1").contains("given together with"));
     for key in ["mass = 1.0", "position = [0.0, 0.0, 0.0]", "velocity = [0.0, 0.0, 0.0]", "scale = 2.0"] {
         let name = key.split(' ').next().unwrap();
-        assert!(message(dynamic, key).contains(&format!("`tool.{name}`: has no meaning beside `body`")), "{key}");
+        assert!(
+            message(dynamic, key).contains(&format!("`tool.{name}`: has no meaning together with `body`")),
+            "{key}"
+        );
     }
     let other = "[[body]]\nname = \"b\"\nsurface = \"head.obj\"\ncollides = [\"tool\"]";
     assert!(message(dynamic, other).contains("give that body's name"));

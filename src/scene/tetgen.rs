@@ -1,7 +1,7 @@
 //! Reads TetGen meshes: a `.node` and an `.ele` file, zero- or one-based, with attributes, markers and comments.
 //!
-//! The format is described in the TetGen manual, "File formats". Ids are used as they are given, so that either base
-//! works.
+//! The format is described in the TetGen manual, "File formats". Ids are used as in the files, so that numbering from 0
+//! and from 1 both work.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ pub fn read(path: &Path) -> Result<TetMesh> {
     let (nodes, elements) = (path.with_extension("node"), path.with_extension("ele"));
     if let Some(missing) = [&nodes, &elements].into_iter().find(|path| !path.is_file()) {
         let problem = format!("its companion file {} is missing", missing.display());
-        return Err(Error::input(path, None, problem, "put the .node and the .ele file side by side"));
+        return Err(Error::input(path, None, problem, "put the .node and the .ele file into one folder"));
     }
     let (node_bytes, element_bytes) = (cursor::bytes(&nodes)?, cursor::bytes(&elements)?);
     let mut contents = Contents::default();
@@ -26,7 +26,7 @@ pub fn read(path: &Path) -> Result<TetMesh> {
     settle(contents, &elements)
 }
 
-/// The numbers of the next line that holds any; `None` at the end of the file.
+/// The numbers of the next line that has any; `None` at the end of the file.
 fn row(cursor: &mut Cursor, what: &str) -> Result<Option<Vec<f64>>> {
     while let Some(line) = cursor.next_filled() {
         let data = line.split('#').next().unwrap_or_default();
@@ -38,13 +38,13 @@ fn row(cursor: &mut Cursor, what: &str) -> Result<Option<Vec<f64>>> {
     Ok(None)
 }
 
-/// The whole number at index `place` of a row; `what` says in errors what it is.
+/// The whole number at index `place` of a row; in errors, `what` is its meaning.
 fn natural(cursor: &Cursor, row: &[f64], place: usize, what: &str) -> Result<u64> {
     match row.get(place) {
         // The id was read as a float, which is exact up to 2^53, far above the number of nodes in any mesh.
         Some(&number) if number >= 0.0 && number.fract() == 0.0 && number < 2f64.powi(53) => Ok(number as u64),
         Some(number) => Err(cursor.error(format!("{number} is not valid for {what}"))),
-        None => Err(cursor.error(format!("{} numbers in a line, and {what} is missing", row.len()))),
+        None => Err(cursor.error(format!("{} numbers in a line: {what} is missing", row.len()))),
     }
 }
 
@@ -52,7 +52,7 @@ fn header(cursor: &mut Cursor, what: &str) -> Result<Vec<f64>> {
     row(cursor, what)?.ok_or_else(|| cursor.error(format!("the file ends early, before {what}")))
 }
 
-/// Reads as many rows as the header says, and fails if there are more.
+/// Reads as many rows as the header announces, and fails if there are more.
 fn rows(cursor: &mut Cursor, count: u64, what: &str, mut add: impl FnMut(&Cursor, &[f64]) -> Result<()>) -> Result<()> {
     for done in 0..count {
         let Some(row) = row(cursor, what)? else {
@@ -102,7 +102,7 @@ fn read_elements(cursor: &mut Cursor, contents: &mut Contents) -> Result<()> {
         Ok(())
     })?;
     if odd > 0 {
-        contents.notes.push(format!("{odd} tetrahedra have an attribute that is no whole number, and are in no group"));
+        contents.notes.push(format!("{odd} tetrahedra have an attribute that is not whole, and are in no group"));
     }
     Ok(())
 }

@@ -1,5 +1,5 @@
 //! Reads tetrahedral meshes of all formats, and does the last step of each reader: node ids become indices, tetrahedra
-//! get positive volume, and defects are refused.
+//! get positive volume, and invalid meshes are refused.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -14,14 +14,14 @@ use crate::{Error, Result};
 /// Extensions of the files that [`read`] can read.
 pub const EXTENSIONS: [&str; 4] = ["msh", "node", "ele", "vtk"];
 
-/// Ratio of the volume to the cube of the longest edge below which a tetrahedron counts as flat. Even well above this,
-/// its rest gradients mean nothing in single precision. Slivers above it are kept, since the implicit step tolerates
-/// them.
+/// Ratio of the volume to the cube of the longest edge below which a tetrahedron counts as flat. Even well above this
+/// ratio its rest gradients are meaningless in single precision. Slivers above it are kept, since the implicit step
+/// tolerates them.
 const FLATTEST: f64 = 1e-12;
 /// Dihedral angle below which a tetrahedron is reported as a sliver, degrees.
 const SLIVER: f64 = 5.0;
 
-/// A tetrahedral mesh as a file gives it.
+/// A tetrahedral mesh with the data of a file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TetMesh {
     /// All nodes, used or not, in file order and in the coordinates of the file.
@@ -30,11 +30,11 @@ pub struct TetMesh {
     pub tetrahedra: Vec<[u32; 4]>,
     /// Which group of the file each tetrahedron is in.
     pub groups: Groups,
-    /// What in the file was left out or changed, one sentence each.
+    /// Parts of the file that were left out or changed, one sentence for each.
     pub notes: Vec<String>,
 }
 
-/// The files that [`read`] reads for this path: itself, or both files of a TetGen pair.
+/// The files that [`read`] reads for this path: the file itself, or both files of a TetGen pair.
 pub fn files(path: &Path) -> Vec<PathBuf> {
     match path.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
         Some("node" | "ele") => ["node", "ele"].map(|extension| path.with_extension(extension)).to_vec(),
@@ -42,7 +42,8 @@ pub fn files(path: &Path) -> Vec<PathBuf> {
     }
 }
 
-/// Reads a mesh by its extension: Gmsh `.msh`, TetGen `.node` and `.ele` (either names both), legacy VTK `.vtk`.
+/// Reads a mesh by its extension: Gmsh `.msh`, TetGen `.node` and `.ele` (either of them reads both), legacy VTK
+/// `.vtk`.
 ///
 /// It refuses flat or repeated tetrahedra, nodes that do not exist, numbers that are not finite, and files that end
 /// early; the error names the element, and the line or byte.
@@ -58,7 +59,7 @@ pub fn read(path: &Path) -> Result<TetMesh> {
     }
 }
 
-/// The contents of a file, with node ids that are not yet resolved.
+/// The contents of a file, with node ids that are not yet converted to indices.
 #[derive(Default)]
 pub(super) struct Contents {
     pub nodes: Vec<DVec3>,
@@ -120,7 +121,7 @@ pub(super) fn settle(file: Contents, cursor: &Cursor) -> Result<TetMesh> {
         let mut nodes = [0; 4];
         for (node, id) in nodes.iter_mut().zip(element.nodes) {
             let place = file.index.get(&id);
-            *node = *place.ok_or_else(|| refuse(format!("names node {id}, which is not there"), "export again"))?;
+            *node = *place.ok_or_else(|| refuse(format!("names node {id}, which does not exist"), "export again"))?;
         }
         let volume = volume(&file.nodes, nodes);
         if volume.abs() <= FLATTEST * longest_edge(&file.nodes, nodes).powi(3) {
@@ -146,9 +147,9 @@ fn notes(file: &Contents, turned: usize, tetrahedra: &[[u32; 4]]) -> Vec<String>
     let mut notes = file.notes.clone();
     if !file.skipped.is_empty() {
         let kinds: Vec<String> = file.skipped.iter().map(|(what, count)| format!("{count} {what}")).collect();
-        notes.push(format!("elements that are no four-node tetrahedra left out: {}", kinds.join(", ")));
+        notes.push(format!("elements that are not four-node tetrahedra were left out: {}", kinds.join(", ")));
     }
-    // A file in which all of them have negative volume follows another convention (TetGen's) and is not at fault.
+    // A file in which all tetrahedra have negative volume follows another convention (TetGen's) and is valid.
     if turned > 0 && turned < file.elements.len() {
         notes.push(format!("{turned} tetrahedra had negative volume, and their nodes were reordered"));
     }

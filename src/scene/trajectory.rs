@@ -1,5 +1,5 @@
-//! Reads trajectories, that is poses over time: `[drive]`, the reference trajectory of the haptic device, and the keys
-//! of a driven (kinematic) core. Called by `load.rs` and `body.rs`.
+//! Reads trajectories (poses over time): `[drive]`, the reference trajectory of the haptic device, and the keys of a
+//! kinematic rigid core (motion = "driven"). Called by `load.rs` and `body.rs`.
 //!
 //! A key is a time, a position and optionally a quaternion: 4 or 8 numbers. A file is CSV with the same columns; a
 //! first row without any number is a heading.
@@ -36,7 +36,7 @@ fn listed(keys: &Value) -> Result<Vec<Key>> {
     Ok(result)
 }
 
-/// Reads the keys of a driven core: a list, or the name of a CSV file.
+/// Reads the keys of a kinematic core: a list, or the name of a CSV file.
 pub(super) fn core_keys(value: &Value) -> Result<Vec<Key>> {
     if value.is_text() { read_csv(&value.file()?) } else { listed(value) }
 }

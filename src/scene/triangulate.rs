@@ -1,7 +1,8 @@
 //! Cuts the polygons of an OBJ file into triangles: as a fan where the polygon is convex, else by ear clipping.
 //!
 //! Ear clipping follows Meisters, "Polygons have ears" (1975), in the plane of Newell's normal. No vertex is dropped,
-//! not even one on a straight edge: a neighbouring face uses it too, and without it the surface would tear.
+//! not even one on a straight edge: a neighbouring face may use it too, and without it there would be a gap between the
+//! two faces.
 
 use glam::{DVec2, DVec3};
 
@@ -10,7 +11,7 @@ pub(super) fn triangulate(vertices: &[DVec3], corners: &[u32], triangles: &mut V
     let points = flatten(vertices, corners);
     let mut left: Vec<usize> = (0..corners.len()).collect();
     while left.len() > 3 && !is_convex(&points, &left) {
-        // A polygon that crosses itself may have no ear; then a fan is as good as anything.
+        // A polygon that crosses itself may have no ear; its remaining corners are then cut as a fan.
         let Some(ear) = (0..left.len()).find(|&at| is_ear(&points, &left, at)) else { break };
         triangles.push(around(&left, ear).map(|corner| corners[corner]));
         left.remove(ear);
@@ -84,7 +85,10 @@ mod tests {
                 let turned: Vec<DVec3> = (0..polygon.len()).map(|k| DVec3::new(at(k).0, at(k).1, 0.0)).collect();
                 let (triangles, signed, unsigned) = area(&turned);
                 assert_eq!(triangles.len(), polygon.len() - 2);
-                assert!((signed - expected).abs() < 1e-12 && (unsigned - expected).abs() < 1e-12, "start {start}");
+                assert!(
+                    (signed - expected).abs() < 1e-12 && (unsigned - expected).abs() < 1e-12,
+                    "from corner {start}: the triangles must cover the polygon once"
+                );
             }
         }
     }

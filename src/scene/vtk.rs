@@ -21,13 +21,13 @@ const REMEDY: &str = "export the mesh again as a legacy VTK unstructured grid";
 const TETRAHEDRON: u64 = 10;
 
 /// Reads the points and the four-node tetrahedra of an unstructured grid; other cells are left out and counted in the
-/// notes. Groups are the cell data called `group`, else the first cell data with one whole number per cell. Data that
-/// cannot be read cause a note, not an error.
+/// notes. Groups are the cell data called `group`, or else the first cell data with one whole number per cell. Data
+/// that cannot be read cause a note, not an error.
 pub fn read(path: &Path) -> Result<TetMesh> {
     parse(&cursor::bytes(path)?, path)
 }
 
-/// As [`read`], from the bytes of a file; messages name it by `path`.
+/// Like [`read`], but from the bytes of a file; messages name the file by `path`.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
     let mut cursor = Cursor::new(path, bytes, REMEDY);
     header(&mut cursor)?;
@@ -47,10 +47,10 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
             }
             "FIELD" => field(&mut cursor, &words)?,
             "METADATA" => while cursor.next_line().is_some_and(|line| !line.is_empty()) {},
-            // What follows is no part of the mesh, so that faults in it do not keep the mesh from being read.
+            // The following data are not part of the mesh, so errors in them do not prevent the mesh from being read.
             "POINT_DATA" | "CELL_DATA" => {
                 if let Err(error) = on_cells.read(&mut cursor, &words) {
-                    file.notes.push(format!("data on points and cells left out: {error}"));
+                    file.notes.push(format!("data on points and cells were left out: {error}"));
                     on_cells = CellData::default();
                 }
                 break;
@@ -60,7 +60,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
     }
     if !on_cells.groups.is_empty() && on_cells.groups.len() != types.len() {
         let (count, cells) = (on_cells.groups.len(), types.len());
-        file.notes.push(format!("data on cells left out: they are for {count} cells, but there are {cells}"));
+        file.notes.push(format!("data on cells were left out: they are for {count} cells, but there are {cells}"));
         on_cells = CellData::default();
     }
     cells.elements(&cursor, (&types, &on_cells.groups), &mut file)?;
@@ -70,21 +70,22 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
 fn header(cursor: &mut Cursor) -> Result<()> {
     let magic = cursor.next_line().unwrap_or_default();
     if !magic.to_lowercase().starts_with("# vtk datafile version") {
-        return Err(cursor.error(format!("\"{}\" stands where \"# vtk DataFile Version\" should", short(magic))));
+        return Err(cursor.error(format!("found \"{}\" instead of \"# vtk DataFile Version\"", short(magic))));
     }
     // This line is the title, which may be any text.
     cursor.next_line();
     match cursor.need("ASCII or BINARY")?.to_uppercase().as_str() {
         "ASCII" => {}
         "BINARY" => cursor.order = Some(Order::Big),
-        other => return Err(cursor.error(format!("\"{}\" stands where ASCII or BINARY should", short(other)))),
+        other => return Err(cursor.error(format!("found \"{}\" instead of ASCII or BINARY", short(other)))),
     }
     Ok(())
 }
 
-/// The count at index `place` of a keyword's line.
+/// The count at index `place` of the words in a keyword's line.
 fn count(cursor: &Cursor, words: &[&str], place: usize) -> Result<u64> {
-    let word = words.get(place).ok_or_else(|| cursor.error(format!("{} without its counts", short(words[0]))))?;
+    let word =
+        words.get(place).ok_or_else(|| cursor.error(format!("{} must be followed by its counts", short(words[0]))))?;
     cursor.parse(word, "a count")
 }
 
@@ -159,9 +160,9 @@ fn field(cursor: &mut Cursor, words: &[&str]) -> Result<()> {
 /// The corners of all cells, one cell after another.
 #[derive(Default)]
 struct Cells {
-    /// Index of each corner's point, and the byte of the file where it stands.
+    /// Index of each corner's point, and the byte offset of that index in the file.
     corners: Vec<(u64, usize)>,
-    /// Index in `corners` of each cell's first corner, and last the number of all corners.
+    /// Index in `corners` of each cell's first corner; the last entry is the number of all corners.
     offsets: Vec<u64>,
 }
 
@@ -187,14 +188,15 @@ impl Cells {
         Ok(read)
     }
 
-    /// Reads cells in the format since version 5.1: the offsets, one more than there are cells, and then the corners.
+    /// Reads cells in the format since version 5.1: the offsets, one more than the number of cells, and then the
+    /// corners.
     fn read_5(cursor: &mut Cursor, offsets: u64, corners: u64) -> Result<Cells> {
         let mut read = Cells::default();
         for (keyword, count) in [("OFFSETS", offsets), ("CONNECTIVITY", corners)] {
             let line = cursor.need(keyword)?;
             let words: Vec<&str> = line.split_whitespace().collect();
             if !words[0].eq_ignore_ascii_case(keyword) {
-                return Err(cursor.error(format!("\"{}\" stands where {keyword} should", short(words[0]))));
+                return Err(cursor.error(format!("found \"{}\" instead of {keyword}", short(words[0]))));
             }
             let bytes = size_of(cursor, words.get(1))?;
             for _ in 0..count {
@@ -217,11 +219,11 @@ impl Cells {
         for (id, (range, &kind)) in self.offsets.windows(2).zip(types).enumerate() {
             let corners = self.corners.get(range[0] as usize..range[1] as usize);
             let Some(corners) = corners else {
-                return Err(cursor.error(format!("cell {id} lies beyond the corners that are given")));
+                return Err(cursor.error(format!("the file does not give the corners of cell {id}")));
             };
             let (name, length) = kind_of(kind);
             if length.is_some_and(|length| corners.len() != length) {
-                return Err(cursor.error(format!("cell {id} is one of the {name}, and has {} points", corners.len())));
+                return Err(cursor.error(format!("cell {id} is one of the {name}, but has {} points", corners.len())));
             }
             match (kind, corners) {
                 (TETRAHEDRON, &[a, b, c, d]) => {
@@ -252,8 +254,8 @@ fn kind_of(kind: u64) -> (String, Option<usize>) {
     (name.into(), Some(length))
 }
 
-/// Writes tetrahedra as a legacy VTK ASCII unstructured grid. Coordinates have as many digits as it takes to read the
-/// same bits back.
+/// Writes tetrahedra as a legacy VTK ASCII unstructured grid. Coordinates have enough digits to be read back with the
+/// same bits.
 pub fn write(w: &mut impl Write, nodes: &[DVec3], tetrahedra: &[[u32; 4]]) -> std::io::Result<()> {
     head(w, nodes.len())?;
     nodes.iter().try_for_each(|p| writeln!(w, "{:e} {:e} {:e}", p.x, p.y, p.z))?;

@@ -13,8 +13,8 @@ use glam::DVec3;
 
 /// Number of Lloyd iterations; further ones hardly change the clusters.
 const ROUNDS: usize = 5;
-/// How often element sizes are averaged over adjacent nodes, so that clusters follow how fine a mesh is from place to
-/// place and not single tetrahedra, such as small ones at the skin.
+/// How often element sizes are averaged over adjacent nodes, so that clusters follow the local fineness of a mesh and
+/// not the sizes of single tetrahedra, such as small ones at its surface.
 const EVENED: usize = 4;
 
 /// The nodes of a mesh and their adjacency.
@@ -70,8 +70,8 @@ impl Graph {
         own
     }
 
-    /// Chooses `count` seed nodes, each as far as possible from those before it, in units of the element size at the
-    /// node.
+    /// Chooses `count` seed nodes, each as far as possible from the seeds chosen before, in units of the element size
+    /// at the node.
     fn far_apart(&self, count: usize) -> Vec<usize> {
         let mut seeds = Vec::new();
         let mut distances = vec![f64::INFINITY; self.places.len()];
@@ -137,7 +137,7 @@ impl Graph {
 mod tests {
     use super::*;
 
-    /// Rows of nodes along x, 1 m apart, each node joined to the next in its row. A row is given by its y (m), its
+    /// Rows of nodes along x, 1 m apart, each node adjacent to the next in its row. A row is given by its y (m), its
     /// number of nodes and their element size.
     fn rows(rows: &[(f64, usize, f64)]) -> Graph {
         let (mut places, mut sizes, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
@@ -158,21 +158,21 @@ mod tests {
     #[test]
     fn a_row_falls_into_parts_of_about_one_size() {
         let own = rows(&[(0.0, 12, 1.0)]).aggregates(3);
-        assert!(counts(&own, 3).iter().all(|count| (3..=5).contains(count)), "{own:?}");
-        assert_eq!(own.windows(2).filter(|pair| pair[0] != pair[1]).count(), 2, "{own:?}");
+        assert!(counts(&own, 3).iter().all(|count| (3..=5).contains(count)), "cluster of each node: {own:?}");
+        assert_eq!(own.windows(2).filter(|pair| pair[0] != pair[1]).count(), 2, "cluster of each node: {own:?}");
     }
 
     #[test]
     fn rows_that_nearly_meet_stay_apart() {
         let own = rows(&[(0.0, 20, 1.0), (0.1, 20, 1.0)]).aggregates(4);
-        assert!((0..4).all(|k| own[..20].contains(&k) != own[20..].contains(&k)), "{own:?}");
+        assert!((0..4).all(|k| own[..20].contains(&k) != own[20..].contains(&k)), "cluster of each node: {own:?}");
     }
 
     #[test]
     fn small_tetrahedra_get_more_aggregates() {
         let own = rows(&[(0.0, 30, 1.0), (1000.0, 30, 0.2)]).aggregates(12);
         let of = |part: &[usize]| (0..12).filter(|k| part.contains(k)).count();
-        assert!(of(&own[30..]) >= 2 * of(&own[..30]), "{own:?}");
+        assert!(of(&own[30..]) >= 2 * of(&own[..30]), "cluster of each node: {own:?}");
     }
 
     #[test]

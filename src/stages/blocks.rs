@@ -1,6 +1,7 @@
 //! Partition of the nodes into blocks: each workgroup of the solver's passes works on one block. A block holds either
-//! free nodes of one coordinate frame that lie together, and is then also an aggregate of the solver's coarse space, or
-//! nodes attached to one dynamic rigid core. A mode is a coarse basis function of a block (see `coarse.rs`).
+//! free nodes of one rigid coordinate frame that lie together, and is then also an aggregate of the solver's coarse
+//! space, or nodes attached to one dynamic core (a rigid body inside a soft one that forces move). A mode is a coarse
+//! basis function of a block (see `coarse.rs`).
 
 use crate::shaders;
 use std::ops::Range;
@@ -12,9 +13,10 @@ use super::aggregates::Graph;
 use super::model::{Model, texel};
 use crate::shaders::NONE;
 
-/// Free nodes per block of a body without a coarse space, where blocks only divide the work.
+/// Free nodes per block of a body without a coarse space; there blocks only divide the work.
 const USUAL_NODES: usize = 128;
-/// Largest number of such blocks per body, since every workgroup of `solve/update` sums over all of them.
+/// Largest number of blocks per body without a coarse space. It is limited since every workgroup of `solve/update` sums
+/// over all blocks.
 const MOST_BLOCKS: usize = 256;
 /// Largest number of attached nodes per block.
 const ATTACHED_NODES: usize = 256;
@@ -26,30 +28,32 @@ const LEAST_SPREAD: f64 = 1e-4;
 /// The blocks of all bodies, as arrays for the solver's kernels.
 #[derive(Debug, Clone, Default)]
 pub struct Blocks {
-    /// Per block: its first node in `nodes`, number of nodes, frame, and the dynamic core that they are attached to, or
-    /// `NONE`. Blocks of free nodes come first.
+    /// Per block: its first node in `nodes`, number of nodes, frame, and the dynamic core that its nodes are attached
+    /// to, or `NONE`. Blocks of free nodes come first.
     pub blocks: Vec<[u32; 4]>,
     /// Number of blocks of free nodes.
     pub free: usize,
-    /// Per block: its slot, which is its position among the modes of all blocks; the slots of a body are consecutive.
+    /// Per block: its place in the coarse vectors, which hold the modes of all blocks; there the blocks of a body are
+    /// consecutive.
     pub coarse_indices: Vec<u32>,
-    /// Per node, block by block: node index, its first quad (four entries) in `node_elements`, number of quads, and the
-    /// bits of its mass-proportional damping (f32, kg/s).
+    /// Per node, block by block: node index, its first quad (uvec4 of entries) in `node_elements`, number of quads, and
+    /// the bits of its mass-proportional damping (f32, kg/s).
     pub nodes: Vec<[u32; 4]>,
     /// Per block: mean rest position of its nodes in their frame (m); w is 1 over the block's size, the distance of the
     /// farthest node from that mean (1/m).
     pub places: Vec<[f32; 4]>,
-    /// Two per block: inverse of sum x x^T over its nodes, where x is a node's rest position about the block's mean,
-    /// over the block's size; it serves to fit an affine motion to the nodes' displacements. The components are xx yy
-    /// zz 0, then xy xz yz 0.
+    /// Two vec4 per block: the inverse of sum x x^T over its nodes, where x is a node's rest position relative to the
+    /// block's mean, divided by the block's size. It serves to fit an affine motion to the nodes' displacements. The
+    /// components are xx yy zz 0, then xy xz yz 0.
     pub moments: Vec<[f32; 4]>,
     /// Per dynamic core: its range in `nodes`, and its range of blocks.
     pub cores: Vec<(Range<usize>, Range<usize>)>,
 }
 
 impl Model {
-    /// Divides the nodes of all bodies into blocks. `aggregates`: into how many blocks the free nodes of a soft body
-    /// (by its index) are clustered; `None`: into runs of the usual size.
+    /// Divides the nodes of all bodies into blocks. `aggregates` returns, for the index of a soft body, the number of
+    /// blocks into which its free nodes are clustered; for `None` they are cut into runs of about [`USUAL_NODES`] in
+    /// the order of the arrays.
     pub(super) fn add_blocks(&mut self, aggregates: impl Fn(usize) -> Option<usize>) {
         let mut blocks = Blocks::default();
         for (index, soft) in self.soft.iter().enumerate() {
@@ -67,7 +71,7 @@ impl Model {
             }
             blocks.cores.push((node_first..blocks.nodes.len(), block_first..blocks.blocks.len()));
         }
-        // Slots number the blocks body by body.
+        // The coarse vectors have the blocks body by body.
         let mut order: Vec<usize> = (0..blocks.blocks.len()).collect();
         let body = |b: &usize| self.body_of(blocks.nodes[blocks.blocks[*b][0] as usize][0]);
         order.sort_by_key(body);
@@ -84,15 +88,15 @@ impl Model {
         }
     }
 
-    /// Index of the soft body that a node belongs to; for nodes of rigid bodies the number of soft bodies, so they come
-    /// last.
+    /// Index of the soft body that a node belongs to; for nodes of rigid bodies the number of soft bodies, so that
+    /// these nodes are sorted last.
     pub(super) fn body_of(&self, node: u32) -> usize {
         let own = self.soft.iter().position(|soft| soft.nodes.contains(&(node as usize)));
         own.unwrap_or(self.soft.len())
     }
 
-    /// Divides the free nodes of a body first by frame and then into parts: into about `aggregates` clusters of
-    /// neighbouring nodes in all, or, where that is `None`, into runs in the order of the arrays.
+    /// Divides the free nodes of a body first by frame and then into parts: into clusters of neighbouring nodes, about
+    /// `aggregates` for the whole body, or, where `aggregates` is `None`, into runs in the order of the arrays.
     fn parts_of(&self, nodes: Vec<u32>, aggregates: Option<usize>) -> Vec<Vec<u32>> {
         let total = nodes.len().max(1);
         let usual = USUAL_NODES.max(nodes.len().div_ceil(MOST_BLOCKS));
@@ -143,8 +147,8 @@ impl Blocks {
         self.places.push(texel(middle, inverse_size));
         let square = |x: DVec3| DMat3::from_cols(x * x.x, x * x.y, x * x.z);
         let sum = places().fold(DMat3::ZERO, |sum, x| sum + square((x - middle) * inverse_size));
-        // Where the nodes lie in a plane or a row, their affine fit is undetermined across it; the pseudo-inverse
-        // leaves that part as at rest.
+        // Where the nodes lie in a plane or a row, their affine fit is undetermined across it; the pseudo-inverse makes
+        // the undetermined part zero.
         let inverse = inverse_within(sum, LEAST_SPREAD * nodes.len() as f64);
         self.moments.push(texel(DVec3::new(inverse.x_axis.x, inverse.y_axis.y, inverse.z_axis.z), 0.0));
         self.moments.push(texel(DVec3::new(inverse.y_axis.x, inverse.z_axis.x, inverse.z_axis.y), 0.0));

@@ -1,5 +1,6 @@
-//! Collision proxies (convex hulls that cover the skin) and chunks: fills the model's arrays of both. A chunk is the
-//! unit of culling: at most `CHUNK_VERTICES` skin vertices of one proxy with at most `CHUNK_TRIANGLES` triangles.
+//! Fills the model's arrays of collision proxies and chunks. Proxies are convex hulls that cover a body's skin (surface
+//! mesh), each on one rigid coordinate frame. A chunk is the unit of culling: at most `CHUNK_VERTICES` skin vertices of
+//! one proxy with at most `CHUNK_TRIANGLES` triangles. A link is the relative placement of two frames.
 
 use std::collections::HashSet;
 
@@ -10,8 +11,8 @@ use crate::prepare::{self, Skin};
 use crate::shaders::{Chunk, Proxy};
 use crate::stages::{CHUNK_TRIANGLES, CHUNK_VERTICES};
 
-/// How far outside a hull's face another hull must reach to cover it, as a fraction of the diagonal of the first hull's
-/// box.
+/// How far outside a hull's face another hull must reach to cover that face, as a fraction of the diagonal of the first
+/// hull's box.
 const COVERED: f64 = 0.02;
 
 /// A chunk in the making: its triangles and the vertices that it owns, as indices of the skin.
@@ -21,8 +22,8 @@ struct Part {
     vertices: Vec<u32>,
 }
 
-/// A box around points, aligned with the mean normal of a part so that it is thin where the skin is flat. Returns its
-/// axes (columns), and its least and greatest corner along them.
+/// A box around points, aligned with the mean normal of a part, so that the box is thin where the skin is flat. Returns
+/// its axes (columns), and its least and greatest corner along them.
 fn rest_box(skin: &Skin, part: &Part, points: impl Iterator<Item = DVec3>) -> (DMat3, DVec3, DVec3) {
     let area = |t: &u32| {
         let [a, b, c] = skin.triangles[*t as usize].map(|v| skin.vertices[v as usize]);
@@ -121,7 +122,7 @@ impl Model {
         let movers = movers(&covered, carrier);
         let rest = |v: &u32| skin.vertices[*v as usize] - centre;
         let (axes, low, high) = rest_box(skin, part, covered.iter().map(rest));
-        // The addition covers the rounding to f32, in which the GPU holds the box.
+        // The added term covers the rounding of the box to f32, in which the GPU stores it.
         let half_extent = (high - low) * 0.5 + DVec3::splat(1e-6 * low.abs().max(high.abs()).max_element());
         let node_first = self.chunk_nodes.len();
         let node_count = movers.nodes.len();
@@ -201,6 +202,7 @@ fn covered(skin: &Skin, triangles: &[u32], vertices: &[u32]) -> Vec<u32> {
     covered
 }
 
+/// What moves these skin vertices; nothing where the skin is not embedded in a tetrahedral mesh.
 fn movers(covered: &[u32], carrier: Option<&Carrier>) -> Movers {
     let Some(Carrier { layer, embedding, node_first }) = carrier else { return Movers::default() };
     let mut movers = Movers::default();
@@ -222,8 +224,8 @@ fn movers(covered: &[u32], carrier: Option<&Carrier>) -> Movers {
     movers
 }
 
-/// The faces of a hull that no other hull on the same frame covers: a covered face lies within the body, so it is no
-/// direction to leave the body by. Returns all faces where every one is covered.
+/// The faces of a hull that no other hull on the same frame covers. A covered face lies within the body, so its normal
+/// is no direction in which another body can be pushed out. Returns all faces where every face is covered.
 fn outer_faces(proxy: &prepare::Proxy, all: &[prepare::Proxy]) -> Vec<(DVec3, f64)> {
     let (low, high) =
         proxy.hull.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
@@ -269,6 +271,6 @@ mod tests {
         }
         assert!(owned.iter().chain(&drawn).all(|n| *n == 1));
         // Halving leaves chunks at least about half full, which bounds their number.
-        assert!(parts < 3 * head.vertices.len() / CHUNK_VERTICES, "{parts}");
+        assert!(parts < 3 * head.vertices.len() / CHUNK_VERTICES, "{parts} chunks");
     }
 }

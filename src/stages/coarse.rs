@@ -1,5 +1,6 @@
 //! The coarse level of the solver's preconditioner: the matrix A of the step's linear system at rest, restricted to a
-//! few motions (modes) of each block of nodes, and inverted once.
+//! few motions (modes) of each block of nodes, and inverted once. A block holds free nodes that lie together, or nodes
+//! attached to a core (a rigid body inside a soft one).
 //!
 //! It is a two-level additive Schwarz preconditioner (Dryja and Widlund 1987) with blocks of nodes (aggregates) in
 //! place of subdomains: M^-1 = D^-1 + P A_c^-1 P^T, where D holds the 3x3 diagonal blocks of A, P maps modes to node
@@ -19,27 +20,28 @@ use super::model::{Model, SoftRange};
 use crate::scene::Preconditioner;
 use crate::shaders::NONE;
 
-/// Modes per block: the twelve affine ones of free nodes, or for nodes attached to a core the six of its twist and six
-/// that are unused.
+/// Modes per block: the twelve affine ones of free nodes, or for nodes attached to a core the six of the core's twist
+/// and six that are unused.
 pub const BLOCK_UNKNOWNS: usize = 12;
-/// Stiffness number from which the coarse level pays for a body with one node per aggregate; see [`least_number`].
+/// Stiffness number from which the coarse level saves time for a body with one node per aggregate; see
+/// [`least_number`].
 const STIFF: f64 = 2.4;
 /// Number of aggregates of a body that has enough nodes for them, at least.
 const LEAST_AGGREGATES: usize = 64;
 /// Number of aggregates of a body, at most.
 const MOST_AGGREGATES: usize = 200;
-/// Nodes per aggregate, at least: fewer hardly determine affine motions.
+/// Nodes per aggregate, at least: fewer nodes hardly determine an affine motion.
 const LEAST_NODES: usize = 8;
-/// Mean square of a motion over a block's nodes, over that of the largest one, above which the motion counts as
-/// independent: where nodes lie in a plane or a row, some affine motions are combinations of others.
+/// Ratio of the mean squares, over a block's nodes, of a motion and of the block's largest motion, above which the
+/// motion counts as independent. Where nodes lie in a plane or a row, some affine motions are combinations of others.
 const LEAST_MOTION: f64 = 1e-4;
 
-/// The coarse level of all bodies that have one, as arrays for the solver's kernels. A slot is the position of a block
-/// among the modes of all blocks; a texel is a vec4.
+/// The coarse level of all bodies that have one, as arrays for the solver's kernels. A slot is a block's place in the
+/// vectors that hold the modes of all blocks; a texel is an element of four 32-bit words.
 #[derive(Debug, Clone, Default)]
 pub struct Coarse {
-    /// Per block: first texel of its rows in `inverse`, first slot of its body, number of the body's modes over four (0
-    /// without a coarse level), its own slot.
+    /// Per block: first texel of its rows in `inverse`, first slot of its body, number of the body's modes divided by
+    /// four (0 without a coarse level), its own slot.
     pub blocks: Vec<[u32; 4]>,
     /// Rows of the inverses A_c^-1, scaled to a unit diagonal, in half precision: eight numbers per texel.
     pub inverse: Vec<[u32; 4]>,
@@ -50,8 +52,9 @@ pub struct Coarse {
 }
 
 impl Model {
-    /// Makes the blocks of all bodies, and the coarse level of those that are stiff enough at steps of `dt` seconds,
-    /// or, where the scene has `asked` for it, of all or none.
+    /// Makes the blocks of all bodies, and the coarse level of some. `asked` is the preconditioner that the scene sets:
+    /// with `Auto`, bodies that are stiff enough at steps of `dt` seconds have a coarse level; with `Coarse`, all
+    /// bodies that deform; with `Jacobi`, none.
     pub(super) fn add_coarse(&mut self, dt: f64, asked: Preconditioner) {
         let wanted = |index: usize| {
             let number = self.stiffness_number(&self.soft[index], dt);
@@ -68,7 +71,7 @@ impl Model {
     }
 
     /// Like [`Model::add_coarse`] for a model that differs from `before` in materials alone: it takes over the blocks,
-    /// and the choice which bodies have a coarse level.
+    /// and the choice of the bodies that have a coarse level.
     pub(super) fn add_coarse_like(&mut self, dt: f64, before: &Model) {
         self.add_blocks_of(before);
         let kept = |soft: &SoftRange| before.coarse.bodies.iter().find(|(body, ..)| *body == soft.body);
@@ -93,14 +96,16 @@ impl Model {
         self.coarse = coarse;
     }
 
+    /// Number of free nodes of a soft body.
     fn free_count(&self, soft: &SoftRange) -> usize {
         soft.nodes.clone().filter(|n| self.node_info[*n][3] == shaders::NODE_FREE).count()
     }
 
-    /// Stiffness number of a body: how much stiffer than its inertia a node is in a step of h = `dt` seconds, namely
-    /// (h^2 + h beta) tr(K_ii) / (3 (1 + h alpha) m_i) with alpha and beta the mass and stiffness damping; it is the
-    /// 95th percentile over the free nodes, and 0 where none is free. To reach 1e-4, conjugate gradients with 3x3 block
-    /// Jacobi need about 9 times as many iterations as its square root, until the size of the body limits them.
+    /// Stiffness number of a body: the ratio of a node's stiffness to its inertia in a step of h = `dt` seconds, (h^2 +
+    /// h beta) tr(K_ii) / (3 (1 + h alpha) m_i) with alpha and beta the mass and stiffness damping. It is the 95th
+    /// percentile over the free nodes, and 0 where no node is free. With a 3x3 block Jacobi preconditioner, the
+    /// iterations that conjugate gradients need to reduce the residual to 1e-4 are about 9 times the square root of the
+    /// stiffness number, or fewer where the size of the body limits them.
     pub fn stiffness_number(&self, soft: &SoftRange, dt: f64) -> f64 {
         let mut stiffness = vec![0.0; soft.nodes.len()];
         for t in self.tetrahedra_of(soft) {
@@ -138,6 +143,7 @@ impl Model {
         [material.mu, material.lambda, material.damping].map(f64::from)
     }
 
+    /// Rest volume of a tetrahedron, m^3.
     pub(crate) fn volume(&self, tetrahedron: usize) -> f64 {
         f64::from(self.rest_gradients[3 * tetrahedron][3]).powi(2)
     }
@@ -230,22 +236,24 @@ impl Model {
     }
 }
 
-/// Number of aggregates for a body with this many free nodes. It grows so that the product with the dense inverse stays
-/// within a tenth of an iteration, up to a matrix that takes a few seconds to invert.
+/// Number of aggregates for a body with this many free nodes. It grows with the nodes so that the product with the
+/// dense inverse takes at most a tenth of an iteration's time, and is limited so that the matrix is inverted within a
+/// few seconds.
 fn aggregates(nodes: usize) -> usize {
     let wanted = (0.95 * (nodes as f64).sqrt()) as usize;
     wanted.clamp(LEAST_AGGREGATES, MOST_AGGREGATES).min(nodes.div_ceil(LEAST_NODES)).max(1)
 }
 
-/// Stiffness number from which the coarse level pays for a body with this many free nodes. Its square root is the
-/// distance, in nodes, that an elastic wave travels in a step, and so how far Jacobi's iterations must carry
-/// information. With the coarse level they only need to cross an aggregate, but each iteration costs about as much as
-/// three.
+/// Stiffness number from which the coarse level saves time for a body with this many free nodes. The square root of the
+/// number is the distance, in nodes, that an elastic wave travels in a step, and so how far iterations with Jacobi
+/// alone must carry information. With the coarse level iterations only need to carry it across an aggregate, but each
+/// costs about as much as three without.
 fn least_number(nodes: usize) -> f64 {
     STIFF * (nodes as f64 / aggregates(nodes) as f64).powf(2.0 / 3.0)
 }
 
-/// E X E^T, scaled to a unit diagonal and rounded to half precision, where E has the independent motions as columns.
+/// The coarse inverse E X E^T, scaled to a unit diagonal and rounded to half precision, where E has the independent
+/// motions as columns and X is the inverse of E^T A_c E.
 struct HalfInverse {
     /// The matrix row by row.
     values: Vec<half::f16>,

@@ -1,7 +1,8 @@
-//! Contact stage: decides which skin vertices collide and how deep, lists them densely, computes what the solver needs
-//! of each, and makes the index from nodes to contacts. A vertex gathers contacts if the hits on its ray along the
-//! normal are looked up; a contact patch (`contact_patches` in the code) is a part of a pair's contact with one normal; a chunk
-//! is a group of at most 64 skin vertices.
+//! Contact stage: decides which skin vertices collide and how deep, lists them densely as contacts, computes for each
+//! what the solver needs, and makes the index from nodes to contacts. A skin is the surface mesh of a body; a chunk is
+//! a group of at most 64 skin vertices, active if it may meet the other body. A vertex gathers contacts if it is tested
+//! for contact, by its ray along a contact patch's normal. A contact patch (`ContactPatch`) is an area with one normal
+//! where a pair of bodies may touch.
 
 use std::sync::Arc;
 
@@ -30,14 +31,15 @@ pub struct Touch {
     pub contacts: Buffer,
     /// Four quads (uvec4) of node indices per contact.
     pub entry_nodes: Buffer,
-    /// Weights of the nodes in `entry_nodes`, with which their velocities add up to the contact's relative velocity.
+    /// Weights of the nodes in `entry_nodes`: the sum of the nodes' velocities times these weights is the contact's
+    /// relative velocity.
     pub entry_weights: Buffer,
     /// Per node: its first entry in `sorted`, and their number.
     pub node_entries: Buffer,
     /// The entries, node by node: contact index, and bits of the weight (f32).
     pub sorted: Buffer,
-    /// Per contact: the product of its part of the operator with a change of velocity, N s; w is the component along
-    /// the normal (see solve/contact_product).
+    /// Per contact: the product of the contact's part of the operator with a change of velocity, N s; w is the
+    /// component along the normal (see solve/contact_product).
     pub contact_forces: Buffer,
 }
 
@@ -70,9 +72,9 @@ pub struct Contact {
 
 impl Contact {
     /// Kernels and arrays for a model. `skins`: whether skins may meet skins; otherwise they meet half-spaces only.
-    /// `blend`: where two contact patches see a vertex about equally well it gets a mean of both, so that no force
-    /// jumps; without it the patch that sees the vertex best decides alone, so that every depth is exactly that of a
-    /// ray along its normal.
+    /// `blend`: whether a vertex that two contact patches see about equally well gets a mean of both depths and
+    /// normals, so that no force jumps; otherwise the patch that sees the vertex best decides alone, and every depth is
+    /// exactly that of a ray along its patch's normal.
     pub fn new(context: &Arc<Context>, model: &Model, skins: bool, blend: bool) -> Result<Contact> {
         let nodes = model.node_rest.len();
         let candidates = CHUNK_VERTICES * model.most_gathering();
@@ -119,14 +121,15 @@ impl Contact {
         })
     }
 
-    /// The arrays that a step leaves for the next: which way its contacts pushed, for culling, and the contacts, for
-    /// callers that ask about the last step.
+    /// The arrays that a step leaves for the next: the direction in which its contacts pushed, for culling, and the
+    /// contacts, for callers that ask for those of the last step.
     pub fn state(&self) -> [&Buffer; 3] {
         [&self.source, &self.candidate_pushes, &self.touch.contacts]
     }
 
-    /// Records three passes over the active chunks, contacts and nodes, one fill, and one pass that has a workgroup
-    /// only where contacts do not fit. Without a depth stage only half-spaces are met.
+    /// Records three passes, over the active chunks, the contacts and the nodes, one fill, and one pass that has a
+    /// workgroup only where there are more contacts than room for them. Without a depth stage only contacts with
+    /// half-spaces are found.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -139,7 +142,7 @@ impl Contact {
         recorder.stage("contact");
         let touch = &self.touch;
         if self.has_nodes {
-            // This is filled long before it is read; later only the entries of touched nodes are written.
+            // The array is cleared long before it is read; later passes write only the entries of touched nodes.
             recorder.fill(&touch.node_entries, 0);
         }
         recorder.dispatch_indirect(

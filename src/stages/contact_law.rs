@@ -7,14 +7,15 @@ use crate::prepare::{Body, Layer, Shape};
 use crate::scene::{Material, Scene};
 use crate::shaders::Contact;
 
-/// Stiffness (N/m^3) of a scene without soft bodies: the automatic one of 20 kPa, Poisson's ratio 0.45 and edges of 10
-/// mm.
+/// Contact stiffness (N/m^3) of a scene without soft bodies: what [`auto_stiffness`] gives for a Young's modulus of 20
+/// kPa, Poisson's ratio 0.45 and edges of 10 mm.
 const RIGID_STIFFNESS: f64 = 5.0e7;
 
-/// Stiffness (N/m^3) and damping (N s/m^3) between two bodies of a scene; `all`: its bodies and the tool.
+/// Contact stiffness (N/m^3) and damping (N s/m^3) between two bodies of a scene; `all`: the scene's bodies and the
+/// tool.
 pub fn parameters(scene: &Scene, pair: [&Body; 2], all: &[&Body]) -> [f64; 2] {
     let stiffness = scene.contact.stiffness.unwrap_or_else(|| auto_stiffness(&pair, all));
-    // With this damping the penalty relaxes over one step.
+    // With this damping the penalty force relaxes within one step.
     let damping = scene.contact.damping.unwrap_or(stiffness * scene.step.dt);
     [stiffness, damping]
 }
@@ -34,7 +35,7 @@ pub fn end_traction(contact: &Contact, force: [f32; 4], h: f32) -> Traction {
     let [stiffness, depth, area, h] = [contact.stiffness, contact.depth, contact.area, h].map(f64::from);
     let [x, y, z, along] = force.map(f64::from);
     let slope = h * stiffness + f64::from(contact.damping);
-    // The contact is released, or its vertex is seen edge on.
+    // The contact was released, or the skin at its vertex is parallel to the normal.
     if area <= 0.0 || slope <= 0.0 {
         return Traction { pressure: 0.0, friction: DVec3::ZERO };
     }
@@ -48,7 +49,8 @@ pub fn end_traction(contact: &Contact, force: [f32; 4], h: f32) -> Traction {
     Traction { pressure, friction: drag / area }
 }
 
-/// The traction at the start of a step, for contacts whose end of the step is not known; without friction.
+/// The traction at the start of a step, without friction: for contacts whose traction at the end of the step is not
+/// known.
 pub fn start_traction(contact: &Contact) -> Traction {
     let [stiffness, damping, depth, rate] =
         [contact.stiffness, contact.damping, contact.depth, contact.rate].map(f64::from);
@@ -59,9 +61,10 @@ fn wide(x: [f32; 3]) -> DVec3 {
     DVec3::from_array(x.map(f64::from))
 }
 
-/// Automatic stiffness, 20 E / (1 - nu^2) / (mean edge of the tetrahedral mesh) of the softer body of a pair, or of the
-/// softest of all where both are rigid, N/m^3. A body of several materials counts with the softest one in which skin is
-/// embedded: that one gives way first, and what lies deeper is felt through it.
+/// Automatic contact stiffness of a pair of bodies, N/m^3: 20 E / (1 - nu^2) / (mean edge of the tetrahedral mesh) of
+/// the softer one, or, where both are rigid, of the softest of all bodies. A body of several materials counts with the
+/// softest of those in which skin (the surface mesh) is embedded: it gives way first, and deeper materials are felt
+/// through it.
 fn auto_stiffness(pair: &[&Body], all: &[&Body]) -> f64 {
     let of = |bodies: &[&Body]| {
         let soft = bodies.iter().filter_map(|body| match &body.shape {
@@ -96,8 +99,8 @@ mod tests {
     use super::*;
     use crate::prepare::body;
 
-    /// Automatic stiffness, N/m^3, of a cube of three cells a side with a softer material region, which is given as a
-    /// sphere.
+    /// Automatic contact stiffness, N/m^3, of a cube of three cells a side with a softer material region, which is
+    /// given as a sphere.
     fn stiffness(sphere: &str) -> f64 {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("scene.toml");
@@ -115,6 +118,6 @@ mod tests {
     #[test]
     fn the_softest_material_under_the_skin_decides() {
         let (inside, corner) = (stiffness("[1.5, 1.5, 1.5, 0.5]"), stiffness("[0, 0, 0, 1]"));
-        assert!((inside / corner - 3.0).abs() < 1e-12, "{inside} {corner}");
+        assert!((inside / corner - 3.0).abs() < 1e-12, "ratio of {inside} N/m^3 to {corner} N/m^3, expected 3");
     }
 }

@@ -1,7 +1,7 @@
-//! Cull stage (broad phase): finds which collision proxies (convex hulls that cover the skin) of two bodies may touch
-//! and in which directions, groups the directions into contact patches (`contact_patches` in the code: one normal each), and
-//! lists the chunks (groups of at most 64 skin vertices) that may meet. A work item is an active chunk in one contact
-//! patch.
+//! Cull stage (broad phase): finds which collision proxies (convex hulls that cover the skin, a body's surface mesh) of
+//! two bodies may touch and in which directions, groups the directions into contact patches (`ContactPatch`: areas with
+//! one normal each), and lists the active chunks: those groups of at most 64 skin vertices that may meet the other
+//! body. A work item is an active chunk in one contact patch.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ use crate::stages::PAIR_PATCHES;
 pub(super) const GRID_WORDS: usize = 2 * (shaders::GRID * shaders::GRID) as usize;
 
 /// Largest number of cells of the spatial hash along a side of the rectangle that a contact patch covers; the last cell
-/// begins where the rectangle ends, at the latest.
+/// begins at the end of the rectangle or before it.
 pub const MOST_CELLS: u32 = 128;
 
 /// Kernels and arrays of the cull stage: pairs of bodies and of proxies, contact patches, active chunks.
@@ -43,9 +43,9 @@ pub struct Cull {
     directions: Buffer,
     /// [`PAIR_PATCHES`] contact patches per pair of bodies, a [`ContactPatch`] each.
     pub contact_patches: Buffer,
-    /// A slot is a proxy's part in a pair of bodies: one [`crate::shaders::PairProxy`] each.
+    /// One [`crate::shaders::PairProxy`] per slot; a slot is one proxy in one pair of bodies.
     pub pair_proxies: Buffer,
-    /// Per slot: the share that each of the pair's contact patches has in its vertices.
+    /// Per slot: the share that each of the pair's contact patches has in the proxy's vertices.
     pub shares: Buffer,
     boxes: Buffer,
     proxy_patches: Buffer,
@@ -57,7 +57,7 @@ pub struct Cull {
     pub chunk_nodes: Buffer,
     pair_proxy_chunks: Buffer,
     slabs: Buffer,
-    /// The min-max depth grids: how far the chunks of either side reach along the normal in each cell of a contact
+    /// The min-max depth grids: how far the chunks of either body reach along the normal in each cell of a contact
     /// patch.
     pub depth_grids: Buffer,
     /// The chunks that may meet others, an [`ActiveChunk`] each.
@@ -67,8 +67,8 @@ pub struct Cull {
 }
 
 impl Cull {
-    /// Kernels and arrays for a model. `smooth`: the normals of contact patches turn a quarter of the way towards their
-    /// new direction in a step, otherwise all of it.
+    /// Kernels and arrays for a model. `smooth`: whether the normals of contact patches turn only a quarter of the way
+    /// towards their new direction in a step; otherwise they turn all the way.
     pub fn new(context: &Arc<Context>, model: &Model, smooth: bool) -> Result<Cull> {
         let (proxy_pairs, pair_proxies, work_items) =
             (model.proxy_pairs.len(), model.pair_proxies.len(), model.max_work_items());
@@ -80,8 +80,8 @@ impl Cull {
             ("MAX_WORK_ITEMS", count(work_items)),
             ("GATHERING", count(model.gathering_pair_proxies)),
         ];
-        // A workgroup gets enough pairs of proxies that those whose boxes meet fill its lanes, but at most eight a
-        // lane.
+        // A workgroup gets so many pairs of proxies that the pairs whose boxes meet fill its lanes, but at most eight
+        // pairs a lane.
         let lanes = context.reduce_size();
         let share = (8 * lanes).min(lanes.max(128));
         let reduce = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Reduce, constants);
@@ -120,13 +120,13 @@ impl Cull {
         })
     }
 
-    /// The array that a step leaves for the next: the contact patches, whose normals turn gradually.
+    /// The array that a step leaves for the next: the contact patches, since their normals turn gradually.
     pub fn state(&self) -> [&Buffer; 1] {
         [&self.contact_patches]
     }
 
     /// Records five passes: proxy pairs, directions, contact patches, bounds of chunks, and the list of chunks that
-    /// meet. `last` still holds the contacts of the last step.
+    /// meet. `last`: the contact stage, which still holds the contacts of the last step.
     pub fn record(
         &self,
         recorder: &mut Recorder,

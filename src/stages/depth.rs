@@ -1,6 +1,7 @@
-//! Depth stage (narrow phase): finds where triangles of one body's skin hit the rays that the other body's skin
-//! vertices cast along a contact patch's normal. It has two interchangeable paths, graphics and compute, which find the
-//! same hits.
+//! Depth stage (narrow phase): finds where triangles of one body's skin (surface mesh) hit the rays that the other
+//! body's skin vertices cast along a contact patch's normal. It has two interchangeable implementations (paths),
+//! graphics and compute, which find the same hits. A chunk is a group of at most 64 skin vertices with their triangles;
+//! it is active if it may meet the other body.
 
 use std::sync::Arc;
 
@@ -17,8 +18,9 @@ pub use crate::scene::DepthPath as Path;
 
 /// Name of the stage in timers and reports.
 pub const STAGE: &str = "depth";
-/// Capacity for ray hits, at least (and at most, `MOST_HITS`); between the two it follows the number of vertices.
+/// Least capacity for ray hits; between it and `MOST_HITS` the capacity grows with the number of skin vertices.
 const LEAST_HITS: usize = 1 << 16;
+/// Greatest capacity for ray hits.
 const MOST_HITS: usize = 1 << 20;
 
 /// Where the draw's arguments lie in the indirect arguments, in units of VkDrawIndirectCommand (four words).
@@ -36,7 +38,8 @@ pub struct Depth {
     pub hits: Buffer,
 }
 
-/// The pipeline that finds the hash cells covered by each triangle: the rasterizer, or a kernel with loops over them.
+/// The pipeline that finds the hash cells covered by each triangle: the rasterizer, or a compute kernel that loops over
+/// the cells.
 enum RayHitKernel {
     Graphics(RasterPipeline),
     Compute(Kernel),

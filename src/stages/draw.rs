@@ -1,5 +1,6 @@
-//! Draw stage: writes the skins of all bodies as they are now, positions and normals, into GPU arrays that a renderer
-//! or another program may bind or map. It is no part of the step, and is made and run only when somebody asks for it.
+//! Draw stage: writes the current positions and normals of the skins (surface meshes) of all bodies into GPU arrays
+//! that a renderer or another program may bind or map. It is no part of the step; it is made and run only when a caller
+//! asks for it.
 
 mod fields;
 mod mesh;
@@ -22,7 +23,7 @@ pub use points::Points;
 
 /// The skins on the GPU: one vec4 per vertex, body after body, the tool's last.
 pub struct Skins<'a> {
-    /// Positions, m, relative to the origin that was asked for; w is 1.
+    /// Positions, m, relative to the origin that the caller chose; w is 1.
     pub positions: &'a Buffer,
     /// Outward unit normals; w is 0. A normal is zero where the triangles around its vertex have no area.
     pub normals: &'a Buffer,
@@ -38,8 +39,8 @@ pub struct Draw {
     /// One [`Frame`] (rigid coordinate frame) per frame of the model, written by the host; only position and rotation
     /// are read.
     pub frames: Buffer,
-    /// One [`Link`] per pair of frames in both of which a tetrahedron, proxy or chunk has nodes: how one lies to the
-    /// other now; written by the host.
+    /// One [`Link`] per pair of frames in both of which a tetrahedron, collision proxy or chunk (group of skin
+    /// vertices) has nodes: the current placement of one frame relative to the other; written by the host.
     pub links: Buffer,
     /// Four u32 per triangle: its three skin vertices and a zero.
     pub triangles: Buffer,
@@ -50,8 +51,8 @@ pub struct Draw {
 }
 
 impl Draw {
-    /// Kernels and arrays for a model. `ranges`: each body's skin vertices among those of all; `skin`: the skin stage
-    /// of the step, where it has one, whose arrays are shared.
+    /// Kernels and arrays for a model. `ranges`: for each body the range of its vertices among the skin vertices of all
+    /// bodies; `skin`: the step's skin stage, if the step has one; its arrays are then shared.
     pub fn new(context: &Arc<Context>, model: &Model, ranges: &[Range<usize>], skin: Option<&Skin>) -> Result<Draw> {
         let vertices = model.skin_nodes.len();
         let mut rigid_frames = vec![NONE; vertices];
@@ -103,8 +104,8 @@ impl Draw {
     }
 }
 
-/// Sorts `pairs` of an owner and a value into one list per owner: returns the running totals of the lists' lengths, and
-/// the lists one after another.
+/// Sorts `pairs` of an owner and a value into one list per owner: returns the index at which each list begins (and
+/// their total length at the end), and the lists one after another.
 fn lists(owners: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> (Vec<u32>, Vec<u32>) {
     let mut first = vec![0u32; owners + 1];
     pairs.clone().for_each(|(owner, _)| first[owner as usize + 1] += 1);
@@ -119,7 +120,8 @@ fn lists(owners: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> (Vec
     (first, all)
 }
 
-/// The triangles around every skin vertex; the model itself keeps only those around vertices that contact needs.
+/// The triangles around every skin vertex; the model itself keeps only those around vertices that are tested for
+/// contact.
 fn fans(model: &Model) -> (Vec<u32>, Vec<u32>) {
     let triangles = model.triangles.iter().zip(0..);
     lists(model.skin_nodes.len(), triangles.flat_map(|(&[a, b, c, _], t)| [(a, t), (b, t), (c, t)]))

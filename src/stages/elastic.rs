@@ -1,5 +1,6 @@
 //! Elastic stage: the state of the tetrahedral meshes (layers), the rotation of each tetrahedron, element forces, and
-//! the gradients, rotated into the world, with which the solver applies the elements.
+//! the shape function gradients, rotated into the world, with which the solver applies the elements. A frame is a rigid
+//! coordinate frame in which displacements of nodes are measured; a link is the relative placement of two frames.
 
 use std::mem::offset_of;
 use std::sync::Arc;
@@ -28,8 +29,8 @@ pub struct Elastic {
     pub(super) materials: Buffer,
     /// Four nodes per tetrahedron.
     pub tetrahedra: Buffer,
-    /// Per tetrahedron: links from its frame to the frames of its nodes; present only where some have nodes in several
-    /// frames.
+    /// Per tetrahedron: links from its frame to the frames of its nodes; present only where some tetrahedra have nodes
+    /// in several frames.
     pub(super) tetrahedron_links: Option<Buffer>,
     /// Three per tetrahedron: rest gradients of its last three nodes' shape functions (1/m); w of the first is the
     /// square root of its volume (m^3).
@@ -38,7 +39,7 @@ pub struct Elastic {
     pub(super) element_info: Buffer,
     /// Per node: rest position relative to its frame's centre (m), and mass (kg).
     pub node_rest: Buffer,
-    /// Per node: its first quad in `node_elements`, number of quads, frame, and what decides its motion, as in
+    /// Per node: its first quad (uvec4) in `node_elements`, number of quads, frame, and what decides its motion, as in
     /// shaders/shared/node_motion.glsl.
     pub node_info: Buffer,
     /// The entries of `element_forces` that add up at each node, node by node, four per texel.
@@ -47,7 +48,7 @@ pub struct Elastic {
     pub displacement: Buffer,
     /// State: velocity of each node, world axes, m/s.
     pub velocity: Buffer,
-    /// State: rotation of each tetrahedron (quaternion), from which the next step's search for it starts.
+    /// State: rotation of each tetrahedron (quaternion); the next step starts its search for the new rotation from it.
     pub rotations: Buffer,
     /// Three per tetrahedron: its gradients, rotated into world axes.
     pub gradients: Buffer,
@@ -66,7 +67,7 @@ struct Newton {
 }
 
 impl Elastic {
-    /// Kernels and arrays for a model whose nodes are at rest positions.
+    /// Kernels and arrays for a model, with all nodes at their rest positions.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Elastic> {
         let (nodes, tetrahedra) = (model.node_rest.len(), model.tetrahedra.len());
         let patches = model.patches.count();
@@ -134,7 +135,7 @@ impl Elastic {
         self.newton.is_some()
     }
 
-    /// Clears the step's flags in scenes where nothing can touch; in others the pose stage does that.
+    /// Clears the step's flags in scenes where nothing can touch; in other scenes the pose stage clears them.
     pub fn record_reset(&self, recorder: &mut Recorder, common: &Common) {
         // Without tetrahedra no later pass raises a flag.
         if self.tetrahedron_count > 0 {

@@ -2,22 +2,23 @@
 
 use crate::shaders;
 
-/// A set of flags. The bits are those of the `flags` column of `trace.csv`, and of the shaders, which define those that
-/// they raise.
+/// A set of flags. The bits are those of the `flags` column of `trace.csv`, and of the shaders, which define the bits
+/// of the flags that they raise.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Flags(pub u32);
 
 impl Flags {
-    /// The solver's residual at the end is above ten times its tolerance, and above ten times what single precision can
-    /// reach.
+    /// The residual at the end of the solve is above ten times the solver's tolerance, and above ten times what single
+    /// precision can reach.
     pub const NOT_CONVERGED: Flags = Flags(shaders::FLAG_NOT_CONVERGED);
-    /// There are more contact patches, or more active chunks of skin, than there is room for.
+    /// There are more contact patches, or more active chunks (groups of skin vertices that may touch), than there is
+    /// room for.
     pub const PATCH_OVERFLOW: Flags = Flags(shaders::FLAG_PATCH_OVERFLOW);
     /// There are more contacts, or more ray hits, than there is room for.
     pub const CONTACT_OVERFLOW: Flags = Flags(shaders::FLAG_CONTACT_OVERFLOW);
     /// A contact is deeper than the scene's `depth_limit`.
     pub const DEPTH_BEYOND_LIMIT: Flags = Flags(shaders::FLAG_DEPTH_LIMIT);
-    /// A skin folds over itself along a contact patch's normal.
+    /// A skin (surface mesh) folds over itself along a contact patch's normal.
     pub const NOT_A_HEIGHT_FIELD: Flags = Flags(shaders::FLAG_NOT_HEIGHT_FIELD);
     /// A number was not finite, and the step was recovered.
     pub const NON_FINITE: Flags = Flags(shaders::FLAG_NON_FINITE);
@@ -25,10 +26,10 @@ impl Flags {
     pub const STEP_RETRIED: Flags = Flags(64);
     /// No step succeeded, however short: the bodies were stopped where they are.
     pub const FROZEN: Flags = Flags(128);
-    /// Contacts under tension were released, and others are under tension after the last repeated solve.
+    /// Contacts under tension were released, but others are still under tension after the last repeated solve.
     pub const TENSION_REMAINS: Flags = Flags(shaders::FLAG_TENSION);
-    /// A frame turned so far within the step that the nodes measured in it may gain energy: their elements keep the
-    /// rotations of the step's start.
+    /// A rigid coordinate frame turned so far within the step that its nodes may gain energy, since their elements keep
+    /// the rotations of the start of the step.
     pub const TURNS_TOO_FAR: Flags = Flags(512);
     /// A tetrahedron was inverted where the step was linearised, or pressed so flat that its rotation was not found.
     pub const INVERTED: Flags = Flags(shaders::FLAG_INVERTED);

@@ -1,6 +1,7 @@
-//! Gap pass, a part of the wrench stage: finds the shortest way from a rigid tool to the skins that it may touch, in
-//! steps of a haptic loop. A skin is searched in parts, one workgroup each: some chunks (groups of at most 64 skin
-//! vertices with their triangles) of one collision proxy.
+//! Gap pass, a part of the wrench stage: finds the shortest way from a rigid tool to the skins (surface meshes) that it
+//! may touch, in steps of a haptic loop. A skin is searched in parts, one workgroup each. A part is a few chunks
+//! (groups of at most 64 skin vertices with their triangles) of one collision proxy (convex hull that covers some of
+//! the skin).
 
 use std::sync::Arc;
 
@@ -19,9 +20,9 @@ use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
 use crate::shaders::{Chunk, SkinGap, SkinPart};
 
-/// How far from the tool's surface skin is searched for, m.
+/// Distance from the tool's surface within which skins are searched for, m.
 pub const RANGE: f64 = 0.03;
-/// Largest number of chunks of a part, for a sphere and for any other tool, whose loops are longer.
+/// Largest number of chunks of a part: for a spherical tool, and for any other tool, with which a chunk takes longer.
 const SHARE: [usize; 2] = [64, 8];
 
 /// The kernel of the gap pass and its arrays.
@@ -55,8 +56,8 @@ pub struct PairPart {
     pub part: SkinPart,
 }
 
-/// The parts of all skins that a rigid tool may touch. Half-spaces have none, and there are none where the tool is a
-/// body of the scene.
+/// The parts of all skins that a rigid tool may touch. Half-spaces have no parts, and there are none at all where the
+/// tool is a body of the scene.
 pub fn parts(model: &Model) -> Vec<PairPart> {
     if model.tool_frame.is_none() {
         return Vec::new();
@@ -87,7 +88,7 @@ pub fn part_count(model: &Model) -> usize {
     parts(model).len()
 }
 
-/// Box that contains the boxes of some chunks at rest, in their frame: least and greatest corner, m.
+/// Box that contains the boxes of some chunks at rest, in their rigid coordinate frame: least and greatest corner, m.
 fn box_of(chunks: &[Chunk]) -> ([f32; 3], [f32; 3]) {
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for chunk in chunks {
@@ -150,9 +151,9 @@ impl Gap {
         }))
     }
 
-    /// Records one pass beside the wrench's, which runs once the step is accepted and only where a haptic loop holds
-    /// the tool. It overwrites the skin positions of the contact stage, which are no longer needed, by those at the
-    /// step's end.
+    /// Records one pass, which runs only in a step that is accepted and only where a haptic loop holds the tool. It
+    /// overwrites the skin positions of the contact stage, which are no longer needed, by positions at the end of the
+    /// step.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, skins: &Skins, elastic: &Elastic, solve: &Solve) {
         recorder.stage("wrench");
         let Skins { pose, cull, skin, depth } = skins;

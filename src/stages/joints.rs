@@ -1,5 +1,6 @@
-//! Ball joints between the cores of soft bodies: their constants, which are known before the first step, and the trees
-//! that the dynamic cores form by them.
+//! Ball joints between the cores of soft bodies (rigid bodies inside a soft one, to which nodes are attached): their
+//! constants, which are known before the first step, and the trees that joints make of the dynamic cores, those that
+//! forces move. Each core has a rigid coordinate frame.
 
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
@@ -8,16 +9,18 @@ use glam::DVec3;
 use super::model::{Core, Model};
 use crate::scene::{self, Resistance};
 
-/// Ratio of the stiffness of a joint, or of the end of its range, to the resistance of what it joins at the scene's
-/// step: a load that would part the two sides by some way in a step opens the joint by a hundredth of that way.
+/// Ratio of the stiffness of a joint, or of a limit of its range, to the resistance of the cores that it joins, in a
+/// step of the scene: a load that would move the unjoined cores apart by some distance in a step opens the joint by a
+/// hundredth of that distance.
 const STIFFNESS_RATIO: f64 = 100.0;
 
-/// A ball joint between two frames, which are cores of a soft body.
+/// A ball joint between two cores of a soft body.
 #[derive(Debug, Clone)]
 pub struct Joint {
-    /// Its two frames; the second turns about the first.
+    /// The frames of the two cores; the second one's rotation relative to the first one is what springs and limits
+    /// resist.
     pub frames: [usize; 2],
-    /// The dynamic cores of these frames; `None` for a frame that forces do not move.
+    /// The dynamic cores of these frames; `None` for a core that forces do not move.
     pub cores: [Option<usize>; 2],
     /// From the centre of each frame to the joint at rest, frame axes, m.
     pub arms: [DVec3; 2],
@@ -85,8 +88,8 @@ impl Model {
             return;
         }
         let blocks: Vec<Mat<f64>> = self.cores.iter().map(|core| self.core_block(core, dt)).collect();
-        // Compliance of what a joint connects: how readily its two sides part along a direction, 1/kg, and turn about
-        // one, 1/(kg m^2).
+        // Compliance of the two cores of a joint: the relative velocity that a unit impulse between them makes at the
+        // joint along a direction, 1/kg, or a unit angular impulse about one, 1/(kg m^2).
         let readiness = |joint: &Joint, along: DVec3, about: DVec3| -> f64 {
             let side = |(core, arm): (&Option<usize>, &DVec3)| {
                 let Some(core) = *core else { return 0.0 };
@@ -103,7 +106,7 @@ impl Model {
             let apart = all(&|d| readiness(joint, d, DVec3::ZERO)) / 3.0;
             let twist = readiness(joint, DVec3::ZERO, axis);
             let swing = (all(&|d| readiness(joint, DVec3::ZERO, d)) - twist) / 2.0;
-            // Sides that cannot part need no spring.
+            // Cores that cannot move apart need no spring.
             [apart, swing, twist].map(|r| if r > 0.0 { STIFFNESS_RATIO / (r * dt * dt) } else { 0.0 })
         };
         let all: Vec<[f64; 3]> = self.joints.iter().map(stiffness).collect();
@@ -112,8 +115,8 @@ impl Model {
         }
     }
 
-    /// Adds the joints at rest, for steps of `dt` seconds, to a matrix over core twists in frame axes. `first`: index
-    /// of the first of a core's six rows, `None` where the core is not part of the matrix.
+    /// Adds the joints at rest, for steps of `dt` seconds, to a matrix over the twists of cores in the axes of their
+    /// frames. `first`: index of the first of a core's six rows, `None` where the core is not part of the matrix.
     pub(super) fn add_springs(&self, matrix: &mut Mat<f64>, dt: f64, first: impl Fn(usize) -> Option<usize>) {
         for joint in &self.joints {
             let sides: Vec<(usize, f64, DVec3)> = joint
@@ -142,7 +145,8 @@ impl Model {
 }
 
 /// Compliance of a core along a row of its twist: row . block^-1 row, where `block` is the core's 6x6 part of the
-/// operator; on a hinge (`hinge` is its axis, zero without one) only what that allows.
+/// operator. Where the core is on a hinge with axis `hinge` (zero without a hinge), only rotation about that axis
+/// counts.
 fn answer(block: &Mat<f64>, hinge: DVec3, row: [f64; 6]) -> f64 {
     let angular = |i: usize, k: usize| hinge[i] * block[(3 + i, 3 + k)] * hinge[k];
     let spin = DVec3::from_slice(&row[3..]).dot(hinge).powi(2);
@@ -154,7 +158,7 @@ fn answer(block: &Mat<f64>, hinge: DVec3, row: [f64; 6]) -> f64 {
     block.llt(Side::Lower).map_or(0.0, |factor| (column.transpose() * factor.solve(&column))[(0, 0)])
 }
 
-/// Adds `size` row row^T to the matrix.
+/// Adds `size` times row row^T to the matrix.
 fn add_outer(matrix: &mut Mat<f64>, row: &[(usize, f64)], size: f64) {
     for (i, x) in row {
         row.iter().for_each(|(j, y)| matrix[(*i, *j)] += size * x * y);

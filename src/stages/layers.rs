@@ -1,5 +1,6 @@
 //! Fills the model's arrays of nodes, tetrahedra and dynamic cores, from a soft body's layer (its tetrahedral
-//! simulation mesh) or from the mass of a dynamic rigid body.
+//! simulation mesh) or from the mass of a dynamic rigid body. A core is a rigid body to which nodes are attached;
+//! forces move a dynamic one. Displacements of nodes are measured in rigid coordinate frames.
 
 use crate::shaders;
 use glam::{DMat3, DVec3};
@@ -10,7 +11,8 @@ use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{FrameMotion, Layer, Materials, Skin};
 use crate::shaders::NONE;
 
-/// Marks an entry of `node_elements` as one of an F-bar patch, until the number of all tetrahedra is known.
+/// Marks an entry of `node_elements` as one of an F-bar patch (tetrahedra that share one volumetric strain), until the
+/// number of all tetrahedra is known.
 pub(super) const OF_PATCH: u32 = 1 << 31;
 
 impl Model {
@@ -25,6 +27,7 @@ impl Model {
         core.nodes.iter().map(point).fold(DMat3::ZERO, |sum, part| sum + part)
     }
 
+    /// Adds a dynamic core, not joined to any other, with the nodes attached to it.
     fn add_core(&mut self, frame: usize, nodes: Vec<u32>) {
         let own = self.cores.len();
         self.cores.push(Core { frame, nodes, hinge: self.hinge(frame), group: own..own + 1, parent: None });
@@ -40,8 +43,8 @@ impl Model {
     }
 
     /// Adds a dynamic rigid body: four point masses attached to a core, which together have the body's centre of mass
-    /// and inertia, and its skin embedded in the tetrahedron between them. So the solver treats it like any other core.
-    /// The mass is in kg, the centre in the body's rest frame in m, and the inertia about that centre in kg m^2.
+    /// and inertia, and its skin embedded in the tetrahedron between them. So the solver treats the body like any other
+    /// core. The mass is in kg, the centre in the body's rest frame in m, and the inertia about that centre in kg m^2.
     pub(super) fn add_masses(
         &mut self,
         frame: usize,
@@ -49,8 +52,8 @@ impl Model {
         velocity: DVec3,
         skin: &Skin,
     ) {
-        // The corners x of this regular tetrahedron have sum x x^T / 4 = I. Corners S x have S S^T there, and S is
-        // chosen so that this gives the inertia.
+        // The corners x of this regular tetrahedron have sum x x^T / 4 = I, the identity. Point masses m / 4 at S x
+        // have the second moment m S S^T; S is chosen so that they have the body's inertia.
         let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(DVec3::from_array);
         let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
         let square = (DMat3::from_diagonal(DVec3::splat(0.5 * trace)) - inertia) * (1.0 / mass);
@@ -73,7 +76,7 @@ impl Model {
     }
 
     /// Adds the nodes and tetrahedra of a soft body whose frames have been added already, from `frame_first` on;
-    /// `node_frames`: the frame of each node, counted from there.
+    /// `node_frames`: the frame of each node, counted from `frame_first`.
     pub(super) fn add_layer(
         &mut self,
         layer: &Layer,
@@ -136,7 +139,7 @@ impl Model {
         for (i, rest) in layer.nodes.iter().enumerate() {
             let frame = frame_of(i as u32);
             let place = &self.frames[frame as usize];
-            // A node of no tetrahedron has no mass; it stays where it is in its frame.
+            // A node that belongs to no tetrahedron has no mass and stays at rest in its frame.
             let bound = layer.attached[i] || mass[i] == 0.0;
             let holder = match carries[i] {
                 Some(_) => shaders::NODE_ATTACHED,

@@ -1,6 +1,7 @@
 //! F-bar patches on the GPU: groups of tetrahedra that share one volumetric strain, against volumetric locking
 //! ([`crate::prepare::patch`]). One pass a step writes each patch's row of the operator and its part of the right-hand
-//! side; in the solver's loop a patch is like one more element, applied beside the tetrahedra and gathered with them.
+//! side. In the solver's loop a patch counts as one more element: its product with a vector is computed at the same
+//! time as those of the tetrahedra, and is summed at the nodes with them.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -20,7 +21,7 @@ use crate::shaders::NONE;
 pub struct Patches {
     /// Per tetrahedron: its patch, or `NONE`.
     pub of: Vec<u32>,
-    /// Per patch: its nodes in three quads; where it has fewer than twelve, the first one is the padding.
+    /// Per patch: its nodes in three quads; where it has fewer than twelve, its first node fills the rest.
     nodes: Vec<[[u32; 4]; 3]>,
     /// Per patch: its members in six pairs. A member is a tetrahedron (`NONE`: no more) and the places of its four
     /// nodes in the patch's node list, four bits each.
@@ -33,8 +34,8 @@ pub struct Patches {
 
 impl Patches {
     /// Appends the patches of a tetrahedral mesh, whose nodes and tetrahedra come next among those of all bodies.
-    /// `material`: lambda (Pa) and beta (s) of a tetrahedron; `rigid`: whether all its nodes are attached to one core,
-    /// so that it cannot deform; a patch of such tetrahedra alone is left out.
+    /// `material`: lambda (Pa) and beta (s) of a tetrahedron; `rigid`: whether all nodes of a tetrahedron are attached
+    /// to one rigid core, so that it cannot deform; a patch that consists of such tetrahedra alone is left out.
     pub fn add(
         &mut self,
         layer: &Layer,
@@ -82,8 +83,8 @@ impl Patches {
     }
 
     /// Every node of every patch from `first` on, as the node, its patch, and its place in the patch's node list. On
-    /// the GPU the patch's row at that node has the index place x [`Patches::count`] + patch, and so has the patch's
-    /// force on it, counted from behind the forces of all tetrahedra and four zeros.
+    /// the GPU the patch's row at that node has the index place x [`Patches::count`] + patch. The patch's force on the
+    /// node has the same index, counted from the end of the forces of all tetrahedra and four zeros.
     pub fn entries(&self, first: usize) -> impl Iterator<Item = (u32, [u32; 2])> {
         let lists = self.node_lists.iter().zip(0..).skip(first);
         lists.flat_map(|(nodes, p)| nodes.iter().zip(0..).map(move |(node, k)| (*node, [p, k])))
@@ -105,8 +106,8 @@ impl Patches {
         beside(&self.nodes)
     }
 
-    /// The members in the order in which the GPU has them. Padding becomes the index after the last tetrahedron, whose
-    /// gradients are zero; so this is called once all bodies are in.
+    /// The members in the order in which the GPU has them. Padding becomes the index after the last tetrahedron, at
+    /// which the gradients are zero; so this is called once all bodies have been added.
     pub fn device_members(&self) -> Vec<[u32; 4]> {
         let nothing = self.of.len() as u32;
         beside(&self.members).iter().map(|pair| pair.map(|x| if x == NONE { nothing } else { x })).collect()
@@ -132,13 +133,12 @@ pub struct MeanDilatation {
     pub nodes: Buffer,
     members: Buffer,
     constants: Buffer,
-    /// Twelve per patch, one for each of its nodes: its row c of the operator, to which it contributes c c^T.
+    /// Twelve per patch, one for each of its nodes: its row c, by which it adds c c^T to the operator.
     pub rows: Buffer,
 }
 
 impl MeanDilatation {
-    /// Kernels and arrays; made only where there are patches. `newton`: whether a step may have several Newton
-    /// iterations.
+    /// Kernels and arrays, for a model with patches. `newton`: whether a step may have several Newton iterations.
     pub fn new(context: &Arc<Context>, patches: &Patches, newton: bool) -> Result<MeanDilatation> {
         let constants = [("PATCHES", count(patches.count())), ("TETRAHEDRA", count(patches.of.len()))];
         let kernel = |newton: bool| {
@@ -157,13 +157,13 @@ impl MeanDilatation {
         })
     }
 
-    /// Writes the material constants of the same patches to the GPU.
+    /// Writes the material constants of the patches to the GPU, after a change of materials alone.
     pub fn refresh(&self, patches: &Patches) -> Result<()> {
         self.constants.write(&patches.constants)
     }
 
-    /// Records one pass over the patches, after elastic/element_forces. `trial_change`: the change of velocity of the last
-    /// solve, in a further Newton iteration.
+    /// Records one pass over the patches, after elastic/element_forces. `trial_change`: in a further Newton iteration,
+    /// the change of velocity by the last solve.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, trial_change: Option<&Buffer>) {
         recorder.stage("elastic");
         recorder.dispatch(

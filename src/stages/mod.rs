@@ -1,7 +1,8 @@
 //! The stages of the step: one file per stage, with its kernels, its arrays, and a `record` that names its passes.
 //!
-//! Lengths of arrays are in elements. Read-only arrays of vectors are bound as texel buffers or as storage buffers,
-//! whichever is chosen for the GPU (shaders/shared/arrays.glsl).
+//! Lengths of arrays are in elements. Read-only arrays of vectors are bound as texel buffers or as storage buffers;
+//! which of the two is a choice per GPU (shaders/shared/arrays.glsl). A core is a rigid body inside a soft one, a frame
+//! a rigid coordinate frame, and a ray hit a point where a skin vertex's ray meets a triangle of the other body.
 
 mod aggregates;
 mod blocks;
@@ -42,7 +43,7 @@ use model::Model;
 pub const CHUNK_VERTICES: usize = shaders::CHUNK_VERTICES as usize;
 /// Largest number of triangles of a chunk.
 pub const CHUNK_TRIANGLES: usize = shaders::CHUNK_TRIANGLES as usize;
-/// Largest number of contact patches (`contact_patches` in the code: one normal each) of a pair of bodies.
+/// Largest number of contact patches (areas with one normal each, where two bodies may touch) of a pair of bodies.
 pub const PAIR_PATCHES: usize = shaders::PAIR_PATCHES as usize;
 /// Length of the array of indirect arguments, in 32-bit words.
 pub const ARGS_WORDS: usize = shaders::ARGS_WORDS as usize;
@@ -53,7 +54,8 @@ pub const QUERY: [&str; 5] = ["pose", "cull", "skin", "depth", "contact"];
 /// Name of the timer for all stages of [`QUERY`] together, where they are timed as one.
 pub const POSE_TO_CONTACT: &str = "pose to contact";
 
-/// The timer that a stage counts for where the query's stages are timed as one: see [`crate::gpu::Recorder::timed_by`].
+/// Name of the timer to which a stage's time is added where the query's stages are timed as one: see
+/// [`crate::gpu::Recorder::timed_by`].
 pub fn query_as_one(stage: &str) -> &str {
     if QUERY.contains(&stage) { POSE_TO_CONTACT } else { stage }
 }
@@ -75,7 +77,7 @@ pub fn needs(scene: &Scene, model: &Model, depth: Option<String>) -> Vec<StageNe
     let nothing = match (&scene.tool, scene.bodies.len()) {
         (None, 0 | 1) => "a single body and no tool: nothing to touch",
         (None, _) => "no tool, and no two bodies that may touch",
-        (Some(_), _) => "no body may touch the tool or another",
+        (Some(_), _) => "no body may touch the tool or another body",
     };
     let planes = "only half-spaces are touched: their depth needs no ray hits";
     let pairs: String = match model.pairs.len() {
@@ -87,7 +89,7 @@ pub fn needs(scene: &Scene, model: &Model, depth: Option<String>) -> Vec<StageNe
         entries.push(StageNeed { stage, recorded, reason: if recorded { yes } else { no.into() } });
     };
     let (attached, floating) = (model.attached_nodes.len(), model.floating.len());
-    let pose = if touches { pairs.clone() } else { format!("{attached} nodes attached to moving frames") };
+    let pose = if touches { pairs.clone() } else { format!("{attached} nodes attached to moving coordinate frames") };
     add("pose", touches || attached > 0, pose, nothing);
     add("skin", touches, pairs.clone(), nothing);
     add("cull", touches, pairs.clone(), nothing);
@@ -112,7 +114,7 @@ pub fn needs(scene: &Scene, model: &Model, depth: Option<String>) -> Vec<StageNe
     add("solve", true, solve, "");
     let wrench = touches && scene.tool.is_some();
     add("wrench", wrench, "net wrench on the tool".into(), if scene.tool.is_some() { nothing } else { "no tool" });
-    add("fit", floating > 0, format!("{floating} floating frames"), "no body without cores");
+    add("fit", floating > 0, format!("{floating} soft bodies without a core"), "every soft body has a core");
     add("probe", !scene.probes.is_empty(), format!("{} vertices", scene.probes.len()), "no probes");
     entries
 }
@@ -125,8 +127,8 @@ pub struct Common {
     pub frames: Buffer,
     /// One [`Joint`] per joint of the model.
     pub joints: Buffer,
-    /// One [`Link`] per pair of frames in both of which a tetrahedron, proxy or chunk has nodes: how one lies to the
-    /// other.
+    /// One [`Link`] per pair of frames in both of which a tetrahedron, collision proxy or chunk has nodes: the
+    /// placement of one frame relative to the other.
     pub links: Buffer,
     /// Counters and flags of the step, one [`Counts`].
     pub counts: Buffer,

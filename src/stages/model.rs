@@ -2,10 +2,11 @@
 //! global indices and with f32 positions relative to the centre of their coordinate frame. It is made once and does not
 //! change from step to step.
 //!
-//! The words are those of layered bodies: a soft body is a tetrahedral mesh (layer) with an embedded surface mesh
-//! (skin), and some nodes are attached to rigid frames (cores). Convex hulls (proxies) cover the skin, which is divided
-//! into chunks, groups of at most 64 vertices. A slot is a proxy's part in a pair of bodies. A vertex gathers contacts
-//! if its depth in the other body is looked up, which a scene may ask for on one side of each pair only.
+//! The terms are those of layered bodies: a soft body is a tetrahedral mesh (layer) with an embedded surface mesh
+//! (skin), and some nodes are attached to rigid bodies inside it (cores), each with a rigid coordinate frame. Convex
+//! hulls (proxies) cover the skin, which is divided into chunks, groups of at most 64 vertices. A slot is one proxy in
+//! one pair of bodies. A vertex gathers contacts if it is tested for contact with the other body, which a scene may
+//! restrict to one side of each pair.
 
 use crate::shaders;
 use std::ops::Range;
@@ -24,8 +25,8 @@ use crate::scene::{Scene, Sides, ToolShape};
 use crate::shaders::{Chunk, ElasticMaterial, NONE, Pair, PairProxy, Proxy};
 use crate::stages::PAIR_PATCHES;
 
-/// Largest number of work items (an active chunk in one contact patch): any GPU can give each of them a workgroup, and
-/// they have four million vertices. More raise the region overflow flag.
+/// Largest number of work items (an active chunk in one contact patch each). Any GPU can run that many workgroups, one
+/// per work item, and so many chunks have up to four million vertices. More work items raise the region overflow flag.
 const MAX_WORK_ITEMS: usize = (1 << 16) - 1;
 
 /// A rigid coordinate frame of a body, as placed in the scene.
@@ -44,7 +45,7 @@ pub struct FramePlace {
 /// How a frame moves.
 #[derive(Debug, Clone)]
 pub enum Motion {
-    /// It moves as the prepared body says.
+    /// It moves as was prepared from the scene.
     Prepared(FrameMotion),
     /// It is the tool's frame.
     Tool,
@@ -93,7 +94,7 @@ pub struct Core {
     pub nodes: Vec<u32>,
     /// Unit axis of its hinge, through its centre, world axes; zero where it moves freely.
     pub hinge: DVec3,
-    /// Range of the cores that joints connect it to, itself included; each comes after its parent.
+    /// Range of the cores that joints connect with it, itself included (its group); each comes after its parent.
     pub group: Range<usize>,
     /// Its parent in the tree of joints.
     pub parent: Option<usize>,
@@ -112,10 +113,10 @@ pub struct Model {
     pub materials: Vec<ElasticMaterial>,
     /// Per body: its first frame; `NONE` for a half-space.
     pub body_frames: Vec<u32>,
-    /// Links: the pairs of frames (to, from) in both of which a tetrahedron, proxy or chunk has nodes; the first one
-    /// stands for a frame and itself.
+    /// Links: the pairs of frames (to, from) in both of which a tetrahedron, proxy or chunk has nodes; the first link
+    /// stands for any frame paired with itself.
     pub links: Vec<[u32; 2]>,
-    /// The nodes attached to moving frames, which are driven frames and dynamic cores.
+    /// The nodes attached to moving frames: those that follow a trajectory (driven frames), and those of dynamic cores.
     pub attached_nodes: Vec<u32>,
     /// The dynamic cores.
     pub cores: Vec<Core>,
@@ -140,10 +141,11 @@ pub struct Model {
 
     /// Per node: rest position relative to its frame's centre (m), and mass (kg).
     pub node_rest: Vec<[f32; 4]>,
-    /// Per node: mass-proportional damping, kg/s, which is its share of its elements' density times alpha.
+    /// Per node: mass-proportional damping, kg/s: its share of the mass of its tetrahedra times alpha (1/s), the mass
+    /// damping of their materials.
     pub node_damping: Vec<f32>,
-    /// Per node: its first quad in `node_elements`, number of quads, frame, and 0 where it is free, 1 where it is
-    /// attached to a frame whose motion is known, 2 where it is attached to a dynamic core.
+    /// Per node: its first quad (uvec4) in `node_elements`, number of quads, frame, and 0 for a free node, 1 for a node
+    /// attached to a frame whose motion is known, 2 for a node attached to a dynamic core.
     pub node_info: Vec<[u32; 4]>,
     /// The entries of `element_forces` that add up at each node, node by node, four per texel.
     pub node_elements: Vec<[u32; 4]>,
@@ -151,7 +153,7 @@ pub struct Model {
     pub velocity: Vec<[f32; 4]>,
     /// Per tetrahedron: its four nodes.
     pub tetrahedra: Vec<[u32; 4]>,
-    /// Per tetrahedron: links from its frame (that of its first node) to the frames of its four nodes.
+    /// Per tetrahedron: links from its frame (the frame of its first node) to the frames of its four nodes.
     pub tetrahedron_links: Vec<[u32; 4]>,
     /// Three per tetrahedron, and three zeros at the end: rest gradients of its last three nodes' shape functions
     /// (1/m); w of the first is the square root of its volume (m^3).
@@ -170,7 +172,7 @@ pub struct Model {
     pub skin_areas: Vec<f32>,
     /// Per triangle: its three skin vertices, and a zero.
     pub triangles: Vec<[u32; 4]>,
-    /// Per skin vertex: where its triangles begin in `fans`; and their total at the end.
+    /// Per skin vertex: where its triangles begin in `fans`; at the end, the length of `fans`.
     pub fan_first: Vec<u32>,
     /// The triangles around each skin vertex, vertex by vertex.
     pub fans: Vec<u32>,
@@ -182,13 +184,13 @@ pub struct Model {
     /// Face planes of the hulls in their frame: unit normal, and offset from its centre (m).
     pub faces: Vec<[f32; 4]>,
     /// The nodes whose displacements move each proxy's skin, proxy by proxy, each with the link from the proxy's frame
-    /// to its own.
+    /// to the node's frame.
     pub proxy_nodes: Vec<[u32; 2]>,
     /// The chunks of all proxies.
     pub chunks: Vec<Chunk>,
-    /// Skin vertices of the chunks, chunk by chunk, and up to three zeros.
+    /// Skin vertices of the chunks, chunk by chunk, padded with up to three zeros.
     pub chunk_vertices: Vec<u32>,
-    /// Triangles of the chunks, chunk by chunk, and up to three zeros.
+    /// Triangles of the chunks, chunk by chunk, padded with up to three zeros.
     pub chunk_triangles: Vec<u32>,
     /// The nodes whose displacements move each chunk, chunk by chunk, with links as for proxies.
     pub chunk_nodes: Vec<[u32; 2]>,
@@ -207,7 +209,7 @@ pub struct Model {
     pub pair_proxy_chunks: usize,
     /// Number of slots whose vertices gather contacts; they come first.
     pub gathering_pair_proxies: usize,
-    /// Number of chunks of those slots.
+    /// Number of chunks of the slots whose vertices gather contacts.
     pub gathering_chunks: usize,
 }
 
@@ -249,7 +251,7 @@ impl Model {
     pub fn of_query(a: &Body, b: &Body) -> Model {
         let all = [a, b];
         let (mut model, proxy_ranges) = Model::of_bodies(&all, all.len());
-        // No force is computed from it, so any contact law will do.
+        // No force is computed from this pair, so its contact law has no effect.
         model.add_pair(&all, (0, 1), all.len(), &proxy_ranges, [1.0, 0.0], Sides::Both);
         model.add_pair_proxies();
         model
@@ -265,7 +267,7 @@ impl Model {
             model.add_body(index, body, index == tool);
             proxy_ranges.push(first..model.proxies.len());
         }
-        // The kernels read these four at a time.
+        // The kernels read both arrays four elements at a time.
         model.chunk_vertices.resize(model.chunk_vertices.len().next_multiple_of(4), 0);
         model.chunk_triangles.resize(model.chunk_triangles.len().next_multiple_of(4), 0);
         // Gradients of an additional tetrahedron, all zero, which stands in wherever a list is padded.
@@ -334,8 +336,8 @@ impl Model {
         self.frames.push(FramePlace { position, orientation, rest_centre, motion });
     }
 
-    /// The index of the link from frame `to` to frame `from`, which says where a point attached to `from` is in `to`;
-    /// the link is added if it is new.
+    /// The index of the link from frame `to` to frame `from`, which maps points attached to `from` into `to`; the link
+    /// is added if it is new.
     pub(super) fn link(&mut self, to: u32, from: u32) -> u32 {
         if to == from {
             return 0;
@@ -370,12 +372,13 @@ impl Model {
         self.gathering_chunks.min(MAX_WORK_ITEMS)
     }
 
-    /// Largest number of work items (an active chunk in one contact patch) of chunks whose vertices gather contacts.
+    /// Largest number of work items (an active chunk in one contact patch each) of chunks whose vertices gather
+    /// contacts.
     pub fn max_gathering_work_items(&self) -> usize {
         (PAIR_PATCHES * self.gathering_chunks).min(MAX_WORK_ITEMS)
     }
 
-    /// Largest number of work items (an active chunk in one contact patch).
+    /// Largest number of work items (an active chunk in one contact patch each).
     pub fn max_work_items(&self) -> usize {
         (PAIR_PATCHES * self.pair_proxy_chunks).min(MAX_WORK_ITEMS)
     }
@@ -396,7 +399,7 @@ impl Model {
     }
 
     /// `node_elements` as the kernels read it: padding becomes the index of an entry that is zero, and marked entries
-    /// of F-bar patches become indices behind that one. Called once all bodies are in.
+    /// of F-bar patches become indices behind that entry. Called once all bodies have been added.
     pub fn padded_node_elements(&self) -> Vec<[u32; 4]> {
         let (nothing, patches) = (4 * self.tetrahedra.len() as u32, self.patches.count() as u32);
         let entry = |e: u32| match e {
@@ -411,7 +414,7 @@ impl Model {
     }
 }
 
-/// The vec4 of x and w in single precision, as the GPU has it.
+/// The vec4 of x and w in single precision, as GPU arrays hold it.
 pub fn texel(x: DVec3, w: f64) -> [f32; 4] {
     [x.x as f32, x.y as f32, x.z as f32, w as f32]
 }

@@ -1,6 +1,6 @@
-//! Pairs of bodies: fills the model's arrays of which bodies may touch, how stiffly, and which pairs of collision
-//! proxies culling tests. A slot is a proxy's part in a pair of bodies; a vertex gathers contacts where its depth in
-//! the other body is looked up.
+//! Pairs of bodies: fills the model's arrays of which bodies may touch, how stiff their contact is, and which pairs of
+//! collision proxies (convex hulls that cover a body's skin, its surface mesh) culling tests. A slot is one proxy in
+//! one pair of bodies. A skin vertex gathers contacts if it is tested for contact with the other body.
 
 use std::ops::Range;
 
@@ -65,7 +65,7 @@ impl Model {
         self.drop_unused_fans();
     }
 
-    /// Removes the triangles around vertices that gather no contacts: normals are only needed at those that do.
+    /// Removes the triangles around vertices that gather no contacts: normals are needed only at vertices that do.
     fn drop_unused_fans(&mut self) {
         let mut gathers = vec![false; self.skin_nodes.len()];
         for pair_proxy in &self.pair_proxies[..self.gathering_pair_proxies] {
@@ -118,7 +118,7 @@ impl Model {
             proxy_pair_count: self.proxy_pairs.len() as u32 - first_proxy_pair,
             first_proxy: [a_proxies.start as u32, b_proxies.start as u32],
             proxy_count: [a_proxies.len() as u32, b_proxies.len() as u32],
-            // Slots are added when all pairs are known.
+            // The slots are added once all pairs are known.
             first_pair_proxy: [0; 2],
             stiffness: law[0] as f32,
             damping: law[1] as f32,
@@ -133,15 +133,15 @@ impl Model {
         self.pair_bodies.push([a, b]);
     }
 
-    /// Whether any pair needs the depth stage: a half-space does not.
+    /// Whether any pair needs the depth stage; a pair with a half-space does not.
     pub fn needs_depth(&self) -> bool {
         self.pairs.iter().any(|pair| pair.is_plane == 0)
     }
 }
 
-/// Mean skin area per vertex of a body, m^2. Where only one side of a pair gathers contacts it is the finer skin, the
-/// one with less area per vertex, since its vertices tell more precisely where the two meet; of equal ones it is the
-/// first.
+/// Mean skin area per vertex of a body, m^2. Where only one side of a pair gathers contacts, it is the body with the
+/// finer skin, the one with less area per vertex, since its vertices resolve the contact better; of two equal ones it
+/// is the first.
 fn mean_area(body: &Body) -> f64 {
     match &body.shape {
         Shape::Soft { skin, .. } | Shape::Rigid { skin, .. } => {

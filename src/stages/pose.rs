@@ -1,5 +1,6 @@
-//! Pose stage: moves the collision proxies into the world and bounds them, clears the step's counters, gives velocities
-//! to nodes attached to moving frames, and fits floating frames (of bodies without cores) to their nodes.
+//! Pose stage: moves the collision proxies (convex hulls that cover the skins) into the world and bounds them, clears
+//! the step's counters, gives velocities to nodes attached to moving frames, and fits floating frames (of soft bodies
+//! without cores) to their nodes. A frame is a rigid coordinate frame, a core a rigid body to which nodes are attached.
 
 use std::sync::Arc;
 
@@ -71,7 +72,7 @@ impl Pose {
     }
 }
 
-/// The nodes attached to moving frames, which are driven frames and dynamic cores.
+/// The nodes attached to moving frames: those that follow a trajectory (driven frames), and those of dynamic cores.
 pub struct AttachedNodes {
     carry: Kernel,
     count: u32,

@@ -1,5 +1,6 @@
-//! Skin stage: computes the positions of the skin of active chunks (groups of at most 64 skin vertices) and enters the
-//! vertices into a spatial hash for the depth stage; also reads the probes, skin vertices that a scene records.
+//! Skin stage: computes the positions of the skin (surface mesh) of active chunks, which are groups of at most 64 skin
+//! vertices that may meet the other body, and enters the vertices into a spatial hash for the depth stage. It also
+//! reads the probes, skin vertices whose positions a scene records.
 
 use std::sync::Arc;
 
@@ -16,15 +17,15 @@ use crate::stages::{CHUNK_VERTICES, PAIR_PATCHES};
 /// Number of buckets of the spatial hash, at least.
 pub const LEAST_BUCKETS: u32 = 1 << 13;
 
-/// Number of buckets of the spatial hash: one per four skin vertices, so that lists stay short where bodies coincide,
-/// yet the hash is cleared in microseconds.
+/// Number of buckets of the spatial hash: one per four skin vertices, so that lists stay short even where bodies
+/// coincide, and the hash is still cleared in microseconds.
 pub fn buckets(model: &Model) -> u32 {
     (model.skin_nodes.len() as u32 / 4).next_power_of_two().max(LEAST_BUCKETS)
 }
 
-/// Length in words of the array `buckets`: a list head per bucket, then a depth grid for either side of each contact
-/// patch, which holds for each cell how far a triangle must reach along the normal to be hit by a ray of the vertices
-/// there.
+/// Length in words of the array `buckets`: a list head per bucket, then a depth grid for either body of each contact
+/// patch. Each cell of a grid holds how far a triangle must reach along the patch's normal to be hit by a ray of the
+/// body's vertices in that cell.
 fn bucket_words(model: &Model) -> u32 {
     buckets(model) + (PAIR_PATCHES * model.pairs.len() * GRID_WORDS) as u32
 }
@@ -50,7 +51,8 @@ pub struct Skin {
     pub hash_entries: Buffer,
     /// Per vertex in the hash: the first ray hit found for it.
     pub entry_hits: Buffer,
-    /// Per vertex in the hash: 2 times the contact patch plus the side, and the cell of the hash.
+    /// Per vertex in the hash: 2 times the contact patch plus the side (0 for body a, 1 for b), and the cell of the
+    /// hash.
     pub entry_cells: Buffer,
 }
 
@@ -102,7 +104,7 @@ impl Skin {
     }
 }
 
-/// Skin vertices whose position the host reads after each step, by the displacements of their nodes.
+/// The probes: after each step the host computes their positions from the displacements of their nodes.
 pub struct Probes {
     probe: Kernel,
     count: u32,

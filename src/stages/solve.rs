@@ -1,8 +1,9 @@
 //! Solve stage: solves the linear system A x = b of implicit Euler for the change x of velocities and twists, by
 //! preconditioned conjugate gradients with a single reduction (Chronopoulos and Gear 1989); the GPU itself decides when
-//! to stop. Nodes come in blocks, one workgroup each. In the names below, `operator_product` is an operator product A p,
-//! `carried_residual` the residual b - A x that a step carries over to the next, and `restricted` means multiplied by P^T, the
-//! restriction to the coarse space. Rigid bodies are the dynamic cores and the tool.
+//! to stop. Nodes come in blocks, one workgroup each. Rigid bodies are the tool and the dynamic cores, which are rigid
+//! bodies that forces move and that have nodes attached to them; a group is the cores that joints connect. In the names
+//! below, `operator_product` is an operator product A p, `carried_residual` the residual b - A x that a step carries
+//! over to the next, and `restricted` means multiplied by P^T, the restriction to the coarse space.
 
 mod record;
 #[cfg(test)]
@@ -63,9 +64,9 @@ pub struct Solve {
     pub rigids: Buffer,
     /// Two sets of one [`shaders::RigidIterate`] per rigid body; an iteration reads one set and writes the other.
     pub iterates: Buffer,
-    /// `CORE_NUMBERS` floats per dynamic core, used while the inverse of its group is computed.
+    /// `CORE_NUMBERS` floats per dynamic core, used while the inverse of the core's group is computed.
     rigid_blocks: Buffer,
-    /// Inverses of the blocks of rigid bodies that joints connect (groups), row by row.
+    /// Per group, and for the tool: the inverse of the diagonal block of A for its twists, row by row.
     rigid_inverses: Buffer,
     /// Per dynamic core: its sides of joints, each as twice the joint's index plus the side.
     joint_sides: Buffer,
@@ -77,7 +78,7 @@ pub struct Solve {
     rhs: Buffer,
     carried_residual: Buffer,
     inverse: Buffer,
-    /// Change of velocity of the nodes; it is also the first guess of the next step.
+    /// Change of velocity of the nodes; the next step starts from it.
     pub solution: Buffer,
     residual: Both,
     preconditioned: Both,
@@ -96,18 +97,18 @@ struct Both {
 }
 
 impl Both {
-    /// The copy that an iteration on this set reads.
+    /// The copy that an iteration reading this set reads.
     fn now(&self, set: u32) -> &Buffer {
         &self.now[set as usize]
     }
 
-    /// The other copy, which that iteration writes.
+    /// The other copy, which the same iteration writes.
     fn next(&self, set: u32) -> &Buffer {
         &self.next[1 - set as usize]
     }
 }
 
-/// A kernel specialised for one role, which is a kind of rows it works on: free nodes, attached nodes, or the tool (see
+/// A kernel specialised for one role, the kind of rows that it works on: free nodes, attached nodes, or the tool (see
 /// shaders/shared/roles.glsl).
 struct Variant {
     kernel: Kernel,
@@ -117,8 +118,8 @@ struct Variant {
     args_index: u32,
 }
 
-/// The kernel of the coarse level, A_c^-1 times restricted vectors, as it runs outside the solver's loop: before it,
-/// for the warm start, and at its end.
+/// The kernel of the coarse level, which multiplies restricted vectors by A_c^-1, as it runs outside the solver's loop:
+/// before the loop, for the warm start, and after it.
 struct CoarseKernels {
     warm_start: Kernel,
     end: Kernel,
@@ -268,14 +269,14 @@ impl Solve {
         self.coarse_scales.write(&model.coarse.scales)
     }
 
-    /// The arrays that a step leaves for the next: the solution and the attached residual, of nodes and of rigid bodies,
-    /// the solver's state, and how the blocks had rotated.
+    /// The arrays that a step leaves for the next: the solution and the carried residual, of nodes and of rigid bodies,
+    /// the solver's state, and the rotations of the blocks.
     pub fn state(&self) -> [&Buffer; 6] {
         [&self.solution, &self.carried_residual, &self.rigids, &self.iterates, &self.state, &self.block_rotations]
     }
 }
 
-/// The dynamic cores and the tool at rest, and how many numbers the inverses of their groups have.
+/// The dynamic cores and the tool at rest, and the number of entries of the inverses of all groups.
 fn rigids_of(model: &Model) -> (Vec<shaders::Rigid>, usize) {
     let nothing = shaders::Rigid { parent: shaders::NONE, ..bytemuck::Zeroable::zeroed() };
     let (mut joint_first, mut numbers) = (0, 0);

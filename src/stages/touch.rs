@@ -14,9 +14,9 @@ use crate::gpu::{Context, Recorder};
 
 /// The stages of scenes where something can touch.
 pub struct TouchStages {
-    /// Pose stage: the collision proxies in the world, and their bounds.
+    /// Pose stage: the collision proxies (convex hulls that cover the skins) in the world, and their bounds.
     pub pose: pose::Pose,
-    /// Skin stage: the skins in the world.
+    /// Skin stage: the skins (surface meshes) in the world.
     pub skin: Skin,
     /// Cull stage: the broad phase.
     pub cull: Cull,
@@ -27,8 +27,8 @@ pub struct TouchStages {
 }
 
 impl TouchStages {
-    /// Kernels and arrays of the stages from pose to contact. `path`: how ray hits are found, where the depth stage is
-    /// needed; `blend`: see [`Contact::new`], and `smooth` in [`Cull::new`].
+    /// Kernels and arrays of the stages from pose to contact. `path`: the implementation of the depth stage, graphics
+    /// or compute, where that stage is needed; `blend`: as in [`Contact::new`], and also `smooth` of [`Cull::new`].
     pub fn new(context: &Arc<Context>, model: &Model, path: Option<Path>, blend: bool) -> Result<TouchStages> {
         Ok(TouchStages {
             pose: pose::Pose::new(context, model)?,
@@ -39,7 +39,7 @@ impl TouchStages {
         })
     }
 
-    /// Records everything from frames and nodes to contacts.
+    /// Records the stages in the order in which they run: pose, cull, skin, depth, contact.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         let TouchStages { pose, skin, cull, depth, contact } = self;
         pose.record(recorder, common, elastic, skin);

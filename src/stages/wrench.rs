@@ -1,4 +1,4 @@
-//! Wrench stage: sums the contacts to net force, torque, stiffness and damping on the tool.
+//! Wrench stage: sums the contacts on the tool to net force, torque, stiffness and damping.
 
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ impl Wrench {
         Ok(Wrench { reduce: Kernel::new(context, "wrench/reduce", Size::Reduce, &[friction])? })
     }
 
-    /// Records one workgroup, which runs once the step is accepted.
+    /// Records one workgroup, which runs only in a step that is accepted.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, touch: &Touch) {
         recorder.stage("wrench");
         let arguments = shaders::wrench::Reduce {

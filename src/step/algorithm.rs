@@ -1,4 +1,5 @@
-//! The algorithm of a step, in the order in which it runs.
+//! The algorithm of a step, in the order in which it runs. A core is a rigid body to which nodes of a soft body are
+//! attached; a frame is a rigid coordinate frame, which floats where a soft body has no core.
 //!
 //! 1. [`Simulation::advance`] writes the step's inputs: the haptic device's pose, rigid coordinate frames, the tool.
 //! 2. [`Recordings::begin`]: velocities of nodes attached to moving frames; broad phase, narrow phase and contacts at
@@ -7,10 +8,11 @@
 //! 3. [`Recordings::iterate`]: conjugate gradients, recorded in several lengths (plans); most steps fit one submit.
 //! 4. [`Recordings::end`]: the verdict, the state at the end of the step, the wrench on the tool and its gap to the
 //!    nearest body, the fit of floating frames, probes.
-//! 5. [`Simulation::submit`] reads the verdict: more iterations, another solve after contacts under tension were
-//!    released ([`Recordings::resolve`]), a further Newton iteration ([`Recordings::newton`]), or done.
-//! 6. [`Simulation::arrive`] moves frames and tool to the end of the step. A step that failed is done in two halves;
-//!    where those fail too, everything stops ([`Recordings::stop`]).
+//! 5. [`Simulation::submit`] reads the verdict, which asks for more iterations, for another solve after contacts under
+//!    tension were released (they get no stiffness) ([`Recordings::resolve`]), for a further Newton iteration
+//!    ([`Recordings::newton`]), or for nothing more.
+//! 6. [`Simulation::arrive`] moves frames and tool to the end of the step. A step that failed is repeated in two
+//!    halves; where even the shortest halves fail, everything stops ([`Recordings::stop`]).
 
 use super::stage_set::Stages;
 use super::{Flags, Simulation, tools};
@@ -22,9 +24,10 @@ use crate::{Error, Result};
 
 /// Number of iterations in the shortest plan; each further plan has twice as many.
 const SHORTEST_PLAN: u32 = 16;
-/// Iterations of a plan beyond the last step's count, so that most steps need one submit.
+/// Iterations that a step's plan has beyond the number that the last step needed, so that most steps need one submit.
 const SPARE_ITERATIONS: u32 = 4;
-/// Largest number of submits per Newton iteration; a GPU that keeps to the recorded limits never needs more.
+/// Largest number of submits per Newton iteration. No step needs more, since the limits on iterations and on repeated
+/// solves are recorded.
 const MOST_SUBMITS: u32 = 64;
 
 /// One step, recorded in parts that are submitted together.
@@ -40,7 +43,7 @@ pub struct Recordings {
     pub iterate: Vec<(u32, Recording)>,
     /// The verdict, the new state, the wrench.
     pub end: Recording,
-    /// The end of all motion, where no step succeeds.
+    /// Stops all motion, where no attempt at a step succeeds.
     pub stop: Recording,
 }
 
@@ -48,8 +51,8 @@ pub struct Recordings {
 type Blank<'a> = &'a dyn Fn() -> Result<Recorder>;
 
 impl Recordings {
-    /// Records every part. The longest plan has at least one iteration more than the limit, since that iteration's pass
-    /// is the one that notices the limit.
+    /// Records every part. The longest plan has at least one iteration more than `max_iterations`, since the passes of
+    /// this further iteration notice that the limit is reached.
     pub fn new(stages: &Stages, max_iterations: u32, recorder: impl Fn() -> Result<Recorder>) -> Result<Recordings> {
         Ok(Recordings {
             begin: begin(stages, &recorder)?,
@@ -158,9 +161,9 @@ fn stop(stages: &Stages, blank: Blank) -> Result<Recording> {
 
 impl Simulation {
     /// Advances by `h` seconds from the time `from`. A step fails where its solution is not finite, or the solver
-    /// diverged or broke down early. It then leaves the state as it was and is done in two halves, which may be halved
-    /// again, up to `halvings` times. Where even the shortest fail, everything stops where it is, so nothing ever
-    /// jumps.
+    /// diverged or broke down early. A failed step leaves the state as it was and is repeated in two halves, which may
+    /// be halved again, up to `halvings` times. Where even the shortest halves fail, everything stops where it is, so
+    /// that nothing ever jumps.
     pub(super) fn advance(&mut self, from: f64, h: f64, halvings: u32) -> Result<Report> {
         let device = self.trajectory.device(from + h, h);
         self.frames.set_out(from + h, h, self.tool.as_ref());
@@ -191,12 +194,14 @@ impl Simulation {
             last.iterations += first.iterations;
         }
         last.iterations += report.iterations;
-        // Only the shorter steps, which replace this one, tell whether the solver converged.
+        // Only the shorter steps, which replace this one, decide whether the flag for a solver that did not converge is
+        // raised.
         last.flags |= first.flags | (report.flags & !Flags::NOT_CONVERGED.0) | Flags::STEP_RETRIED.0;
         Ok(last)
     }
 
-    /// Stops all that forces move, where no step succeeded; driven frames go on.
+    /// Stops all that forces move, where no attempt at the step succeeded; frames that follow a trajectory (driven) go
+    /// on.
     fn stop(&mut self, h: f64) -> Result<()> {
         Recording::submit_all(&[&self.plain.stop])?;
         if let Some(tool) = &mut self.tool {
@@ -207,7 +212,7 @@ impl Simulation {
     }
 
     /// Submits the step, and after it whatever the verdict asks for: more iterations, another solve after contacts were
-    /// released, or a further Newton iteration. The iterations in the report are those of all solves.
+    /// released, or a further Newton iteration. The report's number of iterations is the sum over all solves.
     fn submit(&mut self) -> Result<Report> {
         let timed = self.timed_every > 0 && self.step % self.timed_every == 1 % self.timed_every;
         let set = match &self.timed {
@@ -254,8 +259,8 @@ impl Simulation {
         )))
     }
 
-    /// Moves the frames to the end of the step: floating ones to where the GPU's sums put them, dynamic ones by the
-    /// change of twist that the solver found.
+    /// Moves the frames to the end of the step: floating ones by a fit to sums that the GPU made, those of dynamic
+    /// cores by the change of twist that the solver found.
     fn arrive(&mut self, h: f64, accepted: bool) -> Result<()> {
         let floating = self.stages.floating.as_ref().filter(|_| accepted);
         let fits = floating.map(|floating| floating.fits.mapped::<Fit>()).transpose()?;

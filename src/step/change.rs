@@ -1,5 +1,6 @@
 //! What a user may change between two steps: materials, the contact law, the virtual coupling, and where driven cores
-//! go. Bodies are not prepared anew, and the state of motion stays.
+//! go (rigid bodies inside a soft one that follow a trajectory). Bodies are not prepared anew, and the state of motion
+//! stays.
 
 use std::time::Duration;
 
@@ -18,7 +19,7 @@ use crate::stages::model::Model;
 use crate::step::Pose;
 use crate::{Error, Result};
 
-/// How far rounding may move a centre of mass, relative to the distance of the farthest node from it.
+/// How far rounding may move a centre of mass, as a fraction of the distance from it to the farthest node.
 const ROUNDING: f64 = 1e-9;
 
 fn refused(what: &str, problem: Problem) -> Error {
@@ -37,7 +38,8 @@ impl Simulation {
 
     /// Gives a soft body another material from the next step on: the one at `index` of [`Simulation::materials`].
     /// Whether the body has a coarse level in the preconditioner stays as it was chosen. Errors: there is no such
-    /// material, the new one is not valid, has another material law, or has a density that would move a centre of mass.
+    /// material; or the new one is not valid, has another material law, or has a density that would move a centre of
+    /// mass.
     pub fn set_material(&mut self, body: usize, index: usize, material: Material) -> Result<()> {
         let wrong = |what: String| Err(Error::Usage(what));
         let Some(old) = self.materials(body).get(index) else {
@@ -45,7 +47,7 @@ impl Simulation {
         };
         material.check().map_err(|problem| refused("material", problem))?;
         if old.law != material.law {
-            return wrong("material.law cannot be changed in a running simulation; make a new one".into());
+            return wrong("material.law cannot be changed in a running simulation; make a new simulation".into());
         }
         if self.scene.bodies[body].dilatation == Dilatation::Patch && material.poisson < 0.0 {
             return wrong("material.poisson is negative, but dilatation = \"patch\" needs 0 or more".into());
@@ -94,7 +96,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Pose of a core: where its motion takes the coordinate system of the body's file. `None`: there is no such core.
+    /// Pose of a core: where the core's motion has taken the coordinate system of the body's file. `None`: there is no
+    /// such core.
     pub fn core_pose(&self, body: usize, core: usize) -> Option<Pose> {
         let frame = self.frame_of(body, core)?;
         let place = self.frames.place(frame);
@@ -119,7 +122,7 @@ impl Simulation {
         }
     }
 
-    /// Index of a core's coordinate frame.
+    /// Index of a core's rigid coordinate frame.
     fn frame_of(&self, body: usize, core: usize) -> Option<usize> {
         let has = core < self.scene.bodies.get(body)?.cores.len();
         has.then(|| self.model.body_frames[body] as usize + core)
@@ -137,7 +140,7 @@ impl Simulation {
         let mut frames = Frames::new(&model, |_| DVec3::ZERO);
         frames.restore(&self.frames.saved());
         let held = tools::tool_of(&scene, self.tool_body.as_ref(), &model, &frames)?;
-        // Whatever can fail comes before anything is changed.
+        // All that can fail is done before anything is changed.
         if model.friction[0] > 0.0 && !self.has_friction {
             let (stages, plain, timed) = self.recorded(&model, &scene, &bodies)?;
             (self.stages, self.plain, self.timed, self.shown) = (stages, plain, timed, None);
@@ -155,7 +158,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Makes and records the step for a model of the same bodies anew, in the state that the old one is in.
+    /// Makes and records the step anew for a model of the same bodies, with the GPU arrays in their present state.
     fn recorded(&self, model: &Model, scene: &scene::Scene, bodies: &[Body]) -> Result<NewRecordings> {
         let arrays = read_all(&self.context, &self.stages.state())?;
         let (_, probe_nodes) = probes_of(scene, bodies, model)?;

@@ -26,11 +26,13 @@ pub struct ContactWrench {
     pub stiffness: [[f64; 6]; 6],
     /// Contact damping in the layout of the stiffness; the same units times s.
     pub damping: [[f64; 6]; 6],
-    /// Sum of the magnitudes of the contacts' normal forces, N; as large as the net force where all press the same way.
+    /// Sum of the magnitudes of the contacts' normal forces, N; equal to the net force's magnitude where all press in
+    /// the same direction.
     pub pressing: f64,
     /// The gap to the nearest body; `None` where the tool touches something, or nothing is known to be near.
     pub gap: Option<Gap>,
-    /// Whether a driven body moved during the step: contact may then give out work that no hand put in.
+    /// Whether a driven body (one that follows a trajectory) moved during the step: contact may then do work on the
+    /// tool that no hand put in.
     pub has_kinematic_motion: bool,
 }
 
@@ -39,8 +41,8 @@ pub struct ContactWrench {
 pub struct Gap {
     /// Unit vector from the body to the tool: the direction in which contact will push.
     pub normal: DVec3,
-    /// How far the tool can go against the normal before it touches, m; negative where it touches at the end of a step
-    /// that began without contact.
+    /// How far the tool can go against the normal before it touches, m; negative where it has come into contact during
+    /// a step that began without contact.
     pub distance: f64,
     /// An upper bound of the stiffness that contact will have at first, N/m: the body's own compliance is left out.
     pub stiffness: f64,
@@ -70,7 +72,7 @@ impl ContactWrench {
         (size > 0.0 && size >= ONE_SIDED * self.pressing).then(|| self.wrench.force / size)
     }
 
-    /// Whether all its numbers are finite, and tool and gap valid.
+    /// Whether all numbers are finite, and the tool's state and the gap are valid.
     pub fn is_finite(&self) -> bool {
         let numbers = self.stiffness.iter().chain(&self.damping).flatten();
         self.tool.is_valid()

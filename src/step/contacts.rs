@@ -7,7 +7,7 @@ use crate::Result;
 use crate::shaders::{self, StepParams};
 use crate::stages::contact_law::{Traction, end_traction, start_traction};
 
-/// A contact, which is a colliding skin vertex.
+/// A contact: a vertex of a skin (surface mesh) that lies inside another body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactPoint {
     /// The body that the vertex belongs to, and the body that it touches, as indices; the tool comes after the bodies.
@@ -22,12 +22,13 @@ pub struct ContactPoint {
     pub depth: f64,
     /// Area of skin that the vertex stands for, projected along the normal, m^2.
     pub area: f64,
-    /// Pressure along the normal at the end of the step, Pa: times the area it is the contact's part of the net force.
-    /// Where the end is not known it is that at the start, until the next step: after a saved state was restored, after
-    /// a frozen step, and after [`Simulation::set_contact`] brought friction into a scene that had none.
+    /// Pressure along the normal at the end of the step, Pa; pressure times area is the contact's part of the net
+    /// force. Where this is not known, it is the pressure at the start of the step. It is not known after a saved state
+    /// was restored, after a frozen step (one in which no attempt succeeded), and after [`Simulation::set_contact`]
+    /// brought friction into a scene that had none, each time until the next step.
     pub pressure: f64,
     /// Friction force per area at the end of the step on the body that the vertex belongs to, world axes, Pa; zero
-    /// where the end is not known.
+    /// where the friction at the end is not known.
     pub friction: DVec3,
 }
 
@@ -80,8 +81,8 @@ impl Simulation {
         Ok(contacts.iter().zip(forces).map(|(contact, force)| end_traction(contact, force, h)).collect())
     }
 
-    /// For a side of a pair (2 times the pair, plus 1 for b): the body whose vertices gather contacts there, and the
-    /// other one.
+    /// For a side of a pair (2 times the pair, plus 1 for b): the body whose skin vertices are tested for contact on
+    /// that side, and the other body.
     fn side_bodies(&self, side: u32) -> [usize; 2] {
         let [a, b] = self.model.pair_bodies[side as usize / 2];
         if side.is_multiple_of(2) { [a, b] } else { [b, a] }

@@ -1,11 +1,12 @@
-//! Explains what is recorded for a step, pass by pass and array by array, as read from the recordings themselves.
+//! Lists what is recorded for a step, pass by pass and array by array, for `palpate run --explain`. It is read from the
+//! recordings themselves.
 
 use super::Simulation;
 use crate::gpu::{ArrayUse, Recording, shader_names};
 use crate::plan::{Array, Explanation, KernelUse, StageUse, stage_of, why_not};
 use crate::stages::depth::Path;
 
-/// Folders whose shaders are no part of the step: they test or draw.
+/// Folders whose shaders are no part of the step: they are for tests or for drawing.
 const OTHER_SHADERS: [&str; 3] = ["test/", "draw/", "view/"];
 
 impl Simulation {
@@ -41,7 +42,7 @@ impl Simulation {
         }
     }
 
-    /// The recordings of a step, and how often the passes of each run in it.
+    /// The recordings of a step, each with the number of times that its passes run in the step.
     pub(super) fn parts(&self, iterations: u32) -> Vec<(&Recording, f64)> {
         let (length, iterate) = &self.plain.iterate[0];
         let newton = f64::from(self.scene.step.newton);
@@ -64,7 +65,7 @@ impl Simulation {
         arrays
     }
 
-    /// Adds every kernel of the library that no stage recorded, with the reason.
+    /// Adds every kernel of the step that its stage did not record, with the reason.
     fn add_left_out(&self, stages: &mut [StageUse]) {
         let graphics = self.path == Some(Path::Graphics);
         for kernel in shader_names().filter(|name| !OTHER_SHADERS.iter().any(|folder| name.starts_with(folder))) {

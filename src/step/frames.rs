@@ -1,8 +1,8 @@
-//! Rigid coordinate frames on the host, in f64: where each is at the start and at the end of the step, and how points
-//! of one lie in another. The displacements of nodes are measured in these frames: up to rounding, results do not
-//! depend on where a frame is put, but a frame that moves with its nodes keeps displacements small. Driven frames
-//! follow a trajectory, floating ones are fitted to the nodes of a body without cores, and dynamic ones are moved by
-//! the solver.
+//! Rigid coordinate frames on the host, in f64: the pose of each at the start and at the end of the step, and links,
+//! the relative placements of two frames. The displacements of nodes are measured in these frames: up to rounding,
+//! results do not depend on where a frame is put, but a frame that moves with its nodes keeps displacements small.
+//! Driven frames follow a trajectory, floating ones are fitted to the nodes of a soft body without cores, and dynamic
+//! ones are those of cores (rigid bodies to which nodes are attached) that the solver moves.
 
 mod crossing;
 mod saved;
@@ -19,21 +19,22 @@ use crate::step::trajectory::{Trajectory, rotation_vector};
 pub use saved::SavedFrame;
 
 /// Rotation per step, rad, beyond which a frame turns too far. The elements of its nodes keep the rotations of the
-/// step's start and the nodes move along tangents, so that a body turning by x is stretched by x^2 / 2 unopposed, here
-/// by less than a hundredth; free blocks that spin gain up to a thousandth of their energy by it (`palpate stability
-/// --only spin`).
+/// step's start and the nodes move along tangents, so that a body that turns by x rad is stretched by the factor 1 +
+/// x^2 / 2 without resistance; below this limit the stretch is less than a hundredth. Free blocks that spin then gain
+/// up to a thousandth of their energy (`palpate stability --only spin`).
 const MOST_TURN: f64 = 0.12;
-/// A second limit, for stiff bodies that spin freely, on q = turn x step / crossing time: the turn per step (rad), the
-/// length of the step (s), and the time that a pressure wave takes across the body (s). The same stretch adds to the
-/// energy of their spin a share of the order of q^2. At this limit a block gains some 0.4 % in its first step, by an
-/// estimate from 1 MPa to 10 GPa; smaller gains are not flagged. With a limit of 0.0079 (a gain of some 0.03 %) bodies
-/// of 2 MPa that roll, rub or are struck were flagged as well, of which it is not known whether they gain any.
+/// A second limit, for stiff bodies that spin freely, on the number q = turn x step / crossing time, of the turn per
+/// step (rad), the length of the step (s), and the time that a pressure wave takes across the body (s). The stretch
+/// described at [`MOST_TURN`] adds to the energy of such a spin a fraction of the order of q^2. At this limit that is
+/// an estimated 0.4 % in the first step, for blocks from 1 MPa to 10 GPa; smaller gains are not flagged. A limit of
+/// 0.0079 (a gain of some 0.03 %) also flagged bodies of 2 MPa that roll, rub or are struck; whether those gain any
+/// energy is not known.
 const MOST_STIFF_TURN: f64 = 0.03;
-/// The limit on the same q for steps with several Newton iterations, by which such a block loses energy instead, up to
-/// 10 GPa.
+/// The limit on q (see [`MOST_STIFF_TURN`]) for steps with several Newton iterations. With those, a stiff block that
+/// spins loses energy instead, up to 10 GPa.
 const MOST_STIFF_TURN_TWICE: f64 = 1.0;
 
-/// Where a frame is.
+/// Pose of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Place {
     /// World position of its centre, m.
@@ -93,7 +94,7 @@ struct Floating {
 }
 
 impl Frames {
-    /// Frames as placed in the scene; driven ones where their keys put them at time zero. `velocity`: the initial
+    /// Frames as placed in the scene; driven frames in the poses of their keys at time zero. `velocity`: the initial
     /// velocity of the body that a frame belongs to, m/s.
     pub fn new(model: &Model, velocity: impl Fn(usize) -> DVec3) -> Frames {
         let mut states: Vec<State> =
@@ -126,8 +127,8 @@ impl Frames {
         }
     }
 
-    /// Where a frame will be at the end of the current step. For a dynamic core that is not known before the solve: its
-    /// value has no meaning.
+    /// Where a frame will be at the end of the current step. For a dynamic core this is not known before the solve, and
+    /// the value has no meaning.
     pub fn end(&self, frame: usize) -> Place {
         self.states[frame].end
     }
@@ -156,8 +157,8 @@ impl Frames {
         self.write_links(links);
     }
 
-    /// Writes the GPU's links: for each pair of frames in both of which a tetrahedron, proxy or chunk has nodes, how
-    /// one lies to the other now.
+    /// Writes the GPU's links: the current relative placement of each pair of frames in both of which a tetrahedron,
+    /// collision proxy or chunk (group of skin vertices) has nodes.
     pub fn write_links(&self, links: &mut [Link]) {
         for (link, [to, from]) in links.iter_mut().zip(&self.links) {
             let (to, from) = (&self.states[*to], &self.states[*from]);
@@ -171,7 +172,7 @@ impl Frames {
         }
     }
 
-    /// Writes where all frames are now, relative to `origin`, without how they move.
+    /// Writes the current poses of all frames, relative to `origin`, without their velocities.
     pub fn write_places(&self, origin: DVec3, tool: Option<&Tool>, frames: &mut [Frame]) {
         for (frame, state) in frames.iter_mut().zip(&self.states) {
             let Place { centre, rotation } = match (&state.mover, tool) {
@@ -224,9 +225,9 @@ impl Frames {
     }
 
     /// Whether a frame turns further in a step of `h` seconds than its elements allow (see [`MOST_TURN`],
-    /// [`MOST_STIFF_TURN`]). For a driven frame the current step's turn counts, for others their angular velocity now.
-    /// The frames of rigid bodies have no nodes, so nothing there deforms. `newton_iterations`: Newton iterations per
-    /// step.
+    /// [`MOST_STIFF_TURN`]). For a driven frame the turn of the current step counts, for other frames their present
+    /// angular velocity times `h`. Frames without nodes, those of rigid bodies, do not count, since nothing deforms
+    /// there. `newton_iterations`: Newton iterations per step.
     pub fn turns_too_far(&self, h: f64, newton_iterations: u32) -> bool {
         let most = if newton_iterations > 1 { MOST_STIFF_TURN_TWICE } else { MOST_STIFF_TURN };
         let all = self.states.iter().zip(&self.has_nodes).zip(&self.crossing_times);
@@ -304,6 +305,7 @@ impl State {
         }
     }
 
+    /// Rotation of the frame in a step of `h` seconds, rad.
     fn turn(&self, h: f64) -> f64 {
         match &self.mover {
             Mover::Floating(floating) => h * floating.spin.length(),
@@ -335,7 +337,7 @@ impl State {
         let Place { centre, rotation } = self.start;
         if let Mover::Dynamic { velocity, spin, inertia, hinge } = &self.mover {
             let turn = DMat3::from_quat(rotation);
-            // A hinge takes up all gyroscopic torque.
+            // A hinge resists all gyroscopic torque.
             let gyroscopic = match *hinge {
                 DVec3::ZERO => gyroscopic_impulse(turn * *inertia * turn.transpose(), *spin, h),
                 _ => DVec3::ZERO,
@@ -364,9 +366,9 @@ impl State {
 }
 
 impl Floating {
-    /// Shape matching, one iteration per step: finds the shift to the centre of mass, and the small rotation that
-    /// removes the antisymmetric part of sum m (r + d) r^T (m, r, d: mass, rest position and displacement of a node).
-    /// Where both vanish, the frame is the best fit (M. Mueller and others 2005).
+    /// Shape matching, one iteration per step: finds the shift to the centre of mass of the nodes, and the small
+    /// rotation that removes the antisymmetric part of sum m (r + d) r^T (m, r, d: mass, rest position and displacement
+    /// of a node). Where both vanish, the frame is the best fit (M. Mueller and others 2005).
     fn fit(&mut self, fit: &Fit, rotation: DQuat) {
         let wide = |x: [f32; 3]| DVec3::from(x.map(f64::from));
         let turn = DMat3::from_quat(rotation);

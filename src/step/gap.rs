@@ -1,5 +1,5 @@
-//! The gap between the tool and the nearest body, for the haptic loop: combines what the GPU found for skins with the
-//! half-spaces.
+//! The gap between the tool and the nearest body, for the haptic loop: takes the shortest of the gaps to skins (surface
+//! meshes), which the GPU found, and to half-spaces.
 
 use glam::DVec3;
 
@@ -9,10 +9,11 @@ use crate::shaders::{GAP_FAR, NONE, Report, SkinGap};
 use crate::stages::gap;
 use crate::step::{Flags, Gap};
 
-/// Depth of first contact, m: the tool's bounding sphere, of radius R, is taken to touch an area of 2 pi R times this.
+/// Depth of first contact, m: the tool's bounding sphere, of radius R, is taken to touch an area of 2 pi R times this
+/// depth.
 const FIRST_TOUCH: f64 = 1e-3;
-/// Skin that faces away from the tool counts as nearer only where it is so by more than this fraction: distances to an
-/// edge that two triangles share differ by rounding.
+/// Skin that faces away from the tool counts as nearer than skin that faces it only if it is nearer by more than this
+/// fraction, since distances to an edge that two triangles share differ by rounding.
 const ROUNDING: f64 = 1e-5;
 
 impl Simulation {
@@ -68,7 +69,7 @@ impl Simulation {
             let along = DVec3::from(gap.way.map(f64::from));
             (along, along.length(), gap.triangle, *pair)
         });
-        // Of equally short ways the one to the lower triangle counts.
+        // Of equally short ways the one to the triangle with the lowest index counts.
         let shortest = ways.min_by(|(_, a, t, _), (_, b, u, _)| a.total_cmp(b).then(t.cmp(u)));
         if back < (1.0 - ROUNDING) * shortest.map_or(f64::from(GAP_FAR), |way| way.1) {
             return Ok((true, None));
@@ -80,9 +81,9 @@ impl Simulation {
         Ok((false, gap))
     }
 
-    /// A gap of this distance (m), if it is within the range of the search; it is negative where a sphere, or a
-    /// half-space, was met in a step that began without contact. Its stiffness is that of the pair's contact on the
-    /// area over which a sphere of the tool's radius touches at first.
+    /// A gap of this distance (m), if it is within the range of the search; the distance is negative where a sphere
+    /// came into contact, or any tool with a half-space, in a step that began without contact. The gap's stiffness is
+    /// the pair's contact stiffness times the area over which a sphere of the tool's radius touches at first.
     fn within_range(&self, pair: usize, normal: DVec3, distance: f64) -> Option<Gap> {
         let area = 2.0 * std::f64::consts::PI * self.model.tool_radius * FIRST_TOUCH;
         let stiffness = f64::from(self.model.pairs[pair].stiffness) * area;

@@ -1,5 +1,5 @@
-//! Ball joints on the host, in f64: how far the sides of each are from where they should be, and what its springs give
-//! to the rows of the cores that it joins.
+//! Ball joints between cores (rigid bodies to which nodes are attached) on the host, in f64: how far the two ends of
+//! each joint are apart, how far its sides are turned, and what its springs add to the solver's rows of the two cores.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -8,8 +8,9 @@ use crate::shaders::{self, NONE};
 use crate::stages::joints::Joint;
 use crate::step::trajectory::rotation_vector;
 
-/// Least divisor 1 + cos(swing) in the axis of the twist's spring: where the joint's axis is turned nearly back to
-/// front (beyond 155 degrees), the twist is hardly defined, and its spring becomes softer.
+/// Least value of the divisor 1 + cos(swing) in the axis of the twist's spring. The swing is the angle between the
+/// joint's axis on the first side and on the second. Beyond 155 degrees the twist is hardly defined, and with this
+/// limit its spring becomes softer.
 const LEAST_ALONG: f64 = 0.1;
 
 /// Writes the GPU's joints for a step of `h` seconds.
@@ -19,8 +20,9 @@ pub fn write(joints: &[Joint], frames: &Frames, h: f64, out: &mut [shaders::Join
     }
 }
 
-/// A joint's springs by implicit Euler: the force on the first side is -k (gap + h gap'), gap' at the end of the step,
-/// and acts at the middle between the two ends.
+/// A joint's springs by implicit Euler. The force on the first side is -k (gap + h gap'), where gap is the distance
+/// vector between the joint's ends on the two sides and gap' its rate at the end of the step; it acts at the middle
+/// between the ends.
 fn at_start(joint: &Joint, frames: &Frames, h: f64) -> shaders::Joint {
     let places = joint.frames.map(|frame| frames.place(frame));
     let ends = [0, 1].map(|k| frames.world(joint.frames[k], joint.arms[k]));
@@ -50,10 +52,10 @@ fn at_start(joint: &Joint, frames: &Frames, h: f64) -> shaders::Joint {
     }
 }
 
-/// The rotational part of a joint: spring and damping towards the orientation at rest, and springs back to the limits
-/// where the second side would be beyond them at the end of the step; `way` is the rotation vector (rad) by which the
-/// first side goes on to turn against the second. Returns h^2 K + h D (kg m^2), and the torque on the first side at the
-/// step's start (N m).
+/// The rotational part of a joint: a spring and damping towards the orientation at rest, and springs that push the
+/// second side back within its limits, where it would be beyond them at the end of the step. `way` is the rotation
+/// vector (rad) by which the first side will turn relative to the second in the step if nothing pushes them. Returns
+/// h^2 K + h D (kg m^2), and the torque on the first side at the step's start (N m).
 fn turning(joint: &Joint, [first, second]: [DQuat; 2], way: DVec3, h: f64) -> (DMat3, DVec3) {
     let resistance = &joint.resistance;
     let away = rotation_vector(unwound(second * first.conjugate()));
@@ -72,7 +74,8 @@ fn turning(joint: &Joint, [first, second]: [DQuat; 2], way: DVec3, h: f64) -> (D
         push_back(swing_stiffness, across.length().atan2(along) - limit, across.normalize_or_zero());
     }
     if let Some(limit) = resistance.twist {
-        // Swing and twist of a rotation, and the direction in which the twist grows with a spin (P. Dobrowolski 2015).
+        // The twist of the rotation by its decomposition into swing and twist (P. Dobrowolski 2015), and the direction
+        // about which rotation increases the twist.
         let turn = unwound(first.conjugate() * second);
         let twist = 2.0 * DVec3::new(turn.x, turn.y, turn.z).dot(resistance.axis).atan2(turn.w);
         let about = (axes[0] + axes[1]) / (1.0 + along).max(LEAST_ALONG);

@@ -27,9 +27,10 @@ use crate::{Error, Result};
 /// "Measured facts").
 const LITTLE_WORK: usize = 20_000;
 
-/// Number of tetrahedra per cell of a box.
+/// Number of tetrahedra per cell of a mesh that is made as a box.
 const KUHN_TETRAHEDRA: u64 = 6;
-/// Size of a tetrahedron's forces on its four nodes, bytes; these form the largest array that a tetrahedral mesh needs.
+/// Size of a tetrahedron's forces on its four nodes, bytes; the forces of all tetrahedra form the largest array that a
+/// mesh of them needs.
 const FORCE_BYTES: u64 = 64;
 
 /// The parts of a simulation that are made before a GPU is opened.
@@ -79,8 +80,8 @@ impl Simulation {
 }
 
 impl Simulation {
-    /// Checks that the GPU can hold those tetrahedral meshes of a scene whose size is known before they are made, which
-    /// are boxes; the cells of a box are easily so many that not even the host's memory would hold them.
+    /// Checks that the GPU can hold the tetrahedral meshes (layers) that a scene gives as boxes, whose sizes are known
+    /// before they are made: a box may easily have so many cells that not even the host's memory would hold them.
     /// [`Error::Memory`] if it cannot.
     #[doc(hidden)]
     pub fn check_room(context: &Context, scene: &Scene) -> Result<()> {
@@ -123,7 +124,8 @@ impl Prepared {
         context.tell(Level::Note, &format!("arrays: {arrays}"));
         choice.iter().for_each(|choice| context.tell(Level::Note, &format!("depth stage: {choice}")));
         let stages = Stages::new(context, &model, path, &probe_nodes)?;
-        // Some drivers compile a kernel at its first dispatch: this makes them do so here, and not in the first step.
+        // Some drivers compile a kernel at its first dispatch; this submission makes them compile here, and not in the
+        // first step.
         Recordings::new(&stages, 0, || Recorder::warm_up(context))?.submit_once()?;
         let plain = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::untimed(context))?;
         let timed = Some(timed(context, &stages, scene)?);
@@ -164,13 +166,14 @@ impl Prepared {
     }
 }
 
-/// Recordings of the step with timestamps: one set timed stage by stage, one with the query's stages timed as one.
+/// Recordings of the step with timestamps: one set timed stage by stage, one with the stages from pose to contact timed
+/// as one.
 pub(super) fn timed(context: &Arc<Context>, stages: &Stages, scene: &Scene) -> Result<[Recordings; 2]> {
     let timed = |timers| Recordings::new(stages, scene.solver.max_iterations, || Recorder::timed_by(context, timers));
     Ok([timed(|stage| stage)?, timed(query_as_one)?])
 }
 
-/// The initial velocity of a frame's body.
+/// The initial velocity of the body that a rigid coordinate frame belongs to, m/s.
 fn velocity_of(bodies: &[Body], model: &Model, frame: usize) -> DVec3 {
     let owner = model.body_frames.iter().rposition(|&first| first != shaders::NONE && first as usize <= frame);
     owner.and_then(|body| bodies.get(body)).map_or(DVec3::ZERO, |body| body.velocity)

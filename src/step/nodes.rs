@@ -1,4 +1,5 @@
-//! The nodes of soft bodies: where they are, and how to put them elsewhere between two steps.
+//! The nodes of soft bodies' tetrahedral meshes: reads their positions, and puts them elsewhere between two steps. A
+//! core is a rigid body inside a soft one, to which nodes are attached.
 
 use glam::DVec3;
 
@@ -8,8 +9,8 @@ use crate::prepare::{Body, Embedding, Shape};
 use crate::{Error, Result};
 
 impl Simulation {
-    /// Displacements of a soft body's nodes from where they are at rest as placed (rest axes of the body, m), and their
-    /// velocities (world axes, m/s), in input order; `None` for any other body.
+    /// Displacements of a soft body's nodes from their rest positions in the body as the scene places it (rest axes of
+    /// the body, m), and their velocities (world axes, m/s), in input order; `None` for any other body.
     pub fn nodes(&self, body: usize) -> Result<Option<(Vec<DVec3>, Vec<DVec3>)>> {
         let Some(range) = self.model.soft.iter().find(|soft| soft.body == body) else { return Ok(None) };
         let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(None) };
@@ -28,7 +29,7 @@ impl Simulation {
         let mut velocities = read(&self.stages.elastic.velocity)?;
         for ((v, rest), node) in velocities.iter_mut().zip(&layer.nodes).zip(range.nodes.clone()) {
             let frame = self.model.node_info[node][2] as usize;
-            // The GPU writes the velocities of nodes attached to a dynamic core at the start of the next step only.
+            // The GPU updates the velocities of nodes attached to a dynamic core only at the start of the next step.
             if let Some((linear, angular)) = self.frames.twist(frame).filter(|_| self.model.is_attached(node)) {
                 let arm = *rest - self.model.frames[frame].rest_centre;
                 *v = linear + angular.cross(self.frames.place(frame).rotation * arm);
@@ -59,7 +60,7 @@ impl Simulation {
     }
     /// Puts the free nodes of a soft body elsewhere and gives them velocities, both as [`Simulation::nodes`] returns
     /// them; nodes attached to cores stay. For tests and experiments only: the solver's warm start and carried residual
-    /// are not adapted to it.
+    /// are not adapted to the new positions.
     #[doc(hidden)]
     pub fn place_nodes(&mut self, body: usize, displacements: &[DVec3], velocities: &[DVec3]) -> Result<()> {
         let soft = self.model.soft.iter().find(|soft| soft.body == body);

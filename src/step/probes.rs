@@ -1,5 +1,5 @@
-//! Probes: skin vertices whose positions a scene records. The GPU gives the displacements of their nodes, and the host
-//! computes the positions in f64.
+//! Probes: vertices of skins (surface meshes) whose positions a scene records. The GPU gives the displacements of their
+//! nodes, and the host computes the positions in f64.
 
 use glam::DVec3;
 

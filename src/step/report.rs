@@ -13,7 +13,7 @@ pub struct StepReport {
     pub time: f64,
     /// The tool, if the scene has one.
     pub tool: Option<ToolReport>,
-    /// Number of contacts, which are colliding skin vertices of either body of a pair; `None` where nothing can
+    /// Number of contacts, which are vertices of a skin (surface mesh) inside another body; `None` where nothing can
     /// collide.
     pub contacts: Option<u32>,
     /// Greatest depth of a contact, m; `None` where nothing can collide.
@@ -24,9 +24,9 @@ pub struct StepReport {
     pub iterations: u32,
     /// Relative residual of the linear system at the end of the last solve.
     pub residual: f64,
-    /// What went wrong in the step.
+    /// Flags for what went wrong in the step.
     pub flags: Flags,
-    /// Wall time of the step, pose in to wrench out, microseconds.
+    /// Wall time of the step, from the device's pose to the wrench, microseconds.
     pub step_us: f64,
     /// World positions of the scene's probes, m, in the scene's order.
     pub probes: Vec<DVec3>,

@@ -22,7 +22,7 @@ impl RigidState {
         RigidState { position, orientation, velocity: DVec3::ZERO, angular_velocity: DVec3::ZERO }
     }
 
-    /// Whether all of it is finite, and the orientation a unit quaternion to 1e-3.
+    /// Whether all numbers are finite, and the orientation is a unit quaternion to 1e-3.
     pub fn is_valid(&self) -> bool {
         let finite = [self.position, self.velocity, self.angular_velocity].iter().all(|v| v.is_finite());
         finite && (self.orientation.length() - 1.0).abs() < 1e-3
@@ -42,7 +42,7 @@ impl Wrench {
     /// No force and no torque.
     pub const ZERO: Wrench = Wrench { force: DVec3::ZERO, torque: DVec3::ZERO };
 
-    /// Whether all of it is finite.
+    /// Whether force and torque are finite.
     pub fn is_finite(&self) -> bool {
         self.force.is_finite() && self.torque.is_finite()
     }

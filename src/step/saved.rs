@@ -1,6 +1,6 @@
-//! Saves the state of a simulation between two steps as bytes, and restores it: all that the next step starts from, so
-//! that the simulation goes on bit for bit the same. What a user sets (materials, contact, coupling) is not state and
-//! stays as it is.
+//! Saves the state of a simulation between two steps as bytes, and restores it. The state is all that the next step
+//! starts from, so a restored simulation continues with the same bits. What a user sets (materials, contact, coupling)
+//! is not part of the state and stays as it is.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -56,8 +56,8 @@ impl Simulation {
         Ok(bytes)
     }
 
-    /// Restores a saved state. Errors: the bytes are no such state, are damaged, or belong to a simulation of other
-    /// bodies; nothing has changed then.
+    /// Restores a saved state. Errors: the bytes are not a saved state, are damaged, or belong to a simulation of other
+    /// bodies; the simulation is then unchanged.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<()> {
         let wrong =
             |what: &str| Error::Usage(format!("the state {what}; give a state that a simulation of this scene saved"));

@@ -1,5 +1,6 @@
-//! Arrays for renderers: the skins as they are now, on the GPU, and scalar fields to colour them by. This reads what a
-//! step leaves and writes nothing of it, so a run gives the same bits whether it is displayed or not.
+//! Arrays for renderers: the current skins (surface meshes of the bodies) on the GPU, and scalar fields to colour them
+//! by. This code reads what a step leaves and changes none of it, so a run gives the same bits whether it is displayed
+//! or not.
 
 mod contact_patches;
 mod overlay;
@@ -25,7 +26,7 @@ pub(super) struct Shown {
     draw: Draw,
     recording: Recording,
     fields: Option<ShownFields>,
-    /// One mesh per kind of overlay, once somebody has asked for it.
+    /// One mesh per kind of overlay (see [`Overlay`]), made when it is first asked for.
     meshes: [Option<ShownMesh>; 4],
 }
 
@@ -41,16 +42,16 @@ struct ShownFields {
 pub struct FieldValues {
     /// Which field it is.
     pub field: Field,
-    /// One float per skin vertex, body after body, packed, padded to a whole texel of four. It is the same array each
-    /// time, and can be a storage, texel or vertex buffer.
+    /// One float per skin vertex, body after body, packed, padded to a whole texel of four. Every call returns the same
+    /// array, which can be a storage, texel or vertex buffer.
     pub values: Buffer,
     /// The greatest value of each body, the tool's last; zero for a body without skin.
     pub greatest: Vec<f32>,
 }
 
 impl Simulation {
-    /// The skins as they are now, relative to `origin` (m). The arrays are made at the first call; they are filled when
-    /// this returns, and stay so until it is called again.
+    /// The skins as they are now, relative to `origin` (m). The arrays are made at the first call. They are filled when
+    /// this returns, and keep their contents until it is called again.
     #[doc(hidden)]
     pub fn skins(&mut self, origin: DVec3) -> Result<Skins<'_>> {
         let shown = self.shown_at(origin)?;
@@ -58,16 +59,17 @@ impl Simulation {
         Ok(shown.draw.skins())
     }
 
-    /// The arrays of [`Simulation::skins`] as they were filled last; before that they are uninitialised.
+    /// The arrays of [`Simulation::skins`] with the contents of its last call; before its first call they are
+    /// uninitialised.
     #[doc(hidden)]
     pub fn skin_arrays(&mut self) -> Result<Skins<'_>> {
         Ok(self.shown()?.draw.skins())
     }
 
-    /// A scalar field after the last step, on the GPU: its array is filled when this returns, and stays so until the
-    /// field is asked for again (depth and pressure are filled together). The arrays are made at the first call, and
-    /// made anew, like those of the skins, where [`Simulation::set_contact`] brings friction into a scene that had
-    /// none.
+    /// A scalar field after the last step, on the GPU: its array is filled when this returns, and keeps its contents
+    /// until the field is asked for again (depth and pressure are filled together). The arrays are made at the first
+    /// call, and made anew, like those of the skins, where [`Simulation::set_contact`] brings friction into a scene
+    /// that had none.
     #[doc(hidden)]
     pub fn field(&mut self, field: Field) -> Result<FieldValues> {
         let is_solved = u32::from(self.is_solved);
@@ -147,7 +149,8 @@ impl Simulation {
         }
     }
 
-    /// Each body's skin vertices as a range among those of all, the tool's last; the range of a half-space is empty.
+    /// For each body, the tool last, the range of its vertices among the skin vertices of all bodies; the range of a
+    /// half-space is empty.
     #[doc(hidden)]
     pub fn skin_ranges(&self) -> Vec<Range<usize>> {
         let size = |body: &Body| match &body.shape {

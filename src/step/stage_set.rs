@@ -28,8 +28,8 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// Kernels and arrays of the stages that the model needs. `path`: how ray hits are found, where the depth stage is
-    /// needed; `probe_nodes`: the four nodes of each probe.
+    /// Kernels and arrays of the stages that the model needs. `path`: the implementation of the depth stage, graphics
+    /// or compute, where that stage is needed; `probe_nodes`: the four nodes of each probe.
     pub fn new(context: &Arc<Context>, model: &Model, path: Option<Path>, probe_nodes: &[[u32; 4]]) -> Result<Stages> {
         let common = Common::new(context, model)?;
         let touch = if model.pairs.is_empty() { None } else { Some(TouchStages::new(context, model, path, true)?) };

@@ -1,7 +1,7 @@
-//! The tool: a rigid body of six unknowns, which the haptic device holds by a virtual coupling. The host keeps its pose
-//! and twist in f64 and gives the GPU its part of the step's linear system, inertia and coupling; the solver on the GPU
-//! gives back the change of its twist. Where the tool is a soft body of the scene, it is that body's first core, and
-//! only the coupling is added to that core's rows.
+//! The tool: a rigid body of six unknowns, which the haptic device holds by a virtual coupling. The host keeps the
+//! tool's pose and twist in f64 and computes its rows of the step's linear system, inertia and coupling; the solver on
+//! the GPU returns the change of its twist. Where the tool is a soft body of the scene, it is that body's first core (a
+//! rigid body inside it, to which nodes are attached), and only the coupling is added to that core's rows.
 
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -70,7 +70,8 @@ impl Tool {
         rows
     }
 
-    /// The rows of the coupling alone: the matrix h^2 K + h D, and its impulse; zero where nothing holds the tool.
+    /// The rows of the coupling alone: the matrix h^2 K + h D, and the coupling's impulse as right-hand side; zero
+    /// where nothing holds the tool.
     pub fn coupling_rows(&self, h: f64, device: &RigidState) -> Rows {
         let mut rows = Rows { matrix: [[0.0; 6]; 6], rhs: [0.0; 6] };
         let Some(c) = &self.coupling else { return rows };
@@ -97,8 +98,8 @@ impl Tool {
         }
     }
 
-    /// The haptic device as the coupling sees it: drawn towards the tool so far that the coupling's spring pulls no
-    /// harder than `force` (N).
+    /// The state of the haptic device that enters the coupling: the device's position, moved so close to the tool that
+    /// the coupling's spring pulls no harder than `force` (N).
     pub fn within_reach(&self, device: &RigidState, force: f64) -> RigidState {
         let away = (device.position - self.centre).clamp_length_max(self.reach(force));
         RigidState { position: self.centre + away, ..*device }
@@ -136,8 +137,8 @@ impl Tool {
 
 /// Change of a rigid body's angular momentum by its own spin over `h` seconds, N m s. It is I (w1 - w0), where w1
 /// solves the equation I (w1 - w0) + h w1 x I w1 = 0, the inertia I (world axes) is that of the start, and w0 = `w` is
-/// the angular velocity at the start, rad/s (E. Catto 2015, "Physics for game programmers: numerical methods"). Taken
-/// at the start instead, the torque would add energy to the spin of any body that is not round.
+/// the angular velocity at the start, rad/s (E. Catto 2015, "Physics for game programmers: numerical methods"). With
+/// the torque at the start instead, the spin of any body that is not round would gain energy.
 pub fn gyroscopic_impulse(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
     let cross =
         |v: DVec3| DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0));
@@ -149,6 +150,6 @@ pub fn gyroscopic_impulse(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
         end -= slope.inverse() * residual;
     }
     let impulse = inertia * (end - w);
-    // There is no solution for a body without extent, which has no such torque either.
+    // A body without extent has no inertia, so there is no solution, and no gyroscopic torque either.
     if impulse.is_finite() { impulse } else { DVec3::ZERO }
 }

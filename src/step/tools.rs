@@ -1,5 +1,5 @@
-//! Makes the tool of a scene: a rigid body of its own, or the core of a body of the scene that the haptic device is
-//! coupled to (the held core).
+//! Makes the tool of a scene: either a rigid body of its own, or the held core, which is the core (a rigid body to
+//! which nodes are attached) of a body of the scene to which the haptic device is coupled.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -24,7 +24,7 @@ pub(super) fn tool_of(scene: &Scene, body: Option<&Body>, model: &Model, frames:
     }
 }
 
-/// A rigid tool of its own. Its inertia is that of its surface filled uniformly.
+/// A tool with a rigid body of its own. Its inertia is that of its surface filled with uniform density.
 fn rigid(scene: &Scene, mass: f64, body: &Body) -> Tool {
     let inertia = match &body.shape {
         Shape::Rigid { volume, inertia, .. } => *inertia * (mass / volume),
@@ -68,7 +68,7 @@ pub(super) fn tool_core_mass(model: &Model) -> f64 {
     }
 }
 
-/// Moves a held tool to where its core's frame is.
+/// Sets a held tool's pose and twist to those of its core's rigid coordinate frame.
 pub(super) fn follow(tool: &mut Tool, frames: &Frames, frame: usize) {
     let place = frames.place(frame);
     (tool.centre, tool.orientation) = (place.centre, place.rotation);
@@ -80,7 +80,7 @@ pub(super) fn follow(tool: &mut Tool, frames: &Frames, frame: usize) {
 /// The contact wrench on the tool, as the GPU reports it.
 pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report) -> ContactWrench {
     let vector = |x: [f32; 3]| DVec3::from(x.map(f64::from));
-    // A frozen step applied no forces.
+    // A frozen step, in which no attempt succeeded, applied no forces.
     let is_frozen = Flags(report.flags).contains(Flags::FROZEN);
     let matrix = |upper: &[f32; 21]| if is_frozen { [[0.0; 6]; 6] } else { symmetric(upper) };
     ContactWrench {

@@ -1,6 +1,6 @@
 //! Reference trajectory: a pose over time, given by keys. Positions are interpolated linearly and orientations by
-//! slerp; before the first and after the last key the pose is constant. The scripted haptic device and driven cores
-//! follow one.
+//! slerp; before the first and after the last key the pose is constant. A haptic device that a scene's keys move
+//! follows a trajectory, and so do driven cores (rigid bodies inside a soft one whose motion is prescribed).
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -20,12 +20,12 @@ impl Trajectory {
         Trajectory { keys: if keys.is_empty() { vec![start] } else { keys.to_vec() } }
     }
 
-    /// Whether it has a key, and so a pose at any time.
+    /// Whether the trajectory has a key, and so a pose at any time.
     pub fn is_whole(&self) -> bool {
         !self.keys.is_empty()
     }
 
-    /// Replaces the trajectory by one that goes uniformly from where it is at `time` to `next`, and rests there.
+    /// Replaces the trajectory by one that goes uniformly from its pose at `time` to the key `next`, and rests there.
     pub fn lead(&mut self, time: f64, next: Key) {
         let (position, orientation) = self.pose(time);
         self.keys.clear();
@@ -101,6 +101,6 @@ mod tests {
         far.orientation = -far.orientation;
         let trajectory = Trajectory::new(&[key(0.0, 0.0, 0.0), far], key(0.0, 0.0, 0.0));
         let turned = rotation_vector(trajectory.pose(0.5).1);
-        assert!((turned - DVec3::Y * 0.1).length() < 1e-9, "{turned}");
+        assert!((turned - DVec3::Y * 0.1).length() < 1e-9, "rotation vector {turned} rad, expected 0.1 rad about y");
     }
 }

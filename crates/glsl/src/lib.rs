@@ -1,4 +1,4 @@
-//! Compiles GLSL to SPIR-V with the options that all shaders share: for the build script and for tests.
+//! Compiles GLSL to SPIR-V by shaderc, with the same options for the build script and for tests.
 
 use std::fs;
 use std::path::Path;
@@ -19,7 +19,7 @@ pub fn kind(path: &Path) -> Option<ShaderKind> {
 }
 
 /// Everything that the binary of the shader `source` depends on: how it is compiled (this file), its own text, and all
-/// files that it includes, in order. Where this has not changed, neither has the binary.
+/// files that it includes, in order. If this text has not changed, neither has the binary.
 pub fn ingredients(root: &Path, source: &Path) -> Result<String, String> {
     let (mut files, mut text) = (vec![source.to_path_buf()], include_str!("lib.rs").to_string());
     let mut next = 0;
@@ -48,8 +48,8 @@ pub enum Arrays {
 
 /// Compiles the text of the shader `source`, in the folder of shaders `root`, to SPIR-V 1.6; warnings are errors.
 pub fn compile(root: &Path, source: &Path, text: &str, arrays: Arrays) -> Result<Vec<u8>, String> {
-    let compiler = Compiler::new().map_err(|e| format!("shaderc does not start: {e}; run setup.sh"))?;
-    let mut options = CompileOptions::new().map_err(|e| format!("shaderc has no options: {e}"))?;
+    let compiler = Compiler::new().map_err(|e| format!("shaderc (GLSL compiler) cannot start: {e}; run setup.sh"))?;
+    let mut options = CompileOptions::new().map_err(|e| format!("shaderc cannot create compile options: {e}"))?;
     options.set_target_env(TargetEnv::Vulkan, EnvVersion::Vulkan1_3 as u32);
     options.set_target_spirv(SpirvVersion::V1_6);
     options.set_optimization_level(OptimizationLevel::Performance);
@@ -68,10 +68,11 @@ pub fn compile(root: &Path, source: &Path, text: &str, arrays: Arrays) -> Result
             Err(e) => Err(format!("{from} includes \"{asked}\", which cannot be read at {}: {e}", path.display())),
         }
     });
-    let kind = kind(source).ok_or("not a shader")?;
     let shown = format!("shaders/{}", source.strip_prefix(root).unwrap_or(source).display());
+    let unknown = || format!("{shown} is not a shader: its extension must be .comp, .vert or .frag");
+    let kind = kind(source).ok_or_else(unknown)?;
     let binary = compiler
         .compile_into_spirv(text, kind, &shown, "main", Some(&options))
-        .map_err(|e| format!("a shader does not compile:\n{e}"))?;
+        .map_err(|e| format!("{shown} does not compile:\n{e}"))?;
     Ok(binary.as_binary_u8().to_vec())
 }

@@ -1,4 +1,5 @@
-//! State of soft bodies and dynamic (rigid) cores in the f64 reference implementation, and what follows from it.
+//! State of soft bodies and their dynamic cores (rigid cores inside soft bodies, whose motion the solver finds) in the
+//! f64 reference implementation, and what follows from it.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::{Embedding, Layer, Materials, Skin};
@@ -10,7 +11,8 @@ use crate::linear::Entries;
 use crate::skin;
 use crate::tool::{self, Device};
 
-/// A soft body and its state. Its layer is the tetrahedral simulation mesh.
+/// A soft body and its state. Its layer is the tetrahedral simulation mesh; its rest frame is the coordinate
+/// frame of the undeformed layer.
 #[derive(Debug, Clone)]
 pub struct SoftBody {
     /// Its tetrahedra, with masses and the rotation of its rest frame.
@@ -21,8 +23,8 @@ pub struct SoftBody {
     pub position: DVec3,
     /// Displacement of each node from rest, rest axes, m.
     pub displacement: Vec<DVec3>,
-    /// Velocity of each node, world axes, m/s. For a bound node, one attached to a core, it is the velocity over the
-    /// next step, which the caller sets; it is zero where the core rests.
+    /// Velocity of each node, world axes, m/s. For a node attached to a core it is the velocity over the next step,
+    /// which the caller sets; it is zero where the core rests.
     pub velocity: Vec<DVec3>,
     /// Element rotations for the next steps; `None`: the exact polar rotations at the present displacements.
     pub given_rotations: Option<Vec<DQuat>>,
@@ -66,7 +68,7 @@ impl SoftBody {
         self.elements.frame * (self.layer.nodes[node] + self.displacement[node]) + self.position
     }
 
-    /// The deformed skin in the world, from which contacts are gathered. `body`: this body's index in the simulation.
+    /// The deformed skin in the world, for contact tests. `body`: this body's index in the simulation.
     pub fn surface<'a>(&'a self, body: usize, skin: &'a Skin, embedding: &'a [Embedding]) -> Surface<'a> {
         Surface {
             positions: skin::embed(embedding, &self.layer, &self.world_nodes()),
@@ -89,8 +91,8 @@ impl SoftBody {
     }
 }
 
-/// A dynamic rigid core: it moves by the forces on the nodes attached to it, which are bound in their body's layer. Its
-/// inertia is theirs, and its centre must be the centre of their masses, or a point of its hinge.
+/// A dynamic rigid core, which moves by the forces on the nodes attached to it. Its inertia is that of these nodes, and
+/// its centre must be their centre of mass, or a point of its hinge.
 #[derive(Debug, Clone)]
 pub struct Core {
     /// Body and index of each attached node.
@@ -101,7 +103,8 @@ pub struct Core {
     pub velocity: DVec3,
     /// Angular velocity, world, rad/s.
     pub spin: DVec3,
-    /// Axis (unit, world) of a hinge through the centre, which then rests: the core only turns about it. `None`: free.
+    /// Axis (unit, world) of a hinge through the centre, which then rests: the core only rotates about it. `None`: no
+    /// hinge.
     pub hinge: Option<DVec3>,
 }
 
@@ -110,15 +113,15 @@ pub struct Core {
 pub struct CoupledCore {
     /// Index of the core.
     pub core: usize,
-    /// Rotation from core axes to world axes, which is the device's orientation where the coupling is relaxed.
+    /// Rotation from core axes to world axes; the coupling's angular spring is relaxed where it equals the device's.
     pub orientation: DQuat,
     /// Virtual coupling to the device: spring and damper.
     pub coupling: Coupling,
 }
 
 impl CoupledCore {
-    /// Adds the virtual coupling over a step of `h` seconds to the six rows of its core, which begin at unknown
-    /// `first`, projected onto the motions that a hinge leaves to the core.
+    /// Adds the virtual coupling over a step of `h` seconds to the six equations of its core, which begin at unknown
+    /// `first`, projected onto the motions that a hinge allows.
     pub fn add_terms(&self, core: &Core, a: &mut Entries, b: &mut [f64], first: usize, h: f64, device: &Device) {
         let (pose, twist) = ((core.centre, self.orientation), (core.velocity, core.spin));
         let (sizes, impulses) = tool::coupling_terms(&self.coupling, pose, twist, h, device);
@@ -130,14 +133,14 @@ impl CoupledCore {
         }
     }
 
-    /// Advances the orientation with its core for `h` seconds.
+    /// Advances the orientation by the core's spin for `h` seconds.
     pub fn turn(&mut self, h: f64, core: &Core) {
         self.orientation = (DQuat::from_scaled_axis(h * core.spin) * self.orientation).normalize();
     }
 }
 
 impl Core {
-    /// Projections onto the linear and the angular velocities that it may have.
+    /// Projections onto the linear and the angular velocities that the core may have.
     pub fn freedom(&self) -> (DMat3, DMat3) {
         match self.hinge {
             Some(n) => (DMat3::ZERO, DMat3::from_cols(n * n.x, n * n.y, n * n.z)),

@@ -1,5 +1,5 @@
-//! The coarse space of the solver's two-level additive Schwarz preconditioner, with dense f64 matrices: the modes P of
-//! aggregates (blocks of nodes), the Galerkin matrix P^T A P, and the coarse correction.
+//! The coarse space of the solver's two-level additive Schwarz preconditioner, with dense f64 matrices: the modes P
+//! (basis of the coarse space) of aggregates (blocks of nodes), the Galerkin matrix P^T A P, and the coarse correction.
 
 use std::collections::BTreeSet;
 
@@ -9,29 +9,30 @@ use glam::{DMat3, DQuat, DVec3};
 use super::linear::Entries;
 use super::step::Simulation;
 
-/// Modes of a block, the columns of P: for free nodes a constant and the coordinates x, y and z, times three axes each;
-/// for a core its linear and angular motion.
+/// Number of modes of a block, the columns of P: for free nodes, a constant and the coordinates x, y and z, each along
+/// three axes; for a rigid core, its linear and angular motion.
 pub const BLOCK_UNKNOWNS: usize = 12;
 
-/// Least eigenvalue of P^T P, relative to the largest, of a combination of modes that counts as independent.
+/// Least eigenvalue of P^T P, relative to the largest, at which a combination of modes counts as independent.
 const LEAST: f64 = 1e-9;
 
 /// An aggregate: a block of nodes that move together in the coarse space.
 #[derive(Debug, Clone)]
 pub struct Block {
-    /// Index of their body in the simulation.
+    /// Index of the nodes' body in the simulation.
     pub body: usize,
     /// Indices of the nodes within the body.
     pub nodes: Vec<u32>,
-    /// The core that they are attached to.
+    /// The rigid core to which the nodes are attached; `None`: they are free.
     pub core: Option<usize>,
     /// Rotation of the modes from rest axes to world axes.
     pub turn: DQuat,
 }
 
 /// The matrix P of modes, with a row for each unknown and a column for each mode. A free node moves as R (c0 + c1 x +
-/// c2 y + c3 z), with R the block's rotation and (x, y, z) the node's rest position from the middle of its block, over
-/// the greatest distance from there; a core moves by its twist in rotated axes, in its first block's modes.
+/// c2 y + c3 z), with R the block's rotation and (x, y, z) the node's rest position relative to the middle of its
+/// block, divided by the greatest such distance in the block. A core moves by its twist in rotated axes, in the modes
+/// of its first block.
 pub fn prolongation(simulation: &Simulation, blocks: &[Block]) -> Mat<f64> {
     let unknowns = simulation.unknowns();
     let mut p = Mat::zeros(unknowns.count, BLOCK_UNKNOWNS * blocks.len());
@@ -79,8 +80,8 @@ pub fn matrix(a: &Entries, p: &Mat<f64>) -> Mat<f64> {
     p.transpose() * operator_product
 }
 
-/// The coarse correction Q (Q^T A Q)^-1 Q^T, where the columns of Q are an orthonormal basis of the range of P, whose
-/// columns may depend on each other; `None` where A is not positive definite there.
+/// The coarse correction Q (Q^T A Q)^-1 Q^T, where the columns of Q are an orthonormal basis of the range of P (the
+/// columns of P may depend on each other); `None` where Q^T A Q is not positive definite.
 pub fn correction(a: &Entries, p: &Mat<f64>) -> Option<Mat<f64>> {
     let eigen = (p.transpose() * p).self_adjoint_eigen(Side::Lower).ok()?;
     let (values, vectors) = (eigen.S(), eigen.U());

@@ -1,8 +1,8 @@
-//! Narrow phase in f64: the depth of each facing vertex below the other skin by exact rays, and the contacts that
-//! follow. Reference implementation of the depth and contact stages.
+//! Narrow phase in f64: the depth by which each facing vertex lies below the other body's skin, by exact rays, and the
+//! resulting contacts. Reference implementation of the depth and contact stages.
 //!
-//! A region is a contact patch, an area in which bodies A and B may touch, with one normal. A side gathers contacts
-//! where its skin vertices become contacts.
+//! A contact patch is an area in which bodies A and B may touch, with one normal. A skin "gathers" contacts if its
+//! vertices are tested and become contacts.
 
 use std::collections::BTreeMap;
 
@@ -23,7 +23,7 @@ pub struct Hit {
     pub barycentric: [f64; 3],
 }
 
-/// What a point of contact moves with.
+/// What moves a point of contact.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Carrier {
     /// Nodes of a soft body (index into the simulation's bodies) with weights; each node once.
@@ -39,11 +39,12 @@ pub enum Carrier {
 pub struct Point {
     /// World position, m.
     pub position: DVec3,
-    /// What it moves with.
+    /// What moves it.
     pub carrier: Carrier,
 }
 
-/// A contact. The force on `first` is -area (k depth + d depth') normal, the opposite acts on `second`.
+/// A contact. The force on body A at `first` is -area (k depth + d depth') normal; the opposite acts on body B at
+/// `second`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contact {
     /// Unit normal from body A to body B.
@@ -64,7 +65,7 @@ pub struct Contact {
     pub of_first: bool,
     /// The skin vertex that became this contact.
     pub vertex: u32,
-    /// Where its ray met the other skin; `None` against a plane.
+    /// Where the vertex's ray met the other skin; `None` against a plane.
     pub hit: Option<Hit>,
 }
 
@@ -79,7 +80,7 @@ pub struct ContactLaw {
     pub depth_limit: f64,
 }
 
-/// A skin in its present position.
+/// A skin at its present position.
 #[derive(Debug, Clone)]
 pub struct Surface<'a> {
     /// World positions of its vertices, m.
@@ -88,23 +89,23 @@ pub struct Surface<'a> {
     pub triangles: &'a [[u32; 3]],
     /// Rest area of each vertex, m^2.
     pub areas: &'a [f64],
-    /// What its vertices move with.
+    /// What moves its vertices.
     pub support: Support<'a>,
 }
 
-/// What a skin moves with.
+/// What moves a skin.
 #[derive(Debug, Clone, Copy)]
 pub enum Support<'a> {
     /// A soft body: its index in the simulation, its layer (tetrahedral mesh), the embedding of each vertex.
     Soft(usize, &'a Layer, &'a [Embedding]),
     /// The rigid tool.
     Tool,
-    /// A resting body.
+    /// A body at rest.
     Fixed,
 }
 
 impl Surface<'_> {
-    /// The point that is the weighted mean of these vertices.
+    /// The point that is the weighted mean of vertices, each given with its weight.
     fn point(&self, vertices: &[(u32, f64)]) -> Point {
         let position = vertices.iter().map(|(v, w)| self.positions[*v as usize] * *w).sum();
         let carrier = match self.support {
@@ -127,8 +128,8 @@ impl Surface<'_> {
 
 /// Depths of the vertices of A within B. A vertex that faces along `normal` (unit, from A to B) has a ray along
 /// -`normal`. Of the triangles of B that the ray hits, front or back, the nearest decides: if it faces A, the vertex
-/// lies within B, and its depth is the distance to the hit, where that is at most `depth_limit`; layers of B further
-/// out do not matter. For the vertices of B against A call it with -normal and the bodies swapped.
+/// lies within B, and its depth is the distance to the hit, where that is at most `depth_limit`; triangles of B further
+/// away do not matter. For the depths of the vertices of B within A, call it with -normal and the bodies swapped.
 pub fn ray_depths(
     normal: DVec3,
     a_positions: &[DVec3],
@@ -147,15 +148,16 @@ pub fn ray_depths(
     a_positions.iter().zip(&facing).map(hit).collect()
 }
 
-/// Contacts of two skins along the normal of a contact patch: first those of A's vertices, then those of B's, in
-/// ascending order. The areas of both count half, because both sides gather contacts.
+/// Contacts of two skins along the normal of a contact patch: first those of A's vertices, then those of B's, each in
+/// ascending order. All areas are halved, because vertices of both skins become contacts.
 pub fn gather(normal: DVec3, a: &Surface, b: &Surface, law: &ContactLaw) -> Vec<Contact> {
     let mut contacts = gather_side(normal, a, b, law, true, 0.5);
     contacts.extend(gather_side(-normal, b, a, law, false, 0.5));
     contacts
 }
 
-/// Contacts of two skins of which one alone gathers, with its whole area: the skin with less area to a vertex, or A's.
+/// Contacts of two skins if only the finer one gathers, with its whole area: the skin with less area per vertex, or
+/// A's.
 pub fn gather_finer(normal: DVec3, a: &Surface, b: &Surface, law: &ContactLaw) -> Vec<Contact> {
     let mean_area = |surface: &Surface| surface.areas.iter().sum::<f64>() / surface.areas.len() as f64;
     if mean_area(b) < mean_area(a) {

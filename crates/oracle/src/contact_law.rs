@@ -1,5 +1,5 @@
 //! The contact law in f64: penalty pressure p = k depth + d depth', with stiffness k, damping d and the depth's rate
-//! depth', and Coulomb's friction, regularised. Reference implementation of `shaders/shared/contact_law.glsl`.
+//! depth', and regularised Coulomb friction. Reference implementation of `shaders/shared/contact_law.glsl`.
 
 use palpate::internal::prepare::Layer;
 use palpate::scene::Material;
@@ -21,12 +21,12 @@ impl Penalty {
         self.stiffness * depth + self.damping * rate
     }
 
-    /// Derivative of the pressure at the end of a step of `h` seconds by the rate there, N s/m^3.
+    /// Derivative of the pressure at the end of a step of `h` seconds by the depth's rate at the end, N s/m^3.
     pub fn slope(&self, h: f64) -> f64 {
         h * self.stiffness + self.damping
     }
 
-    /// Pressure at the end of a step of `h` seconds, Pa, from the depth at its start and the rate at its end.
+    /// Pressure at the end of a step of `h` seconds, Pa, from the depth at its start and the depth's rate at its end.
     pub fn end_pressure(&self, depth: f64, rate: f64, h: f64) -> f64 {
         self.stiffness * depth + self.slope(h) * rate
     }
@@ -44,7 +44,7 @@ impl Contact {
 pub struct Friction {
     /// Coefficient of friction.
     pub coefficient: f64,
-    /// Speed below which it is viscous, m/s.
+    /// Speed below which friction is viscous, m/s.
     pub speed: f64,
 }
 
@@ -55,9 +55,9 @@ impl Friction {
     }
 }
 
-/// Penalty stiffness "auto", N/m^3: 20 E / (1 - nu^2) / (mean layer edge), Young's modulus E, Poisson's ratio nu, of
-/// the softer of these bodies: the one with the smaller E / (1 - nu^2), or, if equal, the smaller result. `None`: no
-/// soft body.
+/// Penalty stiffness "auto", N/m^3: 20 E / (1 - nu^2) / (mean edge length of the layer), with Young's modulus E and
+/// Poisson's ratio nu, of the softer body: the one with the smaller E / (1 - nu^2), or, if equal, the smaller result. A
+/// layer is a body's tetrahedral mesh. `None`: there is no soft body.
 pub fn auto_stiffness(soft: &[(&Layer, &Material)]) -> Option<f64> {
     let modulus = |m: &Material| m.young / (1.0 - m.poisson * m.poisson);
     let result = |(layer, m): &(&Layer, &Material)| (modulus(m), 20.0 * modulus(m) / mean_edge(layer));

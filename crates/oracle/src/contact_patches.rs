@@ -1,14 +1,14 @@
-//! Contact patches (called regions) in f64: boxes of chunks (groups of at most 64 skin vertices) along a patch's axes,
-//! and the depth and normal of a vertex that several patches see. Reference implementation of cull/chunks and
-//! contact/candidates.
+//! Contact patches in f64. A contact patch is a column of space in which two bodies may touch, with one contact normal.
+//! Here are boxes of chunks (groups of at most 64 skin vertices) along a patch's axes, and the depth and normal of a
+//! vertex that lies in several patches. Reference implementation of cull/chunks and contact/candidates.
 
 use glam::{DMat3, DQuat, DVec3};
 
-/// Least and greatest corner, along a contact patch's axes, of a chunk's skin after its nodes were displaced. Its rest
-/// box has this centre and half-extent along `axes`, all in its frame; `weight_bound` is the greatest sum of absolute
-/// embedding weights w_i of a vertex. A skin vertex x = c + R sum w_i (r_i + d_i), with sum w_i = 1, rest positions r_i
-/// and displacements d_i of nodes, differs from its rest position by the middle of the displacements and at most
-/// weight_bound times half their spread.
+/// Least and greatest corner, along a contact patch's axes, of a chunk's skin after its nodes were displaced. The
+/// chunk's rest box has this centre and half-extent along `axes`, all in its coordinate frame; `weight_bound` is the
+/// greatest sum of absolute embedding weights w_i of a vertex. A skin vertex x = c + R sum w_i (r_i + d_i), with
+/// sum w_i = 1, rest positions r_i and displacements d_i of nodes, moves from its rest position by the middle of the
+/// displacements and at most weight_bound times half their spread.
 pub fn chunk_box(
     (centre, axes, half_extent): (DVec3, DMat3, DVec3),
     (displacements, weight_bound): (&[DVec3], f64),
@@ -33,9 +33,9 @@ pub fn along(axes: [DVec3; 3], x: DVec3) -> DVec3 {
     DVec3::from_array(axes.map(|axis| axis.dot(x)))
 }
 
-/// Depth and normal of a vertex that several contact patches see, each given by its share, depth and normal. The patch
-/// with the greatest strength, share / depth^2, has full weight; others enter from half of that strength on, faded in
-/// by a smooth step. The normal is `None` where the normals cancel.
+/// Depth and normal of a vertex that lies in several contact patches, each given by its share, depth and normal. The
+/// patch with the greatest strength, share / depth^2, has full weight. The weight of another patch rises smoothly from
+/// zero at half of that strength to full weight at equal strength. The normal is `None` where the normals cancel.
 pub fn blend(seen: &[(f64, f64, DVec3)]) -> Option<(f64, Option<DVec3>)> {
     let strength = |(share, depth, _): &(f64, f64, DVec3)| share / (depth * depth);
     let strongest = seen.iter().map(strength).fold(0.0, f64::max);

@@ -14,8 +14,9 @@ pub fn separation_along(normal: DVec3, a: &[DVec3], b: &[DVec3]) -> f64 {
 }
 
 /// The face normal of either hull (A's outward, B's reversed, so that all point from A to B) along which the separation
-/// is greatest, and that separation, m. A negative one is the penetration along face normals, an upper bound of the
-/// true one (a cross product of edges may do better). The first wins where several are equal. `None` without faces.
+/// is greatest, and that separation, m. A negative separation is minus the penetration along face normals, an upper
+/// bound of the true penetration (a cross product of edges may give less). Of equal separations the first counts.
+/// `None` without faces.
 pub fn best_face(a: &[DVec3], a_faces: &[(DVec3, f64)], b: &[DVec3], b_faces: &[(DVec3, f64)]) -> Option<(DVec3, f64)> {
     let normals = a_faces.iter().map(|f| f.0).chain(b_faces.iter().map(|f| -f.0));
     let mut best: Option<(DVec3, f64)> = None;

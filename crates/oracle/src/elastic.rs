@@ -1,13 +1,13 @@
 //! Elasticity of tetrahedra in f64: rotations, forces and the stiffness operator, for corotational and
 //! (`neo_hookean.rs`) neo-Hookean materials. Reference implementation of the elastic stage.
 //!
-//! A layer (tetrahedral mesh) may have F-bar patches: groups of tetrahedra that share one volumetric strain theta, the
-//! mean of their tr(E) weighted by volume, against volumetric locking (de Souza Neto, Andrade Pires and Owen 2005). The
-//! energy sum V (mu |E|^2 + lambda/2 theta^2) keeps the stiffness symmetric positive semi-definite. Its part of mu
-//! belongs to each tetrahedron alone, which makes a patch within itself as stable as one of Poisson's ratio zero.
+//! A layer (tetrahedral mesh of a soft body) may have F-bar patches: groups of tetrahedra that share one volumetric
+//! strain theta, the mean of their tr(E) weighted by volume, against volumetric locking (de Souza Neto, Andrade Pires
+//! and Owen 2005). The energy sum V (mu |E|^2 + lambda/2 theta^2) keeps the stiffness symmetric positive semi-definite.
+//! The term of mu is each tetrahedron's own, which makes a patch internally as stable as with Poisson's ratio zero.
 //!
-//! Müller and Gross, "Interactive Virtual Materials" (2004); the polar rotation by singular value decomposition with
-//! the sign convention of Irving, Teran and Fedkiw, "Invertible Finite Elements" (2004).
+//! Methods: Müller and Gross, "Interactive Virtual Materials" (2004); the polar rotation by singular value
+//! decomposition has the sign convention of Irving, Teran and Fedkiw, "Invertible Finite Elements" (2004).
 
 use std::collections::BTreeMap;
 
@@ -18,8 +18,8 @@ use palpate::scene::Material;
 
 use super::material_law;
 
-/// Principal stretch below which the compression penalty stiffens a tetrahedron: corotational elasticity by itself
-/// resists a tetrahedron pressed flat no more than one half way there, and turns it inside out.
+/// Principal stretch below which the compression penalty stiffens a tetrahedron. Corotational elasticity alone resists
+/// a tetrahedron that is pressed flat hardly more than one at half its height, and lets it turn inside out.
 pub const LEAST_STRETCH: f64 = 0.3;
 /// Modulus of the compression penalty along the compressed axis, in units of lambda + 2 mu.
 pub const STIFFENING: f64 = 10.0;
@@ -43,7 +43,8 @@ pub struct Elements {
     pub materials: Vec<Material>,
     /// Moduli and gradients of each tetrahedron's part of the stiffness K; see [`Elements::linearised`].
     pub operators: Vec<Operator>,
-    /// Patch of each tetrahedron, where all materials are corotational; empty: each has its own volumetric strain.
+    /// F-bar patch of each tetrahedron, only if all materials are corotational; empty: each tetrahedron has its own
+    /// volumetric strain.
     pub patches: Vec<u32>,
 }
 
@@ -60,7 +61,7 @@ pub struct Operator {
 }
 
 impl Operator {
-    /// Operator of linear elasticity; `lambda` is the part of Lame's parameter that the tetrahedron has for itself, Pa.
+    /// Operator of linear elasticity; `lambda` is Lame's parameter without the part that an F-bar patch applies, Pa.
     pub(super) fn linear(material: &Material, lambda: f64) -> Operator {
         Operator { mu: lame(material).0, lambda, fold: DMat3::IDENTITY }
     }
@@ -162,8 +163,8 @@ impl Elements {
         product
     }
 
-    /// The 3x3 blocks K_ij of one tetrahedron, world axes, rotations held fixed:
-    /// V (mu ((g'_i . g'_j) I + g'_j g'_i^T) + lambda g'_i g'_j^T). Patches have lambda in [`Elements::patch_rows`].
+    /// The 3x3 blocks K_ij of one tetrahedron, world axes, rotations held fixed: V (mu ((g'_i . g'_j) I + g'_j g'_i^T)
+    /// + lambda g'_i g'_j^T). The term of lambda of F-bar patches is in [`Elements::patch_rows`].
     pub fn stiffness_blocks(&self, element: usize, rotation: DQuat) -> [[DMat3; 4]; 4] {
         let operator = &self.operators[element];
         let r = self.frame * DMat3::from_quat(rotation.normalize()) * operator.fold;
@@ -175,13 +176,13 @@ impl Elements {
         std::array::from_fn(|i| std::array::from_fn(|j| block(i, j)))
     }
 
-    /// What each patch adds to the stiffness, c c^T: its nodes j and c_j = sqrt(lambda / V) sum V_e R_e g_ej,
-    /// sqrt(N/m), world axes, summed over its tetrahedra e, with V the volume of the patch.
+    /// The contribution c c^T of each F-bar patch to the stiffness: its nodes j and c_j = sqrt(lambda / V) sum V_e R_e
+    /// g_ej, sqrt(N/m), world axes, summed over its tetrahedra e, with V the volume of the patch.
     pub fn patch_rows(&self, rotations: &[DQuat]) -> Vec<BTreeMap<u32, DVec3>> {
         self.weighted_patch_rows(rotations, |_| 1.0)
     }
 
-    /// Rows c_j of each patch, with its stiffness times a weight of its material.
+    /// Rows c_j of each F-bar patch, with the patch's stiffness times a weight that depends on its material.
     pub fn weighted_patch_rows(
         &self,
         rotations: &[DQuat],
@@ -208,7 +209,8 @@ impl Elements {
         volumes
     }
 
-    /// Pressure lambda theta I in tetrahedra, Pa, with theta its patch's mean of tr(E) by volume; zero without patches.
+    /// Pressure lambda theta I in tetrahedra, Pa, with theta the volume-weighted mean of tr(E) in its patch; zero
+    /// without patches.
     fn patch_pressures(&self, strains: &[DMat3]) -> Vec<DMat3> {
         if self.patches.is_empty() {
             return vec![DMat3::ZERO; strains.len()];
@@ -218,7 +220,7 @@ impl Elements {
         means.into_iter().enumerate().map(pressure).collect()
     }
 
-    /// Lame's lambda that a tetrahedron has for itself, Pa; zero where patches have it.
+    /// Lame's lambda of a tetrahedron without its F-bar patch, Pa; zero where patches apply lambda.
     fn own_lambda(&self, element: usize) -> f64 {
         if self.patches.is_empty() { lame(&self.materials[element]).1 } else { 0.0 }
     }
@@ -242,8 +244,8 @@ impl Elements {
     }
 
     /// Elastic energy density of each tetrahedron, J/m^3: for corotational materials mu |E|^2 + lambda/2 theta^2, with
-    /// E = sym(R^T F) - I and theta its trace or the mean of that over the patch; for other materials that of their
-    /// law; plus that of the compression penalty.
+    /// E = sym(R^T F) - I and theta its trace, or the mean trace over the F-bar patch; for other materials the density
+    /// of their law. The density of the compression penalty is added.
     pub fn densities(&self, d: &[DVec3], rotations: &[DQuat]) -> Vec<f64> {
         let strains: Vec<_> =
             (0..rotations.len()).map(|e| strain(rotations[e].normalize(), self.gradient(e, d))).collect();
@@ -252,7 +254,7 @@ impl Elements {
         (0..self.tetrahedra.len()).map(density).collect()
     }
 
-    /// These elements, with the operator linearised at displacements `d`.
+    /// A copy of these elements, with the operator linearised at displacements `d`.
     pub fn linearised(&self, d: &[DVec3], rotations: &[DQuat]) -> Self {
         let operator = |e: usize| {
             let strain = strain(rotations[e].normalize(), self.gradient(e, d));
@@ -270,7 +272,7 @@ pub(super) fn stiffening((mu, lambda): (f64, f64)) -> f64 {
 /// Compression: sum min(0, s_k - [`LEAST_STRETCH`]) n_k n_k^T over principal stretches s_k and axes n_k of I + sym(E).
 pub(super) fn excess_compression(strain: DMat3) -> DMat3 {
     let stretch = symmetric(strain);
-    // Gershgorin's circles show that no stretch is below the bound, as is the case nearly everywhere.
+    // Gershgorin's circles show, nearly everywhere, that no stretch is below the bound.
     let least = |k: usize| {
         let column = stretch.col(k);
         1.0 + column[k] + column[k].abs() - column.abs().element_sum()
@@ -300,14 +302,14 @@ pub fn strain(rotation: DQuat, gradient: DMat3) -> DMat3 {
     DMat3::from_quat(rotation).transpose() * gradient + minus_identity
 }
 
-/// The rotation nearest to F; where F is inverted, the one that flips the least singular direction.
+/// The rotation nearest to F; where F is inverted, the one that flips the direction of the least singular value.
 pub fn polar_rotation(f: DMat3) -> DQuat {
     let matrix = Mat::from_fn(3, 3, |i, j| f.col(j)[i]);
-    // A matrix of non-finite numbers has no decomposition; the identity keeps the failure visible in the forces.
+    // A matrix with non-finite numbers has no decomposition; with the identity the failure still shows in the forces.
     let Ok(svd) = matrix.svd() else { return DQuat::IDENTITY };
     let to_glam = |m: faer::MatRef<'_, f64>| DMat3::from_cols_array(&std::array::from_fn(|k| m[(k % 3, k / 3)]));
     let (u, v) = (to_glam(svd.U()), to_glam(svd.V()));
-    // faer sorts singular values downwards: the last column is the least direction.
+    // faer sorts singular values in descending order: the last column is the direction of the least one.
     let flip = DVec3::new(1.0, 1.0, (u.determinant() * v.determinant()).signum());
     DQuat::from_mat3(&(u * DMat3::from_diagonal(flip) * v.transpose())).normalize()
 }

@@ -1,4 +1,5 @@
-//! Friction in f64: Coulomb's, regularised, implicit, with a coefficient from the start of the step.
+//! Friction in f64: regularised Coulomb friction, implicit in the velocity, with a coefficient from the start of the
+//! step.
 
 use glam::DVec3;
 
@@ -6,7 +7,7 @@ use crate::contact::{Carrier, Contact};
 use crate::linear::Entries;
 use crate::step::{Simulation, Unknowns, dot};
 
-/// Friction of one contact: two tangents, and along each the row of J and the velocity at the start (m/s).
+/// Friction of one contact: two tangents, and along each the row of the Jacobian J and the velocity at the start (m/s).
 #[derive(Default)]
 pub struct Drag {
     along: [DVec3; 2],
@@ -38,8 +39,8 @@ impl Drag {
 }
 
 impl Simulation {
-    /// Friction of a contact, with the coefficient c = mu f / sqrt(|v|^2 + speed^2) of the start of the step:
-    /// coefficient of friction mu, normal force f, tangential velocity v. On the tool it acts at the other body's
+    /// Friction of a contact, with the coefficient c = mu f / sqrt(|v|^2 + speed^2) at the start of the step:
+    /// coefficient of friction mu, normal force f, tangential velocity v. On the tool friction acts at the other body's
     /// point.
     pub fn drag(&self, unknowns: &Unknowns, start: &[f64], contact: &Contact) -> Drag {
         let Some(friction) = self.friction else { return Drag::default() };

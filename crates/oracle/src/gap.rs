@@ -1,4 +1,5 @@
-//! The shortest ways from a tool to a skin, by trying all pairs of vertices and triangles. Reference for wrench/gap.
+//! The shortest ways from a tool to a skin, by trying all pairs of vertices and triangles. Reference implementation of
+//! wrench/gap.
 
 use glam::DVec3;
 
@@ -53,14 +54,14 @@ pub fn from_point<'a>(x: DVec3, (positions, triangles): Mesh<'a>) -> impl Iterat
     })
 }
 
-/// The ways from a tool's vertices to a skin's triangles, and from its triangles to the skin's vertices.
+/// The ways from the tool's vertices to the skin's triangles, and from the tool's triangles to the skin's vertices.
 pub fn from_surface<'a>(tool: Mesh<'a>, skin: Mesh<'a>) -> impl Iterator<Item = Way> + 'a {
     let to_triangles = tool.0.iter().flat_map(move |x| from_point(*x, skin));
     let back = move |x: &DVec3| from_point(*x, tool).map(|way| Way { along: -way.along, ..way });
     to_triangles.chain(skin.0.iter().flat_map(back))
 }
 
-/// The shortest of those ways whose triangle faces the vertex, or of those whose does not; `None` without any.
+/// The shortest of the ways whose triangle faces the vertex (with `faces`), or faces away from it; `None` without any.
 pub fn shortest(ways: impl Iterator<Item = Way>, faces: bool) -> Option<Way> {
     ways.filter(|way| way.faces == faces).min_by(|a, b| a.along.length().total_cmp(&b.along.length()))
 }

@@ -1,4 +1,5 @@
-//! Ball joints between two dynamic cores, or between one and a body of prescribed motion, as implicit springs.
+//! Ball joints between two dynamic cores (rigid cores of soft bodies), or between a dynamic core and a body of
+//! prescribed motion, as implicit springs.
 
 use glam::{DQuat, DVec3};
 use palpate::scene::Resistance;
@@ -12,11 +13,11 @@ const DIFFERENCE: f64 = 1e-5;
 /// One of the two sides of a joint, in its present state.
 #[derive(Debug, Clone, Copy)]
 pub struct Side {
-    /// Index of its dynamic core; `None`: its motion is prescribed.
+    /// Index of the dynamic core on this side; `None`: the motion of this side is prescribed.
     pub core: Option<usize>,
-    /// Position of its end of the joint, world, m.
+    /// Position of the joint's end on this side, world, m.
     pub end: DVec3,
-    /// Its rotation since rest, world.
+    /// Rotation of this side since rest, world.
     pub turn: DQuat,
     /// `end` and `turn` after the next step, where the motion is prescribed; the caller sets them.
     pub next: (DVec3, DQuat),
@@ -31,13 +32,13 @@ pub struct Joint {
     pub stiffness: f64,
     /// Stiffness of the springs beyond the limits of swing and of twist, N m/rad.
     pub limit_stiffness: [f64; 2],
-    /// Resistance to turning; its axis is in world axes at rest.
+    /// Springs, damping and limits of the joint's rotation; the axis is in world axes at rest.
     pub resistance: Resistance,
 }
 
 impl Joint {
-    /// Adds the springs to A and b of a step of `h` seconds: h^2 k to A, and -h k times the stretch that they would
-    /// have at the end of the step, if no velocity changed, to b.
+    /// Adds the joint's springs to A and b of a step of `h` seconds: h^2 k to A, and -h k times the stretch that the
+    /// springs would have at the end of the step if no velocity changed to b.
     pub fn add_terms(&self, cores: &[Core], firsts: &[usize], a: &mut Entries, b: &mut [f64], h: f64) {
         let [first, second] = &self.sides;
         let middle = 0.5 * (first.end + second.end);
@@ -83,8 +84,8 @@ impl Joint {
         }
     }
 
-    /// Coefficients of the unknowns (a row of the Jacobian), projected onto the motions that hinges leave: `linear` of
-    /// each side's velocity, `angular` of the first side's angular velocity less that of the second's.
+    /// Coefficients of the unknowns (a row of the Jacobian), projected onto the motions that hinges allow, of: `linear`
+    /// times each side's velocity, plus `angular` times the first side's angular velocity minus the second side's.
     fn row(&self, cores: &[Core], firsts: &[usize], linear: [DVec3; 2], angular: [DVec3; 2]) -> Vec<(usize, f64)> {
         let mut row = Vec::new();
         for (k, sign) in [(0, 1.0), (1, -1.0)] {
@@ -96,7 +97,7 @@ impl Joint {
         row
     }
 
-    /// Advances the ends and rotations of its sides by `h` seconds; the cores have been advanced already.
+    /// Advances the ends and rotations of its sides by `h` seconds; the cores must have been advanced.
     pub fn advance(&mut self, cores: &[Core], h: f64) {
         for side in &mut self.sides {
             (side.end, side.turn) = match side.core.map(|core| &cores[core]) {

@@ -1,11 +1,13 @@
-//! f64 reference implementations ("twins") of every stage and of the whole step; they share no code with `shaders/`.
+//! f64 reference implementations ("twins", "oracle") of every stage and of the whole step; they share no code with
+//! `shaders/`.
 //!
 //! vk-tests compare each shader with its reference implementation here, and error reports take their reference
 //! trajectory from [`step::Simulation`]. Units are SI; axes are the world's unless a name says `rest`.
 //!
 //! A layered body is a skin (high-resolution surface mesh) embedded in a layer (tetrahedral simulation mesh), some of
-//! whose nodes are bound (attached) to rigid cores. A proxy is a convex collision proxy. A region is a contact patch:
-//! an area in which two bodies may touch, with one normal. The haptic device moves the tool by virtual coupling.
+//! whose nodes are attached to rigid cores. A core is dynamic if the solver finds its motion. A proxy is a convex
+//! collision proxy. A contact patch is a column of space in which two bodies may touch, with one normal. The haptic
+//! device moves the tool by virtual coupling (spring and damper).
 //!
 //! | module | stage |
 //! | --- | --- |

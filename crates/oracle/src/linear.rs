@@ -7,7 +7,7 @@ use faer::{Col, Side};
 use glam::DMat3;
 use palpate::{Error, Result};
 
-/// A symmetric matrix in assembly: entries of its lower triangle in any order, of which repeated ones are summed.
+/// A symmetric matrix in assembly: entries of its lower triangle in any order; repeated entries are summed.
 #[derive(Debug, Clone, Default)]
 pub struct Entries {
     places: Vec<(usize, usize)>,
@@ -15,7 +15,7 @@ pub struct Entries {
 }
 
 impl Entries {
-    /// Adds `value` at (row, column). Entries of the upper triangle are implied; they are ignored.
+    /// Adds `value` at (row, column). Entries of the upper triangle are ignored, since symmetry implies them.
     pub fn add(&mut self, row: usize, column: usize, value: f64) {
         if row >= column {
             self.places.push((row, column));
@@ -57,7 +57,7 @@ impl Entries {
     }
 }
 
-/// Direct solver, which keeps its symbolic factorisation for as long as the places of the entries stay the same.
+/// Direct solver, which keeps its symbolic factorisation while the rows and columns of the entries stay the same.
 #[derive(Default)]
 pub struct Solver {
     pattern: Option<Pattern>,
@@ -73,12 +73,14 @@ struct Pattern {
 }
 
 impl Solver {
-    /// Solves A x = b. Errors where A is not positive definite (or not finite).
+    /// Solves A x = b. Returns an error if A is not positive definite (or not finite).
     pub fn solve(&mut self, a: &Entries, b: &[f64]) -> Result<Vec<f64>> {
         if b.is_empty() {
             return Ok(Vec::new());
         }
-        let failed = |what: &str| Error::Simulation(format!("oracle: {what} of {} unknowns failed", b.len()));
+        let failed = |what: &str| {
+            Error::Simulation(format!("reference solver: {what} failed for a system of {} unknowns", b.len()))
+        };
         if self.pattern.as_ref().is_none_or(|p| p.places != a.places || p.matrix.nrows() != b.len()) {
             self.pattern = Some(Pattern::new(a, b.len()).ok_or_else(|| failed("symbolic factorisation"))?);
             self.symbolic_count += 1;

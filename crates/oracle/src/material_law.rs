@@ -1,5 +1,5 @@
-//! The material law: stress, operator and energy density of a tetrahedron from its strain R^T F - I, with the
-//! compression penalty. f64 reference for `shaders/shared/material_law.glsl`.
+//! The material law in f64: stress, operator and energy density of a tetrahedron from its strain R^T F - I, with the
+//! compression penalty. Reference implementation of `shaders/shared/material_law.glsl`.
 
 use glam::DMat3;
 use palpate::scene::{Material, MaterialLaw};
@@ -7,8 +7,8 @@ use palpate::scene::{Material, MaterialLaw};
 use super::elastic::{Operator, excess_compression, lame, stiffening, symmetric};
 use super::neo_hookean;
 
-/// Stress R^T P, Pa, with the first Piola-Kirchhoff stress P. `lambda` is the part of Lame's parameter that the
-/// tetrahedron has for itself, Pa; the rest acts by its F-bar patch.
+/// Stress R^T P, Pa, with the first Piola-Kirchhoff stress P. `lambda` is Lame's parameter, Pa, without the part that
+/// an F-bar patch (tetrahedra that share one volumetric strain) applies.
 pub fn stress(material: &Material, lambda: f64, strain: DMat3) -> DMat3 {
     let of_law = match material.law {
         MaterialLaw::Corotational => Operator::linear(material, lambda).stress(strain),

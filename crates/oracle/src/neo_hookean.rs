@@ -49,11 +49,11 @@ pub fn stress(lame: (f64, f64), strain: DMat3) -> DMat3 {
 
 /// The stiffness operator at a strain. Symbols: the stretch S in F = R S, p = l (J - 1) - mu, b = S^2, c = m (1 - 1 /
 /// (I + 1)), and D and O the symmetric and skew parts of L, the change of F in gradients S^-1 g of the deformed
-/// tetrahedron. The second derivative of the law is c tr(L b L^T) - p J (|D|^2 - |O|^2) + J (l J + p) tr(D)^2 + 2 m
-/// (b:D)^2 / (I + 1)^2, which is isotropic but for b. The operator replaces b by the mean of its eigenvalues, or takes
-/// c times its greatest eigenvalue as twice the shear modulus where that is more, since a linearised implicit step is
-/// stable if it has half the true stiffness of every wave. O, which is rotation alone, is left out. Subtracting
-/// `compression`, by `excess_compression` in elastic.rs, keeps S from being singular.
+/// tetrahedron. The second derivative of the energy is c tr(L b L^T) - p J (|D|^2 - |O|^2) + J (l J + p) tr(D)^2 + 2 m
+/// (b:D)^2 / (I + 1)^2, which is isotropic except for b. The operator replaces b by the mean of its eigenvalues, or,
+/// where that is more, takes c times its greatest eigenvalue as twice the shear modulus, since a linearised implicit
+/// step is stable if its operator has half the true stiffness for every wave. O, a pure rotation, is left out.
+/// Subtracting `compression`, from `excess_compression` in elastic.rs, keeps S from being singular.
 pub fn operator(lame: (f64, f64), strain: DMat3, compression: DMat3) -> Operator {
     let (mu, _) = lame;
     let (m, l) = parameters(lame);

@@ -1,7 +1,7 @@
-//! Newton iterations of a step: elasticity is linearised again at the trial state to which the last solve would take
-//! it. Each solve is for the whole change of velocity from the start of the step, so that the last one is the step.
-//! What does not depend on displacement here (inertia, contacts, arms of cores) stays as it was at the start. At the
-//! fixed point implicit Euler is solved exactly, but for that.
+//! Newton iterations of a step: elasticity is linearised again at the trial state that results from the last solve.
+//! Each solve is for the whole change of velocity from the start of the step, so that the last solution is that of the
+//! step. Terms that do not depend on displacement here (inertia, contacts, arms of rigid cores) keep their values from
+//! the start. Apart from these terms, implicit Euler is solved exactly at the fixed point.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::scene::Material;
@@ -15,7 +15,7 @@ use super::step::{Map, Simulation, Unknowns, add_mapped};
 pub(super) struct Trial {
     /// Displacement of each node, rest axes, m.
     pub displacement: Vec<DVec3>,
-    /// Velocity of each node at the end of the step that the displacements contain already, world, m/s; zero in the
+    /// Velocity of each node at the end of the step that the displacements already contain, world, m/s; zero in the
     /// first iteration, which linearises at the start of the step.
     pub velocity: Vec<DVec3>,
     /// Rotation of each tetrahedron.
@@ -42,7 +42,8 @@ impl Simulation {
         let (h, mut elements) = (self.dt, body.elements.linearised(displacement, rotations));
         for (nodes, operator) in elements.tetrahedra.iter().zip(&mut elements.operators) {
             // A tetrahedron whose nodes are all attached to one core does not deform. Its operator at the trial state
-            // is dropped, because it would respond to the core's motion, whose arms are those of the start.
+            // is left out, because it would respond to the core's motion, while arms on the core are those of the
+            // start.
             let [first, others @ ..] = nodes.map(|n| &unknowns[n as usize]);
             if first.len() > 1 && others.iter().all(|map| map.len() > 1 && map[0].0 == first[0].0) {
                 (operator.mu, operator.lambda) = (0.0, 0.0);
@@ -81,7 +82,7 @@ impl Simulation {
         }
     }
 
-    /// The trial states at the end of the step to which this change of the unknowns would take the bodies.
+    /// The trial states at the end of the step that result from this change of the unknowns.
     pub(super) fn trials(&self, unknowns: &Unknowns, change: &[f64]) -> Vec<Trial> {
         let three = |first: usize| DVec3::from_slice(&change[first..first + 3]);
         let mut trials = Vec::new();

@@ -1,6 +1,6 @@
-//! Broad phase in f64: placement and bounds of collision proxies (convex hulls), embedding of skin, and the contact
-//! normal of a pair of proxies. Reference implementation of the pose, skin and cull stages; bounds of parts of a skin
-//! are in [`super::regions`], contacts in [`super::contact`].
+//! Broad phase in f64: placement and bounds of collision proxies (convex hulls), embedding of skin (surface mesh), and
+//! the contact normal of a pair of proxies. Reference implementation of the pose, skin and cull stages; bounds of parts
+//! of a skin are in [`super::contact_patches`], contacts in [`super::contact`].
 
 use glam::{DQuat, DVec3};
 
@@ -9,12 +9,12 @@ use super::cull::{exact_distance, separation_along};
 /// A face plane: unit normal and offset.
 pub type Face = (DVec3, f64);
 
-/// World position of a rest point that moves with a frame.
+/// World position of a point of a rigid coordinate frame, given by its rest position.
 pub fn place(centre: DVec3, rotation: DQuat, rest: DVec3) -> DVec3 {
     centre + rotation * rest
 }
 
-/// World plane of a rest face that moves with a frame.
+/// World plane of a face of a rigid coordinate frame, given by its rest plane.
 pub fn place_face(centre: DVec3, rotation: DQuat, rest: Face) -> Face {
     let normal = rotation * rest.0;
     (normal, rest.1 + normal.dot(centre))
@@ -44,20 +44,20 @@ pub fn bounds(hull: &[DVec3], margin: f64, weight_bound: f64, displacements: &[D
     Bounds { low, high, inflation: margin + weight_bound * largest }
 }
 
-/// Whether two hulls are no farther apart than `reach`, by parry3d; `None` where it has no answer.
+/// Whether two hulls are no farther apart than `reach`, by parry3d; `None` where parry finds no answer.
 pub fn pairs(a: &[DVec3], b: &[DVec3], reach: f64) -> Option<bool> {
     Some(exact_distance(a, b)?.1 <= reach)
 }
 
 /// Blended contact normal from a to b, and the greatest separation s_max along a face normal. A face normal n with
-/// separation s has the weight max(0, 1 - (s_max - s) / blend)^2. Where the normals cancel, the first of those with
+/// separation s has the weight max(0, 1 - (s_max - s) / blend)^2. Where the normals cancel, the first face normal with
 /// s_max is returned. `None` without faces.
 pub fn direction(a: &[DVec3], a_faces: &[Face], b: &[DVec3], b_faces: &[Face], blend: f64) -> Option<(DVec3, f64)> {
     let (sum, weights, best, greatest) = blended(a, a_faces, b, b_faces, blend)?;
     Some((if sum.length() > CANCELLED * weights { sum.normalize() } else { best }, greatest))
 }
 
-/// Whether rounding may decide if [`direction`] returns the blended normal or the best one.
+/// Whether rounding may decide if [`direction`] returns the blended normal or the best face normal.
 pub fn nearly_cancels(a: &[DVec3], a_faces: &[Face], b: &[DVec3], b_faces: &[Face], blend: f64) -> bool {
     blended(a, a_faces, b, b_faces, blend).is_none_or(|(sum, weights, ..)| sum.length() < 1.01 * CANCELLED * weights)
 }
@@ -119,7 +119,7 @@ mod tests {
         let ((a, a_faces), (b, b_faces)) = (cube(DVec3::ZERO), cube(DVec3::X * 0.9));
         let (n, s) = direction(&a, &a_faces, &b, &b_faces, 0.2).unwrap();
         assert!((n - DVec3::X).length() < 1e-12 && (s + 0.1).abs() < 1e-12);
-        // Where the cubes coincide all normals are equally good and cancel, so the first stands.
+        // Where the cubes coincide all normals have equal separation and cancel, so the first is returned.
         assert_eq!(direction(&a, &a_faces, &a, &a_faces, 0.2).unwrap().0, DVec3::X);
         assert_eq!(pairs(&a, &b, 0.0), Some(true));
         assert_eq!(pairs(&a, &cube(DVec3::X * 1.3).0, 0.29), Some(false));

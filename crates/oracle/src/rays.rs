@@ -1,5 +1,6 @@
-//! Narrow phase in f64: rays along one direction against a skin, the first triangle that each hits, and whether a ray
-//! passes an outline so closely that rounding decides. Triangles are kept in a grid on a plane across the direction.
+//! Narrow phase in f64: rays along one direction against a skin (triangle mesh), the first triangle that each ray hits,
+//! and whether a ray passes an outline so closely that rounding decides. Triangles are kept in a grid on a plane
+//! perpendicular to the direction.
 
 use glam::{DVec2, DVec3};
 
@@ -14,7 +15,7 @@ pub struct RayHit {
     pub triangle: u32,
     /// Barycentric coordinates of the hit on the triangle.
     pub barycentric: [f64; 3],
-    /// Whether the ray leaves the body there.
+    /// Whether the ray leaves the body at the hit.
     pub leaves: bool,
 }
 
@@ -92,7 +93,7 @@ impl Outline {
         Outline { plane, edges, cells: Cells::new(&boxes), within }
     }
 
-    /// Whether the line through `x` along the normal passes an outline within that distance.
+    /// Whether the line through `x` along the normal passes an outline within the distance given to [`Outline::new`].
     pub fn is_near(&self, x: DVec3) -> bool {
         let at = self.plane.project(x);
         let near = |&e: &u32| {
@@ -105,7 +106,7 @@ impl Outline {
     }
 }
 
-/// A plane across a direction, with two tangents.
+/// A plane perpendicular to a direction, with two tangents.
 struct Plane {
     normal: DVec3,
     tangents: [DVec3; 2],
@@ -126,13 +127,13 @@ struct Cells {
     low: DVec2,
     cell: f64,
     size: [usize; 2],
-    /// First entry of each cell in `members`, and the end of the last.
+    /// First entry of each cell in `members`, then the end of the last cell's entries.
     starts: Vec<usize>,
     members: Vec<u32>,
 }
 
 impl Cells {
-    /// Has about one cell a box, but never more than 1024 cells a side, for slender outlines.
+    /// Makes about one cell for each box, but at most 1024 cells a side, since slender outlines would need far more.
     fn new(boxes: &[[DVec2; 2]]) -> Self {
         let low = boxes.iter().fold(DVec2::INFINITY, |low, b| low.min(b[0]));
         let high = boxes.iter().fold(DVec2::NEG_INFINITY, |high, b| high.max(b[1]));
@@ -166,7 +167,7 @@ impl Cells {
         [(at.x.max(0.0) as usize).min(self.size[0] - 1), (at.y.max(0.0) as usize).min(self.size[1] - 1)]
     }
 
-    /// The boxes that may hold a point.
+    /// The boxes that may contain a point.
     fn around(&self, x: DVec2) -> &[u32] {
         let [column, row] = self.clamped(x);
         let cell = row * self.size[0] + column;
@@ -221,7 +222,7 @@ mod tests {
         let (vertices, triangles) = cubes();
         let outline = Outline::new(DVec3::Z, &vertices, &triangles, 0.01);
         let near = |x: f64, y: f64| outline.is_near(DVec3::new(x, y, 7.0));
-        // Outlines are the walls of both cubes, seen edge-on, and nothing between or within them.
+        // The only outlines are the walls of both cubes, seen edge-on; there are none between or within the cubes.
         assert!(near(0.009, 0.5) && near(0.995, 0.2) && near(0.205, 0.3) && near(0.5, 0.692));
         assert!(!near(0.02, 0.5) && !near(0.5, 0.5) && !near(0.25, 0.3) && !near(0.85, 0.9) && !near(2.0, 2.0));
         // The outline of a ball is its equator.

@@ -1,5 +1,5 @@
-//! The skin (surface mesh in a tetrahedral layer) in f64: vertices from nodes, normals, areas. Reference for the skin
-//! stage.
+//! The skin (surface mesh embedded in a tetrahedral mesh, the layer) in f64: vertices from nodes, normals, areas.
+//! Reference implementation of the skin stage.
 
 use glam::DVec3;
 use palpate::internal::prepare::{Embedding, Layer};
@@ -13,7 +13,7 @@ pub fn embed(embedding: &[Embedding], layer: &Layer, nodes: &[DVec3]) -> Vec<DVe
     embedding.iter().map(sum).collect()
 }
 
-/// Unit outward normal of each vertex: the normalised sum of its triangles' area vectors; zero where that vanishes.
+/// Unit outward normal of each vertex: the normalised sum of its triangles' area vectors; zero where the sum vanishes.
 pub fn normals(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; positions.len()];
     for t in triangles {
@@ -43,8 +43,8 @@ pub fn areas(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<f64> {
     areas
 }
 
-/// The embedding of a skin whose vertices are all the layer's nodes, in order: weight exactly 1 on the node, in the
-/// first tetrahedron that has it. Nodes of no tetrahedron get weight 0.
+/// The embedding of a skin whose vertices are all the layer's nodes, in order: a vertex has weight exactly 1 on its
+/// node, in the first tetrahedron with that node. Nodes that belong to no tetrahedron get weight 0.
 pub fn node_embedding(layer: &Layer) -> Vec<Embedding> {
     let mut embedding = vec![Embedding { tetrahedron: 0, weights: [0.0; 4] }; layer.nodes.len()];
     for (t, corners) in layer.tetrahedra.iter().enumerate().rev() {

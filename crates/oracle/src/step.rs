@@ -1,5 +1,5 @@
-//! The whole step in f64: implicit Euler of soft bodies, dynamic cores, contacts and the tool, solved directly
-//! (DESIGN.md section 2). The unknowns are changes of velocity over the step.
+//! The whole step in f64: implicit Euler of soft bodies, dynamic cores (rigid cores inside soft bodies), contacts and
+//! the tool, solved directly (DESIGN.md section 2). The unknowns are changes of velocity over the step.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -14,9 +14,9 @@ use crate::newton::Trial;
 use crate::tool::{self, Device, Tool};
 use crate::wrench::{self, Wrench};
 
-/// Flag of the step: contacts were under tension even after the last repeated solve; they count as zero.
+/// Flag of a step: contacts were under tension even after the last repeated solve; their force counts as zero.
 pub const TENSION_REMAINS: u32 = 256;
-/// Repeated solves after contacts under tension are released, at most; as many as the engine has.
+/// Most repeated solves after contacts under tension are released; the engine has the same number.
 pub const MAX_RETRIES: usize = 4;
 
 /// A contact and its forces in the solution.
@@ -30,7 +30,7 @@ pub struct Resolved {
     pub friction: DVec3,
     /// Ratio of friction to the tangential velocity at the end of the step, N s/m.
     pub viscosity: f64,
-    /// Whether it was in the last solve and is not under tension.
+    /// Whether the contact was in the last solve and is not under tension.
     pub active: bool,
 }
 
@@ -39,7 +39,7 @@ pub struct Resolved {
 pub struct Report {
     /// Every contact given to the step, in the same order.
     pub contacts: Vec<Resolved>,
-    /// Contact wrench on the tool, or on the body whose core the device holds; zero without either.
+    /// Contact wrench on the tool, or on the body whose core the device holds; zero if there is neither.
     pub wrench: Wrench,
     /// Bit mask of flags.
     pub flags: u32,
@@ -70,8 +70,8 @@ pub struct Simulation {
     pub solver: Solver,
 }
 
-/// How a node's change of velocity follows from the unknowns: the sum of 3x3 matrices times three unknowns each, from
-/// an index on. It is empty where the node's motion is prescribed.
+/// How a node's change of velocity follows from the unknowns: a sum of 3x3 matrices, each times three unknowns from the
+/// given index on. It is empty where the node's motion is prescribed.
 pub type Map = Vec<(usize, DMat3)>;
 
 /// Indices of nodes, cores and the tool among the unknowns.
@@ -92,8 +92,8 @@ impl Simulation {
         Self { dt, gravity, newton: 1, ..Self::default() }
     }
 
-    /// Advances by one step. `device`: pose and twist of the haptic device at the end of the step; `contacts`: those
-    /// gathered from the present state. Errors where the system cannot be factorised.
+    /// Advances by one step. `device`: pose and twist of the haptic device at the end of the step; `contacts`: contacts
+    /// found in the present state. Returns an error if the system cannot be factorised.
     pub fn step(&mut self, device: Option<&Device>, contacts: &[Contact]) -> Result<Report> {
         let unknowns = self.unknowns();
         let mut trials: Vec<_> = self.bodies.iter().map(Trial::start).collect();
@@ -120,7 +120,8 @@ impl Simulation {
                 pressures = contacts.iter().enumerate().map(|(j, c)| self.pressure(c, rate(j))).collect();
                 let under_tension =
                     (0..contacts.len()).filter(|&j| active[j] && pressures[j] < 0.0).collect::<Vec<_>>();
-                // A contact under tension after the last repeated solve may push in the next Newton iteration.
+                // A contact under tension after the last repeated solve may be under pressure in the next Newton
+                // iteration.
                 if under_tension.is_empty() || (attempt == MAX_RETRIES && left > 0) {
                     break;
                 }
@@ -148,7 +149,7 @@ impl Simulation {
         Ok(Report { contacts, wrench, flags })
     }
 
-    /// Numbers the unknowns: nodes by body, then the cores, then the tool.
+    /// Numbers the unknowns: nodes body by body, then the cores, then the tool.
     pub fn unknowns(&self) -> Unknowns {
         let mut count = 0;
         let mut number = |bound: &bool| {
@@ -170,7 +171,7 @@ impl Simulation {
         Unknowns { nodes, cores, tool, count: tool + if self.tool.is_some() { 6 } else { 0 } }
     }
 
-    /// System A and b of the next step, with all of these contacts in it.
+    /// System A and b of the next step, with all of the given contacts in it.
     pub fn assemble(&self, device: Option<&Device>, contacts: &[Contact]) -> (Entries, Vec<f64>) {
         let unknowns = self.unknowns();
         let trials: Vec<_> = self.bodies.iter().map(Trial::start).collect();
@@ -198,7 +199,8 @@ impl Simulation {
             });
             let (linear, angular) = core.freedom();
             if core.hinge.is_some() {
-                // Spin about a fixed axis causes no gyroscopic torque about it. Unused unknowns are zero.
+                // Spin about a fixed axis causes no gyroscopic torque about it. Diagonal ones keep unused unknowns at
+                // zero.
                 a.add_block(*first, *first, &(DMat3::IDENTITY - linear));
                 a.add_block(first + 3, first + 3, &(DMat3::IDENTITY - angular));
                 continue;
@@ -218,12 +220,12 @@ impl Simulation {
         (a, b)
     }
 
-    /// Row c of a contact's Jacobian, by which the rate of its depth is c . velocities.
+    /// Row c of a contact's Jacobian: the rate of the contact's depth is c . velocities.
     pub fn row(&self, unknowns: &Unknowns, contact: &Contact) -> Vec<(usize, f64)> {
         self.row_along(unknowns, contact, contact.normal)
     }
 
-    /// Row c by which the relative velocity of a contact along a direction is c . velocities.
+    /// Row c of a contact's Jacobian along a direction: the relative velocity along it is c . velocities.
     pub(super) fn row_along(&self, unknowns: &Unknowns, contact: &Contact, direction: DVec3) -> Vec<(usize, f64)> {
         let mut row = Vec::new();
         self.add_point(&mut row, unknowns, &contact.first, direction);
@@ -287,13 +289,13 @@ impl Simulation {
         of(&contact.first, along) + of(&contact.second, -along)
     }
 
-    /// Pressure at the end of the step at this rate of the depth, N/m^2.
+    /// Pressure at the end of the step, N/m^2, if the depth then has this rate.
     fn pressure(&self, contact: &Contact, rate: f64) -> f64 {
         contact.penalty().end_pressure(contact.depth, rate, self.dt)
     }
 
-    /// Commits the solution: v1 = v0 + dv, d1 = d0 + h R^T v1. Bound nodes of prescribed motion keep the velocity that
-    /// they were given; cores and the tool move with their new twist.
+    /// Commits the solution: v1 = v0 + dv, d1 = d0 + h R^T v1. Attached nodes of prescribed motion keep the velocity
+    /// that the caller gave them; cores and the tool move with their new twist.
     fn commit(&mut self, unknowns: &Unknowns, change: &[f64]) {
         for (body, nodes) in self.bodies.iter_mut().zip(&unknowns.nodes) {
             let to_rest = body.elements.frame.transpose();
@@ -331,8 +333,8 @@ impl Simulation {
     }
 }
 
-/// Adds a contact to the system: (h^2 k + h d) a c c^T to A, and -h a (k depth + (d + h k) depth') c to b, with its row
-/// c, area a, stiffness k and damping d; `rate` is depth' at the start, m/s.
+/// Adds a contact to the system: (h^2 k + h d) a c c^T to A, and -h a (k depth + (d + h k) depth') c to b, with its
+/// Jacobian row c, area a, stiffness k and damping d; `rate` is depth' at the start, m/s.
 fn add_contact(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], contact: &Contact, rate: f64, h: f64) {
     let penalty = contact.penalty();
     a.add_outer(row, h * penalty.slope(h) * contact.area);

@@ -1,4 +1,4 @@
-//! Small meshes and random numbers for the tests.
+//! Small meshes and pseudo-random numbers for the tests.
 
 use glam::DVec3;
 use palpate::internal::prepare::{Layer, layer};

@@ -1,4 +1,5 @@
-//! The rigid tool that the haptic device moves by virtual coupling: its inertia, coupling and pose update.
+//! The rigid tool that the haptic device moves by virtual coupling (spring and damper): its inertia, coupling and pose
+//! update.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::scene::Coupling;
@@ -39,7 +40,7 @@ pub struct Device {
 }
 
 impl Tool {
-    /// A resting solid sphere without coupling.
+    /// A solid sphere at rest, without coupling.
     pub fn sphere(radius: f64, mass: f64, centre: DVec3) -> Self {
         let inertia = DMat3::from_diagonal(DVec3::splat(0.4 * mass * radius * radius));
         let (velocity, angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
@@ -57,8 +58,9 @@ impl Tool {
         self.centre + self.orientation * local
     }
 
-    /// Adds the tool's terms over a step of `h` seconds to A and b, at six unknowns from `first` on: inertia, gravity,
-    /// the gyroscopic torque, and the virtual coupling to the device's pose and twist at the end of the step.
+    /// Adds the tool's terms over a step of `h` seconds to A and b, at its six unknowns, which begin at `first`:
+    /// inertia, gravity, the gyroscopic torque, and the virtual coupling to the device's pose and twist at the end of
+    /// the step.
     pub fn add_terms(
         &self,
         a: &mut Entries,
@@ -103,7 +105,8 @@ impl Tool {
         (force + spring.damping * (device.velocity - self.velocity), torque + spring.angular_damping * slip)
     }
 
-    /// Adds `change` to the twist (u, w), then moves by it for `h` seconds: c1 = c0 + h u1, q1 = exp(h w1) q0.
+    /// Adds `change` to the twist (u, w), then moves the tool by the new twist for `h` seconds: c1 = c0 + h u1, q1 =
+    /// exp(h w1) q0.
     pub fn advance(&mut self, h: f64, change: [f64; 6]) {
         self.velocity += DVec3::from_slice(&change[..3]);
         self.angular_velocity += DVec3::from_slice(&change[3..]);
@@ -118,8 +121,9 @@ impl Tool {
     }
 }
 
-/// Terms of a virtual coupling in the rows of a body at `pose` (centre, orientation) that moves with the twist (linear
-/// `u`, angular `w`), over a step of `h` seconds: h^2 K + h D and impulses, linear and angular; stiffness K, damping D.
+/// Terms of a virtual coupling in the six equations of a body at `pose` (centre, orientation) that moves with the twist
+/// (linear `u`, angular `w`), over a step of `h` seconds, with stiffness K and damping D: h^2 K + h D and impulses,
+/// each linear and angular.
 pub fn coupling_terms(
     spring: &Coupling,
     pose: (DVec3, DQuat),
@@ -135,20 +139,20 @@ pub fn coupling_terms(
     ([along, about], [h * pull, h * wrest])
 }
 
-/// The rotation vector of a unit quaternion, the shorter way round, rad.
+/// The rotation vector of a unit quaternion for the shorter of the two ways of rotation, rad.
 pub fn rotation_vector(q: DQuat) -> DVec3 {
     let q = if q.w < 0.0 { -q } else { q };
     let axis = DVec3::new(q.x, q.y, q.z);
     let sine = axis.length();
-    // Below this sine the angle equals twice the sine to the last digit.
+    // Below this sine, the half angle equals its sine to the last digit.
     if sine < 1e-9 { axis * 2.0 } else { axis * (2.0 * sine.atan2(q.w) / sine) }
 }
 
 /// Gyroscopic impulse I (w1 - w0) = -h w1 x I w1 of implicit Euler, N m s, for inertia I and angular velocity w0 at the
-/// start and w1 at the end. It is solved by Newton's method, along a step that grows to h.
+/// start and w1 at the end. It is solved by Newton's method, for a sequence of step lengths that grow to h.
 pub fn gyroscopic(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
-    // Each part of the step starts from the result of the last; Newton's matrix comes from differences, which are exact
-    // for a quadratic.
+    // The solution for each step length is the guess for the next. Newton's matrix is computed by central differences,
+    // which are exact for a quadratic.
     let residual = |x: DVec3, h: f64| inertia * (x - w) + h * x.cross(inertia * x);
     let mut end = w;
     for share in 1..=8 {

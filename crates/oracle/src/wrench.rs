@@ -1,11 +1,13 @@
-//! Net force, torque, 6x6 stiffness and damping of contacts on the tool. f64 reference for the wrench stage.
+//! Net force, torque, 6x6 stiffness and damping of contacts on the tool. f64 reference implementation of the wrench
+//! stage.
 
 use glam::DVec3;
 
 use crate::contact::Carrier;
 use crate::step::{Core, Resolved};
 
-/// Wrench of the contacts on the tool with stiffness and damping, about its centre, world axes: force, then torque.
+/// Wrench of the contacts on the tool, with stiffness and damping, about the tool's centre, world axes. Rows of the 6x6
+/// matrices are force, then torque.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Wrench {
     /// Net force, N.
@@ -17,17 +19,18 @@ pub struct Wrench {
     /// K = sum k a c c^T over the active contacts, with stiffness k, area a and c = (n, (s - centre) x n), n the normal
     /// and s the contact's point; symmetric positive semi-definite.
     pub stiffness: [[f64; 6]; 6],
-    /// D = sum d a c c^T with damping d, and the same form for friction along two tangents, at its point of action.
+    /// D = sum d a c c^T with damping d, plus terms of the same form for friction along two tangents, at the point
+    /// where friction acts.
     pub damping: [[f64; 6]; 6],
 }
 
-/// Sums the contacts on the tool; `centre` is its centre at the start. Friction acts at the other body's point.
+/// Sums the contacts on the tool; `centre` is the tool's centre at the start. Friction acts at the other body's point.
 pub fn on_tool(contacts: &[Resolved], centre: DVec3) -> Wrench {
     sum(contacts, centre, |carrier| matches!(carrier, Carrier::Tool), false)
 }
 
-/// Sums the contacts of the soft body whose core the device holds, about that core's centre at the start of the step,
-/// as if all of the body were rigid. Friction acts at the body's own point.
+/// Sums the contacts of the soft body whose rigid core the device holds, about that core's centre at the start of the
+/// step, as if the whole body were rigid. Friction acts at the body's own point.
 pub fn on_core(contacts: &[Resolved], core: &Core) -> Wrench {
     let body = core.nodes.first().map(|(body, _)| *body);
     sum(contacts, core.centre, |carrier| matches!(carrier, Carrier::Nodes(own, _) if Some(*own) == body), true)

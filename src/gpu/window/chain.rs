@@ -1,4 +1,4 @@
-//! A swapchain and its images, each with the semaphore that signals that its content is complete.
+//! A swapchain and its images, each with a semaphore that is signalled when the image's content is complete.
 #![allow(unsafe_code)]
 
 use std::sync::Arc;
@@ -14,9 +14,9 @@ pub(super) struct Chain {
     pub handle: vk::SwapchainKHR,
     pub images: Vec<Image>,
     pub extent: vk::Extent2D,
-    /// Size of the window that it was made for, pixels.
+    /// Size of the window that the swapchain was made for, pixels.
     pub asked: [u32; 2],
-    /// Whether it no longer fits the window.
+    /// Whether the swapchain no longer fits the window.
     pub is_stale: bool,
     swapchains: ash::khr::swapchain::Device,
     context: Arc<Context>,
@@ -30,7 +30,7 @@ pub(super) struct Image {
 }
 
 impl Chain {
-    /// Number of images to ask for: one more than the least, so that one is free while others wait to be shown.
+    /// Number of images to request: one more than the minimum, so that one is free while others wait to be shown.
     pub fn images_of(can: &vk::SurfaceCapabilitiesKHR) -> u32 {
         let most = if can.max_image_count == 0 { u32::MAX } else { can.max_image_count };
         (can.min_image_count + 1).min(most)

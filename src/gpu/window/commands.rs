@@ -78,7 +78,8 @@ impl Commands {
             let reset = device.reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty());
             reset.map_err(failed("vkResetCommandPool", STAGE))?;
             device.begin_command_buffer(buffer, &begin).map_err(failed("vkBeginCommandBuffer", STAGE))?;
-            // Earlier content is discarded. The submit waits for the semaphore in this same pipeline stage.
+            // Earlier content is discarded. The submit waits for the semaphore in the same pipeline stage as this
+            // barrier.
             self.barrier(
                 image,
                 [Layout::UNDEFINED, Layout::TRANSFER_DST_OPTIMAL],

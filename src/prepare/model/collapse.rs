@@ -1,7 +1,7 @@
 //! Reduces a mesh to a given number of vertices by collapsing the shortest edge again and again.
 //!
-//! The link condition (T. Dey and others 1999) keeps a closed manifold a closed manifold of the same genus: an edge may
-//! be collapsed only if its ends have exactly two common neighbours.
+//! An edge may be collapsed only if its ends have exactly two common neighbours. This link condition (T. Dey and others
+//! 1999) keeps a closed manifold closed, manifold and of the same genus.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -17,7 +17,7 @@ const LEAST_COSINE: f64 = 0.2;
 /// may be collapsed. The remaining vertices and triangles keep their order.
 pub fn to_count(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>, count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut mesh = Mesh::new(vertices, triangles);
-    // If folded triangles forbid the last collapses, the second pass checks the topology only.
+    // If the bound on the turn of normals forbids the last collapses, the second pass checks the topology only.
     for least_cosine in [LEAST_COSINE, -2.0] {
         mesh.queue_all();
         while mesh.left > count {
@@ -151,7 +151,7 @@ mod tests {
             let skin = skin::build(vertices, triangles);
             assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
             let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
-            assert!(count < 300 || volume > 3.5, "{count}: {volume}");
+            assert!(count < 300 || volume > 3.5, "{count} vertices: volume {volume}, expected more than 3.5");
         }
     }
 

@@ -22,8 +22,8 @@ const NEWTON_STEPS: usize = 3;
 const PAIRS: [[usize; 4]; 6] = [[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]];
 
 /// The closed surface, oriented outwards, of a solid within the box `low..high`, from a lattice with cell edge `cell`
-/// (all m). It is the connected piece that the x direction from the point `inside` meets first. Vertices are numbered
-/// in lattice order.
+/// (all m). It is the connected piece that a ray from the point `inside` along x meets first. Vertices are numbered in
+/// lattice order.
 ///
 /// Only cells at the surface are visited, each from a neighbour (B. Wyvill and others 1986).
 pub fn surface(
@@ -141,8 +141,8 @@ pub fn smooth(solid: &impl Fn(DVec3) -> f64, vertices: &mut Vec<DVec3>, triangle
 }
 
 /// Moves a point by the tangential part of `step`, then onto the surface by Newton's method. All iterations use the
-/// gradient at the start, as a gradient costs six evaluations and turns little over a step; their length is limited for
-/// creases.
+/// gradient at the start, because a gradient costs six evaluations and changes little over a step. The length of each
+/// iteration is limited, because it could be far too long at a crease.
 fn onto(solid: &impl Fn(DVec3) -> f64, from: DVec3, step: DVec3) -> DVec3 {
     let slope = gradient(solid, from, GRADIENT_STEP);
     let steepness = slope.length_squared().max(0.1);
@@ -169,6 +169,6 @@ mod tests {
         assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
         let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
         let whole = 4.0 / 3.0 * std::f64::consts::PI * 1e-3;
-        assert!(volume > 0.97 * whole && volume < whole, "{volume}");
+        assert!(volume > 0.97 * whole && volume < whole, "volume {volume} m^3, of the ball {whole}");
     }
 }

@@ -1,9 +1,9 @@
 //! Generates a spur gear for scenes without files: twenty involute teeth, rim, web, hub and bore, with the axis along
 //! z.
 //!
-//! It is built ring by ring from its profile, so that every edge is sharp and every vertex of a flank lies on its
-//! involute. If no grid has the wanted number of vertices, edges of flat faces are split, which leaves the surface in
-//! place.
+//! The gear is built ring by ring from its profile, so that every edge is sharp and every vertex of a flank (working
+//! side of a tooth) lies on an involute. If no grid has the wanted number of vertices, edges of flat faces are split,
+//! which leaves the surface in place.
 
 use std::f64::consts::{PI, TAU};
 
@@ -43,7 +43,7 @@ const SECTION: [(f64, f64); 6] = [
     (0.0195, HALF_WIDTH),
     (BORE, HALF_WIDTH),
 ];
-/// Edge length of the coarsest grid, m, and the ratio between successive lengths that are tried.
+/// Edge length of the coarsest grid, m, and the ratio of each edge length that is tried to the one before.
 const COARSEST: (f64, f64) = (0.01, 0.995);
 
 /// A gear with exactly `vertex_count` vertices.

@@ -2,8 +2,8 @@
 //! out level with palms down and fingers apart. The shape is a signed distance function, m, negative inside; the head
 //! is that of `head.rs`.
 //!
-//! Hands, feet and head get shorter edges than the rest: the mesher works in a space in which a bijective map magnifies
-//! them, and its vertices are mapped back.
+//! Hands, feet and head get shorter edges than the rest: the mesh is made in a space (the *mesher's*) in which a
+//! bijective map magnifies these parts, and its vertices are then mapped back.
 
 use glam::DVec3;
 
@@ -15,13 +15,14 @@ use super::solid::{carve, ellipsoid, join, meet, stick};
 const HEAD: DVec3 = DVec3::new(0.0, 1.575, 0.022);
 /// Height (y) and depth (z) of an arm's axis, m.
 const ARM: (f64, f64) = (1.395, -0.012);
-/// Half width of the blend at the plane of symmetry, m.
+/// Half width of the zone in which the two mirrored halves are blended at the plane of symmetry, m.
 const MIRROR: f64 = 0.004;
-/// A distance larger than any blend, used for parts that are far away, m.
+/// Distance that stands for parts which are left out because they are far away, m: it is larger than the width of any
+/// blend.
 const FAR: f64 = 1.0;
 
-/// Magnification of hands, head and feet for the mesher, along x (hands) or y: where it begins and over which length it
-/// sets in, m.
+/// Magnification of hands, head and feet in the mesher's space, along x (hands) or y (head, feet): where it begins, the
+/// length over which it sets in (both m), and its inverse.
 const HAND: Lens = Lens { start: 0.46, length: 0.35, scale: 1.0 / 2.5 };
 const FACE: Lens = Lens { start: 1.43, length: 0.12, scale: 1.0 / 2.7 };
 const FOOT: Lens = Lens { start: -0.24, length: 0.18, scale: 1.0 / 2.2 };
@@ -75,7 +76,7 @@ fn at(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// The body's signed distance. Parts far from the point are left out, as they are beyond the reach of any blend.
+/// The body's signed distance. Parts far from the point are left out, because no blend reaches that far.
 fn solid(point: DVec3) -> f64 {
     let p = DVec3::new((point.x * point.x + MIRROR * MIRROR).sqrt(), point.y, point.z);
     let mut body = if p.x < 0.5 && p.y > 0.55 { torso(p) } else { FAR };

@@ -30,7 +30,7 @@ pub fn surface(model: Model, vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>)
     }
 }
 
-/// A solid from which a surface is made.
+/// A solid, and the parameters for extracting its surface.
 struct Blank<S> {
     /// Approximate signed distance function, m, negative inside.
     solid: S,
@@ -46,8 +46,8 @@ struct Blank<S> {
     coarsest: f64,
 }
 
-/// Number of vertices that are extracted for each one wanted: collapsing the others removes the slivers of marching
-/// tetrahedra.
+/// Number of vertices that are extracted for each vertex of the final surface: the others are collapsed, which removes
+/// the slivers of marching tetrahedra.
 const SURPLUS: f64 = 2.0;
 
 impl<S: Fn(DVec3) -> f64> Blank<S> {

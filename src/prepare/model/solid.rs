@@ -1,5 +1,5 @@
-//! Building blocks of the generated solids. A solid is a function of a point: negative inside, and about the distance
-//! in metres near the surface.
+//! Building blocks of the generated solids. A solid is a function of a point: negative inside, and near the surface
+//! about the signed distance from it in metres.
 //!
 //! Only additions, products, quotients and square roots are used. These are correctly rounded, so that a model is
 //! bitwise the same on every machine.

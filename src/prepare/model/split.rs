@@ -7,8 +7,8 @@ use glam::DVec3;
 /// Greatest length of the x-y part of a face's unit normal, for the face to count as flat and perpendicular to z.
 const FLAT: f64 = 1e-9;
 
-/// Splits the longest edges of a closed manifold whose two faces are perpendicular to z, until it has `count` vertices
-/// or no such edge is left.
+/// Splits edges of a closed manifold between two faces that are perpendicular to z, the longest edge first, until the
+/// mesh has `count` vertices or no such edge is left.
 pub fn to_count(vertices: &mut Vec<DVec3>, triangles: &mut Vec<[u32; 3]>, count: usize) {
     // The triangle to the left of each directed edge. The map is only looked up and never iterated, so hashing does not
     // matter.

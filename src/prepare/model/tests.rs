@@ -1,4 +1,4 @@
-//! Invariants of all generated models, and the features of each.
+//! Tests of the generated models (head, pumpkin, gear, human): invariants that hold for all, and the features of each.
 
 use glam::DVec3;
 
@@ -47,7 +47,8 @@ fn measures(model: Model) -> (DVec3, DVec3, f64) {
     }
 }
 
-/// Tolerance on the extents of a coarse mesh beside [`EXTENT`]: its tips fall short by this share of its edge length.
+/// Tolerance on the extents of a coarse mesh in addition to [`EXTENT`], as a share of its edge length: the mesh cuts
+/// off tips by up to that much.
 const LOST: f64 = 1.0;
 /// Radius of the gear's bore, m.
 const BORE: f64 = 0.0125;
@@ -64,7 +65,7 @@ fn models_of_any_count_are_closed_outward_and_whole() {
         for count in [least, 3_333, model.default_vertices()] {
             let start = std::time::Instant::now();
             let (vertices, triangles) = super::surface(model, count);
-            println!("{} of {count}: {:.2?}", model.name(), start.elapsed());
+            println!("{} with {count} vertices: made in {:.2?}", model.name(), start.elapsed());
             let skin = skin::build(vertices, triangles);
             check_topology(&skin, count, usize::from(model == Model::Gear));
             let area: f64 = skin.areas.iter().sum();
@@ -72,9 +73,9 @@ fn models_of_any_count_are_closed_outward_and_whole() {
             let (low, high, volume) = measures(model);
             let near = |a: DVec3, b: DVec3| (a - b).abs().max_element() < EXTENT + LOST * edge;
             let corners = skin.vertices.iter().fold((low, high), |(l, h), &v| (l.min(v), h.max(v)));
-            assert!(near(corners.0, low) && near(corners.1, high), "{model:?}: {corners:?}");
+            assert!(near(corners.0, low) && near(corners.1, high), "{model:?}: extents {corners:?} m");
             let found = mass::properties(&skin.vertices, &skin.triangles).volume;
-            assert!((found / volume - 1.0).abs() < 0.01 + 0.2 * edge * area / volume, "{model:?}: {found}");
+            assert!((found / volume - 1.0).abs() < 0.01 + 0.2 * edge * area / volume, "{model:?}: volume {found} m^3");
         }
     }
 }
@@ -90,8 +91,8 @@ fn models_are_the_same_bits_every_time() {
             all.fold(0xcbf2_9ce4_8422_2325_u64, |hash, word| (hash ^ word).wrapping_mul(0x0100_0000_01b3))
         };
         let first = bits();
-        println!("{} of 3000: {first:#018x}", model.name());
-        assert_eq!(first, bits(), "{model:?}");
+        println!("{} with 3000 vertices: hash {first:#018x}", model.name());
+        assert_eq!(first, bits(), "{model:?}: two runs give different bits");
     }
 }
 
@@ -119,13 +120,17 @@ fn flanks_of_the_gear_are_involutes_and_its_bore_is_open() {
         let angle = v.y.atan2(v.x);
         let from_middle = (angle - pitch * (angle / pitch).round()).abs();
         let unrolled = start - from_middle + (string / gear::BASE).atan();
-        assert!((string - gear::BASE * unrolled).abs() < INVOLUTE, "{v}: {string} {}", gear::BASE * unrolled);
+        assert!(
+            (string - gear::BASE * unrolled).abs() < INVOLUTE,
+            "vertex {v}: string {string} m, arc {} m",
+            gear::BASE * unrolled
+        );
         flank += 1;
     }
-    assert!(flank > 2_000 && tips > 1_000, "{flank} {tips}");
+    assert!(flank > 2_000 && tips > 1_000, "{flank} vertices on flanks, {tips} on tips");
     let inside = |x: f64, y: f64| winding_number(&vertices, &triangles, DVec3::new(x, y, 0.0)) > 0.5;
     assert!(!inside(0.0, 0.0) && !inside(BORE - 1e-4, 0.0) && inside(BORE + 1e-4, 0.0));
-    // The first point lies in a tooth, the second in the gap beside it.
+    // The first point lies in a tooth, the second in the gap next to it.
     let half = std::f64::consts::PI / gear::TEETH as f64;
     assert!(inside(0.047, 0.0) && !inside(0.047 * half.cos(), 0.047 * half.sin()));
 }
@@ -143,8 +148,8 @@ fn the_human_has_ten_fingers_apart() {
     assert_eq!(pieces.len(), 8);
     for side in [-1.0, 1.0] {
         let inside = |x: f64, y, z| winding_number(&vertices, &triangles, DVec3::new(side * x, y, z)) > 0.5;
-        assert!(inside(0.774, 1.381, 0.062), "thumb");
-        assert!(!inside(0.780, 1.388, 0.048), "between thumb and forefinger");
+        assert!(inside(0.774, 1.381, 0.062), "a point of the thumb is not inside");
+        assert!(!inside(0.780, 1.388, 0.048), "a point between thumb and forefinger is inside");
         assert!(inside(0.818, 1.396, 0.035) && !inside(0.818, 1.396, 0.020) && inside(0.818, 1.397, 0.005));
     }
 }
@@ -156,7 +161,7 @@ fn the_pumpkin_has_ten_ribs_and_a_stem() {
     let at = |turns: f64, r: f64| DVec3::new(r * (turns * 0.62832).cos(), 0.0, r * (turns * 0.62832).sin());
     for k in 0..10 {
         let rib = f64::from(k) + 0.5;
-        assert!(inside(at(rib, 0.14)) && !inside(at(rib + 0.5, 0.136)), "rib {k}");
+        assert!(inside(at(rib, 0.14)) && !inside(at(rib + 0.5, 0.136)), "rib {k} is missing, or the groove after it");
     }
     assert!(inside(DVec3::new(0.007, 0.115, 0.003)) && !inside(DVec3::new(0.04, 0.115, 0.0)));
 }

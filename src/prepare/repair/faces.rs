@@ -1,5 +1,5 @@
-//! First part of a repair: degenerate and duplicate faces are removed, and vertices that coincide at open edges are
-//! merged.
+//! First part of the repair of a surface: degenerate and duplicate faces are removed, and vertices that coincide at
+//! open edges (edges with only one triangle) are merged.
 
 use std::collections::BTreeMap;
 
@@ -10,16 +10,17 @@ use super::topology::Edges;
 use super::{Refusal, points};
 use crate::scene::obj::TriangleMesh;
 
-/// Greatest allowed magnitude of a coordinate: the product of four lengths must stay within single precision (3.4e38).
+/// Greatest allowed magnitude of a coordinate: a product of four lengths must not overflow single precision (3.4e38).
 const LARGEST_COORDINATE: f64 = 1e9;
-/// Greatest allowed spacing of f32 numbers at the farthest coordinate, as a share of the mean edge: one thousandth
-/// still preserves the shape.
+/// Greatest allowed spacing of f32 numbers at the farthest coordinate, as a share of the mean edge: with one
+/// thousandth, rounding to f32 still preserves the shape.
 const COARSEST: f64 = 1e-3;
 /// A triangle is degenerate if twice its area is at most this share of its longest edge squared: single precision could
 /// not represent its normal.
 const THINNEST: f64 = 1e-7;
-/// Vertices at open edges coincide if they are nearer than this share of the bounding box's diagonal, because exporters
-/// write six digits. This is far smaller than any edge, because the mean edge is at least a thousand spacings of f32.
+/// Vertices at open edges coincide if they are nearer than this share of the bounding box's diagonal: exporters write
+/// six digits, so copies of one vertex may differ by that much. The share is far smaller than the mean edge, which
+/// [`COARSEST`] bounds.
 const SAME_PLACE: f64 = 1e-6;
 
 /// The triangles in repair.
@@ -123,7 +124,7 @@ impl<'a> Faces<'a> {
         self.retain(dropped, |triangle| !again[triangle]);
     }
 
-    /// Lets faces at open edges use the first of several coinciding vertices; returns whether any face changed.
+    /// Lets faces at open edges use the first of several vertices that coincide; returns whether any face changed.
     fn weld(&mut self, welded: &mut Count) -> bool {
         let first = self.first_at_place();
         let before = welded.count;

@@ -1,4 +1,4 @@
-//! Counts pairs of triangles that intersect, by a bounding volume hierarchy and exact predicates.
+//! Counts pairs of triangles of a surface that intersect, by a bounding volume hierarchy and exact predicates.
 
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
@@ -13,8 +13,9 @@ use super::report::Intersections;
 /// Number of pairs listed in a report.
 const NAMED: usize = 8;
 
-/// Counts the pairs of triangles of which an edge of one passes through the other. Pairs that share an edge, that only
-/// touch, or that lie in one plane are not counted. Signs are exact (J. Shewchuk 1997, from the `robust` crate).
+/// Counts the pairs of triangles in which an edge of one triangle passes through the other triangle. Pairs that share
+/// an edge, that only touch, or that lie in one plane are not counted. The signs of determinants are exact (J. Shewchuk
+/// 1997, from the `robust` crate).
 pub(super) fn count(faces: &Faces) -> Intersections {
     let boxes: Vec<Aabb> = faces.corners.iter().map(|&t| bounds(points(faces.vertices, t))).collect();
     let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
@@ -37,7 +38,7 @@ fn bounds(corners: [DVec3; 3]) -> Aabb {
     Aabb::new(Vector::new(low.x, low.y, low.z), Vector::new(high.x, high.y, high.z))
 }
 
-/// Whether an edge of one triangle passes through the other; an edge that ends at a vertex of the other cannot.
+/// Whether an edge of one triangle passes through the other triangle; edges that end at a common vertex are left out.
 fn cross(faces: &Faces, a: usize, b: usize) -> bool {
     let (a, b) = (faces.corners[a], faces.corners[b]);
     if a.iter().filter(|vertex| b.contains(vertex)).count() > 1 {
@@ -53,8 +54,8 @@ fn cross(faces: &Faces, a: usize, b: usize) -> bool {
     pierces(a, b) || pierces(b, a)
 }
 
-/// Whether the ends of the segment p-q lie strictly on different sides of a triangle's plane, and its line meets the
-/// triangle.
+/// Whether the ends of the segment p-q lie strictly on different sides of a triangle's plane, and the line through p
+/// and q meets the triangle.
 fn passes([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> bool {
     let side = |a: DVec3, b: DVec3, c: DVec3, d: DVec3| {
         let [a, b, c, d] = [a, b, c, d].map(|p| Coord3D { x: p.x, y: p.y, z: p.z });

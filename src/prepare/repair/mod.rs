@@ -1,11 +1,12 @@
 //! Makes a skin (the surface mesh that is seen and touched) of any triangle mesh: finds the defects of a surface and
-//! repairs them.
+//! repairs them. To *reverse* a triangle is to exchange two of its corners, so that it faces the other way; a *piece*
+//! is a part of the surface that is connected across edges of two triangles.
 //!
-//! Contact depth is measured between the insides of two skins, so each skin must have an inside. [`repair`] merges
-//! vertices that coincide at open edges, removes degenerate and duplicate faces, orients faces and pieces outwards,
-//! tolerates holes, non-manifold edges and self-intersections, and refuses a surface without an inside. It counts
-//! everything in a [`RepairReport`]. [`strict`] runs the same code and refuses a surface that it would change. Vertices
-//! keep their order and number: the skin's vertex i is the file's i-th `v` line, and only the faces' indices change.
+//! Contact depth is the depth of one skin inside another, so each skin must have an inside. [`repair`] merges vertices
+//! that coincide at open edges, removes degenerate and duplicate faces, orients faces and pieces outwards, tolerates
+//! holes, non-manifold edges and self-intersections, and refuses a surface without an inside. It counts everything in a
+//! [`RepairReport`]. [`strict`] runs the same code and refuses a surface that it would change. Vertices keep their
+//! order and number: the skin's vertex i is the file's i-th `v` line, and only the faces' indices change.
 
 mod faces;
 mod intersections;
@@ -59,13 +60,12 @@ fn line_of(path: &Path, triangle: usize) -> Option<usize> {
 /// 1. faces that name no vertex, and coordinates that single precision cannot hold, are refused;
 /// 2. triangles without area and duplicate triangles (in either orientation) are removed, and vertices at open edges
 ///    that coincide are merged (faces then use the first of them), until nothing changes;
-/// 3. triangles are turned over until neighbours across each edge of two triangles are oriented consistently; in each
-///    connected piece the smaller number of them is turned; a surface with one side only is refused;
-/// 4. each piece (connected across edges of two triangles) that is inside out is turned over, where holes are closed
-///    by triangle fans for the sign of its volume; a cavity, which is a piece inside another one by the generalised
-///    winding number (Jacobson, Kavan and Sorkine-Hornung 2013), is turned with the piece around it; sheets, which are
-///    pieces without volume, stay as they are;
-/// 5. a mesh without volume, or with more hole than surface, is refused.
+/// 3. triangles are reversed until neighbours across each edge of two triangles are oriented consistently; in each
+///    piece the smaller number of triangles is reversed; a surface with one side only is refused;
+/// 4. each piece that is inside out (its volume is negative when triangle fans close its holes) is reversed; a cavity,
+///    which is a piece inside another one by the generalised winding number (Jacobson, Kavan and Sorkine-Hornung 2013),
+///    is reversed if the piece around it is; sheets, which are pieces without volume, stay unchanged;
+/// 5. a mesh without volume, or whose holes have more than three quarters of its area, is refused.
 ///
 /// Open edges, edges of more than two triangles and intersecting triangles stay and are counted. A sound mesh comes
 /// back bitwise unchanged. The time is nearly linear in the number of triangles.
@@ -75,7 +75,7 @@ pub fn repair(mesh: TriangleMesh) -> std::result::Result<(TriangleMesh, RepairRe
     Ok((mesh, report))
 }
 
-/// Accepts a mesh that [`repair`] would not change, and refuses any other with its first defect. Intersecting
+/// Accepts a mesh that [`repair`] would not change, and refuses any other mesh with its first defect. Intersecting
 /// triangles, cavities and unused vertices are allowed: a point is inside if it is inside any piece.
 pub fn strict(mesh: TriangleMesh) -> std::result::Result<(TriangleMesh, RepairReport), Refusal> {
     let mut report = RepairReport::of(&mesh);
@@ -100,11 +100,11 @@ fn mend(mesh: TriangleMesh, report: &mut RepairReport) -> std::result::Result<Tr
 pub struct Origin {
     /// Index of the triangle in the order of the file.
     pub triangle: u32,
-    /// Whether the triangle was turned over: its second and third corner are exchanged.
+    /// Whether the triangle was reversed: its second and third corner are exchanged.
     pub is_turned: bool,
 }
 
-/// The origin of each triangle that [`repair`] would keep of a mesh.
+/// The origins of the triangles of the mesh that [`repair`] would return.
 pub fn origins(mesh: &TriangleMesh) -> std::result::Result<Vec<Origin>, Refusal> {
     faces::check(mesh)?;
     let mut report = RepairReport::of(mesh);

@@ -1,4 +1,6 @@
-//! Second part of a repair: orients triangles outwards, and decides whether the surface has an inside at all.
+//! Second part of the repair of a surface: orients triangles outwards, and decides whether the surface has an inside at
+//! all. To *turn* a triangle or a piece is to reverse its orientation; a *piece* is a part of the surface that is
+//! connected across edges of two triangles.
 
 use glam::DVec3;
 
@@ -11,8 +13,8 @@ use crate::prepare::skin::Sets;
 
 /// A piece is a sheet, not a solid, if its volume is at most this share of the cube of its bounding box's diagonal.
 const FLATTEST: f64 = 1e-9;
-/// Greatest area of the fans that close all holes, as a share of the surface's own area. It is one for a nearly flat
-/// sheet and one half for half a sphere; beyond three quarters the winding number shows no point clearly inside.
+/// Greatest area of the fans that close all holes, as a share of the surface's own area. The share is one for a nearly
+/// flat sheet and one half for half a sphere; beyond three quarters no point has a winding number clearly near 1.
 const MOST_OPEN: f64 = 0.75;
 
 /// Orients triangles and pieces outwards, and fills in the report's counts of edges, pieces and holes, and the volume.
@@ -36,14 +38,14 @@ pub(super) fn orient(faces: &mut Faces, report: &mut RepairReport) -> Result<(),
     judge(faces, report)
 }
 
-/// Turns triangles over until neighbours across each edge of two triangles are oriented consistently. In each piece the
-/// smaller number of triangles is turned (of equal numbers, those unlike the piece's first triangle). Returns the piece
-/// of each triangle and the number of pieces.
+/// Turns triangles until neighbours across each edge of two triangles are oriented consistently. In each piece the
+/// smaller number of triangles is turned (if the numbers are equal, those whose orientation differs from that of the
+/// piece's first triangle). Returns the piece of each triangle and the number of pieces.
 fn agree(faces: &mut Faces, edges: &Edges, report: &mut RepairReport) -> Result<(Vec<u32>, usize), Refusal> {
     let n = faces.corners.len();
     let mut joined = Sets::new(n);
-    // Member t stands for triangle t as it is, and member t + n for triangle t turned over. Members are joined if both
-    // orientations can hold at once.
+    // Member t stands for triangle t in its given orientation, and member t + n for triangle t turned. Two members are
+    // joined if their orientations are consistent.
     let mut sides = Sets::new(2 * n);
     for (a, b) in edges.pairs() {
         let (a, b, n, clash) = (a.triangle, b.triangle, n as u32, a.forward == b.forward);
@@ -82,7 +84,7 @@ struct Piece {
     triangles: Vec<u32>,
     low: DVec3,
     high: DVec3,
-    /// Signed volume with holes closed by fans, in cubed file units.
+    /// Signed volume with holes closed by triangle fans, in the cube of the file's unit.
     volume: f64,
     turned: bool,
 }
@@ -108,8 +110,8 @@ fn corners(faces: &Faces, piece: &Piece) -> Vec<[u32; 3]> {
     piece.triangles.iter().map(|&t| faces.corners[t as usize]).collect()
 }
 
-/// Turns pieces outwards, the largest volume first. A piece inside others is turned if the smallest one around it was
-/// turned; any other piece must enclose a positive volume.
+/// Turns pieces outwards, the largest volume first. A piece inside others is turned if the smallest piece around it was
+/// turned; any other piece is turned if its volume is negative.
 fn turn_outwards(faces: &mut Faces, pieces: &mut [Piece], report: &mut RepairReport) {
     let is_sheet = |piece: &Piece| piece.volume.abs() <= FLATTEST * (piece.high - piece.low).length().powi(3);
     let mut order: Vec<usize> = (0..pieces.len()).collect();
@@ -172,8 +174,8 @@ fn under(origin: DVec3, corners: [DVec3; 3]) -> f64 {
 
 /// Volume enclosed by triangles and the fans over their holes.
 fn volume(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
-    // The volume is taken about a vertex of the surface, because the sum would cancel for a surface far from the
-    // origin.
+    // Tetrahedra are taken from a vertex of the surface, because from a distant origin their volumes would cancel in
+    // the sum.
     let origin = triangles.first().map_or(DVec3::ZERO, |t| vertices[t[0] as usize]);
     let fans = Fans::new(vertices, triangles);
     let own: f64 = triangles.iter().map(|&t| under(origin, points(vertices, t))).sum();
@@ -183,7 +185,7 @@ fn volume(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
     (own + fans.edges.iter().map(of_fan).sum::<f64>()) / 6.0
 }
 
-/// The triangle fans that close a surface: a centre for each rim of a hole, and the rim's edges, directed as in the
+/// The triangle fans that close a surface: a centre for each hole's rim, and the rim's edges, directed as in the
 /// surface.
 struct Fans {
     centres: Vec<DVec3>,
@@ -192,8 +194,8 @@ struct Fans {
 }
 
 impl Fans {
-    /// Rims are unmatched edges joined at their vertices; a rim's centre is its mean, weighted by edge length. The cone
-    /// over any closed chain of unmatched edges closes it, so a rim need not be a simple loop.
+    /// A rim is a set of unmatched edges that are connected at vertices; its centre is the mean of its edges, weighted
+    /// by length. The cone over any closed chain of unmatched edges closes it, so a rim need not be a simple loop.
     fn new(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Fans {
         let edges = Edges::new(triangles).unmatched();
         let mut ends: Vec<u32> = edges.iter().flatten().copied().collect();

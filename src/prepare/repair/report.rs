@@ -6,12 +6,12 @@ use serde::{Deserialize, Serialize};
 use super::Refusal;
 use crate::scene::obj::TriangleMesh;
 
-/// Number of occurrences of a defect, and the first triangle (in the file, from 0) that has it.
+/// Number of occurrences of a defect, and the first triangle that has it (index in the file, from 0).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Count {
     /// Number of occurrences.
     pub count: usize,
-    /// The first triangle that has it, if there is one.
+    /// The first triangle that has the defect, if there is one.
     pub first_triangle: Option<usize>,
 }
 
@@ -32,7 +32,7 @@ pub struct Intersections {
     pub first_pairs: Vec<[usize; 2]>,
 }
 
-/// State of a surface, its defects, and what was changed. Lengths are in file coordinates.
+/// State of a surface, its defects, and the changes made to it. Lengths are in file coordinates.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RepairReport {
     /// Number of vertices of the file, used or not.
@@ -43,19 +43,19 @@ pub struct RepairReport {
     pub triangles_kept: usize,
     /// Number of vertices that no triangle of the file uses.
     pub unused_vertices: usize,
-    /// Vertices at open edges that coincide with an earlier one, which faces use instead.
+    /// Vertices at open edges that coincide with an earlier vertex, which faces use instead.
     pub welded_vertices: Count,
     /// Triangles without area, which are removed.
     pub zero_area: Count,
-    /// Triangles with the vertices of an earlier one, in either orientation, which are removed.
+    /// Triangles with the same vertices as an earlier one, in either orientation; they are removed.
     pub duplicates: Count,
     /// Edges whose two triangles were oriented inconsistently.
     pub clashing_edges: Count,
-    /// Number of triangles turned over to be consistent with their neighbours.
+    /// Number of triangles that were reversed to be consistent with their neighbours.
     pub turned_triangles: usize,
     /// Number of pieces: parts that are connected across edges of two triangles.
     pub pieces: usize,
-    /// Pieces that were inside out and are turned over.
+    /// Pieces that were inside out and were reversed.
     pub turned_pieces: Count,
     /// Number of pieces inside another one that are oriented inwards.
     pub cavities: usize,
@@ -65,13 +65,13 @@ pub struct RepairReport {
     pub boundary_edges: Count,
     /// Number of holes, counted by their rims: boundary edges joined at their vertices.
     pub holes: usize,
-    /// Area of the fans that close the holes for volume and mass, as a share of the surface's area.
+    /// Area of the triangle fans that close the holes for volume and mass, as a share of the surface's area.
     pub hole_area_share: f64,
     /// Edges of more than two triangles, across which no triangle has a neighbour.
     pub non_manifold_edges: Count,
     /// Pairs of triangles that intersect; triangles that only touch are not counted.
     pub self_intersections: Intersections,
-    /// Volume with holes closed by fans.
+    /// Volume with holes closed by triangle fans.
     pub volume: f64,
 }
 
@@ -96,7 +96,7 @@ impl RepairReport {
         self.sentences().is_empty()
     }
 
-    /// The first reason to refuse the surface as it is in the file, if there is one.
+    /// The first reason to refuse the unrepaired surface, if there is one.
     pub(super) fn defect(&self) -> Option<Refusal> {
         let open = format!("the surface is open: {} edges with one triangle", self.boundary_edges.count);
         let sheets = format!("{} pieces of the surface enclose no volume", self.sheets.count);
@@ -110,7 +110,8 @@ impl RepairReport {
             .or(refuse(self.turned_pieces, "the surface is inside out".into(), "reverse its faces (\"flip normals\")"))
     }
 
-    /// The first reason to refuse among the defects for which faces or vertices are removed.
+    /// The first of the defects for which the repair removes faces or merges vertices, as a reason to refuse the
+    /// surface.
     pub(super) fn dropped(&self) -> Option<Refusal> {
         let flat = format!("{} triangles without area", self.zero_area.count);
         let copies = format!("{} triangles given more than once", self.duplicates.count);
@@ -138,8 +139,8 @@ impl RepairReport {
         say(self.sheets, "pieces enclose no volume, and are kept as sheets".into());
         let share = 100.0 * self.hole_area_share;
         let open = format!(
-            "edges of one triangle around {} holes, left open; for volume and mass fans close them ({share:.2} % of the \
-             surface)",
+            "edges of one triangle around {} holes, left open; for volume and mass, triangle fans close them \
+             ({share:.2} % of the surface)",
             self.holes
         );
         say(self.boundary_edges, open);

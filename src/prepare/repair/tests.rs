@@ -64,7 +64,7 @@ fn a_sound_mesh_comes_back_bit_by_bit() {
     for mesh in [tetrahedra(&[(DVec3::ZERO, 1.0), (DVec3::X, 1.0)]), boxed(DVec3::ZERO, DVec3::ONE, 3)] {
         let (same, report) = repair(mesh.clone()).unwrap();
         assert_eq!(same, mesh);
-        assert!(report.is_clean() && report.triangles_kept == mesh.triangles.len(), "{report:?}");
+        assert!(report.is_clean() && report.triangles_kept == mesh.triangles.len(), "unexpected report: {report:?}");
     }
 }
 
@@ -86,7 +86,7 @@ fn a_soup_is_joined_to_the_first_of_its_vertices() {
     assert_eq!((&mended.vertices, report.boundary_edges.count, report.pieces), (&soup.vertices, 0, 1));
     assert!(mended.triangles.iter().flatten().zip(soup.triangles.iter().flatten()).all(|(new, old)| new <= old));
     assert_sound(&mended);
-    assert!(answer(&soup).contains("vertices at open edges coincide"), "{}", answer(&soup));
+    assert!(answer(&soup).contains("vertices at open edges coincide"), "the refusal is: {}", answer(&soup));
 }
 
 #[test]
@@ -101,12 +101,13 @@ fn slivers_copies_and_turned_faces_are_undone() {
     assert_eq!((report.zero_area.count, report.duplicates.count, report.turned_triangles), (1, 50, turned));
     assert_eq!(report.duplicates.first_triangle, Some(sphere.triangles.len()));
     assert_sound(&mended);
-    assert!(answer(&mesh).contains("1 triangles without area"), "{}", answer(&mesh));
+    assert!(answer(&mesh).contains("1 triangles without area"), "the refusal is: {}", answer(&mesh));
 }
 
 #[test]
 fn every_triangle_knows_where_it_came_from() {
-    // The mesh has triangles to be merged, removed, found duplicate, and turned over one by one and as a whole piece.
+    // The mesh has vertices to be merged, a triangle without area, a duplicate, and triangles to be reversed one by one
+    // and as a whole piece.
     let mut mesh = join(boxed(DVec3::splat(3.0), DVec3::splat(4.0), 2), soup(&ball(1.0)));
     mesh.triangles.iter_mut().take(48).for_each(|t| t.swap(0, 1));
     mesh.triangles.iter_mut().step_by(9).for_each(|t| t.swap(1, 2));
@@ -137,7 +138,7 @@ fn a_collapsed_edge_is_closed_again() {
     mesh.vertices[at] = mesh.vertices[to];
     let (mended, report) = repair(mesh).unwrap();
     assert_eq!((report.zero_area.count, report.welded_vertices.count, report.boundary_edges.count), (2, 1, 0));
-    assert!((report.volume - 1.0).abs() < ROUNDING, "{}", report.volume);
+    assert!((report.volume - 1.0).abs() < ROUNDING, "volume {}, expected 1", report.volume);
     assert_sound(&mended);
 }
 
@@ -147,8 +148,8 @@ fn pieces_are_turned_outwards_and_cavities_follow_what_is_around_them() {
     let cavity = (DVec3::splat(1.0), -1.0);
     assert_eq!(answer(&tetrahedra(&[outer, cavity])), "");
     let beside = tetrahedra(&[outer, (DVec3::splat(20.0), -1.0)]);
-    assert!(answer(&beside).contains("inside out, first at triangle 4"), "{}", answer(&beside));
-    // This piece lies in the other one's bounding box, but outside the other one.
+    assert!(answer(&beside).contains("inside out, first at triangle 4"), "the refusal is: {}", answer(&beside));
+    // This inverted piece lies in the bounding box of the outer piece, but outside that piece, so it is no cavity.
     assert!(answer(&tetrahedra(&[outer, (DVec3::splat(8.0), -1.0)])).contains("inside out"));
     let (mended, report) = repair(beside).unwrap();
     assert_eq!((report.turned_pieces.count, report.cavities), (1, 0));
@@ -168,13 +169,20 @@ fn holes_are_closed_for_volume_alone() {
     let (open, report) = repair(mesh.clone()).unwrap();
     assert_eq!((&open, full - mesh.triangles.len()), (&mesh, 32));
     assert_eq!((report.boundary_edges.count, report.holes), (16, 1));
-    assert!((report.volume - 1.0).abs() < ROUNDING && (report.hole_area_share - 0.2).abs() < ROUNDING, "{report:?}");
-    // The proxies are filled behind the hole: one convex body with one hull.
+    assert!(
+        (report.volume - 1.0).abs() < ROUNDING && (report.hole_area_share - 0.2).abs() < ROUNDING,
+        "unexpected report: {report:?}"
+    );
+    // The proxies fill the solid behind the hole, so the open box counts as one convex body with one hull.
     let skin = skin::build(open.vertices, open.triangles);
     let proxies = proxy::proxies(&skin).unwrap();
     proxy::tests::check(&skin, &proxies);
     assert_eq!(proxies.len(), 1);
-    assert!(answer(&mesh).contains("the surface is open: 16 edges with one triangle"), "{}", answer(&mesh));
+    assert!(
+        answer(&mesh).contains("the surface is open: 16 edges with one triangle"),
+        "the refusal is: {}",
+        answer(&mesh)
+    );
 }
 
 #[test]
@@ -204,7 +212,7 @@ fn crossings_are_counted_and_touching_is_not() {
     mesh.vertices[5].x = 2.0;
     let found = repair(mesh.clone()).unwrap().1.self_intersections;
     assert_eq!((found.count, &found.first_pairs[..]), (3, &[[3, 4], [3, 5], [3, 7]][..]));
-    // Moved exactly onto that face, the corner only touches it.
+    // With the corner moved exactly onto that face, the triangles only touch.
     mesh.vertices[5].x = 0.75;
     assert_eq!(repair(mesh).unwrap().1.self_intersections.count, 0);
 }
@@ -233,7 +241,7 @@ fn what_has_no_inside_is_refused() {
         let mut mesh = sphere.clone();
         spoil(&mut mesh);
         let refusal = repair(mesh).unwrap_err();
-        assert!(refusal.problem.contains(words), "{words}: {}", refusal.problem);
+        assert!(refusal.problem.contains(words), "expected `{words}` in: {}", refusal.problem);
     }
     // A Moebius strip of five triangles.
     let moebius = TriangleMesh {
@@ -257,6 +265,6 @@ fn each_spoiled_face_is_seen() {
     for (spoil, words) in cases {
         let mut mesh = sound.clone();
         spoil(&mut mesh);
-        assert!(answer(&mesh).contains(words), "{words}: {}", answer(&mesh));
+        assert!(answer(&mesh).contains(words), "expected `{words}` in: {}", answer(&mesh));
     }
 }

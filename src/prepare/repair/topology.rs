@@ -1,4 +1,5 @@
-//! Edges of a triangle mesh and the triangles at each edge. The records are sorted, so nothing depends on hashing.
+//! Edges of a triangle mesh and the triangles at each edge. A *use* is the record of one triangle at one of its edges;
+//! the records are sorted, so nothing depends on hashing.
 
 /// One triangle's use of an edge.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -10,7 +11,7 @@ pub(super) struct Use {
     pub forward: bool,
 }
 
-/// All uses of edges. Those of one edge are adjacent, in order of triangle.
+/// The uses of all edges. The uses of one edge are adjacent, in order of triangle.
 pub(super) struct Edges(Vec<Use>);
 
 impl Edges {
@@ -45,8 +46,8 @@ impl Edges {
     }
 
     /// The directed edges that remain when each edge's uses in one direction are cancelled against those in the other:
-    /// fans must run against them to close the surface. For a consistently oriented surface they are its open edges; an
-    /// edge of many triangles remains as often as its uses in the two directions differ.
+    /// triangle fans must run against them to close the surface. For a consistently oriented surface they are its open
+    /// edges; an edge of many triangles remains as often as its uses in the two directions differ.
     pub(super) fn unmatched(&self) -> Vec<[u32; 2]> {
         let mut left = Vec::new();
         for uses in self.groups() {

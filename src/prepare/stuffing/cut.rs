@@ -35,7 +35,7 @@ pub(super) enum Side {
     Outside,
 }
 
-/// The result of cutting and warping the lattice.
+/// The cuts of lattice edges and the sides of lattice nodes, after warping.
 pub(super) struct Cuts {
     /// Side of each node.
     pub side: Vec<Side>,
@@ -43,13 +43,13 @@ pub(super) struct Cuts {
     pub taken: HashSet<u32>,
     /// New positions of the warped nodes, m.
     pub warped: HashMap<u32, DVec3>,
-    /// For an inside node and a neighbour: where the edge between them leaves the solid, as a share of the edge from
-    /// the inside node.
+    /// For an inside node (first) and a neighbour: where the edge between them leaves the solid, as a share of the edge
+    /// from the inside node.
     pub leave: HashMap<(u32, u32), f64>,
     /// Edges (lower node first) that leave the solid between inside or warped ends, and so connect nothing.
     pub apart: HashSet<(u32, u32)>,
-    /// Edges that leave the solid, but whose ends are connected by a triangle all the same (lower node first), with the
-    /// gap's width, m.
+    /// Edges that leave the solid, but whose ends are nevertheless connected by the two other edges of a lattice
+    /// triangle (lower node first), with the gap's width, m.
     pub welded: Vec<([u32; 2], f64)>,
     /// Edges that pass through the solid between outside ends, which the layer cannot represent, with the width of the
     /// material, m.
@@ -57,7 +57,8 @@ pub(super) struct Cuts {
 }
 
 impl Cuts {
-    /// The cut on the edge from an inside node, as a share of the edge that is limited to what the angles allow.
+    /// The cut on the edge from an inside node, as a share of the edge, clamped to the range for which the angles are
+    /// bounded.
     pub(super) fn share(&self, from: u32, to: u32) -> f64 {
         let least = threshold(from, to);
         self.leave.get(&(from, to)).map_or(0.5, |&t| t.clamp(least, 1.0 - least))
@@ -175,9 +176,9 @@ impl Search<'_> {
         if let (Some(hit), true) = (self.hit, self.level == 0.0) {
             return hit;
         }
-        // The level may lie beyond the samples, which are on different sides of the surface itself. A gap thinner than
-        // twice the level is then divided at its middle, and at an end of the edge the node will be warped to where it
-        // already is.
+        // The level may lie beyond the samples, which are on different sides of the surface itself. The cut is then the
+        // sample itself: the middle of a gap thinner than twice the level, or an end of the edge, where warping leaves
+        // the node in place.
         let (inner, outer) = if from.1 < to.1 { (from, to) } else { (to, from) };
         if outer.1 <= self.level {
             return outer.0;
@@ -209,8 +210,8 @@ impl Search<'_> {
 }
 
 impl Cuts {
-    /// Treats the edges of nodes that were taken in: an edge between two inside ends becomes uncut; any other is cut
-    /// beyond its last hit, but no nearer to the node than the angles allow.
+    /// Sets the cuts on edges of nodes that were taken in: an edge between two inside ends has no cut; any other edge
+    /// is cut beyond its last hit on the surface, but no nearer to the node than [`threshold`] allows.
     fn leave_taken(&mut self, lattice: &Lattice, edges: &[Edge], leaves: &mut [Leave], taken: &[u32]) {
         for &n in taken {
             for m in lattice.neighbours(n) {
@@ -234,11 +235,11 @@ impl Cuts {
         }
     }
 
-    /// Moves every node with cuts too near onto the nearest of these, in node order. Edges to a node that was warped
-    /// earlier have lost their cuts and are ignored.
+    /// Moves every node with cuts too near to it onto the nearest of them, in node order. Edges to a node that was
+    /// warped earlier have lost their cuts and are ignored.
     fn warp(&mut self, lattice: &Lattice, edges: &[Edge], leaves: &[Leave]) {
-        // Node, share of the edge from it to the cut, other node. If an edge has one cut, both ends are tested against
-        // it.
+        // Each entry is a node, the share of an edge from it to the cut, and the other node. If an edge has one cut, it
+        // is tested for both ends.
         let mut near: Vec<(u32, f64, u32)> = Vec::new();
         for (edge, leave) in edges.iter().zip(leaves) {
             let [a, b] = edge.nodes;

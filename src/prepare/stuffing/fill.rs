@@ -1,5 +1,5 @@
 //! Fills the cut lattice: collects the pieces (stencil tetrahedra) of all lattice tetrahedra, numbers their corners,
-//! and gives all positive volume.
+//! and orders the corners so that all volumes are positive. A *cut* is the point where a lattice edge leaves the solid.
 
 use std::collections::HashMap;
 
@@ -18,8 +18,8 @@ pub(super) struct Filling {
     pub tetrahedra: Vec<[u32; 4]>,
 }
 
-/// Fills the inside; nodes are numbered in lattice order. The *limbs* (parts of the solid with a narrow gap between
-/// them) that meet in a lattice tetrahedron are filled one by one.
+/// Fills the inside of the solid; nodes are numbered in lattice order. The *limbs* (parts of the solid with a narrow
+/// gap between them) that meet in a lattice tetrahedron are filled one by one.
 pub(super) fn fill(lattice: &Lattice, octants: &Octants, cuts: &Cuts) -> Filling {
     let place = |corner: Corner| match corner {
         Corner::Node(n) => cuts.warped.get(&n).copied().unwrap_or_else(|| lattice.position(n)),
@@ -30,7 +30,7 @@ pub(super) fn fill(lattice: &Lattice, octants: &Octants, cuts: &Cuts) -> Filling
         let side = nodes.map(|n| cuts.side[n as usize]);
         for side in limbs(cuts, nodes, side) {
             let choices = pieces(lattice, nodes, side);
-            // Of several choices, the one with the best worst angle is taken.
+            // Of several choices, the one whose worst angle is best is taken.
             let best = if choices.len() < 2 {
                 choices.into_iter().next()
             } else {
@@ -51,8 +51,8 @@ fn worst(pieces: &[Piece], place: impl Fn(Corner) -> DVec3) -> f64 {
     pieces.iter().map(of).fold(f64::INFINITY, f64::min)
 }
 
-/// The sides of a tetrahedron's corners as seen from each limb in it: for one limb, inside nodes of another limb are
-/// outside, and so are nodes on the surface that no edge connects to the limb.
+/// One assignment of sides to a tetrahedron's corners for each limb in it: inside nodes of another limb count as
+/// outside, and so do nodes on the surface that no edge connects to the limb.
 fn limbs(cuts: &Cuts, nodes: [u32; 4], side: [Side; 4]) -> Vec<[Side; 4]> {
     let inside = |k: &usize| side[*k] == Side::Inside;
     if (0..4).all(|k| !inside(&k)) {

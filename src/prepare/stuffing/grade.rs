@@ -1,10 +1,10 @@
 //! Larger cells inside the solid: an octree over the cells of the background lattice, and the tetrahedra between its
 //! octants. An *octant* of level l is a cube of 2^l cells along each side.
 //!
-//! As in the paper, two octants of one size share four tetrahedra on their common face; one of these is bisected if an
-//! octant beside its outer edge is smaller. An octant with four smaller ones on a face gets eight tetrahedra there, and
-//! the smaller ones get half pyramids. Octants larger than a cell stay away from the surface, so that their tetrahedra
-//! are never cut or warped, and have angles of 35 degrees and more.
+//! As in the paper, two octants of one size share four tetrahedra on their common face; one of these is bisected if a
+//! smaller octant touches its outer edge. An octant with four smaller ones on a face gets eight tetrahedra there, and
+//! each smaller one gets a pyramid, cut into two halves. Octants larger than a cell stay away from the surface, so that
+//! their tetrahedra are never cut or warped, and have angles of 35 degrees and more.
 
 use super::sample::Field;
 use crate::prepare::distance::Solid;
@@ -14,8 +14,8 @@ use crate::prepare::lattice::Lattice;
 /// their nodes are not warped.
 const DEEP: f64 = 2.0;
 
-/// Number of cells around such an octant that must be inside, for surfaces with holes, where the inside may end far
-/// from any triangle.
+/// Number of layers of cells around an octant larger than a cell that must be inside the solid. This is needed for
+/// surfaces with holes, where the inside may end far from any triangle.
 const RING: usize = 2;
 
 /// Whether all nodes of an octant's cells and of [`RING`] cells around it are inside.
@@ -50,7 +50,7 @@ impl Octants {
     }
 
     /// Low cells of all places where an octant of a level fits: it lies deep enough, and everything around it has at
-    /// least the level below.
+    /// least the next lower level.
     fn candidates(&self, solid: &Solid, lattice: &Lattice, field: &Field, level: u8) -> Vec<[usize; 3]> {
         let (size, half) = (1 << level, 1 << (level - 1));
         let mut found = Vec::new();
@@ -75,7 +75,7 @@ impl Octants {
         found
     }
 
-    /// Whether the octant at `low` and everything within half its size around it have at least the level below.
+    /// Whether the octant at `low` and everything within half its size around it have at least the next lower level.
     fn ring_reaches(&self, lattice: &Lattice, low: [usize; 3], level: u8) -> bool {
         let (size, half) = (1usize << level, 1usize << (level - 1));
         let steps = |k: usize| (low[k] - half..low[k] + size + half).step_by(half);
@@ -131,8 +131,8 @@ impl Faces<'_> {
         if cell[axis] < self.lattice.size()[axis] { self.level[self.lattice.place(cell)] } else { 0 }
     }
 
-    /// Makes the tetrahedra of the octant at `cell` on its low or high face along `axis`. Those between two octants of
-    /// one size are made by the upper one.
+    /// Makes the tetrahedra of the octant at `cell` on its low or high face along `axis`. Tetrahedra between two
+    /// octants of one size are made by the octant on the high side of their face.
     fn face(&self, cell: [usize; 3], level: u8, axis: usize, high: bool, f: &mut impl FnMut([u32; 4])) {
         let size = 1usize << level;
         let mut beyond = cell;
@@ -197,7 +197,7 @@ impl Faces<'_> {
         }
     }
 
-    /// Whether the midpoint of an edge between octants of a level is a corner of a smaller octant beside it.
+    /// Whether the midpoint of an edge of an octant of a level is a corner of a smaller octant that touches the edge.
     fn is_split(&self, middle: [i32; 3], level: u8) -> bool {
         (0..8).any(|k: usize| {
             let cell = [0, 1, 2].map(|i| (middle[i] / 2 - (k >> i & 1) as i32) as usize);

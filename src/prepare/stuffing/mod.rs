@@ -6,10 +6,11 @@
 //! (`grade`). All dihedral angles are above 10 degrees for any surface, because the bound depends on the lattice alone.
 //!
 //! There are three additions to the paper. The surface is drawn at a *level*, a signed distance slightly off zero (the
-//! *shift*), so that the volume agrees, which chords of a convex surface would reduce. A lattice edge that leaves the
-//! solid between two inside ends connects nothing, so that *limbs* (parts of the solid with a gap narrower than a cell
-//! between them) stay separate. Outside nodes are *taken in*, that is, count as inside, where a feature is thinner than
-//! the lattice (`thin`). The report counts and locates what could not be kept separate or is too thin.
+//! *shift*), so that the layer's volume equals the surface's: at a shift of zero, flat faces inside a convex surface
+//! would make it too small. A lattice edge that leaves the solid between two inside ends connects nothing, so that
+//! *limbs* (parts of the solid with a gap narrower than a cell between them) stay separate. Outside nodes are *taken
+//! in*, that is, count as inside, where a feature is thinner than a lattice cell (`thin`). The report counts and
+//! locates gaps that were filled and features that are too thin.
 
 mod cut;
 mod fill;
@@ -33,7 +34,7 @@ use super::{Layer, layer, mass};
 pub use report::{Dropped, LayerReport, SurfaceEdge, SurfaceEdges, Thickened};
 use stencil::Corner;
 
-/// Greatest number of tetrahedra in a layer; more would not fit the step on any GPU.
+/// Greatest number of tetrahedra in a layer; a simulation step with more does not fit any GPU.
 pub const MAX_TETRAHEDRA: f64 = 4e6;
 /// Greatest number of tetrahedra in the whole lattice around the skin, used or not (it has a sixth of that number of
 /// nodes).
@@ -56,7 +57,8 @@ pub struct Options {
     pub cell: f64,
     /// Greatest cell edge deep inside, as a multiple of `cell`: 1 (all equal), 2, 4 or 8.
     pub grade: u32,
-    /// Makes a shell: only tetrahedra that have a node less deep than this (m) are kept. `None`: a full layer.
+    /// Makes a shell: only tetrahedra with a node less than this deep below the surface (m) are kept. `None`: a full
+    /// layer.
     pub thickness: Option<f64>,
 }
 
@@ -88,7 +90,7 @@ pub fn stuff(vertices: &[DVec3], triangles: &[[u32; 3]], options: &Options) -> R
     let (surface_volume, clean) = volume::target(&solid, &lattice, &field, vertices, triangles);
     // The condition refuses a NaN too.
     if surface_volume.is_nan() || surface_volume <= LEAST_VOLUME * (high - low).max_element().powi(3) {
-        return Err("the surface encloses nothing: it is turned inside out, flat, or too open; turn or close it".into());
+        return Err("the surface encloses nothing: it is turned inside out, flat, or too open; flip or close it".into());
     }
     let area: f64 = triangles.iter().map(|t| triangle_area(t.map(|i| vertices[i as usize]))).sum();
     let plain = cut::cut(&solid, &lattice, &field, &edges, 0.0, &[]);
@@ -163,8 +165,8 @@ struct Filled {
 }
 
 impl Surface<'_> {
-    /// The filling whose volume is nearest to the wanted one, by the secant method from level 0. Shifts beyond
-    /// [`MAX_SHIFT`] cells are not tried.
+    /// The filling whose volume is nearest to `volume` (m^3), by the secant method from shift 0; `area` is the
+    /// surface's (m^2). Shifts beyond [`MAX_SHIFT`] cells are not tried.
     fn fill_to(&self, volume: f64, area: f64) -> Filled {
         let most = MAX_SHIFT * self.options.cell;
         let mut best = self.fill(0.0);

@@ -1,5 +1,6 @@
-//! Connectivity of the filling: duplicates nodes at which tetrahedra touch by a corner or an edge only, and removes
-//! small separate parts (*bits*).
+//! Connectivity of the filling (all tetrahedra inside the solid): duplicates nodes at which tetrahedra touch by a
+//! corner or an edge only, and removes small separate parts (*bits*). A *cut* is the point where a lattice edge leaves
+//! the solid; a node that was moved onto a cut is *warped*.
 
 use std::collections::BTreeMap;
 
@@ -52,8 +53,7 @@ pub(super) fn split(solid: &Solid, cuts: &Cuts, filling: &mut Filling) -> usize 
     filling.nodes.len() - before
 }
 
-/// Joins *wedges* across shared faces. A wedge is a tetrahedron in `near` (those at the surface) together with one of
-/// its corners.
+/// Joins *wedges* across shared faces. A wedge is a corner of one of the tetrahedra `near` the surface.
 fn joined_wedges(solid: &Solid, filling: &Filling, surface: &[bool], near: &[u32]) -> Sets {
     let mut faces: Vec<([u32; 3], u32, u8)> = Vec::with_capacity(4 * near.len());
     for (local, &t) in near.iter().enumerate() {
@@ -68,7 +68,8 @@ fn joined_wedges(solid: &Solid, filling: &Filling, surface: &[bool], near: &[u32
     for pair in faces.chunk_by(|a, b| a.0 == b.0).filter(|g| g.len() == 2) {
         let [(face, s, opposite_s), (_, t, opposite_t)] = [pair[0], pair[1]];
         let [p, q] = [s, t].map(|local| filling.tetrahedra[near[local as usize] as usize]);
-        // Two limbs that were warped onto the same nodes in the gap between them share a face, but no material.
+        // If nodes in the gap between two limbs (parts of the solid) were warped, the limbs may share a face there, but
+        // no material.
         let in_surface = face.iter().all(|&n| surface[n as usize]);
         let ends = [p[opposite_s as usize], q[opposite_t as usize]].map(|n| filling.nodes[n as usize]);
         if in_surface && leaves(solid, ends[0], ends[1]) {
@@ -84,7 +85,7 @@ fn joined_wedges(solid: &Solid, filling: &Filling, surface: &[bool], near: &[u32
     wedges
 }
 
-/// Whether the segment between two inside nodes leaves the solid.
+/// Whether the segment from `a` to `b`, both inside, leaves the solid.
 fn leaves(solid: &Solid, a: DVec3, b: DVec3) -> bool {
     let hits = solid.hits(a, b);
     hits.windows(2).any(|pair| solid.signed(a.lerp(b, (pair[0] + pair[1]) / 2.0)) > 0.0)
@@ -97,8 +98,8 @@ pub(super) struct Dropped {
     pub place: DVec3,
 }
 
-/// Removes each part that is not the largest (by volume) at any connected piece of the surface that it touches; returns
-/// the number of parts that stay, and those removed.
+/// For each connected piece of the surface, keeps the largest part (by volume) that touches it; removes all other
+/// parts. Returns the number of parts that stay, and the removed parts.
 pub(super) fn drop_bits(
     solid: &Solid,
     (vertices, triangles): (&[DVec3], &[[u32; 3]]),
@@ -123,8 +124,8 @@ pub(super) fn drop_bits(
     }
     let (pieces, piece_count) = skin::parts(vertices.len(), triangles);
     let mut largest: Vec<Option<u32>> = vec![None; piece_count];
-    // Inside nodes are nearest to the surface of their own part; a node on the surface may lie on that of a
-    // neighbouring part.
+    // Only inside nodes are used: their nearest piece of the surface is that of their own part, whereas a node on the
+    // surface may lie on the piece of a neighbouring part.
     let mut asked = vec![false; filling.nodes.len()];
     let touches = |t: &&[u32; 4]| t.iter().any(|&n| on_surface(cuts, filling.corners[n as usize]));
     for &n in filling.tetrahedra.iter().filter(touches).flatten() {

@@ -1,5 +1,6 @@
-//! The report on a filled layer: sizes, angles, volumes, and everything of the surface that the lattice could not
-//! follow. Positions and lengths are in the coordinates of the surface.
+//! The report on a layer (tetrahedral mesh) that was made by filling a surface: sizes, angles, volumes, and features of
+//! the surface that the background lattice could not represent. Positions and lengths are in the coordinates of the
+//! surface.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +11,7 @@ use crate::prepare::quality::quality;
 /// Greatest number of places listed in a report; the worst come first.
 const PLACES: usize = 100;
 
-/// A lattice edge that passes a gap or a piece of material which the layer does not follow.
+/// A lattice edge across a gap that the layer fills, or through a piece of material that it lacks.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceEdge {
     /// Midpoint of the edge, m.
@@ -19,7 +20,7 @@ pub struct SurfaceEdge {
     pub width: f64,
 }
 
-/// Lattice edges of one kind that the layer does not follow.
+/// Lattice edges of one kind: across filled gaps, or through missing material.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceEdges {
     /// Number of such edges.
@@ -37,8 +38,8 @@ pub struct Thickened {
     pub places: Vec<[f64; 3]>,
 }
 
-/// Small parts of the filling that were left out of the layer: those that are the largest at no connected piece of the
-/// surface.
+/// Small parts of the filling that were left out of the layer, because each connected piece of the surface keeps only
+/// the largest part that touches it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Dropped {
     /// Number of parts left out.
@@ -67,7 +68,7 @@ pub struct LayerReport {
     pub clean: bool,
     /// Volume of the layer, including the inside that a shell leaves out, over that of the surface, less one.
     pub volume_difference: f64,
-    /// Outward shift of the surface that made the volumes agree, m.
+    /// Outward shift of the surface that makes the layer's volume agree with the surface's, m.
     pub shift: f64,
     /// Smallest dihedral angle, degrees.
     pub worst_dihedral: f64,
@@ -81,7 +82,7 @@ pub struct LayerReport {
     pub dropped: Dropped,
     /// Number of lattice edges across a gap whose sides were kept separate.
     pub separated: usize,
-    /// Number of nodes duplicated where parts only touched.
+    /// Number of nodes that were duplicated because tetrahedra touched there by a corner or an edge only.
     pub doubled: usize,
     /// Lattice edges across a gap that is filled: both sides are connected within a cell.
     pub welded: SurfaceEdges,
@@ -94,7 +95,7 @@ pub struct LayerReport {
     pub seconds: f64,
 }
 
-/// The report's entry for some lattice edges, given by their nodes and widths.
+/// The report's entry for lattice edges of one kind, given by their nodes and widths (m).
 fn surface_edges(mut edges: Vec<([u32; 2], f64)>, lattice: &Lattice) -> SurfaceEdges {
     edges.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     let place = |nodes: [u32; 2]| (lattice.position(nodes[0]) + lattice.position(nodes[1])) / 2.0;

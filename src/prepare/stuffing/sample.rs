@@ -1,5 +1,6 @@
 //! Samples the solid for isosurface stuffing: signed distances at lattice nodes, and samples along the lattice edges
-//! near the surface. They are computed once; the level at which the surface is drawn is applied later (`cut.rs`).
+//! near the surface. They are computed once; the level (signed distance at which the surface is drawn, slightly off
+//! zero) is applied later (`cut.rs`).
 
 use std::sync::Mutex;
 
@@ -11,11 +12,12 @@ use crate::prepare::lattice::Lattice;
 /// Edge length, in cells, of the largest block that is classified as inside or outside by a single test.
 const BLOCK: usize = 8;
 /// A winding number that differs by this much from both 0 and 1 means that the surface is open, folded over or partly
-/// oriented inwards: the error of dipoles and solid angles is smaller.
+/// oriented inwards: the numerical error of winding numbers is smaller.
 const CLEAN: f64 = 0.2;
 
 /// A stretch of an edge whose middle is nearer to the surface than this share of the stretch's length only grazes it:
-/// it is the chord of a bulge or hollow that is shallow compared with the cell, and neither a gap nor a limb.
+/// it crosses a bulge or hollow that is shallow compared with the cell, which counts neither as a part of the solid nor
+/// as a gap.
 const GRAZING: f64 = 0.15;
 
 /// Signed distance from the surface at every node of a lattice.
@@ -23,7 +25,7 @@ pub(super) struct Field {
     /// Signed distance, m, negative inside: exact up to the requested `reach` from the surface, at least `reach` in
     /// magnitude beyond it.
     pub value: Vec<f64>,
-    /// Whether every winding number that was computed was about 0 or 1.
+    /// Whether all computed winding numbers were about 0 or 1.
     pub clean: bool,
 }
 
@@ -86,7 +88,7 @@ struct Blocks<'a> {
 
 impl Blocks<'_> {
     /// Fills in the nodes of the cells `from..end`; returns whether all winding numbers were clean. A ball that the
-    /// surface does not enter lies wholly inside or outside, so that one winding number serves the block in it.
+    /// surface does not enter lies wholly inside or outside, so that one winding number is enough for the block in it.
     fn fill(&self, from: [usize; 3], end: [usize; 3], values: &mut [f64]) -> bool {
         let low = self.lattice.at(from.map(|c| 2 * c as i32));
         let high = self.lattice.at(end.map(|c| 2 * c as i32 - 1));
@@ -94,8 +96,8 @@ impl Blocks<'_> {
         let distance = self.solid.distance(centre);
         if distance > radius + self.reach {
             let (sign, clean) = self.side(centre);
-            // If the surface is open, the winding number crosses one half away from any triangle: each node is then
-            // tested.
+            // Otherwise each node is tested, because the winding number of an open surface crosses one half far from
+            // any triangle.
             if clean {
                 self.each(from, end, |node, at| values[node] = sign * (distance - at.distance(centre)));
                 return true;
@@ -152,8 +154,9 @@ pub(super) fn edges(solid: &Solid, lattice: &Lattice, value: &[f64]) -> Vec<Edge
         let from = lattice.position(a);
         for b in lattice.neighbours(a).filter(|&b| b > a) {
             let (va, vb) = (value[a as usize], value[b as usize]);
-            // A hit lies within the distances of both ends. An edge with ends on different sides is always taken,
-            // because the winding number of an open surface crosses one half far from any triangle.
+            // If the edge meets the surface, the distances of its ends from the surface add up to at most its length.
+            // An edge with ends on different sides is always taken, because the winding number of an open surface
+            // crosses one half far from any triangle.
             let length = lattice.position(b).distance(from);
             if va.abs() + vb.abs() <= 1.001 * length || (va < 0.0) != (vb < 0.0) {
                 edges.push(Edge { nodes: [a, b], hits: Vec::new(), samples: vec![(0.0, va), (1.0, vb)] });

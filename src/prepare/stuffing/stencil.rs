@@ -1,5 +1,6 @@
-//! Stencils of isosurface stuffing: split the part of one lattice tetrahedron that lies inside the solid into
-//! tetrahedra (*pieces*).
+//! Stencils of isosurface stuffing: they split the part of one lattice tetrahedron that lies inside the solid into
+//! tetrahedra (*pieces*). If several *limbs* (parts of the solid with a narrow gap between them) meet in a lattice
+//! tetrahedron, each is split by itself.
 //!
 //! A face with two inside corners and two cuts (points where its edges leave the solid) leaves a quadrilateral inside,
 //! which two tetrahedra share, so both must choose the same diagonal. If one cut is on a long lattice edge, the

@@ -1,10 +1,11 @@
 //! Features thinner than the lattice: lattice nodes outside the solid are *taken in* (count as inside), so that no
-//! feature becomes separate and no part of the surface is left without a tetrahedron near it.
+//! feature becomes separate and no part of the surface is left without a tetrahedron near it. A node is *filled* if
+//! tetrahedra have it as a node.
 //!
-//! The Voronoi cells of the lattice's nodes are truncated octahedra with a circumradius of 0.56 cell edges. Those that
-//! a feature's axis passes are successive neighbours, so that a chain of nodes within 0.56 cell edges follows every
-//! feature. The nodes of the cheapest chains from filled parts to unfilled ones are taken in; they are found by E.
-//! Dijkstra's algorithm (1959), which charges more for edges outside the solid.
+//! The Voronoi cells of the lattice's nodes are truncated octahedra with a circumradius of 0.56 cell edges. A feature's
+//! axis passes through a sequence of neighbouring Voronoi cells; their nodes are a chain that lies within 0.56 cell
+//! edges of the axis. The nodes of the cheapest chains from filled parts to unfilled ones are taken in; they are found
+//! by E. Dijkstra's algorithm (1959), which charges more for edges outside the solid.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -18,8 +19,8 @@ use crate::prepare::distance::Solid;
 use crate::prepare::lattice::Lattice;
 use crate::prepare::skin::{self, Sets};
 
-/// A vertex of the surface without a filled node within this many cell edges lies on a lost feature. A flat surface
-/// always has one within 0.9.
+/// A vertex of the surface without a filled node within this many cell edges lies on a lost feature. A vertex of a flat
+/// surface always has a filled node within 0.9 cell edges.
 const LOST: f64 = 1.0;
 /// Nodes farther outside than this, in cell edges, are in no chain.
 const FAR: f64 = 0.8;
@@ -33,7 +34,7 @@ struct Limbs<'a> {
     cuts: &'a Cuts,
     /// Part of each inside node.
     label: Vec<u32>,
-    /// For each part whether it stays: the largest part at each connected piece of the surface does.
+    /// For each part whether it stays: at each connected piece of the surface the largest part stays.
     kept: Vec<bool>,
 }
 
@@ -153,14 +154,14 @@ impl<'a> Limbs<'a> {
         self.around(point, 1.0).min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0))).map(|f| f.0)
     }
 
-    /// Whether a filled node of a part that stays, or a node taken in, is near a point.
+    /// Whether a point is near a filled node of a part that stays, or near a node that was taken in.
     fn covers(&self, point: DVec3, taken: &[bool]) -> bool {
         let holds = |(n, _): (u32, f64)| {
             let on = || self.cuts.side[n as usize] == Side::On;
             let held = || self.lattice.neighbours(n).any(|m| self.is_kept(m) && self.cuts.joined(n, m));
             taken[n as usize] || self.is_kept(n) || (on() && held())
         };
-        // Most vertices have one close by, so a small neighbourhood is tried first.
+        // Most vertices have such a node close by, so a small neighbourhood is tried first.
         self.around(point, 0.5).any(holds) || self.around(point, LOST).any(holds)
     }
 

@@ -1,4 +1,4 @@
-//! The volume inside the surface, which the layer should have.
+//! The volume inside the surface, which the layer (tetrahedral mesh) should have.
 
 use glam::DVec3;
 
@@ -7,7 +7,8 @@ use crate::prepare::distance::{HALF, Solid};
 use crate::prepare::lattice::Lattice;
 use crate::prepare::mass;
 
-/// Approximate number of sample points for a surface that is not clean: the volume is then accurate to two thousandths.
+/// Approximate number of sample points for a surface that is not closed and clean (winding number 0 or 1 everywhere):
+/// the volume is then accurate to two thousandths.
 const POINTS: usize = 60_000;
 
 /// Volume inside the surface, m^3, and whether it is the exact volume of a closed surface. For a surface that is open,

@@ -10,7 +10,8 @@ use crate::Result;
 /// Number of dimensions of a volume; only groups of volumes contain tetrahedra.
 const VOLUME: usize = 3;
 
-/// Reads `$PhysicalNames`: per line a dimension, a number and a quoted name. It is text in binary files too.
+/// Reads `$PhysicalNames`: on each line a dimension, a number and a quoted name. The section is text in binary files
+/// too.
 pub(super) fn names(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     const WHAT: &str = "a physical name (dimension, number, name)";
     let line = cursor.need("the number of physical names")?;
@@ -30,8 +31,8 @@ pub(super) fn names(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     cursor.expect("$EndPhysicalNames")
 }
 
-/// Reads `$Entities` of MSH 4.1: the first physical group of each volume, by the volume's tag. A volume in several
-/// groups adds a note.
+/// Reads `$Entities` of MSH 4.1: the first physical group of each volume, by the volume's tag. Adds a note for a volume
+/// that is in several groups.
 pub(super) fn volumes(cursor: &mut Cursor, file: &mut Contents) -> Result<HashMap<i64, i64>> {
     let counts = whole(cursor, "the counts of $Entities", 0, 4)?;
     let mut groups = HashMap::new();
@@ -44,7 +45,7 @@ pub(super) fn volumes(cursor: &mut Cursor, file: &mut Contents) -> Result<HashMa
             if physical.len() > 1 {
                 let all: Vec<String> = physical.iter().map(i64::to_string).collect();
                 let all = all.join(", ");
-                file.notes.push(format!("volume {tag} is in physical groups {all}; the first is taken"));
+                file.notes.push(format!("volume {tag} is in physical groups {all}; the first is used"));
             }
         }
     }
@@ -52,8 +53,8 @@ pub(super) fn volumes(cursor: &mut Cursor, file: &mut Contents) -> Result<HashMa
     Ok(groups)
 }
 
-/// Reads an entity and returns its tag and physical groups. In the file these are a tag, a point or a box, the groups
-/// after their number and, except for points, the bounding entities after theirs.
+/// Reads an entity and returns its tag and physical groups. The file gives a tag, a point or a box, the number of
+/// groups and the groups, and, except for points, the number of bounding entities and these entities.
 fn entity(cursor: &mut Cursor, dimension: usize) -> Result<(i64, Vec<i64>)> {
     const WHAT: &str = "an entity (tag, place, physical groups)";
     let reals = if dimension == 0 { 3 } else { 6 };
@@ -79,7 +80,7 @@ fn entity(cursor: &mut Cursor, dimension: usize) -> Result<(i64, Vec<i64>)> {
     Ok((tag, physical))
 }
 
-/// Reads binary integers, whose number stands before them.
+/// Reads binary integers that follow their number.
 fn counted(cursor: &mut Cursor, what: &str) -> Result<Vec<i64>> {
     let count = whole(cursor, what, 0, 1)?[0];
     (0..cursor.natural(count, what)?).map(|_| cursor.i32(what).map(i64::from)).collect()

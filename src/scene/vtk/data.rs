@@ -1,30 +1,30 @@
-//! Reads the data on the cells of a VTK grid. One array of them gives the groups of tetrahedra: the one called `group`,
-//! else the first that has one whole number per cell.
+//! Reads the data on the cells of a VTK grid. One of the arrays gives the groups of tetrahedra: the array called
+//! `group`, or else the first array with one whole number per cell.
 
 use super::super::cursor::{Cursor, Order, short};
 use super::{count, size_of};
 use crate::Result;
 
-/// Name of the array that gives the groups, wherever it stands.
+/// Name of the array that gives the groups, at any position among the arrays.
 const GROUP: &str = "group";
 
 /// The groups found so far.
 #[derive(Default)]
 pub(super) struct CellData {
-    /// Whether they are from an array called [`GROUP`].
+    /// Whether the groups are from an array called [`GROUP`].
     is_named: bool,
-    /// One number per cell; empty where none have been found.
+    /// One number per cell; empty if no array has been found.
     pub groups: Vec<i64>,
 }
 
-/// A section of data: on cells or on points, and for how many of them.
+/// A section of data: on cells or on points, and the number of these.
 struct Section {
     is_cells: bool,
     count: u64,
 }
 
 impl CellData {
-    /// Reads from a `POINT_DATA` or `CELL_DATA` line, which has these words, to the end of the file.
+    /// Reads from a `POINT_DATA` or `CELL_DATA` line, whose words are `words`, to the end of the file.
     pub(super) fn read(&mut self, cursor: &mut Cursor, words: &[&str]) -> Result<()> {
         let mut section = section(cursor, words)?;
         while let Some(line) = cursor.next_filled() {
@@ -81,7 +81,8 @@ impl CellData {
         Ok(())
     }
 
-    /// Reads an array of (type, tuples, components); keeps it if it gives groups better than what was found before.
+    /// Reads an array of (type, tuples, components); keeps it if it is a better choice for the groups than an earlier
+    /// array.
     fn array(
         &mut self,
         cursor: &mut Cursor,
@@ -152,7 +153,7 @@ fn skip(cursor: &mut Cursor, kind: &str, numbers: u64) -> Result<()> {
     (0..numbers).try_for_each(|_| cursor.word(WHAT).map(|_| ()))
 }
 
-/// Skips colours; each component is one byte where the file is binary.
+/// Skips colours; in a binary file each component is one byte.
 fn colours(cursor: &mut Cursor, count: u64, components: u64) -> Result<()> {
     skip(cursor, "unsigned_char", count.saturating_mul(components))
 }

@@ -1,6 +1,6 @@
 //! The Galerkin coarse matrix A_c = P^T A P of a soft body at rest: A is the matrix of implicit Euler with step h =
 //! `dt`, (1 + h alpha) M + (h^2 + h beta) K, and P maps the modes of blocks of nodes to node velocities (see
-//! `coarse.rs`).
+//! `coarse.rs`). A core is a rigid body inside the soft one, to which nodes are attached.
 
 use std::collections::BTreeMap;
 
@@ -24,7 +24,8 @@ impl Model {
             }
         }
         let mut matrix = self.restricted(soft, &bases, BLOCK_UNKNOWNS * blocks.len(), dt);
-        // All blocks of a core share its six modes; a joint's springs are added to those of the first block.
+        // All blocks of a core move with its one twist; a joint's springs are added to the modes of the core's first
+        // block alone.
         let first_unknown = |core: usize| {
             let first = blocks.iter().position(|b| *b == self.blocks.cores[core].1.start)?;
             Some(BLOCK_UNKNOWNS * first)

@@ -1,5 +1,6 @@
-//! Scalar fields that are shown as colours: contact depth and pressure, strain energy, displacement. They are computed
-//! from the state that a step leaves, and change none of it.
+//! Scalar fields that are shown as colours on the skins (surface meshes): contact depth and pressure, strain energy,
+//! displacement. They are computed from the state that a step leaves, and do not change it. A frame is a rigid
+//! coordinate frame, a core a rigid body inside a soft one, to which nodes are attached.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -22,9 +23,9 @@ pub enum Field {
     /// found at a vertex of either skin; it counts for that vertex and for the three corners of the triangle that its
     /// ray hits. Of several contacts of a vertex the deepest is shown.
     Depth,
-    /// Pressure of the last step's contacts at its end, Pa: times a contact's area it is the contact's force along its
-    /// normal. It is shown at the same vertices as the depth, the greatest one of each. After a saved state was
-    /// restored, and until the next step, it is the pressure at the start of the last step.
+    /// Pressure of the last step's contacts at the end of the step, Pa; a contact's pressure times its area is its
+    /// force along its normal. Pressure is shown at the same vertices as depth, at each the greatest one. After a saved
+    /// state was restored, and until the next step, it is the pressure at the start of the last step.
     Pressure,
     /// Strain energy density of the tetrahedral mesh in which the skin is embedded, J/m^3, by the law of each
     /// tetrahedron's material: averaged by volume around each node, and interpolated to the skin by its embedding
@@ -84,8 +85,8 @@ pub struct Fields {
     pub most_values: [Buffer; 4],
 }
 
-/// Names by which kernels may bind a field's array: the kernel for contacts writes two of them at once, by their own
-/// names.
+/// Names by which kernels may bind a field's array. The kernel for contacts writes depths and pressures at once and
+/// binds each array by a name of its own.
 fn roles(field: Field) -> &'static [&'static str] {
     match field {
         Field::Depth => &["depths", "values"],
@@ -94,7 +95,8 @@ fn roles(field: Field) -> &'static [&'static str] {
     }
 }
 
-/// F-bar patches, tetrahedra that share one volumetric strain, with the kernel that adds its energy.
+/// The F-bar patches (groups of tetrahedra that share one volumetric strain), with the kernel that adds the energy of
+/// this strain.
 struct Patches {
     kernel: Kernel,
     count: u32,
@@ -103,8 +105,8 @@ struct Patches {
 }
 
 impl Fields {
-    /// Kernels and arrays for a model. `ranges`: each body's skin vertices among those of all; `touch`: the contact
-    /// arrays, where anything can touch.
+    /// Kernels and arrays for a model. `ranges`: for each body the range of its vertices among the skin vertices of all
+    /// bodies; `touch`: the contact arrays, where anything can touch.
     pub fn new(
         context: &Arc<Context>,
         model: &Model,
@@ -192,8 +194,8 @@ impl Fields {
         }
     }
 
-    /// Records the passes that fill an array for other vertices, whose mesh is attached to nodes: with the field's
-    /// values there, or with zeros for a field that is defined by contacts.
+    /// Records the passes that fill `values` for the vertices of another mesh, which are attached to nodes: with the
+    /// field's values there, or with zeros for a field that is defined by contacts.
     pub fn record_onto(
         &self,
         recorder: &mut Recorder,
@@ -232,8 +234,8 @@ impl Fields {
         }
     }
 
-    /// Records one pass that finds the greatest value in each of `ranges`, which are two u32 each: first, and one past
-    /// the last.
+    /// Records one pass that finds the greatest value in each of `ranges`. A range is two u32: its first index, and one
+    /// past its last.
     pub fn record_most(&self, recorder: &mut Recorder, ranges: &Buffer, values: &Buffer, most: &Buffer) {
         let arguments = shaders::draw::Most { ranges, values, most };
         recorder.dispatch_groups(&self.most, &arguments, (ranges.bytes() / 8) as u32);

@@ -1,5 +1,5 @@
-//! Meshes that are drawn besides the skins: they are made once on the host, and the GPU updates their positions
-//! whenever they are shown.
+//! Meshes that are drawn in addition to the skins (surface meshes of the bodies). They are made once on the host, and
+//! the GPU updates their positions whenever they are shown. A frame is a rigid coordinate frame.
 
 use std::sync::Arc;
 
@@ -55,11 +55,11 @@ impl Outline {
 
 /// A mesh on the GPU.
 pub struct Mesh {
-    /// Its vertices.
+    /// The vertices of the mesh.
     pub points: Points,
     /// Three u32 per triangle, packed, padded with zeros to a whole texel of four.
     pub triangles: Buffer,
-    /// One float per vertex to colour it by, packed, padded likewise.
+    /// One float per vertex to colour it by, packed and padded in the same way as `triangles`.
     pub values: Buffer,
     /// The range of all vertices: 0, and their number.
     pub range: Buffer,

@@ -18,12 +18,12 @@ pub struct Points {
     /// Per vertex: the weights of its nodes, or its position in the frame, m.
     pub weights: Buffer,
     rigid_frames: Buffer,
-    /// Per vertex: its position now, m, relative to the origin; w is 1.
+    /// Per vertex: its current position, m, relative to the origin that `frames` is relative to; w is 1.
     pub positions: Buffer,
 }
 
 impl Points {
-    /// Kernel and arrays for `vertices` vertices; `rigid_frames`: the frame of each that is attached to one.
+    /// Kernel and arrays for `vertices` vertices; `rigid_frames`: the frame of each vertex that is attached to one.
     pub fn new(
         context: &Arc<Context>,
         vertices: usize,
@@ -41,7 +41,7 @@ impl Points {
         })
     }
 
-    /// Records one pass over the vertices; `frames`: where the frames are, written by the host.
+    /// Records one pass over the vertices; `frames`: the current poses of the coordinate frames, written by the host.
     pub fn record(&self, recorder: &mut Recorder, frames: &Buffer, elastic: &Elastic) {
         recorder.stage("draw");
         let arguments = shaders::draw::Place {

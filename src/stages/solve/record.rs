@@ -1,4 +1,5 @@
-//! Records the passes of the solver, in the order in which they run.
+//! Records the passes of the solver, in the order in which they run. Iterates (residual, direction and so on) have two
+//! copies, or sets; an iteration reads one set and writes the other.
 
 use std::mem::offset_of;
 
@@ -8,7 +9,7 @@ use super::{Solve, Variant};
 use crate::gpu::{Buffer, Kernel, Recorder};
 use crate::shaders;
 
-/// The vector that the operator is applied to: the newest solution, or the preconditioned residual of a set of
+/// The vector that the operator is applied to: the latest solution, or the preconditioned residual of one set of
 /// iterates.
 #[derive(Clone, Copy)]
 enum Change {
@@ -117,8 +118,8 @@ impl Solve {
         );
     }
 
-    /// Records solver iterations of three dependent passes each, an even number of them. Once the solver has converged,
-    /// their indirect arguments are zero and they cost next to nothing.
+    /// Records `iterations` solver iterations, rounded up to an even number, of three dependent passes each. Once the
+    /// solver has converged, the indirect arguments of these passes are zero, and they cost next to nothing.
     pub fn record_iterations(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, iterations: u32) {
         recorder.stage("solve");
         for iteration in 0..iterations.next_multiple_of(2) {
@@ -159,8 +160,8 @@ impl Solve {
                 rigid_inverses: Some(&self.rigid_inverses),
             };
             recorder.together(|recorder| {
-                // The first variant is dispatched by the loop's indirect arguments and writes them; the others run at
-                // the same time and must do neither.
+                // The first variant is dispatched by the loop's indirect arguments and writes them anew; the other
+                // variants run at the same time, so they must neither read nor write these arguments.
                 for (index, Variant { kernel, groups, args_index }) in self.update.iter().enumerate() {
                     if index == 0 {
                         recorder.dispatch_indirect(kernel, &arguments, &common.args, *args_index);
@@ -172,8 +173,8 @@ impl Solve {
         }
     }
 
-    /// Records what follows the iterations: the residual computed anew, the verdict, and the new state where it is
-    /// accepted.
+    /// Records what follows the iterations: the residual computed anew, the verdict whether the solution is accepted,
+    /// and, if it is, the new state.
     pub fn record_end(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("solve");
         let touch = self.touch.as_ref();
@@ -247,8 +248,9 @@ impl Solve {
         recorder.dispatch_groups(kernel, &arguments, self.block_count);
     }
 
-    /// Records the inversion of the dynamic cores' blocks. Cores that joints connect form a group; the workgroup of its
-    /// first core does the work, and those of the others return at once.
+    /// Records the inversion of the diagonal blocks of A for the twists of dynamic cores, which are rigid bodies that
+    /// forces move. Cores that joints connect form a group; the workgroup of the group's first core does the work, and
+    /// the workgroups of the others return at once.
     fn record_cores(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         let Some(kernel) = &self.cores else { return };
         let arguments = shaders::solve::Cores {
@@ -268,6 +270,7 @@ impl Solve {
         recorder.dispatch_groups(kernel, &arguments, self.core_count as u32);
     }
 
+    /// Records the operator's products with a vector, element by element: of tetrahedra, F-bar patches and contacts.
     fn record_product(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, change: Change) {
         let (of_solution, set, vector) = match change {
             Change::Solution => (1, 0, &self.solution),
@@ -319,7 +322,7 @@ impl Solve {
     }
 
     /// Records the sums of element and contact products at nodes, with the inner products that follow. `set`: the set
-    /// of iterates, in the loop.
+    /// of iterates that is read; `None` outside the solver's loop.
     fn record_gather(
         &self,
         recorder: &mut Recorder,
@@ -328,7 +331,7 @@ impl Solve {
         kernels: &[Variant],
         set: Option<u32>,
     ) {
-        // Which vectors the inner products are taken with depends on the mode of solve/gather.
+        // The mode of solve/gather determines with which vectors the inner products are taken.
         let (change, preconditioned, residual_or_rhs) = match set {
             Some(set) => {
                 let now = self.preconditioned.now(set);

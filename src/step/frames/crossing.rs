@@ -1,4 +1,5 @@
-//! How stiff the nodes of a frame are for their size: the time that a pressure wave takes across them.
+//! How stiff the part of a body that is measured in one rigid coordinate frame is for its size: the time that a
+//! pressure wave takes across it.
 
 use glam::DVec3;
 

@@ -1,5 +1,6 @@
 //! The motion of all rigid coordinate frames, for saving it with a simulation's state and restoring it; masses and
-//! joints are not part of it.
+//! joints are not saved. Driven frames follow a trajectory, floating ones are fitted to nodes, dynamic ones are moved
+//! by forces.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -14,14 +15,14 @@ pub struct SavedFrame {
     end: Place,
     /// Linear and angular velocity, world axes, m/s and rad/s; of floating and dynamic frames.
     twist: [DVec3; 2],
-    /// Translation (m) and rotation vector (rad) from the frame to its fit; of floating frames.
+    /// Translation (m) and rotation vector (rad) from the frame to the fit of its nodes; of floating frames.
     fit: [DVec3; 2],
     /// Reference trajectory; of driven frames.
     trajectory: Option<Trajectory>,
 }
 
 impl SavedFrame {
-    /// Whether its trajectory, if it has one, has a pose at any time.
+    /// Whether the frame's trajectory, if it has one, has a key and so a pose at any time.
     pub fn is_whole(&self) -> bool {
         self.trajectory.as_ref().is_none_or(Trajectory::is_whole)
     }

@@ -1,4 +1,5 @@
-//! Where the contact patches of the last step are, as rectangles to display.
+//! The contact patches of the last step as rectangles to display. A contact patch is an area with one normal where two
+//! bodies may touch; rays along the normal give the depth of contacts.
 
 use glam::DVec3;
 
@@ -8,7 +9,8 @@ use crate::prepare::Shape;
 use crate::shaders::ContactPatch;
 use crate::stages::PAIR_PATCHES;
 
-/// A contact patch of the last step: the direction of its rays, and the rectangle across it that both bodies cover.
+/// A contact patch of the last step: its normal, along which depth is measured, and the rectangle across the normal
+/// that both bodies cover.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactPatchRectangle {
     /// The two bodies, as indices; the normal points from the first to the second. The tool comes after the bodies.

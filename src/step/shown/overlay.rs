@@ -1,5 +1,6 @@
-//! Meshes that are drawn besides the skins, to see what the step works with: collision proxies, tetrahedral meshes,
-//! cores and bones.
+//! Meshes that are drawn in addition to the skins (surface meshes) and show what the step works with: collision proxies
+//! (convex hulls that cover the skins), tetrahedral meshes, cores (rigid bodies inside a soft one, to which nodes are
+//! attached) and bones (cores given by a capsule).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -62,14 +63,14 @@ pub struct Part {
     pub triangles: Range<usize>,
 }
 
-/// An overlay's mesh on the GPU, as it was when it was asked for. Its buffers are handles of the same arrays each time.
+/// An overlay's mesh on the GPU, as it was when it was asked for. Every call returns handles of the same arrays.
 #[derive(Clone)]
 pub struct Mesh {
     /// One vec4 per vertex: position, m, relative to the origin that was asked for; w is 1.
     pub positions: Buffer,
     /// Three u32 per triangle, counter-clockwise seen from outside, packed, padded to a whole texel of four.
     pub triangles: Buffer,
-    /// One float per vertex to colour it by, packed, padded likewise.
+    /// One float per vertex to colour it by, packed and padded in the same way as `triangles`.
     pub values: Buffer,
     /// The greatest of the values; zero where there are none.
     pub greatest: f32,
@@ -102,9 +103,9 @@ pub(super) struct ShownMesh {
 }
 
 impl Simulation {
-    /// The mesh of an overlay as it is now, relative to `origin` (m): its arrays are filled when this returns, and stay
-    /// so until the same overlay is asked for again. They are made at the first call, and anew whenever those of the
-    /// skins are; tetrahedral meshes also when their cut has changed.
+    /// The mesh of an overlay as it is now, relative to `origin` (m). Its arrays are filled when this returns, and keep
+    /// their contents until the same overlay is asked for again. They are made at the first call, and made anew
+    /// whenever the arrays of the skins are; those of tetrahedral meshes also when a cut has changed.
     #[doc(hidden)]
     pub fn overlay(&mut self, overlay: Overlay, origin: DVec3) -> Result<Mesh> {
         if let Overlay::Layers(_) = overlay {
@@ -142,7 +143,7 @@ impl Simulation {
     #[doc(hidden)]
     pub fn cut_layer(&mut self, body: usize, cut: Option<Cut>) -> Result<()> {
         if self.layer_cut(body).is_none() {
-            return Err(Error::Usage(format!("body {body} has no layer to cut open")));
+            return Err(Error::Usage(format!("body {body} is not soft, so it has no layer to cut open")));
         }
         match cut {
             None => self.cuts.remove(&body),
@@ -296,8 +297,8 @@ impl Building {
     }
 }
 
-/// The default cut: through the middle of a mesh's box, across the shorter of the x and z axes, so that most of it is
-/// seen.
+/// The default cut: through the middle of a mesh's box, across the shorter of the x and z axes, so that most of the
+/// mesh is seen.
 fn middle(layer: &Layer) -> Cut {
     let low = layer.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = layer.nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -323,7 +324,8 @@ fn opened(layer: &Layer, cut: Cut) -> (Vec<[u32; 3]>, Vec<[u32; 3]>) {
     faces.partition(|face| outer.contains(&sorted(*face)))
 }
 
-/// Adds triangles of a body's nodes; the body's first node is number `first` among all. Each node becomes one vertex.
+/// Adds triangles whose corners are nodes of a body; the body's first node has the index `first` among all nodes. Each
+/// node becomes one vertex.
 fn add_faces(outline: &mut Outline, first: u32, faces: &[[u32; 3]], value: f32) {
     let nodes: BTreeSet<u32> = faces.iter().flatten().copied().collect();
     let vertices: BTreeMap<u32, u32> =
@@ -331,8 +333,9 @@ fn add_faces(outline: &mut Outline, first: u32, faces: &[[u32; 3]], value: f32) 
     outline.triangles.extend(faces.iter().map(|face| face.map(|node| vertices[&node])));
 }
 
-/// Number of vertices around a capsule, and below it the number of rings on each of its ends.
+/// Number of vertices around a capsule.
 const AROUND: usize = 16;
+/// Number of rings of vertices on each end of a capsule.
 const RINGS: usize = 5;
 
 /// Adds a capsule that tapers from the radius at one end of its axis to that at the other: two half spheres with a cone

@@ -1,4 +1,5 @@
-//! Invariants of contact and culling: rays against brute force and the analytic sphere, convex hulls against parry.
+//! Invariants of contact and culling: depths by rays against brute force and the analytic sphere, convex hulls against
+//! parry.
 
 use glam::{DQuat, DVec3};
 
@@ -60,15 +61,15 @@ fn rays_agree_with_trying_every_triangle() {
     let mut count = 0;
     for (i, x) in a.iter().enumerate() {
         let expected = if facing[i].dot(normal) > 0.0 { brute(normal, *x, &b, &bt) } else { None };
-        assert_eq!(hits[i].is_some(), expected.is_some(), "vertex {i}");
+        assert_eq!(hits[i].is_some(), expected.is_some(), "vertex {i}: hit by ray and by brute force");
         let (Some(hit), Some(expected)) = (hits[i], expected) else { continue };
         count += 1;
-        assert!((hit.depth - expected).abs() < 1e-14, "{} {expected}", hit.depth);
+        assert!((hit.depth - expected).abs() < 1e-14, "depth {} m, expected {expected} m", hit.depth);
         let corners = bt[hit.triangle as usize];
         let point: DVec3 = (0..3).map(|k| b[corners[k] as usize] * hit.barycentric[k]).sum();
-        assert!((*x - hit.depth * normal).distance(point) < 1e-14, "barycentrics give the hit on the ray");
+        assert!((*x - hit.depth * normal).distance(point) < 1e-14, "barycentric coordinates must give the hit point");
     }
-    println!("rays: {count} of {} vertices in contact", a.len());
+    println!("rays: {count} of {} vertices are in contact", a.len());
     assert!(count > 50);
 }
 
@@ -87,8 +88,11 @@ fn depths_between_spheres_follow_the_analytic_sphere() {
         errors.fold(0.0, f64::max)
     };
     let (coarse, fine) = (worst(4), worst(5));
-    println!("spheres: worst depth error {coarse:.2e} m, {fine:.2e} m, order {:.2}", (coarse / fine).log2());
-    assert!(coarse < 1e-3 && coarse / fine > 3.0, "the error falls as the square of the edge length");
+    println!(
+        "spheres: worst depth error {coarse:.2e} m, on the finer mesh {fine:.2e} m; order of convergence {:.2}",
+        (coarse / fine).log2()
+    );
+    assert!(coarse < 1e-3 && coarse / fine > 3.0, "the error must fall as the square of the edge length");
 }
 
 fn surface<'a>(positions: &[DVec3], triangles: &'a [[u32; 3]], areas: &'a [f64]) -> Surface<'a> {
@@ -110,12 +114,12 @@ fn gathering_is_symmetric_and_its_area_does_not_depend_on_the_cut() {
         }
         (contacts.len(), contacts.iter().map(|c| c.area * c.stiffness * c.depth).sum::<f64>())
     };
-    // The exact force is k times the overlap of two equal spheres of radius R: twice the volume of a cap, pi c^2 (6 R -
-    // 2 c) / 6 with cap height c = 5 mm.
+    // The exact force is k times the volume of the overlap of two equal spheres of radius R: that of two spherical caps
+    // of height c = 5 mm, each pi c^2 (6 R - 2 c) / 6.
     let cap = 0.005f64;
     let exact = 1e6 * 2.0 * std::f64::consts::PI * cap * cap * (0.3 - cap) / 3.0;
     let ((n, coarse), (_, fine), (m, flipped)) = (force(5, false), force(6, false), force(5, true));
-    println!("lens: {n} contacts {coarse:.4} N, finer {fine:.4} N, exact {exact:.4} N");
+    println!("overlapping spheres: {coarse:.4} N by {n} contacts, finer mesh {fine:.4} N, exact {exact:.4} N");
     assert_eq!(n, m);
     assert!((coarse - flipped).abs() < 1e-12 * coarse);
     assert!((coarse - exact).abs() < 0.05 * exact && (fine - exact).abs() < 0.02 * exact);
@@ -129,7 +133,7 @@ fn a_large_query_takes_under_a_second() {
     let hits = ray_depths(DVec3::Z, &a, &at, &b, &bt, 0.02);
     let back = ray_depths(DVec3::NEG_Z, &b, &bt, &a, &at, 0.02);
     let time = clock.elapsed().as_secs_f64();
-    println!("{} against {} vertices: {time:.3} s", a.len(), b.len());
+    println!("rays of {} against {} vertices: {time:.3} s", a.len(), b.len());
     assert!(hits.iter().flatten().count() > 100 && back.iter().flatten().count() > 10);
     assert!(time < 1.0);
 }
@@ -154,13 +158,16 @@ fn penetration_of_convex_pairs_is_bounded_by_parry() {
         let (direction, distance) = cull::exact_distance(&points, &other).unwrap();
         // The separation along parry's direction is parry's distance; no direction separates further.
         let along = cull::separation_along(direction, &points, &other);
-        assert!((along - distance).abs() < 1e-6, "{along} {distance}");
+        assert!((along - distance).abs() < 1e-6, "separation {along} m, expected parry's {distance} m");
         worst = worst.max((along - distance).abs());
-        assert!(separation <= distance + 1e-6, "{separation} {distance}");
+        assert!(separation <= distance + 1e-6, "separation {separation} m exceeds the distance {distance} m");
         assert!((normal.length() - 1.0).abs() < 1e-12);
         equal += usize::from((separation - distance).abs() < 1e-6);
         apart += usize::from(distance > 0.0);
     }
-    println!("convex pairs: worst {worst:.1e} m; face normals exact in {equal} of 200, {apart} apart");
+    println!(
+        "convex pairs: largest difference from parry {worst:.1e} m; of 200 pairs face normals give the exact distance \
+         in {equal}, and {apart} are apart"
+    );
     assert!(equal > 50 && apart > 10 && apart < 190);
 }

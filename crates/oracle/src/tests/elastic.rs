@@ -1,4 +1,5 @@
-//! Invariants of elasticity: rigid motion, patch test, symmetry of the stiffness, energy, rotations.
+//! Invariants of elasticity: rigid motion, the patch test of uniform strain, symmetry of the stiffness, energy,
+//! rotations.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::Layer;
@@ -8,7 +9,7 @@ use super::material;
 use crate::elastic::{Elements, lame, polar_rotation, strain};
 use crate::testing::Random;
 
-/// Tolerance for the rounding of f64 sums of a few hundred terms, relative.
+/// Relative tolerance for the rounding of f64 sums of a few hundred terms.
 const ROUNDING: f64 = 1e-12;
 /// Tolerance for central differences of step 1e-6 on numbers of order one: truncation 1e-12, cancellation 1e-10.
 const DIFFERENCE: f64 = 1e-7;
@@ -37,7 +38,7 @@ fn rigid_motion_gives_no_force() {
     let d: Vec<_> = layer.nodes.iter().map(|r| turn * *r + DVec3::new(3.0, -1.0, 2.0) - *r).collect();
     let force = greatest(&elements.forces(&d, &elements.rotations(&d)));
     let scale = greatest(&elements.forces(&bent, &elements.rotations(&bent)));
-    println!("rigid motion: {force:.1e} N against {scale:.1e} N when bent");
+    println!("largest nodal force: {force:.1e} N in rigid motion, {scale:.1e} N when bent");
     // Displacements of metres on a body of centimetres cost two digits.
     assert!(force < 100.0 * ROUNDING * scale);
 }
@@ -50,14 +51,14 @@ fn bent_body_pushes_back_as_one_at_rest() {
     let place = |(r, d): (&DVec3, &DVec3)| elements.frame * (*r + *d);
     let torque: DVec3 = layer.nodes.iter().zip(&d).map(place).zip(&forces).map(|(x, f)| x.cross(*f)).sum();
     let scale = greatest(&forces);
-    assert!(scale > 0.1, "the box is bent");
+    assert!(scale > 0.1, "the bent box must have elastic forces");
     assert!(net.length() < ROUNDING * scale);
     // R P F^T is symmetric where R is the exact polar rotation, so no net torque appears.
-    assert!(torque.length() < ROUNDING * scale, "{torque}");
+    assert!(torque.length() < ROUNDING * scale, "net torque {torque} N m, expected zero");
     let spoiled = vec![DQuat::from_rotation_x(0.1); elements.tetrahedra.len()];
     let forces = elements.forces(&d, &spoiled);
     let torque: DVec3 = layer.nodes.iter().zip(&d).map(place).zip(&forces).map(|(x, f)| x.cross(*f)).sum();
-    assert!(torque.length() > 1e-4, "a wrong rotation must show");
+    assert!(torque.length() > 1e-4, "a wrong rotation must cause a net torque");
 }
 
 #[test]
@@ -71,19 +72,19 @@ fn patch_of_uniform_strain_has_the_stress_of_hooke() {
         .iter()
         .map(|r| r.cmpgt(DVec3::new(0.05, 0.05, 0.02)).all() && r.cmplt(DVec3::new(0.25, 0.15, 0.08)).all())
         .collect();
-    assert!(inside.iter().filter(|i| **i).count() >= 2, "the box has inner nodes");
+    assert!(inside.iter().filter(|i| **i).count() >= 2, "the box must have inner nodes");
     for (force, _) in forces.iter().zip(&inside).filter(|(_, i)| **i) {
-        assert!(force.length() < ROUNDING * greatest(&forces), "inner nodes are in equilibrium");
+        assert!(force.length() < ROUNDING * greatest(&forces), "inner nodes must be in equilibrium");
     }
     let volume: f64 = elements.volumes.iter().sum();
-    // Virial: -sum f x^T = V sigma over nodal forces f and positions x, volume V and stress sigma. At uniaxial strain
-    // eps, sigma_xx = (lambda + 2 mu) eps and sigma_yy = lambda eps.
+    // Virial theorem: -sum f x^T = V sigma over nodal forces f and positions x, volume V and stress sigma. At uniaxial
+    // strain eps, sigma_xx = (lambda + 2 mu) eps and sigma_yy = lambda eps.
     let turn = elements.frame.transpose();
     let virial =
         |axis: usize| -layer.nodes.iter().zip(&forces).map(|(r, f)| (turn * *f)[axis] * r[axis]).sum::<f64>() / volume;
     let (mu, lambda) = lame(&elements.materials[0]);
     let expected = (lambda + 2.0 * mu) * 0.01;
-    assert!((virial(0) - expected).abs() < ROUNDING * expected, "{} {expected}", virial(0));
+    assert!((virial(0) - expected).abs() < ROUNDING * expected, "stress {} Pa, expected {expected} Pa", virial(0));
     assert!((virial(1) - lambda * 0.01).abs() < ROUNDING * expected);
 }
 
@@ -130,7 +131,7 @@ fn forces_are_the_gradient_of_the_energy() {
     let energy = |t: f64| elements.energy(&moved(t), &elements.rotations(&moved(t)));
     let slope = (energy(step) - energy(-step)) / (2.0 * step);
     let work = -dot(&elements.forces(&d, &rotations), &world);
-    println!("energy slope {slope:.9e}, force {work:.9e}");
+    println!("slope of the energy {slope:.9e} J, work of the forces {work:.9e} J");
     assert!((slope - work).abs() < DIFFERENCE * work.abs());
     let (up, down) = (elements.forces(&moved(step), &rotations), elements.forces(&moved(-step), &rotations));
     let difference: Vec<_> = up.iter().zip(&down).map(|(u, w)| -(*u - *w) / (2.0 * step)).collect();
@@ -160,12 +161,15 @@ fn a_squeezed_box_pushes_back_by_its_energy() {
     let energy = |t: f64| elements.energy(&moved(t), &elements.rotations(&moved(t)));
     let slope = (energy(step) - energy(-step)) / (2.0 * step);
     let work = -dot(&elements.forces(&d, &rotations), &world);
-    assert!((slope - work).abs() < 1e-5 * work.abs(), "{slope} {work}");
+    assert!((slope - work).abs() < 1e-5 * work.abs(), "slope of the energy {slope} J, work of the forces {work} J");
     let (up, down) = (elements.forces(&moved(step), &rotations), elements.forces(&moved(-step), &rotations));
     let true_slope = -(dot(&up, &world) - dot(&down, &world)) / (2.0 * step);
     let product = dot(&operator.apply_stiffness(&world, &rotations), &world);
-    assert!(true_slope > 1.5 * dot(&elements.apply_stiffness(&world, &rotations), &world), "compression stiffens it");
-    assert!(product >= true_slope, "{product} {true_slope}");
+    assert!(
+        true_slope > 1.5 * dot(&elements.apply_stiffness(&world, &rotations), &world),
+        "compression must stiffen the box"
+    );
+    assert!(product >= true_slope, "operator {product} J, slope of the forces {true_slope} J");
 }
 
 #[test]
@@ -177,8 +181,8 @@ fn rotations_are_proper_and_nearest() {
         assert!((r.determinant() - 1.0).abs() < ROUNDING);
         let s = r.transpose() * f;
         let skew = s - s.transpose();
-        assert!(skew.to_cols_array().iter().all(|x| x.abs() < ROUNDING), "R^T F is symmetric");
-        // It is the nearest of all rotations: none nearby is nearer to F.
+        assert!(skew.to_cols_array().iter().all(|x| x.abs() < ROUNDING), "R^T F must be symmetric");
+        // R is the nearest of all rotations: no nearby rotation is nearer to F.
         let near = |r: DMat3| (r - f).to_cols_array().iter().map(|x| x * x).sum::<f64>();
         let other = DMat3::from_quat(DQuat::from_scaled_axis(0.1 * random.vector())) * r;
         assert!(near(r) <= near(other) + ROUNDING);
@@ -191,7 +195,7 @@ fn strain_of_tiny_displacements_keeps_its_digits() {
     let g = DMat3::from_cols(DVec3::new(e, w, 0.0), DVec3::new(-w, 0.0, 0.0), DVec3::ZERO);
     let q = polar_rotation(DMat3::IDENTITY + g);
     let strain = strain(q, g);
-    // A rotation by w shortens by w^2 / 2, far below e: to the second digit the strain is e along x.
-    assert!((strain.x_axis.x - e).abs() < 0.01 * e, "{:e}", strain.x_axis.x);
+    // A rotation by w shortens by w^2 / 2, far below e: to two digits the strain is e along x.
+    assert!((strain.x_axis.x - e).abs() < 0.01 * e, "strain {:e}, expected 1e-14", strain.x_axis.x);
     assert!(strain.y_axis.y.abs() < 0.01 * e);
 }

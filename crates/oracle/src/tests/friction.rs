@@ -1,4 +1,4 @@
-//! Invariants of friction: Coulomb's law on a slope, momentum, the wrench.
+//! Invariants of friction: Coulomb's law on a slope, momentum, the wrench (force and torque) on the tool.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -13,7 +13,7 @@ use crate::step::{Report, Simulation, SoftBody};
 use crate::testing::boundary;
 use crate::tool::Tool;
 
-/// Tolerance for the rounding of a well-conditioned direct solve of a few hundred unknowns, relative.
+/// Relative tolerance for the rounding of a well-conditioned direct solve of a few hundred unknowns.
 const SOLVE: f64 = 1e-10;
 const FRICTION: Friction = Friction { coefficient: 0.4, speed: 1e-3 };
 const H: f64 = 1e-3;
@@ -51,7 +51,7 @@ fn below_the_friction_angle_a_box_creeps_as_the_regularisation_says() {
         let velocity = slide(tangent, 800)[799];
         // Balance of friction and gravity along the slope: mu N v / sqrt(v^2 + speed^2) = N tan, with normal force N.
         let creep = FRICTION.speed * tangent / (FRICTION.coefficient.powi(2) - tangent * tangent).sqrt();
-        println!("slope {tangent}: {velocity:.6e} m/s, regularised law {creep:.6e}");
+        println!("slope {tangent}: creeps at {velocity:.6e} m/s, by the regularised law {creep:.6e} m/s");
         assert!((velocity - creep).abs() < 1e-3 * creep);
     }
 }
@@ -63,14 +63,22 @@ fn above_the_friction_angle_a_box_slides_as_coulomb_says() {
         let cosine = 1.0 / tangent.hypot(1.0);
         let want = 9.81 * cosine * (tangent - FRICTION.coefficient);
         let got = (velocity[599] - velocity[299]) / (300.0 * H);
-        println!("slope {tangent}: {got:.4} m/s^2, Coulomb {want:.4}; {:.4} of {:.4} m/s", velocity[599], 0.6 * want);
-        // The coefficient is that of the step's start: with acceleration a it is too large by h a / v at speed v.
+        println!(
+            "slope {tangent}: {got:.4} m/s^2, by Coulomb's law {want:.4} m/s^2; after 0.6 s {:.4} m/s, \
+             expected {:.4} m/s",
+            velocity[599],
+            0.6 * want
+        );
+        // Friction uses the speed at the step's start: with acceleration a it is too large by h a / v at speed v.
         let late = FRICTION.coefficient * 9.81 * cosine * H * (velocity[599] / velocity[299]).ln();
-        assert!((got - want + late / (300.0 * H)).abs() < 1e-3 * want, "{got} for {want}");
+        assert!(
+            (got - want + late / (300.0 * H)).abs() < 1e-3 * want,
+            "acceleration {got} m/s^2, expected {want} m/s^2"
+        );
     }
 }
 
-/// A moving block, and a contact of the given depth between one of its nodes and a fixed point.
+/// A moving block and a fixed point, with a contact of the given depth between a node of the block and that point.
 fn pair(deep: f64) -> (Simulation, Contact) {
     let mut simulation = Simulation::new(H, DVec3::ZERO);
     simulation.friction = Some(FRICTION);
@@ -109,7 +117,7 @@ fn momentum(simulation: &Simulation, places: &[Vec<DVec3>]) -> (DVec3, DVec3) {
     (linear, angular)
 }
 
-/// Takes one step; returns the changes of linear and angular momentum, with positions as at the start, and the report.
+/// Takes one step; returns the changes of linear and angular momentum, with the positions at the start, and the report.
 fn changes(simulation: &mut Simulation, contact: Contact) -> (DVec3, DVec3, Report) {
     let places: Vec<_> = simulation.bodies.iter().map(|b| b.world_nodes()).collect();
     // Angular momentum is taken about the tool's centre.
@@ -130,17 +138,24 @@ fn a_tool_and_a_body_that_rub_keep_linear_and_angular_momentum() {
     contact.first.carrier = Carrier::Tool;
     let (linear, angular, report) = changes(&mut simulation, contact);
     let size = report.wrench.force.length() * H;
-    assert!(linear.length() < SOLVE && angular.length() < SOLVE * 0.1, "{linear} and {angular}, of {size}");
-    // Only the wrench changed the free tool's momentum.
+    assert!(
+        linear.length() < SOLVE && angular.length() < SOLVE * 0.1,
+        "momentum changes by {linear} N s and {angular} N m s; contact impulse {size} N s"
+    );
+    // Only the contact wrench changed the free tool's momentum.
     let end = simulation.tool.as_ref().unwrap();
     let force = 0.05 * (end.velocity - tool.velocity) / H;
     let torque = tool.world_inertia() * (end.angular_velocity - tool.angular_velocity) / H;
     let wrench = report.wrench;
-    assert!((wrench.force - force).length() < 1e-9 * force.length(), "{} {force}", wrench.force);
-    assert!((wrench.torque - torque).length() < 1e-9 * torque.length(), "{} {torque}", wrench.torque);
+    assert!((wrench.force - force).length() < 1e-9 * force.length(), "force {} N, expected {force} N", wrench.force);
+    assert!(
+        (wrench.torque - torque).length() < 1e-9 * torque.length(),
+        "torque {} N m, expected {torque} N m",
+        wrench.torque
+    );
     let friction = report.contacts[0].friction;
     assert!(friction.x < 0.0 && friction.y.abs() < 1e-12 && friction.length() < 0.4 * report.contacts[0].force * 1.01);
-    // The tool's damping against sliding is the friction's.
+    // The tool's damping along a tangent is the ratio of friction to sliding velocity.
     assert!((wrench.damping[0][0] - report.contacts[0].viscosity).abs() < 1e-12);
 }
 
@@ -164,7 +179,9 @@ fn two_bodies_that_rub_keep_linear_momentum_and_gain_the_couple_of_the_depth() {
     let (linear, angular, report) = changes(&mut simulation, contact.clone());
     let friction = report.contacts[0].friction;
     let couple = H * (contact.first.position - contact.second.position).cross(friction);
-    println!("friction {friction}, angular momentum changes by {angular}, couple of the depth {couple}");
+    println!(
+        "friction {friction} N, angular momentum changes by {angular} N m s, by the couple of friction {couple} N m s"
+    );
     assert!(linear.length() < SOLVE && couple.length() > 1e-7);
     assert!((angular - couple).length() < SOLVE);
 }
@@ -196,7 +213,7 @@ fn a_block_thrown_on_a_plane_loses_energy_and_comes_to_rest() {
         let contacts = gather_plane(&skin, DVec3::Y, 0.0, &law);
         let report = simulation.step(None, &contacts).unwrap();
         last = energy(&simulation);
-        assert!(last <= first * (1.0 + 1e-9), "energy {last} after {first}");
+        assert!(last <= first * (1.0 + 1e-9), "energy {last} J exceeds the initial {first} J");
         let force: f64 = report.contacts.iter().map(|c| c.force).sum();
         let drag: f64 = report.contacts.iter().map(|c| c.friction.length()).sum();
         pushed += force;
@@ -205,7 +222,8 @@ fn a_block_thrown_on_a_plane_loses_energy_and_comes_to_rest() {
     }
     let speed = simulation.bodies[0].momentum().reject_from_normalized(DVec3::Y).length();
     println!(
-        "thrown block: {first:.4} J to {last:.4} J, {speed:.1e} m/s left; friction over pressure {:.3}, at most {worst:.3}",
+        "thrown block: energy {first:.4} J to {last:.4} J, momentum at the end {speed:.1e} N s; \
+         friction over normal force {:.3} on average, at most {worst:.3}",
         rubbed / pushed
     );
     assert!(speed < 1e-4 && rubbed > 0.0);

@@ -12,12 +12,12 @@ use crate::elastic::Elements;
 use crate::testing::{Random, boundary};
 use crate::{skin, statics};
 
-/// Reference values by quadratic elements, within 0.2 % of convergence, made by the script beside the file.
+/// Reference values by quadratic elements, within 0.2 % of convergence, made by the script in the folder of the file.
 const REFERENCE: &str = include_str!("../../../../assets/reference/locking.csv");
-/// Tolerance for the rounding of f64 sums of a few hundred terms, relative.
+/// Relative tolerance for the rounding of f64 sums of a few hundred terms.
 const ROUNDING: f64 = 1e-12;
 
-/// Reference values at this Poisson's ratio: a cantilever's deflection, a pressed block's force and its bulge.
+/// Reference values at this Poisson's ratio: deflection of a cantilever; force and bulge of a pressed block.
 fn reference(poisson: f64) -> [f64; 3] {
     let rows = REFERENCE.lines().skip(1).map(|line| line.split(',').collect::<Vec<_>>());
     let own: Vec<f64> = rows.filter(|r| r[0].parse() == Ok(poisson)).map(|r| r[2].parse().unwrap()).collect();
@@ -84,18 +84,16 @@ fn errors(poisson: f64, n: u32, patched: bool) -> [f64; 3] {
 
 #[test]
 fn patches_free_bodies_from_volumetric_locking() {
-    println!(
-        "errors in percent of quadratic elements' values: deflection of a cantilever; force, bulge of a pressed block"
-    );
+    println!("errors against quadratic elements, %: deflection of a cantilever; force, bulge of a pressed block");
     let bending = [2, 4, 8].map(|n| errors(0.3, n, true));
     for poisson in [0.3, 0.45, 0.49, 0.499] {
         for (k, n) in [2, 4, 8].into_iter().enumerate() {
             let (without, with) = (errors(poisson, n, false), errors(poisson, n, true));
-            println!("nu {poisson}, {n} cells a side: without patches {without:6.1?}, with {with:6.1?}");
-            assert!((0..3).all(|q| with[q].abs() < without[q].abs()), "patches bring all three values nearer");
+            println!("Poisson's ratio {poisson}, {n} cells a side: without patches {without:6.1?}, with {with:6.1?}");
+            assert!((0..3).all(|q| with[q].abs() < without[q].abs()), "patches must reduce all three errors");
             // The error that remains is that of linear elements in bending, whatever Poisson's ratio.
-            assert!((with[0] - bending[k][0]).abs() < 2.0, "the cantilever no longer notices Poisson's ratio");
-            assert!(with[0] < 0.0 && with[1] > 0.0, "still too stiff, not too soft");
+            assert!((with[0] - bending[k][0]).abs() < 2.0, "the error must not depend on Poisson's ratio");
+            assert!(with[0] < 0.0 && with[1] > 0.0, "elements must be too stiff, not too soft");
         }
     }
     let (without, with) = (errors(0.45, 8, false), errors(0.45, 8, true));
@@ -127,7 +125,7 @@ fn rigid_motion_of_patches_gives_no_force_and_bent_ones_balance() {
     let torque: DVec3 = layer.nodes.iter().zip(&bent).map(place).zip(&forces).map(|(x, f)| x.cross(*f)).sum();
     assert!(forces.iter().sum::<DVec3>().length() < ROUNDING * greatest(&forces));
     // The patch's pressure acts through R_e, not F_e^-T: R P F^T stays symmetric, so no net torque appears.
-    assert!(torque.length() < ROUNDING * greatest(&forces), "{torque}");
+    assert!(torque.length() < ROUNDING * greatest(&forces), "net torque {torque} N m, expected zero");
 }
 
 #[test]
@@ -167,7 +165,7 @@ fn forces_of_patches_are_the_gradient_of_their_energy() {
     let slope = (energy(step) - energy(-step)) / (2.0 * step);
     let work = -dot(&elements.forces(&d, &rotations), &world);
     // Central differences of step 1e-4 on numbers of order one: truncation 1e-8, cancellation 1e-12.
-    assert!((slope - work).abs() < 1e-7 * work.abs(), "{slope} {work}");
+    assert!((slope - work).abs() < 1e-7 * work.abs(), "slope of the energy {slope} J, work of the forces {work} J");
     let (up, down) = (elements.forces(&moved(step), &rotations), elements.forces(&moved(-step), &rotations));
     let difference: Vec<_> = up.iter().zip(&down).map(|(u, w)| -(*u - *w) / (2.0 * step)).collect();
     let product = elements.apply_stiffness(&world, &rotations);
@@ -194,19 +192,19 @@ fn eigenvalues(elements: &Elements) -> Vec<f64> {
 fn no_mode_of_patches_is_softer_than_shear_alone() {
     let (_, elements, _) = bent_box(37, 0.0);
     let modes = eigenvalues(&elements);
-    // The operators of `elements` have no lambda, since patches have it; linearised without patches they do.
+    // The operators of `elements` have no lambda, since patches apply it; linearised without patches they have it.
     let without = Elements { patches: vec![], ..elements.clone() };
     let shear = eigenvalues(&without);
     let (d, unturned) = (vec![DVec3::ZERO; elements.node_count()], vec![DQuat::IDENTITY; elements.tetrahedra.len()]);
     let alone = eigenvalues(&without.linearised(&d, &unturned));
     println!(
-        "softest modes: {:.3?}, of shear alone {:.3?}, without patches {:.3?}",
+        "least eigenvalues, N/m: with patches {:.3?}, with shear alone {:.3?}, without patches {:.3?}",
         &modes[6..9],
         &shear[6..9],
         &alone[6..9]
     );
     let largest = modes[modes.len() - 1];
-    assert!(modes[..6].iter().all(|m| m.abs() < ROUNDING * largest), "six rigid modes");
+    assert!(modes[..6].iter().all(|m| m.abs() < ROUNDING * largest), "there must be six rigid modes");
     for ((mode, shear), alone) in modes.iter().zip(&shear).zip(&alone).skip(6) {
         assert!(*mode > shear * (1.0 - ROUNDING) && *mode < alone * (1.0 + ROUNDING) && *shear > 0.0);
     }

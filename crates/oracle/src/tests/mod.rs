@@ -1,5 +1,5 @@
-//! Invariants (called laws) that the f64 reference implementations must satisfy, independent of how they are written:
-//! conservation, closed solutions, convergence. Tests print what they measure: run with `--nocapture`.
+//! Invariants that the f64 reference implementations must satisfy, independent of how they are written: conservation,
+//! closed solutions, convergence. Tests print what they measure: run with `--nocapture`.
 
 mod contact;
 mod elastic;

@@ -1,5 +1,5 @@
-//! Invariants of stable neo-Hookean elasticity: force and energy, small strain, rigid motion, the operator; and the
-//! error of linearised steps against steps solved to convergence.
+//! Invariants of stable neo-Hookean elasticity: force as gradient of the energy, small strain, rigid motion, the
+//! operator; and the error of linearised steps against steps solved to convergence.
 
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
@@ -41,10 +41,14 @@ fn stress_is_the_gradient_of_the_energy_and_free_of_cancellation() {
             let step = 1e-5 * size;
             let slope = (energy(LAME, e + along * step) - energy(LAME, e - along * step)) / (2.0 * step);
             let work = inner(stress(LAME, e), along);
-            assert!((slope - work).abs() < 10.0 * DIFFERENCE * LAME.1 * size, "{size}: {slope} {work}");
+            assert!(
+                (slope - work).abs() < 10.0 * DIFFERENCE * LAME.1 * size,
+                "strain {size}: slope of the energy {slope} Pa, stress {work} Pa"
+            );
         }
     }
-    // At strains far below the rounding of numbers of order one the law is Hooke's, to within the strain itself.
+    // At strains far below the rounding of numbers of order one, the law is Hooke's to within a relative error of the
+    // strain.
     let e = random_matrix(&mut random) * 1e-12;
     let (mu, lambda) = LAME;
     let hooke =
@@ -70,13 +74,18 @@ fn rigid_motion_gives_no_force_and_small_strain_that_of_the_other_law() {
     for (size, share) in [(1e-5, 1e-2), (1e-7, 1e-4)] {
         let (a, b) = (forces(&soft, &moved(size)), forces(&linear, &moved(size)));
         let error: Vec<DVec3> = a.iter().zip(&b).map(|(a, b)| *a - *b).collect();
-        assert!(greatest(&error) < share * greatest(&b), "{size}: {:e} {:e}", greatest(&error), greatest(&b));
-        assert!(rigid < 1e-5 * greatest(&b), "rigid motion gives {rigid:e} N");
+        assert!(
+            greatest(&error) < share * greatest(&b),
+            "displacement {size} m: force differs by {:e} N, of {:e} N",
+            greatest(&error),
+            greatest(&b)
+        );
+        assert!(rigid < 1e-5 * greatest(&b), "rigid motion gives a force of {rigid:e} N");
     }
     let large = (forces(&soft, &moved(0.02)), forces(&linear, &moved(0.02)));
-    assert!(greatest(&large.0) > 1.2 * greatest(&large.1), "at large strain they differ");
+    assert!(greatest(&large.0) > 1.2 * greatest(&large.1), "at large strain the laws must differ");
     let torque: DVec3 = layer.nodes.iter().zip(&moved(0.02)).zip(&large.0).map(|((r, d), f)| (*r + *d).cross(*f)).sum();
-    assert!(torque.length() < 1e-12 * greatest(&large.0), "no torque appears from nothing");
+    assert!(torque.length() < 1e-12 * greatest(&large.0), "there must be no net torque");
 }
 
 /// Exact derivative of the stress P along dF, in rest axes, from the Lame parameters and F.
@@ -117,7 +126,8 @@ fn the_derivative_is_that_of_the_stress() {
     }
 }
 
-/// Quadratic form of the operator for dF, where R^T F = I + strain: 2 mu |sym W|^2 + lambda tr(W)^2 with W = dF fold.
+/// Quadratic form of the engine's operator for dF, where R^T F = I + strain: 2 mu |sym W|^2 + lambda tr(W)^2 with W =
+/// dF fold.
 fn offered(lame: (f64, f64), strain: DMat3, df: DMat3) -> f64 {
     let operator = operator(lame, strain, crate::elastic::excess_compression(strain));
     let w = df * operator.fold;
@@ -125,15 +135,18 @@ fn offered(lame: (f64, f64), strain: DMat3, df: DMat3) -> f64 {
     2.0 * operator.mu * inner(s, s) + operator.lambda * trace * trace
 }
 
-/// A linearised implicit step is stable where its operator is at least half the true one for waves, dF = a k^T, which
-/// are the motions of a solid; and the operator is exact at rest.
+/// A linearised implicit step is stable if its operator has at least half the true stiffness for waves, dF = a k^T,
+/// which are the possible motions within a solid; and the operator is exact at rest.
 #[test]
 fn the_operator_is_exact_at_rest_and_enough_for_waves_at_any_stretch() {
     let mut random = Random(4);
     for _ in 0..100 {
         let df = random_matrix(&mut random);
         let truth = inner(derivative(LAME, DMat3::IDENTITY, df), df);
-        assert!((offered(LAME, DMat3::ZERO, df) - truth).abs() < 1e-12 * truth.abs().max(LAME.0), "at rest");
+        assert!(
+            (offered(LAME, DMat3::ZERO, df) - truth).abs() < 1e-12 * truth.abs().max(LAME.0),
+            "the operator at rest must be exact"
+        );
     }
     let (mut least, mut most, mut at_rest) = (f64::INFINITY, 0.0f64, f64::INFINITY);
     for lame in [LAME, (2e4, 0.0), (2e4, 2e6)] {
@@ -151,8 +164,10 @@ fn the_operator_is_exact_at_rest_and_enough_for_waves_at_any_stretch() {
             }
         }
     }
-    println!("the operator offers {least:.3} to {most:.3} of the truth to waves; that at rest {at_rest:.3}");
-    assert!(at_rest < 0.4, "the operator at rest does not do: {at_rest}");
+    println!(
+        "stiffness for waves, over the true one: {least:.3} to {most:.3}; by the operator at rest at least {at_rest:.3}"
+    );
+    assert!(at_rest < 0.4, "the operator at rest must be too soft for waves: {at_rest} of the true stiffness");
     assert!(least > 0.5, "{least}");
 }
 
@@ -163,7 +178,7 @@ enum Linear {
     Rest,
     /// Isotropic, in gradients of the deformed tetrahedron: the engine's operator.
     Deformed,
-    /// The engine's operator and a third modulus, against rotation of the deformed tetrahedron.
+    /// The engine's operator and a third modulus, which resists rotation of the deformed tetrahedron.
     Turning,
     /// The whole second derivative, projected to be positive semi-definite.
     Full,
@@ -239,7 +254,7 @@ impl Block {
         }
     }
 
-    /// Solves (M + h^2 K) x = b over free nodes; if `velocity`, h^2 K v is first subtracted from b.
+    /// Solves (M + h^2 K) x = b over free nodes; with `velocity`, h^2 K v is first subtracted from b.
     fn solve(&mut self, how: Linear, h: f64, d: &[DVec3], mut b: Vec<DVec3>, velocity: bool) -> Vec<DVec3> {
         let free: Vec<usize> = (0..d.len()).filter(|i| !self.layer.attached[*i]).collect();
         let mut place = vec![usize::MAX; d.len()];
@@ -285,12 +300,12 @@ impl Block {
                 return;
             }
         }
-        panic!("Newton does not converge");
+        panic!("Newton's method does not converge");
     }
 }
 
-/// The greatest error of a node's position, over a hundred milliseconds of steps of `h` seconds, against `reference`,
-/// steps of 1 ms solved to convergence; relative to the greatest initial displacement.
+/// The greatest error of a node's position over 100 ms, in steps of `h` seconds, against `reference`, steps of 1 ms
+/// solved to convergence; relative to the greatest initial displacement.
 fn error(how: Linear, h: f64, reference: &[Vec<DVec3>], deform: impl Fn(DVec3) -> DVec3) -> f64 {
     let mut block = Block::new(deform);
     let greatest = block.d.iter().map(|d| d.length()).fold(0.0, f64::max);
@@ -334,21 +349,24 @@ fn a_step_in_deformed_gradients_is_near_a_converged_one() {
         let [rest, deformed, turning, full] = hows.map(|how| of(how, 1e-3));
         let finer = of(Linear::Newton, 2.5e-4);
         println!(
-            "{name}: at rest {rest:.2e}, deformed {deformed:.2e}, turning too {turning:.2e}, full {full:.2e}; \
-             step itself {finer:.2e}"
+            "{name}: error by the operator at rest {rest:.2e}, deformed {deformed:.2e}, with rotation {turning:.2e}, \
+             full {full:.2e}; change by a shorter step {finer:.2e}"
         );
-        assert!(full < deformed && deformed < share * finer, "{name}: linearising costs less than the step's length");
+        assert!(
+            full < deformed && deformed < share * finer,
+            "{name}: the error of linearising must be below that of the step's length"
+        );
     }
 }
 
 #[test]
 fn inverted_tetrahedra_come_back() {
-    // The block starts turned inside out along its length, and takes the engine's own steps.
+    // The block starts inside out along its length, and takes steps with the engine's operator.
     let mut block = Block::new(|x| x * DVec3::new(-0.3, 1.1, 1.1));
     (0..400).for_each(|_| block.step(Linear::Deformed, 1e-3));
     for e in 0..block.elements.tetrahedra.len() {
         let f = DMat3::IDENTITY + block.elements.gradient(e, &block.d);
-        assert!(f.determinant() > 0.2, "tetrahedron {e}: {}", f.determinant());
+        assert!(f.determinant() > 0.2, "tetrahedron {e}: det F is {}", f.determinant());
         let q = polar_rotation(f);
         assert!(strain(q, block.elements.gradient(e, &block.d)).is_finite());
     }

@@ -1,5 +1,6 @@
-//! Invariants of Newton iterations: the residual of implicit Euler's equations falls with each of them, for both
-//! material laws and with F-bar patches. Tests print what they measure: run with `--nocapture`.
+//! Invariants of Newton iterations: the residual of implicit Euler's equations falls with each iteration, for both
+//! material laws and with F-bar patches (tetrahedra that share one volumetric strain). Tests print what they measure:
+//! run with `--nocapture`.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -13,7 +14,7 @@ use crate::step::{Simulation, SoftBody};
 const ROUNDING: f64 = 1e-13;
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
 
-/// A bar of 20 cm with its left end bound, bent by `angle` (rad) over its length, with zero velocity.
+/// A bar of 20 cm whose nodes at the left end are attached, bent by `angle` (rad) over its length, with zero velocity.
 fn bent(material: Material, patched: bool, angle: f64) -> SoftBody {
     let mut layer = kuhn_box(DVec3::new(0.0, -0.02, -0.02), DVec3::new(0.2, 0.02, 0.02), [10, 2, 2]);
     layer.attached = layer.nodes.iter().map(|x| x.x < 1e-9).collect();
@@ -68,11 +69,17 @@ fn what_is_left_of_implicit_euler_falls_with_every_iteration() {
                 })
                 .collect();
             let text: Vec<String> = residuals.iter().map(|r| format!("{r:.1e}")).collect();
-            println!("{name}, {h} s: {}", text.join(" "));
-            assert!(residuals[0] > 0.05 && residuals[1] < 0.06 * residuals[0], "{name}, {h} s");
+            println!("{name}, step {h} s: residual by iterations {}", text.join(" "));
+            assert!(
+                residuals[0] > 0.05 && residuals[1] < 0.06 * residuals[0],
+                "{name}, step {h} s: the second iteration must reduce the residual"
+            );
             let falls = residuals.windows(2).take_while(|pair| pair[0] > ROUNDING);
-            assert!(falls.into_iter().all(|pair| pair[1] < 0.3 * pair[0]), "{name}, {h} s");
-            assert!(residuals[23] < ROUNDING, "{name}, {h} s");
+            assert!(
+                falls.into_iter().all(|pair| pair[1] < 0.3 * pair[0]),
+                "{name}, step {h} s: each iteration must reduce the residual"
+            );
+            assert!(residuals[23] < ROUNDING, "{name}, step {h} s: the last residual must be within rounding");
         }
     }
 }

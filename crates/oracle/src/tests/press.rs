@@ -13,7 +13,7 @@ use crate::step::{Simulation, SoftBody};
 use crate::testing::boundary;
 use crate::tool::{Device, Tool};
 
-/// Tolerance for the rounding of a direct solve of a few thousand unknowns, relative.
+/// Relative tolerance for the rounding of a direct solve of a few thousand unknowns.
 const SOLVE: f64 = 1e-9;
 
 /// A block whose skin vertices are its nodes.
@@ -49,11 +49,11 @@ fn two_blocks_in_contact_keep_their_momentum() {
         touched += contacts.len();
         simulation.step(None, &contacts).unwrap();
         let now: DVec3 = simulation.bodies.iter().map(SoftBody::momentum).sum();
-        assert!((now - start).length() < SOLVE * start.length(), "{now} {start}");
+        assert!((now - start).length() < SOLVE * start.length(), "momentum {now} kg m/s, expected {start} kg m/s");
     }
     let passed = simulation.bodies[1].momentum().y / start.y;
-    println!("two blocks: {touched} contacts, {passed:.3} of the momentum passed on");
-    assert!(touched > 100 && passed > 0.5, "they collided");
+    println!("two blocks: {touched} contacts; the second block has {passed:.3} of the momentum");
+    assert!(touched > 100 && passed > 0.5, "the blocks must collide");
 }
 
 #[test]
@@ -91,8 +91,8 @@ fn the_wrench_at_rest_balances_the_coupling() {
         wrench = simulation.step(Some(&device), &contacts).unwrap().wrench;
     }
     let (pull, twist) = simulation.tool.as_ref().unwrap().coupling_wrench(&device);
-    println!("press: contact {:.5} N, coupling {:.5} N", wrench.force, pull);
-    assert!(wrench.force.y > 0.1, "the block pushes the tool up");
+    println!("pressed block: contact force {:.5} N, coupling force {:.5} N", wrench.force, pull);
+    assert!(wrench.force.y > 0.1, "the block must push the tool up");
     assert!((wrench.force + pull).length() < 1e-3 * pull.length());
     assert!((wrench.torque + twist).length() < 1e-3 * pull.length() * 0.02);
     for i in 0..6 {

@@ -8,10 +8,9 @@ use crate::elastic::{Elements, lame};
 use crate::testing::boundary;
 use crate::{skin, statics};
 
-/// Worst error of the mean height of a section of a column between roller sides, relative to the settlement of its top,
-/// under its own weight and `pressure` on its top. In the closed solution the stress is
-/// sigma(y) = rho g (y - H) - p = M u', with density rho, gravity g, height H, pressure p, displacement u and
-/// M = lambda + 2 mu.
+/// Greatest error of the mean height of a section of a column between frictionless side walls, relative to the
+/// settlement of its top, under its own weight and `pressure` on its top. In the closed solution the stress is sigma(y)
+/// = rho g (y - H) - p = M u', with density rho, gravity g, height H, pressure p, displacement u and M = lambda + 2 mu.
 fn column(cells: u32, gravity: f64, pressure: f64) -> f64 {
     let (height, side) = (0.4, 0.1);
     let layer = kuhn_box(DVec3::ZERO, DVec3::new(side, height, side), [cells / 4, cells, cells / 4]);
@@ -40,8 +39,11 @@ fn column(cells: u32, gravity: f64, pressure: f64) -> f64 {
 fn column_between_rollers_settles_as_in_the_closed_solution() {
     let pressed = column(8, 0.0, 500.0);
     let (coarse, fine) = (column(8, 9.81, 0.0), column(16, 9.81, 0.0));
-    println!("column: pressed {pressed:.1e}, own weight {coarse:.1e} then {fine:.1e} of the top's settlement");
-    assert!(pressed < 1e-11, "uniform strain is exact");
+    println!(
+        "column, error over the top's settlement: under pressure {pressed:.1e}, under its weight {coarse:.1e}, \
+         on a finer mesh {fine:.1e}"
+    );
+    assert!(pressed < 1e-11, "uniform strain must be exact");
     // The corners of a Kuhn cell (a cube of six tetrahedra) carry unequal shares of its weight, so a section does not
     // stay quite flat; the error is of second order.
     assert!(coarse < 5e-4 && coarse / fine > 3.5);
@@ -83,7 +85,7 @@ fn cantilever_converges_to_timoshenko() {
     let ratios: Vec<f64> = [2, 4, 8].into_iter().map(cantilever).collect();
     let errors: Vec<f64> = ratios.iter().map(|r| (1.0 - r).abs()).collect();
     let orders: Vec<f64> = errors.windows(2).map(|e| (e[0] / e[1]).log2()).collect();
-    println!("cantilever: deflection over Timoshenko {ratios:.4?}, observed orders {orders:.2?}");
-    assert!(ratios.iter().all(|r| *r < 1.0), "linear elements are too stiff, never too soft");
+    println!("cantilever: deflection over Timoshenko's {ratios:.4?}, observed orders of convergence {orders:.2?}");
+    assert!(ratios.iter().all(|r| *r < 1.0), "linear elements must be too stiff, not too soft");
     assert!(orders[1] > 1.7 && orders[1] > orders[0], "{orders:?}");
 }

@@ -1,4 +1,4 @@
-//! Invariants of the step: free fall, momentum, energy, virtual coupling, contact against the tool.
+//! Invariants of the step: free fall, momentum, energy, virtual coupling of the tool, contact of the tool.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -13,7 +13,7 @@ use crate::testing::{Random, boundary};
 use crate::tool::{Device, Tool, point_inertia, rotation_vector};
 
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
-/// Tolerance for the rounding of a well-conditioned direct solve of a few hundred unknowns, relative.
+/// Relative tolerance for the rounding of a well-conditioned direct solve of a few hundred unknowns.
 const SOLVE: f64 = 1e-10;
 
 fn block(material: Material, position: DVec3, cells: u32) -> SoftBody {
@@ -37,7 +37,7 @@ fn free_fall_is_exact() {
     for (x0, x1) in before.iter().zip(simulation.bodies[0].world_nodes()) {
         assert!((x1 - *x0 - travel).length() < SOLVE * travel.length());
     }
-    assert_eq!(simulation.solver.symbolic_count, 1, "the symbolic factorisation is reused");
+    assert_eq!(simulation.solver.symbolic_count, 1, "the symbolic factorisation must be reused");
 }
 
 #[test]
@@ -51,10 +51,10 @@ fn free_bodies_keep_their_momentum_while_they_wobble() {
     for _ in 0..50 {
         simulation.step(None, &[]).unwrap();
         let now = simulation.bodies[0].energy();
-        assert!(now <= last * (1.0 + SOLVE), "implicit Euler takes energy away: {last} to {now}");
+        assert!(now <= last * (1.0 + SOLVE), "implicit Euler must not add energy: {last} J to {now} J");
         last = now;
     }
-    assert!(last < 0.9 * energy, "the body deforms and loses energy");
+    assert!(last < 0.9 * energy, "the body must lose energy as it deforms");
     assert!((simulation.bodies[0].momentum() - before).length() < SOLVE * before.length());
 }
 
@@ -130,10 +130,10 @@ fn a_block_dropped_on_a_plane_never_rebounds_higher() {
         let stored: f64 = rest.iter().map(|c| 0.5 * c.stiffness * c.area * c.depth * c.depth).sum();
         let now = energy(&simulation) + stored;
         last = now;
-        assert!(now <= first * (1.0 + 1e-6), "energy {now} after {first}");
+        assert!(now <= first * (1.0 + 1e-6), "energy {now} J exceeds the initial {first} J");
         assert!(report.contacts.iter().all(|c| c.force >= 0.0));
     }
-    println!("drop: energy {first:.4} J to {last:.4} J, {contacts} contacts, deepest {:.2} mm", deepest * 1e3);
+    println!("dropped block: energy {first:.4} J to {last:.4} J, {contacts} contacts, deepest {:.2} mm", deepest * 1e3);
     assert!(contacts > 100 && deepest < 0.01);
 }
 
@@ -153,7 +153,7 @@ fn a_resting_block_is_carried_by_its_weight() {
         let report = simulation.step(None, &gathered).unwrap();
         force = report.contacts.iter().map(|c| c.force).sum();
     }
-    println!("resting block: carried by {force:.6} N of {:.6} N", 9.81);
+    println!("resting block: contact force {force:.6} N, weight {:.6} N", 9.81);
     assert!((force - 9.81).abs() < 1e-3 * 9.81);
 }
 
@@ -238,11 +238,15 @@ fn a_contact_pair_keeps_momentum_and_counts_no_pull() {
     let report = simulation.step(None, &contacts).unwrap();
     assert!((momentum(&simulation) - before).length() < SOLVE * before.length());
     assert!(report.contacts[0].active && report.contacts[0].force > 0.0);
-    assert!(!report.contacts[1].active && report.contacts[1].force == 0.0, "a contact over a gap is released");
+    assert!(!report.contacts[1].active && report.contacts[1].force == 0.0, "a contact across a gap must be released");
     assert_eq!(report.flags & TENSION_REMAINS, 0);
-    // The wrench is what the solver applied: only it changed the free tool's momentum.
+    // The wrench is what the solver applied: only this wrench changed the free tool's momentum.
     let change = 0.05 * (simulation.tool.as_ref().unwrap().velocity - u0) / 1e-3;
-    assert!((report.wrench.force - change).length() < SOLVE * change.length(), "{} {change}", report.wrench.force);
+    assert!(
+        (report.wrench.force - change).length() < SOLVE * change.length(),
+        "force {} N, expected {change} N",
+        report.wrench.force
+    );
     assert!(report.wrench.torque.length() > 0.0);
     let k = report.wrench.stiffness;
     assert!((k[1][1] - 5e6 * 1e-4).abs() < SOLVE * 500.0 && k[0][0] == 0.0);
@@ -274,8 +278,8 @@ fn ten_thousand_tetrahedra_take_twenty_steps_in_seconds() {
         simulation.step(None, &[]).unwrap();
     }
     let time = clock.elapsed().as_secs_f64();
-    println!("10,368 tetrahedra, 20 steps: {time:.2} s");
-    assert!(simulation.bodies[0].displacement.iter().any(|d| d.y < -1e-4), "it sags");
+    println!("20 steps of 10,368 tetrahedra take {time:.2} s");
+    assert!(simulation.bodies[0].displacement.iter().any(|d| d.y < -1e-4), "the block must sag");
     // The limit is generous, because a busy machine is several times slower than an idle one.
     assert!(time < 120.0);
 }

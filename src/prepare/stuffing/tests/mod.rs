@@ -1,4 +1,5 @@
-//! Tests of isosurface stuffing: solids of known volume, thin features and narrow gaps, defective surfaces.
+//! Tests of isosurface stuffing, which fills a surface with a layer (tetrahedral mesh): solids of known volume, thin
+//! features, narrow gaps, defective surfaces.
 
 mod random;
 mod real;
@@ -11,7 +12,7 @@ use super::*;
 use crate::prepare::layer::{self, FACES};
 use crate::prepare::{embed, sphere};
 
-/// Least allowed dihedral angle, degrees: over random cuts and warps, all stencils stay above 10.
+/// Least allowed dihedral angle, degrees: the tetrahedra of random cuts and warps all stay above it.
 const ANGLE: f64 = 10.0;
 /// Greatest allowed dihedral angle, degrees.
 const WIDEST: f64 = 165.0;
@@ -21,7 +22,7 @@ type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);
 /// Invariants of any layer: angles, positive volumes, all nodes used, faces shared by two tetrahedra in opposite
 /// orientations, a closed boundary, and a report that agrees with the layer.
 fn check(layer: &Layer, report: &LayerReport) {
-    assert!(report.worst_dihedral > ANGLE && report.largest_dihedral < WIDEST, "{report:?}");
+    assert!(report.worst_dihedral > ANGLE && report.largest_dihedral < WIDEST, "unexpected report: {report:?}");
     assert!(report.first_percentile_dihedral >= report.worst_dihedral);
     assert!(layer.tetrahedra.iter().all(|t| layer::volume6(&layer.nodes, t) > 0.0));
     let mut used = vec![false; layer.nodes.len()];
@@ -39,7 +40,10 @@ fn check(layer: &Layer, report: &LayerReport) {
     }
     faces.sort_unstable();
     for group in faces.chunk_by(|a, b| a.0 == b.0) {
-        assert!(group.len() == 1 || (group.len() == 2 && group[0].1 != group[1].1), "{group:?}");
+        assert!(
+            group.len() == 1 || (group.len() == 2 && group[0].1 != group[1].1),
+            "tetrahedra at one face: {group:?}"
+        );
     }
     let (skin, triangles, _) = layer::boundary(layer);
     let mut edges: Vec<[u32; 2]> = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
@@ -120,15 +124,19 @@ fn spheres_boxes_and_tori_have_their_volume_and_their_surface() {
         for cell in [0.021, 0.0137, 0.01] {
             let (layer, report) = uniform(&mesh, cell);
             // The polyhedra themselves are within 0.4 % of the round solids.
-            assert!((report.volume / volume - 1.0).abs() < 0.006, "{} {volume}", report.volume);
-            assert!(report.clean && report.parts == 1 && report.thickened.nodes == 0, "{report:?}");
+            assert!((report.volume / volume - 1.0).abs() < 0.006, "volume {} m^3, expected {volume}", report.volume);
+            assert!(report.clean && report.parts == 1 && report.thickened.nodes == 0, "unexpected report: {report:?}");
             let solid = Solid::new(&mesh.0, &mesh.1).unwrap();
             let (skin, ..) = layer::boundary(&layer);
             let off = skin.iter().map(|&p| solid.distance(p)).fold(0.0, f64::max);
             // Cuts are accurate to a thousandth of an edge; the shift of the level moves them once more.
-            assert!(off < 2e-3 * cell + 1.001 * report.shift.abs(), "{off} {}", report.shift);
+            assert!(
+                off < 2e-3 * cell + 1.001 * report.shift.abs(),
+                "a boundary node is {off} m off the surface, the shift is {} m",
+                report.shift
+            );
             let out = embed::extrapolation(&embed(&mesh.0, &layer).unwrap());
-            assert!(out < 1.0, "{out}");
+            assert!(out < 1.0, "extrapolation {out}");
         }
     }
 }
@@ -139,7 +147,7 @@ fn a_hollow_stays_hollow() {
     let mut inner = sphere::icosphere(0.06);
     inner.1.iter_mut().for_each(|t| t.swap(0, 1));
     let (_, report) = uniform(&joined(&[outer, inner]), 0.01);
-    assert!(report.parts == 1 && report.volume_difference.abs() < 2.0 * AGREEMENT, "{report:?}");
+    assert!(report.parts == 1 && report.volume_difference.abs() < 2.0 * AGREEMENT, "unexpected report: {report:?}");
 }
 
 #[test]
@@ -155,7 +163,7 @@ fn plates_nearer_than_a_cell_are_not_welded() {
         let mut both = joined(&[lower, upper]);
         both.0.iter_mut().for_each(|v| *v = turn * *v);
         let (layer, report) = uniform(&both, 1.0);
-        assert_eq!(report.parts, 2, "gap {gap}, offset {offset}: {report:?}");
+        assert_eq!(report.parts, 2, "plates with gap {gap}, offset {offset} must be two parts: {report:?}");
         assert_eq!((report.welded.count, report.dropped.parts), (0, 0));
         assert!(layer.tetrahedra.len() > 500);
     }
@@ -183,14 +191,14 @@ fn prongs_of_a_fork_hang_together_at_its_base_only() {
         let mesh = fork(gap);
         let (mut layer, report) = uniform(&mesh, 0.5);
         assert_eq!(report.parts, 1);
-        // Without the base, and one cell more where the gap ends, the prongs are separate.
+        // When the base and one more cell at the gap's end are removed, the prongs must be separate.
         let nodes = layer.nodes.clone();
         layer.tetrahedra.retain(|t| t.iter().all(|&n| nodes[n as usize].x > 1.6));
         let (labels, _) = layer::parts(&layer);
         let mut used: Vec<u32> = layer.tetrahedra.iter().map(|t| labels[t[0] as usize]).collect();
         used.sort_unstable();
         used.dedup();
-        assert_eq!(used.len(), 2, "gap {gap}");
+        assert_eq!(used.len(), 2, "parts beyond the base of the fork with gap {gap}");
     }
 }
 
@@ -199,9 +207,9 @@ fn a_plate_and_a_needle_thinner_than_a_cell_are_one_part_with_their_skin_near() 
     for size in [DVec3::new(1.0, 0.01, 1.0), DVec3::new(1.0, 0.02, 0.03)] {
         let (v, t, _) = layer::boundary(&layer::kuhn_box(DVec3::ZERO, size, [20, 1, 20]));
         let (layer, report) = uniform(&(v.clone(), t), 0.1);
-        assert!(report.parts == 1 && report.thickened.nodes > 0, "{report:?}");
+        assert!(report.parts == 1 && report.thickened.nodes > 0, "unexpected report: {report:?}");
         let out = embed::extrapolation(&embed(&v, &layer).unwrap());
-        assert!(out < 3.0, "{out}");
+        assert!(out < 3.0, "extrapolation {out}");
     }
 }
 
@@ -215,14 +223,17 @@ fn shells_and_grades_keep_the_surface_and_thin_out_the_inside() {
         // The inside has no crack: all boundary nodes lie on the sphere.
         let (skin, ..) = layer::boundary(&layer);
         assert!(skin.iter().all(|p| (p.length() - 0.1).abs() < 0.1 * cell));
-        println!("grade {grade}: {} of {} tetrahedra", report.tetrahedra, whole.tetrahedra);
+        println!("grade {grade}: {} tetrahedra, {} without larger cells", report.tetrahedra, whole.tetrahedra);
         assert!(report.tetrahedra < 2 * whole.tetrahedra / 3 && (report.volume / whole.volume - 1.0).abs() < 1e-9);
     }
     for (grade, thickness) in [(1, 0.03), (2, 0.05), (1, 0.004)] {
         let (layer, report) = made(&mesh, &Options { cell, grade, thickness: Some(thickness) });
         assert!(report.parts == 1 && report.volume_difference.abs() < 2.0 * AGREEMENT);
         let deepest = layer.nodes.iter().map(|n| 0.1 - n.length()).fold(0.0, f64::max);
-        assert!(deepest > thickness && deepest < thickness + grade as f64 * cell * 1.01, "{deepest}");
+        assert!(
+            deepest > thickness && deepest < thickness + grade as f64 * cell * 1.01,
+            "the deepest node is {deepest} m deep"
+        );
         let share = 1.0 - ((0.1 - thickness) / 0.1).powi(3);
         assert!(report.volume > share * whole.volume && report.volume < whole.volume);
     }
@@ -249,11 +260,14 @@ fn open_turned_and_torn_surfaces_are_filled_soundly() {
     for (name, mesh, cell) in cases.into_iter().chain([("soup", soup, 0.06)]) {
         for grade in [1, 2] {
             let (layer, report) = made(&mesh, &Options { cell, grade, thickness: None });
-            println!("{name}: {} tetrahedra, volume {:+.2e}", report.tetrahedra, report.volume_difference);
+            println!(
+                "{name}: {} tetrahedra, relative volume difference {:+.2e}",
+                report.tetrahedra, report.volume_difference
+            );
             assert!(!report.clean && layer.tetrahedra.len() > 20);
-            // The inside of the soup has thin sheets, whose volume is lost. For the others the volume agrees up to what
-            // the bounded shift cannot correct.
-            assert!(name == "soup" || report.volume_difference.abs() < 0.02, "{name} {report:?}");
+            // The inside of the soup has thin sheets, whose volume is lost. For the other surfaces the volumes nearly
+            // agree; the bounded shift of the level cannot correct the rest.
+            assert!(name == "soup" || report.volume_difference.abs() < 0.02, "{name}: unexpected report: {report:?}");
         }
     }
 }
@@ -272,7 +286,7 @@ fn cells_too_coarse_and_too_fine_and_surfaces_inside_out_are_refused_with_the_re
     let fails = |triangles: &[[u32; 3]], cell| stuff(&vertices, triangles, &Options::uniform(cell)).err().unwrap();
     assert!(fails(&triangles, 0.3).contains("choose a smaller cell"));
     let error = fails(&triangles, 1e-4);
-    assert!(error.contains("more than 4 million") && error.contains("choose one above"), "{error}");
+    assert!(error.contains("more than 4 million") && error.contains("choose one above"), "the error is: {error}");
     triangles.iter_mut().for_each(|t| t.swap(0, 1));
     assert!(fails(&triangles, 0.01).contains("inside out"));
 }

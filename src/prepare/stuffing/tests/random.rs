@@ -1,4 +1,5 @@
-//! Invariants under random cuts: that angles are bounded and faces match depends on the lattice alone.
+//! Test of isosurface stuffing with random cuts (points where lattice edges leave the solid): bounded angles and
+//! matching faces depend on the lattice alone, not on the surface.
 
 use glam::DVec3;
 
@@ -65,7 +66,8 @@ fn any_cuts_fill_a_lattice_with_good_angles_and_faces_that_meet() {
         parts::split(&solid, &cuts, &mut filling);
         let within: Vec<bool> = filling.corners.iter().map(|&c| is_within(&cuts, c)).collect();
         let layer = layer_of(filling);
-        // If two tetrahedra disagreed about a face that they share, there would be a crack with inside nodes around it.
+        // If two tetrahedra disagreed about a face that they share, the layer would have a crack, whose boundary has
+        // inside nodes.
         let faces = layer::boundary_faces(&layer.tetrahedra);
         assert!(faces.iter().flat_map(|f| f.0).all(|n| !within[n as usize]));
         let parts = layer::parts(&layer).1;
@@ -84,8 +86,8 @@ fn any_cuts_fill_a_lattice_with_good_angles_and_faces_that_meet() {
         worst = worst.min(report.worst_dihedral);
         check(&filled.layer, &report);
     }
-    println!("worst angle of random cuts: {worst:.2}");
-    // The trial must come near the bound; otherwise it would prove nothing.
+    println!("smallest dihedral angle of random cuts: {worst:.2} degrees");
+    // The smallest angle must come near the bound; otherwise the random cuts would not test it.
     assert!(worst < ANGLE + 1.5);
 }
 

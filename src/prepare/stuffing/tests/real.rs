@@ -1,4 +1,5 @@
-//! Tests of isosurface stuffing on real meshes, sound and defective.
+//! Tests of isosurface stuffing, which fills a surface with a layer (tetrahedral mesh), on real meshes, sound and
+//! defective.
 
 use glam::DVec3;
 
@@ -30,16 +31,17 @@ fn files_with_defects_are_filled_soundly_or_refused() {
         let mesh = match obj::read(path) {
             Ok(mesh) => (mesh.vertices, mesh.triangles),
             Err(error) => {
-                println!("{name}: unreadable: {error}");
+                println!("{name} cannot be read: {error}");
                 continue;
             }
         };
         let cell = largest_extent(&mesh) / 30.0;
         match stuff(&mesh.0, &mesh.1, &Options { cell, grade: 2, thickness: None }) {
-            Err(error) => println!("{name}: {error}"),
+            Err(error) => println!("{name} is refused: {error}"),
             Ok((layer, report)) => {
                 println!(
-                    "{name}: {} tetrahedra, dihedral {:.1}, volume {:+.2e}, parts {}, dropped {}, thickened {}, {:.2} s",
+                    "{name}: {} tetrahedra, least angle {:.1}, volume difference {:+.2e}, parts {}, dropped {}, \
+                     thickened {}, {:.2} s",
                     report.tetrahedra,
                     report.worst_dihedral,
                     report.volume_difference,
@@ -85,7 +87,10 @@ fn what_lies_outside_is_reported(mesh: &Mesh, layer: &Layer, report: &LayerRepor
     for t in &layer.tetrahedra {
         let middle: DVec3 = t.iter().map(|&n| layer.nodes[n as usize] / 4.0).sum();
         let named = || places.iter().any(|p| p.distance(middle) < cell);
-        assert!(solid.signed(middle) < OUTSIDE * cell || named(), "{middle}");
+        assert!(
+            solid.signed(middle) < OUTSIDE * cell || named(),
+            "a tetrahedron at {middle} fills space outside, but the report lists no place near it"
+        );
     }
 }
 
@@ -100,9 +105,9 @@ fn the_real_meshes_keep_their_volume_and_their_angles() {
         let (layer, report) = uniform(&mesh, cell);
         let out = embed::extrapolation(&embed(&mesh.0, &layer).unwrap());
         println!(
-            "{name} cell {cell:.4}: {} nodes {} tetrahedra, dihedral {:.2} {:.2} {:.2}, volume {:+.2e}, shift {:.3} \
-             cells, parts {} dropped {} separated {} doubled {} welded {} lost {} thickened {}, extrapolation {out:.2}, \
-             {:.2} s",
+            "{name} cell {cell:.4}: {} nodes, {} tetrahedra, dihedral angles: least {:.2}, first percentile {:.2}, \
+             largest {:.2}; volume difference {:+.2e}, shift {:.3} cells, parts {} dropped {} separated {} doubled {} \
+             welded {} lost {} thickened {}, extrapolation {out:.2}, {:.2} s",
             report.nodes,
             report.tetrahedra,
             report.worst_dihedral,
@@ -122,7 +127,7 @@ fn the_real_meshes_keep_their_volume_and_their_angles() {
         assert!(report.volume_difference.abs() < 0.02);
         assert_eq!((report.parts, report.dropped.parts), (1, 0));
         // Every skin vertex has a filled node within one cell.
-        assert!(out < 1.5, "{out}");
+        assert!(out < 1.5, "extrapolation {out}");
         what_lies_outside_is_reported(&mesh, &layer, &report, cell);
     }
 }
