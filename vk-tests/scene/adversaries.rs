@@ -1,5 +1,6 @@
-//! Shapes and places that easily mislead the proximity query. Whatever the scene, forces must be finite, flags must say
-//! what is not right (8: deeper than the limit; 16: a skin is not a height field along the contact normal), and
+//! Shapes and places that easily mislead the proximity query, which finds where and how deep two bodies overlap.
+//! Whatever the scene, forces must be finite, the flags of a step must report what is wrong (8: a contact deeper than
+//! the limit; 16: a skin, which is the surface mesh of a body, is not a height field along the contact normal), and
 //! Vulkan's validation layer must not complain.
 
 use std::fmt::Write;
@@ -15,18 +16,18 @@ use crate::scene::whole_step::{open, run, scene};
 
 /// Number of steps, of 1 ms each.
 const STEPS: usize = 20;
-/// Flags as in `trace.csv`: a contact deeper than the limit, and a skin that is not a height field.
+/// Flags as in `trace.csv`: a contact deeper than the limit (8), and a skin that is not a height field (16).
 const DEEP: u32 = 8;
 const NOT_HEIGHT_FIELD: u32 = 16;
-/// Flags that may follow where one body lies deep in another: skin without an opposite (not a height field), contacts
-/// still under tension after the second solve (256), tetrahedra inside out (1024).
+/// Flags that a step may also have where one body lies deep in another: a skin is not a height field, contacts still
+/// pull after the second solve (256), tetrahedra are inverted (1024).
 const UNSEEN: u32 = NOT_HEIGHT_FIELD | 256 | 1024;
 
-/// A soft block with edges of 0.1 m, attached at its bottom, with its top in y = 0.
+/// A soft block with edges of 0.1 m and its top at y = 0; its bottom is attached to a fixed rigid core.
 const BLOCK: &str = "layer = { box = [[-0.05, -0.1, -0.05], [0.05, 0.0, 0.05]], cells = [6, 6, 6] }\n\
                      material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }\n\
                      [[body.core]]\nname = \"bottom\"\nbind = { box = [[-1, -0.11, -1], [1, -0.09, 1]] }\n";
-/// No gravity; together with `HELD` the tool is pulled to where it starts.
+/// `STILL` switches gravity off. `HELD` is a virtual coupling, which pulls the tool to the place where it starts.
 const STILL: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n";
 const HELD: &str = "[coupling]\nstiffness = 2000.0\ndamping = 10.0\nangular_stiffness = 1.0\nangular_damping = 0.01\n";
 
@@ -65,7 +66,7 @@ impl Mesh {
     }
 }
 
-/// The block and a tool. `tool` is text of the tool's table, `more` further tables of the scene.
+/// The block and a tool. `tool` is further text of the scene's table `[tool]`, `more` is text of further tables.
 fn block_and(tool: &str, more: &str) -> Simulation {
     open(&scene(&format!("{STILL}{more}[[body]]\nname = \"block\"\n{BLOCK}[tool]\nmass = 0.05\n{tool}\n{HELD}")), None)
 }
@@ -77,8 +78,8 @@ fn block_and_mesh(mesh: &Mesh, position: [f64; 3]) -> Simulation {
     block_and(&format!("surface = {file:?}\nposition = {position:?}"), "")
 }
 
-/// Runs the scene and checks that every number is finite, that the first step's flags are `first`, and that no step has
-/// flags other than those and `later`.
+/// Runs the scene and checks that all results are finite, that the first step's flags are `first`, and that no step has
+/// flags other than `first` and `later`.
 fn judge(name: &str, mut simulation: Simulation, first: u32, later: u32) -> Vec<StepReport> {
     let rows = run(&mut simulation, STEPS);
     let seen: Vec<u32> = rows.iter().map(|row| row.flags.0).collect();
@@ -86,7 +87,8 @@ fn judge(name: &str, mut simulation: Simulation, first: u32, later: u32) -> Vec<
     let contacts: Vec<u32> = rows.iter().map(|row| row.contacts.unwrap()).collect();
     let deepest = rows.iter().map(|row| row.max_depth.unwrap()).fold(0.0, f64::max);
     println!(
-        "{name}: flags {} then {}; {} contacts and {:.3} N first, {} and {:.3} N last; {:.2} mm at most",
+        "{name}: flags {} in the first step, {} in all steps; {} contacts and {:.3} N in the first step, {} contacts \
+         and {:.3} N in the last; depth at most {:.2} mm",
         seen[0],
         seen.iter().fold(0, |all, f| all | f),
         contacts[0],
@@ -96,19 +98,30 @@ fn judge(name: &str, mut simulation: Simulation, first: u32, later: u32) -> Vec<
         1e3 * deepest
     );
     for row in &rows {
-        assert!(row.residual.is_finite() && row.max_depth.unwrap().is_finite(), "{name}: {row:?}");
+        assert!(
+            row.residual.is_finite() && row.max_depth.unwrap().is_finite(),
+            "{name}: residual or depth is not finite: {row:?}"
+        );
         if let Some(tool) = row.tool {
             assert!(
                 tool.force.is_finite() && tool.torque.is_finite() && tool.tool.position.is_finite(),
-                "{name}: {row:?}"
+                "{name}: force, torque or position of the tool is not finite: {row:?}"
             );
         }
-        assert!(row.flags.0 & !(first | later) == 0, "{name}: flags {} in step {}", row.flags.0, row.step);
+        assert!(
+            row.flags.0 & !(first | later) == 0,
+            "{name}: flags not allowed among {} in step {}",
+            row.flags.0,
+            row.step
+        );
     }
     assert_eq!(seen[0], first, "{name}: flags of the first step");
     for body in 0..simulation.bodies().len() {
         if let Some((moved, velocity)) = simulation.nodes(body).unwrap() {
-            assert!(moved.iter().chain(&velocity).all(|x| x.is_finite()), "{name}: a node is not finite");
+            assert!(
+                moved.iter().chain(&velocity).all(|x| x.is_finite()),
+                "{name}: displacement or velocity of a node is not finite"
+            );
         }
     }
     rows
@@ -143,7 +156,7 @@ fn a_thin_plate_is_pressed_on_its_flat() {
     let half = DVec3::new(0.02, 0.0001, 0.02);
     let plate = Mesh::block(-half, half, [10, 1, 10]);
     let rows = judge("plate", block_and_mesh(&plate, [0.0, -0.0004, 0.0]), 0, 0);
-    assert!(rows[0].tool.unwrap().force.y > 0.1, "{:?}", rows[0]);
+    assert!(rows[0].tool.unwrap().force.y > 0.1, "the tool's force along y is at most 0.1 N: {:?}", rows[0]);
 }
 
 #[test]
@@ -151,7 +164,7 @@ fn a_thin_plate_is_pressed_on_its_edge() {
     let half = DVec3::new(0.0001, 0.02, 0.02);
     let plate = Mesh::block(-half, half, [1, 10, 10]);
     let rows = judge("plate on edge", block_and_mesh(&plate, [0.0, 0.018, 0.0]), 0, 0);
-    assert!(rows[0].tool.unwrap().force.y > 0.1, "{:?}", rows[0]);
+    assert!(rows[0].tool.unwrap().force.y > 0.1, "the tool's force along y is at most 0.1 N: {:?}", rows[0]);
 }
 
 #[test]
@@ -160,7 +173,7 @@ fn bodies_in_the_same_place_overlap_beyond_the_limit() {
         let text = format!(
             "{STILL}[[body]]\nname = \"a\"\n{BLOCK}[[body]]\nname = \"b\"\nposition = [0.0, {shift:?}, 0.0]\n{BLOCK}"
         );
-        judge(&format!("coincident but for {shift} m"), open(&scene(&text), None), DEEP, UNSEEN);
+        judge(&format!("two blocks at a distance of {shift} m"), open(&scene(&text), None), DEEP, UNSEEN);
     }
 }
 
@@ -174,7 +187,7 @@ fn what_only_touches_is_not_pushed() {
     assert!(rows.iter().all(|row| row.max_depth.unwrap() < 1e-7));
 }
 
-/// Numbers of rigid cubes along the two sides of the slab, and their distance, m.
+/// Numbers of rigid cubes along the two sides of the slab, and the distance between neighbouring cubes, m.
 const CUBES: (usize, usize, f64) = (20, 10, 0.02);
 
 #[test]
@@ -187,7 +200,8 @@ fn two_hundred_pairs_of_bodies_touch_a_fine_skin_at_once() {
     many_pairs([40, 4, 20]);
 }
 
-/// Rigid cubes pressed into a slab of this many Kuhn cells.
+/// Presses rigid cubes into a soft slab of `cells` boxes, each cut into six tetrahedra. Every pair of the slab and a
+/// cube must have contacts.
 fn many_pairs(cells: [u32; 3]) {
     let folder = tempfile::tempdir().unwrap();
     let half = DVec3::splat(0.006);
@@ -209,7 +223,8 @@ fn many_pairs(cells: [u32; 3]) {
         );
     }
     let mut simulation = open(&scene(&text), Some(Path::Compute));
-    // Contacts are read after the first step, with the cubes as placed: afterwards the slab moves back from them.
+    // Contacts are read after the first step, while cubes and slab still overlap as the scene places them: later the
+    // slab has moved away from the cubes.
     let mut rows = run(&mut simulation, 1);
     let (contact_patches, contacts) = simulation.touch().unwrap();
     let mut pushed = vec![false; columns * CUBES.1];
@@ -217,7 +232,8 @@ fn many_pairs(cells: [u32; 3]) {
     rows.extend(run(&mut simulation, STEPS - 1));
     let flags = rows.iter().fold(0, |all, row| all | row.flags.0);
     println!(
-        "200 pairs: {} contact_patches, {} contacts, {} pairs with some; flags {flags}; up to {} iterations",
+        "200 pairs of bodies: {} contact patches, {} contacts, {} pairs with contacts; flags {flags}; up to {} solver \
+         iterations",
         contact_patches.iter().filter(|contact_patch| contact_patch.weight > 0.0).count(),
         contacts.len(),
         pushed.iter().filter(|p| **p).count(),
@@ -225,13 +241,13 @@ fn many_pairs(cells: [u32; 3]) {
     );
     let (moved, _) = simulation.nodes(0).unwrap().unwrap();
     assert!(moved.iter().all(|d| d.is_finite()) && moved.iter().any(|d| d.y < -1e-4));
-    assert!(flags == 0 && pushed.iter().all(|p| *p), "{flags}");
+    assert!(flags == 0 && pushed.iter().all(|p| *p), "flags {flags}, expected 0, and contacts in every pair");
 }
 
 #[test]
 fn triangles_without_area_in_single_precision_do_no_harm() {
-    // Every fifth triangle of the block's skin gets a vertex in the middle of its first edge, so near to that edge that
-    // the sliver between has no area in f32. The mesh stays closed.
+    // Every fifth triangle of the block's skin gets a vertex in the middle of its first edge, moved inwards by so
+    // little that the sliver triangle between the vertex and that edge has no area in f32. The mesh stays closed.
     let low = DVec3::new(-0.05, -0.1, -0.05);
     let mut mesh = Mesh::block(low, low + DVec3::splat(0.1), [8, 8, 8]);
     for t in (0..mesh.triangles.len()).step_by(5) {
@@ -256,5 +272,5 @@ fn triangles_without_area_in_single_precision_do_no_harm() {
     let rows = judge("slivers", slivers, 0, 0);
     let plain = judge("no slivers", press(""), 0, 0);
     let (got, want) = (rows[STEPS - 1].tool.unwrap().force.y, plain[STEPS - 1].tool.unwrap().force.y);
-    assert!((got / want - 1.0).abs() < 0.05, "{got} N for {want} N");
+    assert!((got / want - 1.0).abs() < 0.05, "force {got} N with slivers, {want} N without");
 }

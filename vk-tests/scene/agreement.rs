@@ -1,5 +1,6 @@
-//! The proximity query against f64 ray casts, on real meshes in light contact and in thousands of poses of small ones:
-//! depths and the sets of colliding vertices must agree, and culling must leave no colliding vertex out.
+//! Compares the proximity query (which vertices of two bodies lie inside the other body, and how deep) with f64 ray
+//! casts, for real meshes in light contact and for small meshes in thousands of poses. Depths and the sets of colliding
+//! vertices must agree, and culling must leave no colliding vertex out.
 
 use std::sync::Arc;
 
@@ -21,25 +22,25 @@ use crate::scene::judge::{APART, Pose, Subject, Tally, head, judge};
 
 /// Greatest error of a depth, relative to the smaller body's size, as promised to users.
 const DEPTH: f64 = 1e-5;
-/// Greatest number of colliding vertices by which the two sets may differ, relative to the number of contacts.
+/// Greatest number of colliding vertices that only the query or only the rays find, relative to the number of contacts.
 const DIFFERENT: f64 = 1e-3;
 /// Depth of a light contact, relative to the smaller body's size.
 const LIGHT: f64 = 5e-3;
-/// Least ratio of the depth along a direction to the distance to the surface: 1 but for rounding.
+/// Least ratio of the depth along the normal to the distance to the other surface: 1, less an allowance for rounding.
 const LEAST_RATIO: f64 = 1.0 - 1e-6;
-/// Poses of each pair of real meshes; each pose is queried twice.
+/// Number of poses of each pair of real meshes; each pose is queried twice.
 const POSES: usize = 20;
-/// About how many poses of small meshes are queried, over all pairs.
+/// Number of poses of small meshes that are queried, over all ten pairs of meshes.
 const THROWN: usize = 10_000;
 
-/// A context without validation, since these tests run ten thousand queries.
+/// A context without Vulkan's validation layer, since these tests run ten thousand queries.
 fn device() -> Arc<Context> {
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
     Context::open(&Options { device, validation: false, ..Options::of_program() }).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// How far body b, which lies far away along `towards`, moves back until a vertex of either body meets a triangle of
-/// the other, m; `None` if none ever does.
+/// Distance, m, by which body b, which lies far away along `towards`, moves back until a vertex of either body meets a
+/// triangle of the other; `None` if that never happens. `a` and `b` are the bodies' vertices.
 fn room(towards: DVec3, subjects: [&Subject; 2], a: &[DVec3], b: &[DVec3]) -> Option<f64> {
     let up = Rays::new(-towards, b, &subjects[1].skin().triangles);
     let down = Rays::new(towards, a, &subjects[0].skin().triangles);
@@ -47,8 +48,8 @@ fn room(towards: DVec3, subjects: [&Subject; 2], a: &[DVec3], b: &[DVec3]) -> Op
     rooms.map(|ray_hit| ray_hit.depth).reduce(f64::min)
 }
 
-/// Poses of two bodies in light contact, and the direction from a to b: both are turned at random, b is shifted at
-/// random, and b is moved a little deeper than to the first touch.
+/// Random poses of two bodies in light contact, and the direction from a to b. Both bodies are turned at random, b is
+/// also shifted at random, and b is moved along the direction until it is slightly deeper than at first touch.
 fn light(random: &mut Random, subjects: [&Subject; 2]) -> ([Pose; 2], DVec3) {
     let [a, b] = subjects;
     loop {
@@ -64,8 +65,8 @@ fn light(random: &mut Random, subjects: [&Subject; 2]) -> ([Pose; 2], DVec3) {
     }
 }
 
-/// Depth divided by the distance to the other surface, for every contact of an answer whose distance exceeds
-/// rounding.
+/// Depth along the normal divided by the distance to the other surface, for every contact of an answer whose distance
+/// is greater than rounding errors.
 fn ratios(subjects: [&Subject; 2], poses: [Pose; 2], trees: &[TriMesh; 2], answer: &Answer) -> Vec<f64> {
     let of = |contact: &QueryContact| {
         let (own, other) = (contact.body, 1 - contact.body);
@@ -76,8 +77,8 @@ fn ratios(subjects: [&Subject; 2], poses: [Pose; 2], trees: &[TriMesh; 2], answe
         let corners = subjects[other].skin().triangles[contact.triangle as usize];
         let met: DVec3 =
             (0..3).map(|k| contact.barycentric[k] * subjects[other].skin().vertices[corners[k] as usize]).sum();
-        // The point that the query names lies on the surface: its distance is the depth, free of the f32 rounding of
-        // the depth that the query reports.
+        // The query also returns the point of the other surface that the vertex's ray hits. Its distance is the depth
+        // without the f32 rounding of the depth that the query reports.
         (local.distance(met), local.distance(DVec3::new(near.x, near.y, near.z)))
     };
     let size = subjects[0].size.min(subjects[1].size);
@@ -111,8 +112,7 @@ fn real_meshes_in_light_contact_agree_with_f64_rays() {
         let mut sum = Tally::default();
         for pose in 0..POSES {
             let (poses, towards) = light(&mut random, [a, b]);
-            // The query runs once with the direction that the broad phase finds, and once with the direction in which
-            // b was moved away.
+            // The query runs once with the direction that the broad phase estimates, and once with `towards`.
             for direction in [None, Some(towards)] {
                 query.set_direction(direction);
                 let answer = query.run(poses[0], poses[1]).unwrap();
@@ -129,19 +129,28 @@ fn real_meshes_in_light_contact_agree_with_f64_rays() {
     all.ratios.sort_by(f64::total_cmp);
     let at = |share: f64| all.ratios[((all.ratios.len() - 1) as f64 * share) as usize];
     println!(
-        "depth along the normal against the distance to the surface: least {:.6}, median {:.3}, nine tenths below \
-         {:.3}, most {:.1}",
+        "depth along the normal divided by the distance to the surface: least {:.6}, median {:.3}, 90th percentile \
+         {:.3}, greatest {:.1}",
         at(0.0),
         at(0.5),
         at(0.9),
         at(1.0)
     );
     assert!(all.contacts > 10 * POSES && at(0.0) > LEAST_RATIO);
-    assert!(all.worst <= DEPTH, "{} in {}", all.worst, all.where_worst);
-    assert!(((all.missing + all.extra) as f64) <= DIFFERENT * all.contacts as f64, "{}", all.different.join("\n"));
+    assert!(
+        all.worst <= DEPTH,
+        "depth error, relative to the smaller body's size: {} in {}",
+        all.worst,
+        all.where_worst
+    );
+    assert!(
+        ((all.missing + all.extra) as f64) <= DIFFERENT * all.contacts as f64,
+        "vertices that only the query or only the rays find:\n{}",
+        all.different.join("\n")
+    );
 }
 
-/// A ring of radius `radius` with a round section of radius `section`, m.
+/// A torus with a ring of radius `radius` and a round section of radius `section`, m.
 fn torus(radius: f64, section: f64, around: u32, across: u32) -> Mesh {
     let at = |i: u32, n: u32| std::f64::consts::TAU * f64::from(i) / f64::from(n);
     let vertex = |(i, k): (u32, u32)| {
@@ -176,7 +185,7 @@ fn culling_leaves_no_colliding_vertex_out() {
             let mut query = Query::on_device(&device, &a.body, &b.body, &settings).unwrap();
             let mut sum = Tally::default();
             for pose in 0..THROWN / 10 {
-                // Poses from a light touch to one body within the other.
+                // The poses range from a light touch to one body within the other.
                 let apart = 0.5 * (a.size + b.size) * (0.6 + 0.4 * random.next());
                 let poses = [
                     a.pose(random.turn(3.0), DVec3::ZERO),

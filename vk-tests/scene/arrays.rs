@@ -1,15 +1,16 @@
-//! Scenes must give the same bits with arrays that are read through texel buffers, through storage buffers, and where
-//! texel buffers are limited to the size that every Vulkan device has.
+//! Scenes must give bit-identical results whether kernels read arrays through texel buffers or through storage buffers,
+//! and also where texel buffers are limited to the size that every Vulkan device supports.
 
 use std::path::Path;
 
 use palpate::internal::gpu::Arrays;
 use palpate::{Options, Scene, Simulation};
 
-/// Elements that the texel buffers of every Vulkan device can hold.
+/// Number of elements that the texel buffers of every Vulkan device can hold.
 const GUARANTEED: u32 = 65_536;
 
-/// The bits of the force and the residual of each step, and of the node positions after the last one.
+/// Runs a scene and returns the bits of the force and the residual of each step, and of the node positions after the
+/// last.
 fn left(scene: &Scene, options: Options, steps: usize) -> Vec<u64> {
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
     let options = Options { device, ..options };
@@ -35,9 +36,13 @@ fn expect_the_same(name: &str, steps: usize) {
     let texel = left(&scene, Options { arrays: Some(Arrays::Texel), ..Options::of_program() }, steps);
     let storage = left(&scene, Options { arrays: Some(Arrays::Storage), ..Options::of_program() }, steps);
     let few = left(&scene, Options { texel_elements: Some(GUARANTEED), ..Options::of_program() }, steps);
-    assert!(texel.len() > 4 * steps, "{name}");
-    assert_eq!(texel.iter().zip(&storage).position(|(a, b)| a != b), None, "{name}: texel and storage arrays");
-    assert_eq!(few, storage, "{name}: few texel elements");
+    assert!(texel.len() > 4 * steps, "{name}: too few results to compare");
+    assert_eq!(
+        texel.iter().zip(&storage).position(|(a, b)| a != b),
+        None,
+        "{name}: index of the first result that differs between texel and storage buffers"
+    );
+    assert_eq!(few, storage, "{name}: results with small texel buffers and with storage buffers");
 }
 
 #[test]

@@ -1,5 +1,6 @@
-//! Bodies with several cores (rigid frames with nodes attached to them), with driven (kinematic) cores, and free bodies
-//! with a floating frame, which is fitted to their nodes: whole steps against the f64 oracle, which uses no frames.
+//! Whole steps of soft bodies against the f64 oracle, the reference implementation on the CPU, which uses no moving
+//! frames. The bodies have several rigid cores (to which nodes are attached), some of them driven, that is, moved as
+//! the scene's keys say; or they are free, and have a floating frame, which is fitted to their nodes.
 
 use std::fmt::Write;
 
@@ -14,15 +15,15 @@ use palpate_oracle as oracle;
 use crate::scene::touch::{Place, Twin, press};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// Error of displacements relative to the largest, as for cores at rest.
+/// Greatest error of displacements, relative to the largest; the same as in `whole_step.rs`, where cores are fixed.
 pub const SHAPE: f64 = 2.0e-5;
-/// Error of velocities relative to the largest: the change of a velocity is solved to a tolerance of the whole
-/// right-hand side.
+/// Greatest error of velocities, relative to the largest. It is greater than `SHAPE`, since the solver finds changes of
+/// velocity to a tolerance relative to the whole right-hand side.
 pub const SPEED: f64 = 1.0e-4;
-/// Error of the tool's force relative to the largest of the run.
+/// Greatest error of the tool's force, relative to the largest force of the run.
 const FORCE: f64 = 5.0e-5;
 
-/// A bar attached to a core at either end; the second core moves along `keys`.
+/// Scene of a bar that is attached to a rigid core at either end; the second core moves along `keys`.
 pub fn bar(young: f64, keys: &str) -> String {
     format!(
         "[step]\ngravity = [0.0, -9.81, 0.0]\n[solver]\ntolerance = 5e-6\nmax_iterations = 1000\n[[body]]\n\
@@ -35,8 +36,8 @@ pub fn bar(young: f64, keys: &str) -> String {
     )
 }
 
-/// Keys of a driven core: poses of its body's rest coordinates, which turn by up to `angle` (rad) and shift by up to
-/// `shift` (m) within 40 ms from where the body was placed.
+/// Keys of a driven core. Its poses turn the body's rest coordinates by up to `angle` (rad) and shift them by up to
+/// `shift` (m) within 40 ms, from the pose in which the scene places the body.
 pub fn keys(scene_position: DVec3, orientation: DQuat, angle: f64, shift: DVec3) -> String {
     let mut text = String::from("[");
     for (time, share) in [(0.0, 0.0), (0.02, 0.4), (0.04, 1.0)] {
@@ -48,8 +49,8 @@ pub fn keys(scene_position: DVec3, orientation: DQuat, angle: f64, shift: DVec3)
     text + "]"
 }
 
-/// Gives the twin's attached nodes the velocities of their driven cores over the step of `h` seconds that ends at
-/// `time`.
+/// Gives the attached nodes of the oracle's body `twin` the velocities of their driven cores over the step of `h`
+/// seconds that ends at `time`.
 pub fn carry(twin: &mut oracle::step::SoftBody, simulation: &Simulation, body: usize, time: f64, h: f64) {
     let place = &simulation.bodies()[body];
     let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
@@ -86,13 +87,16 @@ fn a_bar_between_a_fixed_and_a_kinematic_core_bends_as_the_oracles() {
                 worst = worst.max(relative_error(&moved, &twin.bodies[0].displacement));
             }
         }
-        println!("bar at {young:e} Pa turned by {angle} rad: shape {worst:.1e} of the largest displacement");
-        assert!(flags == 0 && worst < SHAPE, "{young:e} Pa, {angle} rad: {worst:e}, flags {flags}, {residual:e}");
+        println!("bar at {young:e} Pa turned by {angle} rad: displacements differ by {worst:.1e} of the largest");
+        assert!(
+            flags == 0 && worst < SHAPE,
+            "{young:e} Pa, {angle} rad: relative error of displacements {worst:e}, flags {flags}, residual {residual:e}"
+        );
     }
 }
 
-/// Presses a block with a tool that the virtual coupling pulls, in the engine and in the oracle side by side. Returns
-/// the greatest force, N, and the relative errors of force and shape.
+/// Presses a block with a tool that the virtual coupling pulls, in the engine and in the oracle. Returns the greatest
+/// force, N, and the relative errors of the force and of displacements.
 fn pressed(scene: &Scene, steps: usize) -> (f64, f64, f64) {
     let mut simulation = open(scene, None);
     let mut twin = Twin::new(scene, &simulation);
@@ -129,11 +133,13 @@ fn a_block_whose_core_is_kinematic_into_the_tool_pushes_as_the_oracles() {
                   [0.03, 0.001, 0.004, 0.0, 0.03, 0.0, 0.04, 0.9987492177719089]]";
     let scene = scene(&text.replace("motion = \"fixed\"", driven));
     let (peak, force, shape) = pressed(&scene, 50);
-    println!("driven block: force {force:.1e} of {peak:.2} N, shape {shape:.1e}");
-    assert!(peak > 0.1 && force < FORCE && shape < SHAPE, "{force:e} {shape:e}");
+    println!(
+        "block on a driven core: error of force {force:.1e} of {peak:.2} N, relative error of displacements {shape:.1e}"
+    );
+    assert!(peak > 0.1 && force < FORCE && shape < SHAPE, "relative errors: force {force:e}, displacements {shape:e}");
 }
 
-/// The oracle's twins of a body's dynamic cores, in their first state.
+/// A body's dynamic cores as the oracle represents them, in their initial state.
 pub fn twin_cores(simulation: &Simulation, body: usize) -> Vec<oracle::step::Core> {
     let place = &simulation.bodies()[body];
     let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
@@ -154,7 +160,7 @@ pub fn twin_cores(simulation: &Simulation, body: usize) -> Vec<oracle::step::Cor
 #[test]
 #[ignore = "long: 9 s"]
 fn dynamic_cores_and_the_bar_between_them_move_as_the_oracles() {
-    // First one end is fixed and a dynamic core is in the other; then a dynamic core is in each end, and the bar flies.
+    // First one end is fixed and the other has a dynamic core; then both ends have dynamic cores, and the bar flies.
     for (name, left, velocity) in
         [("hanging", "", ""), ("flying", "motion = \"dynamic\"", "velocity = [0.3, 1.0, -0.2]")]
     {
@@ -179,13 +185,14 @@ fn dynamic_cores_and_the_bar_between_them_move_as_the_oracles() {
             let place = simulation.frames(0)[1];
             let centre = place.centre.distance(twin.cores[twin.cores.len() - 1].centre);
             println!(
-                "{name} bar at {young:e} Pa: shape {shape:.1e}, speed {speed:.1e}, core off by {centre:.1e} m, up to {} iterations",
+                "{name} bar at {young:e} Pa: relative errors of displacements {shape:.1e}, of velocities {speed:.1e}; \
+                 core off by {centre:.1e} m; up to {} solver iterations",
                 rows.iter().map(|r| r.iterations).max().unwrap()
             );
             assert!(rows.iter().all(|row| row.flags == Flags::default()));
             assert!(
                 shape < SHAPE && speed < SPEED && centre < 1e-6,
-                "{name} {young:e}: {shape:e} {speed:e} {centre:e}"
+                "{name} bar at {young:e} Pa: errors of displacements {shape:e}, velocities {speed:e}, core {centre:e} m"
             );
         }
     }
@@ -208,8 +215,8 @@ fn a_dynamic_rigid_body_falls_on_a_block_as_a_tool_that_nobody_holds() {
     ));
     let (mut one, mut other) = (open(&tool, None), open(&body, None));
     let (mut a, mut b) = (run(&mut one, 40), run(&mut other, 40));
-    // Displacements are compared in the midst of the contact: the second bounce, after the hundredth step, magnifies
-    // rounding.
+    // Displacements are compared after 40 steps, in the midst of the contact. The run ends before the second bounce,
+    // which would magnify rounding errors.
     let error = relative_error(&other.nodes(0).unwrap().unwrap().0, &one.nodes(0).unwrap().unwrap().0);
     a.extend(run(&mut one, 60));
     b.extend(run(&mut other, 60));
@@ -219,9 +226,13 @@ fn a_dynamic_rigid_body_falls_on_a_block_as_a_tool_that_nobody_holds() {
     let place = other.frames(1)[0];
     let (away, turned) = (place.centre.distance(held.centre), place.rotation.angle_between(held.orientation));
     println!(
-        "ball: {touched} steps in contact, then {away:.1e} m and {turned:.1e} rad from the tool, block {error:.1e}"
+        "ball: {touched} steps in contact; then its pose differs by {away:.1e} m and {turned:.1e} rad from the \
+         tool's, and the block's displacements by {error:.1e} of the largest"
     );
-    assert!(touched > 30 && away < 1e-7 && turned < 1e-5 && error < SHAPE, "{away:e} {turned:e} {error:e}");
+    assert!(
+        touched > 30 && away < 1e-7 && turned < 1e-5 && error < SHAPE,
+        "ball and tool differ by {away:e} m and {turned:e} rad, the block by {error:e}"
+    );
 }
 
 /// The surface of a cube, as the text of an OBJ file; `half` is half of its edge, m.
@@ -234,8 +245,8 @@ pub fn cube(half: f64) -> String {
 
 #[test]
 fn a_kinematic_body_presses_as_if_the_other_came_to_it() {
-    // A rigid cube comes down on a block, or it rests while the block's core moves up: seen from the core both are the
-    // same.
+    // Either a rigid cube comes down on a block, or the cube rests while the block's core moves up. Relative to the
+    // core both motions are the same.
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("cube.obj");
     std::fs::write(&file, cube(0.02)).unwrap();
@@ -250,7 +261,11 @@ fn a_kinematic_body_presses_as_if_the_other_came_to_it() {
         let mut simulation = open(&scene(&text), None);
         let rows = run(&mut simulation, 80);
         assert!(rows.iter().all(|row| row.flags == Flags::default()));
-        assert!(rows[79].contacts.unwrap() > 8, "{:?}", rows[79].contacts);
+        assert!(
+            rows[79].contacts.unwrap() > 8,
+            "contacts in the last step: {:?}, expected more than 8",
+            rows[79].contacts
+        );
         (simulation.nodes(0).unwrap().unwrap().0, simulation.frames(0)[0].centre)
     };
     let down = "motion = \"driven\"\nkeys = [[0.0, 0.003, 0.0205, 0.0, 0.1, 0.0, 0.0, 0.99498743710662], \
@@ -260,12 +275,12 @@ fn a_kinematic_body_presses_as_if_the_other_came_to_it() {
     let up = "motion = \"driven\"\nkeys = [[0.0, 0.0, 0.0, 0.0], [0.08, 0.0, 0.008, 0.0]]";
     let (lifted, end) = run_with("velocity = [0.0, 0.1, 0.0]", up, rest);
     let lift = end - start;
-    assert!((lift - DVec3::Y * 0.008).length() < 1e-12, "{lift}");
+    assert!((lift - DVec3::Y * 0.008).length() < 1e-12, "the core moved by {lift} m, expected 0.008 m along y");
     let relative: Vec<DVec3> = lifted.iter().map(|d| *d - lift).collect();
     let error = relative_error(&relative, &pressed);
     let largest = pressed.iter().map(|d| d.length()).fold(0.0, f64::max);
-    println!("driven cube: shapes differ by {error:.1e} of {largest:.4} m");
-    assert!(largest > 0.005 && error < SHAPE, "{error:e}");
+    println!("moving cube and moving core: displacements differ by {error:.1e} of {largest:.4} m");
+    assert!(largest > 0.005 && error < SHAPE, "relative difference of displacements {error:e}");
 }
 
 #[test]
@@ -303,11 +318,11 @@ fn a_slab_that_tumbles_gains_no_energy() {
             most = most.max(energy(&tool));
         }
         println!(
-            "slab at {dt} s: energy at most {:.6} of the start's, {:.3} after 20 s",
+            "slab in steps of {dt} s: kinetic energy at most {:.6} of that at the start, {:.3} of it after 20 s",
             most / start,
             energy(&tool) / start
         );
-        assert!(most < 1.01 * start, "{dt}: {most} of {start}");
+        assert!(most < 1.01 * start, "steps of {dt} s: greatest energy {most} J, at the start {start} J");
     }
 }
 
@@ -326,21 +341,21 @@ fn a_human_bends_its_arm() {
     let driven = |frame: u32| matches!(frames[frame as usize].motion, FrameMotion::Kinematic(_));
     assert!(proxies.iter().any(|proxy| driven(proxy.frame)), "the arm must have collision proxies of its own");
     let (moved, _) = simulation.nodes(0).unwrap().unwrap();
-    // Nodes attached to the forearm's bone are where the bone took them, and nodes attached to other bones where they
-    // were. The nodes between are displaced.
+    // Nodes attached to the forearm's bone are where the bone took them, and nodes attached to other bones have not
+    // moved. The free nodes between them are displaced.
     let (mut attached, mut free) = (0, 0.0f64);
     for (n, d) in moved.iter().enumerate() {
         let taken = turn * (layer.nodes[n] - elbow) + elbow - layer.nodes[n];
         match (layer.attached[n], driven(node_frames[n])) {
             (true, true) => {
                 attached += 1;
-                assert!(d.distance(taken) < 1e-9, "{d} {taken}");
+                assert!(d.distance(taken) < 1e-9, "displacement {d} m of an attached node, expected {taken} m");
             }
             (true, false) => assert!(d.length() < 1e-9),
             (false, _) => free = free.max(d.length()),
         }
     }
-    println!("human: {attached} nodes on the forearm, others moved by up to {free:.3} m");
+    println!("human: {attached} nodes attached to the forearm; free nodes moved by up to {free:.3} m");
     assert!(attached > 3 && free > 0.05 && free < 0.5);
 }
 
@@ -354,13 +369,13 @@ fn a_free_block_is_pushed_away_and_spun_as_the_oracles() {
     let free = format!("{}{}", &text[..core], &text[end..])
         .replace("position = [0.0, 0.0, 0.0]", "position = [0.03, 0.0, 0.01]\nvelocity = [0.0, 0.5, 0.2]");
     let (peak, force, shape) = pressed(&scene(&free), 120);
-    println!("free block: force {force:.1e} of {peak:.2} N, shape {shape:.1e}");
-    assert!(peak > 0.1 && force < FORCE && shape < SHAPE, "{force:e} {shape:e}");
+    println!("free block: error of force {force:.1e} of {peak:.2} N, relative error of displacements {shape:.1e}");
+    assert!(peak > 0.1 && force < FORCE && shape < SHAPE, "relative errors: force {force:e}, displacements {shape:e}");
 }
 
 #[test]
 fn a_floating_frame_keeps_up_with_a_body_that_flies_and_turns() {
-    // The bar flies aslant at a floor, and the end that meets the floor sets it spinning.
+    // The bar flies obliquely at a floor, and the end that meets the floor sets it spinning.
     let text = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"bar\"\n\
         layer = { box = [[-0.1, -0.015, -0.015], [0.1, 0.015, 0.015]], cells = [10, 2, 2] }\n\
         orientation = [0.0, 0.0, 0.3826834323650898, 0.9238795325112867]\nvelocity = [0.5, -2.0, 0.0]\n\
@@ -375,7 +390,7 @@ fn a_floating_frame_keeps_up_with_a_body_that_flies_and_turns() {
     let frame = simulation.frames(0)[0];
     let mean = velocity.iter().sum::<DVec3>() / velocity.len() as f64;
     let turned = rest.rotation.angle_between(frame.rotation);
-    // Seen from its floating frame, the bar is nearly in its rest shape, though it is far from where it was.
+    // Relative to its floating frame, the bar is nearly in its rest shape, though it has moved far.
     let body = &simulation.bodies()[0];
     let away = moved.iter().map(|d| d.length()).fold(0.0, f64::max);
     let stray = layer.nodes.iter().zip(&moved).map(|(r, d)| {
@@ -384,7 +399,11 @@ fn a_floating_frame_keeps_up_with_a_body_that_flies_and_turns() {
     });
     let stray = stray.fold(0.0, f64::max);
     println!(
-        "flying bar: {away:.2} m away, turned by {turned:.2} rad, {stray:.1e} m from its frame's shape at {mean:.2} m/s"
+        "flying bar: moved by {away:.2} m, turned by {turned:.2} rad; up to {stray:.1e} m from its rest shape in the \
+         floating frame; mean velocity {mean:.2} m/s"
     );
-    assert!(away > 0.2 && turned > 0.5 && stray < 0.01, "{away} {turned} {stray}");
+    assert!(
+        away > 0.2 && turned > 0.5 && stray < 0.01,
+        "moved by {away} m, turned by {turned} rad, {stray} m from its rest shape"
+    );
 }

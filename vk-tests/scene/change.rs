@@ -1,5 +1,6 @@
-//! Changes between two steps, of materials, contact law and driven cores: from the change on, a simulation must give
-//! the same bits as one that was opened with the change in its scene and restored the state.
+//! Changes of materials, contact law and driven cores (rigid cores, to which nodes are attached, moved as keys say)
+//! between two steps. From the change on, a simulation must give the same bits as one that was opened with the change
+//! in its scene and into which the state before the change was restored.
 
 use std::time::Duration;
 
@@ -17,7 +18,8 @@ const BEFORE: usize = 25;
 /// Number of steps after the change.
 const AFTER: usize = 15;
 
-/// The bits of force, iterations, residual and flags of the next steps, and of the displacements after them.
+/// Runs the next steps and returns the bits of force, iterations, residual and flags of each, and of the displacements
+/// after the last.
 fn seen(simulation: &mut Simulation) -> Vec<u64> {
     let mut bits = Vec::new();
     for row in run(simulation, AFTER) {
@@ -32,7 +34,7 @@ fn seen(simulation: &mut Simulation) -> Vec<u64> {
     bits
 }
 
-/// Checks that `change`, applied to a simulation of the scene `first`, turns it into one of the scene `second`.
+/// Checks that `change` makes a simulation of the scene `first` go on exactly as one of the scene `second` would.
 fn becomes(name: &str, first: &str, second: &str, change: impl Fn(&mut Simulation, &Scene)) {
     let (first, second) = (scene(first), scene(second));
     let [mut changed, mut unchanged] = [(); 2].map(|()| open(&first, None));
@@ -43,7 +45,7 @@ fn becomes(name: &str, first: &str, second: &str, change: impl Fn(&mut Simulatio
     let mut made = open(&second, None);
     made.restore(&state).unwrap();
     let told = seen(&mut changed);
-    assert!(told == seen(&mut made), "{name}: it differs from one that was opened with the change");
+    assert!(told == seen(&mut made), "{name}: results differ from a simulation that was opened with the change");
     assert!(told != seen(&mut unchanged), "{name}: the change has no effect");
 }
 
@@ -65,8 +67,8 @@ fn another_material_is_felt_at_once() {
     let change = |simulation: &mut Simulation, to: &Scene| simulation.set_material(0, 0, material_of(to)).unwrap();
     let jacobi = "preconditioner = \"jacobi\"";
     becomes(jacobi, &text(jacobi, plain), &text(jacobi, other), change);
-    // Nodes are divided by mass into the aggregates of the coarse level: with another density, a new simulation would
-    // have other aggregates.
+    // The aggregates of the coarse space (blocks of nodes in the two-level preconditioner) are formed by mass: with
+    // another density, a new simulation would have other aggregates. So this change keeps the density.
     let (coarse, as_heavy) = ("preconditioner = \"coarse\"", other.replace("1500", "1000"));
     becomes(coarse, &text(coarse, plain), &text(coarse, &as_heavy), change);
     let patches =
@@ -78,7 +80,7 @@ fn another_material_is_felt_at_once() {
 #[ignore = "long: 6 s"]
 fn another_material_of_free_and_jointed_bodies_is_felt_at_once() {
     let change = |simulation: &mut Simulation, to: &Scene| simulation.set_material(0, 0, material_of(to)).unwrap();
-    // The preconditioner is set, so that it does not follow from the material.
+    // The preconditioner is set in the scene, since otherwise it would be chosen by the material.
     let jacobi = |text: String| text.replacen("[solver]\n", "[solver]\npreconditioner = \"jacobi\"\n", 1);
     let free = jacobi(friction::collision(0.0));
     let heavier = free.replacen(
@@ -104,7 +106,7 @@ fn another_contact_law_is_felt_at_once() {
     becomes("stiffer", &text(""), &text("stiffness = 2e8\ndamping = 1e4"), change);
     becomes("rougher", &text("friction = 0.2"), &text("friction = 0.8\nfriction_speed = 0.01"), change);
     becomes("friction where there was none", &text(""), &text("friction = 0.5"), change);
-    becomes("automatic again", &text("stiffness = 2e8"), &text(""), change);
+    becomes("stiffness by default again", &text("stiffness = 2e8"), &text(""), change);
 }
 
 #[test]
@@ -113,19 +115,22 @@ fn a_kinematic_core_goes_where_it_is_sent_and_stays() {
     let mut simulation = open(&scene(&joints::chain(2e4, keys, ["", ""], "gravity = [0.0, 0.0, 0.0]")), None);
     let root = 1;
     let start = simulation.core_pose(0, root).unwrap();
-    assert!(start.position.distance(DVec3::new(0.4, 0.1, -0.2)) < 1e-12, "{start:?}");
+    assert!(start.position.distance(DVec3::new(0.4, 0.1, -0.2)) < 1e-12, "the core starts at {start:?}");
     let pose =
         Pose { position: DVec3::new(0.41, 0.1, -0.21), orientation: DQuat::from_rotation_y(0.05) * start.orientation };
     simulation.move_core(0, root, pose, Duration::from_millis(20)).unwrap();
     run(&mut simulation, 10);
     let half = simulation.core_pose(0, root).unwrap();
-    assert!(half.position.distance(start.position.midpoint(pose.position)) < 1e-9, "{half:?}");
+    assert!(
+        half.position.distance(start.position.midpoint(pose.position)) < 1e-9,
+        "the core is not halfway after half the time: {half:?}"
+    );
     run(&mut simulation, 20);
     let end = simulation.core_pose(0, root).unwrap();
-    assert!(end.position.distance(pose.position) < 1e-9, "{end:?}");
-    assert!(end.orientation.angle_between(pose.orientation) < 1e-6, "{end:?}");
+    assert!(end.position.distance(pose.position) < 1e-9, "the core's position at the end: {end:?}");
+    assert!(end.orientation.angle_between(pose.orientation) < 1e-6, "the core's orientation at the end: {end:?}");
     let refused = simulation.move_core(0, 0, pose, Duration::ZERO).unwrap_err().to_string();
-    assert!(refused.contains("core 0 of body 0 is not driven"), "{refused}");
+    assert!(refused.contains("core 0 of body 0 is not driven"), "unexpected error message: {refused}");
     assert!(simulation.move_core(0, 7, pose, Duration::ZERO).is_err() && simulation.core_pose(3, 0).is_none());
 }
 
@@ -144,13 +149,13 @@ fn what_cannot_be_is_refused_and_changes_nothing() {
     ];
     for (material, words) in wrong {
         let error = simulation.set_material(0, 0, material).unwrap_err().to_string();
-        assert!(error.contains(words), "{error}");
+        assert!(error.contains(words), "unexpected error message: {error}");
     }
     assert!(simulation.set_material(0, 1, good).is_err() && simulation.set_material(1, 0, good).is_err());
     let mut law = first.contact.clone();
     law.friction = -0.1;
     let error = simulation.set_contact(&law).unwrap_err().to_string();
-    assert!(error.contains("contact.friction is -0.1"), "{error}");
+    assert!(error.contains("contact.friction is -0.1"), "unexpected error message: {error}");
     let mut untouched = open(&first, None);
     assert_eq!(seen(&mut simulation), seen(&mut untouched));
 }

@@ -1,6 +1,6 @@
-//! Large deformation of 30 to 40 percent, as in the paper: a sphere is pressed into soft bodies by four tenths of their
-//! radius. The force must rise all the way in, no tetrahedron may stay inverted, and after the release the shape must
-//! come back.
+//! Large deformations of 30 to 40 percent, as in the paper: a rigid sphere is pressed into soft bodies by four tenths
+//! of their radius. The force must rise all the way in, no tetrahedron may be inverted, and after the release the body
+//! must return to its rest shape.
 
 use glam::{DMat3, DVec3};
 use palpate::internal::prepare::{Layer, Shape};
@@ -9,12 +9,12 @@ use palpate::{Options, Simulation, StepReport};
 use crate::harness::real_meshes::meshes;
 use crate::scene::whole_step::scene;
 
-/// Flags that folded skin raises: depth beyond the limit, and not a height field.
+/// Flags that a folded skin (surface mesh of the body) raises: depth beyond the limit (8), and not a height field (16).
 const FOLDED: u32 = 8 + 16;
 /// Numbers of steps, of 2 ms each, in which the sphere is pressed in, stays, is pulled out and stays away.
 const PHASES: [usize; 4] = [200, 25, 100, 500];
 
-/// The least volume of a tetrahedron divided by its rest volume; negative where one is inside out.
+/// The least ratio of a tetrahedron's volume to its rest volume; negative if a tetrahedron is inverted.
 fn least_volume(layer: &Layer, moved: &[DVec3]) -> f64 {
     let volume = |t: &[u32; 4], at: &dyn Fn(usize) -> DVec3| {
         let [a, b, c, d] = t.map(|n| at(n as usize));
@@ -29,8 +29,8 @@ fn largest(moved: &[DVec3]) -> f64 {
     moved.iter().map(|d| d.length()).fold(0.0, f64::max)
 }
 
-/// A surface filled with tetrahedra of size `cell` (m) and attached to a core in its middle; a sphere of radius
-/// `sphere` (m) presses it on the way from `from` to `to`.
+/// One test: a surface mesh is filled with tetrahedra of size `cell` (m), whose nodes in the middle are attached to a
+/// rigid core. A sphere of radius `sphere` (m) presses the body on the way from `from` to `to`.
 struct Deep {
     name: &'static str,
     cell: f64,
@@ -85,28 +85,36 @@ fn press(deep: &Deep) {
     let pressing = &force[touch..PHASES[0]];
     let fall = pressing.windows(2).map(|w| w[0] - w[1]).fold(0.0, f64::max);
     println!(
-        "{name}: {} tetrahedra; pressed by {:.4} m to {:.1} N; least volume {least:.2} of that at rest; largest fall of the \
-         force a step {fall:.1e} N; left at the end {left:.1e} of {deepest:.3} m",
+        "{name}: {} tetrahedra; pressed in by {:.4} m, to {:.1} N; least volume of a tetrahedron {least:.2} of its \
+         rest volume; greatest fall of the force in a step {fall:.1e} N; displacement left at the end {left:.1e} of \
+         {deepest:.3} m",
         layer.tetrahedra.len(),
         travel - at_touch,
         force[PHASES[0] - 1]
     );
-    // When a sphere is pressed in past its middle, there is skin above its rim. Along the normal of the contact patch
-    // such skin lies deep in the sphere, with the sphere's back behind it, and flags report that.
+    // A sphere that is pressed in deeper than its radius has skin above its widest circle. Measured along the contact
+    // normal, such skin lies deep in the sphere or is no height field, and flags report that.
     let folds = rows.iter().filter(|row| row.flags.0 != 0).count();
     let others: Vec<(u64, u32)> =
         rows.iter().filter(|row| row.flags.0 & !FOLDED != 0).map(|r| (r.step, r.flags.0)).collect();
-    assert!(travel - at_touch >= 0.4 * body_radius, "{name}: pressed by {} m only", travel - at_touch);
-    assert!(others.is_empty(), "{name}: steps and flags {others:?}");
-    assert!(folds == 0 || travel - at_touch > sphere, "{name}: {folds} steps with folds");
-    println!("{name}: {folds} steps with folds");
-    assert!(least > 0.0, "{name}: a tetrahedron turned inside out: {least}");
-    // Skin that enters and leaves contact above the sphere's rim changes the force by a few thousandths. Until then the
-    // force must not fall at all.
+    assert!(
+        travel - at_touch >= 0.4 * body_radius,
+        "{name}: the sphere was pressed in by only {} m",
+        travel - at_touch
+    );
+    assert!(others.is_empty(), "{name}: steps and their other flags {others:?}");
+    assert!(
+        folds == 0 || travel - at_touch > sphere,
+        "{name}: {folds} steps with flags of folded skin before the sphere was in by its radius"
+    );
+    println!("{name}: {folds} steps with flags of folded skin");
+    assert!(least > 0.0, "{name}: a tetrahedron is inverted: least ratio of volumes {least}");
+    // Skin that comes into contact or leaves it above the sphere's widest circle changes the force by a few
+    // thousandths. Without such skin the force must not fall at all.
     let allowed = if folds > 0 { 0.005 * force[PHASES[0] - 1] } else { 0.0 };
     assert!(fall <= allowed, "{name}: the force falls by {fall} N on the way in");
     assert!(force[PHASES[..3].iter().sum::<usize>()..].iter().all(|f| *f == 0.0), "{name}: still in contact");
-    assert!(left < 0.01, "{name}: {left} of the deformation is left");
+    assert!(left < 0.01, "{name}: {left} of the greatest displacement is left at the end");
 }
 
 #[test]

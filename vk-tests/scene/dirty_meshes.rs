@@ -1,4 +1,5 @@
-//! Defective meshes: tetrahedral meshes with slivers under gravity, and skins with holes pressed by a tool.
+//! Defective meshes: tetrahedral meshes with slivers (nearly flat tetrahedra) under gravity, and skins (surface meshes)
+//! with holes pressed by a tool.
 
 use glam::DVec3;
 use palpate::Flags;
@@ -9,8 +10,8 @@ use crate::scene::whole_step::{open, run, scene};
 
 /// Number of steps, of 1 ms each.
 const STEPS: usize = 50;
-/// Greatest displacement, relative to free fall g t^2 / 2 over the same time t: elasticity holds a body back, but
-/// implicit Euler, which in n steps h falls by g h^2 n (n + 1) / 2, is ahead by a fiftieth.
+/// Upper bound of displacements, relative to the way g t^2 / 2 of free fall in the same time t. Elasticity holds a body
+/// back, but implicit Euler falls too far: in n steps of h by g h^2 n (n + 1) / 2, here a fiftieth more.
 const FREE_FALL: f64 = 1.05;
 
 #[test]
@@ -46,13 +47,14 @@ fn layers_with_slivers_stay_finite_and_fall_no_faster_than_they_must() {
             let iterations = rows.iter().map(|row| row.iterations).max().unwrap();
             let flags = rows.iter().fold(0, |all, row| all | row.flags.0);
             println!(
-                "{name} at {young:e} Pa: {most:.2e} m of {bound:.2e}, flags {flags}, up to {iterations} iterations"
+                "{name} at {young:e} Pa: greatest displacement {most:.2e} m, bound {bound:.2e} m; flags {flags}; up \
+                 to {iterations} solver iterations"
             );
             assert!(
                 moved.iter().all(|d| d.is_finite()) && most > 0.0 && most < bound,
-                "{name} at {young:e} Pa: {most}"
+                "{name} at {young:e} Pa: greatest displacement {most} m"
             );
-            assert!(!Flags(flags).contains(Flags::NON_FINITE), "{name} at {young:e} Pa");
+            assert!(!Flags(flags).contains(Flags::NON_FINITE), "{name} at {young:e} Pa: the solution is not finite");
         }
     }
 }
@@ -77,9 +79,16 @@ fn a_sphere_pressed_into_a_skin_with_holes_is_pushed_back() {
         let force: Vec<DVec3> = rows.iter().map(|row| row.tool.unwrap().force).collect();
         let flags = rows.iter().fold(0, |all, row| all | row.flags.0);
         let contacts = rows.iter().map(|row| row.contacts.unwrap()).max().unwrap();
-        println!("{name}: {:.3} N at the end, up to {contacts} contacts, flags {flags}", force[79].length());
-        assert!(force.iter().all(|f| f.is_finite()) && contacts > 10, "{name}");
-        assert!(force[79].z > 0.5 * force[79].length() && force[79].length() > 0.1, "{name}: {}", force[79]);
-        assert!(!Flags(flags).contains(Flags::NON_FINITE), "{name}");
+        println!("{name}: force {:.3} N at the end, up to {contacts} contacts, flags {flags}", force[79].length());
+        assert!(
+            force.iter().all(|f| f.is_finite()) && contacts > 10,
+            "{name}: a force is not finite, or at most 10 contacts"
+        );
+        assert!(
+            force[79].z > 0.5 * force[79].length() && force[79].length() > 0.1,
+            "{name}: force at the end {} N, expected mainly along z",
+            force[79]
+        );
+        assert!(!Flags(flags).contains(Flags::NON_FINITE), "{name}: the solution is not finite");
     }
 }

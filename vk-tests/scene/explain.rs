@@ -1,5 +1,5 @@
-//! `Simulation::explain`, which reports the passes and arrays of a step: every kernel is recorded or left out for a
-//! reason, and what a scene does not use costs nothing.
+//! Tests of `Simulation::explain`, which reports the passes and arrays of a step. Every kernel must be listed as
+//! recorded, or as left out with a reason, and features that a scene does not use must cost nothing.
 
 use std::collections::BTreeSet;
 
@@ -9,10 +9,11 @@ use palpate::{Scene, Simulation};
 
 use crate::scene::whole_step::{open, run, scene};
 
+/// Number of solver iterations for which passes are counted.
 const ITERATIONS: u32 = 16;
 
-/// A block on a fixed bottom. `contact` is text before the body, `material` and `body` are further keys of the
-/// block's material and of its body table, and `rest` is further tables.
+/// Scene of a block with a fixed bottom. `contact` is text before the body, `material` and `body` are further keys of
+/// the block's material and of its table `[[body]]`, and `rest` is text of further tables.
 fn block(contact: &str, material: &str, body: &str, rest: &str) -> String {
     format!(
         "{contact}\n[[body]]\nname = \"block\"\n{body}\n\
@@ -25,53 +26,73 @@ fn block(contact: &str, material: &str, body: &str, rest: &str) -> String {
 
 const TOOL: &str = "[tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.0499, 0.0]\n\
                     [coupling]\nstiffness = 500.0\ndamping = 2.0\n";
-/// A bar with a dynamic core at either end.
+/// A bar with a dynamic rigid core (to which nodes are attached) at either end.
 const BAR: &str = "[[body]]\nname = \"bar\"\nlayer = { box = [[0.2, 0.0, 0.0], [0.4, 0.02, 0.02]], cells = [10, 1, 1] }\n\
                    material = { young = 2e6, poisson = 0.3, density = 1000.0 }\n\
                    [[body.core]]\nname = \"left\"\nmotion = \"dynamic\"\nbind = { box = [[0.1, -1, -1], [0.245, 1, 1]] }\n\
                    [[body.core]]\nname = \"right\"\nmotion = \"dynamic\"\nbind = { box = [[0.355, -1, -1], [1, 1, 1]] }\n";
 
-/// Bytes that all arrays of one element may have together; a scene has them in place of arrays for which it has no
-/// contents.
+/// Upper bound, in bytes, of the memory of all arrays with one element together; such arrays stand in for arrays that
+/// are empty in a scene.
 const LITTLE: u64 = 1024;
 
-/// Checks that every kernel is listed once, recorded or left out with a reason, and that the list agrees with what the
-/// recordings of a step hold.
+/// Checks that every kernel is listed once, either recorded or left out with a reason, and that the numbers of passes
+/// agree with those of the recorded step.
 fn check(name: &str, simulation: &Simulation) -> Explanation {
     let explanation = simulation.explain(ITERATIONS);
     let (mut all, mut recorded) = (Vec::new(), 0);
     for stage in &explanation.stages {
-        assert!(!stage.reason.is_empty(), "{name}: {} without a reason", stage.stage);
+        assert!(!stage.reason.is_empty(), "{name}: stage {} has no reason", stage.stage);
         for kernel in &stage.kernels {
-            assert_eq!(kernel.recorded, kernel.reason.is_empty(), "{name}: {kernel:?} of {}", stage.stage);
-            assert!(stage.recorded || !kernel.recorded, "{name}: {kernel:?} in a stage that is left out");
+            assert_eq!(
+                kernel.recorded,
+                kernel.reason.is_empty(),
+                "{name}: kernel with a reason though recorded, or left out without one: {kernel:?} of stage {}",
+                stage.stage
+            );
+            assert!(stage.recorded || !kernel.recorded, "{name}: recorded {kernel:?} in a stage that is left out");
             recorded += usize::from(kernel.recorded);
             // Fills and copies are listed by the arrays that they write; only kernels have a `/` in their name.
             all.extend(kernel.kernel.split(", ").filter(|name| name.contains('/')).map(str::to_string));
         }
-        assert_eq!(stage.recorded, stage.passes > 0, "{name}: passes of {}", stage.stage);
+        assert_eq!(
+            stage.recorded,
+            stage.passes > 0,
+            "{name}: a stage is recorded if it has passes, stage {}",
+            stage.stage
+        );
     }
     let known: BTreeSet<String> = shader_names()
         .filter(|n| !n.starts_with("test/") && !n.starts_with("draw/") && !n.starts_with("view/"))
         .map(Into::into)
         .collect();
-    assert_eq!(all.iter().cloned().collect::<BTreeSet<_>>(), known, "{name}");
-    assert_eq!(all.len(), known.len(), "{name}: a kernel in two stages");
+    assert_eq!(
+        all.iter().cloned().collect::<BTreeSet<_>>(),
+        known,
+        "{name}: kernels in the list, and all kernels of the engine"
+    );
+    assert_eq!(all.len(), known.len(), "{name}: number of kernels in the list; one is in two stages");
     let (stages, dependent) = simulation.passes(ITERATIONS);
-    assert_eq!(explanation.passes, stages.iter().map(|(_, n)| n).sum::<u32>(), "{name}: passes");
-    assert_eq!(explanation.dependent_passes, dependent, "{name}: passes that wait");
+    assert_eq!(explanation.passes, stages.iter().map(|(_, n)| n).sum::<u32>(), "{name}: number of passes");
+    assert_eq!(explanation.dependent_passes, dependent, "{name}: number of dependent passes");
     for (stage, passes) in stages {
         let own = explanation.stages.iter().find(|known| known.stage == stage).unwrap();
-        assert_eq!(own.passes, passes, "{name}: passes of {stage}");
+        assert_eq!(own.passes, passes, "{name}: number of passes of stage {stage}");
     }
-    // Arrays that no pass binds would be waste, apart from those of one element. Bound arrays are allocated in pieces a
-    // little larger than they are.
+    // No memory may go to arrays that no pass binds, apart from arrays of one element. Memory is allocated in pieces
+    // that are slightly larger than the bound arrays.
     let arrays: u64 = explanation.stages.iter().map(|stage| stage.bytes_device).sum();
     let share = arrays as f64 / explanation.bytes_device as f64;
-    println!("{name}: {recorded} of {} recorded, arrays are {share:.4} of what is allocated", known.len());
+    println!(
+        "{name}: {recorded} of {} kernels recorded; bound arrays are {share:.4} of the allocated bytes",
+        known.len()
+    );
     let is_little = explanation.bytes_device - arrays.min(explanation.bytes_device) < LITTLE;
-    assert!(arrays <= explanation.bytes_device && (share > 0.8 || is_little), "{name}: {share}");
-    assert!(explanation.features.iter().all(|feature| !feature.reason.is_empty()), "{name}");
+    assert!(
+        arrays <= explanation.bytes_device && (share > 0.8 || is_little),
+        "{name}: bound arrays are {share} of the allocated bytes"
+    );
+    assert!(explanation.features.iter().all(|feature| !feature.reason.is_empty()), "{name}: a feature has no reason");
     assert!(explanation.to_string().lines().count() > known.len());
     explanation
 }
@@ -86,7 +107,7 @@ fn every_kernel_of_made_scenes_is_recorded_or_left_out_for_a_reason() {
         ("a block alone", block("", "", "", "")),
         ("a block that is touched", block("", "", "", TOOL)),
         ("one-sided, friction", block("[contact]\nfriction = 0.3\nsides = \"one\"", "", "", TOOL)),
-        ("patches, three newton_iterations", block("[step]\nnewton = 3", "", "dilatation = \"patch\"", TOOL)),
+        ("patches, three Newton iterations", block("[step]\nnewton = 3", "", "dilatation = \"patch\"", TOOL)),
         ("neo-Hookean with a probe", block("", ", law = \"neo-hookean\"", "", probe)),
         ("a coarse level", block("[solver]\npreconditioner = \"coarse\"", "", "", TOOL)),
         ("joined cores", joined),
@@ -115,7 +136,7 @@ fn every_kernel_of_the_scenes_in_assets_is_recorded_or_left_out_for_a_reason() {
 fn cost(text: &str) -> (Explanation, u64) {
     let simulation = open(&scene(text), None);
     let mut explanation = check("cost", &simulation);
-    // The texts about the step may differ.
+    // Texts for readers may differ between two scenes whose steps cost the same.
     explanation.features.clear();
     explanation.scene.clear();
     explanation.stages.iter_mut().for_each(|stage| stage.reason.clear());
@@ -172,10 +193,16 @@ fn a_feature_that_is_not_used_costs_nothing() {
         let ((absent, absent_bytes), (mut off, off_bytes), (used, used_bytes)) =
             (cost(&absent), cost(&off), cost(&used));
         off.preset = None;
-        assert_eq!(off, absent, "{name}: switched off is not as if it were not there");
-        assert_eq!(off_bytes, absent_bytes, "{name}");
-        println!("{name}: {} passes, {} bytes; used {}, {}", off.passes, off_bytes, used.passes, used_bytes);
-        assert!(used.passes >= off.passes && used_bytes >= off_bytes, "{name}: used, it costs less");
+        assert_eq!(off, absent, "{name}: the costs with the feature switched off and without its keys");
+        assert_eq!(off_bytes, absent_bytes, "{name}: bytes with the feature switched off and without its keys");
+        println!(
+            "{name}: switched off {} passes, {} bytes; used {} passes, {} bytes",
+            off.passes, off_bytes, used.passes, used_bytes
+        );
+        assert!(
+            used.passes >= off.passes && used_bytes >= off_bytes,
+            "{name}: a scene that uses the feature costs less"
+        );
     }
 }
 
@@ -190,7 +217,7 @@ fn times_that_nobody_asks_for_leave_the_step_as_it_is() {
     };
     assert_eq!(forces(&mut timed), forces(&mut untimed));
     assert!(timed.stage_times().is_some() && untimed.stage_times().is_none());
-    // Once timing is asked for again, the times are there again.
+    // Once timing is switched on again, times are reported again.
     untimed.time_every(1).unwrap();
     run(&mut untimed, 1);
     assert!(untimed.stage_times().is_some_and(|times| !times.is_empty()));
@@ -198,13 +225,14 @@ fn times_that_nobody_asks_for_leave_the_step_as_it_is() {
 
 #[test]
 fn one_side_takes_less_memory() {
-    // The test of one-sided contact against the oracle is in touch.rs.
+    // If `sides` is "one", only vertices of the finer skin (surface mesh) of a pair are tested for contact. That case
+    // is compared with the oracle in touch.rs.
     let of = |sides: &str| {
         let mut simulation = open(&scene(&block(&format!("[contact]\nsides = \"{sides}\""), "", "", TOOL)), None);
         let row = run(&mut simulation, 3).pop().unwrap();
         (simulation.context().bytes_allocated(), row.tool.unwrap().force.length(), row.flags.0)
     };
     let ((both, force, flags), (one, alone, flags_too)) = (of("both"), of("one"));
-    println!("both sides {both} bytes, {force:.5} N; one {one} bytes, {alone:.5} N");
+    println!("contact on both sides: {both} bytes, {force:.5} N; on one side: {one} bytes, {alone:.5} N");
     assert!(one < both && [force, alone].iter().all(|force| *force > 0.0) && [flags, flags_too] == [0, 0]);
 }

@@ -1,7 +1,9 @@
-//! The haptic loop with the engine and a simulated hand, in virtual time (one thread, no clock, the same bits every
-//! time). With the local model, which extrapolates the newest contact wrench between simulation steps, contact must be
-//! stable where the raw force is not; the hand must gain no energy; the force at rest must be quiet and equal to the
-//! contact's; and a drag along the skin must add no damping.
+//! Tests of the haptic loop with the engine and a simulated hand, in virtual time (one thread, no clock, the same bits
+//! every time). With the local model, which extrapolates the newest contact wrench between simulation steps, contact
+//! must be stable where playing that wrench unchanged is not; the hand must gain no energy; a steady force must be free
+//! of noise and equal to that of the simulation; and a drag along the skin (surface mesh) must add no damping. The
+//! passivity controller may *lend* energy to the hand, for a force that comes up where the hand has already moved
+//! unopposed.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::haptics::environment::Environment;
@@ -23,10 +25,10 @@ use crate::scene::whole_step::scene;
 const PERIOD: f64 = 1e-3;
 /// Rate of the simulation, Hz.
 const RATE: f64 = 50.0;
-/// Young's modulus of the block, Pa: a sphere of 10 mm feels 2 kN/m.
+/// Young's modulus of the block, Pa: the tool, a sphere of 10 mm radius, feels a stiffness of 2 kN/m.
 const YOUNG: f64 = 1.5e5;
 
-/// A block of 80 mm with a fixed bottom, its top at y = 0, and a sphere above it.
+/// A block of 80 mm with a fixed bottom and its top at y = 0, and a sphere above it as the tool.
 fn block() -> Simulation {
     let text = format!(
         "[step]\ndt = 0.02\ngravity = [0.0, 0.0, 0.0]\n[solver]\nmax_iterations = 1000\n\
@@ -42,13 +44,14 @@ fn block() -> Simulation {
     Simulation::open(&scene(&text), &options).unwrap()
 }
 
+/// All ticks of a run of the haptic loop, and the simulated hand after it.
 struct Session {
     ticks: Vec<Tick>,
     hand: Hand,
 }
 
 impl Session {
-    /// Force along y over a second from tick `from` on: mean and standard deviation, N.
+    /// Mean and standard deviation of the played force along y, N, over the second from tick `from` on.
     fn force(&self, from: usize) -> (f64, f64) {
         let forces: Vec<f64> = self.ticks[from..from + 1000].iter().map(|tick| tick.played.force.y).collect();
         let mean = forces.iter().sum::<f64>() / 1000.0;
@@ -56,8 +59,8 @@ impl Session {
     }
 }
 
-/// A simulated hand on a delta.6 device that intends to press the tool `deep` m below the block's top and to stay there
-/// from 0.5 s to `until` (s), and then to let go.
+/// Runs the loop with a simulated hand on a delta.6 device. The hand intends to press the tool `deep` m below the
+/// block's top, to stay there from 0.5 s to `until` (s), and then to let go.
 fn press(deep: f64, until: f64, seconds: f64, adjust: impl FnOnce(&mut Settings)) -> Session {
     let mut simulation = block();
     let profile = Profile::named("delta.6").unwrap();
@@ -98,11 +101,17 @@ fn at_50_hz_a_body_of_two_kilonewtons_a_metre_is_held_and_without_the_local_mode
     let [high, low] = [&soft, &hard].map(|session| session.ticks.last().unwrap().tool.position.y);
     let stiffness = (more - less) / (high - low);
     let (_, raw) = press(0.014, false).force(1500);
-    println!("{stiffness:.0} N/m felt at {more:.2} N: swings {noise:.1e} N with the local model, {raw:.2} N without");
-    assert!((1700.0..2300.0).contains(&stiffness), "{stiffness} N/m");
-    // The steady force must be quiet, to 1 % or 0.01 N.
-    assert!(noise < (0.01 * more).max(0.01), "{noise} of {more} N");
-    assert!(raw > 0.2 * more, "{raw} of {more} N");
+    println!(
+        "stiffness {stiffness:.0} N/m felt at {more:.2} N; standard deviation of the force {noise:.1e} N with the \
+         local model, {raw:.2} N without"
+    );
+    assert!((1700.0..2300.0).contains(&stiffness), "stiffness {stiffness} N/m, expected 1700 to 2300 N/m");
+    // The standard deviation of a steady force must be below 1 % of the force or 0.01 N.
+    assert!(
+        noise < (0.01 * more).max(0.01),
+        "with the local model: standard deviation {noise} N of a force of {more} N"
+    );
+    assert!(raw > 0.2 * more, "without the local model: standard deviation {raw} N of a force of {more} N");
 }
 
 #[test]
@@ -116,16 +125,17 @@ fn a_press_hold_and_release_gives_the_hand_no_energy() {
         let (seen, received) = (session.ticks.last().unwrap().energy.net(), session.hand.energy().received());
         let lent = session.ticks.iter().map(|tick| tick.energy.lent).fold(0.0, f64::max);
         println!(
-            "local model {local_model}: {received:.1e} J to the hand ({seen:.1e} seen), at most {most:.1e}, {lent:.1e} lent; {peak:.2} N"
+            "local model {local_model}: the hand received {received:.1e} J ({seen:.1e} J by the passivity observer), \
+             at most {most:.1e} J allowed beyond {lent:.1e} J lent; peak force {peak:.2} N"
         );
         assert!(
             peak > 1.0 && received <= lent + most && seen <= lent + most && lent < 1e-4,
-            "{local_model}: {received} {seen} {peak}"
+            "local model {local_model}: the hand received {received} J, {seen} J by the observer; peak force {peak} N"
         );
     }
 }
 
-/// A simulation, and the contact wrench of each of its steps.
+/// A simulation that also keeps the contact wrench of each step.
 struct Recorded<'a> {
     simulation: &'a mut Simulation,
     wrenches: Vec<ContactWrench>,
@@ -139,8 +149,8 @@ impl Environment for Recorded<'_> {
     }
 }
 
-/// A scripted device with this profile follows keys exactly, with passivity control. Returns all ticks, and the
-/// wrenches of all steps.
+/// Runs the loop with a scripted device, which has the named profile and follows keys exactly; passivity control is on.
+/// Returns all ticks of the loop, and the contact wrenches of all simulation steps.
 fn follow(simulation: &mut Simulation, profile: &str, keys: &[Key], seconds: f64) -> (Vec<Tick>, Vec<ContactWrench>) {
     let profile = Profile::named(profile).unwrap();
     let tool = simulation.tool().unwrap().clone();
@@ -187,8 +197,8 @@ fn a_force_held_is_that_of_the_step_and_of_the_block_at_rest_and_the_first_touch
         let (ticks, wrenches) = follow(&mut simulation, profile, &keys, 3.0);
         let input = &ticks[2300];
         let (played, step) = (input.played.force.length(), wrenches[input.step as usize - 1].wrench.force.length());
-        // For comparison, the block at rest without the loop: the device is put at the same place, with the same
-        // virtual coupling, until nothing moves.
+        // For comparison, the block without the haptic loop: the device stays at the same place, with the same virtual
+        // coupling, until nothing moves.
         let mut alone = block();
         let coupling = coupling::choose(
             Profile::named(profile).unwrap(),
@@ -202,11 +212,20 @@ fn a_force_held_is_that_of_the_step_and_of_the_block_at_rest_and_the_first_touch
         let pose = |position| palpate::Pose { position, orientation: DQuat::IDENTITY };
         let rest = (0..150).map(|_| alone.step_at(pose(input.device.position)).unwrap()).last().unwrap();
         let rest = rest.tool.unwrap().force.length();
-        println!("{profile}: played {played:.4} N, step {step:.4} N, at rest {rest:.4} N");
-        assert!(played > 0.3 && (played / step - 1.0).abs() < 0.03 && (played / rest - 1.0).abs() < 0.03, "{profile}");
+        println!(
+            "{profile}: force played {played:.4} N, of the simulation step {step:.4} N, of the block at rest \
+             {rest:.4} N"
+        );
+        assert!(
+            played > 0.3 && (played / step - 1.0).abs() < 0.03 && (played / rest - 1.0).abs() < 0.03,
+            "{profile}: the force played is not that of the step and of the block at rest"
+        );
         let acting = ticks.iter().filter(acts).count() as f64 / ticks.len() as f64;
         let lent = ticks.iter().map(|tick| tick.energy.lent).fold(0.0, f64::max);
-        assert!(acting < 0.01 && lent < 1e-6, "{profile}: acts in {acting}, lends {lent} J");
+        assert!(
+            acting < 0.01 && lent < 1e-6,
+            "{profile}: passivity control acts in {acting} of all ticks and lends {lent} J"
+        );
         let net: f64 = ticks
             .windows(2)
             .map(|pair| {
@@ -214,7 +233,7 @@ fn a_force_held_is_that_of_the_step_and_of_the_block_at_rest_and_the_first_touch
                 pair[0].played.force.dot(to - from)
             })
             .sum();
-        assert!(net < 1e-6, "{profile}: {net} J to the hand");
+        assert!(net < 1e-6, "{profile}: the hand received {net} J");
     }
 }
 
@@ -256,13 +275,23 @@ fn a_drag_over_the_head_adds_no_damping_to_the_force_along_the_motion() {
         let left_out = median(dragged.iter().map(|tick| (tick.played.force.y - tick.contact.force.y).abs()).collect());
         let along = median(dragged.iter().map(|tick| tick.contact.force.y.abs()).collect());
         println!(
-            "{profile}: {played:.4} N along the drag, {found:.4} N by the simulation; {left_out:.5} N of {along:.4} N are not played"
+            "{profile}: force along the drag {played:.4} N played, {found:.4} N computed by the simulation; \
+             {left_out:.5} N of the contact force of {along:.4} N are not played"
         );
         let size = median(dragged.iter().map(|tick| tick.played.force.length()).collect());
-        assert!(size > 1.0 && (played - found).abs() < 0.03 * size, "{profile}: {played} {found} of {size}");
-        assert!(left_out < 0.03 * along, "{profile}: {left_out} of {along}");
-        assert!(dragged.iter().filter(|tick| acts(tick)).count() * 100 < dragged.len(), "{profile}");
+        assert!(
+            size > 1.0 && (played - found).abs() < 0.03 * size,
+            "{profile}: along the drag {played} N played, {found} N computed, size of the force {size} N"
+        );
+        assert!(left_out < 0.03 * along, "{profile}: {left_out} N of {along} N are not played");
+        assert!(
+            dragged.iter().filter(|tick| acts(tick)).count() * 100 < dragged.len(),
+            "{profile}: passivity control acts in 1 % of the ticks or more"
+        );
         // Once the tool is lifted off, nothing holds the device back.
-        assert!(ticks[3250].played.force.length() < 0.01 && ticks[3250].contact.force == DVec3::ZERO, "{profile}");
+        assert!(
+            ticks[3250].played.force.length() < 0.01 && ticks[3250].contact.force == DVec3::ZERO,
+            "{profile}: a force remains after the tool was lifted off"
+        );
     }
 }

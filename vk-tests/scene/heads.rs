@@ -1,15 +1,16 @@
-//! A sphere tool that presses into whole heads, with a force that must rise smoothly: the scene that comes with the
-//! program, and a scanned head where that mesh is available.
+//! A sphere as the tool presses into whole heads, and its force must rise smoothly: into the head of a scene that comes
+//! with the program, and into a scanned head where its mesh is available.
 
 use crate::harness::real_meshes::meshes;
 use std::path::Path;
 
 use palpate::{Flags, Options, Scene, Simulation, StepReport};
 
-/// Greatest change of force in a step while pressing, divided by the median change. The first touch of a moving tool is
-/// the steepest place, with twice the median; a contact that appears or vanishes abruptly would be far steeper.
+/// Greatest change of the force in a step while the tool presses, divided by the median change. The change is greatest
+/// at the first touch, with twice the median; a contact that appears or vanishes abruptly would change the force far
+/// more.
 const JUMP: f64 = 4.0;
-/// Steps over which the force is averaged; this mean must never fall while the device goes in.
+/// Number of steps over which the force is averaged; this mean must never fall while the device moves inwards.
 const WINDOW: usize = 5;
 
 /// Runs a press at constant speed and checks that the force is zero before the first contact and then rises smoothly,
@@ -20,7 +21,7 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
     let mut simulation = Simulation::open(scene, &options).unwrap();
     let rows: Vec<StepReport> = (0..steps).map(|_| simulation.step().unwrap()).collect();
     let force: Vec<f64> = rows.iter().map(|row| row.tool.unwrap().force.length()).collect();
-    let touch = rows.iter().position(|row| row.contacts.unwrap() > 0).expect("it never touches");
+    let touch = rows.iter().position(|row| row.contacts.unwrap() > 0).expect("the tool never touches the head");
     let pressing = &force[touch - 1..];
     let mut changes: Vec<f64> = pressing.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
     changes.sort_by(f64::total_cmp);
@@ -28,9 +29,9 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
     let mean: Vec<f64> = pressing.windows(WINDOW).map(|w| w.iter().sum::<f64>() / WINDOW as f64).collect();
     let slope = mean.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
     println!(
-        "{name}: touches at step {touch}, {:.3} N and {} contacts at the end; change a step: median \
-         {median:.1e}, largest \
-         {:.2} of it, least smoothed {:.2} of it; up to {} iterations",
+        "{name}: first contact in step {touch}; {:.3} N and {} contacts at the end; change of the force a step: \
+         median {median:.1e} N, largest {:.2} medians, least change of the mean {:.2} medians; up to {} solver \
+         iterations",
         force[steps - 1],
         rows[steps - 1].contacts.unwrap(),
         largest / median,
@@ -39,8 +40,11 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
     );
     let flagged: Vec<(u64, Flags)> =
         rows.iter().map(|r| (r.step, r.flags)).filter(|f| f.1 != Flags::default()).collect();
-    assert!(flagged.is_empty(), "{name}: steps and flags {flagged:?}");
-    assert!(force[..touch].iter().all(|f| *f == 0.0) && force[steps - 1] > 1.0, "{name}");
+    assert!(flagged.is_empty(), "{name}: steps and their flags {flagged:?}");
+    assert!(
+        force[..touch].iter().all(|f| *f == 0.0) && force[steps - 1] > 1.0,
+        "{name}: force before the first contact, or at most 1 N at the end"
+    );
     assert!(largest < JUMP * median && slope > 0.0, "{name}: the force jumps or falls");
 }
 
@@ -56,8 +60,8 @@ fn a_press_into_the_default_head_is_smooth() {
 fn a_press_into_a_scanned_head_is_smooth() {
     let Some(meshes) = meshes() else { return };
     let text = format!(
-        // The tool presses on the forehead: between the eyes, lids fold over the eyeballs and raise flag 16 (not a
-        // height field).
+        // The tool presses on the forehead: between the eyes, lids fold over the eyeballs and raise flag 16 (the skin,
+        // that is the surface mesh, is not a height field).
         "[[body]]\nname = \"head\"\nsurface = {:?}\nlayer = {{ cell = 0.015 }}\n\
          material = {{ young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }}\n\
          [[body.core]]\nname = \"skull\"\nmotion = \"fixed\"\nbind = {{ inset = 0.03 }}\n\

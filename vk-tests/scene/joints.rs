@@ -1,5 +1,5 @@
-//! Cores (rigid frames to which nodes are attached) with ball joints between them: whole steps against the f64 oracle,
-//! and invariants.
+//! Rigid cores (to which nodes of a soft body are attached) with ball joints between them: whole steps against the f64
+//! oracle, the reference implementation on the CPU, and invariants.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{Frame, FrameMotion, Shape};
@@ -13,8 +13,8 @@ use palpate_oracle::joint::Side;
 use crate::scene::bones::{SHAPE, SPEED, carry, keys, twin_cores};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// A bar of 20 cm with three cores and a joint between neighbours. `root` is the text of the first core's motion,
-/// `joints` are further keys of each joint, and `step` further keys of the `[step]` table.
+/// A bar of 20 cm with three cores and a joint between neighbours. `root` is the text of the motion of the core named
+/// root, `joints` are further keys of each joint, and `step` further keys of the `[step]` table.
 pub fn chain(young: f64, root: &str, joints: [&str; 2], step: &str) -> String {
     let core = |name: &str, motion: &str, from: f64, to: f64| {
         format!(
@@ -46,7 +46,7 @@ fn frames(simulation: &Simulation) -> &[palpate::internal::prepare::Frame] {
     frames
 }
 
-/// The oracle's twins of the first body's joints, with its cores at rest.
+/// The first body's joints as the oracle represents them, with the cores at rest.
 fn twin_joints(simulation: &Simulation) -> Vec<oracle::joint::Joint> {
     let (places, orientation) = (simulation.frames(0), simulation.bodies()[0].orientation);
     let is_dynamic = |frame: &usize| matches!(frames(simulation)[*frame].motion, FrameMotion::Dynamic { .. });
@@ -65,7 +65,7 @@ fn twin_joints(simulation: &Simulation) -> Vec<oracle::joint::Joint> {
     simulation.joints().iter().map(twin).collect()
 }
 
-/// Gives the twin's joints the poses of driven cores at the end of the step, `time`.
+/// Gives the oracle's joints the poses of driven cores (which move as keys say) at the end of the step, `time`.
 fn drive(twin: &mut oracle::step::Simulation, simulation: &Simulation, time: f64) {
     let orientation = simulation.bodies()[0].orientation;
     for (joint, model) in twin.joints.iter_mut().zip(simulation.joints()) {
@@ -88,7 +88,7 @@ fn gap(simulation: &Simulation) -> f64 {
     simulation.joints().iter().map(gap).fold(0.0, f64::max)
 }
 
-/// Rotation of a joint's second side relative to its first.
+/// Rotation of a joint's second core relative to its first.
 fn turn(simulation: &Simulation, joint: usize) -> DQuat {
     let places = simulation.frames(0);
     let [a, b] = simulation.joints()[joint].frames.map(|frame| places[frame].rotation);
@@ -101,8 +101,8 @@ fn angles(simulation: &Simulation, joint: usize) -> [f64; 2] {
     [(turn * axis).angle_between(axis), (2.0 * turn.xyz().dot(axis).atan2(turn.w)).abs()]
 }
 
-/// Steps the engine and the oracle side by side and compares displacements and velocities, relative to the largest.
-/// Also returns the greatest swing and twist of each joint.
+/// Runs the same steps in the engine and in the oracle and compares displacements and velocities, relative to the
+/// largest. Returns the simulation, and the greatest swing and twist of each joint, rad.
 fn beside(name: &str, text: &str, steps: usize) -> (Simulation, [[f64; 2]; 2]) {
     let scene = scene(text);
     let mut simulation = open(&scene, None);
@@ -115,8 +115,8 @@ fn beside(name: &str, text: &str, steps: usize) -> (Simulation, [[f64; 2]; 2]) {
     let mut most = [[0.0f64; 2]; 2];
     for step in 1..=steps {
         let row = run(&mut simulation, 1).remove(0);
-        // Bones that swing freely may turn further in a step than soft tissue should, and may turn the softest of it
-        // inside out. Here, too, they must move as in the oracle.
+        // Cores that swing freely may turn further in a step than soft tissue should, and may invert the softest
+        // tetrahedra. The two flags that report this are allowed, since the cores must move as in the oracle even then.
         let others = Flags(row.flags.0 & !(Flags::TURNS_TOO_FAR | Flags::INVERTED).0);
         assert!(others == Flags::default(), "{name}, step {step}: flags {:?}", row.flags);
         carry(&mut twin.bodies[0], &simulation, 0, row.time, scene.step.dt);
@@ -135,21 +135,24 @@ fn beside(name: &str, text: &str, steps: usize) -> (Simulation, [[f64; 2]; 2]) {
     }
     let turns = [0, 1].map(|joint| turn(&simulation, joint).to_scaled_axis().length());
     println!(
-        "{name}: shape {shape:.1e}, speed {speed:.1e}, joints turned {turns:.2?} rad, open by {widest:.1e} m, up to \
-         {iterations} iterations"
+        "{name}: relative errors of displacements {shape:.1e}, of velocities {speed:.1e}; joints turned by \
+         {turns:.2?} rad, open by up to {widest:.1e} m; up to {iterations} solver iterations"
     );
-    assert!(shape < SHAPE && speed < SPEED, "{name}: {shape:e} {speed:e}");
+    assert!(
+        shape < SHAPE && speed < SPEED,
+        "{name}: relative errors of displacements {shape:e}, of velocities {speed:e}"
+    );
     (simulation, most)
 }
 
-/// Greatest gap, m, of a joint that carries 60 g at six times gravity in steps of 1 ms; it grows with the square of the
-/// step.
+/// Greatest gap of a joint, m, which carries 60 g at six times gravity in steps of 1 ms; the gap grows with the square
+/// of the step.
 const OPEN: f64 = 3e-4;
 /// Greatest angle beyond a limit, rad, where the bar is turned by half a radian in 40 ms: the limit acts in the
 /// direction in which the axis leans at the step's start, and the tip swings sideways by some hundredths of a radian in
 /// a step.
 const BEYOND: f64 = 0.04;
-/// A pull of some six g, partly sideways.
+/// Gravity of some six g, partly sideways.
 const PULLED: &str = "gravity = [10.0, -60.0, 20.0]";
 
 #[test]
@@ -159,12 +162,12 @@ fn chains_of_cores_move_as_the_oracles() {
         let text = chain(young, "", ["", ""], &format!("{PULLED}\ndt = {dt}"));
         let (simulation, _) = beside(&format!("hanging, {young:e} Pa, {dt} s"), &text, 60);
         let open = gap(&simulation);
-        assert!(open < OPEN * (dt / 1e-3) * (dt / 1e-3), "{open:e} m");
+        assert!(open < OPEN * (dt / 1e-3) * (dt / 1e-3), "a joint is open by {open:e} m");
     }
     let hinge = "motion = \"dynamic\"\nhinge = { point = [-0.1, 0.0, 0.01], axis = [0.0, 3.0, 4.0] }";
     beside("on a hinge", &chain(2e4, hinge, ["", ""], PULLED), 60);
     let newton = "\ndt = 0.004\nnewton = 3";
-    beside("linearised three times", &chain(2e4, "", ["", "stiffness = 0.5"], &(PULLED.to_owned() + newton)), 40);
+    beside("three Newton iterations", &chain(2e4, "", ["", "stiffness = 0.5"], &(PULLED.to_owned() + newton)), 40);
     beside("flying", &chain(2e4, "motion = \"dynamic\"", ["", "stiffness = 3.0"], PULLED), 60);
 }
 
@@ -191,8 +194,8 @@ fn joints_resist_and_end_as_the_oracles() {
             let limits = [model.resistance.swing, model.resistance.twist];
             for (kind, limit, most) in [0, 1].map(|k| (["swing", "twist"][k], limits[k], most[joint][k])) {
                 let Some(limit) = limit else { continue };
-                println!("{name}, joint {joint}: {kind} up to {most:.4} of {limit}");
-                assert!(most > 0.99 * limit && most < limit + BEYOND, "{kind} {most} of {limit}");
+                println!("{name}, joint {joint}: {kind} up to {most:.4} rad, limit {limit} rad");
+                assert!(most > 0.99 * limit && most < limit + BEYOND, "{kind} up to {most} rad, limit {limit} rad");
             }
         }
     }
@@ -200,9 +203,10 @@ fn joints_resist_and_end_as_the_oracles() {
 
 #[test]
 fn a_joint_is_a_hundred_times_stiffer_than_what_it_holds() {
-    // The flesh is as soft as air, so that a core of mass m and moment of inertia I about its middle is all that the
-    // joint holds. A unit of impulse changes the velocity of the core's end of the joint by 1/m if the joint is at the
-    // core's middle. At an arm d from the middle it turns the core as well: 1/m + d^2 / I in the two directions across.
+    // The tissue is as soft as air, so that the joint holds only a core of mass m and moment of inertia I about its
+    // centre. A unit impulse changes the velocity of the core's end of the joint by 1/m if the joint is at the core's
+    // centre. At an arm d from the centre the impulse turns the core as well: 1/m + d^2 / I in the two directions
+    // across the arm.
     let of = |x: f64| {
         let text = chain(1e-3, "", ["", ""], "")
             .replace("point = [-0.05, 0.004, -0.003]", &format!("point = [{x}, 0.0, 0.0]"));
@@ -217,7 +221,10 @@ fn a_joint_is_a_hundred_times_stiffer_than_what_it_holds() {
     let ((middle, mass, inertia), (aside, ..)) = (of(0.0), of(-0.05));
     let want = |readiness: f64| 100.0 / (readiness * 1e-6);
     let (at_middle, beside) = (want(1.0 / mass), want(1.0 / mass + 2.0 / 3.0 * 0.05 * 0.05 / inertia));
-    println!("joint: {middle:.4e} for {at_middle:.4e} N/m, {aside:.4e} for {beside:.4e} N/m");
+    println!(
+        "joint at the core's centre: {middle:.4e} N/m, expected {at_middle:.4e} N/m; aside: {aside:.4e} N/m, expected \
+         {beside:.4e} N/m"
+    );
     // The lumped masses are not quite symmetric, so that their inertia has entries besides those used here.
     assert!((middle / at_middle - 1.0).abs() < 1e-3 && (aside / beside - 1.0).abs() < 3e-3);
 }
@@ -258,12 +265,16 @@ fn a_free_chain_keeps_its_momentum() {
     let lost = before.distance(after) / before.length();
     let gained = spin.distance(spun) / (before.length() * 0.1 * 300.0);
     println!(
-        "free chain, folded by {folded:.2?} rad: lost {lost:.1e} of its momentum, a step gains {gained:.1e} of spin"
+        "free chain: joints folded by {folded:.2?} rad; relative loss of momentum {lost:.1e}, relative change of \
+         angular momentum a step {gained:.1e}"
     );
-    assert!(folded[1] > 0.05 && lost < MOMENTUM && gained < SPIN, "{folded:?} {lost:e} {gained:e}");
+    assert!(
+        folded[1] > 0.05 && lost < MOMENTUM && gained < SPIN,
+        "joints folded by {folded:?} rad; relative change of momentum {lost:e}, of angular momentum {gained:e}"
+    );
 }
 
-/// Number of steps after which the human's arm is bent and the ball is still on it.
+/// Number of steps after which the human's left arm is bent and the ball that pushes it is still on it.
 const BENT: usize = 500;
 
 #[test]
@@ -285,17 +296,21 @@ fn a_human_is_posed_by_pushing_its_arm() {
     let turned = |name: &str| (places[bone(name)].rotation * start[bone(name)].rotation.inverse()).to_scaled_axis();
     let (arm, forearm, other) = (turned("left_upper_arm"), turned("left_forearm"), turned("right_forearm"));
     println!(
-        "human: upper arm turned by {:.2}, forearm {:.2}, the other {:.3} rad; joints open by {widest:.1e} m",
+        "human: left upper arm turned by {:.2} rad, left forearm {:.2} rad, right forearm {:.3} rad; joints open by \
+         {widest:.1e} m",
         arm.length(),
         forearm.length(),
         other.length()
     );
-    // The arm goes down: it turns clockwise about the axis that points to the front.
-    assert!(arm.z < -0.2 && forearm.z < -0.4 && other.length() < 0.1, "{arm} {forearm} {other}");
-    assert!(widest < 1e-5, "{widest:e}");
+    // The left arm goes down: it turns clockwise about the axis that points to the front.
+    assert!(
+        arm.z < -0.2 && forearm.z < -0.4 && other.length() < 0.1,
+        "turned by (rad): upper arm {arm}, forearm {forearm}, other forearm {other}"
+    );
+    assert!(widest < 1e-5, "joints open by {widest:e} m");
     for (joint, model) in simulation.joints().iter().enumerate() {
         let ([swing, twist], limits) = (angles(&simulation, joint), model.resistance);
         let within = swing < limits.swing.unwrap() + 0.01 && twist < limits.twist.unwrap() + 0.01;
-        assert!(within, "joint {joint}: {swing} {twist}");
+        assert!(within, "joint {joint} beyond its limits: swing {swing} rad, twist {twist} rad");
     }
 }

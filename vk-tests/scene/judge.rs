@@ -1,4 +1,5 @@
-//! Compares the answer of a proximity query with f64 ray casts along the query's own normals; used by `agreement.rs`.
+//! Compares the answer of a proximity query (the vertices of two bodies that lie inside the other body, and their
+//! depths) with f64 ray casts along the query's own normals; used by `agreement.rs`.
 
 use glam::{DQuat, DVec3};
 use palpate::QueryContact;
@@ -10,10 +11,10 @@ use palpate_oracle::skin::normals;
 
 use crate::harness::bodies::{Mesh, rigid};
 
-/// Distance from a discontinuity of the answer within which rounding decides, relative to the smaller body's size or to
-/// a unit vector.
+/// A vertex nearer than this to a discontinuity of the answer is not compared, since rounding decides about it. The
+/// distance is relative to the smaller body's size, or a difference of unit vectors.
 pub const APART: f64 = 1e-5;
-/// Number of differences that are reported.
+/// Number of differences that are described in reports.
 const NAMED: usize = 20;
 /// Least cosine between two normals that count as equal.
 const SAME: f64 = 1.0 - 1e-9;
@@ -89,6 +90,7 @@ impl Tally {
         self.ratios.extend(other.ratios);
     }
 
+    /// Adds a description of a difference. The cosine in it is that between the vertex's normal and the ray.
     fn tell(&mut self, difference: impl FnOnce() -> String) {
         if self.different.len() < NAMED {
             self.different.push(difference());
@@ -103,16 +105,20 @@ impl Tally {
     }
 }
 
-/// Prints the heading of the table.
+/// Prints the heading of the table whose lines `Tally::row` prints.
 pub fn head() {
-    println!("mesh pair              queries  contacts  error/size missing extra apart flagged");
+    println!(
+        "error/size: greatest depth error relative to the smaller body; missing, extra: vertices found only by rays, \
+         only by the query; apart: vertices not compared; flagged: queries with flags\n\
+         mesh pair              queries  contacts  error/size missing extra apart flagged"
+    );
 }
 
-/// Ray casts along one normal, from the vertices of one body against the skin of the other.
+/// Ray casts along one normal, from the vertices of one body against the skin (surface mesh) of the other.
 struct Seen<'a> {
     rays: Rays<'a>,
     outline: Outline,
-    /// The normal, pointing out of the body whose vertices these are.
+    /// The normal, pointing out of the body from whose vertices the rays start.
     normal: DVec3,
 }
 
@@ -124,8 +130,8 @@ struct Side<'a> {
     seen: Vec<Seen<'a>>,
 }
 
-/// True if a vertex (relative to the answer's origin) projects into a contact patch's rectangle: each patch has the
-/// contacts of its own rectangle.
+/// True if a vertex (relative to the answer's origin) projects into the rectangle of a contact patch: a patch has
+/// contacts only in its rectangle.
 fn holds(contact_patch: &ContactPatch, x: DVec3) -> bool {
     let along = |axis: [f32; 3]| x.dot(DVec3::from(axis.map(f64::from)));
     let at = [along(contact_patch.tangent), along(contact_patch.bitangent)];
@@ -165,7 +171,7 @@ pub fn judge(what: &str, subjects: [&Subject; 2], poses: [Pose; 2], answer: &Ans
         let mut found: Vec<Option<&QueryContact>> = vec![None; side.positions.len()];
         for contact in answer.contacts.iter().filter(|contact| contact.body == k) {
             let twice = found[contact.vertex as usize].replace(contact);
-            assert!(twice.is_none(), "{what}: vertex {} of {} twice", contact.vertex, side.name);
+            assert!(twice.is_none(), "{what}: vertex {} of {} is reported twice", contact.vertex, side.name);
         }
         for (v, contact) in found.into_iter().enumerate() {
             match contact {
@@ -178,10 +184,11 @@ pub fn judge(what: &str, subjects: [&Subject; 2], poses: [Pose; 2], answer: &Ans
 }
 
 impl Side<'_> {
-    /// Checks a vertex that is a contact: the ray from it must leave the other body, at the depth of the contact.
+    /// Checks a vertex that is a contact: the ray from it along the normal must leave the other body, at the contact's
+    /// depth.
     fn found(&self, what: &str, v: usize, contact: &QueryContact, size: f64, tally: &mut Tally) {
         let of = |seen: &&Seen| contact.normal.dot(seen.normal).abs() > SAME;
-        let Some(seen) = self.seen.iter().find(of) else { panic!("{what}: no ray for {contact:?}") };
+        let Some(seen) = self.seen.iter().find(of) else { panic!("{what}: no ray cast for {contact:?}") };
         let (x, facing) = (self.positions[v], self.facing[v].dot(seen.normal));
         let ray_hit = seen.rays.first(x);
         let inside = ray_hit.filter(|ray_hit| ray_hit.leaves && facing > 0.0);
@@ -195,7 +202,7 @@ impl Side<'_> {
             }
         } else {
             tally.extra += 1;
-            tally.tell(|| format!("{what}: of {}, facing {facing:.4}: {contact:?}, but {ray_hit:?}", self.name));
+            tally.tell(|| format!("{what}: vertex of {}, cosine {facing:.4}: {contact:?}, ray {ray_hit:?}", self.name));
         }
     }
 
@@ -203,7 +210,7 @@ impl Side<'_> {
     /// must not lie within the other body.
     fn not_found(&self, what: &str, v: usize, answer: &Answer, (size, limit): (f64, f64), tally: &mut Tally) {
         let x = self.positions[v];
-        // Where there is a single normal, the query looks at the whole skin.
+        // Where there is a single normal, the query tests the whole skin.
         let looks = |seen: &&Seen| {
             let of = |r: &ContactPatch| normal_of(r).dot(seen.normal).abs() > SAME && holds(r, x - answer.origin);
             self.seen.len() == 1 || answer.contact_patches.iter().any(of)
@@ -222,7 +229,7 @@ impl Side<'_> {
             tally.missing += 1;
             let flags = answer.flags.0;
             tally
-                .tell(|| format!("{what}, flags {flags}: vertex {v} of {}, facing {facing:.4}: {inside:?}", self.name));
+                .tell(|| format!("{what}, flags {flags}: vertex {v} of {}, cosine {facing:.4}: {inside:?}", self.name));
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Whole steps and sessions as a user runs them, compared with the f64 oracle or with properties that the results must
-//! have.
+//! Tests that run whole scenes as a user does, by simulation steps or in the haptic loop. Results are compared with the
+//! f64 oracle (the reference implementation on the CPU) or with properties that they must have.
 
 pub mod adversaries;
 pub mod agreement;

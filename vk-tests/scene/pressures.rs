@@ -1,16 +1,16 @@
-//! The pressures and frictions that contacts report for the end of the step, times their areas, must sum to the contact
-//! wrench on the tool.
+//! The pressures and friction stresses that contacts report for the end of the step, times the contacts' areas, must
+//! sum to the contact wrench on the tool.
 
 use std::path::Path;
 
 use glam::DVec3;
 use palpate::{Options, Scene, Simulation};
 
-/// Tolerance relative to the summed magnitudes of the contact forces: f32 rounding in a sum of up to a thousand of
-/// them.
+/// Tolerance relative to the summed magnitudes of the contact forces, for f32 rounding in a sum of up to a thousand
+/// forces.
 const ROUNDED: f64 = 1e-5;
 
-/// A ball is pressed 4 mm into a block and pulled along it.
+/// Scene of a ball that is pressed 4 mm into a block and pulled along it.
 const SLIDING: &str = "\
 [contact]\nfriction = 0.5\n\
 [[body]]\nname = \"block\"\nlayer = { box = [[-0.03, -0.02, -0.03], [0.03, 0.0, 0.03]], cells = [8, 4, 8] }\n\
@@ -37,7 +37,7 @@ fn summed(simulation: &Simulation, held: usize) -> (DVec3, f64) {
     (force, sizes)
 }
 
-/// Runs a scene. Returns the largest error relative to the summed magnitudes, and the largest force, N.
+/// Runs a scene. Returns the largest error of the sum relative to the summed magnitudes, and the largest tool force, N.
 fn worst(file: &Path, steps: usize) -> (f64, f64) {
     let scene = Scene::load(file).unwrap();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
@@ -50,7 +50,12 @@ fn worst(file: &Path, steps: usize) -> (f64, f64) {
         let (force, sizes) = summed(&simulation, held);
         largest = largest.max(tool.force.length());
         let off = (force - tool.force).length();
-        assert!(off <= ROUNDED * sizes, "{}: {force} of {} N", file.display(), tool.force);
+        assert!(
+            off <= ROUNDED * sizes,
+            "{}: contacts sum to {force} N, the force on the tool is {} N",
+            file.display(),
+            tool.force
+        );
         error = error.max(off / sizes.max(f64::MIN_POSITIVE));
     }
     (error, largest)
@@ -60,7 +65,7 @@ fn worst(file: &Path, steps: usize) -> (f64, f64) {
 fn expect_the_wrench(name: &str, steps: usize) -> f64 {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("assets/scenes/{name}.toml"));
     let (error, largest) = worst(&file, steps);
-    println!("{name}: {error:.1e} of the contacts' sizes, {largest:.3} N at most");
+    println!("{name}: error {error:.1e} of the summed magnitudes of contact forces; tool force up to {largest:.3} N");
     largest
 }
 
@@ -75,7 +80,7 @@ fn contacts_with_friction_sum_to_the_wrench() {
     let file = folder.path().join("scene.toml");
     std::fs::write(&file, SLIDING).unwrap();
     let (error, largest) = worst(&file, 60);
-    assert!(largest > 0.05, "{largest} N, {error:e}");
+    assert!(largest > 0.05, "largest tool force {largest} N, relative error {error:e}");
 }
 
 #[test]
@@ -91,11 +96,19 @@ fn after_a_state_is_taken_up_contacts_say_what_the_step_began_with() {
     simulation.restore(&saved).unwrap();
     let (_, records) = simulation.touch().unwrap();
     let begun = simulation.contacts().unwrap();
-    assert!(!begun.is_empty() && begun.len() == at_end.len(), "{} and {}", begun.len(), at_end.len());
+    assert!(
+        !begun.is_empty() && begun.len() == at_end.len(),
+        "{} contacts after restoring, {} before",
+        begun.len(),
+        at_end.len()
+    );
     assert!(begun.iter().zip(&at_end).any(|(a, b)| a.pressure != b.pressure));
     for (contact, record) in begun.iter().zip(records.iter().filter(|record| record.stiffness > 0.0)) {
         let push = f64::from(record.stiffness * record.depth) + f64::from(record.damping * record.rate);
-        assert!((contact.pressure - push.max(0.0)).abs() <= 1e-6 * push.abs(), "{contact:?}");
+        assert!(
+            (contact.pressure - push.max(0.0)).abs() <= 1e-6 * push.abs(),
+            "not the pressure at the start of the step: {contact:?}"
+        );
         assert_eq!(contact.friction, DVec3::ZERO);
     }
 }
@@ -108,6 +121,6 @@ fn contacts_of_all_scenes_sum_to_the_wrench() {
         [("held-pad", 300), ("pose-human", 40), ("press-gear", 40), ("press-pumpkin", 40), ("touch-human", 40)];
     for (name, steps) in scenes {
         let largest = expect_the_wrench(name, steps);
-        assert!(largest > 1e-3, "{name}: {largest} N");
+        assert!(largest > 1e-3, "{name}: largest tool force {largest} N");
     }
 }

@@ -1,5 +1,6 @@
-//! The proximity query by itself on two spheres: depths along the normal of its contact patch or along a given
-//! direction, at any place and scale, on both depth paths, and the same in every run.
+//! The proximity query without a simulation, mostly of two spheres: depths along the normal of its contact patch or
+//! along a given direction, at any place and scale. Answers must be right on both depth paths (graphics and compute
+//! implementation of the depth stage) and the same in every run.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Body, Shape};
@@ -26,7 +27,8 @@ fn placed(body: &Body, (position, orientation): PoseOf) -> (Vec<DVec3>, Vec<[u32
     (skin.vertices.iter().map(|x| position + orientation * *x).collect(), skin.triangles.clone())
 }
 
-/// Checks every contact against the ray along its normal, and that no contact which a ray finds is missing.
+/// Checks every contact against the ray along its normal, and that no contact which a ray finds is missing. Returns the
+/// number of contacts.
 fn check(what: &str, bodies: [&Body; 2], poses: [PoseOf; 2], answer: &Answer, radius: f64) -> usize {
     let normal = DVec3::from(answer.contact_patches[0].normal.map(f64::from)).normalize();
     let [(ax, at), (bx, bt)] = [0, 1].map(|k| placed(bodies[k], poses[k]));
@@ -35,22 +37,29 @@ fn check(what: &str, bodies: [&Body; 2], poses: [PoseOf; 2], answer: &Answer, ra
     let mut found = [vec![false; ax.len()], vec![false; bx.len()]];
     for contact in &answer.contacts {
         let (body, vertex) = (contact.body, contact.vertex as usize);
-        assert!(!std::mem::replace(&mut found[body][vertex], true), "{what}: twice");
-        assert!((contact.normal - normal).abs().max_element() < UNIT, "{what}");
+        assert!(!std::mem::replace(&mut found[body][vertex], true), "{what}: a vertex is reported twice");
+        assert!(
+            (contact.normal - normal).abs().max_element() < UNIT,
+            "{what}: the contact's normal is not that of the contact patch"
+        );
         let depth = hits[body][vertex].map_or(0.0, |hit| hit.depth);
-        assert!((contact.depth - depth).abs() < DEPTH * radius, "{what}: {contact:?} is {depth} deep");
-        // The point that the contact names must lie where the line through the vertex meets the other skin.
+        assert!(
+            (contact.depth - depth).abs() < DEPTH * radius,
+            "{what}: {contact:?}, but the depth by ray cast is {depth} m"
+        );
+        // The point that the contact reports must lie where the line through the vertex meets the other skin (surface
+        // mesh).
         let (own, other, triangles) = if body == 0 { (&ax, &bx, &bt) } else { (&bx, &ax, &at) };
         let corners = triangles[contact.triangle as usize].map(|v| other[v as usize]);
         let point: DVec3 = corners.iter().zip(contact.barycentric).map(|(x, w)| *x * w).sum();
         let towards = if body == 0 { -normal } else { normal };
         let gap = point.distance(own[vertex] + contact.depth * towards);
-        assert!(gap < DEPTH * radius, "{what}: {contact:?} is {gap} off its line");
+        assert!(gap < DEPTH * radius, "{what}: the point of {contact:?} is {gap} m off the line");
     }
     for (hits, found) in hits.iter().zip(&found) {
         let missed =
             hits.iter().zip(found).filter(|(hit, found)| !**found && hit.is_some_and(|h| h.depth > DEPTH * radius));
-        assert_eq!(missed.count(), 0, "{what}");
+        assert_eq!(missed.count(), 0, "{what}: number of contacts that only ray casts find");
     }
     answer.contacts.len()
 }
@@ -72,13 +81,20 @@ fn spheres_of_any_size_anywhere_along_any_direction() {
                     let poses = [(at, random.turn(3.0)), (at + gap * radius * towards, random.turn(3.0))];
                     let answer = query.run(poses[0], poses[1]).unwrap();
                     let what = format!("{}, radius {radius}, {gap} radii apart", path.name());
-                    assert_eq!((answer.flags, answer.contact_patches.len()), (Flags::default(), 1), "{what}");
+                    assert_eq!(
+                        (answer.flags, answer.contact_patches.len()),
+                        (Flags::default(), 1),
+                        "{what}: flags and number of contact patches"
+                    );
                     if direction.is_some() {
-                        assert!((answer.contacts[0].normal - tilted).abs().max_element() < UNIT, "{what}");
+                        assert!(
+                            (answer.contacts[0].normal - tilted).abs().max_element() < UNIT,
+                            "{what}: the normal is not the given direction"
+                        );
                     }
-                    assert!(check(&what, [&a, &b], poses, &answer, radius) > 4, "{what}");
+                    assert!(check(&what, [&a, &b], poses, &answer, radius) > 4, "{what}: at most 4 contacts");
                     let again = query.run(poses[0], poses[1]).unwrap();
-                    assert_eq!(again.contacts, answer.contacts, "{what}: not the same again");
+                    assert_eq!(again.contacts, answer.contacts, "{what}: a second run gives other contacts");
                     assert!(answer.stage_times.iter().any(|(stage, us)| stage == "contact" && *us > 0.0));
                 }
                 let apart =
@@ -117,7 +133,7 @@ fn a_fine_head_in_a_cube_of_twelve_triangles_is_found_whole_or_flagged() {
                 if !answer.flags.contains(Flags::CONTACT_OVERFLOW) {
                     check(&what, bodies, poses, &answer, 0.3);
                 } else {
-                    assert!(vertices > 10_000, "{what}");
+                    assert!(vertices > 10_000, "{what}: the query reports that contacts overflow");
                 }
             }
         }

@@ -1,5 +1,5 @@
-//! A session with the engine is recorded and replayed: the replay must give the same bits, or name the first tick or
-//! step that differs.
+//! A session (haptic loop with device, tool and simulation) is recorded and replayed: the replay must give the same
+//! bits, or name the first tick or step that differs.
 
 use std::path::{Path, PathBuf};
 
@@ -18,8 +18,9 @@ use palpate_devices::replay::{Replayed, replay};
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::open;
 
+/// Number of ticks of the haptic loop, of 1 ms each.
 const TICKS: u64 = 300;
-/// Ticks from one simulation step to the next, and ticks from a step's beginning until the loop has its wrench.
+/// Ticks from one simulation step to the next, and ticks from the start of a step until the loop receives its wrench.
 const EVERY: u64 = 15;
 const DELAY: u64 = 9;
 
@@ -74,7 +75,7 @@ fn again(scene: &Scene, path: depth::Path, file: &Path) -> Replayed {
     replayed
 }
 
-/// A scene file of a press that slides aside, and the path for its recording.
+/// Writes the scene of a press that slides aside to a file. Returns the scene, and the path for its recording.
 fn pressed(folder: &Path) -> (Scene, PathBuf) {
     let file = folder.join("scene.toml");
     let place = Place { slide: DVec3::new(0.01, 0.0, -0.005), ..Place::default() };
@@ -88,7 +89,7 @@ fn a_session_with_the_engine_replays_to_the_same_bits_on_both_depth_paths() {
     let (scene, file) = pressed(folder.path());
     for path in [depth::Path::Compute, depth::Path::Graphics] {
         let most = record(&scene, path, &file, |_| {});
-        assert!(most > 0.1, "{most} N: nothing was touched");
+        assert!(most > 0.1, "greatest force {most} N: nothing was touched");
         let replayed = again(&scene, path, &file);
         assert_eq!(replayed, Replayed { ticks: TICKS, steps: TICKS / EVERY, is_whole: true, difference: None });
     }
@@ -106,10 +107,10 @@ fn a_reading_and_a_simulation_that_are_not_the_recorded_ones_are_named() {
         }
     });
     let spoiled = again(&scene, path, &file).difference.unwrap().to_string();
-    assert!(spoiled.starts_with("tick 200 differs first in device_y: "), "{spoiled}");
+    assert!(spoiled.starts_with("tick 200 differs first in device_y: "), "unexpected report: {spoiled}");
 
     record(&scene, path, &file, |_| {});
     scene.contact.friction = 0.1;
     let other = again(&scene, path, &file).difference.unwrap().to_string();
-    assert!(other.starts_with("step "), "{other}");
+    assert!(other.starts_with("step "), "unexpected report: {other}");
 }

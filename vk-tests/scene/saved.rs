@@ -1,5 +1,5 @@
-//! States that are saved and restored: from there on the same bits must follow, in the same simulation and in one with
-//! another past.
+//! States that are saved and restored: from the restored state on, steps must give the same bits, in the same
+//! simulation and in another one that has run other steps before.
 
 use glam::DVec3;
 use palpate::Simulation;
@@ -39,15 +39,15 @@ fn goes_on_as_before(name: &str, text: &str) {
     let first = seen(&mut simulation);
     simulation.restore(&state).unwrap();
     assert_eq!(simulation.save().unwrap(), state, "{name}: the restored state is not the one that was saved");
-    assert!(seen(&mut simulation) == first, "{name}: in the same simulation");
-    // The other simulation's bodies stand elsewhere and have felt other contacts.
+    assert!(seen(&mut simulation) == first, "{name}: other results after restoring in the same simulation");
+    // The other simulation has run more steps, so that its bodies are elsewhere and have other contacts.
     let mut other = open(&scene, None);
     run(&mut other, BEFORE + 9);
     other.restore(&state).unwrap();
-    assert!(seen(&mut other) == first, "{name}: in another simulation");
-    // The comparison can fail: without the restored state, the next steps are different ones.
+    assert!(seen(&mut other) == first, "{name}: other results after restoring in another simulation");
+    // This shows that the comparison can fail: steps that do not start from the restored state give other bits.
     assert!(seen(&mut other) != first, "{name}: other steps gave the same bits");
-    println!("{name}: {} bytes", state.len());
+    println!("{name}: the saved state has {} bytes", state.len());
 }
 
 #[test]
@@ -71,7 +71,7 @@ fn free_bodies_cores_and_joints_go_on_as_before() {
                 [0.2, 0.42, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703]]";
     goes_on_as_before("a chain", &joints::chain(2e4, keys, ["", "stiffness = 0.5"], "gravity = [5.0, -25.0, 8.0]"));
     let newton = "dt = 0.004\nnewton = 3";
-    goes_on_as_before("linearised again", &joints::chain(2e4, "motion = \"dynamic\"", ["", ""], newton));
+    goes_on_as_before("three Newton iterations", &joints::chain(2e4, "motion = \"dynamic\"", ["", ""], newton));
     let coupling = "stiffness = 1000.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.002";
     goes_on_as_before("held", &held::pad(5e4, coupling, "", DVec3::ZERO, held::START));
 }
@@ -86,7 +86,7 @@ fn a_state_of_other_bodies_or_damaged_is_refused_and_nothing_changes() {
     let before = finer.save().unwrap();
     let refused = |simulation: &mut Simulation, bytes: &[u8], words: &str| {
         let error = simulation.restore(bytes).unwrap_err().to_string();
-        assert!(error.contains(words) && error.lines().count() == 1, "{error}");
+        assert!(error.contains(words) && error.lines().count() == 1, "unexpected error message: {error}");
     };
     refused(&mut finer, &state, "to other bodies");
     refused(&mut finer, b"", "was not saved by this version");

@@ -1,5 +1,5 @@
-//! The paper's scenes of two soft bodies, as they come with the program: their first steps must be sound. Tests of the
-//! later steps take minutes and are run by name (`lasting`).
+//! The paper's scenes of two soft bodies, as they come with the program: their first steps must have no flags and no
+//! excessive motion. Tests of the later steps take minutes and are run by name (`lasting`).
 
 use std::path::Path;
 
@@ -21,14 +21,22 @@ fn starts(name: &str) {
     let mut simulation = open(name);
     for _ in 0..STEPS {
         let row = simulation.step().unwrap();
-        assert_eq!(row.flags, Flags::default(), "{name}: step {}", row.step);
-        assert!(row.probes.iter().all(|x| x.is_finite()) && row.residual < 1e-3, "{name}: {row:?}");
+        assert_eq!(row.flags, Flags::default(), "{name}: flags in step {}", row.step);
+        assert!(
+            row.probes.iter().all(|x| x.is_finite()) && row.residual < 1e-3,
+            "{name}: a probe is not finite or the residual is too great: {row:?}"
+        );
     }
     for body in 0..simulation.bodies().len() {
         let (moved, velocity) = simulation.nodes(body).unwrap().unwrap();
         // Nothing may fall faster than freely, or fly off.
         let most = |x: &[DVec3]| x.iter().map(|x| x.length()).fold(0.0, f64::max);
-        assert!(most(&moved) < 0.002 && most(&velocity) < 0.3, "{name}: {} m, {} m/s", most(&moved), most(&velocity));
+        assert!(
+            most(&moved) < 0.002 && most(&velocity) < 0.3,
+            "{name}: displacement up to {} m, velocity up to {} m/s",
+            most(&moved),
+            most(&velocity)
+        );
     }
 }
 
@@ -50,7 +58,8 @@ fn pumpkins_start() {
 /// Number of steps of a whole run.
 const WHOLE: usize = 300;
 
-/// Runs a scene and checks the force between its two bodies. `jump` limits its change in a step, relative to its peak.
+/// Runs a scene and checks the force between its two bodies. `jump` bounds the change of the force in a step, relative
+/// to its peak.
 fn runs(name: &str, jump: f64) {
     let mut simulation = open(name);
     let (mut force, mut flagged) = (vec![], vec![]);
@@ -72,14 +81,17 @@ fn runs(name: &str, jump: f64) {
     changes.sort_by(f64::total_cmp);
     let share = |at: usize| changes[at * (changes.len() - 1) / 100] / peak;
     println!(
-        "{name}: {touched} of {WHOLE} steps in contact, up to {peak:.2} N; change a step, of that: median {:.4}, 99 % {:.3}, \
-         largest {:.3}; flags {flagged:?}",
+        "{name}: {touched} of {WHOLE} steps in contact, force up to {peak:.2} N; change of the force in a step \
+         relative to that: median {:.4}, 99th percentile {:.3}, largest {:.3}; steps and their flags {flagged:?}",
         share(50),
         share(99),
         share(100)
     );
-    assert!(flagged.is_empty() && touched > 200, "{name}: {touched} steps, {flagged:?}");
-    assert!(share(100) < jump, "{name}: the force changes by {} of its peak", share(100));
+    assert!(
+        flagged.is_empty() && touched > 200,
+        "{name}: {touched} steps in contact; steps and their flags {flagged:?}"
+    );
+    assert!(share(100) < jump, "{name}: the force changes in a step by {} of its peak", share(100));
 }
 
 #[test]

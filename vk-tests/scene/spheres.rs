@@ -1,6 +1,6 @@
-//! Sphere meshes against planes and each other, through every kernel of the proximity query and on every path that
-//! finds ray hits: depth must be that of an f64 ray cast on the same meshes, and must tend to the true sphere's as the
-//! square of the edge length.
+//! Sphere meshes against planes and each other, through every kernel of the proximity query and on every depth path,
+//! that is, implementation of the stage that finds ray hits. Depths must be those of f64 ray casts on the same meshes,
+//! and their error against a true sphere must shrink with the square of the edge length.
 
 use std::collections::BTreeMap;
 
@@ -15,11 +15,11 @@ use crate::stage::flow::{Flow, PATHS};
 
 /// Radius of the spheres, m.
 const RADIUS: f64 = 0.01;
-/// Tolerance of depths, m, as promised to users: f32 holds positions near the tool to 1e-7 of the radius, and slopes at
-/// the rim of a contact multiply that by a few.
+/// Tolerance of depths, m, as promised to users: f32 rounds positions near the tool to 1e-7 of the radius, and steep
+/// slopes at the rim of a contact magnify this error a few times.
 const DEPTH: f64 = 1e-5 * RADIUS;
-/// Greatest ratio of the errors of depth on a mesh and on one with twice the edge length: a quarter, and a little more
-/// since the worst vertex is not at the same place in its triangle.
+/// Greatest ratio of the depth error on a mesh to that on a mesh with twice the edge length: a quarter in theory, and a
+/// little more since the worst vertex is not at the same place in its triangle.
 const SECOND_ORDER: f64 = 0.35;
 /// World positions of a rigid skin and its triangles.
 fn mesh(body: &Body) -> (Vec<DVec3>, Vec<[u32; 3]>) {
@@ -28,12 +28,12 @@ fn mesh(body: &Body) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (skin.vertices.iter().map(place).collect(), skin.triangles.clone())
 }
 
-/// Depth (m) and opposing triangle of each colliding vertex, by side (0: of body a, 1: of b) and vertex within its
-/// body.
+/// Depth (m) and opposing triangle of each colliding vertex, by side (0: vertex of body a, 1: of b) and number of the
+/// vertex within its body.
 type Depths = BTreeMap<(u32, u32), (f64, u32)>;
 
-/// The hits that the kernels found. `first` and `first_triangle` are the first vertex and triangle of each body, since
-/// results number them within their body.
+/// The ray hits that the kernels found. `first` and `first_triangle` are the first vertex and triangle of each body,
+/// which are subtracted, since results count vertices and triangles within their body.
 fn got(flow: &Flow, first: [u32; 2], first_triangle: [u32; 2]) -> Depths {
     let hit = |(hit, what): (&[f32; 4], &[u32; 4])| {
         let (side, other) = (what[1] as usize % 2, 1 - what[1] as usize % 2);
@@ -43,7 +43,7 @@ fn got(flow: &Flow, first: [u32; 2], first_triangle: [u32; 2]) -> Depths {
     flow.hits.iter().zip(&flow.what).filter_map(hit).collect()
 }
 
-/// The hits of f64 ray casts along the normal.
+/// The ray hits of f64 ray casts along the normal.
 fn wanted(normal: DVec3, a: &Body, b: &Body) -> Depths {
     let ((ax, at), (bx, bt)) = (mesh(a), mesh(b));
     let sides = [ray_depths(normal, &ax, &at, &bx, &bt, 1.0), ray_depths(-normal, &bx, &bt, &ax, &at, 1.0)];
@@ -55,7 +55,7 @@ fn wanted(normal: DVec3, a: &Body, b: &Body) -> Depths {
     depths
 }
 
-/// Side, vertex and opposing triangle of a contact, within their bodies.
+/// Side (0: body a, 1: body b), vertex and opposing triangle of a contact, counted within their bodies.
 type Touch = (usize, u32, u32);
 
 /// The contacts of two rigid bodies by ray casts, and the first vertex and triangle of each body.
@@ -73,13 +73,19 @@ fn same(what: &str, got: &Depths, want: &Depths) -> usize {
         match got.get(key) {
             Some((g, _)) => {
                 matched += 1;
-                assert!((g - depth).abs() <= DEPTH, "{what}: {key:?} is {g:e} deep, not {depth:e}");
+                assert!(
+                    (g - depth).abs() <= DEPTH,
+                    "{what}: (side, vertex) {key:?} has depth {g:e} m, expected {depth:e} m"
+                );
             }
-            None => assert!(*depth < DEPTH, "{what}: {key:?}, {depth:e} deep, was missed"),
+            None => assert!(*depth < DEPTH, "{what}: (side, vertex) {key:?} with depth {depth:e} m was missed"),
         }
     }
     for (key, (depth, _)) in got {
-        assert!(want.contains_key(key) || *depth < DEPTH, "{what}: {key:?} is no contact, but came {depth:e} deep");
+        assert!(
+            want.contains_key(key) || *depth < DEPTH,
+            "{what}: (side, vertex) {key:?} is no contact, but was found with depth {depth:e} m"
+        );
     }
     matched
 }
@@ -118,8 +124,11 @@ fn a_sphere_on_a_plane_of_two_triangles() {
     // Found by hand: the lowest vertex is a tenth of the radius below the plane.
     let deepest = depths.values().fold(0.0f64, |most, d| most.max(d.0));
     let normal_y = f64::from(flow.contact_patches[0].normal[1]);
-    assert!((deepest * normal_y - 0.1 * RADIUS).abs() < 2.0 * DEPTH, "{deepest}");
-    assert!(depths.keys().all(|k| k.0 == 1), "the plane's own corners are far away");
+    assert!(
+        (deepest * normal_y - 0.1 * RADIUS).abs() < 2.0 * DEPTH,
+        "greatest depth {deepest} m, expected a tenth of the radius along y"
+    );
+    assert!(depths.keys().all(|k| k.0 == 1), "a corner of the plane collides");
 }
 
 #[test]
@@ -131,7 +140,10 @@ fn a_turned_sphere_on_a_turned_grid_far_from_the_origin() {
         let tool = rigid("tool", sphere(RADIUS, 4), cut, place + 0.8 * RADIUS * up, random.turn(3.0));
         let plane = rigid("plane", sheet(0.03, 24), whole, place, turn);
         let (_, depths) = every_path("grid", &plane, &tool, up + 0.1 * random.vector(), 60);
-        assert!(depths.keys().any(|k| k.0 == 0) && depths.keys().any(|k| k.0 == 1), "both sides collide");
+        assert!(
+            depths.keys().any(|k| k.0 == 0) && depths.keys().any(|k| k.0 == 1),
+            "both bodies must have colliding vertices"
+        );
     }
 }
 
@@ -148,7 +160,7 @@ fn two_spheres_in_general_position() {
     }
 }
 
-/// Grid cells of another size have other lists of vertices, but must give the same hits.
+/// Another size of the grid's cells gives other lists of vertices by cell, but must give the same ray hits.
 #[test]
 fn the_size_of_squares_changes_no_depth() {
     let mut random = Random(12);
@@ -184,7 +196,7 @@ fn a_sphere_over_a_half_space_is_exact_and_needs_no_mesh() {
     );
 }
 
-/// Depth along `normal` (which points into the sphere) of a point below the surface of a true sphere, m.
+/// Depth along `normal` (which points into the sphere) of a point inside a true sphere, m; `None` for a point outside.
 fn sphere_depth(x: DVec3, normal: DVec3, centre: DVec3) -> Option<f64> {
     let from = x - centre;
     let along = from.dot(normal);
@@ -206,7 +218,7 @@ fn worst(a: &Body, halvings: u32, turn: DQuat, place: DVec3, path: Path) -> (f64
     let mut worst = 0.0f64;
     let mut count = 0;
     for ((_, vertex), (depth, _)) in depths.iter().filter(|d| d.0.0 == 0) {
-        let true_depth = sphere_depth(own[*vertex as usize], normal, place).expect("inside the mesh, so in the sphere");
+        let true_depth = sphere_depth(own[*vertex as usize], normal, place).expect("the vertex is outside the sphere");
         worst = worst.max((depth - true_depth).abs());
         count += 1;
     }
@@ -226,7 +238,12 @@ fn depth_tends_to_the_true_sphere_as_edge_length_squared() {
             let errors: Vec<_> = (2..=5).map(|halvings| worst(a, halvings, turn, place, path)).collect();
             for (k, pair) in errors.windows(2).enumerate() {
                 let (coarse, fine) = (pair[0].0, pair[1].0);
-                let what = format!("{name}, {}: {} to {} halvings: {errors:?}", path.name(), k + 2, k + 3);
+                let what = format!(
+                    "{name}, {}: from {} to {} halvings of the mesh; errors (m) and numbers of vertices {errors:?}",
+                    path.name(),
+                    k + 2,
+                    k + 3
+                );
                 assert!(pair[1].1 > 20 && fine < SECOND_ORDER * coarse, "{what}");
             }
         }

@@ -1,4 +1,5 @@
-//! A tool that presses into a soft body, against the f64 oracle step by step and on both depth paths.
+//! A tool that presses into a soft body: step by step against the f64 oracle (the reference implementation on the CPU),
+//! and on both depth paths (graphics and compute implementation of the depth stage).
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Shape};
@@ -13,7 +14,7 @@ use palpate_oracle::step::{self};
 
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// Where a press happens: the block is turned, then shifted (m); the desired pose ends `slide` (m) aside, in the
+/// Where a press happens: the block is turned, then shifted (m); the device's motion ends `slide` (m) aside, in the
 /// block's axes.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Place {
@@ -42,8 +43,8 @@ pub fn press(young: f64, dt: f64, place: Place, solver: &str) -> String {
     )
 }
 
-/// The oracle's twin of a scene with one soft body and a rigid tool. The twin finds its own contacts; only the normal
-/// of the contact patch is the engine's.
+/// A scene with one soft body and a rigid tool as the oracle computes it. The oracle finds its own contacts; it takes
+/// only the normal of the contact patch from the engine.
 pub struct Twin {
     pub oracle: step::Simulation,
     skin: (prepare::Skin, Vec<prepare::Embedding>),
@@ -77,7 +78,7 @@ impl Twin {
         Twin { oracle, skin: (skin.clone(), embedding.clone()), tool, law, sides: scene.contact.sides }
     }
 
-    /// Contacts of the twin's present state along `normal` (from the body to the tool).
+    /// Contacts of the oracle's present state along `normal` (from the body to the tool).
     pub fn contacts(&self, normal: DVec3) -> Vec<contact::Contact> {
         let tool = self.oracle.tool.as_ref().unwrap();
         let tool = Surface {
@@ -94,7 +95,7 @@ impl Twin {
     }
 }
 
-/// Contacts that only the engine or only the oracle has: the greatest depth among them (m), and their number.
+/// Among contacts that only the engine or only the oracle has: the greatest depth (m), and their number.
 fn unmatched(device: &[Contact], twin: &[contact::Contact], tool_vertex_first: u32) -> (f64, usize) {
     let of_device = |c: &Contact| {
         let of_tool = c.side % 2 == 1;
@@ -115,7 +116,7 @@ const PRESS_STEPS: usize = 60;
 const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
 /// Error of the tool's force, relative to the largest of the run.
 const FORCE: f64 = 5.0e-5;
-/// Error of the tool's position, relative to its way.
+/// Error of the tool's position, relative to the greatest distance from its start.
 const POSE: f64 = 1.0e-5;
 /// Error of node displacements, relative to the largest.
 const DISPLACEMENT: f64 = 5.0e-5;
@@ -138,12 +139,14 @@ fn touch_agrees_with_the_oracle_and_the_depth_paths_with_each_other() {
         assert_eq!(found, found_too, "contacts of the two depth paths");
         let force = |rows: &[StepReport]| -> Vec<DVec3> { rows.iter().map(|r| r.tool.unwrap().force).collect() };
         let error = relative_error(&force(&compute), &force(&graphics));
-        println!("touch at {young:e} Pa: compute against graphics {error:.1e} of the largest force");
+        println!(
+            "touch at {young:e} Pa: forces of the compute and graphics paths differ by {error:.1e} of the largest"
+        );
         assert!(error < FORCE);
     }
 }
 
-/// Side and vertex of every contact, step by step.
+/// Side (even: vertex of the soft body, odd: of the tool) and vertex of every contact, by step.
 type Found = Vec<Vec<(u32, u32)>>;
 
 fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<StepReport>, Found) {
@@ -187,9 +190,9 @@ fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Step
     let (force, pose) = (relative_error(&forces.0, &forces.1), relative_error(&poses.0, &poses.1));
     let peak = forces.1.iter().map(|f| f.length()).fold(0.0, f64::max);
     println!(
-        "touch at {young:e} Pa, {}: force {force:.1e} of {peak:.2} N, pose {pose:.1e}, shape {shapes:.1e}; up \
-         to {} contacts, \
-         {} of all on one side only (to {:.1e} m); n off the block's top by {tilt:.1e}; iterations to {}",
+        "touch at {young:e} Pa, {}: errors of force {force:.1e} of {peak:.2} N, tool position {pose:.1e}, \
+         displacements {shapes:.1e} (relative); up to {} contacts; {} contacts found by engine or oracle alone (to \
+         {:.1e} m deep); contact normal off the block's top by {tilt:.1e}; up to {} solver iterations",
         path.name(),
         found.iter().map(Vec::len).max().unwrap(),
         lone.1,
@@ -198,7 +201,7 @@ fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Step
     );
     assert!(peak > 0.05 && rows.iter().all(|row| row.flags == Flags::default()));
     let gathers = |side: u32| found.iter().flatten().any(|(s, _)| *s == side);
-    assert_eq!(gathers(0) && gathers(1), twin.sides == Sides::Both, "which sides gather");
+    assert_eq!(gathers(0) && gathers(1), twin.sides == Sides::Both, "whether vertices of both bodies become contacts");
     assert!(lone.0 < LONE_DEPTH && force < FORCE && pose < POSE && shapes < DISPLACEMENT);
     (rows, found)
 }

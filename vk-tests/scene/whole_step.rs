@@ -1,4 +1,5 @@
-//! Scenes as a user writes them, run by the engine on the GPU, and helpers to compare their steps with the f64 oracle.
+//! Scenes as a user writes them, run by the engine on the GPU, and helpers to compare their steps with the f64 oracle,
+//! the reference implementation on the CPU.
 
 use crate::harness::real_meshes::meshes;
 
@@ -16,7 +17,8 @@ pub fn scene(text: &str) -> Scene {
     Scene::load(&file).unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
 
-/// Opens a simulation of the scene with validation on, and with this depth path if one is given.
+/// Opens a simulation of the scene with validation on. `path` chooses the implementation of the depth stage (graphics
+/// or compute) if it is given.
 pub fn open(scene: &Scene, path: Option<depth::Path>) -> Simulation {
     crate::harness::turn();
     let options =
@@ -34,21 +36,21 @@ pub fn run(simulation: &mut Simulation, steps: usize) -> Vec<StepReport> {
     rows
 }
 
-/// The oracle's twin of a soft body, as the scene starts it.
+/// A soft body as the oracle represents it, in the state in which the scene starts.
 pub fn soft_twin(simulation: &Simulation, body: usize) -> oracle::step::SoftBody {
     let body = &simulation.bodies()[body];
     let Shape::Soft { layer, materials, .. } = &body.shape else { panic!("{} is not soft", body.name) };
     oracle::step::SoftBody::new(layer.clone(), materials, body.position, body.orientation, body.velocity)
 }
 
-/// Largest difference divided by the largest value.
+/// Largest difference divided by the largest wanted value.
 pub fn relative_error(got: &[DVec3], want: &[DVec3]) -> f64 {
     let largest = want.iter().map(|x| x.length()).fold(0.0, f64::max);
     got.iter().zip(want).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / largest
 }
 
-/// Error of displacements after 20 steps, relative to the largest. The state is f32 displacements, and the solver stops
-/// at 1e-6.
+/// Error of displacements after 20 steps, relative to the largest. The engine keeps f32 displacements, and its solver
+/// stops at a relative residual of 1e-6.
 const FREE_FALL: f64 = 2.0e-5;
 
 #[test]
@@ -77,13 +79,16 @@ fn free_fall_of_a_bound_human_agrees_with_the_oracle() {
         let (moved, _) = simulation.nodes(0).unwrap().unwrap();
         let error = relative_error(&moved, &twin.bodies[0].displacement);
         let iterations: Vec<u32> = rows.iter().map(|row| row.iterations).collect();
-        println!("free fall at {young:e} Pa: error {error:.2e} of the largest, iterations {iterations:?}");
-        assert!(rows.iter().all(|row| row.flags.0 == 0), "flags at {young:e} Pa");
-        assert!(error < FREE_FALL, "{young:e} Pa: {error:e}");
+        println!(
+            "free fall at {young:e} Pa: displacements differ by {error:.2e} of the largest; solver iterations \
+             {iterations:?}"
+        );
+        assert!(rows.iter().all(|row| row.flags.0 == 0), "a step has flags at {young:e} Pa");
+        assert!(error < FREE_FALL, "{young:e} Pa: relative error of displacements {error:e}");
     }
 }
 
-/// Greatest number of bytes of all arrays on the GPU per tetrahedron, where nothing touches.
+/// Greatest number of bytes on the GPU per tetrahedron, all arrays together, where nothing touches.
 const BYTES: f64 = 400.0;
 
 #[test]
@@ -97,6 +102,6 @@ fn a_tetrahedron_takes_little_memory() {
         );
         let bytes = open(&scene(&text), None).context().bytes_allocated() as f64 / f64::from(6 * 12u32.pow(3));
         println!("{young:e} Pa: {bytes:.0} bytes a tetrahedron");
-        assert!(bytes <= BYTES, "{young:e} Pa: {bytes}");
+        assert!(bytes <= BYTES, "{young:e} Pa: {bytes} bytes a tetrahedron");
     }
 }

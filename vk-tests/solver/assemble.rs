@@ -1,5 +1,6 @@
-//! Kernel solve/assemble, by hand and against the f64 oracle: the right-hand side b and the inverses of the 3x3
-//! diagonal blocks of the operator A, which are the block Jacobi preconditioner M^-1.
+//! Kernel solve/assemble, by hand and against the f64 oracle (the reference implementation on the CPU): the right-hand
+//! side b, and the inverses of the 3x3 diagonal blocks of the operator A, which are the block Jacobi preconditioner
+//! M^-1.
 
 use std::collections::BTreeMap;
 
@@ -12,8 +13,8 @@ use crate::harness::{Tolerance, context, expect_close};
 use crate::solver::system::{DT, System, layer, layered, material, mixed, triples, two_layers};
 use crate::stage::elastic::expect_of_largest;
 
-/// Error of b relative to the largest value of a body's rows: elastic terms of strains of order one, known to 1e-7, a
-/// few dozen each.
+/// Error of b relative to the largest value of a body's rows. Each row sums a few dozen elastic terms, of strains of
+/// order one, which are known to 1e-7.
 const RHS: f64 = 4.0e-6;
 /// Error of the entries of inverse times block: rounding of the block's entries (1e-6) times its condition number (up
 /// to 30 here).
@@ -41,7 +42,7 @@ fn true_blocks(system: &System) -> Vec<Option<DMat3>> {
 fn expect_oracle(what: &str, system: System) {
     let mut passes = Passes::new(system);
     let mut random = Random(61);
-    // The carried residual of the last step, about a tenth of a node's weight.
+    // The residual carried over from the last step is about a tenth of a node's weight.
     let carried_residual = passes.system.random_field(&mut random);
     passes.carried_residual = carried_residual.iter().map(|x| x.map(|x| 1e-4 * x)).collect();
     passes.assemble();
@@ -62,7 +63,7 @@ fn expect_oracle(what: &str, system: System) {
             &[0, 1, 2].map(|k| passes.precondition(i, std::array::from_fn(|l| f64::from(u8::from(k == l))))),
         );
         let Some(block) = block else {
-            assert_eq!(inverse, DMat3::ZERO, "{what}: node {i} is bound");
+            assert_eq!(inverse, DMat3::ZERO, "{what}: inverse block of node {i}, which is attached");
             assert_eq!((passes.rhs[i], passes.preconditioned[i]), ([0.0; 4], [0.0; 4]));
             continue;
         };
@@ -76,7 +77,10 @@ fn expect_oracle(what: &str, system: System) {
     let got: f64 = passes.partials.iter().map(|p| f64::from(p[0])).sum();
     assert!((got - sum).abs() <= SUM * sum, "{what}: b . M^-1 b = {got:e}, want {sum:e}");
     let floor: f64 = passes.partials.iter().map(|p| f64::from(p[1])).sum();
-    assert!(floor <= 1e-10 * got && floor >= 0.0 && (floor > 0.0) == (got > 0.0), "{what}: {floor:e} of {got:e}");
+    assert!(
+        floor <= 1e-10 * got && floor >= 0.0 && (floor > 0.0) == (got > 0.0),
+        "{what}: rounding floor {floor:e}, b . M^-1 b = {got:e}"
+    );
 }
 
 trait Wide {
@@ -113,7 +117,7 @@ fn a_tetrahedron_at_rest_by_hand() {
     let (along, across) = (mass + scale * (2.0 * mu + lambda), mass + scale * mu);
     let want = [1.0 / along, 1.0 / across, 1.0 / across, 0.0, 0.0, 0.0];
     expect_close("inverse of node 1", &triples(&passes.inverse[2..4]), &want, rounding);
-    assert_eq!(passes.inverse[4..6], [[0.0; 4]; 2], "node 2 is attached");
+    assert_eq!(passes.inverse[4..6], [[0.0; 4]; 2], "inverse block of node 2, which is attached");
     let z = [weight[0] / along, weight[1] / across, weight[2] / across];
     expect_close("M^-1 b of node 1", &triples(&passes.preconditioned[1..2]), &z, rounding);
 }
@@ -124,14 +128,14 @@ fn the_right_hand_side_and_the_blocks_agree_with_the_oracle_at_every_size() {
     for nodes in [0, 1, width - 1, width, width + 1, 1234] {
         let bodies =
             if nodes == 0 { vec![] } else { vec![layered(layer(nodes), material(2e4), DQuat::from_rotation_y(2.0))] };
-        expect_oracle(&format!("solve/assemble of {nodes}"), System::new(&bodies, 0.004, 3));
+        expect_oracle(&format!("{nodes} nodes"), System::new(&bodies, 0.004, 3));
     }
 }
 
 #[test]
 fn contacts_count_in_the_right_hand_side_and_the_blocks() {
     // solve/assemble with contacts on one skin vertex, on the three vertices of an opposing triangle (their tetrahedra
-    // share nodes), and released ones.
+    // share nodes), and with released contacts, which have no stiffness.
     for seed in 0..3 {
         let system = System::new(&two_layers(), 0.004, seed).with_contacts(100, seed + 70);
         expect_oracle("contacts", system);
@@ -169,7 +173,10 @@ fn the_inverse_blocks_are_symmetric_and_positive() {
         for _ in 0..10 {
             let x = random.vector().to_array();
             let z = passes.precondition(i, x);
-            assert!(x[0] * z[0] + x[1] * z[1] + x[2] * z[2] > 0.0, "node {i} of {info:?}: {x:?} to {z:?}");
+            assert!(
+                x[0] * z[0] + x[1] * z[1] + x[2] * z[2] > 0.0,
+                "node {i}, {info:?}: x . M^-1 x is not positive for x = {x:?}, M^-1 x = {z:?}"
+            );
         }
     }
 }

@@ -1,5 +1,6 @@
-//! Iterations of conjugate gradients that stiff bodies take with the coarse level until the recurrence's residual has a
-//! 2-norm of 1e-4 of the right-hand side's: from zero, under gravity and a load on ten nodes.
+//! Number of iterations of conjugate gradients that stiff bodies take with the coarse level of the preconditioner
+//! (whose unknowns are motions of aggregates, that is, blocks of nodes), from zero until the 2-norm of the recurrence's
+//! residual is 1e-4 of that of the right-hand side, under gravity and a load on ten nodes.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::Layer;
@@ -13,18 +14,18 @@ use crate::solver::system::{System, layered};
 
 /// Reduction of the residual's 2-norm.
 const REDUCTION: f64 = 1e-4;
-/// Number of nodes with a load of their own.
+/// Number of nodes with a single load each.
 const LOADED: usize = 10;
 /// Gravity, m/s^2.
 const GRAVITY: f32 = 9.81;
 /// Edge of the block, m.
 const EDGE: f64 = 0.1;
-/// The human's nodes within this distance of the nodes' centroid are attached, m.
+/// Distance from the centroid of the human's nodes, m, within which nodes are attached.
 const BOUND: f64 = 0.15;
 /// Limit of iterations, above what any of these bodies may take.
 const LIMIT: usize = 500;
 
-/// A cube of `cells` Kuhn cells an edge, whose nodes in the face x = 0 are attached.
+/// A cube of `cells` cells an edge, each cut into six tetrahedra, whose nodes in the face x = 0 are attached.
 fn block(cells: u32) -> Layer {
     let mut layer = kuhn_box(DVec3::ZERO, DVec3::splat(EDGE), [cells; 3]);
     layer.attached = layer.nodes.iter().map(|x| x.x < 1e-6).collect();
@@ -34,7 +35,7 @@ fn block(cells: u32) -> Layer {
 /// Nodes that are unknowns.
 fn free(passes: &Passes) -> Vec<usize> {
     let blocks = &passes.system.model.blocks;
-    assert!(blocks.blocks.iter().all(|block| block[3] == NONE), "a dynamic core has other unknowns");
+    assert!(blocks.blocks.iter().all(|block| block[3] == NONE), "a dynamic core has unknowns that are no nodes");
     blocks.nodes.iter().map(|node| node[0] as usize).collect()
 }
 
@@ -72,10 +73,14 @@ fn iterations(layer: Layer, dt: f32) -> usize {
     while norm(&passes.residual) > wanted {
         let before = passes.iterations_done();
         passes.iterate(1);
-        assert!(passes.iterations_done() > before, "stopped: status {} after {before}", passes.state.status);
+        assert!(
+            passes.iterations_done() > before,
+            "the solver stopped with status {} after {before} iterations",
+            passes.state.status
+        );
     }
     let (count, aggregates) = (passes.iterations_done(), passes.blocks());
-    println!("{tetrahedra} tetrahedra, {:.0} ms, {aggregates} aggregates: {count} iterations", 1e3 * dt);
+    println!("{tetrahedra} tetrahedra, step of {:.0} ms, {aggregates} aggregates: {count} iterations", 1e3 * dt);
     count as usize
 }
 
@@ -89,9 +94,9 @@ const HUMAN: usize = 130;
 #[test]
 fn a_stiff_block_takes_few_iterations_and_ten_times_the_tetrahedra_hardly_more() {
     let small = iterations(block(12), 1e-3);
-    assert!(small <= BLOCK, "{small}");
+    assert!(small <= BLOCK, "{small} iterations for the smaller block");
     let large = iterations(block(26), 1e-3);
-    assert!(large <= GROWTH * small, "{large} after {small}");
+    assert!(large <= GROWTH * small, "{large} iterations for the larger block, {small} for the smaller");
 }
 
 #[test]
@@ -104,5 +109,5 @@ fn a_stiff_human_takes_few_iterations_at_long_steps() {
     let human = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, attached: bound, ..Layer::default() };
     let short = iterations(human.clone(), 1e-3);
     let long = iterations(human, 1e-2);
-    assert!(long <= HUMAN && short <= long, "{short}, {long}");
+    assert!(long <= HUMAN && short <= long, "{short} iterations in a step of 1 ms, {long} in one of 10 ms");
 }

@@ -1,5 +1,5 @@
-//! Kernel solve/conclude, which gives the verdict on a solve, and solve/commit, which moves the state to the end of the
-//! step.
+//! Kernel solve/conclude, which gives the verdict on a solve (done, continue, retry, Newton iteration or failed), and
+//! solve/commit, which moves the state to the end of the step.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::shaders;
@@ -13,7 +13,8 @@ use crate::solver::system::{System, layer, layered, material, triples, two_layer
 const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };
 /// Relative error of a residual of order one: inner products through blocks inverted in f32.
 const RESIDUAL: Tolerance = Tolerance { abs: 0.0, rel: 1e-4 };
-/// A verdict, and flags as in `trace.csv`.
+/// The verdict that a solve is accepted, and flags as in `trace.csv`: not converged, deeper than the limit, not finite,
+/// contacts that still pull.
 const DONE: u32 = 0;
 const NOT_CONVERGED: u32 = 1;
 const DEPTH_LIMIT: u32 = 8;
@@ -33,11 +34,12 @@ fn some_nodes() -> Passes {
     passes
 }
 
-/// Replaces the inner products of the blocks by these.
+/// Replaces the inner products of the blocks of nodes by `dots`.
 fn with_dots(passes: &mut Passes, dots: &[[f32; 2]]) {
     (passes.dots, passes.block_count) = (dots.to_vec(), dots.len());
 }
 
+/// Numbers of workgroups that solve/conclude requested for solve/commit and wrench/reduce.
 fn granted(passes: &Passes) -> [u32; 2] {
     [shaders::ARGS_COMMIT, shaders::ARGS_WRENCH].map(|coarse_index| passes.args[3 * coarse_index as usize])
 }
@@ -48,8 +50,7 @@ fn verdicts_by_hand() {
     let groups = 70u32.div_ceil(context().group_size());
     let mut passes = some_nodes();
     passes.system.counts.flags = DEPTH_LIMIT;
-    // What rounding of x leaves of the residual, (eps x)^2 . D with D the diagonal of A, stays below what rounding of b
-    // leaves.
+    // The residual that rounding of x leaves, (eps x)^2 . D with D the diagonal of A, is below that of rounding of b.
     with_dots(&mut passes, &[[0.06, 4e-7], [0.1, 4e-7]]);
     passes.conclude();
     let report = passes.report;
@@ -60,7 +61,10 @@ fn verdicts_by_hand() {
     let written =
         [shaders::ARGS_COMMIT, shaders::ARGS_WRENCH, shaders::ARGS_GAP].map(|coarse_index| 3 * coarse_index as usize);
     let others = passes.args.iter().enumerate().filter(|(i, _)| !written.contains(i));
-    assert!(others.into_iter().all(|(_, word)| *word == UNTOUCHED), "other arguments stay");
+    assert!(
+        others.into_iter().all(|(_, word)| *word == UNTOUCHED),
+        "other stages' indirect arguments must stay as they were"
+    );
 
     // The recorded iterations ran out before convergence: nothing is accepted yet.
     passes = some_nodes();
@@ -84,7 +88,11 @@ fn verdicts_by_hand() {
     with_dots(&mut passes, &[[0.16, 0.0]]);
     passes.conclude();
     assert_eq!((passes.report.verdict, granted(&passes)), (shaders::VERDICT_NEWTON, [0; 2]));
-    assert_eq!((passes.state.newton_iterations, passes.state.retries), (2, 0), "contacts may be released again");
+    assert_eq!(
+        (passes.state.newton_iterations, passes.state.retries),
+        (2, 0),
+        "Newton iterations, and retries, which are counted anew"
+    );
     passes.conclude();
     assert_eq!((passes.report.verdict, granted(&passes)), (DONE, [groups, 1]));
     // A failed solve is not followed by a Newton iteration.
@@ -108,7 +116,11 @@ fn the_gap_is_looked_for_where_a_loop_holds_the_tool() {
         passes.system.params.wants_stiffness = is_held;
         with_dots(&mut passes, &[[worth, 0.0]]);
         passes.conclude();
-        assert_eq!(passes.args[3 * shaders::ARGS_GAP as usize], want, "{is_held} {worth}");
+        assert_eq!(
+            passes.args[3 * shaders::ARGS_GAP as usize],
+            want,
+            "workgroups of wrench/gap; haptic loop {is_held}, inner product {worth}"
+        );
     }
 }
 
@@ -120,7 +132,11 @@ fn what_is_no_number_is_not_accepted() {
         with_dots(&mut passes, &[[bad, 0.0], [1.0, 0.0]]);
         passes.conclude();
         let flags = NOT_CONVERGED | NON_FINITE;
-        assert_eq!((passes.report.verdict, passes.report.flags), (shaders::VERDICT_FAILED, flags), "of {bad}");
+        assert_eq!(
+            (passes.report.verdict, passes.report.flags),
+            (shaders::VERDICT_FAILED, flags),
+            "verdict and flags for {bad}"
+        );
         assert_eq!(granted(&passes), [0, 0]);
     }
 }
@@ -145,7 +161,10 @@ fn what_broke_down_is_accepted_where_it_is_nearly_solved() {
         passes.state.status = status;
         with_dots(&mut passes, &[[residual2, floor2]]);
         passes.conclude();
-        assert_eq!(passes.report.verdict, want, "status {status}, {residual2}, {floor2}");
+        assert_eq!(
+            passes.report.verdict, want,
+            "verdict for status {status}, squared residual {residual2}, squared floor {floor2}"
+        );
         let (groups, failed) = (70u32.div_ceil(context().group_size()), want == shaders::VERDICT_FAILED);
         assert_eq!(granted(&passes), if failed { [0, 0] } else { [groups, 1] });
         let floor = (f64::from(floor2.max(1e-6)) / 64.0).sqrt();
@@ -168,8 +187,8 @@ fn pressures(system: &System, change: &[f64]) -> Vec<f64> {
 
 #[test]
 fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
-    // solve/conclude after solve/element_product and solve/gather on random vectors in place of a solution, against the oracle's
-    // b - A x.
+    // solve/conclude after solve/element_product and solve/gather on random vectors in place of a solution, against the
+    // oracle's b - A x.
     for seed in 0..3 {
         let system = System::new(&two_layers(), 0.004, seed).with_tool();
         let system = if seed < 2 { system } else { system.with_friction() };
@@ -194,7 +213,7 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
         }
         let r = &left[places.tool..];
         norm2 += (0..36).map(|k| r[k / 6] * passes.rigid_inverse(0, k / 6, k % 6) * r[k % 6]).sum::<f64>();
-        // A residual above one would be further off than no solution, and fail.
+        // The norm of b keeps the residual below one: a solution with a greater residual is worse than zero and fails.
         passes.state.rhs_norm2 = 4.0 * norm2 as f32;
         let want = (norm2 / f64::from(passes.state.rhs_norm2)).sqrt();
 
@@ -223,9 +242,14 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
             );
             for (c, (now, was)) in passes.system.contacts.iter().zip(&before).enumerate() {
                 let released = if again && is_under_tension[c] { 0.0 } else { 1.0 };
-                assert_eq!(now.stiffness, released * was.stiffness, "contact {c} at {:e} Pa", pressures[c]);
-                assert_eq!(now.damping, released * was.damping, "contact {c}");
-                assert_eq!(now.friction, released * was.friction, "contact {c}");
+                assert_eq!(
+                    now.stiffness,
+                    released * was.stiffness,
+                    "stiffness of contact {c}, with a pressure of {:e} Pa",
+                    pressures[c]
+                );
+                assert_eq!(now.damping, released * was.damping, "damping of contact {c}");
+                assert_eq!(now.friction, released * was.friction, "friction of contact {c}");
                 assert_eq!((now.normal, now.depth, now.area), (was.normal, was.depth, was.area));
             }
             assert_eq!(passes.state.retries, retries + u32::from(again));
@@ -236,7 +260,7 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
                 assert_eq!(passes.rigids[0].carried_residual, [0.0; 6]);
             } else {
                 let allowed = Tolerance { abs: 1e-5 * r.iter().fold(0.0f64, |m, r| m.max(r.abs())), rel: 0.0 };
-                expect_close("left over of the tool", &passes.rigids[0].carried_residual, r, allowed);
+                expect_close("carried residual of the tool", &passes.rigids[0].carried_residual, r, allowed);
                 passes.rigids[0].carried_residual = [0.0; 6];
             }
         }
@@ -266,7 +290,11 @@ fn the_state_moves_by_hand() {
     expect_close("d", first, &[0.5 + 4.0 / 128.0, 0.0, 0.0, 0.0], rounding);
     assert_eq!(passes.system.velocity[..3], [[0.0, 4.0, 0.0, 0.0]; 3]);
     assert_eq!(passes.carried_residual[..3], [[1.0, 2.0, 3.0, 0.0]; 3]);
-    assert_eq!((*last, passes.system.velocity[3]), ([0.5, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]), "bound");
+    assert_eq!(
+        (*last, passes.system.velocity[3]),
+        ([0.5, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]),
+        "displacement and velocity of the attached node"
+    );
     assert_eq!(passes.carried_residual[3], [0.0; 4]);
 }
 

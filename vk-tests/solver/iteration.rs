@@ -9,7 +9,7 @@ use crate::harness::random::Random;
 use crate::harness::{Tolerance, context, expect_close};
 use crate::solver::system::{System, layer, layered, material, triples};
 
-/// A few roundings of numbers of order one.
+/// Tolerance for a few roundings of numbers of order one.
 const ROUNDING: Tolerance = Tolerance { abs: 2e-6, rel: 2e-6 };
 
 /// Passes on one block of eight nodes, of which only the scalars matter.
@@ -38,10 +38,17 @@ fn two_iterations_by_hand() {
         passes.update();
         assert_eq!((passes.state.current, passes.state.status), (iteration.count % 2, 0));
         let now = passes.state.current as usize;
-        assert_eq!((passes.iterations[now], passes.iterations[1 - now]), (iteration, before), "the other set stays");
+        assert_eq!(
+            (passes.iterations[now], passes.iterations[1 - now]),
+            (iteration, before),
+            "the new scalars, and the other set, which must stay"
+        );
         assert_eq!((passes.direction[7], passes.solution[7]), ([p, p, p, 0.0], [x, x, x, 0.0]));
     }
-    assert!(passes.args.iter().all(|word| *word == UNTOUCHED), "the loop goes on");
+    assert!(
+        passes.args.iter().all(|word| *word == UNTOUCHED),
+        "while the loop goes on, no indirect argument may change"
+    );
 }
 
 #[test]
@@ -61,15 +68,23 @@ fn it_stops_where_it_should() {
             .map(|coarse_index| 3 * coarse_index as usize)
             .collect();
         for (i, word) in passes.args.iter().enumerate() {
-            assert_eq!(*word, if status != 0 && words.contains(&i) { 0 } else { UNTOUCHED }, "args [{i}]");
+            assert_eq!(
+                *word,
+                if status != 0 && words.contains(&i) { 0 } else { UNTOUCHED },
+                "word {i} of the indirect arguments"
+            );
         }
         if status != 0 {
-            assert_eq!(Solve { status: 0, ..state }, before, "the state stays");
-            assert_eq!(passes.iterations, iterations, "the scalars stay");
+            assert_eq!(Solve { status: 0, ..state }, before, "the state after the loop ended, apart from its status");
+            assert_eq!(passes.iterations, iterations, "the scalars after the loop ended");
             // Further updates change nothing, whatever they are given.
             (passes.dots, passes.system.params.max_iterations) = (vec![[5.0, 100.0]], 100);
             passes.update();
-            assert_eq!((passes.state, passes.iterations), (state, iterations), "it goes on after status {status}");
+            assert_eq!(
+                (passes.state, passes.iterations),
+                (state, iterations),
+                "an update after status {status} must change nothing"
+            );
         }
         status
     };
@@ -80,8 +95,12 @@ fn it_stops_where_it_should() {
     assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 9), running);
     assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 10), stopped_at_most);
     assert_eq!(stopped(2.0, -10.0, |_| ()), broken);
-    assert_eq!(stopped(2.0, 1.0, |_| ()), broken, "delta - beta gamma / alpha = 0");
-    assert_eq!(stopped(20.0, 1.0, |_| ()), running, "the residual has grown so much that the iteration starts anew");
+    assert_eq!(stopped(2.0, 1.0, |_| ()), broken, "status where delta - beta gamma / alpha = 0");
+    assert_eq!(
+        stopped(20.0, 1.0, |_| ()),
+        running,
+        "status where the residual has grown so much that the iteration starts anew"
+    );
     assert_eq!(stopped(20.0, -1.0, |_| ()), broken);
     for bad in [f32::NAN, f32::INFINITY] {
         assert_eq!(stopped(bad, 10.0, |_| ()), broken);
@@ -97,7 +116,8 @@ fn the_tools_rows_follow_the_same_recurrence() {
     }
 }
 
-/// Reads the tool's iterate from this set, and checks the one written to the other set.
+/// Lets the kernels read the tool's iterate from the set `set`, and checks the iterate that they write to the other
+/// set.
 fn tools_rows(set: u32) {
     let mut passes =
         Passes::new(System::new(&crate::solver::system::two_layers(), 0.004, 2).with_tool().with_contacts(50, 3));
@@ -109,7 +129,7 @@ fn tools_rows(set: u32) {
     passes.rigid_inverses = (0..36).map(|k| six()[k % 6]).collect();
     passes.gather(1);
     // The blocks' inner products are large, so that with the tool's share alpha and beta are still of order one.
-    assert_eq!(passes.dots.len(), 3, "two blocks and the tool");
+    assert_eq!(passes.dots.len(), 3, "number of inner products: of two blocks of nodes and of the tool");
     (passes.dots[0], passes.dots[1]) = ([30.0, 40.0], [10.0, 60.0]);
     passes.iterations[set as usize] = Iteration { gamma: 80.0, alpha: 1.5, count: 1 };
     let before = passes.tool_iterate();

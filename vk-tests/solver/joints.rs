@@ -1,5 +1,6 @@
-//! Cores with joints between them in the solver: their rows of A and b, the inverse that preconditions them, and the
-//! whole solve, against f64 matrices made of the numbers that the kernels read.
+//! Rigid cores (to which nodes are attached) with joints between them, in the solver: their rows of A and b, the
+//! inverse that preconditions them, and the whole solve, against f64 matrices made of the numbers that the kernels
+//! read.
 
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
@@ -29,7 +30,7 @@ const FIXED: usize = 6;
 /// f32.
 const INVERSE: f64 = 1.0e-5;
 
-/// A bar with a core every 8 cm, to which a slab of nodes is attached.
+/// A bar with a core every 8 cm; a slab of nodes is attached to each core.
 fn bar() -> Body {
     let mut layer = kuhn_box(DVec3::new(-0.26, -0.02, -0.02), DVec3::new(0.26, 0.02, 0.02), [26, 2, 2]);
     let core_of = |x: &DVec3| {
@@ -62,7 +63,7 @@ fn bar() -> Body {
     body
 }
 
-/// Passes on the bar, with random numbers in its joints as the host might write them.
+/// Passes on the bar. The numbers in its joints, which the host writes in each step, are random.
 fn passes(with: Preconditioner) -> Passes {
     let mut passes = Passes::new(System::preconditioned(&[bar()], 0.004, 3, with));
     let model = &passes.system.model;
@@ -88,8 +89,9 @@ fn passes(with: Preconditioner) -> Passes {
     passes
 }
 
-/// Six entries of a joint's Jacobian J, which gives the motion of its first side against its second along `axis` or
-/// about it, for the twist of the core on this side; a core on a hinge turns about that alone.
+/// A row of a joint's Jacobian J for the core on side `side` of the joint: six factors of the core's twist. J gives the
+/// motion of the joint's first side relative to its second along `axis`, or about it if `about`. A core on a hinge only
+/// turns about it.
 fn row(joint: &shaders::Joint, side: usize, axis: DVec3, about: bool, hinge: DVec3) -> [f64; 6] {
     let arm = DVec3::from(joint.arm[side].map(f64::from));
     let (mut linear, mut angular) = if about { (DVec3::ZERO, axis) } else { (axis, arm.cross(axis)) };
@@ -101,7 +103,7 @@ fn row(joint: &shaders::Joint, side: usize, axis: DVec3, about: bool, hinge: DVe
     all.map(|x| sign * x)
 }
 
-/// Adds the joints' J^T G J, entry by entry through `add`, and J^T f to b (G: h^2 times stiffness, f: impulse); `first`
+/// Adds the joints' J^T G J, entry by entry through `add`, and J^T f to b (G: h^2 times stiffness, f: impulse). `first`
 /// gives the first unknown of a core.
 fn add_joints(passes: &Passes, first: impl Fn(usize) -> usize, mut add: impl FnMut(usize, usize, f64), b: &mut [f64]) {
     for joint in &passes.joints {
@@ -244,7 +246,7 @@ fn cores_that_are_joined_are_inverted_as_one() {
     add_joints(&passes, |core| 6 * core, |i, j, x| dense[(i, j)] += x, &mut unused);
     let inverse = dense.llt(Side::Lower).unwrap().inverse();
     let groups: Vec<u32> = passes.rigids.iter().map(|rigid| rigid.group_count).collect();
-    println!("groups of {groups:?}");
+    println!("for each core, the number of cores joined with it, itself included: {groups:?}");
     assert!(groups.contains(&1) && groups.contains(&5));
     let mut worst = 0.0f64;
     for (index, rigid) in passes.rigids.iter().enumerate() {
@@ -253,7 +255,7 @@ fn cores_that_are_joined_are_inverted_as_one() {
             let (row, column) = (6 * (index - first) + i, j);
             let got = f64::from(passes.rigid_inverses[rigid.inverse_first as usize + row * width + column]);
             let (a, b) = (6 * index + i, 6 * first + j);
-            // For motions that a hinge prevents the matrix here has ones on its diagonal, but the kernel's inverse is
+            // For motions that a hinge prevents, the matrix here has ones on its diagonal but the kernel's inverse is
             // zero: the ones are subtracted.
             let held = |k: usize| passes.rigids[k / 6].hinge != [0.0; 3];
             let want = if a / 6 == b / 6 && held(a) {
@@ -267,11 +269,11 @@ fn cores_that_are_joined_are_inverted_as_one() {
             let size = (inverse[(a, a)] * inverse[(b, b)]).sqrt();
             worst = worst.max((got - want).abs() / size);
             let other = f64::from(passes.rigid_inverses[rigid.inverse_first as usize + column * width + row]);
-            assert_eq!(got, other, "symmetric to the last bit");
+            assert_eq!(got, other, "the inverse must be symmetric to the last bit");
         }
     }
-    println!("inverse of joined cores: off by {worst:.1e}");
-    assert!(worst < INVERSE, "{worst:e}");
+    println!("inverse of joined cores: largest relative error {worst:.1e}");
+    assert!(worst < INVERSE, "relative error of the inverse {worst:e}");
 }
 
 #[test]
@@ -284,13 +286,13 @@ fn cores_that_are_joined_are_solved_as_one() {
         passes.iterate(400);
         let (a, b) = with_joints(&passes);
         let want = Solver::default().solve(&a, &b).unwrap();
-        println!("{with:?}: {} iterations with joints", passes.iterations_done());
+        println!("{with:?} preconditioner: {} iterations with joints", passes.iterations_done());
         assert_eq!(passes.state.status, 1);
         let (nodes, _) = passes.system.rows(&want);
         let got: Vec<f32> = passes.solution.iter().flat_map(|x| [x[0], x[1], x[2]]).collect();
         expect_of_largest("nodes", &got, &nodes.concat(), SOLUTION);
         passes.record_end();
-        assert!(passes.report.residual < 1e-5, "{:e}", passes.report.residual);
+        assert!(passes.report.residual < 1e-5, "residual {:e}", passes.report.residual);
         let firsts = passes.system.twin.unknowns().cores;
         for part in [0..3, 3..6] {
             let own = |first: usize| first + part.start..first + part.end;

@@ -1,4 +1,5 @@
-//! The solver's kernels: operator, right-hand side, iteration and verdict, and the whole solve on small systems.
+//! Tests of the solver's kernels (operator, right-hand side, iteration and verdict), and of whole solves of small
+//! systems.
 
 pub mod newton;
 pub mod system;

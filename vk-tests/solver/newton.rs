@@ -1,5 +1,5 @@
-//! Newton iterations, which linearise elasticity more than once in a step: trial displacements from elastic/trial, and
-//! whole steps against the f64 oracle.
+//! Newton iterations, each of which linearises elasticity again within a step: the trial displacements from
+//! elastic/trial, and whole steps against the f64 oracle, the reference implementation on the CPU.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -14,15 +14,17 @@ use crate::scene::bones::{self, carry, twin_cores};
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// Error of a trial displacement, m: places of order 0.1 m, a dozen roundings.
+/// Error of a trial displacement, m: positions of order 0.1 m with a dozen roundings.
 const PLACED: Tolerance = Tolerance { abs: 1.0e-7, rel: 2.0e-6 };
 const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
-/// Error of displacements relative to the largest: three times the measured one; the solver stops at 1e-6.
+/// Error of displacements relative to the largest: three times the measured error; the solver stops at a residual of
+/// 1e-6.
 const SHAPE: f64 = 5.0e-6;
-/// Errors of displacements and force in contact, relative to the largest, as in vk-tests/scene/touch.rs: contacts a
-/// rounding apart may be released a step apart.
+/// Errors of displacements and force in contact, relative to the largest, as in vk-tests/scene/touch.rs. Contacts whose
+/// pressures differ by rounding may be released in different steps.
 const TOUCHED: f64 = 5.0e-5;
-/// Least change of the displacements, relative to the largest, that further Newton iterations make in these scenes.
+/// Least change of the displacements, relative to the largest, that more than one Newton iteration must make in these
+/// scenes.
 const BENT: f64 = 1.0e-3;
 
 #[test]
@@ -37,7 +39,8 @@ fn trial_displacements_are_where_the_solution_leads() {
         let (rest, d, v, x) = (field(0.1), field(0.02), field(1.0), field(1.0));
         let (frames, kinds) = (3 * some, field(1.0));
         let wide = |x: &[f32; 4]| DVec3::new(x[0].into(), x[1].into(), x[2].into());
-        // Each node has a frame; every other frame is a dynamic core, and every fourth node is attached to one.
+        // Each node has a rigid coordinate frame; every other frame is that of a dynamic core, and every fourth node is
+        // attached to a core.
         let frame = |i: usize| Frame {
             rotation: DQuat::from_scaled_axis(3.0 * wide(&kinds[i % some])).as_quat().to_array(),
             linear: (0.5 * wide(&v[i % some])).as_vec3().to_array(),
@@ -71,7 +74,7 @@ fn trial_displacements_are_where_the_solution_leads() {
             .output::<[f32; 4]>("trial_change", count)
             .elements(count)
             .run();
-        assert!(count == 0 || out.get::<[f32; 4]>("trial_change") == x, "the change is kept");
+        assert!(count == 0 || out.get::<[f32; 4]>("trial_change") == x, "the trial change must be the solution");
         for (i, got) in out.get::<[f32; 4]>("trial_displacement").iter().enumerate().take(count) {
             let frame = &frames[i];
             let back = DQuat::from_array(frame.rotation.map(f64::from)).normalize().conjugate();
@@ -98,11 +101,15 @@ fn a_trial_that_overflows_leaves_rotations_to_start_from() {
     system.rotate();
     system.displacement = rest;
     system.rotate();
-    assert!(system.rotations.iter().all(|q| *q == [0.0, 0.0, 0.0, 1.0]), "{:?}", system.rotations);
+    assert!(
+        system.rotations.iter().all(|q| *q == [0.0, 0.0, 0.0, 1.0]),
+        "rotations must return to the identity: {:?}",
+        system.rotations
+    );
 }
 
-/// A bar attached on its left to a fixed core, which falls in steps of 10 ms. `right` is text of a core at its right
-/// end, or empty; `more` is further keys of the body.
+/// A bar under gravity, attached on its left to a fixed rigid core, in steps of 10 ms. `right` is text of a core at its
+/// right end, or empty; `more` is further keys of the body.
 fn bar(newton: u32, right: &str, more: &str) -> String {
     let bar = bones::bar(2e4, "[]").replace("tolerance = 5e-6\nmax_iterations = 1000", TIGHT);
     let end = bar.find("[[body.core]]\nname = \"right\"").unwrap();
@@ -115,8 +122,8 @@ fn bar(newton: u32, right: &str, more: &str) -> String {
         .replace("[[body.core]]\nname = \"left\"", &format!("{more}[[body.core]]\nname = \"left\""))
 }
 
-/// Runs a scene of one soft body in the engine and the oracle side by side. Returns the greatest error of displacements
-/// relative to the largest, and the displacements at the end.
+/// Runs a scene of one soft body in the engine and in the oracle. Returns the greatest error of displacements relative
+/// to the largest, and the displacements at the end.
 fn against_the_oracle(scene: &Scene, steps: usize) -> (f64, Vec<DVec3>) {
     let mut simulation = open(scene, None);
     let mut twin = oracle::step::Simulation::new(scene.step.dt, scene.step.gravity);
@@ -126,9 +133,9 @@ fn against_the_oracle(scene: &Scene, steps: usize) -> (f64, Vec<DVec3>) {
     let (mut worst, mut moved) = (0.0f64, vec![]);
     for _ in 0..steps {
         let row = run(&mut simulation, 1).remove(0);
-        // A core that is driven so fast turns further in a step than soft tissue should. Here, too, the body must move
-        // as in the oracle.
-        assert_eq!(row.flags.0 & !Flags::TURNS_TOO_FAR.0, 0, "step {}", row.step);
+        // A core that is driven so fast turns further in a step than soft tissue should, which raises a flag. The body
+        // must move as in the oracle even then.
+        assert_eq!(row.flags.0 & !Flags::TURNS_TOO_FAR.0, 0, "flags in step {}", row.step);
         carry(&mut twin.bodies[0], &simulation, 0, row.time, scene.step.dt);
         twin.step(None, &[]).unwrap();
         moved = simulation.nodes(0).unwrap().unwrap().0;
@@ -159,8 +166,14 @@ fn bars_that_swing_or_are_bent_are_linearised_again_as_the_oracles() {
         let (error, moved) = against_the_oracle(&scene(&text(3)), 12);
         let (_, once) = against_the_oracle(&scene(&text(1)), 12);
         let change = relative_error(&once, &moved);
-        println!("bar {name}: error {error:.1e}; linearised once it is {change:.1e} away");
-        assert!(change > BENT && error < SHAPE, "{name}: {error:e}, {change:e}");
+        println!(
+            "bar {name}: relative error of displacements {error:.1e}; they differ by {change:.1e} from those with one \
+             Newton iteration"
+        );
+        assert!(
+            change > BENT && error < SHAPE,
+            "{name}: relative error {error:e}, change by further Newton iterations {change:e}"
+        );
     }
 }
 
@@ -172,7 +185,7 @@ fn contacts_push_or_are_dropped_between_linearisations_as_the_oracles() {
     let pressed = press(2e4, 0.01, place, &solver);
     let stone = "[[body.core]]\nname = \"stone\"\nmotion = \"dynamic\"\n\
                  bind = { box = [[-0.06, -0.04, -0.06], [0.0, 0.001, 0.06]] }\n";
-    // The preconditioner is Jacobi: in the coarse level's norm, a residual says less about sliding parts.
+    // The preconditioner is Jacobi: with a coarse level, the residual's norm says less about errors of sliding parts.
     let thrown = |friction: f64, core: &str| {
         let text = crate::invariant::friction::thrown(5e4, friction, core);
         format!("[step]\ndt = 0.01\n{text}").replace("[solver]", "[solver]\npreconditioner = \"jacobi\"")
@@ -180,7 +193,7 @@ fn contacts_push_or_are_dropped_between_linearisations_as_the_oracles() {
     // In the second scene contacts are also released in the second and third Newton iteration.
     for (name, text, steps, releases) in [
         ("pressed by a tool", pressed, 12, true),
-        ("half of stone, thrown", thrown(0.4, stone), 25, true),
+        ("half attached to a core, thrown", thrown(0.4, stone), 25, true),
         ("free, thrown", thrown(0.0, ""), 25, false),
     ] {
         let scene = scene(&text.replace("[step]", "[step]\nnewton = 3"));
@@ -189,10 +202,10 @@ fn contacts_push_or_are_dropped_between_linearisations_as_the_oracles() {
         let errors = beside(&scene, steps, |_, _, _, report| {
             released += report.contacts.iter().filter(|c| !c.active).count();
         });
-        println!("{name}: {errors:?}, {released} contacts released");
+        println!("{name}: errors {errors:?}; {released} contacts released");
         assert!(
             (released > 0) == releases && errors.shape < TOUCHED && errors.force < TOUCHED,
-            "{name}: {errors:?}, {released}"
+            "{name}: errors {errors:?}; {released} contacts released"
         );
     }
 }
@@ -209,8 +222,8 @@ fn one_linearisation_records_what_it_did_before() {
 
 #[test]
 fn a_step_that_fails_is_halved_whatever_its_linearisations() {
-    // The desired pose leaps: the square of the tool's right-hand side overflows in the whole step, but not in its
-    // halves.
+    // The device's pose jumps so far that the square of the tool's right-hand side overflows in the whole step, but not
+    // in its halves.
     for newton in [1, 3] {
         let tool = "[tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.0, 50.0, 0.0]\n\
                     [coupling]\nstiffness = 5e29\ndamping = 0.0\nangular_stiffness = 1.0\nangular_damping = 0.01\n\
@@ -219,8 +232,14 @@ fn a_step_that_fails_is_halved_whatever_its_linearisations() {
         let rows = run(&mut simulation, 5);
         let (moved, _) = simulation.nodes(0).unwrap().unwrap();
         let flags: Vec<_> = rows.iter().map(|row| row.flags).collect();
-        println!("newton = {newton}: {flags:?}, {}", simulation.tool().unwrap().centre);
-        assert!(flags[0].contains(Flags::STEP_RETRIED) && !flags[0].contains(Flags::FROZEN), "{flags:?}");
+        println!(
+            "{newton} Newton iterations: flags of the steps {flags:?}, tool at {} m",
+            simulation.tool().unwrap().centre
+        );
+        assert!(
+            flags[0].contains(Flags::STEP_RETRIED) && !flags[0].contains(Flags::FROZEN),
+            "flags of the steps {flags:?}"
+        );
         assert!(moved.iter().all(|d| d.is_finite() && d.length() < 0.2) && moved.iter().any(|d| d.length() > 1e-3));
         assert!(simulation.tool().unwrap().centre.distance(DVec3::new(3e4, 50.0, 0.0)) < 1.0);
     }

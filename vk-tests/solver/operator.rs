@@ -1,5 +1,6 @@
-//! The operator product A x by solve/element_product (elements), solve/contact_product (contacts) and solve/gather (sums over nodes), with
-//! the tool's rows.
+//! The operator product A x by solve/element_product (elements), solve/contact_product (contacts) and solve/gather
+//! (sums over nodes), with the tool's rows, by hand and against the f64 oracle (the reference implementation on the
+//! CPU).
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -9,17 +10,17 @@ use crate::harness::{Tolerance, context, expect_close};
 use crate::solver::system::{DT, System, layer, layered, material, mixed, triples, two_layers};
 use crate::stage::elastic::expect_of_largest;
 
-/// Error of A x relative to the largest value of a body's rows: a few dozen terms, each a dozen roundings of 6e-8 away
-/// from the input.
+/// Error of A x relative to the largest value of a body's rows, which sum a few dozen terms. Each term is a dozen
+/// roundings of 6e-8 away from the input.
 const PRODUCT: f64 = 2.0e-6;
 /// Error of inner products relative to the sum of magnitudes: vectors of a hundred numbers of both signs.
 const DOT: f64 = 2.0e-6;
 /// Number of contacts: one and a half workgroups, and more than one contact of each kind.
 const CONTACTS: usize = 100;
-/// Largest displacement of a node, m, in cells of 20 mm: a few in a hundred tetrahedra are inverted.
+/// Largest displacement of a node, m, in cells of 20 mm: a few per cent of the tetrahedra are inverted.
 const AMPLITUDE: f64 = 0.012;
 
-/// Computes A x of nodes and tool; x is given as the preconditioned residual, of the tool as its u.
+/// Computes A x at the nodes and for the tool; the kernels read x where they keep the preconditioned residual u.
 fn product(passes: &mut Passes, x: &[[f32; 4]], tool: [f32; 6]) {
     passes.preconditioned = x.to_vec();
     passes.residual = x.to_vec();
@@ -72,8 +73,9 @@ fn expect_oracle(what: &str, system: System, seed: u64) -> usize {
 
 #[test]
 fn a_unit_tetrahedron_and_one_contact_by_hand() {
-    // solve/element_product and solve/contact_product: gradients g are e_x, e_y, e_z, moduli mu = 2 and lambda = 3, and node 1 moves along
-    // x at 1 m/s: W = sum v g^T = diag(1, 0, 0), and S = 2 mu sym(W) + lambda tr(W) I = diag(2 * 2 + 3, 3, 3).
+    // solve/element_product and solve/contact_product: gradients g are e_x, e_y, e_z, moduli mu = 2 and lambda = 3, and
+    // node 1 moves along x at 1 m/s: W = sum v g^T = diag(1, 0, 0), and S = 2 mu sym(W) + lambda tr(W) I = diag(2 * 2 +
+    // 3, 3, 3).
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let tetrahedron = palpate::internal::prepare::Layer {
         nodes,
@@ -84,8 +86,8 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
     let mut system = System::new(&[layered(tetrahedron, material(2e4), DQuat::IDENTITY)], 0.0, 1);
     system = system.with_tool().with_contacts(3, 2);
     system.gradients[..3].copy_from_slice(&[[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 3.0], [0.0, 0.0, 1.0, 0.0]]);
-    // Contact 2 is of one skin vertex of the layer, with normal velocity n . (0.25 v_0 + 0.75 v_1), and the tool at
-    // rest.
+    // Contact 2 is that of one skin vertex of the layer (tetrahedral mesh), with normal velocity n . (0.25 v_0 + 0.75
+    // v_1), and the tool at rest.
     let contact = &mut system.contacts[2];
     // The tool's lever, -arm x n, is (0, 0, 1).
     (contact.normal, contact.area, contact.arm) = ([0.0, 0.6, 0.8], 0.5, [-1.0 / 0.6, 0.0, 0.0]);
@@ -112,7 +114,7 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
 
 #[test]
 fn nodes_gather_their_elements_by_hand() {
-    // solve/gather, one tetrahedron: w = (1 + h alpha) m p + its element force. Entries that pad a node's list give no
+    // solve/gather, one tetrahedron: w = (1 + h alpha) m p + its element force. Padding entries in a node's list add no
     // force.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let tetrahedron = palpate::internal::prepare::Layer {
@@ -145,7 +147,8 @@ fn is_empty(body: &palpate::internal::prepare::Body) -> bool {
 
 #[test]
 fn products_agree_with_the_assembled_matrix_at_every_size() {
-    // Sizes are around the workgroup of solve/gather, which sums over nodes, and that of solve/element_product, which does not.
+    // Sizes are around the workgroup size of solve/gather, which sums over nodes, and around that of
+    // solve/element_product, which does not.
     let width = context().reduce_size() as usize;
     let large = context().group_size() as usize;
     for nodes in [0, 1, width - 1, width, width + 1, large - 1, large, large + 1, 1234] {
@@ -161,7 +164,7 @@ fn products_agree_with_the_assembled_matrix_at_every_size() {
 
 #[test]
 fn products_agree_with_the_assembled_matrix_for_mixed_materials() {
-    // solve/gather: a node's damping is that of its own elements.
+    // solve/gather: a node's damping is that of the elements at the node.
     let bodies = [layered(layer(200), mixed(1000), DQuat::from_rotation_x(1.0))];
     expect_oracle("mixed materials", System::new(&bodies, AMPLITUDE, 3), 4);
 }
@@ -202,19 +205,22 @@ fn the_operator_is_symmetric_and_positive() {
         let (left, right) = (dot(&x, &ay), dot(&y, &ax));
         assert!((left - right).abs() < DOT * magnitude(&x, &ay), "x.Ay = {left}, y.Ax = {right}");
         let (xx, yy) = (dot(&x, &ax), dot(&y, &ay));
-        assert!(xx > 1e-3 * magnitude(&x, &ax) && yy > 1e-3 * magnitude(&y, &ay), "x.Ax = {xx}, y.Ay = {yy}");
+        assert!(
+            xx > 1e-3 * magnitude(&x, &ax) && yy > 1e-3 * magnitude(&y, &ay),
+            "not positive: x.Ax = {xx}, y.Ay = {yy}"
+        );
     }
 }
 
 #[test]
 fn rigid_motions_meet_no_elastic_force() {
-    // solve/element_product gives no force for translations at any deformation, nor for twists of a body that is turned but not
-    // deformed.
+    // solve/element_product gives no force for translations at any deformation, nor for twists of a body that is turned
+    // but not deformed.
     let bodies = two_layers();
     let mut passes = Passes::new(System::new(&bodies, AMPLITUDE, 5));
     passes.preconditioned = vec![[0.3, -0.7, 0.4, 0.0]; passes.nodes()];
     passes.apply(Change::Preconditioned);
-    assert!(passes.element_forces.iter().flatten().all(|f| *f == 0.0), "a translation meets a force");
+    assert!(passes.element_forces.iter().flatten().all(|f| *f == 0.0), "a translation causes an elastic force");
 
     let mut system = System::new(&bodies, 0.0, 5);
     let spin = DVec3::new(0.4, -1.0, 0.8);
@@ -233,13 +239,17 @@ fn rigid_motions_meet_no_elastic_force() {
     system.rotate();
     let mut passes = Passes::new(system);
     let largest = |passes: &Passes| passes.element_forces.iter().flatten().fold(0.0f32, |m, f| m.max(f.abs()));
-    // For scale: speeds of the same size that are no rigid motion.
+    // For comparison: speeds of the same size that are no rigid motion.
     passes.preconditioned = twist.iter().map(|v| [v[1], -v[2], v[0] * 0.5, 0.0]).collect();
     passes.apply(Change::Preconditioned);
     let usual = largest(&passes);
     passes.preconditioned = twist;
     passes.apply(Change::Preconditioned);
-    assert!(f64::from(largest(&passes)) < 1e-5 * f64::from(usual), "{:e} of {usual:e}", largest(&passes));
+    assert!(
+        f64::from(largest(&passes)) < 1e-5 * f64::from(usual),
+        "largest element force {:e} for a twist, {usual:e} for another motion",
+        largest(&passes)
+    );
 }
 
 #[test]
@@ -277,7 +287,11 @@ fn inner_products_of_every_mode() {
             for (k, (a, b)) in pairs.iter().enumerate() {
                 let got: f64 = passes.dots.iter().map(|d| f64::from(d[k])).sum();
                 let error = (got - dot(a, b)).abs();
-                assert!(error <= DOT * magnitude(a, b), "mode {mode} [{k}]: {got:e}, want {:e}", dot(a, b));
+                assert!(
+                    error <= DOT * magnitude(a, b),
+                    "mode {mode}, inner product {k}: {got:e}, expected {:e}",
+                    dot(a, b)
+                );
             }
         }
     }

@@ -1,5 +1,5 @@
-//! Kernel solve/first_residual, which inverts the tool's block, chooses the factor of the warm start and writes the loop's
-//! indirect arguments; and solve/first_iterate, which makes the first iterate.
+//! Kernels solve/first_residual, which inverts the tool's block, chooses the factor of the warm start and writes the
+//! loop's indirect arguments, and solve/first_iterate, which makes the first iterate.
 
 use palpate::internal::shaders;
 use palpate::internal::shaders::Iteration;
@@ -13,7 +13,8 @@ use crate::stage::elastic::expect_of_largest;
 
 /// Relative error of a few f32 roundings.
 const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };
-/// Error relative to the largest value: sums over a hundred contacts, each a dozen roundings away from the input.
+/// Error relative to the largest value: sums over a hundred contacts, each of which is a dozen roundings away from the
+/// input.
 const SUM: f64 = 5.0e-6;
 /// Error of an entry of the inverse of the tool's block relative to the geometric mean of its two diagonal entries:
 /// rounding of the block (1e-6) times its condition number in these units, some hundreds.
@@ -21,15 +22,15 @@ const INVERSE: f64 = 1.0e-4;
 /// Relative error of factors and norms: inner products through blocks inverted in f32.
 const FACTOR: f64 = 1.0e-4;
 
-/// The first words (workgroups in x) of the indirect arguments' slots from `LOOP_APPLY` on.
+/// Numbers of workgroups in x of the indirect dispatches from `ARGS_LOOP_APPLY` to `ARGS_GAP`.
 fn loop_groups(args: &[u32]) -> Vec<u32> {
     (shaders::ARGS_LOOP_APPLY..=shaders::ARGS_GAP).map(|coarse_index| args[3 * coarse_index as usize]).collect()
 }
 
 #[test]
 fn the_warm_factor_and_the_arguments_by_hand() {
-    // solve/first_residual: with y = A x of the last solution x, y.M^-1 b = 3 and y.M^-1 y = 4 give the warm factor 3/4. There
-    // are two blocks of 80 nodes.
+    // solve/first_residual: with y = A x of the last solution x, y.M^-1 b = 3 and y.M^-1 y = 4 give the factor 3/4 of
+    // the warm start. There are two blocks of 80 nodes.
     let system = System::new(&[layered(layer(160), material(2e4), glam::DQuat::IDENTITY)], 0.0, 1);
     let mut passes = Passes::new(system);
     (passes.partials, passes.dots) = (vec![[2.0, 0.25], [1.0, 0.5]], vec![[1.0, 1.5], [2.0, 2.5]]);
@@ -43,18 +44,22 @@ fn the_warm_factor_and_the_arguments_by_hand() {
     let tetrahedra = passes.tetrahedra().div_ceil(context().group_size() as usize) as u32;
     assert_eq!(loop_groups(&passes.args), [tetrahedra, 0, 0, 2, 0, 0, 0, 0, 0]);
     for coarse_index in shaders::ARGS_LOOP_APPLY..=shaders::ARGS_GAP {
-        assert_eq!(passes.args[3 * coarse_index as usize + 1..][..2], [1, 1], "coarse_index {coarse_index}");
+        assert_eq!(
+            passes.args[3 * coarse_index as usize + 1..][..2],
+            [1, 1],
+            "workgroups in y and z of dispatch {coarse_index}"
+        );
     }
     let others =
         [&passes.args[..3 * shaders::ARGS_LOOP_APPLY as usize], &passes.args[3 * shaders::ARGS_GAP as usize + 3..]]
             .concat();
-    assert!(others.iter().all(|word| *word == UNTOUCHED), "other stages' arguments stay");
+    assert!(others.iter().all(|word| *word == UNTOUCHED), "indirect arguments of other stages must stay as they were");
 }
 
 #[test]
 fn a_body_at_rest_and_a_failed_solution_start_from_nothing() {
-    // solve/first_residual: where b is within its rounding, the loop ends before the first iteration; an A x that overflowed
-    // gives no factor.
+    // solve/first_residual: where b is within its rounding, the loop ends before the first iteration; an A x that
+    // overflowed gives the factor zero.
     let mut passes = Passes::new(System::new(&[], 0.0, 1));
     passes.block_count = 1;
     (passes.partials, passes.dots) = (vec![[0.5, 0.5]], vec![[1.0, 1.0]]);
@@ -64,7 +69,11 @@ fn a_body_at_rest_and_a_failed_solution_start_from_nothing() {
     for bad in [[f32::NAN; 2], [f32::INFINITY; 2], [f32::NEG_INFINITY, f32::INFINITY], [1.0, 0.0], [f32::NAN, 1.0]] {
         (passes.partials, passes.dots) = (vec![[2.0, 0.5]], vec![bad]);
         passes.start();
-        assert_eq!((passes.state.warm_start, passes.state.status), (0.0, 0), "from {bad:?}");
+        assert_eq!(
+            (passes.state.warm_start, passes.state.status),
+            (0.0, 0),
+            "factor of the warm start and status, inner products {bad:?}"
+        );
     }
 }
 
@@ -82,7 +91,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// M^-1 r over the oracle's unknowns: with the kernel's blocks of nodes and the oracle's block of the tool.
+/// M^-1 r over the oracle's unknowns, with the kernel's blocks of nodes and the oracle's block of the tool.
 fn preconditioned(passes: &Passes, inverse: &[Vec<f64>; 6], r: &[f64]) -> Vec<f64> {
     let places = passes.system.twin.unknowns();
     let mut z = vec![0.0; r.len()];
@@ -99,7 +108,8 @@ fn preconditioned(passes: &Passes, inverse: &[Vec<f64>; 6], r: &[f64]) -> Vec<f6
 
 #[test]
 fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
-    // solve/first_residual after solve/assemble, solve/element_product and solve/gather on a random vector in place of the last solution.
+    // solve/first_residual after solve/assemble, solve/element_product and solve/gather on a random vector in place of
+    // the last solution.
     for (seed, contacts) in [(0, 100), (1, 100), (2, 3), (3, 0), (4, 100), (5, 9)] {
         let system = System::new(&two_layers(), 0.004, seed).with_tool();
         let system = if seed < 4 { system } else { system.with_friction() };
@@ -109,7 +119,7 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         // The tool's values are large, so that they count in the factor.
         let tool_x: [f32; 6] = std::array::from_fn(|_| 20.0 * random.next() as f32);
         passes.solution = x.clone();
-        // Either set may hold the last step's solution.
+        // Either of the two sets of iterates may hold the last step's solution.
         passes.state.current = seed as u32 % 2;
         passes.tool_iterate_mut().x = tool_x;
         passes.rigids[0].carried_residual = std::array::from_fn(|_| 1e-3 * random.next() as f32);
@@ -138,7 +148,7 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         expect_close("warm_start", &[state.warm_start], &[warm_start], Tolerance { abs: FACTOR * size, rel: FACTOR });
         expect_close("b . M^-1 b", &[state.rhs_norm2], &[dot(&b, &zb)], Tolerance { abs: 0.0, rel: FACTOR });
         assert!(state.floor_norm2 > 0.0 && state.floor_norm2 < 1e-9 * state.rhs_norm2);
-        // From here on, vectors are compared for the factor that the kernel found.
+        // From here on, wanted vectors are computed with the factor that the kernel found.
         let warm_start = f64::from(state.warm_start);
         let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| b - warm_start * y).collect();
         let scaled: Vec<f64> = tool_x.iter().map(|x| warm_start * f64::from(*x)).collect();
@@ -164,8 +174,8 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
 
 #[test]
 fn the_first_iterate_at_every_size() {
-    // solve/first_iterate: x = w x, r = b - w y, u = M^-1 r, with warm factor w and y = A x. Where w is zero, x and y are not
-    // used.
+    // solve/first_iterate: x = w x, r = b - w y, u = M^-1 r, with factor w of the warm start and y = A x. Where w is
+    // zero, the old x and y are not used.
     let width = context().group_size() as usize;
     for nodes in [0, 1, width - 1, width, width + 1, 1234] {
         for warm_start in [0.75, 0.0] {
@@ -180,7 +190,7 @@ fn the_first_iterate_at_every_size() {
             if warm_start == 0.0 {
                 // Attached nodes, which are in no block, keep their zeros.
                 for (i, role) in passes.roles().iter().enumerate().filter(|(_, role)| role.is_some()) {
-                    assert_eq!(*role, Some(0), "node {i}");
+                    assert_eq!(*role, Some(0), "role of the block of node {i}");
                     (passes.operator_product[i], passes.solution[i]) = ([f32::NAN; 4], [f32::NAN; 4]);
                 }
             }

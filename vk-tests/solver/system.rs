@@ -1,5 +1,5 @@
-//! Inputs of the solver's kernels, and the oracle in the same state: layers (tetrahedral meshes) in a deformed state,
-//! contacts, a tool.
+//! Inputs of the solver's kernels, and the f64 oracle (the reference implementation on the CPU) in the same state:
+//! layers (tetrahedral meshes) in a deformed state, contacts, a tool.
 
 use std::collections::BTreeMap;
 
@@ -33,8 +33,8 @@ pub struct System {
     pub velocity: Vec<[f32; 4]>,
     /// Change of velocity at which a further Newton iteration linearises elasticity; empty in the first one.
     pub trial_change: Vec<[f32; 4]>,
-    /// Rotations, gradients and element forces as elastic/element_forces leaves them, the last two with the zeros that pad node
-    /// lists.
+    /// Rotations, gradients and element forces as elastic/element_forces leaves them; gradients and forces include the
+    /// zeros that pad node lists.
     pub rotations: Vec<[f32; 4]>,
     pub gradients: Vec<[f32; 4]>,
     pub element_forces: Vec<[f32; 4]>,
@@ -49,7 +49,7 @@ pub struct System {
     pub device: Option<Device>,
 }
 
-/// A scene of which only the step `dt` (s) and the preconditioner matter to a layer.
+/// A scene for a layer, which depends only on the step `dt` (s) and the preconditioner.
 fn scene(dt: f32, preconditioner: Preconditioner) -> Scene {
     Scene {
         file: "none".into(),
@@ -75,14 +75,14 @@ fn scene(dt: f32, preconditioner: Preconditioner) -> Scene {
     }
 }
 
-/// A frame at rest in the middle of a layer.
+/// A rigid coordinate frame at rest in the middle of a layer.
 pub fn middle(layer: &Layer) -> prepare::Frame {
     let low = layer.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = layer.nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
     prepare::Frame { centre: 0.5 * (low + high), motion: FrameMotion::Fixed }
 }
 
-/// A soft body that has a layer but no skin.
+/// A soft body that has a layer but no skin (surface mesh).
 pub fn layered(layer: Layer, material: impl Into<Materials>, orientation: DQuat) -> Body {
     let (skin, proxies) = (Skin::default(), vec![]);
     let (frames, node_frames) = (vec![middle(&layer)], vec![0; layer.nodes.len()]);
@@ -154,7 +154,7 @@ impl System {
         System::preconditioned(bodies, amplitude, seed, Preconditioner::Jacobi)
     }
 
-    /// A system like that of [`System::new`], with a coarse level for those bodies to which `preconditioner` gives one.
+    /// A system like that of [`System::new`], with a coarse level for the bodies to which `preconditioner` gives one.
     pub fn preconditioned(bodies: &[Body], amplitude: f64, seed: u64, preconditioner: Preconditioner) -> System {
         System::stepping(bodies, DT, amplitude, seed, preconditioner)
     }
@@ -266,7 +266,7 @@ impl System {
         }
     }
 
-    /// The trial change in the form that elastic/element_forces takes.
+    /// The trial change as elastic/element_forces reads it: a single zero vector if there is none.
     pub fn trial(&self) -> &[[f32; 4]] {
         if self.trial_change.is_empty() { &[[0.0; 4]] } else { &self.trial_change }
     }
@@ -310,8 +310,9 @@ impl System {
         self
     }
 
-    /// Adds contacts of every kind: a side is one skin vertex of a layer, the three of an opposing triangle (whose
-    /// tetrahedra share nodes), the tool, or something that does not move. Every eleventh contact is released.
+    /// Adds contacts of every kind: each side of a contact is one skin vertex of a layer, the three vertices of an
+    /// opposing triangle (whose tetrahedra share nodes), the tool, or something that does not move. Every eleventh
+    /// contact is released.
     pub fn with_contacts(mut self, count: usize, seed: u64) -> System {
         let mut random = Random(seed);
         let (near, far) = (0, self.twin.bodies.len() - 1);
@@ -393,8 +394,8 @@ impl System {
         self.twin_contacts.push(twin);
     }
 
-    /// Adds entries, nodes and weights of skin vertices on neighbouring tetrahedra, whose weights sum to `sign`.
-    /// Returns the sum of weights at each node without the sign.
+    /// Adds entries (nodes and weights) for `quads` skin vertices on neighbouring tetrahedra; all weights sum to
+    /// `sign`. Returns the sum of weights at each node without the sign.
     fn add_entries(&mut self, body: usize, quads: usize, sign: f64, random: &mut Random) -> Vec<(u32, f64)> {
         let (tetrahedra, first) = (&self.twin.bodies[body].layer.tetrahedra, self.model.soft[body].nodes.start as u32);
         let start = random.below(tetrahedra.len());
@@ -415,7 +416,7 @@ impl System {
         sums.into_iter().collect()
     }
 
-    /// Makes the index of the entries by node: each node has a run of entries in the order of contacts; the runs are
+    /// Makes the index of the entries by node: each node has a run of entries in the order of contacts. The runs are
     /// not in the order of nodes.
     fn transpose(&mut self) {
         let mut runs = vec![Vec::new(); self.node_entries.len()];
@@ -480,9 +481,10 @@ impl System {
     }
 }
 
+/// What a contact acts on at one of its two sides.
 #[derive(Clone, Copy)]
 enum Side {
-    /// Index of the body, and number of skin vertices.
+    /// Index of the body, and number of its skin vertices in the contact.
     Soft(usize, usize),
     Tool,
     Fixed,
@@ -503,7 +505,7 @@ pub fn triples(nodes: &[[f32; 4]]) -> Vec<f32> {
     nodes.iter().flat_map(|x| [x[0], x[1], x[2]]).collect()
 }
 
-/// The bodies of [`two_layers`], with the second's attached nodes on a dynamic core.
+/// The bodies of [`two_layers`]; the attached nodes of the second are attached to a dynamic rigid core.
 pub fn two_layers_one_on_a_core() -> Vec<Body> {
     let mut bodies = two_layers();
     if let Shape::Soft { layer, frames, materials, .. } = &mut bodies[1].shape {
@@ -515,7 +517,7 @@ pub fn two_layers_one_on_a_core() -> Vec<Body> {
     bodies
 }
 
-/// The bodies of [`two_layers_one_on_a_core`], with that core on a hinge beside its middle.
+/// The bodies of [`two_layers_one_on_a_core`], with that core on a hinge that does not pass through its centre.
 pub fn two_layers_one_on_a_hinge() -> Vec<Body> {
     let mut bodies = two_layers_one_on_a_core();
     if let Shape::Soft { frames, .. } = &mut bodies[1].shape {

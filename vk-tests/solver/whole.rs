@@ -1,4 +1,5 @@
-//! The solver's passes in the order of the step, on small systems: the solution must be the oracle's direct one.
+//! The solver's passes in the order of the step, on small systems: the solution must agree with a direct solution by
+//! the f64 oracle, the reference implementation on the CPU.
 
 use palpate::internal::prepare::Body;
 use palpate::internal::shaders;
@@ -10,9 +11,9 @@ use super::passes::Passes;
 use crate::solver::system::{System, triples, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge};
 use crate::stage::elastic::expect_of_largest;
 
-/// Error of the solution relative to the largest value of a body: the solver stops at 1e-6 of the right-hand side's
-/// norm, the condition number with the preconditioner is some hundreds, and f32 rounding in b and A is of the same
-/// size.
+/// Error of the solution relative to the largest value of a body. The solver stops at 1e-6 of the right-hand side's
+/// norm, the condition number with the preconditioner is some hundreds, and f32 rounding in b and A makes an error of
+/// the same size.
 pub const SOLUTION: f64 = 1.0e-4;
 /// Limit of iterations; there are less than 500 unknowns.
 const LIMIT: usize = 300;
@@ -41,13 +42,13 @@ fn system(bodies: &[Body], seed: u64, preconditioner: Preconditioner) -> System 
     System::preconditioned(bodies, 0.004, seed, preconditioner)
 }
 
-/// Solves, and checks solution and verdict. Returns the passes after solve/conclude.
+/// Solves, and checks the solution and the verdict. Returns the passes after solve/conclude.
 fn solved(what: &str, system: System) -> Passes {
     let mut passes = Passes::new(system);
     passes.system.params.tolerance = 1e-6;
     passes.record_start();
     passes.iterate(LIMIT);
-    assert_eq!(passes.state.status, 1, "{what}: converged after {} iterations", passes.iterations_done());
+    assert_eq!(passes.state.status, 1, "{what}: status (1: converged) after {} iterations", passes.iterations_done());
     expect_direct(what, &passes);
     passes.record_end();
     assert!(passes.report.residual < 1e-5, "{what}: residual {:e}", passes.report.residual);
@@ -67,7 +68,7 @@ fn conjugate_gradients_reach_the_direct_solution() {
         let passes = solved("contacts and a tool", layers(4).with_tool().with_contacts(20, 8));
         let rubbed = solved("friction", layers(4).with_tool().with_friction().with_contacts(20, 8));
         println!(
-            "{with:?}: {} iterations alone, {} with contacts and a tool, {} with friction",
+            "{with:?} preconditioner: {} iterations without contacts, {} with contacts and a tool, {} with friction",
             free.iterations_done(),
             passes.iterations_done(),
             rubbed.iterations_done()
@@ -107,7 +108,7 @@ fn a_dynamic_core_and_what_hangs_on_it_are_one_system() {
 #[test]
 #[ignore = "long: 13 s"]
 fn bodies_of_every_kind_are_solved_with_a_coarse_level() {
-    // Among them are flat bodies, a body with two frames, and a body with a coarse level beside one without.
+    // Among them are flat bodies and a body with two frames; last come two bodies of which one has a coarse level.
     for (what, bodies) in kinds() {
         let passes = solved(what, system(&bodies, 7, Preconditioner::Coarse));
         println!("{what}: {} iterations", passes.iterations_done());
@@ -120,7 +121,8 @@ fn bodies_of_every_kind_are_solved_with_a_coarse_level() {
 #[test]
 #[ignore = "long: 7 s"]
 fn a_solution_found_is_found_again_at_once() {
-    // The same step is solved again from its own solution: the warm factor is one, and (nearly) nothing is left to do.
+    // The same step is solved again from its own solution: the factor of the warm start is one, and hardly anything is
+    // left to solve.
     for with in BOTH {
         let given = || system(&two_layers(), 4, with).with_tool().with_contacts(20, 8);
         let mut passes = solved("first", given());
@@ -128,9 +130,13 @@ fn a_solution_found_is_found_again_at_once() {
         passes.system.contacts = given().contacts;
         passes.rigids[0].carried_residual = [0.0; 6];
         passes.record_start();
-        assert!((passes.state.warm_start - 1.0).abs() < 1e-5, "warm_start factor {}", passes.state.warm_start);
+        assert!((passes.state.warm_start - 1.0).abs() < 1e-5, "factor of the warm start {}", passes.state.warm_start);
         passes.iterate(LIMIT);
-        assert!(passes.iterations_done() <= first / 4, "{} iterations, first {first}", passes.iterations_done());
+        assert!(
+            passes.iterations_done() <= first / 4,
+            "{} iterations from the solution, {first} at first",
+            passes.iterations_done()
+        );
         expect_direct("again", &passes);
     }
 }
@@ -138,9 +144,9 @@ fn a_solution_found_is_found_again_at_once() {
 #[test]
 #[ignore = "long: 1 min"]
 fn a_step_with_pulling_contacts_ends_as_the_oracles() {
-    // Solves, releases contacts under tension and solves again, until the verdict is done; then solve/commit. The
-    // oracle releases contacts twice at most, the kernels four times: systems where that makes a difference are left
-    // out, but not all of them may be.
+    // Solves, releases contacts under tension and solves again, until the verdict is done; then runs solve/commit. The
+    // oracle releases contacts twice at most, the kernels four times: systems in which that makes a difference are left
+    // out, but enough systems must remain.
     BOTH.into_iter().for_each(pulled);
 }
 
@@ -150,7 +156,7 @@ fn pulled(with: Preconditioner) {
         let system = system(&two_layers(), seed, with).with_tool();
         let system = if rubs { system.with_friction() } else { system };
         let mut passes = Passes::new(system.with_contacts(12, 30 + seed));
-        // The tolerance is tighter than a step's: over a long step, displacements magnify the residual.
+        // The tolerance is tighter than that of a usual step: over this long step, displacements magnify the residual.
         passes.system.params.tolerance = 5e-7;
         let mut solves = 0;
         loop {
@@ -171,7 +177,11 @@ fn pulled(with: Preconditioner) {
         let active = |c: &usize| report.contacts[*c].active && s.contacts[*c].stiffness > 0.0;
         let released = (0..12).filter(|c| report.contacts[*c].active != (s.contacts[*c].stiffness > 0.0));
         let released: Vec<usize> = released.filter(|c| s.twin_contacts[*c].stiffness > 0.0).collect();
-        assert!(released.is_empty(), "{released:?} differ; {} push", (0..12).filter(active).count());
+        assert!(
+            released.is_empty(),
+            "kernels and oracle release contacts {released:?} differently; {} push",
+            (0..12).filter(active).count()
+        );
         passes.commit();
         passes.wrench();
         let s = &passes.system;
@@ -188,5 +198,5 @@ fn pulled(with: Preconditioner) {
         expect_of_largest("force", &passes.report.force, &wrench.force.to_array(), 10.0 * SOLUTION);
         expect_of_largest("torque", &passes.report.torque, &wrench.torque.to_array(), 10.0 * SOLUTION);
     }
-    assert!(compared >= 4, "only {compared} steps with one repetition");
+    assert!(compared >= 4, "only {compared} steps were solved twice and compared");
 }

@@ -1,6 +1,7 @@
-//! Kernel contact/candidates, given lists of ray hits that are made up: the nearest hit on a vertex's ray decides, the
-//! contact patches of a pair of bodies (places that touch along one normal) are blended, and flags and pushes (for the
-//! next step's normals) are written. Compared with f64.
+//! Kernel contact/candidates, which decides for each skin vertex whether it collides and how deep, on made-up lists of
+//! ray hits. The nearest hit on a vertex's ray decides, depths in several contact patches of a pair of bodies (places
+//! that touch along one normal) are blended, and flags and pushes (for the next step's normals) are written. Results
+//! are compared with f64.
 
 use glam::{DMat3, DVec3};
 use palpate::internal::shaders;
@@ -13,11 +14,12 @@ use crate::harness::random::Random;
 use crate::harness::{Tolerance, expect_close};
 use crate::stage::flow::Flow;
 
+/// Flags of a step: too many contacts, a contact deeper than the limit, and a skin that is not a height field.
 const CONTACT_OVERFLOW: u32 = 4;
 const DEPTH_LIMIT: u32 = 8;
 const NOT_HEIGHT_FIELD: u32 = 16;
-/// Tolerance of depths and positions, m: positions of some centimetres in f32 are known to 4e-9 m, and triangles lie up
-/// to 45 degrees aslant.
+/// Tolerance of depths and positions, m: positions of some centimetres in f32 are known to 4e-9 m, and triangles are
+/// inclined by up to 45 degrees.
 const DEPTH: f64 = 4e-8;
 /// Tolerance of blended values, relative: depths of at least 4 mm are known to 1e-5, the strengths of patches (share
 /// over depth squared) to twice that, and the smooth step has slope 3.
@@ -27,16 +29,16 @@ const FIRST_PROXY_PAIR: u32 = 10;
 /// A ray hit: its depth, m, and whether it is on the front of a triangle.
 type RayHit = (f64, bool);
 
-/// A ray hit with its triangle: triangle, depth, front, slot of the opposing proxy.
+/// A ray hit with its triangle: triangle, depth, front, and slot (place in the pair) of the opposing collision proxy.
 type Made = (u32, f64, bool, u32);
 
-/// Vertices of one side with the hits on their rays in each contact patch, and the [`Flow`] (arrays of the query) that
-/// holds them.
+/// Skin vertices of one side of the pair (0: body a, 1: body b) with the hits on their rays in each contact patch, and
+/// the [`Flow`] (arrays of the query) that holds them.
 struct Given {
     side: u32,
     flow: Flow,
     outward: Vec<DVec3>,
-    /// Hits, by vertex and patch.
+    /// Ray hits, by vertex and patch.
     is_hit: Vec<[Vec<Made>; PAIR_PATCHES]>,
 }
 
@@ -49,8 +51,8 @@ fn wide(x: &[f32]) -> DVec3 {
 }
 
 impl Given {
-    /// A pair of bodies with contact patches of these normals, and no vertices yet. The pair has two slots (proxies
-    /// that take part in it) of body a, then two of b; vertices will lie in the second slot of their side.
+    /// A pair of bodies with contact patches of these normals, and no vertices yet. The pair has two slots (collision
+    /// proxies that take part in it) of body a, then two of b; vertices will lie in the second slot of their side.
     fn new(side: u32, normals: &[DVec3]) -> Given {
         let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, glam::DQuat::IDENTITY);
         let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
@@ -104,7 +106,7 @@ impl Given {
         self.is_hit.push(is_hit);
     }
 
-    /// Adds a triangle, aslant at random, that the vertex's ray hits at this depth.
+    /// Adds a triangle, inclined at random, that the vertex's ray hits at this depth.
     fn cross(&mut self, x: DVec3, r: usize, depth: f64, random: &mut Random) -> u32 {
         let contact_patch = &self.flow.contact_patches[r];
         let axes = [contact_patch.tangent, contact_patch.bitangent, contact_patch.normal]
@@ -198,13 +200,13 @@ impl Given {
             }
             let search_depths: Vec<_> = seen.iter().map(|s| (s.0, s.1, s.2)).collect();
             let Some((depth, Some(normal))) = contact_patches::blend(&search_depths) else {
-                assert_eq!(hit, [0.0; 4], "{what}");
+                assert_eq!(hit, [0.0; 4], "{what}: no contact expected");
                 continue;
             };
             let sign = if self.side == 0 { 1.0 } else { -1.0 };
             let facing = sign * self.outward[v].dot(normal);
             if facing <= BLENDED {
-                assert!(hit[3] < 1e-6, "{what} faces away");
+                assert!(hit[3] < 1e-6, "{what} faces away, so that its area must be zero");
                 continue;
             }
             let vertex = flow.model.chunk_vertices[v];
@@ -215,13 +217,21 @@ impl Given {
             expect_close(&what, &flow.normals[v][..3], &normal.to_array(), tilt);
             let strength = |s: &(f64, f64, DVec3, &Made)| s.0 / (s.1 * s.1);
             let strongest = seen.iter().max_by(|x, y| strength(x).total_cmp(&strength(y))).unwrap();
-            assert_eq!(flow.what[v], [vertex, self.side, strongest.3.0, 0], "{what}");
+            assert_eq!(
+                flow.what[v],
+                [vertex, self.side, strongest.3.0, 0],
+                "{what}: vertex, side and opposing triangle"
+            );
             self.check_point(v, strongest.2, strongest.1, strongest.3.0);
             let push = sign * depth * area * self.outward[v];
             let allowed = Tolerance { abs: BLENDED * depth * area, rel: 0.0 };
             expect_close(&what, &flow.pushes[v][..3], &push.to_array(), allowed);
             let pair_proxies = if self.side == 0 { [1, strongest.3.3 - 2] } else { [strongest.3.3, 1] };
-            assert_eq!(flow.pushes[v][3].to_bits(), FIRST_PROXY_PAIR + 2 * pair_proxies[0] + pair_proxies[1], "{what}");
+            assert_eq!(
+                flow.pushes[v][3].to_bits(),
+                FIRST_PROXY_PAIR + 2 * pair_proxies[0] + pair_proxies[1],
+                "{what}: pair of collision proxies"
+            );
             found += 1;
             blended += usize::from(seen.len() > 1 && (normal - strongest.2).length() > 1e-3);
         }
@@ -236,7 +246,7 @@ impl Given {
         let at = DMat3::from_cols(skin(corners[0]), skin(corners[1]), skin(corners[2])) * DVec3::new(1.0 - q - r, q, r);
         let sign = if self.side == 0 { -1.0 } else { 1.0 };
         let want = skin(self.flow.model.chunk_vertices[v]) + sign * depth * normal;
-        assert!(at.distance(want) < 4.0 * DEPTH, "vertex {v}: {at} is not {want}");
+        assert!(at.distance(want) < 4.0 * DEPTH, "vertex {v}: opposing point {at} m, expected {want} m");
     }
 }
 
@@ -258,13 +268,13 @@ fn the_nearest_crossing_decides() {
         let depth = |ray_hits: &[RayHit]| (one(side, ray_hits).0 * 1e6).round() / 1e6;
         assert_eq!(depth(&[]), 0.0);
         assert_eq!(depth(&[(0.01, true)]), 0.01);
-        assert_eq!(depth(&[(0.01, false)]), 0.0, "the back of a triangle: outside");
-        // The vertex lies inside the nearer of two layers, whatever the order of the list.
+        assert_eq!(depth(&[(0.01, false)]), 0.0, "the ray hits the back of a triangle, so that the vertex is outside");
+        // The ray passes two walls. The vertex lies inside the nearer one, whatever the order of the list.
         let mut layers = [(0.005, true), (0.008, false), (0.012, true), (0.015, false)];
         assert_eq!(depth(&layers), 0.005);
         layers.reverse();
         assert_eq!(depth(&layers), 0.005);
-        // The vertex lies between the layers, in front of the second.
+        // The vertex lies between the walls, in front of the second.
         assert_eq!(depth(&[(0.007, true), (0.003, false), (0.01, false)]), 0.0);
     }
 }
@@ -280,7 +290,7 @@ fn the_nearest_of_a_long_list_is_found_or_flagged() {
         given.add(DVec3::ZERO, DVec3::Z, &[ray_hits], &mut random);
         given.run();
         let (depth, flags) = (f64::from(given.flow.hits[0][0]), given.flow.counts.flags);
-        println!("a list of {count}: {depth} m deep, flags {flags}");
+        println!("list of {count} ray hits: depth {depth} m, flags {flags}");
         assert_eq!(flags, if (depth - 0.005).abs() < DEPTH { 0 } else { CONTACT_OVERFLOW });
     }
 }
@@ -299,9 +309,13 @@ fn flags_say_what_is_too_deep_or_too_thin() {
         let flags = |ray_hits: &[RayHit]| one(side, ray_hits).1;
         assert_eq!(flags(&[(0.019, true)]), 0);
         assert_eq!(flags(&[(0.021, true)]), DEPTH_LIMIT);
-        assert_eq!(flags(&[(0.005, true), (0.019, false)]), NOT_HEIGHT_FIELD, "another layer within the limit");
+        assert_eq!(
+            flags(&[(0.005, true), (0.019, false)]),
+            NOT_HEIGHT_FIELD,
+            "flags where a second surface lies within the depth limit"
+        );
         assert_eq!(flags(&[(0.005, true), (0.021, false)]), 0);
-        assert_eq!(flags(&[(0.021, false), (0.022, true)]), 0, "outside");
+        assert_eq!(flags(&[(0.021, false), (0.022, true)]), 0, "flags of a vertex outside the other body");
     }
 }
 
@@ -343,7 +357,7 @@ fn vertices_by_the_hundred_in_up_to_four_regions_against_the_oracle() {
             let [found, blended] = given.check();
             assert!(
                 found > 80 && (contact_patches == 1) == (blended == 0),
-                "{found} of {contact_patches} contact_patches, {blended} blended"
+                "{found} contacts in {contact_patches} contact patches, {blended} of them blended"
             );
         }
     }

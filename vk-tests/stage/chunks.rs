@@ -1,6 +1,8 @@
-//! Kernels cull/chunks, which boxes the chunks (groups of up to 64 skin vertices) of each slot (a proxy in a pair of
-//! bodies) along the axes of its contact patches and writes the min-max depth grid, and cull/meet, which lists the
-//! chunks that may reach the other side: none that may touch is lost, and those that cannot are left out.
+//! Kernel cull/chunks, which finds the box of each chunk (group of at most 64 skin vertices) along the axes of a
+//! contact patch (place where a pair of bodies may touch along one normal) and writes the min-max depth grid, and
+//! cull/meet, which lists the chunks that may reach the other body. No chunk that may touch may be lost, and chunks
+//! that cannot touch must be left out. A slot is a collision proxy in a pair of bodies; a side is body a or b of the
+//! pair.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::Size;
@@ -16,8 +18,8 @@ use crate::harness::{case, context};
 use crate::stage::flow::{Flow, GRID_WORDS};
 use crate::stage::skin::covered;
 
-/// Greatest growth of a box over the oracle's, m: a micrometre, a thousandth of the spread and the rounding of the rest
-/// box, for positions of half a metre.
+/// Greatest distance by which a box may exceed the oracle's, m, for positions of half a metre: a micrometre, a
+/// thousandth of the spread, and the rounding of the box at rest.
 const BOX: f64 = 4e-6;
 /// Cells of the min-max depth grid along a side.
 const GRID: usize = 16;
@@ -45,8 +47,8 @@ fn contact_patch(normal: DVec3, half: f32) -> ContactPatch {
     }
 }
 
-/// Two soft balls whose nodes are displaced by up to `size` (m) along each axis. Every slot is in each of the patches,
-/// and the slots' boxes are so large that all chunks may meet the other side.
+/// Two soft balls whose nodes are displaced by up to `size` (m) along each axis. Every slot takes part in each of the
+/// patches, and the slots' boxes are so large that all chunks may meet the other side.
 fn shaken(size: f64, contact_patches: &[ContactPatch], random: &mut Random) -> Flow {
     let mut place = || (0.1 * random.vector(), random.turn(3.0));
     let ((x, q), (y, p)) = (place(), place());
@@ -67,7 +69,7 @@ fn shaken(size: f64, contact_patches: &[ContactPatch], random: &mut Random) -> F
     flow
 }
 
-/// World positions of the skin of a chunk, in f64.
+/// World positions of a chunk's skin vertices, in f64.
 fn places(flow: &Flow, chunk: usize, frame: usize) -> Vec<DVec3> {
     let frame = &flow.frames[frame];
     let rotation = DQuat::from_array(frame.rotation.map(f64::from)).normalize();
@@ -108,8 +110,9 @@ fn grid_cell_of(contact_patch: &ContactPatch, at: DVec3) -> [usize; 2] {
     })
 }
 
-/// Checks that each chunk's slab (its box in a patch, with a plane that it does not pass) holds its skin and agrees
-/// with the oracle's box, and that the min-max depth grid lies beyond the skin. Returns the number of slabs.
+/// Checks that each chunk's slab (its box in a patch, with a plane that no vertex passes) holds the chunk's vertices
+/// and agrees with the oracle's box, and that the min-max depth grid lies beyond the vertices. Returns the number of
+/// slabs.
 fn check_slabs(flow: &Flow, contact_patches: usize, tight: bool) -> usize {
     let mut count = 0;
     for pair_proxy in &flow.model.pair_proxies {
@@ -119,7 +122,7 @@ fn check_slabs(flow: &Flow, contact_patches: usize, tight: bool) -> usize {
             assert_eq!(
                 flow.pair_proxy_chunks[at],
                 [(1 << contact_patches) - 1, 0],
-                "chunk {index} meets all contact_patches"
+                "chunk {index} must meet all contact patches"
             );
             let skin = places(flow, index, proxy.frame as usize);
             for (r, contact_patch) in flow.contact_patches[..contact_patches].iter().enumerate() {
@@ -129,23 +132,36 @@ fn check_slabs(flow: &Flow, contact_patches: usize, tight: bool) -> usize {
                 let extreme = if pair_proxy.side == 0 { want.1.z } else { want.0.z };
                 let errors = [slab[0] - want.0.x, slab[1] - want.0.y, want.1.x - slab[2], want.1.y - slab[3]];
                 let allowed = BOX + 2e-3 * (want.1 - want.0).max_element();
-                assert!(errors.iter().all(|e| *e < 0.0 && -*e < allowed), "chunk {index}: {errors:?}");
+                assert!(
+                    errors.iter().all(|e| *e < 0.0 && -*e < allowed),
+                    "chunk {index}: distances of its box from the oracle's, m: {errors:?}"
+                );
                 let beyond = side * (slab[7] - extreme);
-                assert!(beyond > 0.0 && beyond < allowed, "chunk {index}: {beyond}");
+                assert!(
+                    beyond > 0.0 && beyond < allowed,
+                    "chunk {index}: the slab's extreme is {beyond} m beyond the oracle's"
+                );
                 let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
                 for x in &skin {
                     let x = along(axes(contact_patch), *x);
                     (low, high) = (low.min(x), high.max(x));
                     let plane = slab[4] * x.x + slab[5] * x.y + slab[6];
-                    assert!(side * (plane - x.z) > 0.0, "chunk {index} passes its plane by {}", side * (x.z - plane));
-                    assert!(side * (slab[7] - x.z) > 0.0, "chunk {index} passes its box");
+                    assert!(
+                        side * (plane - x.z) > 0.0,
+                        "a vertex of chunk {index} passes its plane by {} m",
+                        side * (x.z - plane)
+                    );
+                    assert!(side * (slab[7] - x.z) > 0.0, "a vertex of chunk {index} passes its box");
                     let [i, j] = grid_cell_of(contact_patch, x);
                     let grid = flow.depth_grids[(2 * r + pair_proxy.side as usize) * 256 + j * GRID + i];
-                    assert!(side * (height_of(grid) - x.z) > 0.0, "chunk {index} passes the grid");
+                    assert!(side * (height_of(grid) - x.z) > 0.0, "a vertex of chunk {index} passes the depth grid");
                 }
-                // A box that lies aslant to the patch's axes is less than twice as large along them as the skin in it.
+                // A box at an angle to the patch's axes is less than twice as large along them as the skin in it.
                 let (own, skins) = (want.1 - want.0, high - low);
-                assert!(!tight || own.max_element() < 1.8 * skins.max_element() + BOX, "{own} for {skins}");
+                assert!(
+                    !tight || own.max_element() < 1.8 * skins.max_element() + BOX,
+                    "box of {own} m, skin in it of {skins} m"
+                );
                 count += 1;
             }
         }
@@ -194,13 +210,16 @@ fn chunks_beside_the_column_or_in_front_of_all_boxes_are_left_out() {
             let is_open = flow.proxy_patches[s] != 0;
             assert!(is_open || found == 0);
             // Each chunk that might touch must be kept.
-            assert!(!is_open || beside || in_front || found == 1, "pair_proxy {s}, chunk {k}: {low} {high}");
+            assert!(
+                !is_open || beside || in_front || found == 1,
+                "slot {s}, chunk {k} may touch but is left out: box from {low} to {high} m"
+            );
             let side = pair_proxy.side as usize;
             kept[side] += usize::from(found == 1);
             left[side] += usize::from(is_open && found == 0);
         }
     }
-    assert!(kept.iter().chain(&left).all(|n| *n > 0), "{kept:?} kept, {left:?} left out");
+    assert!(kept.iter().chain(&left).all(|n| *n > 0), "chunks by side: {kept:?} kept, {left:?} left out");
 }
 
 #[test]
@@ -221,7 +240,7 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
             skin.iter().map(|x| x.y).fold(f64::INFINITY, f64::min)
         };
         let below = (0..proxy.chunk_count).filter(|k| lowest(*k) <= 0.01).count() as u32;
-        // Kept are chunks whose box reaches below the plane, but for rounding.
+        // The chunks that are kept are those whose box reaches below the plane, apart from rounding.
         let may = |slack: f64| {
             let top = |k: &u32| {
                 boxed(&flow, (proxy.chunk_first + k) as usize, proxy.frame as usize, &flow.contact_patches[0]).1.z
@@ -235,14 +254,14 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
             listed.fold((0, 0), |(n, work_items), entry| (n + 1, work_items + entry.contact_patches.count_ones()));
         assert!(
             chunks == work_items && chunks >= below && chunks >= may(0.0) && chunks <= may(-1e-3),
-            "{chunks} for {below}"
+            "{chunks} chunks kept, {below} reach below the plane"
         );
         totals = [totals[0] + chunks, totals[1] + proxy.chunk_count];
     }
-    assert!(totals[0] > 0 && totals[0] < totals[1], "{totals:?} kept, of all");
+    assert!(totals[0] > 0 && totals[0] < totals[1], "chunks kept, and all chunks: {totals:?}");
 }
 
-/// Chunks of three slots with random flat slabs, against random min-max depth grids.
+/// Kernel cull/meet on chunks of three slots with random flat slabs, against random min-max depth grids.
 #[test]
 fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
     let mut random = Random(84);
@@ -312,10 +331,21 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
                     work_items += mask.count_ones();
                 }
             }
-            assert_eq!(counts[s], [want.len() as u32, work_items], "{count} chunks, pair_proxy {s}");
-            assert_eq!(listed[pair_proxy.chunk_first as usize..][..want.len()], want, "{count} chunks, pair_proxy {s}");
+            assert_eq!(
+                counts[s],
+                [want.len() as u32, work_items],
+                "{count} chunks, slot {s}: numbers of chunks and of work items"
+            );
+            assert_eq!(
+                listed[pair_proxy.chunk_first as usize..][..want.len()],
+                want,
+                "{count} chunks, slot {s}: listed chunks"
+            );
         }
-        assert!(count < 300 || (dropped > 300 && counts[0][0] > 50), "{dropped} dropped, {counts:?} left");
+        assert!(
+            count < 300 || (dropped > 300 && counts[0][0] > 50),
+            "{dropped} chunks dropped; chunks and work items left by slot: {counts:?}"
+        );
     }
 }
 
@@ -357,10 +387,18 @@ fn chunks_that_collide_are_active_and_those_far_away_are_not() {
             }
             let active: std::collections::BTreeSet<u32> =
                 flow.active_chunks[..flow.counts.chunks as usize].iter().map(|entry| entry.chunk).collect();
-            assert!(needed.len() > 2 && needed.is_subset(&active), "{needed:?} are needed, {active:?} active");
+            assert!(
+                needed.len() > 2 && needed.is_subset(&active),
+                "chunks {needed:?} are needed, {active:?} are active"
+            );
             let share = active.len() as f64 / flow.model.chunks.len() as f64;
-            println!("{gap}: {} of {} chunks active, {} needed", active.len(), flow.model.chunks.len(), needed.len());
-            assert!(share < 0.6, "{share}");
+            println!(
+                "spheres {gap} radii apart: {} of {} chunks are active, {} are needed",
+                active.len(),
+                flow.model.chunks.len(),
+                needed.len()
+            );
+            assert!(share < 0.6, "share of active chunks {share}");
         }
     }
 }

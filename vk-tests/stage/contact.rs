@@ -1,5 +1,6 @@
-//! Kernels contact/candidates, contact/deepest and contact/response: soft balls, a tool and a floor against the f64
-//! oracle, the flags, and contact lists of any length.
+//! Kernels contact/candidates (which skin vertices collide), contact/deepest (the deepest of them, where not all fit)
+//! and contact/response (coefficients of contacts for the solver): soft balls, a tool and a floor against the f64
+//! oracle, the flags, and contact lists of any length. A side is body a or b of a pair.
 
 use std::collections::BTreeMap;
 
@@ -26,8 +27,10 @@ const DEPTH: f64 = 1e-5 * RADIUS;
 /// Relative tolerance of areas, weights and rates, which are products of a few f32 numbers; normals from fans of six
 /// triangles lose a digit.
 const RELATIVE: f64 = 1e-5;
-/// Tolerance of barycentric weights: positions are known to 1e-7 of the radius, and triangles have some 0.1 radii.
+/// Tolerance of barycentric weights: positions are known to 1e-7 of the radius, and triangles have edges of some 0.1
+/// radii.
 const WEIGHT: f64 = 2e-5;
+/// Flags of a step: too many contacts, a contact deeper than the limit, and a skin that is not a height field.
 const CONTACT_OVERFLOW: u32 = 4;
 const DEPTH_LIMIT: u32 = 8;
 const NOT_HEIGHT_FIELD: u32 = 16;
@@ -37,8 +40,8 @@ pub fn crowd(path: Path) -> (Vec<Body>, Body, Flow) {
     crowd_of(path, Sides::Both, [3; 3])
 }
 
-/// The bodies of [`crowd`]. `sides` chooses whose vertices gather contacts, `levels` how finely the two balls and the
-/// tool are divided.
+/// The bodies of [`crowd`]. `sides` chooses whose vertices are tested for contact, `levels` how finely the two balls
+/// and the tool are divided.
 fn crowd_of(path: Path, sides: Sides, levels: [u32; 3]) -> (Vec<Body>, Body, Flow) {
     let mut random = Random(52);
     let ball = |name: &str, level: u32, x: f64, random: &mut Random| {
@@ -90,7 +93,8 @@ fn surface<'a>(flow: &Flow, body: &'a Body, index: usize, origin: DVec3) -> Surf
     Surface { positions: positions(flow, body, index, origin), triangles: &skin.triangles, areas: &skin.areas, support }
 }
 
-/// The oracle's contacts of every pair, by side and vertex as the kernels number them.
+/// The oracle's contacts of every pair, by side (2 i: body a of pair i, 2 i + 1: body b) and vertex as the kernels
+/// number them.
 fn wanted(bodies: &[Body], tool: &Body, flow: &Flow, sides: Sides) -> BTreeMap<(u32, u32), oracle::Contact> {
     let all: Vec<&Body> = bodies.iter().chain([tool]).collect();
     let law = ContactLaw { stiffness: 1e6, damping: 1e3, depth_limit: 1.0 };
@@ -114,10 +118,10 @@ fn wanted(bodies: &[Body], tool: &Body, flow: &Flow, sides: Sides) -> BTreeMap<(
             }
             _ => {
                 let contact_patches = &flow.contact_patches[PAIR_PATCHES * r..][..PAIR_PATCHES];
-                // A pair that is not near has no contact patch; the others touch in one place each.
+                // A pair whose bodies are not near has no contact patch; the other pairs touch in one place each.
                 assert!(
                     contact_patches[1..].iter().all(|contact_patch| contact_patch.weight == 0.0),
-                    "pair {r}: {contact_patches:?}"
+                    "pair {r} has more than one contact patch: {contact_patches:?}"
                 );
                 if contact_patches[0].weight == 0.0 {
                     continue;
@@ -169,7 +173,7 @@ fn check(flow: &Flow, c: usize, want: &oracle::Contact) {
     expect_close(&what, &[got.area], &[want.area], Tolerance { abs: 1e-5 * RADIUS * RADIUS, rel: 1e-4 });
     expect_close(&what, &[got.stiffness, got.damping], &[want.stiffness, want.damping], relative);
     let (nodes, tool) = jacobian(want, flow);
-    assert_eq!(f64::from(got.tool_sign), tool, "{what}");
+    assert_eq!(f64::from(got.tool_sign), tool, "{what}: sign of the tool's share");
     let mut entries = BTreeMap::new();
     for quad in 4 * c..4 * c + got.quads as usize {
         for (node, w) in flow.entry_nodes[quad].iter().zip(flow.entry_weights[quad]) {
@@ -178,9 +182,9 @@ fn check(flow: &Flow, c: usize, want: &oracle::Contact) {
     }
     for node in nodes.keys().chain(entries.keys()) {
         let (g, w) = (entries.get(node).copied().unwrap_or(0.0), nodes.get(node).copied().unwrap_or(0.0));
-        assert!((g - w).abs() < WEIGHT, "{what}: node {node} weighs {g}, not {w}");
+        assert!((g - w).abs() < WEIGHT, "{what}: weight of node {node} is {g}, expected {w}");
     }
-    // Arm and rate are those of the vertex that gathers the contact: the force acts on the line through both points.
+    // Arm and rate are those of the colliding vertex: the force acts on the line through it and the opposing point.
     let vertex = vector(&flow.skin[got.vertex as usize]) - vector(&flow.params.tool_centre);
     let lever = tool * vertex.cross(want.normal);
     expect_close(&what, &got.arm, &vertex.to_array(), Tolerance { abs: DEPTH, rel: RELATIVE });
@@ -194,30 +198,41 @@ fn check(flow: &Flow, c: usize, want: &oracle::Contact) {
 fn a_crowd_of_soft_and_rigid_bodies_against_the_oracle() {
     for path in PATHS {
         check_crowd(path, Sides::Both, [3; 3], &[0, 1, 2, 4, 5, 6, 8, 9], &[10]);
-        // The finer skin of each pair gathers: b's against a, and the balls' against the tool.
+        // Only vertices of the finer skin of each pair are tested: b's against a, and the balls' against the tool.
         check_crowd(path, Sides::One, [3, 4, 2], &[1, 2, 4, 6, 8], &[0, 5, 9, 10]);
     }
 }
 
-/// `gather` lists the sides that must have contacts, `silent` those that must have none.
+/// Compares all contacts with the oracle's. `gather` lists the sides that must have contacts, `silent` those that must
+/// not.
 fn check_crowd(path: Path, sides: Sides, levels: [u32; 3], gather: &[usize], silent: &[usize]) {
     let (bodies, tool, flow) = crowd_of(path, sides, levels);
     let want = wanted(&bodies, &tool, &flow, sides);
-    assert_eq!(flow.counts.flags & !NOT_HEIGHT_FIELD, 0, "{}", path.name());
+    assert_eq!(flow.counts.flags & !NOT_HEIGHT_FIELD, 0, "flags on the depth path {}", path.name());
     let got: BTreeMap<_, _> = flow.contacts.iter().enumerate().map(|(c, x)| ((x.side, x.vertex), c)).collect();
-    assert_eq!(got.len(), flow.counts.contacts as usize, "each vertex at most once a side");
+    assert_eq!(
+        got.len(),
+        flow.counts.contacts as usize,
+        "number of different contacts; a vertex may be listed once a side"
+    );
     for (key, contact) in &want {
         match got.get(key) {
             Some(c) => check(&flow, *c, contact),
-            None => assert!(contact.depth < DEPTH, "{}: {key:?} {} deep is missed", path.name(), contact.depth),
+            None => assert!(contact.depth < DEPTH, "{}: {key:?}, {} m deep, is missed", path.name(), contact.depth),
         }
     }
     for (key, c) in &got {
-        assert!(want.contains_key(key) || f64::from(flow.contacts[*c].depth) < DEPTH, "{key:?} is no contact");
+        assert!(
+            want.contains_key(key) || f64::from(flow.contacts[*c].depth) < DEPTH,
+            "(side, vertex) {key:?} is no contact of the oracle"
+        );
     }
     let sides: Vec<usize> = (0..12).map(|s| got.keys().filter(|k| k.0 == s).count()).collect();
-    // All but tool and floor touch each other; a half-space gathers no contacts.
-    assert!(gather.iter().all(|s| sides[*s] > 2) && silent.iter().all(|s| sides[*s] == 0), "{sides:?}");
+    // All but tool and floor touch each other; a half-space has no vertices that could collide.
+    assert!(
+        gather.iter().all(|s| sides[*s] > 2) && silent.iter().all(|s| sides[*s] == 0),
+        "numbers of contacts by side: {sides:?}"
+    );
 }
 
 #[test]
@@ -230,11 +245,15 @@ fn a_depth_beyond_the_limit_is_flagged_and_counts() {
         flow.query(Path::Compute);
         assert_eq!(flow.counts.flags, flags);
         let deepest = flow.hits.iter().map(|h| h[0]).fold(0.0, f32::max);
-        assert!((f64::from(deepest) - 0.5 * RADIUS).abs() < DEPTH, "it counts all the same: {deepest}");
+        assert!(
+            (f64::from(deepest) - 0.5 * RADIUS).abs() < DEPTH,
+            "a depth beyond the limit must be kept: {deepest} m"
+        );
     }
 }
 
-/// Runs contact/deepest: the deepest of the candidates with these depths (0: no contact), in the list that it writes.
+/// Runs contact/deepest on candidates with these depths (0: no contact). Returns the list of the deepest that it
+/// writes.
 fn deepest(depths: &[f32], capacity: usize) -> Vec<u32> {
     // Depths of candidates that do not collide are left from an earlier step.
     let hits: Vec<[f32; 4]> = depths.iter().map(|d| [if *d > 0.0 { *d } else { 7.0 }, 0.0, 0.0, 0.0]).collect();
@@ -252,7 +271,7 @@ fn deepest(depths: &[f32], capacity: usize) -> Vec<u32> {
     out.get("contact_source")
 }
 
-/// The list that contact/deepest must write: the deepest in the order of candidates, and of equally deep ones the
+/// The list that contact/deepest must write: the deepest candidates in their order, and among equally deep ones the
 /// first.
 fn wanted_deepest(depths: &[f32], capacity: usize) -> Vec<u32> {
     let mut sorted: Vec<f32> = depths.iter().copied().filter(|d| *d > 0.0).collect();
@@ -278,7 +297,11 @@ fn the_deepest_stay_in_order_where_not_all_fit() {
         let all = depths.iter().filter(|d| **d > 0.0).count();
         for capacity in [1, 5, 500, all - 1].into_iter().filter(|capacity| *capacity < all) {
             let source = deepest(&depths, capacity);
-            assert_eq!(source[..capacity], wanted_deepest(&depths, capacity), "{chunks} chunks, {capacity} fit");
+            assert_eq!(
+                source[..capacity],
+                wanted_deepest(&depths, capacity),
+                "list of the deepest of {chunks} chunks, where {capacity} fit"
+            );
             assert_eq!(source[capacity], NONE);
         }
     }
@@ -308,7 +331,11 @@ fn more_contacts_than_fit_are_flagged() {
             .map(|pair_proxy| flow.args[3 * pair_proxy as usize] as usize);
         assert_eq!(flow.counts.contacts as usize, kept);
         assert_eq!(words, [kept.div_ceil(group), usize::from(!fits)]);
-        assert_eq!(flow.counts.flags & CONTACT_OVERFLOW, if fits { 0 } else { CONTACT_OVERFLOW }, "{capacity} fit");
+        assert_eq!(
+            flow.counts.flags & CONTACT_OVERFLOW,
+            if fits { 0 } else { CONTACT_OVERFLOW },
+            "overflow flag where {capacity} contacts fit"
+        );
         assert!(!fits || flow.source[..found] == colliding);
         let depths: Vec<f32> = flow.hits.iter().map(|hit| hit[0]).collect();
         flow.gather();

@@ -1,5 +1,6 @@
-//! Kernel cull/contact_patches: the contact patches of a pair of bodies (places that may touch along one normal) with their
-//! rectangles, and the slots (a collision proxy in a pair) that take part.
+//! Kernel cull/contact_patches, which finds the contact patches of a pair of bodies (places that may touch along one
+//! normal), their rectangles, and the slots (a collision proxy in a pair) that take part. A side is body a or b of the
+//! pair.
 
 use bytemuck::Zeroable;
 use glam::DVec3;
@@ -18,12 +19,13 @@ use crate::stage::flow::{Box3, GRID_WORDS};
 const PLACED: Tolerance = Tolerance { abs: 2e-6, rel: 2e-6 };
 /// Error of a unit vector from a weighted sum of some hundred vectors.
 const DIRECTION: Tolerance = Tolerance { abs: 3e-6, rel: 0.0 };
+/// The flag that a pair has more groups of directions than there are contact patches for it.
 const REGION_OVERFLOW: u32 = 2;
 const INFLATION: f32 = 0.03;
 const HALF: f64 = 0.2;
 
-/// Cubes as proxies, those of a before those of b; for each pair of proxies the direction with its weight, and the
-/// push.
+/// Cubes as collision proxies, those of body a before those of b; for each pair of proxies the direction with its
+/// weight, and the push.
 struct Given {
     places: Vec<DVec3>,
     pair: Pair,
@@ -41,8 +43,8 @@ fn corners(place: DVec3) -> Vec<DVec3> {
 }
 
 impl Given {
-    /// Cubes about the origin, so many of each body. The pairs of proxies have these directions and weights in turn,
-    /// and no pushes.
+    /// Cubes about the origin; `counts` has the number of each body. The pairs of proxies have these directions and
+    /// weights in turn, and no pushes.
     fn new(counts: [u32; 2], directions: &[(DVec3, f64)], random: &mut Random) -> Given {
         let pairs = counts[0] * counts[1];
         let pair = Pair {
@@ -105,17 +107,17 @@ impl Given {
 }
 
 /// Checks what holds for any answer: axes are orthonormal, boxes hold the inflated hulls, a patch's rectangle is what
-/// the members of both sides cover in common, shares sum to one, min-max depth grids are cleared, and the slots in a
-/// rectangle are active. Returns the number of patches.
+/// its members (slots that belong to the patch) of both sides cover in common, shares sum to one, min-max depth grids
+/// are cleared, and the slots in a rectangle are active. Returns the number of patches.
 fn check(given: &Given, out: &Outcome) -> usize {
     let (contact_patches, boxes): (Vec<ContactPatch>, Vec<Box3>) = (out.get("contact_patches"), out.get("boxes"));
     let (shares, bits): (Vec<f32>, Vec<u32>) = (out.get("shares"), out.get("proxy_patches"));
     let (depth_grids, buckets): (Vec<u32>, Vec<u32>) = (out.get("depth_grids"), out.get("buckets"));
-    assert_eq!(buckets[..4], [7; 4], "heads are cleared with the pose");
+    assert_eq!(buckets[..4], [7; 4], "heads of the buckets, which stage pose clears and this kernel leaves");
     let live = contact_patches.iter().filter(|contact_patch| contact_patch.weight > 0.0).count();
     let count = given.places.len();
     for (r, contact_patch) in contact_patches.iter().enumerate().take(live) {
-        assert!(contact_patch.weight > 0.0, "those there are come first");
+        assert!(contact_patch.weight > 0.0, "contact patches in use must come first");
         let axes = [contact_patch.tangent, contact_patch.bitangent, contact_patch.normal].map(wide);
         for i in 0..3 {
             let along = axes.map(|axis| axis.dot(axes[i]) as f32);
@@ -137,7 +139,7 @@ fn check(given: &Given, out: &Outcome) -> usize {
                 let got = boxes[p * PAIR_PATCHES + r].map(wide);
                 assert!(
                     (low - got[0]).min_element() > -2e-6 && (got[1] - high).min_element() > -2e-6,
-                    "pair_proxy {p}"
+                    "box of slot {p}"
                 );
                 if members.contains(&p) {
                     expect_close("box", &boxes[p * PAIR_PATCHES + r][0], &low.to_array(), PLACED);
@@ -148,10 +150,13 @@ fn check(given: &Given, out: &Outcome) -> usize {
         expect_close("low", &contact_patch.low, &[low.x, low.y], PLACED);
         expect_close("high", &contact_patch.high, &[high.x, high.y], PLACED);
         let own = &depth_grids[r * GRID_WORDS..][..GRID_WORDS];
-        assert!(own[..256].iter().all(|f| *f == 0) && own[256..].iter().all(|f| *f == NONE), "depth_grids are cleared");
+        assert!(
+            own[..256].iter().all(|f| *f == 0) && own[256..].iter().all(|f| *f == NONE),
+            "the depth grids must be cleared"
+        );
         assert!(
             buckets[4 + r * GRID_WORDS..][..GRID_WORDS].iter().all(|search_depth| *search_depth == NONE),
-            "search_depths are cleared"
+            "the search depths must be cleared"
         );
     }
     for s in 0..count {
@@ -163,10 +168,10 @@ fn check(given: &Given, out: &Outcome) -> usize {
         for r in (0..live).filter(|r| bits[s] >> (PAIR_PATCHES + r) & 1 == 0) {
             let strength = contact_patches[r].weight
                 / contact_patches.iter().map(|contact_patch| contact_patch.weight).sum::<f32>();
-            assert!(own[r] <= 0.05 * (strength - 0.1).max(0.0) + 1e-6, "pair_proxy {s}, contact_patch {r}: {own:?}");
+            assert!(own[r] <= 0.05 * (strength - 0.1).max(0.0) + 1e-6, "slot {s}, contact patch {r}: shares {own:?}");
         }
-        // The shares of a member sum to one, and those shares in other patches come on top.
-        assert!(if member { sum > 0.998 && sum < 1.052 } else { sum <= 0.05 }, "pair_proxy {s}: {own:?}");
+        // A member's shares in its own patches sum to one; its shares in other patches come on top.
+        assert!(if member { sum > 0.998 && sum < 1.052 } else { sum <= 0.05 }, "slot {s}: shares {own:?}");
         assert!(own[live..].iter().all(|share| *share == 0.0));
     }
     let mut active: Vec<u32> = out.get("active_pair_proxies");
@@ -216,7 +221,7 @@ fn opposite_groups_have_a_region_each() {
     let contact_patches: Vec<ContactPatch> = out.get("contact_patches");
     let mut cosines = [0, 1].map(|r| wide(contact_patches[r].normal).dot(leaning));
     cosines.sort_by(f64::total_cmp);
-    assert!(cosines[0] < -0.98 && cosines[1] > 0.98, "{cosines:?}");
+    assert!(cosines[0] < -0.98 && cosines[1] > 0.98, "cosines of the patches' normals with the direction: {cosines:?}");
     for contact_patch in &contact_patches[..2] {
         let of = |d: &&(DVec3, f64)| d.0.dot(wide(contact_patch.normal)) > 0.0;
         let own: Vec<(DVec3, f64)> = directions.iter().filter(of).copied().collect();
@@ -245,7 +250,11 @@ fn more_groups_than_regions_are_flagged() {
         let given = Given::new([6, 6], &axes[..count], &mut random);
         let out = given.run();
         let want = if count > PAIR_PATCHES { REGION_OVERFLOW } else { 0 };
-        assert_eq!((check(&given, &out), flags(&out)), (count.min(PAIR_PATCHES), want), "{count} groups");
+        assert_eq!(
+            (check(&given, &out), flags(&out)),
+            (count.min(PAIR_PATCHES), want),
+            "contact patches and flags for {count} groups of directions"
+        );
     }
 }
 
@@ -277,7 +286,7 @@ fn a_half_space_has_one_region_and_the_slots_that_reach_it() {
     for (s, bit) in bits.iter().enumerate() {
         let lowest = given.hull(s).iter().map(|x| normal.as_dvec3().dot(*x)).fold(f64::INFINITY, f64::min);
         let above = lowest + 0.3 - f64::from(INFLATION);
-        assert!(above.abs() < 1e-5 || (*bit == 1) == (above < 0.0), "{above}");
+        assert!(above.abs() < 1e-5 || (*bit == 1) == (above < 0.0), "a hull at {above} m above the inflated plane");
         assert_eq!(shares[PAIR_PATCHES * s], *bit as f32);
         below += bit;
     }

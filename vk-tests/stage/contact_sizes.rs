@@ -1,4 +1,5 @@
-//! Kernels contact/candidates and contact/response for any number of elements.
+//! Kernels contact/candidates (which skin vertices collide) and contact/response (coefficients of contacts for the
+//! solver) for any number of elements. A candidate is a vertex of a skin (surface mesh) that may be a contact.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::shaders;
@@ -71,11 +72,11 @@ fn candidates_of_any_number() {
             expect_close("hit", hit, &[depth, 0.0, 0.0, area], CLOSE);
             expect_close("normal", &flow.normals[i], &[0.0, -1.0, 0.0, 0.0], CLOSE);
             expect_close("push", &flow.pushes[i][..3], &[0.0, -depth * area, 0.0], CLOSE);
-            assert_eq!(flow.pushes[i][3].to_bits(), NONE, "no pair of proxies");
+            assert_eq!(flow.pushes[i][3].to_bits(), NONE, "a half-space has no pair of proxies");
         }
         let colliding: Vec<u32> = (0..flow.hits.len()).filter(|i| flow.hits[*i][0] > 0.0).map(|i| i as u32).collect();
         assert_eq!(flow.source[..flow.counts.contacts as usize], colliding);
-        // Turned over, no triangle faces the half-space.
+        // With their orientation reversed, no triangle faces the half-space.
         flow.model.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         flow.candidates();
         assert!(flow.hits.iter().all(|hit| *hit == [0.0; 4]) && flow.counts.contacts == 0);
@@ -123,7 +124,7 @@ fn check_lists(flow: &Flow, counts: &[u32]) {
             let (node, weight) = (flow.entry_nodes[e / 4][e % 4], flow.entry_weights[e / 4][e % 4]);
             assert!(
                 !listed[e] && node as usize == k / lists && weight != 0.0,
-                "entry {e} on a list of node {}",
+                "entry {e} is wrongly on a list of node {}",
                 k / lists
             );
             listed[e] = true;
@@ -174,5 +175,5 @@ fn check_response(flow: &Flow, c: usize, counts: &mut [u32]) {
     }
     expect_close("rate", &[got.rate], &[rate], CLOSE);
     let untouched = &flow.entry_nodes[4 * c + got.quads as usize..4 * c + 4];
-    assert!(untouched.iter().all(|quad| *quad == [NONE; 4]), "quads not in use stay as they were");
+    assert!(untouched.iter().all(|quad| *quad == [NONE; 4]), "unused quads must stay as they were");
 }

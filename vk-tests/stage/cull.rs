@@ -1,5 +1,5 @@
 //! Kernels cull/pairs, which lists the pairs of collision proxies (convex hulls) that may touch, and cull/direction,
-//! which finds along which normal they part and sums the pushes of their contacts in the last step.
+//! which finds the normal that separates a pair best and sums the pushes of the pair's contacts in the last step.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -13,8 +13,8 @@ use crate::harness::bodies::sphere;
 use crate::harness::random::Random;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
 
-/// Error of a gap, m: f32 positions of order one hold 1e-7, and a gap is a difference of two, after a few rounds of the
-/// iteration (GJK).
+/// Error of a gap, m: f32 positions of order one are known to 1e-7, and a gap is the difference of two after a few
+/// rounds of the iteration (GJK).
 const GAP: f64 = 2e-6;
 /// Error of a separation along a face normal, m: one difference of dot products of unit normals with points of order
 /// one.
@@ -105,7 +105,7 @@ fn cube() -> Hull {
     hull::convex(&(0..8).map(corner).collect::<Vec<_>>()).unwrap()
 }
 
-/// Boxes, plates, needles, balls and random points, in general position.
+/// Hulls of boxes, plates, needles, balls and random points, in general position.
 fn mixed(random: &mut Random, count: usize, spread: f64) -> Hulls {
     let mut hulls = Hulls::default();
     for i in 0..count {
@@ -128,14 +128,14 @@ const REACH: f64 = 0.1;
 /// Number of pairs that a workgroup handles.
 const SHARE: usize = 64;
 
-/// Runs cull/pairs on the first `n` pairs of one of the first `a_count` proxies with one of the rest.
+/// Runs cull/pairs on `n` pairs, each of one of the first `a_count` proxies and one of the rest.
 fn test_pairs(hulls: &Hulls, a_count: usize, n: usize) -> (Outcome, Vec<[u32; 4]>) {
     let b_count = hulls.proxies.len() - a_count;
     let all = (0..a_count as u32).flat_map(|a| (0..b_count as u32).map(move |b| [a, a_count as u32 + b, 0, 0]));
     let proxy_pairs: Vec<[u32; 4]> = all.take(n).collect();
     assert_eq!(proxy_pairs.len(), n);
     let bound = if n == 0 { vec![[0; 4]] } else { proxy_pairs.clone() };
-    // The kernel adds a share of the hull's radius to the reach, the seam; with radius 0 the reach is that of the
+    // The kernel adds a share of the hull's radius, the seam, to the reach; with radius 0 the reach is that of the
     // inflations alone.
     let unseamed: Vec<ProxyBounds> = hulls.bounds.iter().map(|b| ProxyBounds { radius: 0.0, ..*b }).collect();
     let out = case("cull/pairs")
@@ -172,13 +172,24 @@ fn two_cubes_by_hand() {
         hulls.add(&cube(), DQuat::IDENTITY, DVec3::ZERO);
         hulls.add(&cube(), turn, place);
         let (out, _) = test_pairs(&hulls, 1, 1);
-        assert_eq!(out.get::<u32>("active_pairs"), [if near { 0 } else { NONE }], "{place}");
+        assert_eq!(
+            out.get::<u32>("active_pairs"),
+            [if near { 0 } else { NONE }],
+            "active pairs with the second cube at {place}"
+        );
         assert_eq!(out.get::<u32>("args")[3 * shaders::ARGS_DIRECTION as usize], u32::from(near));
         let [reach, gap] = out.get::<[f32; 2]>("reach_of")[0].map(f64::from);
-        assert!((reach - if near { REACH } else { -1.0 }).abs() < 1e-7, "{reach}");
+        assert!((reach - if near { REACH } else { -1.0 }).abs() < 1e-7, "reach {reach} m");
         // Two of the near pairs have a gap of 0.09, and the third overlaps.
-        assert!(!near || (gap - 0.09).abs() < 1e-4 || (gap <= 0.0 && place == DVec3::splat(0.3)), "{gap}");
-        assert_eq!(out.get::<[f32; 4]>("directions"), [[0.0; 4], [5.0; 4]], "no direction yet");
+        assert!(
+            !near || (gap - 0.09).abs() < 1e-4 || (gap <= 0.0 && place == DVec3::splat(0.3)),
+            "gap {gap} m, expected 0.09 m or an overlap"
+        );
+        assert_eq!(
+            out.get::<[f32; 4]>("directions"),
+            [[0.0; 4], [5.0; 4]],
+            "cull/pairs must clear the direction and leave the push"
+        );
     }
 }
 
@@ -197,10 +208,10 @@ fn no_pair_within_reach_is_missed_and_none_beyond_it_is_kept() {
             let (a, b) = (&hulls.points[*a as usize], &hulls.points[*b as usize]);
             let is_kept = kept.binary_search(&(i as u32)).is_ok();
             if proximity::pairs(a, b, REACH - GAP).expect("parry answers") {
-                assert!(is_kept, "pair {i} is missed: {:?}", exact::exact_distance(a, b));
+                assert!(is_kept, "pair {i} is missed; its distance {:?}", exact::exact_distance(a, b));
                 near += 1;
             } else if !proximity::pairs(a, b, REACH + GAP).expect("parry answers") {
-                assert!(!is_kept, "pair {i} is kept: {:?}", exact::exact_distance(a, b));
+                assert!(!is_kept, "pair {i} is kept; its distance {:?}", exact::exact_distance(a, b));
                 far += 1;
             }
         }
@@ -210,10 +221,10 @@ fn no_pair_within_reach_is_missed_and_none_beyond_it_is_kept() {
             let gap = exact::exact_distance(&hulls.points[a], &hulls.points[b]).expect("parry answers").1.max(0.0);
             // The kernel's distance is a lower bound, and nearly the distance itself.
             let found = f64::from(reach[i as usize][1]);
-            assert!(found <= gap + GAP && found >= gap - 0.01 * REACH, "pair {i}: {found}, not {gap}");
+            assert!(found <= gap + GAP && found >= gap - 0.01 * REACH, "pair {i}: gap {found} m, expected {gap} m");
         }
     }
-    assert!(near > 100 && far > 100, "{near} within reach, {far} beyond");
+    assert!(near > 100 && far > 100, "{near} pairs within reach, {far} beyond");
 }
 
 /// Gaps a thousandth of the reach below and above it: the bound may miss no pair and keep few others.
@@ -236,10 +247,10 @@ fn gaps_next_to_the_reach_are_told_apart() {
         let kept: Vec<u32> = out.get("active_pairs");
         for (i, [_, b, ..]) in pairs.iter().enumerate() {
             let (_, gap) = exact::exact_distance(&hulls.points[0], &hulls.points[*b as usize]).unwrap();
-            // A hull that overlapped may not end at the wanted gap.
+            // Hulls that overlapped at first may not end at the wanted gap; such pairs are left out.
             let is_near = wanted[*b as usize - 1];
             if (gap < REACH - GAP) == is_near && (gap > REACH + GAP) != is_near {
-                assert_eq!(kept.contains(&(i as u32)), is_near, "pair {i}, a gap of {gap}");
+                assert_eq!(kept.contains(&(i as u32)), is_near, "whether pair {i} with a gap of {gap} m is kept");
             }
         }
     }
@@ -288,7 +299,11 @@ fn cubes_part_along_their_faces() {
     expect_close("along y, 0.2 apart", &got[1], &[0.0, 1.0, 0.0, 0.64], WEIGHT);
     expect_close("0.3 apart at a corner", &directions(&hulls, &pairs[1..2], 0.3, &[]).0[0][3..], &[0.49], WEIGHT);
     let length = f64s(&got[2]).length();
-    assert!((length - 1.0).abs() < 1e-6 && (f64::from(got[2][3]) - 1.0).abs() < 1e-5, "coincident: {:?}", got[2]);
+    assert!(
+        (length - 1.0).abs() < 1e-6 && (f64::from(got[2][3]) - 1.0).abs() < 1e-5,
+        "direction of coincident cubes: {:?}",
+        got[2]
+    );
 }
 
 #[test]
@@ -303,7 +318,7 @@ fn directions_against_the_oracle_and_from_both_sides() {
         let blend = 0.25 * f64::from(hulls.bounds[a].radius.min(hulls.bounds[b].radius));
         let (points, planes) = (&hulls.points, &hulls.planes);
         let (normal, separation) = proximity::direction(&points[a], &planes[a], &points[b], &planes[b], blend).unwrap();
-        assert!((f64s(got).length() - 1.0).abs() < 1e-6, "{got:?}");
+        assert!((f64s(got).length() - 1.0).abs() < 1e-6, "not a unit vector: {got:?}");
         let weight = (1.0 - separation).max(0.0).powi(2);
         expect_close("weight", &got[3..], &[weight], WEIGHT);
         // Where the normals nearly cancel, rounding may decide; elsewhere the direction is determined.
@@ -313,14 +328,20 @@ fn directions_against_the_oracle_and_from_both_sides() {
         }
         // The distance by parry3d is no less than the separation along any face normal, and equals it where faces meet.
         let (_, distance) = exact::exact_distance(&points[a], &points[b]).unwrap();
-        assert!(distance < 0.0 || separation <= distance + SEPARATION, "{separation} along a face, {distance} at all");
+        assert!(
+            distance < 0.0 || separation <= distance + SEPARATION,
+            "separation {separation} m along a face normal, distance {distance} m"
+        );
     }
     let compared = determined.iter().filter(|d| **d).count();
-    assert!(compared > 350, "only {compared} of 400 are determined");
+    assert!(compared > 350, "the direction of only {compared} of 400 pairs is determined");
     let swapped: Vec<[u32; 4]> = pairs.iter().map(|[a, b, ..]| [*b, *a, 0, 0]).collect();
     for ((there, back), determined) in got.iter().zip(directions(&hulls, &swapped, -1e9, &[]).0).zip(determined) {
         let sum = f64s(there) + f64s(&back);
-        assert!(!determined || sum.length() < DIRECTION.abs, "{there:?} one way, {back:?} the other");
+        assert!(
+            !determined || sum.length() < DIRECTION.abs,
+            "direction {there:?} of a pair, {back:?} of the swapped pair"
+        );
     }
 }
 

@@ -1,5 +1,5 @@
-//! Skins as they are drawn: positions and normals on the GPU must be those that the host computes in f64, and other
-//! programs can be given the arrays.
+//! Skins (surface meshes) as they are drawn: positions and normals on the GPU must be those that the host computes in
+//! f64, and the arrays can be exported to other programs.
 
 use glam::DVec3;
 use palpate::Simulation;
@@ -9,7 +9,7 @@ use crate::scene::joints;
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene};
 
-/// Error of positions relative to the distance from the origin that was asked for: f32 sums of a few terms.
+/// Error of positions relative to the distance from the chosen origin: f32 sums of a few terms.
 const POSITION: f64 = 4e-7;
 /// Error of unit normals: the error of a position over the shortest edge of the skins here (5 mm), and a little more.
 const NORMAL: f64 = 2e-4;
@@ -42,7 +42,7 @@ fn shown_as_it_is(name: &str, text: &str, origin: DVec3) {
     for steps in [0, 30] {
         run(&mut simulation, steps);
         let (places, ranges) = (places(&simulation), simulation.skin_ranges());
-        assert_eq!(ranges.last().unwrap().end, places.len(), "{name}");
+        assert_eq!(ranges.last().unwrap().end, places.len(), "{name}: number of skin vertices");
         let normals = normals(&simulation, &places);
         let skins = simulation.skins(origin).unwrap();
         let read = |array: &palpate::internal::gpu::Buffer| array.read::<[f32; 4]>().unwrap();
@@ -54,9 +54,16 @@ fn shown_as_it_is(name: &str, text: &str, origin: DVec3) {
             let (position, direction) = (&shown[vertex], &directions[vertex]);
             assert!(position[3] == 1.0 && direction[3] == 0.0);
             let error = wide(position).distance(*x - origin);
-            assert!(error < POSITION * reach, "{name}, vertex {vertex}: {position:?} for {}: {error:e}", *x - origin);
+            assert!(
+                error < POSITION * reach,
+                "{name}, vertex {vertex}: position {position:?}, expected {}, off by {error:e} m",
+                *x - origin
+            );
             let error = wide(direction).distance(*n);
-            assert!(error < NORMAL && n.length() > 0.5, "{name}, vertex {vertex}: {direction:?} for {n}: {error:e}");
+            assert!(
+                error < NORMAL && n.length() > 0.5,
+                "{name}, vertex {vertex}: normal {direction:?}, expected {n}, off by {error:e}"
+            );
         }
         let messages = simulation.context().validation_messages();
         assert!(messages.is_empty(), "{messages:#?}");
@@ -70,7 +77,7 @@ fn skins_are_shown_where_they_are() {
     shown_as_it_is("free", &friction::collision(0.3), DVec3::ZERO);
     let keys = "motion = \"driven\"\nkeys = [[0.0, 0.4, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703], \
                 [0.2, 0.42, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703]]";
-    // In this scene nothing can touch, so that there is no skin stage to share arrays with.
+    // In this scene nothing can touch, so that there is no stage skin whose arrays the drawing could share.
     let chain = joints::chain(2e4, keys, ["", "stiffness = 0.5"], "gravity = [5.0, -25.0, 8.0]");
     shown_as_it_is("a chain", &chain, DVec3::new(0.4, 0.1, -0.2));
 }
@@ -89,7 +96,7 @@ fn what_is_shown_can_be_given_to_other_programs() {
         }
         false => assert!(skins.positions.export().unwrap_err().to_string().contains("VK_KHR_external_memory_fd")),
     }
-    assert!(skins.triangles.export().is_err(), "not made to be shared");
+    assert!(skins.triangles.export().is_err(), "the array of triangles was not made for export");
     let messages = simulation.context().validation_messages();
     assert!(messages.is_empty(), "{messages:#?}");
 }

@@ -1,5 +1,5 @@
-//! Kernel elastic/element_forces, by hand and against the f64 oracle: the rotation of each tetrahedron, its rotated gradients,
-//! and its part of the right-hand side.
+//! Kernel elastic/element_forces, by hand and against the f64 oracle: the rotation of each tetrahedron, its rotated
+//! gradients, and its part of the right-hand side.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::Flags;
@@ -17,11 +17,11 @@ use crate::solver::system::{DT, System, layered, material};
 /// Error of a rotation, rad. The deformation gradient F is known to 1e-7 in f32, the polar rotation magnifies that by
 /// one over the sum of the two least singular values (above 0.2 here), and the iteration ends within 1e-7 of its limit.
 const ANGLE: f64 = 2.0e-6;
-/// Error of an inverted tetrahedron's rotation from a cold start, rad: 40 rounds leave up to 0.85 of the error each,
-/// and those that start next to half a turn away spend some rounds on leaving.
+/// Error of an inverted tetrahedron's rotation from a cold start, rad: each of 40 rounds leaves up to 0.85 of the
+/// error, and in tetrahedra that start nearly half a turn away the error hardly falls in the first rounds.
 const INVERTED_FROM_AFAR: f64 = 5.0e-2;
-/// Error up to which a rotation counts as found, rad: the turn of a round that the kernel takes for none, divided by
-/// the share of the error that the slowest rounds here remove.
+/// Error up to which a rotation counts as found, rad: the turn in a round below which the kernel counts as converged,
+/// divided by the share of the error that the slowest rounds here remove.
 const FOUND: f64 = 2.0e-3;
 /// Error of gradients relative to the largest value: they are a dozen roundings away from the input.
 const GRADIENT: f64 = 1.0e-6;
@@ -35,8 +35,8 @@ const FORCE: f64 = 1.0e-5;
 /// give 1e-1 at best.
 const TINY_STRAIN: f64 = 5.0e-6;
 
-/// Runs elastic/element_forces over a whole system. `patch_of` has the F-bar patch of each tetrahedron or `NONE`, and is empty
-/// without patches.
+/// Runs elastic/element_forces over a whole system. `patch_of` has the F-bar patch of each tetrahedron or `NONE`, and
+/// is empty without patches.
 pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
     let tetrahedra = system.model.tetrahedra.len();
     case("elastic/element_forces")
@@ -141,8 +141,8 @@ pub fn expect_oracle(what: &str, system: &System, force: f64) {
     let found = quaternions(system);
     let Some(body) = system.twin.bodies.first() else { return assert!(found.is_empty()) };
     for (t, (q, want)) in found.iter().zip(body.elements.rotations(&body.displacement)).enumerate() {
-        assert!((q.length() - 1.0).abs() < 1e-6, "{what} [{t}]: {q} is no unit quaternion");
-        assert!(angle(*q, want) < ANGLE, "{what} [{t}]: {q} is {:e} rad from {want}", angle(*q, want));
+        assert!((q.length() - 1.0).abs() < 1e-6, "{what}, tetrahedron {t}: {q} is no unit quaternion");
+        assert!(angle(*q, want) < ANGLE, "{what}, tetrahedron {t}: {q} is {:e} rad from {want}", angle(*q, want));
     }
     expect_gradients(what, system);
     let h = system.twin.dt;
@@ -171,7 +171,7 @@ fn expect_gradients(what: &str, system: &System) {
         let operator = &operators[t];
         let turn =
             body.elements.frame * DMat3::from_quat(q.normalize()) * operator.fold * body.elements.volumes[t].sqrt();
-        let [h1, h2, h3] = &system.gradients[3 * t..3 * t + 3] else { panic!("three a tetrahedron") };
+        let [h1, h2, h3] = &system.gradients[3 * t..3 * t + 3] else { panic!("not three gradients in a tetrahedron") };
         got.extend([h1, h2, h3].iter().flat_map(|g| [g[0], g[1], g[2]]));
         want.extend(body.elements.gradients[t][1..].iter().flat_map(|g| (turn * *g).to_array()));
         let scale = h * (h + body.elements.materials[t].damping_stiffness);
@@ -193,8 +193,8 @@ pub fn expect_of_largest(what: &str, got: &[f32], want: &[f64], share: f64) {
 
 #[test]
 fn a_tetrahedron_stretched_along_an_edge_by_hand() {
-    // elastic/element_forces on a unit corner of 1 m with d_1 = (0.01, 0, 0): strain E = diag(0.01, 0, 0), stress P = 2 mu E +
-    // 0.01 lambda I, volume V = 1/6.
+    // elastic/element_forces on a unit corner of 1 m with d_1 = (0.01, 0, 0): strain E = diag(0.01, 0, 0), stress P = 2
+    // mu E + 0.01 lambda I, volume V = 1/6.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], attached: vec![false; 4], ..Layer::default() };
     let mut system = System::new(&[layered(layer, material(2e4), DQuat::IDENTITY)], 0.0, 1);
@@ -225,10 +225,10 @@ fn rotations_and_forces_agree_with_the_oracle_at_every_size() {
         system.velocity = velocity.iter().map(|v| v.map(|x| 0.1 * x)).collect();
         sync(&mut system);
         system.rotate();
-        expect_oracle(&format!("elastic/element_forces of {count}"), &system, FORCE);
+        expect_oracle(&format!("{count} tetrahedra"), &system, FORCE);
         system.trial_change = system.random_field(&mut random).iter().map(|v| v.map(|x| 0.1 * x)).collect();
         system.rotate();
-        expect_oracle(&format!("elastic/element_forces of {count}, again"), &system, FORCE);
+        expect_oracle(&format!("{count} tetrahedra with a trial change"), &system, FORCE);
     }
 }
 
@@ -243,10 +243,10 @@ fn far_rotations_are_found_from_a_cold_and_a_warm_start() {
         stretched(turn, 0.9, random)
     });
     system.rotate();
-    expect_oracle("cold", &system, FORCE);
+    expect_oracle("from the identity", &system, FORCE);
     // Warm starts: from the rotations that were found, and from some way off.
     system.rotate();
-    expect_oracle("the same again", &system, FORCE);
+    expect_oracle("from the rotations found", &system, FORCE);
     let mut random = Random(12);
     for q in &mut system.rotations {
         let off = DQuat::from_scaled_axis(0.5 * random.vector()) * DQuat::from_array(q.map(f64::from));
@@ -258,9 +258,9 @@ fn far_rotations_are_found_from_a_cold_and_a_warm_start() {
 
 #[test]
 fn inverted_tetrahedra_keep_proper_rotations() {
-    // elastic/element_forces where det F < 0: the rotation is the proper one, which flips the direction of least stretch. With
-    // singular values s1 >= s2 >= s3 a round leaves s1 / (s1 + s2 + s3) of the error, here up to 0.85: the first step
-    // comes near, and a few more arrive.
+    // elastic/element_forces where det F < 0: the rotation is the proper one, which flips the direction of least
+    // stretch. With singular values s1 >= s2 >= s3 a round leaves s1 / (s1 + s2 + s3) of the error, here up to 0.85:
+    // the first step comes near the rotation, and a few more steps reach it.
     let mut system = deformed(500, 13, |random| {
         let turn = random.turn(2.5);
         stretched(turn, -0.35 + 0.25 * random.next(), random)
@@ -269,7 +269,7 @@ fn inverted_tetrahedra_keep_proper_rotations() {
     let want = body.elements.rotations(&body.displacement);
     system.rotate();
     for (t, (q, want)) in quaternions(&system).iter().zip(want).enumerate() {
-        assert!(angle(*q, want) < INVERTED_FROM_AFAR, "[{t}]: {q} is {:e} rad from {want}", angle(*q, want));
+        assert!(angle(*q, want) < INVERTED_FROM_AFAR, "tetrahedron {t}: {q} is {:e} rad from {want}", angle(*q, want));
     }
     for _ in 0..4 {
         system.rotate();
@@ -295,14 +295,14 @@ fn one_that_is_inside_out_raises_a_flag_beside_others() {
         assert_eq!(gradients.filter(|f| f.determinant() <= 0.0).count(), usize::from(is_inverted));
         system.counts.flags = Flags::DEPTH_BEYOND_LIMIT.0;
         let want = if is_inverted { Flags::INVERTED } else { Flags::default() } | Flags::DEPTH_BEYOND_LIMIT;
-        assert_eq!(flags_of(&system), want, "a least stretch of {least}");
+        assert_eq!(flags_of(&system), want, "flags for a least stretch of {least}");
     }
 }
 
 #[test]
 fn a_rotation_that_is_not_found_raises_a_flag_until_it_is() {
-    // elastic/element_forces on tetrahedra pressed to needles and turned: a round leaves 0.987 of the error of the turn about
-    // the needle.
+    // elastic/element_forces on tetrahedra pressed to needles and turned: a round leaves 0.987 of the error of the turn
+    // about the needle.
     let mut system = deformed(100, 29, |random| {
         let axes = DMat3::from_quat(random.turn(2.5));
         let turn = DMat3::from_quat(DQuat::from_scaled_axis(0.5 * random.vector()));
@@ -315,11 +315,14 @@ fn a_rotation_that_is_not_found_raises_a_flag_until_it_is() {
         let flags = flags_of(&system);
         system.rotate();
         let off = quaternions(&system).iter().zip(&wanted).map(|(q, want)| angle(*q, *want)).fold(0.0, f64::max);
-        assert!(step > 0 || off > FOUND, "{off:e} rad are not far");
-        assert!(flags == Flags::INVERTED || off < FOUND, "step {step}: {off:e} rad off, and no flag");
+        assert!(step > 0 || off > FOUND, "the first rotations are only {off:e} rad off");
+        assert!(
+            flags == Flags::INVERTED || off < FOUND,
+            "step {step}: a rotation is {off:e} rad off, and there is no flag"
+        );
         flagged += usize::from(flags == Flags::INVERTED);
     }
-    assert!((1..50).contains(&flagged), "{flagged} of 60 steps");
+    assert!((1..50).contains(&flagged), "{flagged} of 60 steps have a flag");
 }
 
 #[test]
@@ -335,8 +338,8 @@ fn tiny_strains_keep_their_digits() {
 
 #[test]
 fn rigid_motions_give_no_force_and_forces_balance() {
-    // elastic/element_forces: a rotated tetrahedron has no more force than rounding of its strain gives; forces sum to zero; a
-    // rigid spin of the whole (v = w x x) is not resisted.
+    // elastic/element_forces: a rotated tetrahedron has no more force than rounding of its strain gives; forces sum to
+    // zero; a rigid spin of the whole body (v = w x x) causes no damping force.
     let spin = DVec3::new(3.0, -2.0, 1.0);
     let mut system = deformed(300, 19, |random| DMat3::from_quat(random.turn(2.5)));
     let body = &system.twin.bodies[0];
@@ -351,7 +354,7 @@ fn rigid_motions_give_no_force_and_forces_balance() {
         .collect();
     for (t, forces) in system.element_forces[..1200].chunks(4).enumerate() {
         let size = crate::solver::system::triples(forces).iter().fold(0.0f32, |m, x| m.max(x.abs()));
-        assert!(f64::from(size) < FORCE * unit[t], "[{t}]: {size:e} of {:e} at a strain of one", unit[t]);
+        assert!(f64::from(size) < FORCE * unit[t], "tetrahedron {t}: force {size:e}, at a strain of one {:e}", unit[t]);
     }
     // With the tetrahedra deformed, the forces of each must balance.
     system.displacement.iter_mut().for_each(|d| d[0] *= 1.3);
@@ -359,7 +362,7 @@ fn rigid_motions_give_no_force_and_forces_balance() {
     for forces in system.element_forces[..1200].chunks(4) {
         let sum: DVec3 = forces.iter().map(|f| DVec3::new(f[0].into(), f[1].into(), f[2].into())).sum();
         let size: f64 = forces.iter().map(|f| f64::from(f[0].abs() + f[1].abs() + f[2].abs())).sum();
-        assert!(sum.length() < 1e-6 * size, "forces leave {sum}");
+        assert!(sum.length() < 1e-6 * size, "the forces of a tetrahedron sum to {sum}");
     }
 }
 
@@ -372,7 +375,7 @@ fn the_oracles_polar_rotation_is_one() {
         let f = stretched(random.turn(2.5), least, &mut random);
         let rest = DMat3::from_quat(polar_rotation(f)).transpose() * f;
         let skew = rest - rest.transpose();
-        assert!(skew.to_cols_array().iter().all(|x| x.abs() < 1e-12), "{skew}");
+        assert!(skew.to_cols_array().iter().all(|x| x.abs() < 1e-12), "antisymmetric part of R^T F: {skew}");
     }
     assert_eq!(outer(DVec3::X, DVec3::Y).y_axis, DVec3::X);
 }
@@ -383,7 +386,7 @@ fn a_law_that_is_not_known_is_no_number() {
     system.model.materials[0].law = 9;
     let outcome = rotate(&system, &[]);
     let forces = outcome.get::<[f32; 4]>("element_forces");
-    assert!(forces.iter().all(|f| f[..3].iter().all(|x| x.is_nan())), "{forces:?}");
+    assert!(forces.iter().all(|f| f[..3].iter().all(|x| x.is_nan())), "forces must be NaN: {forces:?}");
     let gradients = outcome.get::<[f32; 4]>("gradients");
-    assert!(gradients.iter().all(|g| g[0].is_nan()), "{gradients:?}");
+    assert!(gradients.iter().all(|g| g[0].is_nan()), "gradients must be NaN: {gradients:?}");
 }

@@ -1,6 +1,6 @@
-//! Fields on the skins for display (contact depth and pressure, strain energy density, displacement): each kernel
-//! against f64, whole fields against values computed on the host, and a run whose fields are read
-//! against a run whose fields are not.
+//! Fields on the skins (surface meshes) for display: contact depth and pressure, strain energy density, displacement.
+//! Each kernel is compared with f64, whole fields with values computed on the host, and a run whose fields are read
+//! with a run whose fields are not.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::{Const, Size};
@@ -162,7 +162,7 @@ fn energies_of_patches_agree_with_the_oracle() {
     let want = wanted(&system);
     expect_of_largest("densities of patches", &column(&got, 0), &want, DENSITY);
     let alone = column(&densities, 0).iter().zip(&want).filter(|(got, want)| f64::from(**got) < 0.9 * **want).count();
-    assert!(count > 1 && alone > 0, "patches have a part in it");
+    assert!(count > 1 && alone > 0, "patches must change the densities of some tetrahedra");
 }
 
 #[test]
@@ -243,7 +243,7 @@ fn nodes_have_the_mean_of_their_tetrahedra_and_vertices_that_of_their_nodes() {
     }
 }
 
-/// Nodes and weights of `n` skin vertices, at least one, of which some are rigid.
+/// Nodes and weights of `n` skin vertices, at least one, of which some belong to rigid bodies.
 fn vertices(n: usize, nodes: usize, random: &mut Random) -> (Vec<[u32; 4]>, Vec<[f32; 4]>) {
     let four = |k: usize, random: &mut Random| match k % 7 {
         6 => [NONE, 0, 0, 0],
@@ -333,7 +333,7 @@ fn contacts_show_at_both_skins_and_the_greatest_of_a_vertex_stays() {
             let mut contacts: Vec<Contact> = (0..n.max(1)).map(|c| contact(c, &mut random)).collect();
             let mut forces: Vec<[f32; 4]> =
                 contacts.iter().map(|_| [0.0, 0.0, 0.0, 0.2 * random.next() as f32]).collect();
-            // One force is NaN, which no solver would leave, and one contact is under tension.
+            // One force is NaN, which the solver would never write, and one contact is under tension.
             if n > 20 {
                 forces[3][3] = f32::NAN;
                 contacts[6].rate = -100.0;
@@ -372,8 +372,8 @@ fn contacts_show_at_both_skins_and_the_greatest_of_a_vertex_stays() {
     }
 }
 
-/// A field as it is on the GPU, without its padding. Also checks that the greatest value reported for each body is that
-/// of its vertices.
+/// A field as the GPU stores it, without padding. Also checks that the greatest value reported for each body is that of
+/// its vertices.
 fn shown(simulation: &mut Simulation, field: Field) -> Vec<f32> {
     let ranges = simulation.skin_ranges();
     let found = simulation.field(field).unwrap();
@@ -420,7 +420,7 @@ fn of_host(simulation: &Simulation) -> (Vec<f64>, Vec<f64>) {
     (energies, distances)
 }
 
-/// Depth and pressure at all skin vertices from the contacts of the last step, as they were at its start.
+/// Depth and pressure at all skin vertices from the contacts of the last step, as they were at the start of that step.
 fn of_contacts(simulation: &Simulation) -> (Vec<f64>, Vec<f64>) {
     let total = simulation.skin_ranges().last().unwrap().end;
     let (mut depths, mut pressures) = (vec![0.0f64; total], vec![0.0f64; total]);
@@ -466,14 +466,23 @@ fn fields_are_what_the_host_knows() {
             let (depths, _) = of_contacts(&simulation);
             let got = Field::ALL.map(|field| shown(&mut simulation, field));
             expect_close(&format!("{name}: depth"), &got[0], &depths, Tolerance { abs: 0.0, rel: 0.0 });
-            assert!(got[0].iter().zip(&got[1]).all(|(depth, pressure)| *pressure == 0.0 || *depth > 0.0), "{name}");
+            assert!(
+                got[0].iter().zip(&got[1]).all(|(depth, pressure)| *pressure == 0.0 || *depth > 0.0),
+                "{name}: a vertex has pressure but no depth"
+            );
             for (field, wanted) in [(Field::StrainEnergy, &energies), (Field::Displacement, &distances)] {
                 let largest = wanted.iter().copied().fold(0.0, f64::max);
                 let tolerance = Tolerance { abs: WHOLE * largest + REST, rel: 0.0 };
                 expect_close(&format!("{name}: {}", field.name()), &got[field as usize], wanted, tolerance);
             }
-            assert!(steps == 0 || (got[2].iter().any(|e| *e > 0.0) && got[3].iter().any(|d| *d > 0.0)), "{name}");
-            assert!(steps == 0 || name == "a chain" || got[1].iter().any(|p| *p > 0.0), "{name}: nothing touches");
+            assert!(
+                steps == 0 || (got[2].iter().any(|e| *e > 0.0) && got[3].iter().any(|d| *d > 0.0)),
+                "{name}: strain energy or displacement is zero everywhere"
+            );
+            assert!(
+                steps == 0 || name == "a chain" || got[1].iter().any(|p| *p > 0.0),
+                "{name}: pressure is zero everywhere"
+            );
         }
     }
 }
@@ -486,11 +495,16 @@ fn pressures_are_what_the_tool_feels() {
     let mut touched = 0;
     for row in run_looking(&mut simulation, 50) {
         let felt = row.0.tool.unwrap().force;
-        assert!(row.1.distance(felt) <= PRESSURE * row.2, "step {}: {} for {felt}", row.0.step, row.1);
+        assert!(
+            row.1.distance(felt) <= PRESSURE * row.2,
+            "step {}: pressures sum to {} N, the tool feels {felt} N",
+            row.0.step,
+            row.1
+        );
         touched += usize::from(felt.length() > 0.01);
     }
     assert!(touched > 10);
-    // Both skins show the pressure. After a state is restored, the pressure at the start of the step is shown.
+    // Both skins have pressure. After a state is restored, the field is the pressure at the start of the step.
     let values = shown(&mut simulation, Field::Pressure);
     let ranges = simulation.skin_ranges();
     assert!(ranges.iter().all(|range| values[range.clone()].iter().any(|p| *p > 0.0)));
@@ -501,8 +515,8 @@ fn pressures_are_what_the_tool_feels() {
     expect_of_largest("pressures at the start", &values, &began, PRESSURE);
 }
 
-/// For each step its report, the force that the pressures of the tool's own contacts give, N, and the sum of their
-/// sizes, N.
+/// For each step: its report, the force that the pressures of the tool's own contacts give, N, and the sum of the
+/// magnitudes of these forces, N.
 fn run_looking(simulation: &mut Simulation, steps: usize) -> Vec<(StepReport, DVec3, f64)> {
     let mut all = Vec::new();
     for _ in 0..steps {
@@ -510,7 +524,7 @@ fn run_looking(simulation: &mut Simulation, steps: usize) -> Vec<(StepReport, DV
         let values = shown(simulation, Field::Pressure);
         let (mut force, mut size) = (DVec3::ZERO, 0.0);
         for c in simulation.touch().unwrap().1 {
-            assert_eq!(c.side % 2, 1, "the tool's vertices gather");
+            assert_eq!(c.side % 2, 1, "side of a contact: only the tool's vertices are tested");
             let push = f64::from(c.area) * f64::from(values[c.vertex as usize]);
             force += push * DVec3::from(c.normal.map(f64::from));
             size += push;
@@ -532,7 +546,7 @@ fn a_run_that_is_looked_at_is_the_same_bits() {
                     row.tool.map(|t| [t.tool.position, t.force, t.torque].map(|x| x.to_array().map(f64::to_bits)));
                 (tool, row.contacts, row.iterations, row.residual.to_bits(), row.flags)
             });
-            assert_eq!(bits[0], bits[1], "step {step}");
+            assert_eq!(bits[0], bits[1], "results of step {step} of both runs");
             if step % 3 == 0 {
                 seen.skins(DVec3::Y).unwrap();
                 Field::ALL.iter().for_each(|field| drop(seen.field(*field).unwrap()));
@@ -544,6 +558,6 @@ fn a_run_that_is_looked_at_is_the_same_bits() {
             }
         }
         let end = [&plain, &seen].map(|simulation| simulation.save().unwrap());
-        assert!(end[0] == end[1], "the states differ");
+        assert!(end[0] == end[1], "the states at the end differ");
     }
 }

@@ -1,6 +1,6 @@
-//! Kernels that deal with the coordinate frames of bodies: tetrahedra, skin and proxies with nodes in two frames, nodes
-//! attached to kinematic frames, the new state as seen from the frame at the end of a step, and the sums from which a
-//! floating frame is fitted.
+//! Kernels that deal with the rigid coordinate frames of bodies: tetrahedra, skin (surface mesh) and collision proxies
+//! with nodes in two frames, nodes attached to kinematic frames, the new state relative to the frame at the end of a
+//! step, and the sums from which a floating frame is fitted.
 
 use bytemuck::Zeroable;
 use glam::{DMat3, DQuat, DVec3};
@@ -59,8 +59,8 @@ fn two_frames() -> Body {
 }
 
 /// The bar at some place, and bent: its frames are turned by up to `angle` (rad) against one another, and nodes are
-/// displaced in their frames. Links (transforms between frames) and frames are as the host writes them; the twin has
-/// the same shape relative to rest axes.
+/// displaced in their frames. Links (transforms between frames) and frames are as the host writes them. The f64
+/// oracle's bar has the same shape relative to rest axes.
 fn bent(angle: f64, seed: u64) -> (System, Vec<Placed>) {
     let body = two_frames();
     let mut random = Random(seed);
@@ -117,7 +117,7 @@ fn tetrahedra_that_span_two_frames_have_the_oracles_forces() {
         assert!(spanning > 10, "{spanning} tetrahedra span the frames");
         system.rotate();
         let body = &system.twin.bodies[0];
-        // The twin uses its own rotations, those of the whole deformation from rest axes.
+        // The oracle uses its own rotations, those of the whole deformation from rest axes.
         let rotations = body.elements.rotations(&body.displacement);
         let elastic = body.elements.forces(&body.displacement, &rotations);
         let h = system.twin.dt;
@@ -133,7 +133,7 @@ fn tetrahedra_that_span_two_frames_have_the_oracles_forces() {
         let want: Vec<DVec3> = elastic.iter().zip(&viscous).map(|(f, kv)| h * *f - *kv).collect();
         let largest = want.iter().map(|f| f.length()).fold(0.0, f64::max);
         let error = got.iter().zip(&want).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / largest;
-        assert!(error < FORCE, "frames {angle} rad apart: {error:e}");
+        assert!(error < FORCE, "frames turned by {angle} rad: relative error of forces {error:e}");
     }
 }
 
@@ -240,7 +240,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
         };
         let want = 2.0 * moved.iter().zip(&layer.nodes).map(away).fold(0.0, f64::max);
         let got = f64::from(bounds.inflation);
-        assert!(got > want && got < 1.0011 * want + 1.1e-6, "{got} for {want}");
+        assert!(got > want && got < 1.0011 * want + 1.1e-6, "inflation {got} m, expected {want} m");
     }
 }
 
@@ -290,7 +290,7 @@ fn the_new_state_is_the_same_place_seen_from_the_frames_end() {
         for (i, got) in out.get::<[f32; 4]>("displacement").iter().enumerate().take(count) {
             let x = start.centre + start.rotation * (wide(&rest[i]) + wide(&d[i])) + h * wide(&v[i]);
             let want = end.rotation.conjugate() * (x - end.centre) - wide(&rest[i]);
-            assert!(wide(got).distance(want) < PLACED.abs, "{got:?} for {want}");
+            assert!(wide(got).distance(want) < PLACED.abs, "displacement {got:?}, expected {want}");
         }
     }
 }
@@ -318,12 +318,12 @@ fn kinematic_nodes_go_where_their_frame_takes_them() {
             .run();
         let got: Vec<[f32; 4]> = out.get("velocity");
         for i in 0..count {
-            assert_eq!(got[2 * i], [-7.0; 4], "free nodes stay");
+            assert_eq!(got[2 * i], [-7.0; 4], "velocity of a free node, which must stay");
             let r = wide(&rest[2 * i + 1]);
             let want = (end.centre + end.rotation * r - start.centre - start.rotation * r) / h;
-            // f32 knows the vector part of the frame's turn, and so the arc, to 6e-8 of itself.
+            // In f32 the vector part of the frame's turn, and thus the arc, has a relative error of 6e-8.
             let tolerance = VELOCITY.abs + VELOCITY.rel * (want.length() + angle * r.length() / h);
-            assert!(wide(&got[2 * i + 1]).distance(want) < tolerance, "{:?} for {want}", got[2 * i + 1]);
+            assert!(wide(&got[2 * i + 1]).distance(want) < tolerance, "velocity {:?}, expected {want}", got[2 * i + 1]);
         }
     }
 }
@@ -403,7 +403,7 @@ fn floating_frames_are_fitted_from_the_sums_of_their_nodes() {
         }
         for (k, got) in [fit.shift, fit.twist, fit.momentum, fit.spin].iter().enumerate() {
             let error = wide(got).distance(want[k]) / size[k];
-            assert!(error < SUM, "sum {k} of {} nodes: {error:e}", sizes[i]);
+            assert!(error < SUM, "sum {k} of {} nodes: relative error {error:e}", sizes[i]);
         }
     }
 }

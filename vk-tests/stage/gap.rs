@@ -1,5 +1,5 @@
-//! Kernel wrench/gap, which finds the shortest vector from the tool to the skins at the end of a step, against every
-//! point and triangle in f64, and the report of it to the haptic loop.
+//! Kernel wrench/gap, which finds the shortest vector (a way) from the tool to the skins (surface meshes) at the end of
+//! a step, against every point and triangle in f64, and the gap that is reported to the haptic loop.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -17,11 +17,11 @@ use crate::stage::flow::{Flow, fours, some};
 
 /// Radius of a sphere tool, m.
 const RADIUS: f64 = 0.01;
-/// Error of a way, m: positions of a tenth of a metre, some ten operations in f32.
+/// Error of a way, m: positions of a tenth of a metre after some ten operations in f32.
 const CLOSE: f64 = 2.0e-7;
 /// The length that stands for no way, m.
 const FAR: f32 = 3.0e38;
-/// Greatest number of chunks (groups of skin vertices and triangles) in a part, which one workgroup handles.
+/// Greatest number of chunks (groups of skin vertices and triangles) in a part of a skin, which one workgroup handles.
 const SHARE: u32 = 8;
 
 /// Inputs of wrench/gap besides the flow's arrays; the tool is the flow's last body.
@@ -102,13 +102,13 @@ impl Given {
             .output::<SkinGap>("gaps", self.parts.len())
             .groups(self.parts.len())
             .run();
-        // Vertices that the kernel looked at are where the oracle has them, relative to the tool's centre and along its
-        // axes.
+        // The positions of vertices that the kernel read must be those of the oracle, relative to the tool's centre and
+        // along its axes.
         let ((centre, rotation), positions) = (self.tool_at_end(), self.positions());
         for (got, want) in out.get::<[f32; 4]>("skin").iter().zip(&positions) {
             let want = rotation.inverse() * (*want - centre);
             let is_there = vector([got[0], got[1], got[2]]).distance(want) < CLOSE;
-            assert!(*got == [-5.0; 4] || (is_there && got[3] == 1.0), "{got:?} {want}");
+            assert!(*got == [-5.0; 4] || (is_there && got[3] == 1.0), "vertex at {got:?}, expected {want}");
         }
         out.get("gaps")
     }
@@ -188,7 +188,7 @@ impl Given {
         let of_tool: Vec<&Proxy> = model.proxies.iter().filter(|p| p.frame as usize == self.tool_frame()).collect();
         let (first, count) = (of_tool[0].chunk_first, of_tool.iter().map(|p| p.chunk_count).sum());
         let (tool_indices, tool_corners) = self.triangles(first, count);
-        // Vertices of each go against triangles of the other; corners are indices among all positions.
+        // Vertices of the tool go with triangles of the part, and the reverse; corners are indices among all positions.
         let towards = own(first, count)
             .into_iter()
             .flat_map(|x| oracle::from_point(x, (&positions, &corners)).collect::<Vec<_>>());
@@ -200,14 +200,14 @@ impl Given {
     }
 
     /// Compares the kernel's ways with all ways, at the workgroup sizes of a CPU and of a GPU. Returns the number of
-    /// parts with something near, and the number of parts in which the tool is within the body.
+    /// parts within reach of the tool, and the number of parts in which the tool is within the body.
     fn agree(&self) -> [usize; 2] {
         let (mut near, mut within) = (0, 0);
         let [small, large] = [Size::Reduce, Size::Group].map(|size| self.run(size));
         let reach = RANGE + if self.is_round { self.radius } else { 0.0 };
         for ((part, got), other) in self.parts.iter().zip(&small).zip(&large) {
             let [one, two] = [got, other].map(|gap| (gap.way.map(f32::to_bits), gap.triangle));
-            assert_eq!(one, two, "sizes of workgroups");
+            assert_eq!(one, two, "way and triangle, with workgroups of two sizes");
             let ways = self.ways(part);
             let size = |way: Way| way.along.length();
             let front = oracle::shortest(ways.iter().copied(), true).filter(|way| size(*way) < reach);
@@ -215,20 +215,32 @@ impl Given {
             match front {
                 Some(front) => {
                     let way = vector(got.way);
-                    assert!((way.length() - size(front)).abs() < CLOSE, "{got:?} {front:?}");
+                    assert!(
+                        (way.length() - size(front)).abs() < CLOSE,
+                        "the kernel's way {got:?}, the oracle's {front:?}"
+                    );
                     let mut same = ways.iter().filter(|way| way.triangle == got.triangle as usize && way.faces);
-                    assert!(same.any(|known| known.along.distance(way) < CLOSE), "{got:?} {front:?}");
+                    assert!(
+                        same.any(|known| known.along.distance(way) < CLOSE),
+                        "not a way to its triangle: {got:?}, shortest {front:?}"
+                    );
                     near += 1;
                 }
                 None => assert_eq!((got.way, got.triangle), ([0.0; 3], NONE)),
             }
-            // If the nearest triangle faces away, its way is found; otherwise `back` is some way that was met during
-            // the search.
+            // If the nearest triangle faces away, `back` is the length of the way to it; otherwise `back` is the length
+            // of some way that was met during the search.
             let most = front.map_or(f64::INFINITY, |front| size(front) - CLOSE);
             for found in [got, other].map(|got| f64::from(got.back)) {
                 match back.filter(|back| size(*back) < most) {
-                    Some(back) => assert!((found - size(back)).abs() < CLOSE, "{found} {back:?}"),
-                    None => assert!(found > back.map_or(0.0, |back| size(back) - CLOSE), "{found} {back:?}"),
+                    Some(back) => assert!(
+                        (found - size(back)).abs() < CLOSE,
+                        "way to a triangle that faces away: length {found} m, expected {back:?}"
+                    ),
+                    None => assert!(
+                        found > back.map_or(0.0, |back| size(back) - CLOSE),
+                        "length {found} m of a way to a triangle that faces away; shortest {back:?}"
+                    ),
                 }
             }
             within += usize::from(back.is_some_and(|back| size(back) < most));
@@ -240,7 +252,7 @@ impl Given {
 /// A rigid skin of `count` loose triangles about the origin: centres lie up to `reach` (m) away along each axis, edges
 /// are some `edge` (m) long.
 fn soup(name: &str, count: usize, reach: f64, edge: f64, random: &mut Random) -> Body {
-    // A skin has one triangle at least; a test that wants none cuts it off later.
+    // A skin has at least one triangle; a test that needs none removes it later.
     let count = count.max(1);
     let mut vertices = vec![];
     for _ in 0..count {
@@ -286,8 +298,11 @@ fn a_triangle_before_a_sphere_and_behind_it_by_hand() {
         given.changes = vec![[0.0, 0.0, 0.64, 0.0, 0.0, 0.0]];
         let got = given.run(Size::Reduce)[0];
         match front {
-            true => assert!((got.way, got.triangle, got.back) == ([0.0, 0.0, -0.04], 0, FAR), "{got:?}"),
-            false => assert!((got.triangle, got.back) == (NONE, 0.04), "{got:?}"),
+            true => assert!(
+                (got.way, got.triangle, got.back) == ([0.0, 0.0, -0.04], 0, FAR),
+                "triangle in front of the sphere: {got:?}"
+            ),
+            false => assert!((got.triangle, got.back) == (NONE, 0.04), "triangle behind the sphere: {got:?}"),
         }
         // A little farther away the triangle is out of reach.
         given.flow.params.tool_centre[2] += if front { 1e-5 } else { -1e-5 };
@@ -316,7 +331,7 @@ fn equal_ways_go_to_the_lower_triangle() {
     given.changes = vec![[0.0; 6]];
     for size in [Size::Reduce, Size::Group] {
         let got = given.run(size)[0];
-        assert_eq!((got.way, got.triangle), ([0.0, 0.0, -0.02], 0), "{got:?}");
+        assert_eq!((got.way, got.triangle), ([0.0, 0.0, -0.02], 0), "way and triangle: {got:?}");
     }
 }
 
@@ -347,16 +362,19 @@ fn shortest_ways_to_loose_triangles_of_any_number() {
             (near, within) = (near + some, within + inside);
             // First all parts lose their chunks, then there are no parts at all.
             given.parts.iter_mut().for_each(|part| part.chunk_count = 0);
-            assert!(given.run(Size::Reduce).iter().all(|got| got.triangle == NONE), "{n}");
+            assert!(
+                given.run(Size::Reduce).iter().all(|got| got.triangle == NONE),
+                "{n} triangles: a way to a part without chunks"
+            );
             given.parts.clear();
             assert!(given.run(Size::Reduce).is_empty());
         }
     }
-    assert!(near >= 20 && within > 5, "{near} parts near, {within} within");
+    assert!(near >= 20 && within > 5, "{near} parts within reach; in {within} parts the tool is within the body");
 }
 
 /// A soft ball, and displacements of its nodes of up to `size` (m). If `spans`, all but its left end belongs to a
-/// second frame, a dynamic core.
+/// second rigid coordinate frame, that of a dynamic core.
 fn ball(spans: bool, size: f64, random: &mut Random) -> (Body, Vec<[f32; 4]>) {
     let mut ball = soft("ball", sphere(0.04, 4), octants, DVec3::new(0.02, -0.01, 0.03), random.turn(3.0));
     let Shape::Soft { layer, frames, node_frames, .. } = &mut ball.shape else { unreachable!() };
@@ -402,7 +420,7 @@ fn shortest_ways_to_deformed_bodies() {
         if spans {
             given.flow.frames[1].core = 0;
             given.flow.frames[1].angular = random.vector().as_vec3().to_array();
-            assert_eq!(given.changes.len(), 2, "one core and the tool");
+            assert_eq!(given.changes.len(), 2, "number of twists: of one core and of the tool");
         }
         let links = given.flow.model.links.clone();
         for (link, [to, from]) in given.flow.links.iter_mut().zip(&links) {
@@ -421,11 +439,11 @@ fn shortest_ways_to_deformed_bodies() {
             (near, within) = (near + some, within + inside);
         }
     }
-    println!("{near} parts near, {within} within");
-    assert!(near > 60 && within > 30, "{near} parts near, {within} within");
+    println!("{near} parts within reach; in {within} parts the tool is within the body");
+    assert!(near > 60 && within > 30, "{near} parts within reach, {within} with the tool within the body");
 }
 
-/// The gap that the haptic loop is told, in whole steps.
+/// The gap that whole steps report to the haptic loop.
 mod told {
     use glam::{DQuat, DVec3};
     use palpate::internal::step::{ContactWrench, DeviceInput};
@@ -450,8 +468,8 @@ mod told {
         open(&scene(&text), None)
     }
 
-    /// A block whose nodes are all attached to a core; its top is at y = 0, and its sides are at 0.04 each way in x and
-    /// z.
+    /// A block whose nodes are all attached to a rigid core; its top is at y = 0, and its sides are at 0.04 each way in
+    /// x and z.
     fn block(core: &str) -> String {
         format!(
             "[[body]]\nname = \"block\"\n\
@@ -478,12 +496,16 @@ mod told {
 
     fn expect(simulation: &mut Simulation, tool: RigidState, normal: DVec3, distance: f64) {
         let wrench = step(simulation, tool);
-        let gap = wrench.gap.unwrap_or_else(|| panic!("no gap at {}", tool.position));
-        assert!((gap.distance - distance).abs() < CLOSE, "{gap:?}, not {distance} at {}", tool.position);
-        assert!(gap.normal.distance(normal.normalize()) < 1e-5, "{gap:?}, not {normal}");
+        let gap = wrench.gap.unwrap_or_else(|| panic!("no gap is reported with the tool at {} m", tool.position));
+        assert!(
+            (gap.distance - distance).abs() < CLOSE,
+            "{gap:?}, expected {distance} m with the tool at {} m",
+            tool.position
+        );
+        assert!(gap.normal.distance(normal.normalize()) < 1e-5, "{gap:?}, expected a normal along {normal}");
         // The stiffness is that of the ring along which the sphere touches in its first millimetre.
         let stiffness = STIFFNESS * 2.0 * std::f64::consts::PI * RADIUS * 1e-3;
-        assert!((gap.stiffness / stiffness - 1.0).abs() < 1e-6, "{gap:?}");
+        assert!((gap.stiffness / stiffness - 1.0).abs() < 1e-6, "wrong stiffness: {gap:?}");
         assert_eq!((wrench.wrench.force, wrench.pressing), (DVec3::ZERO, 0.0));
     }
 
@@ -492,7 +514,7 @@ mod told {
         let sphere = format!("sphere = {RADIUS:?}");
         let mut simulation = opened(&block("motion = \"fixed\""), &sphere);
         expect(&mut simulation, at(0.0, 0.015, 0.0), DVec3::Y, 0.005);
-        // Beside an edge and beside a corner, the nearest point is on these.
+        // Next to an edge and next to a corner, the nearest point lies on it.
         expect(&mut simulation, at(0.05, 0.012, 0.001), DVec3::new(0.01, 0.012, 0.0), 0.01f64.hypot(0.012) - RADIUS);
         let corner = DVec3::new(0.01, 0.012, -0.008);
         expect(&mut simulation, at(0.05, 0.012, -0.048), corner, corner.length() - RADIUS);
@@ -509,7 +531,10 @@ mod told {
         simulation.step().unwrap();
         assert_eq!(simulation.contact_wrench().unwrap().gap, None);
         let touching = (0..3).map(|_| step(&mut simulation, at(0.0, 0.0095, 0.0))).last().unwrap();
-        assert!(touching.wrench.force.y > 0.0 && touching.gap.is_none(), "{touching:?}");
+        assert!(
+            touching.wrench.force.y > 0.0 && touching.gap.is_none(),
+            "contact must push upwards and report no gap: {touching:?}"
+        );
         // Deep inside a body no way out is known, so no gap is reported.
         assert_eq!(step(&mut simulation, at(0.0, -0.03, 0.0)).gap, None);
 
@@ -565,20 +590,29 @@ mod told {
         let mut simulation = opened(&format!("{}{FLOOR}", block("motion = \"fixed\"")), &tool);
         let gap = |simulation: &mut Simulation, tool: RigidState| step(simulation, tool).gap;
         let found = gap(&mut simulation, at(0.0, 0.015, 0.0)).unwrap();
-        assert!((found.distance - 0.005).abs() < CLOSE && found.normal.distance(DVec3::Y) < 1e-6, "{found:?}");
-        // The cube is on a corner, 10 mm times the square root of three below its centre.
+        assert!(
+            (found.distance - 0.005).abs() < CLOSE && found.normal.distance(DVec3::Y) < 1e-6,
+            "gap of a cube 5 mm above the block: {found:?}"
+        );
+        // The cube stands on a corner, 10 mm times the square root of three below its centre.
         let turn = DQuat::from_rotation_arc(DVec3::ONE.normalize(), DVec3::NEG_Y);
         let tilted = RigidState { orientation: turn, ..at(0.0, 0.025, 0.0) };
         let found = gap(&mut simulation, tilted).unwrap();
         let want = 0.025 - 0.01 * 3f64.sqrt();
-        assert!((found.distance - want).abs() < CLOSE && found.normal.distance(DVec3::Y) < 1e-5, "{found:?}");
-        // The cube is above the half-space, beside the block.
+        assert!(
+            (found.distance - want).abs() < CLOSE && found.normal.distance(DVec3::Y) < 1e-5,
+            "gap of a cube on its corner: {found:?}"
+        );
+        // The cube is above the half-space, next to the block.
         let beside = RigidState { orientation: turn, ..at(0.3, 0.02, 0.0) };
         let found = gap(&mut simulation, beside).unwrap();
         let normal = DVec3::new(0.0, 0.8, 0.6);
         let local = turn.inverse() * normal;
         let want = 0.8 * 0.02 + 0.02 - 0.01 * (local.x.abs() + local.y.abs() + local.z.abs());
-        assert!((found.distance - want).abs() < CLOSE && found.normal.distance(normal) < 1e-6, "{found:?} {want}");
+        assert!(
+            (found.distance - want).abs() < CLOSE && found.normal.distance(normal) < 1e-6,
+            "gap of a cube over the half-space {found:?}, expected {want} m"
+        );
         // A corner lies in the block at the end of the step: no way out is known, so no gap is reported.
         let fast = RigidState { velocity: DVec3::Y * -2.0, orientation: turn, ..at(0.3, 0.0, 0.0) };
         let fast = RigidState { position: DVec3::new(0.003, 0.0225, 0.001), ..fast };

@@ -1,6 +1,6 @@
-//! Kernels elastic/mean_dilatation and solve/patch_product, against the f64 oracle: F-bar patches, whose tetrahedra share one
-//! volumetric strain (mean dilatation), with their rows in the operator, their part of the right-hand side, and their
-//! part of the operator product.
+//! Kernels elastic/mean_dilatation and solve/patch_product, against the f64 oracle: F-bar patches, whose tetrahedra
+//! share one volumetric strain (mean dilatation), with their rows in the operator, their part of the right-hand side,
+//! and their part of the operator product.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -25,7 +25,7 @@ const PRODUCT: f64 = 3.0e-6;
 /// Largest displacement of a node, m, in cells of 20 mm.
 const AMPLITUDE: f64 = 0.004;
 
-/// The bodies, of which those have patches for which `on` holds.
+/// Gives patches to the bodies for which `on` is true.
 fn patched(mut bodies: Vec<Body>, on: impl Fn(usize) -> bool) -> Vec<Body> {
     for (index, body) in bodies.iter_mut().enumerate().filter(|(index, _)| on(*index)) {
         let Shape::Soft { layer, .. } = &mut body.shape else { panic!("{index} is not soft") };
@@ -34,7 +34,7 @@ fn patched(mut bodies: Vec<Body>, on: impl Fn(usize) -> bool) -> Vec<Body> {
     bodies
 }
 
-/// The arrays of a system's patches as the kernels read them; no tetrahedron counts as lying within a core.
+/// The arrays of a system's patches as the kernels read them; no tetrahedron counts as lying within a rigid core.
 fn arrays(system: &System) -> Patches {
     let mut all = Patches::default();
     for (body, range) in system.twin.bodies.iter().zip(&system.model.soft) {
@@ -45,8 +45,8 @@ fn arrays(system: &System) -> Patches {
     all
 }
 
-/// Runs elastic/element_forces and elastic/mean_dilatation. Returns forces, those of tetrahedra, four zeros and those of patches; and
-/// the rows.
+/// Runs elastic/element_forces and elastic/mean_dilatation. Returns the forces (those of tetrahedra, four zeros, and
+/// those of patches) and the rows.
 fn mean_dilatation(system: &System, all: &Patches) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
     let tetrahedra = system.model.tetrahedra.len();
     let turned = rotate(system, &all.of);
@@ -159,7 +159,7 @@ fn patches_of_one_tetrahedron_are_that_tetrahedron_at_every_size() {
         let with = gathered(&system, &all, &mean_dilatation(&system, &all).0);
         let without: Vec<f64> =
             gathered(&system, &Patches::default(), &system.element_forces).iter().map(|x| f64::from(*x)).collect();
-        expect_of_largest("with and without", &with, &without, FORCE);
+        expect_of_largest("forces with patches of one tetrahedron and without patches", &with, &without, FORCE);
     }
 }
 
@@ -171,7 +171,7 @@ fn patches_of_layers_agree_with_the_oracle() {
         let mut system = System::new(&patched(two_layers_one_on_a_core(), |body| on[body]), AMPLITUDE, seed);
         expect_oracle(&format!("one on a core, {on:?}"), &system, seed + 20);
         system.trial_change = system.random_field(&mut Random(seed)).iter().map(|v| v.map(|x| 0.1 * x)).collect();
-        expect_oracle(&format!("one on a core, {on:?}, again"), &system, seed + 30);
+        expect_oracle(&format!("one on a core, {on:?}, with a trial change"), &system, seed + 30);
     }
 }
 
@@ -182,7 +182,7 @@ fn a_common_velocity_is_not_resisted_at_all() {
     let (_, rows) = mean_dilatation(&system, &all);
     let change = vec![[3.0f32, -20.0, 7.0, 0.0]; system.model.node_rest.len()];
     let forces = product(&system, &all, &rows, &change);
-    assert!(all.count() > 5 && forces.iter().all(|f| *f == [0.0; 4]), "no force, to the last bit");
+    assert!(all.count() > 5 && forces.iter().all(|f| *f == [0.0; 4]), "the force must be exactly zero");
 }
 
 #[test]

@@ -1,5 +1,6 @@
-//! Kernel cull/meet: the lists of chunks (groups of up to 64 skin vertices) of all slots (a collision proxy in a pair
-//! of bodies) become one, in the order of slots, and what does not fit is flagged.
+//! Kernel cull/meet, which joins the lists of chunks (groups of up to 64 skin vertices) of all slots (a collision proxy
+//! in a pair of bodies) into one, in the order of slots, and flags what does not fit. A work item is a chunk in a
+//! contact patch.
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
@@ -10,6 +11,7 @@ use palpate::internal::stages::PAIR_PATCHES;
 use crate::harness::random::Random;
 use crate::harness::{case, context};
 
+/// The flag that not all work items fit.
 const REGION_OVERFLOW: u32 = 2;
 
 #[test]
@@ -105,7 +107,11 @@ fn lists_of_slots_are_joined_in_order() {
             );
             let gather = want.iter().filter(|entry| (entry.pair_proxy as usize) < gathering).count();
             assert_eq!([groups(shaders::ARGS_GATHERING), count.gathering as usize], [gather; 2]);
-            assert_eq!(words[3 * shaders::ARGS_DRAW as usize + 1] as usize, work_items.len(), "instances to draw");
+            assert_eq!(
+                words[3 * shaders::ARGS_DRAW as usize + 1] as usize,
+                work_items.len(),
+                "number of instances to draw"
+            );
         }
     }
 }

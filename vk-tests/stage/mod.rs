@@ -1,4 +1,4 @@
-//! Kernels one by one against f64, with a file for each kernel or group of kernels.
+//! Tests of single kernels against f64, with a file for each kernel or group of kernels.
 
 pub mod candidates;
 pub mod chunks;

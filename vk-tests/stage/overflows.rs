@@ -1,5 +1,6 @@
-//! Kernels depth/ray_hits and contact/candidates where results do not fit: more ray hits than the buffers hold, and loops
-//! that a driver leaves early. Whatever is missing must be flagged. Work items that cannot hit anything are tested too.
+//! Kernels depth/ray_hits and contact/candidates where results do not fit: more ray hits than the buffers hold, and
+//! loops that a driver leaves early. Whatever is missing must be flagged. Work items (a chunk of skin vertices in a
+//! contact patch) that cannot hit anything are tested too.
 
 use std::collections::BTreeMap;
 
@@ -15,6 +16,7 @@ use crate::harness::{assert_clean, context};
 use crate::stage::flow::Flow;
 use crate::stage::ray_hits::{bumpy, contact_patch, is_hit, meshes};
 
+/// The flag that some ray hits or contacts are missing.
 const CONTACT_OVERFLOW: u32 = 4;
 
 /// Runs depth/ray_hits with room for `ray_hits` hits: either all are found, or a flag says that some are missing.
@@ -23,9 +25,13 @@ fn found_or_flagged(what: &str, mut flow: Flow, ray_hits: usize) {
     flow.embed();
     flow.cross();
     let found: usize = is_hit(&flow).values().map(BTreeMap::len).sum();
-    println!("{what}: {found} of {ray_hits} ray_hits, flags {}", flow.counts.flags);
+    println!("{what}: {found} ray hits found, room for {ray_hits}; flags {}", flow.counts.flags);
     let flags = if found < ray_hits { CONTACT_OVERFLOW } else { 0 };
-    assert_eq!((found, flow.counts.flags), (flow.counts.hits as usize, flags), "{what}");
+    assert_eq!(
+        (found, flow.counts.flags),
+        (flow.counts.hits as usize, flags),
+        "{what}: number of ray hits on the lists, and flags"
+    );
 }
 
 #[test]
@@ -33,8 +39,9 @@ fn what_a_driver_leaves_out_of_long_loops_is_flagged() {
     let mut random = Random(67);
     let axes =
         ContactPatch { tangent: [1.0, 0.0, 0.0], bitangent: [0.0, 1.0, 0.0], ..contact_patch(DVec3::Z, 1.0, 0.25) };
-    // Eight rows of eight grid cells, with a triangle for each row. Row r has a pile of vertices in its cell r: lanes
-    // that take a row each come to the piles one after another, and each lane to one pile only.
+    // Eight rows of eight grid cells, with a triangle for each row. Row r has a pile of vertices in its cell r: the
+    // lanes of a workgroup, each of which takes a row, come to the piles one after another, and each lane to one pile
+    // only.
     let at = |k: usize| -0.875 + 0.25 * k as f64;
     let rows = (0..8).flat_map(|r| {
         let across = DVec3::new(0.999, at(r), 0.0);
@@ -44,7 +51,7 @@ fn what_a_driver_leaves_out_of_long_loops_is_flagged() {
     for (piles, each) in [(8, 100), (8, 7_000), (8, 9_000), (2, 40_000), (1, 65_500), (1, 70_000)] {
         let place = |k: usize| DVec3::new(at(k % piles), at(k % piles), 0.5) + 0.002 * random.vector();
         let points: Mesh = ((0..piles * each).map(place).collect(), vec![]);
-        found_or_flagged(&format!("{piles} piles of {each}"), meshes([&points, &rows], &[axes]), piles * each);
+        found_or_flagged(&format!("{piles} piles of {each} vertices"), meshes([&points, &rows], &[axes]), piles * each);
     }
     // Now each triangle covers all cells of a fine grid.
     for layers in [10, 100] {
@@ -55,7 +62,7 @@ fn what_a_driver_leaves_out_of_long_loops_is_flagged() {
         let sheets: Mesh =
             ((0..layers).flat_map(layer).collect(), (0..layers).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect());
         let fine = ContactPatch { cell: [1.0 / 64.0; 2], ..axes };
-        found_or_flagged(&format!("{layers} layers"), meshes([&points, &sheets], &[fine]), 200 * layers as usize);
+        found_or_flagged(&format!("{layers} sheets"), meshes([&points, &sheets], &[fine]), 200 * layers as usize);
     }
 }
 
@@ -74,7 +81,7 @@ fn more_crossings_than_fit_are_flagged() {
         flow.cross();
         assert_eq!((flow.counts.hits, flow.counts.flags), (all, flags));
         let listed: usize = is_hit(&flow).values().map(BTreeMap::len).sum();
-        assert_eq!(listed, most.min(all as usize), "what fits is there");
+        assert_eq!(listed, most.min(all as usize), "number of listed ray hits: all that fit");
     }
 }
 
@@ -95,12 +102,17 @@ fn more_crossings_than_fit_are_flagged_on_both_paths() {
                 QuerySettings { direction: Some(DVec3::Z), depth: Some(path), ..QuerySettings::of(&ball, &pile) };
             let mut query = Query::on_device(context(), &ball, &pile, &settings).unwrap();
             let answer = query.run((DVec3::ZERO, DQuat::IDENTITY), (DVec3::ZERO, DQuat::IDENTITY)).unwrap();
-            println!("{}, {layers} layers: {} ray_hits, flags {:?}", path.name(), answer.counts.hits, answer.flags);
-            assert_eq!(answer.flags.0 & CONTACT_OVERFLOW, flags, "{}, {layers} layers", path.name());
+            println!("{}, {layers} layers: {} ray hits, flags {:?}", path.name(), answer.counts.hits, answer.flags);
+            assert_eq!(
+                answer.flags.0 & CONTACT_OVERFLOW,
+                flags,
+                "{}, {layers} layers: flag that ray hits are missing",
+                path.name()
+            );
             assert!(answer.counts.hits > 1000);
         }
     }
-    assert_clean(context(), "more ray_hits than fit");
+    assert_clean(context(), "more ray hits than fit");
 }
 
 #[test]

@@ -1,6 +1,6 @@
-//! Meshes that are drawn over the skins: collision proxies, cut layers (tetrahedral meshes), cores and bones. Their
-//! vertices must be where the host has them in f64, and they must be closed and face outward. The
-//! squares that show contact patches are tested too.
+//! Meshes that are drawn over the skins (surface meshes): collision proxies, cut layers (tetrahedral meshes), rigid
+//! cores and bones. Their vertices must be where the host computes them in f64, and the meshes must be closed and face
+//! outward. The squares that show contact patches are tested too.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use crate::scene::joints;
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene};
 
-/// Error of positions relative to the distance from the origin that was asked for: f32 sums of a few terms.
+/// Error of positions relative to the distance from the chosen origin: f32 sums of a few terms.
 const POSITION: f64 = 4e-7;
 /// Relative error of volumes: positions are f32.
 const VOLUME: f64 = 1e-5;
@@ -37,15 +37,23 @@ fn read(mesh: &Mesh, origin: DVec3) -> (Vec<DVec3>, Vec<[u32; 3]>) {
 fn check_parts(mesh: &Mesh, triangles: &[[u32; 3]]) {
     let (mut vertex, mut triangle) = (0, 0);
     for part in mesh.parts.iter() {
-        assert_eq!((part.vertices.start, part.triangles.start), (vertex, triangle), "{part:?}");
+        assert_eq!(
+            (part.vertices.start, part.triangles.start),
+            (vertex, triangle),
+            "first vertex and triangle of {part:?}"
+        );
         (vertex, triangle) = (part.vertices.end, part.triangles.end);
         let own = triangles[part.triangles.clone()].as_flattened();
-        assert!(own.iter().all(|v| part.vertices.contains(&(*v as usize))), "{part:?}");
+        assert!(
+            own.iter().all(|v| part.vertices.contains(&(*v as usize))),
+            "a triangle uses vertices outside {part:?}"
+        );
     }
     assert_eq!((vertex, triangle), (mesh.vertex_count, mesh.triangle_count));
 }
 
-/// Checks that every edge is passed as often one way as the other. Corners are identified by their positions.
+/// Checks that every edge is passed as often in one direction as in the other. Corners are identified by their
+/// positions.
 fn expect_closed(what: &str, places: &[DVec3], triangles: &[[u32; 3]]) {
     let key = |v: u32| places[v as usize].to_array().map(f64::to_bits);
     let mut edges: BTreeMap<_, i32> = BTreeMap::new();
@@ -60,7 +68,7 @@ fn expect_closed(what: &str, places: &[DVec3], triangles: &[[u32; 3]]) {
 
 fn near(what: &str, got: DVec3, want: DVec3, origin: DVec3) {
     let (error, reach) = (got.distance(want), (want - origin).length().max(0.1));
-    assert!(error < POSITION * reach, "{what}: {got} for {want}: {error:e}");
+    assert!(error < POSITION * reach, "{what}: at {got} m, expected {want} m, off by {error:e} m");
 }
 
 /// The triangles of a part.
@@ -73,7 +81,8 @@ fn pressed() -> (Simulation, DVec3) {
     (open(&scene(&press(2e4, 1e-3, place, "")), None), place.shift)
 }
 
-/// A chain of three cores, two of which swing; the nodes of the core at its tip are those within a capsule.
+/// A chain of three rigid cores, two of which swing; the nodes attached to the core at its tip are those within a
+/// capsule.
 fn chain() -> Simulation {
     let keys = "motion = \"driven\"\nkeys = [[0.0, 0.4, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703], \
                 [0.2, 0.42, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703]]";
@@ -149,7 +158,7 @@ fn a_layer_is_cut_open_where_its_nodes_are() {
         let middle = |t: &[u32; 4]| t.iter().map(|n| layer.nodes[*n as usize]).sum::<DVec3>() / 4.0;
         let kept = layer.tetrahedra.iter().filter(|t| used.normal.dot(middle(t)) <= used.offset);
         let (want, got) = (kept.map(volume6).sum::<f64>() / 6.0, properties(&places, &triangles).volume);
-        assert!((got - want).abs() < VOLUME * want && want > 0.0, "{got} for {want}");
+        assert!((got - want).abs() < VOLUME * want && want > 0.0, "volume {got} m^3, expected {want} m^3");
         let all = layer.tetrahedra.iter().map(volume6).sum::<f64>() / 6.0;
         let [skin, open] = &mesh.parts[..] else { panic!("two parts of one body") };
         assert_eq!((skin.name.as_str(), open.name.as_str()), ("skin", "cut"));
@@ -162,7 +171,7 @@ fn a_layer_is_cut_open_where_its_nodes_are() {
         let (moved, _) = simulation.nodes(0).unwrap().unwrap();
         let values = mesh.values.read::<f32>().unwrap();
         for (v, n) in nodes.iter().enumerate() {
-            assert!((f64::from(values[v]) - moved[*n].length()).abs() < 1e-7, "vertex {v}");
+            assert!((f64::from(values[v]) - moved[*n].length()).abs() < 1e-7, "displacement shown at vertex {v}");
         }
         assert_eq!(mesh.greatest, values[..mesh.vertex_count].iter().copied().fold(0.0, f32::max));
         let other = simulation.overlay(Overlay::Layers(Field::StrainEnergy), origin).unwrap();
@@ -198,7 +207,11 @@ fn cores_and_bones_are_where_their_frames_are() {
         let whole = layer.tetrahedra.iter().filter(|t| t.iter().all(own));
         let want = whole.map(|t| palpate::internal::prepare::layer::volume6(&layer.nodes, t)).sum::<f64>() / 6.0;
         let got = properties(&places, of(part, &triangles)).volume;
-        assert!((got - want).abs() < VOLUME * want && want > 0.0, "{}: {got} for {want}", part.name);
+        assert!(
+            (got - want).abs() < VOLUME * want && want > 0.0,
+            "{}: volume {got} m^3, expected {want} m^3",
+            part.name
+        );
         let rest: Vec<DVec3> =
             (0..layer.nodes.len() as u32).filter(own).map(|n| at(k, layer.nodes[n as usize])).collect();
         for v in part.vertices.clone() {
@@ -209,15 +222,15 @@ fn cores_and_bones_are_where_their_frames_are() {
     let mesh = simulation.overlay(Overlay::Bones, origin).unwrap();
     let (places, triangles) = read(&mesh, origin);
     check_parts(&mesh, &triangles);
-    assert_eq!(mesh.parts.len(), 1, "one is bound by a capsule");
+    assert_eq!(mesh.parts.len(), 1, "number of bones; the nodes of one core are given by a capsule");
     assert_eq!((mesh.parts[0].name.as_str(), mesh.greatest), ("tip", 0.0));
     expect_closed("a bone", &places, &triangles);
-    assert!(properties(&places, &triangles).volume > 0.0, "it faces outward");
+    assert!(properties(&places, &triangles).volume > 0.0, "the bone must face outward");
     let [a, b] = [DVec3::new(0.1, 0.0, 0.0), DVec3::new(0.13, 0.0, 0.01)].map(|x| at(0, x));
     for x in &places {
         let t = ((*x - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
         let error = (x.distance(a + t * (b - a)) - (0.04 - 0.01 * t)).abs();
-        assert!(error < 1e-6, "{x}: {error:e} off the capsule");
+        assert!(error < 1e-6, "vertex at {x} m: {error:e} m off the capsule");
     }
     let messages = simulation.context().validation_messages();
     assert!(messages.is_empty(), "{messages:#?}");
@@ -226,23 +239,26 @@ fn cores_and_bones_are_where_their_frames_are() {
 #[test]
 fn regions_are_squares_at_their_contacts() {
     let (mut simulation, shift) = pressed();
-    assert!(simulation.contact_patch_rectangles().unwrap().is_empty(), "before the first step");
+    assert!(
+        simulation.contact_patch_rectangles().unwrap().is_empty(),
+        "there are contact patches before the first step"
+    );
     run(&mut simulation, 45);
     let squares = simulation.contact_patch_rectangles().unwrap();
     let contacts = simulation.contacts().unwrap();
     assert_eq!(squares.iter().map(|square| square.contacts).sum::<usize>(), contacts.len());
     let (square, up) = (&squares[0], DQuat::from_rotation_z(0.5) * DVec3::Y);
     assert_eq!(square.bodies, [0, 1]);
-    assert!(square.normal.dot(up) > 0.99, "{square:?}");
+    assert!(square.normal.dot(up) > 0.99, "wrong normal: {square:?}");
     let [u, v] = square.tangents;
     assert!(u.dot(v).abs() < 1e-6 && u.dot(square.normal).abs() < 1e-6 && v.dot(square.normal).abs() < 1e-6);
     for contact in &contacts {
         let from = contact.position - square.centre;
         // The bodies have moved on since, by less than 1 mm a step.
         let within = [u, v].iter().zip(square.half).all(|(t, half)| t.dot(from).abs() <= half + 1e-3);
-        assert!(within && square.normal.dot(from).abs() < 5e-3, "{contact:?} of {square:?}");
+        assert!(within && square.normal.dot(from).abs() < 5e-3, "{contact:?} lies outside of its {square:?}");
     }
-    assert!((square.centre - (shift + up * 0.03)).length() < 0.01, "{square:?}");
+    assert!((square.centre - (shift + up * 0.03)).length() < 0.01, "wrong centre: {square:?}");
     let floor = "[[body]]\nname = \"floor\"\nplane = [0.0, 1.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
                  layer = { box = [[-0.02, -0.02, -0.02], [0.02, 0.02, 0.02]], cells = [3, 3, 3] }\n\
                  position = [0.1, 0.0195, 0.2]\nmaterial = { young = 5e4, poisson = 0.4, density = 1000.0 }\n";
@@ -251,6 +267,6 @@ fn regions_are_squares_at_their_contacts() {
     let squares = simulation.contact_patch_rectangles().unwrap();
     assert_eq!(squares.len(), 1);
     assert!(squares[0].contacts >= 16 && squares[0].normal.y.abs() > 0.999);
-    assert!((squares[0].centre - DVec3::new(0.1, 0.0, 0.2)).length() < 2e-3, "{squares:?}");
+    assert!((squares[0].centre - DVec3::new(0.1, 0.0, 0.2)).length() < 2e-3, "wrong centre: {squares:?}");
     assert!(squares[0].half.iter().all(|half| *half > 0.019 && *half < 0.03));
 }

@@ -1,4 +1,4 @@
-//! Shader view/panel: tinted quads with texels of an atlas, blended with the image, against f64.
+//! Shader view/panel, which draws tinted quads with texels of an atlas and blends them with the image, against f64.
 
 use palpate::internal::gpu::{Before, Buffer, Canvas, Image, Memory, Recorder, Texels};
 use palpate_view::painter::{Atlas, Flat, Painter, Piece};
@@ -55,7 +55,11 @@ fn a_tinted_quad_of_the_atlas_is_mixed_with_the_picture_within_its_part() {
         let tinted: [f64; 4] = std::array::from_fn(|k| f64::from(over[k]) * f64::from(tint[k]) / 255.0);
         for k in 0..4 {
             let want = tinted[k] + 255.0 * f64::from(BACKGROUND[k]) * (1.0 - tinted[3] / 255.0);
-            assert!((f64::from(got[k]) - want).abs() <= ROUNDING, "({x}, {y}) channel {k}: {} for {want}", got[k]);
+            assert!(
+                (f64::from(got[k]) - want).abs() <= ROUNDING,
+                "pixel ({x}, {y}), channel {k}: {}, expected {want}",
+                got[k]
+            );
         }
     }
     assert_clean(context, "panel");

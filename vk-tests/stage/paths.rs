@@ -1,5 +1,5 @@
-//! The two paths of the depth stage, compute and graphics, against each other: the same ray hits, contacts, forces and
-//! step reports, to the last bit.
+//! The two paths (implementations) of the stage that finds ray hits, compute and graphics, against each other: ray
+//! hits, contacts, forces and step reports must be the same to the last bit.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -42,7 +42,7 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
     let (mut contacts, mut force) = (0, 0.0f64);
     for step in 0..steps {
         let rows = simulations.each_mut().map(|simulation| run(simulation, 1).remove(0));
-        assert_eq!(bits(&rows[0]), bits(&rows[1]), "{name}, step {step}: {rows:#?}");
+        assert_eq!(bits(&rows[0]), bits(&rows[1]), "{name}, step {step}: step reports of both paths {rows:#?}");
         let touches = simulations.each_ref().map(|s: &Simulation| {
             let (contact_patches, contacts) = s.touch().unwrap();
             (
@@ -56,9 +56,13 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
     }
     for (simulation, path) in simulations.iter().zip(PATHS) {
         let depth = simulation.plan().entries.iter().find(|entry| entry.stage == "depth").unwrap();
-        assert!(depth.reason == format!("{} path: asked for", path.name()), "{}", depth.reason);
+        assert!(
+            depth.reason == format!("{} path: asked for", path.name()),
+            "reason for the depth path: {}",
+            depth.reason
+        );
     }
-    println!("{name}: up to {contacts} contacts and {force:.2} N, the same by both paths");
+    println!("{name}: up to {contacts} contacts and {force:.2} N, identical on both paths");
     assert!(contacts > 20 && force > 0.1, "{name}: {contacts} contacts, {force} N");
 }
 
@@ -138,9 +142,9 @@ impl Query {
         Query { common, cull, skin, depths, recordings, model, scene }
     }
 
-    /// Hits of one path on the ray of each vertex in the spatial hash, sorted, so that the order in which they were
-    /// found does not matter: 2 * patch + side, triangle, bits of the depth, work item and front. `None` where a flag
-    /// says that some are missing.
+    /// Hits of one path on the ray of each vertex in the spatial hash: 2 * patch + side, triangle, bits of the depth,
+    /// work item and front. They are sorted, so that the order in which they were found does not matter. `None` if a
+    /// flag reports that some are missing.
     fn ray_hits(&self, path: usize, texel: f32, position: DVec3, orientation: DQuat) -> Option<Vec<Vec<[u32; 4]>>> {
         let params = StepParams { depth_limit: 1.0, texel, ..StepParams::zeroed() };
         self.common.params.write(&[params]).unwrap();
@@ -177,13 +181,13 @@ impl Query {
         };
         let all: Vec<Vec<_>> = (0..hash_entries).map(list).collect();
         let found: usize = all.iter().map(Vec::len).sum();
-        assert_eq!(found, counts.hits as usize, "ray_hits on the lists, and counted");
+        assert_eq!(found, counts.hits as usize, "ray hits on the lists, and counted by the kernel");
         // Other flags may be raised: at some poses there are more directions than a pair has contact patches for.
         (!Flags(counts.flags).contains(Flags::CONTACT_OVERFLOW)).then_some(all)
     }
 }
 
-/// Compares the paths at random poses of the tool beside a vertex of the body, with grid cells of these edges (m; 0:
+/// Compares the paths at random poses of the tool near a vertex of the body, with grid cells of these edges (m; 0:
 /// chosen from the skins) in turn. Returns the number of hits, and the most cells along a side of a contact patch.
 fn compare(body: Body, tool: &Body, poses: usize, texels: &[f32]) -> (usize, f32) {
     let prepare::Shape::Rigid { skin, .. } = &body.shape else { panic!("not rigid") };
@@ -197,7 +201,7 @@ fn compare(body: Body, tool: &Body, poses: usize, texels: &[f32]) -> (usize, f32
         let orientation = random.turn(3.0);
         let texel = texels[pose % texels.len()];
         let [compute, graphics] = [0, 1].map(|path| query.ray_hits(path, texel, position, orientation).unwrap());
-        assert!(compute == graphics, "pose {pose}: ray_hits differ, squares of {texel} m");
+        assert!(compute == graphics, "pose {pose}: ray hits differ, cells of {texel} m");
         ray_hits += compute.iter().map(Vec::len).sum::<usize>();
         for contact_patch in query
             .cull
@@ -212,7 +216,7 @@ fn compare(body: Body, tool: &Body, poses: usize, texels: &[f32]) -> (usize, f32
             squares = squares.max(along(0)).max(along(1));
         }
     }
-    println!("{ray_hits} ray_hits, the same by both paths; up to {squares} squares a side");
+    println!("{ray_hits} ray hits, identical on both paths; up to {squares} cells along a side");
     (ray_hits, squares)
 }
 
@@ -225,13 +229,16 @@ fn both_paths_find_the_same_crossings_at_random_poses() {
     let tool = prepare::tool(scene.tool.as_ref().unwrap(), &scene).unwrap();
     let pumpkin = prepare::body(&scene.bodies[0], &scene).unwrap();
     let (ray_hits, _) = compare(pumpkin, &tool, 24, &[0.0, 1.0, 0.02, 0.002]);
-    assert!(ray_hits > 10_000, "{ray_hits}");
+    assert!(ray_hits > 10_000, "{ray_hits} ray hits, expected more than 10000");
     // This grid has as many cells as a patch may have along a side, so that its far end is used when rasterized. The
     // triangles are small: llvmpipe, Mesa's driver for CPUs, ends loops after 65,535 rounds, and an invocation of the
     // compute path must not look through more cells than that.
     let (ray_hits, squares) = compare(tool.clone(), &tool, 6, &[1e-9]);
     let most = MOST_CELLS as f32;
-    assert!(ray_hits > 5_000 && squares > most - 0.01 && squares <= most, "{ray_hits} {squares}");
+    assert!(
+        ray_hits > 5_000 && squares > most - 0.01 && squares <= most,
+        "{ray_hits} ray hits, {squares} cells along a side"
+    );
 }
 
 #[test]
@@ -250,8 +257,11 @@ fn a_loop_that_the_device_leaves_early_is_flagged() {
     let query = Query::new(&[pumpkin], &tool);
     let all = query.ray_hits(0, 0.0, position, turn).unwrap();
     let total: usize = all.iter().map(Vec::len).sum();
-    assert!(total > 1000, "{total} ray_hits");
+    assert!(total > 1000, "only {total} ray hits");
     let found = [0, 1].map(|path| query.ray_hits(path, 10.0, position, turn));
-    println!("{total} ray_hits; with one square for all, flagged: {:?}", found.each_ref().map(Option::is_none));
-    assert!(found.iter().flatten().all(|found| *found == all), "other ray_hits, and no flag says so");
+    println!(
+        "{total} ray hits; with one cell for all vertices, whether each path raises a flag: {:?}",
+        found.each_ref().map(Option::is_none)
+    );
+    assert!(found.iter().flatten().all(|found| *found == all), "other ray hits without a flag");
 }

@@ -68,7 +68,7 @@ impl Given {
     }
 
     fn run(&self) -> Outcome {
-        // The arguments that an earlier step left.
+        // The indirect arguments that an earlier step left.
         let stale = vec![77u32; ARGS_WORDS];
         let nodes = if self.nodes.is_empty() { &vec![[0; 2]; 2] } else { &self.nodes };
         case("pose/place")
@@ -137,12 +137,12 @@ fn a_quarter_turn_by_hand() {
     assert_eq!(out.get::<u32>("buckets"), [NONE; BUCKETS as usize]);
     let pair_proxies: Vec<u32> = out.get("args");
     for pair_proxy in 0..shaders::ARGS_LOOP_APPLY {
-        assert_eq!(pair_proxies[3 * pair_proxy as usize..][..3], [0, 1, 1], "pair_proxy {pair_proxy}");
+        assert_eq!(pair_proxies[3 * pair_proxy as usize..][..3], [0, 1, 1], "indirect argument {pair_proxy}");
     }
     let instances = 3 * shaders::ARGS_DRAW as usize + 1;
-    assert_eq!(pair_proxies[instances], 0, "nothing to draw");
+    assert_eq!(pair_proxies[instances], 0, "number of instances to draw");
     let mut others = (3 * shaders::ARGS_LOOP_APPLY as usize..ARGS_WORDS).filter(|word| *word != instances);
-    assert!(others.all(|word| pair_proxies[word] == 77), "the solver's pair_proxies are its own");
+    assert!(others.all(|word| pair_proxies[word] == 77), "the solver's indirect arguments must not be cleared");
 }
 
 /// The displacement, in another frame, of a node that is displaced by `d` from its place at rest `r` in its own frame.
@@ -209,7 +209,7 @@ fn check(given: &Given, out: &Outcome) {
         expect_close("high", &bounds.high, &want.high.to_array(), PLACED);
         expect_close("radius", &[bounds.radius], &[0.5 * (want.high - want.low).length()], PLACED);
         expect_close("inflation", &[bounds.inflation], &[want.inflation], BOUND);
-        assert!(f64::from(bounds.inflation) > want.inflation, "never too small");
+        assert!(f64::from(bounds.inflation) > want.inflation, "the inflation must never be too small");
     }
 }
 

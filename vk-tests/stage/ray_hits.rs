@@ -1,7 +1,7 @@
 //! Kernels skin/embed, which puts skin vertices into a spatial hash in the plane of their contact patch, and
-//! depth/ray_hits, which finds the triangles that the vertices' rays hit: every vertex that a patch sees is in one list of
-//! the hash, hits agree with f64, and no ray slips through at edges and corners. A bin is an entry of the hash: one
-//! vertex of a work item (a chunk of the skin in a patch).
+//! depth/ray_hits, which finds the triangles that the vertices' rays hit: every vertex that a patch sees is in one list
+//! of the hash, hits agree with f64, and no ray slips through at edges and corners. A hash entry is one vertex of a
+//! work item (a chunk, that is a group of skin vertices and triangles, in a patch). A side is body a or b of the pair.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -81,7 +81,7 @@ pub fn meshes(sides: [&Mesh; 2], contact_patches: &[ContactPatch]) -> Flow {
     flow.skin = vec![[0.0; 4]; flow.model.skin_nodes.len()];
     flow.max_work_items = flow.work_items.len();
     flow.shares = vec![0.5; 2 * PAIR_PATCHES];
-    // In the grids, a reaches up without limit, and b down without limit.
+    // By the grids, body a reaches up without limit, and b down without limit.
     flow.depth_grids = (0..PAIR_PATCHES * GRID_WORDS).map(|k| if k / 256 % 2 == 0 { NONE } else { 0 }).collect();
     flow.args[3 * shaders::ARGS_ACTIVE as usize] = flow.active_chunks.len() as u32;
     flow.args[3 * shaders::ARGS_WORK_ITEMS as usize] = flow.work_items.len() as u32;
@@ -98,7 +98,7 @@ pub fn contact_patch(normal: DVec3, half: f32, cell: f32) -> ContactPatch {
     ContactPatch { normal, tangent, bitangent, low, high, cell: [cell, 1.7 * cell], weight: 1.0, turn: 0.0 }
 }
 
-/// For each bin its vertex and 2 * patch + side, from the chunks; `NONE` for unused bins.
+/// For each hash entry its vertex and 2 * patch + side, from the chunks; `NONE` for unused entries.
 fn hash_entries(flow: &Flow) -> Vec<(u32, u32)> {
     let mut hash_entries = vec![(NONE, NONE); flow.hash_entries.len()];
     for entry in flow.active_chunks.iter().take(flow.args[3 * shaders::ARGS_ACTIVE as usize] as usize) {
@@ -123,14 +123,14 @@ pub fn search_depth_key(side: usize, height: f32) -> u32 {
     if side == 0 { !key } else { key }
 }
 
-/// Compares the lists of all buckets with what must be in them. Returns the number of bins in lists.
+/// Compares the lists of all buckets with what must be in them. Returns the number of hash entries in lists.
 fn check_hash_entries(flow: &Flow) -> usize {
     let known = hash_entries(flow);
     let mut listed = BTreeMap::new();
     for (bucket, first) in flow.buckets.iter().enumerate().take(flow.bucket_count as usize) {
         let mut hash_entry = *first;
         while hash_entry != NONE {
-            assert!(listed.insert(hash_entry, bucket).is_none(), "hash_entry {hash_entry} is in two lists");
+            assert!(listed.insert(hash_entry, bucket).is_none(), "hash entry {hash_entry} is in two lists");
             hash_entry = flow.hash_entries[hash_entry as usize][3];
         }
     }
@@ -140,7 +140,7 @@ fn check_hash_entries(flow: &Flow) -> usize {
             assert!(!listed.contains_key(&(hash_entry as u32)) && flow.entry_hits[hash_entry] == NONE - 1);
             continue;
         }
-        assert_eq!(flow.entry_hits[hash_entry], NONE, "no ray_hit yet");
+        assert_eq!(flow.entry_hits[hash_entry], NONE, "there must be no ray hit yet");
         let (r, side) = (*patch_side as usize / 2, *patch_side as usize % 2);
         let contact_patch = &flow.contact_patches[r];
         let x = flow.skin[*vertex as usize];
@@ -149,11 +149,11 @@ fn check_hash_entries(flow: &Flow) -> usize {
         let within = depth(0).min(depth(1));
         let sees = flow.shares[side * PAIR_PATCHES + r] > 0.0;
         match listed.get(&(hash_entry as u32)) {
-            None => assert!(!sees || within < EDGE, "vertex {vertex} is in no list of contact_patch {r}"),
+            None => assert!(!sees || within < EDGE, "vertex {vertex} is in no list of contact patch {r}"),
             Some(bucket) => {
-                assert!(sees && within > -EDGE, "vertex {vertex} is not contact_patch {r}'s");
+                assert!(sees && within > -EDGE, "vertex {vertex} is in a list of contact patch {r}");
                 let stored = [0, 1, 2].map(|k| f64::from(f32::from_bits(flow.hash_entries[hash_entry][k])));
-                assert!(DVec3::from_array(stored).distance(at) < EDGE, "{stored:?} is not {at}");
+                assert!(DVec3::from_array(stored).distance(at) < EDGE, "stored position {stored:?}, expected {at}");
                 // Whatever the hash function is, vertices of one cell must lie in one bucket.
                 let square = |k: usize| {
                     let (low, cell) = (contact_patch.low[k], contact_patch.cell[side]);
@@ -168,9 +168,9 @@ fn check_hash_entries(flow: &Flow) -> usize {
                 *search_depth =
                     (*search_depth).min(search_depth_key(side, f32::from_bits(flow.hash_entries[hash_entry][2])));
                 let key = [*patch_side, (square(0) | square(1) << 16) as u32];
-                assert_eq!(flow.entry_cells[hash_entry], key, "vertex {vertex}: its square");
+                assert_eq!(flow.entry_cells[hash_entry], key, "vertex {vertex}: cell");
                 let of_square = *cells.entry((*patch_side, square(0), square(1))).or_insert(*bucket);
-                assert_eq!(of_square, *bucket, "vertex {vertex}: one square, one bucket");
+                assert_eq!(of_square, *bucket, "vertex {vertex}: a cell must have a single bucket");
             }
         }
     }
@@ -181,11 +181,11 @@ fn check_hash_entries(flow: &Flow) -> usize {
     );
     let buckets: BTreeSet<_> = listed.values().collect();
     let (squares, lists) = (cells.len(), buckets.len());
-    assert!(lists * 2 > squares.min(flow.bucket_count as usize), "{squares} squares, {lists} lists");
+    assert!(lists * 2 > squares.min(flow.bucket_count as usize), "{squares} cells, {lists} lists");
     listed.len()
 }
 
-/// For each bin, the triangles that its ray hits, with depth and whether the front is hit.
+/// For each hash entry, the triangles that its ray hits, with depth and whether the front is hit.
 pub fn is_hit(flow: &Flow) -> BTreeMap<usize, BTreeMap<u32, (f64, bool)>> {
     let mut all = BTreeMap::new();
     for (hash_entry, first) in flow.entry_hits.iter().enumerate().filter(|(_, first)| **first < NONE - 1) {
@@ -196,9 +196,9 @@ pub fn is_hit(flow: &Flow) -> BTreeMap<usize, BTreeMap<u32, (f64, bool)>> {
             let work_item = flow.work_items[what as usize >> 1];
             let chunk = &flow.model.chunks[flow.active_chunks[work_item[0] as usize].chunk as usize];
             let own = &flow.model.chunk_triangles[chunk.triangle_first as usize..][..chunk.triangle_count as usize];
-            assert!(own.contains(&triangle), "triangle {triangle} is not of work_item {}", what >> 1);
+            assert!(own.contains(&triangle), "triangle {triangle} is not in work item {}", what >> 1);
             let twice = list.insert(triangle, (f64::from(f32::from_bits(depth)), what & 1 == 1));
-            assert!(twice.is_none(), "triangle {triangle} is twice on the ray of hash_entry {hash_entry}");
+            assert!(twice.is_none(), "triangle {triangle} is twice on the ray of hash entry {hash_entry}");
             hit = next;
         }
     }
@@ -240,16 +240,23 @@ fn check_ray_hits(flow: &Flow) -> usize {
             let height = weights[0] * p.z + weights[1] * q.z + weights[2] * r.z;
             let (depth, front) = if side == 0 { (-height, twice < 0.0) } else { (height, twice > 0.0) };
             let got = list.get(triangle);
-            // Left out are rays nearer to an edge than rounding reaches, and degenerate triangles.
+            // Rays nearer to an edge than rounding errors, and degenerate triangles, are not compared.
             let slack = EDGE * size / twice.abs() + EDGE;
             if !seen || slack.is_nan() || inside.abs() < slack || depth.abs() < EDGE + slack || slack > 0.1 {
                 continue;
             }
             let want = inside > 0.0 && depth > 0.0;
-            assert_eq!(got.is_some(), want, "vertex {vertex}, triangle {triangle}: {weights:?}, {depth:e} deep");
+            assert_eq!(
+                got.is_some(),
+                want,
+                "whether the ray of vertex {vertex} hits triangle {triangle}: weights {weights:?}, depth {depth:e} m"
+            );
             if let Some((found, is_front)) = got {
-                assert!((found - depth).abs() < EDGE + slack * (p.z - q.z).abs().max((q.z - r.z).abs()), "{found:e}");
-                assert_eq!(*is_front, front, "vertex {vertex}, triangle {triangle}");
+                assert!(
+                    (found - depth).abs() < EDGE + slack * (p.z - q.z).abs().max((q.z - r.z).abs()),
+                    "depth {found:e} m"
+                );
+                assert_eq!(*is_front, front, "vertex {vertex}, triangle {triangle}: whether the front is hit");
                 count += 1;
             }
         }
@@ -289,7 +296,10 @@ fn soups_of_triangles_cross_what_f64_says() {
             flow.cross();
             assert_eq!(flow.counts.flags, 0);
             let ray_hits = check_ray_hits(&flow);
-            assert!(n < 65 || (listed > n && ray_hits > n), "{n}: {listed} in lists, {ray_hits} ray_hits");
+            assert!(
+                n < 65 || (listed > n && ray_hits > n),
+                "{n} triangles: {listed} hash entries in lists, {ray_hits} ray hits"
+            );
         }
     }
 }
@@ -317,8 +327,8 @@ fn rays_through_edges_and_corners_meet_a_triangle() {
     for cell in [0.013, 0.1, 1.0] {
         let up =
             ContactPatch { tangent: [1.0, 0.0, 0.0], bitangent: [0.0, 1.0, 0.0], ..contact_patch(DVec3::Z, 1.0, cell) };
-        // Points of a above the mesh of b look down; in the other case all is turned over, and points of b look up at
-        // the mesh of a.
+        // Rays from points of a go down to the mesh of b; in the other case everything is mirrored in z, and rays from
+        // points of b go up to the mesh of a.
         for turned in [false, true] {
             let flip = |mesh: &Mesh| (mesh.0.iter().map(|x| DVec3::new(x.x, x.y, -x.z)).collect(), mesh.1.clone());
             let mut flow = match turned {
@@ -332,7 +342,11 @@ fn rays_through_edges_and_corners_meet_a_triangle() {
             let known = hash_entries(&flow);
             let looking = known.iter().enumerate().filter(|(_, known)| known.0 != NONE && known.1 == side);
             let slipped = looking.clone().filter(|(hash_entry, _)| !found.contains_key(hash_entry)).count();
-            assert_eq!((looking.count(), slipped), (over.len(), 0), "squares of {cell}, turned {turned}");
+            assert_eq!(
+                (looking.count(), slipped),
+                (over.len(), 0),
+                "rays, and rays without a hit; cells of {cell} m, mirrored {turned}"
+            );
         }
     }
 }
@@ -401,5 +415,9 @@ fn what_lies_in_front_of_all_that_the_other_side_reaches_is_left_out() {
         square(&[at.x, at.y, 0.0, 0.0])
     });
     let inside = first.count();
-    assert!(inside > 5 && listed == inside + mesh.0.len(), "{listed} in lists, {inside} and {}", mesh.0.len());
+    assert!(
+        inside > 5 && listed == inside + mesh.0.len(),
+        "{listed} vertices in lists, expected {inside} of a and {} of b",
+        mesh.0.len()
+    );
 }

@@ -1,5 +1,5 @@
-//! Kernel depth/ray_hits leaves out triangles that no ray can reach, since all rays in their cells of the grid start on
-//! the far side of them.
+//! Kernel depth/ray_hits must leave out triangles that no ray can reach, since all rays in their cells of the grid
+//! start on the far side of them.
 
 use std::collections::BTreeSet;
 
@@ -37,6 +37,6 @@ fn triangles_that_no_vertex_looks_as_far_back_as_are_left_out() {
     };
     // The mesh reaches up to an eighth: rays from 0.5 may hit all of it, rays from -0.2 nothing.
     let found = run(search_depth_key(0, 0.5));
-    assert!(found > 0 && found < mesh.1.len() / 50, "{found} of {}", mesh.1.len());
+    assert!(found > 0 && found < mesh.1.len() / 50, "{found} of {} triangles are hit", mesh.1.len());
     assert_eq!(run(search_depth_key(0, -0.2)), 0);
 }

@@ -9,8 +9,8 @@ use crate::harness::{Tolerance, expect_close};
 use crate::stage::contact::crowd;
 use crate::stage::flow::Flow;
 
-/// The distinct tetrahedra in which a contact's points are embedded: the vertex that gathers, then the corners of the
-/// opposing triangle.
+/// The distinct tetrahedra in which a contact's points are embedded: that of the colliding vertex, then those of the
+/// corners of the opposing triangle.
 fn tetrahedra(flow: &Flow, c: usize) -> Vec<[u32; 4]> {
     let contact = &flow.contacts[c];
     let mut vertices = vec![contact.vertex];
@@ -33,7 +33,7 @@ fn corners_in_one_tetrahedron_share_a_quad() {
     for (c, contact) in flow.contacts.iter().enumerate() {
         let want = tetrahedra(&flow, c);
         let quads = 4 * c..4 * c + contact.quads as usize;
-        assert_eq!(flow.entry_nodes[quads.clone()], want, "contact {c}");
+        assert_eq!(flow.entry_nodes[quads.clone()], want, "tetrahedra of contact {c}");
         // Each body's weights sum to one, with its sign; a body without nodes has none.
         let sum: f32 = flow.entry_weights[quads].iter().flatten().sum();
         assert!((sum - sum.round()).abs() < 1e-5 && sum.abs() < 1.5, "contact {c}: weights sum to {sum}");
@@ -43,7 +43,7 @@ fn corners_in_one_tetrahedron_share_a_quad() {
         saved += usize::from(corners) + if soft_triangle { 3 } else { 0 } - want.len();
         kept += want.len();
     }
-    println!("{} contacts: {kept} quads, {saved} shared", flow.contacts.len());
+    println!("{} contacts: {kept} quads of entries, {saved} saved by sharing", flow.contacts.len());
     assert!(saved > 20 && kept > 100);
 }
 
@@ -51,7 +51,7 @@ fn wide(x: &[f32]) -> DVec3 {
     DVec3::new(x[0].into(), x[1].into(), x[2].into())
 }
 
-/// The point at which the contact feels friction, and the relative velocity v1 - v2 there, from the contact's own
+/// The point at which friction of the contact acts, and the relative velocity v1 - v2 there, from the contact's own
 /// entries.
 fn relative(flow: &Flow, c: usize) -> (DVec3, DVec3) {
     let (contact, n) = (&flow.contacts[c], wide(&flow.contacts[c].normal));
@@ -90,8 +90,8 @@ fn friction_of_soft_rigid_and_kinematic_skins() {
     let frictionless = flow.contacts.clone();
     flow.model.friction = [0.6, 0.01];
     [flow.params.friction, flow.params.friction_speed] = flow.model.friction;
-    // Of the pairs a-b, a-floor, a-tool, b-floor and b-tool, a moves on a kinematic frame against b, and the floor on one
-    // against b.
+    // Of the pairs a-b, a-floor, a-tool, b-floor and b-tool, the first has body a on a kinematic frame, and b-floor has
+    // the floor on one.
     (flow.pairs[0].kinematic_frame, flow.pairs[3].kinematic_frame) = ([0, NONE], [NONE, 1]);
     for (k, frame) in flow.frames.iter_mut().enumerate() {
         (frame.linear, frame.angular) = ([0.1, 0.3, -0.2 * k as f32], [2.0, -5.0, 3.0]);
@@ -128,6 +128,6 @@ fn friction_of_soft_rigid_and_kinematic_skins() {
         assert_eq!((was.friction, was.slip), (0.0, [0.0; 3]));
         assert_eq!((was.normal, was.area, was.depth, was.quads), (got.normal, got.area, got.depth, got.quads));
     }
-    println!("{rubbing} rub, {tool} on the tool, {kinematic} on kinematic frames");
+    println!("contacts with friction: {rubbing}, of them {tool} on the tool, {kinematic} on kinematic frames");
     assert!(rubbing > 40 && rubbing < frictionless.len() && tool > 20 && kinematic > 20);
 }

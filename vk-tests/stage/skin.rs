@@ -1,5 +1,6 @@
-//! Kernels skin/embed, which places the skin, and skin/probe, for probed vertices. The spatial hash that skin/embed
-//! fills is tested in cross.rs.
+//! Kernels skin/embed, which computes the positions of skin vertices (of the surface meshes), and skin/probe, which
+//! collects the displacements of nodes for probed vertices. The spatial hash that skin/embed fills is tested in
+//! ray_hits.rs.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{Body, Shape};
@@ -50,7 +51,11 @@ fn no_skin_leaves_its_inflated_hull() {
                 for v in covered(&flow.model, chunk) {
                     let x = vector(&flow.skin[v as usize]);
                     let outside = faces.iter().map(|f| vector(f).dot(x) - f64::from(f[3])).fold(f64::MIN, f64::max);
-                    assert!(outside <= f64::from(bounds.inflation), "{outside} outside, {} allowed", bounds.inflation);
+                    assert!(
+                        outside <= f64::from(bounds.inflation),
+                        "a vertex lies {outside} m outside its hull, inflation {} m",
+                        bounds.inflation
+                    );
                 }
             }
         }
@@ -122,7 +127,7 @@ fn rigid_skin_of_any_size_and_only_what_is_listed() {
             .iter()
             .flat_map(|x| proximity::embed(centre, rotation, [vector(x); 4], [0.25; 4]).extend(1.0).to_array());
         expect_close("skin", flow.skin[..n].as_flattened(), &want.collect::<Vec<_>>(), PLACED);
-        assert!(flow.skin[n..].iter().all(|x| *x == [-5.0; 4]), "what no chunk lists stays");
+        assert!(flow.skin[n..].iter().all(|x| *x == [-5.0; 4]), "vertices that no chunk lists must stay as they were");
     }
 }
 
@@ -133,7 +138,7 @@ fn probes_of_any_number_are_the_displacements_of_their_nodes() {
     let displacement = texels(&mut random, 50);
     for n in [0, 1, width - 1, width, width + 1, 1234] {
         let mut nodes: Vec<u32> = (0..n.max(1) as u32).map(|i| 7 * i % 50).collect();
-        // One of the nodes is of a rigid skin, which nothing displaces.
+        // One of the entries is that of a rigid skin, which has no nodes to displace it.
         nodes[n / 2] = NONE;
         let out = case("skin/probe")
             .constant("PROBE_NODES", n as u32)

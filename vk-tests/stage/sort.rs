@@ -1,5 +1,5 @@
-//! Kernel contact/sort: from lists of contact entries at each node, in any order, to an index with each node's entries
-//! in one order.
+//! Kernel contact/sort: from lists of contact entries at each node, in any order, it makes an index with each node's
+//! entries in a fixed order.
 
 use std::collections::BTreeMap;
 
@@ -15,6 +15,7 @@ use crate::harness::random::Random;
 use crate::stage::contact::crowd;
 use crate::stage::flow::Flow;
 
+/// The flag that some contacts are missing.
 const CONTACT_OVERFLOW: u32 = 4;
 
 /// The index that is expected: contact and weight of each node's entries, in rising order of entries.
@@ -40,17 +41,20 @@ fn check(flow: &Flow) -> usize {
     for (node, [first, count]) in flow.node_entries.iter().enumerate() {
         let (first, count) = (*first as usize, *count as usize);
         let run = &flow.sorted[first..first + count];
-        assert!(run == want.get(&node).map_or(&[][..], |run| run), "node {node}: not its entries in order");
+        assert!(
+            run == want.get(&node).map_or(&[][..], |run| run),
+            "the run of node {node} is not its entries in order"
+        );
         if count > 0 {
             covered[first..first + count].iter_mut().for_each(|c| {
-                assert!(!*c, "node {node}'s run overlaps another");
+                assert!(!*c, "the run of node {node} overlaps another");
                 *c = true;
             });
         }
     }
     assert!(covered.iter().all(|c| *c) && flow.counts.entries as usize == covered.len());
-    assert!(flow.node_list_counts.iter().all(|n| *n == 0), "counts are zero for the next step");
-    assert!(flow.node_lists.iter().all(|head| *head == NONE), "lists are empty for the next step");
+    assert!(flow.node_list_counts.iter().all(|n| *n == 0), "counts must be zero for the next step");
+    assert!(flow.node_lists.iter().all(|head| *head == NONE), "lists must be empty for the next step");
     assert_eq!(flow.counts.flags, 0);
     covered.len()
 }
@@ -135,7 +139,7 @@ fn any_number_of_contacts_and_nodes() {
 #[test]
 fn the_crowd_s_contacts_are_indexed_whole() {
     let (_, _, flow) = crowd(Path::Compute);
-    assert!(check(&flow) > 800, "{} entries", flow.counts.entries);
+    assert!(check(&flow) > 800, "only {} entries", flow.counts.entries);
 }
 
 /// The entries of a node lie as far apart as the capacity allows: in more than one of the windows of 65,536 entries
@@ -152,7 +156,7 @@ fn runs_longer_than_a_window_are_in_order() {
         flow.sort();
         if n > 10_000 && context().kind() == DeviceKind::Cpu && flow.counts.flags == CONTACT_OVERFLOW {
             assert!(flow.node_list_counts.iter().all(|n| *n == 0) && flow.node_lists.iter().all(|head| *head == NONE));
-            println!("{n} contacts on one node: flagged");
+            println!("{n} contacts on one node: the driver left a loop early, which is flagged");
             continue;
         }
         assert!(check(&flow) > 4 * n);

@@ -1,5 +1,6 @@
 //! The view, which draws a simulation: its shaders for light, values and shadows against f64, and images of a
-//! simulation, which must not depend on the slices in which they are drawn.
+//! simulation. An image must not depend on the slices (parts of its draw work that are submitted one after another) in
+//! which it is drawn.
 
 use bytemuck::Zeroable;
 use glam::{DMat4, DVec2, DVec3, DVec4};
@@ -41,7 +42,7 @@ fn the_sun_sees_a_ball_from_zero_to_one() {
             (middle - reach * up, DVec3::new(0.5, 0.0, 0.5)),
         ] {
             let got = seen.transform_point3(at);
-            assert!(got.distance(want) < 1e-12, "{got} for {want}");
+            assert!(got.distance(want) < 1e-12, "position seen from the sun {got}, expected {want}");
         }
     }
 }
@@ -61,7 +62,7 @@ fn smooth(low: f64, high: f64, x: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// f64 twin of shared/surface.glsl: the displayed colour, multiplied by its alpha.
+/// The calculation of shared/surface.glsl in f64: the displayed colour, multiplied by its alpha.
 fn surface(
     view: &View,
     material: &Material,
@@ -104,7 +105,7 @@ fn surface(
     (alpha * shown(bright)).extend(alpha).to_array()
 }
 
-/// f64 twin of shared/shade.glsl: the share of the sun that reaches a point.
+/// The calculation of shared/shade.glsl in f64: the share of the sun that reaches a point.
 fn lit(view: &View, depths: &[f32], x: DVec3, n: DVec3) -> f64 {
     let matrix = DMat4::from_cols_array_2d(&view.light.map(|column| column.map(f64::from)));
     let place = matrix.transform_point3(x + 2.0 * f64::from(view.texel) * n);
@@ -242,7 +243,7 @@ fn expect_shaded(what: &str, view: &View, material: &Material, depths: &[f32], f
             let share = face.shares(at);
             let x = mix(share, face.positions);
             let value: f64 = (0..3).map(|k| share[k] * face.values[k]).sum();
-            // Left out are pixels at which rounding decides between two colours of the scale.
+            // Pixels at which rounding decides between two colours of the scale are not compared.
             let step = 255.0 * (value - f64::from(material.low)) / f64::from(material.high - material.low) + 0.5;
             if !at_vertices && face.values[0] != face.values[1] && (step - step.round()).abs() < 0.01 {
                 continue;
@@ -275,7 +276,7 @@ fn surfaces_are_shaded_as_in_f64() {
             for more in [0, flags::EVEN] {
                 let face = Face::new(&mut random, [value; 3]);
                 let valued = plain.with(flags::VALUED | more);
-                expect_shaded(&format!("{what} of a scale, {more}"), &view(&mut random), &valued, &OPEN, &face);
+                expect_shaded(&format!("{what} on a scale, flags {more}"), &view(&mut random), &valued, &OPEN, &face);
             }
         }
         let slope = Face::new(&mut random, [2.1, 6.3, 10.7]);
@@ -283,7 +284,7 @@ fn surfaces_are_shaded_as_in_f64() {
         let face = Face::new(&mut random, [7.0; 3]);
         for number in [0.0, 3.0, 255.0, 258.0] {
             let face = Face { values: [number; 3], ..Face::new(&mut random, [0.0; 3]) };
-            expect_shaded("numbered", &view(&mut random), &plain.with(flags::NUMBERED), &OPEN, &face);
+            expect_shaded("coloured by number", &view(&mut random), &plain.with(flags::NUMBERED), &OPEN, &face);
         }
         for (what, material) in [
             ("plain", plain),
@@ -315,7 +316,7 @@ fn shadows_are_smooth_between_texels() {
             .collect();
         assert!(
             shares.iter().filter(|share| (0.1..0.9).contains(*share)).count() > shares.len() / 2,
-            "between light and dark"
+            "most pixels must be between light and dark"
         );
         expect_shaded("a coarse shadow", &view, &Material::plain([200, 180, 160]), &depths, &face);
     }
@@ -364,10 +365,14 @@ fn expect_depths(depths: &[f32], view: &View, (on, plane): (DVec3, DVec3), side:
         let from = middle + place.x * right + place.y * up;
         let along = (on - from).dot(plane) / sun.dot(plane);
         let want = 0.5 - 0.5 * along / reach;
-        assert!((f64::from(depths[texel]) - want).abs() < DEPTH, "at {at}: {} for {want}", depths[texel]);
+        assert!(
+            (f64::from(depths[texel]) - want).abs() < DEPTH,
+            "depth at texel {at}: {}, expected {want}",
+            depths[texel]
+        );
         seen += 1;
     }
-    assert!(seen > 1000, "the sun sees {seen} texels of it");
+    assert!(seen > 1000, "the square has only {seen} texels of the shadow map");
 }
 
 #[test]
@@ -437,7 +442,7 @@ fn a_square_throws_its_shadow_where_the_suns_rays_pass() {
             };
             expect_colour(&format!("case {case} at {at}, {x}"), got[pixel], [0.0, 0.0, 0.0, share], SHADE);
         }
-        assert!(dark > 50 && bright > 500, "case {case}: {dark} in the shadow, {bright} in the sun");
+        assert!(dark > 50 && bright > 500, "case {case}: {dark} pixels in the shadow, {bright} in the sun");
     }
 }
 
@@ -469,15 +474,19 @@ fn the_same_moment_gives_the_same_picture() {
             let picture = renderer.picture().unwrap();
             match round {
                 0 => first.push(picture),
-                _ => assert!(picture == first[k], "{shown:?}: another picture"),
+                _ => assert!(picture == first[k], "overlays {shown:?}: the same moment gives another picture"),
             }
         }
     }
     for (k, picture) in first.iter().enumerate() {
-        assert!(first[..k].iter().all(|other| other != picture), "{:?} shows as another", SHOWN[k]);
+        assert!(
+            first[..k].iter().all(|other| other != picture),
+            "overlays {:?} give the same picture as earlier ones",
+            SHOWN[k]
+        );
         let behind = look::BACKGROUND.map(|x| (255.0 * x).round() as u8);
         let drawn = picture.pixels.iter().filter(|pixel| **pixel != behind).count();
-        assert!(drawn > picture.pixels.len() / 20, "{:?}: {drawn} pixels", SHOWN[k]);
+        assert!(drawn > picture.pixels.len() / 20, "overlays {:?}: only {drawn} pixels are drawn", SHOWN[k]);
     }
     run(&mut simulation, 0);
 }
@@ -500,10 +509,16 @@ fn a_picture_does_not_depend_on_its_slices() {
                 }
                 renderer.read().unwrap()
             });
-            assert!(counts[0] == 1 && counts[1] > 1 && counts[2] > counts[1], "{shown:?}: {counts:?} slices");
+            assert!(
+                counts[0] == 1 && counts[1] > 1 && counts[2] > counts[1],
+                "overlays {shown:?}: numbers of slices {counts:?}"
+            );
             let [whole, ..] = &pictures;
-            assert!(pictures.iter().all(|picture| picture == whole), "{shown:?}: another picture in slices");
-            // Check that the comparison above can fail: one changed bit of a pixel is a difference.
+            assert!(
+                pictures.iter().all(|picture| picture == whole),
+                "overlays {shown:?}: another picture if drawn in slices"
+            );
+            // This shows that the comparison above can fail: one changed bit of a pixel is a difference.
             pictures[1].pixels[0][0] ^= 1;
             assert!(pictures[1] != pictures[0]);
         }
@@ -527,7 +542,7 @@ fn a_picture_shows_the_sun_from_where_it_is() {
     };
     let above = taken(DVec3::Y);
     let below = taken(-DVec3::Y);
-    assert!(brightness(&above) > brightness(&below), "a body is brighter in the light");
+    assert!(brightness(&above) > brightness(&below), "the picture must be brighter with the sun above");
     assert_eq!(SCALE_COLOURS, 256);
-    assert!(taken(DVec3::ZERO) == below, "zero is no direction");
+    assert!(taken(DVec3::ZERO) == below, "a direction of zero must be ignored");
 }

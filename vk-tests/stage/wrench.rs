@@ -1,5 +1,5 @@
-//! Kernel wrench/reduce: net force and torque of the contacts on the tool, and the contact stiffness and damping that
-//! the tool sees.
+//! Kernel wrench/reduce, which sums the force and torque of the contacts on the tool, and the contact stiffness and
+//! damping that act on it.
 
 use glam::DVec3;
 use palpate::internal::gpu::Size;
@@ -15,10 +15,10 @@ use crate::solver::system::{System, two_layers};
 /// the sum of magnitudes, which for an entry of a matrix is at most the geometric mean of its two diagonal entries.
 const SUM: f64 = 2.0e-6;
 
-/// Runs wrench/reduce and checks that every other word of the report stays.
+/// Runs wrench/reduce and checks that every other word of the report stays as it was.
 fn reduce(system: &System, forces: &[[f32; 4]]) -> Report {
     let [held, loose] = [true, false].map(|wants_stiffness| reduce_as(system, forces, wants_stiffness));
-    // If no loop holds the tool, force and torque are the same, and stiffness and damping are not computed.
+    // If no haptic loop holds the tool, force and torque are the same, and stiffness and damping are not computed.
     let want = Report { stiffness: [0.0; 21], damping: [0.0; 21], ..held };
     assert_eq!(bytemuck::bytes_of(&loose), bytemuck::bytes_of(&want));
     held
@@ -40,7 +40,11 @@ fn reduce_as(system: &System, forces: &[[f32; 4]], wants_stiffness: bool) -> Rep
     let after = outcome.get::<Report>("report")[0];
     let kept = Report { pressing: before.pressing, ..after };
     let rest = Report { force: before.force, torque: before.torque, stiffness: [0.0; 21], damping: [0.0; 21], ..kept };
-    assert_eq!(bytemuck::bytes_of(&rest), bytemuck::bytes_of(&before), "the rest of the report");
+    assert_eq!(
+        bytemuck::bytes_of(&rest),
+        bytemuck::bytes_of(&before),
+        "words of the report that wrench/reduce does not write"
+    );
     after
 }
 
@@ -143,8 +147,8 @@ fn agree(system: System, seed: u64) {
     let (places, start) = (system.twin.unknowns(), system.start());
     let (mut forces, mut resolved) = (vec![], vec![]);
     for (twin, contact) in system.twin_contacts.iter().zip(&system.contacts) {
-        // What solve/contact_product leaves of a contact for some solution x: h (h k + d) a (J x), with normal speed J x of up to
-        // 0.3 m/s.
+        // What solve/contact_product leaves of a contact for some solution x: h (h k + d) a (J x), with normal speed J
+        // x of up to 0.3 m/s.
         let speed = f64::from(0.3 * random.next() as f32);
         let slope = h * twin.stiffness + twin.damping;
         let normal = (h * slope * twin.area * speed) as f32;
@@ -170,7 +174,7 @@ fn agree(system: System, seed: u64) {
     let want = wrench::on_tool(&resolved, centre);
     let size: f64 = resolved.iter().map(|r| r.force + r.friction.length()).sum();
     let (pushing, count) = (resolved.iter().filter(|r| r.active).count(), resolved.len());
-    assert!(count < 100 || (pushing > count / 4 && pushing < count), "{pushing} of {count} push");
+    assert!(count < 100 || (pushing > count / 4 && pushing < count), "{pushing} of {count} contacts push");
     // Levers are up to 0.2 m long.
     let within = |scale: f64| Tolerance { abs: SUM * scale, rel: 0.0 };
     expect_close("force", &report.force, &want.force.to_array(), within(size));
@@ -198,7 +202,7 @@ fn stiffness_is_positive_and_reaction_is_opposite() {
     for _ in 0..50 {
         let x: [f64; 6] = std::array::from_fn(|_| random.next());
         let energy: f64 = (0..36).map(|k| x[k / 6] * at(k / 6, k % 6) * x[k % 6]).sum();
-        assert!(energy > 0.0, "{energy}");
+        assert!(energy > 0.0, "x.Kx = {energy} is not positive");
     }
     for contact in &mut system.contacts {
         contact.tool_sign = -contact.tool_sign;

@@ -1,6 +1,8 @@
-//! The kernels' part in the coarse level (solve/coarse, and solve/assemble, gather, start, begin and update), against
-//! f64 sums with the oracle's prolongation P and the coarse inverse A_c^-1 that the kernels read. M^-1 = D^-1 + P
-//! A_c^-1 P^T is the preconditioner, D the diagonal blocks of the operator A; mod.rs explains modes, blocks and slots.
+//! The kernels that apply the coarse level of the preconditioner (solve/coarse, and parts of solve/assemble, gather,
+//! first_residual, first_iterate and update) against f64 sums. The sums use the oracle's prolongation P and the coarse
+//! inverse A_c^-1 that the kernels read. The preconditioner is M^-1 = D^-1 + P A_c^-1 P^T, with the diagonal blocks D
+//! of the operator A. A block is the nodes of one workgroup and has twelve modes, its affine motions, which are columns
+//! of P; see mod.rs.
 
 use faer::Mat;
 use glam::{DMat3, DVec3};
@@ -14,15 +16,17 @@ use crate::harness::context;
 use crate::harness::random::Random;
 use crate::solver::system::{System, layer, triples, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge};
 
-/// Error of sums of f32 products, relative to the sum of magnitudes: some hundred roundings that mostly cancel.
+/// Error of sums of f32 products, relative to the sum of the terms' magnitudes: some hundred roundings that mostly
+/// cancel.
 pub const SUM: f64 = 2.0e-6;
-/// Error relative to the sum of magnitudes after a few iterations, where P^T r comes from a recurrence, and of products
-/// with blocks inverted in f32.
+/// Error relative to the sum of the terms' magnitudes: after a few iterations, where P^T r comes from a recurrence, and
+/// for products with blocks inverted in f32.
 const ROUNDS: f64 = 5.0e-6;
-/// Largest displacement of a node, m, in cells of 20 mm: blocks of eight nodes turn by some degrees.
+/// Largest displacement of a node, m. Cells have edges of 20 mm, so that blocks of eight nodes turn by some degrees.
 const AMPLITUDE: f64 = 0.004;
 
-/// The prolongation P (unknowns by modes), and A_c^-1 as the kernels read it.
+/// What the kernels' results are compared with: the prolongation P (unknowns by modes), and A_c^-1 as the kernels read
+/// it.
 pub struct Twin {
     pub p: Mat<f64>,
     inverse: Mat<f64>,
@@ -48,9 +52,10 @@ fn transposed(matrix: &Mat<f64>, x: &[f64]) -> Vec<f64> {
     (0..matrix.ncols()).map(|j| x.iter().enumerate().map(|(i, x)| matrix[(i, j)] * x).sum()).collect()
 }
 
-/// Checks every value to within `share` of its own size. Returns the largest error over size.
+/// Checks that each value is off by at most `share` of its size in `sizes`. Returns the largest error relative to the
+/// size.
 fn expect_within(what: &str, got: &[f64], want: &[f64], sizes: &[f64], share: f64) -> f64 {
-    assert_eq!((got.len(), sizes.len()), (want.len(), want.len()), "{what}");
+    assert_eq!((got.len(), sizes.len()), (want.len(), want.len()), "{what}: numbers of results and of sizes");
     let mut worst = 0.0f64;
     for (i, (got, want)) in got.iter().zip(want).enumerate() {
         let error = (got - want).abs();
@@ -61,7 +66,7 @@ fn expect_within(what: &str, got: &[f64], want: &[f64], sizes: &[f64], share: f6
 }
 
 impl Twin {
-    /// The twin of a system whose blocks are turned as solve/assemble found them.
+    /// The coarse level of a system, with its blocks rotated as solve/assemble found.
     pub fn new(passes: &Passes) -> Twin {
         let p = coarse_vector_of(&passes.system, &passes.block_turns);
         Twin { p, inverse: host_inverse(&passes.system.model, false) }
@@ -115,7 +120,8 @@ fn diagonal(passes: &Passes, x: &[f64], of: fn(f64) -> f64) -> Vec<f64> {
     z
 }
 
-/// Modes in which those of each core's blocks, which all move with the core, are summed into the core's first block.
+/// Sums the values of all blocks of a rigid core in the core's first block, since the blocks' attached nodes all move
+/// with the core.
 fn summed(passes: &Passes, mut modes: Vec<f64>) -> Vec<f64> {
     modes.truncate(BLOCK_UNKNOWNS * passes.blocks());
     for rigid in &passes.rigids[..passes.system.model.cores.len()] {
@@ -153,20 +159,20 @@ pub fn six(passes: &Passes, index: usize, x: &[f64]) -> [f32; 6] {
     std::array::from_fn(|k| x[first + k] as f32)
 }
 
-/// Values at the nodes: a free node has its own, and one attached to a dynamic core that of the core's motion.
+/// Values at the nodes: a free node has its own value, and a node attached to a dynamic core moves with the core.
 pub fn node_vectors(system: &System, x: &[f64]) -> Vec<[f32; 4]> {
     let (bodies, _) = system.rows(x);
     bodies.iter().flat_map(|rows| rows.chunks(3)).map(|v| [v[0] as f32, v[1] as f32, v[2] as f32, 0.0]).collect()
 }
 
-/// Sets all nodes to zero that are not free.
+/// Sets the values of all nodes that are not free to zero.
 pub fn only_free(passes: &Passes, mut nodes: Vec<[f32; 4]>) -> Vec<[f32; 4]> {
     nodes.iter_mut().zip(passes.roles()).filter(|(_, role)| *role != Some(0)).for_each(|(x, _)| *x = [0.0; 4]);
     nodes
 }
 
-/// Runs the passes of a step with a random first solution, three iterations and the end, and compares each pass with
-/// the oracle's result from the same inputs. Returns the largest error relative to the size of a value.
+/// Runs the passes of a solve with a random earlier solution: the start, three iterations and the end. Compares each
+/// pass with the oracle's result from the same inputs. Returns the largest error relative to the size of a value.
 fn follow(what: &str, system: System) -> f64 {
     let mut passes = Passes::new(system);
     assert!(passes.coarse, "{what}: no coarse level");
@@ -191,8 +197,8 @@ fn follow(what: &str, system: System) -> f64 {
     let twin = Twin::new(&passes);
     let absolute = twin.absolute();
     let mut worst = 0.0f64;
-    // The terms of b, elastic forces, nearly cancel: errors are relative to the largest value and not to each value's
-    // own.
+    // The terms of b, elastic forces, nearly cancel: errors are relative to the largest value of b and not to each
+    // value.
     let of_b = absolute.restricted(&vec![largest(&b); b.len()]);
     worst = worst.max(expect_within(
         &format!("{what}: P^T b"),
@@ -214,7 +220,7 @@ fn follow(what: &str, system: System) -> f64 {
     ));
     assert!(
         passes.restricted_residual[..3 * passes.blocks()].iter().all(|r| *r == [0.0; 4]),
-        "{what}: no residual yet"
+        "{what}: the restricted residual must still be zero"
     );
 
     passes.coarse(true);
@@ -247,14 +253,14 @@ fn follow(what: &str, system: System) -> f64 {
     // The tolerance is that of inner products through blocks inverted in f32.
     assert!(
         (f64::from(passes.state.rhs_norm2) - norms.0).abs() < 1e-4 * norms.0,
-        "{what}: b.M^-1 b {} for {}",
+        "{what}: b.M^-1 b is {}, expected {}",
         passes.state.rhs_norm2,
         norms.0
     );
     let wanted = dot(&y, &m_b) / norms.1;
     assert!(
         (warm_start - wanted).abs() < 1e-4 * (norms.0 / norms.1).sqrt(),
-        "{what}: warm_start {warm_start} for {wanted}"
+        "{what}: factor of the warm start {warm_start}, expected {wanted}"
     );
     passes.begin();
     let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| b - warm_start * y).collect();
@@ -279,7 +285,7 @@ fn follow(what: &str, system: System) -> f64 {
             &of_w,
             SUM,
         ));
-        // r comes from a recurrence and keeps the rounding of the larger values that it had.
+        // r comes from a recurrence and keeps the rounding errors of the larger values that it had before.
         seen.iter_mut().zip(&r).for_each(|(seen, r)| *seen = r.abs().max(*seen));
         let sizes = absolute.restricted(&seen);
         worst = worst.max(expect_within(
@@ -293,7 +299,11 @@ fn follow(what: &str, system: System) -> f64 {
         let sizes = [(&r, &u), (&w, &u)].map(|(a, b)| dot(&magnitudes(a), &magnitudes(b)));
         expect_within(&format!("{what}: r.u, w.u"), &sums, &[dot(&r, &u), dot(&w, &u)], &sizes, ROUNDS);
         passes.update();
-        assert_eq!((passes.state.status, passes.iterations_done()), (0, round + 1), "{what}");
+        assert_eq!(
+            (passes.state.status, passes.iterations_done()),
+            (0, round + 1),
+            "{what}: status and number of iterations"
+        );
         worst = worst.max(expect_preconditioned(&what, &passes, &twin));
         let s = passes.unknowns(&passes.direction_product, |now| now.s);
         let own = passes.state.current as usize * 3 * passes.blocks();
@@ -322,7 +332,7 @@ fn follow(what: &str, system: System) -> f64 {
     expect_within(&format!("{what}: A_c^-1 P^T (b - A x)"), &flat(&passes.coarse_rhs), &z, &sizes, SUM);
     let sum: f64 = passes.coarse_dots.iter().map(|d| f64::from(d[0])).sum();
     expect_within(
-        &format!("{what}: its inner product"),
+        &format!("{what}: (b - A x)^T P A_c^-1 P^T (b - A x)"),
         &[sum],
         &[dot(&left, &z)],
         &[dot(&magnitudes(&left), &sizes)],
@@ -332,7 +342,7 @@ fn follow(what: &str, system: System) -> f64 {
     let norm2 = dot(&r, &twin.preconditioned(&passes, &r));
     let want = (norm2 / f64::from(passes.state.rhs_norm2)).sqrt();
     let got = f64::from(passes.report.residual);
-    assert!((got - want).abs() < 1e-3 * want, "{what}: residual {got} for {want}");
+    assert!((got - want).abs() < 1e-3 * want, "{what}: residual {got}, expected {want}");
     worst
 }
 
@@ -363,7 +373,7 @@ fn passes_follow_the_oracle_on_bodies_of_every_kind() {
     for (what, bodies) in kinds() {
         worst = worst.max(follow(what, coarse(&bodies, 5)));
     }
-    println!("errors of up to {worst:.1e} of the sums of magnitudes");
+    println!("coarse level: errors of up to {worst:.1e} of the sums of the terms' magnitudes");
 }
 
 #[test]
@@ -385,10 +395,15 @@ fn passes_follow_the_oracle_with_contacts_and_a_tool() {
 fn one_of_two_bodies_has_a_coarse_level() {
     let system = System::preconditioned(&soft_and_stiff(), AMPLITUDE, 5, Preconditioner::Auto);
     let bodies: Vec<usize> = system.model.coarse.bodies.iter().map(|(body, ..)| *body).collect();
-    assert_eq!(bodies, [1], "numbers {:?}", system.model.coarse.bodies);
-    follow("alone", system);
+    assert_eq!(
+        bodies,
+        [1],
+        "bodies with a coarse level; (body, stiffness number, aggregates): {:?}",
+        system.model.coarse.bodies
+    );
+    follow("one of two bodies", system);
     let system = System::preconditioned(&soft_and_stiff(), AMPLITUDE, 5, Preconditioner::Auto);
-    follow("contacts", system.with_tool().with_contacts(40, 8));
+    follow("one of two bodies, contacts", system.with_tool().with_contacts(40, 8));
 }
 
 #[test]
@@ -398,7 +413,11 @@ fn passes_follow_the_oracle_at_every_size() {
         let bodies = if nodes == 0 { vec![] } else { vec![turned(layer(nodes))] };
         let system = coarse(&bodies, 6);
         let free = system.model.node_info.iter().filter(|info| info[3] == 0).count();
-        assert_eq!(system.model.coarse.bodies.is_empty(), free == 0, "{nodes} nodes");
+        assert_eq!(
+            system.model.coarse.bodies.is_empty(),
+            free == 0,
+            "{nodes} nodes: whether no body has a coarse level"
+        );
         println!("{nodes} nodes, {free} of them free: {} blocks", system.model.blocks.free);
         if free > 0 {
             follow(&format!("{nodes} nodes"), system);

@@ -1,5 +1,5 @@
-//! The host's inverse of the coarse matrix A_c = P^T A P against the oracle's (P: prolongation, A: operator; see
-//! mod.rs).
+//! The inverse of the coarse matrix A_c = P^T A P that the host computes, against that of the f64 oracle (P:
+//! prolongation, A: operator; mod.rs explains the coarse level).
 
 use faer::{Mat, Side};
 use glam::DQuat;
@@ -12,8 +12,8 @@ use crate::solver::system::{System, layer, layered, material};
 
 /// Relative rounding of a number stored in half precision: half a unit in the last place.
 const HALF: f64 = 1.0 / 2048.0;
-/// Error of an entry relative to the geometric mean of its two diagonal entries: node places, gradients and masses in
-/// f32 (6e-8) times the condition number of the scaled matrix, a hundred or two.
+/// Error of an entry relative to the geometric mean of its two diagonal entries: node positions, gradients and masses
+/// in f32 (6e-8) times the condition number of the scaled matrix, a hundred or two.
 const INPUT: f64 = 2e-5;
 
 fn absolute(matrix: &Mat<f64>) -> Mat<f64> {
@@ -22,8 +22,8 @@ fn absolute(matrix: &Mat<f64>) -> Mat<f64> {
 
 #[test]
 fn the_host_s_inverse_is_the_oracle_s() {
-    // Compared is P A_c^-1 P^T, which the coarse level applies to any residual: it is unique even where modes depend on
-    // each other.
+    // The product P A_c^-1 P^T, which the coarse level applies to any residual, is compared: it is unique even where
+    // modes are linearly dependent.
     for (what, bodies) in kinds() {
         let system = System::preconditioned(&bodies, 0.0, 1, Preconditioner::Coarse);
         let p = coarse_vector_of(&system, &rest_turns(&system));
@@ -33,7 +33,10 @@ fn the_host_s_inverse_is_the_oracle_s() {
         let (square, of_p) = (matrix(&a, &Mat::identity(p.nrows(), p.nrows())), absolute(&p));
         let left = &want * &square * &p - &p;
         let worst = (0..p.nrows()).flat_map(|i| (0..p.ncols()).map(move |j| (i, j))).map(|at| left[at].abs());
-        assert!(worst.fold(0.0, f64::max) < 1e-8, "{what}: the oracle");
+        assert!(
+            worst.fold(0.0, f64::max) < 1e-8,
+            "{what}: error in the span of the modes that the oracle's correction leaves"
+        );
         let inverse = host_inverse(&system.model, false);
         let got = &p * &inverse * p.transpose();
         let rounding = &of_p * absolute(&inverse) * of_p.transpose();
@@ -47,8 +50,8 @@ fn the_host_s_inverse_is_the_oracle_s() {
             }
         }
         let (share, i, j) = worst;
-        println!("{what}: {} modes, {} unknowns, worst {share:.3} of what is allowed", p.ncols(), p.nrows());
-        assert!(share < 1.0, "{what}: {:e} at {i}, {j}, want {:e}", got[(i, j)], want[(i, j)]);
+        println!("{what}: {} modes, {} unknowns, largest error {share:.3} of the tolerance", p.ncols(), p.nrows());
+        assert!(share < 1.0, "{what}: {:e} in row {i}, column {j}, expected {:e}", got[(i, j)], want[(i, j)]);
     }
 }
 
@@ -59,16 +62,16 @@ fn the_inverse_is_symmetric_to_the_bit_and_has_ones_on_its_diagonal() {
         let inverse = host_inverse(&system.model, true);
         let mut used = 0;
         for i in 0..inverse.nrows() {
-            (0..i).for_each(|j| assert_eq!(inverse[(i, j)], inverse[(j, i)], "{what}: {i}, {j}"));
+            (0..i).for_each(|j| assert_eq!(inverse[(i, j)], inverse[(j, i)], "{what}: entry ({i}, {j})"));
             let any = (0..inverse.ncols()).any(|j| inverse[(i, j)] != 0.0);
-            assert_eq!(inverse[(i, i)], if any { 1.0 } else { 0.0 }, "{what}: {i}");
+            assert_eq!(inverse[(i, i)], if any { 1.0 } else { 0.0 }, "{what}: diagonal entry {i}");
             used += usize::from(any);
         }
-        assert!(used > 0, "{what}");
+        assert!(used > 0, "{what}: the inverse is zero");
     }
 }
 
-/// The inverted diagonal blocks of A, 3x3 of nodes and 6x6 of cores.
+/// The block Jacobi preconditioner: the inverted diagonal blocks of A, 3x3 of nodes and 6x6 of rigid cores.
 fn jacobi(system: &System, a: &Entries) -> Mat<f64> {
     let unknowns = system.twin.unknowns();
     let square = matrix(a, &Mat::identity(unknowns.count, unknowns.count));
@@ -111,20 +114,25 @@ fn half_precision_leaves_the_preconditioner_positive() {
         let (a, _) = system.twin.assemble(None, &[]);
         let coarse = &p * host_inverse(&system.model, false) * p.transpose();
         let values = scaled_eigenvalues(&(jacobi(&system, &a) + &coarse));
-        // Where contacts are so stiff that D^-1 vanishes, the coarse part alone must still be positive, but for
-        // rounding in this test.
+        // Where contacts are so stiff that D^-1 vanishes, the coarse part P A_c^-1 P^T alone must still be positive,
+        // apart from rounding errors of this test.
         let alone = scaled_eigenvalues(&coarse);
-        assert!(alone[0] > -1e-11 * alone[alone.len() - 1], "{what}: {:e} alone", alone[0]);
+        assert!(
+            alone[0] > -1e-11 * alone[alone.len() - 1],
+            "{what}: least eigenvalue of the coarse part alone {:e}",
+            alone[0]
+        );
         let exact = correction(&a, &p).unwrap();
         let grown = (0..p.nrows()).map(|i| coarse[(i, i)] / exact[(i, i)]).fold(1.0, f64::max);
         let number = system.model.coarse.bodies[0].1;
         println!(
-            "{what}, stiffness number {number:.1e}: eigenvalues from {:.1e} to {:.1e}, alone from {:.1e}; up to {:.1e} more",
+            "{what}, stiffness number {number:.1e}: eigenvalues from {:.1e} to {:.1e}, of the coarse part alone from \
+             {:.1e}; its diagonal greater by up to {:.1e}",
             values[0],
             values[values.len() - 1],
             alone[0],
             grown - 1.0
         );
-        assert!(values[0] > 0.0, "{what}: {:e}", values[0]);
+        assert!(values[0] > 0.0, "{what}: least eigenvalue {:e}", values[0]);
     }
 }

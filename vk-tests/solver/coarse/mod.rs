@@ -1,7 +1,7 @@
 //! The coarse level of the two-level additive Schwarz preconditioner: its matrix, made on the host, and the passes that
-//! apply it. A block is the nodes of one workgroup; each block of free nodes is an aggregate of the coarse space. A
-//! block has twelve modes, motions of all its nodes, which are columns of the prolongation P; its slot is the place of
-//! its modes.
+//! apply it. A block is the nodes that one workgroup of the solver owns; each block of free nodes is an aggregate of
+//! the coarse space. A block has twelve modes, affine motions of all its nodes, which are columns of the prolongation
+//! P; its slot is the place of its modes in the kernels' arrays.
 
 mod kernels;
 mod law;
@@ -22,7 +22,7 @@ use crate::solver::system::{
     System, layer, layered, material, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge,
 };
 
-/// The model's blocks in the order of their slots, in the oracle's form.
+/// The model's blocks in the order of their slots, as the oracle represents them.
 fn blocks_of(system: &System, turns: &[[f32; 4]]) -> Vec<Block> {
     let (model, blocks) = (&system.model, &system.model.blocks);
     let mut order: Vec<usize> = (0..blocks.blocks.len()).collect();
@@ -42,8 +42,8 @@ fn blocks_of(system: &System, turns: &[[f32; 4]]) -> Vec<Block> {
     order.into_iter().map(block).collect()
 }
 
-/// Entries of P below this are zero: it is the rounding, in f64, of a node's distance from the plane in which its block
-/// lies, over the block's size.
+/// Entries of P below this are set to zero. They are rounding errors, in f64, of a node's distance from the plane in
+/// which its block lies, relative to the block's size.
 const NOTHING: f64 = 1.0e-12;
 
 /// The prolongation P, its modes in the order of slots.
@@ -53,7 +53,7 @@ fn coarse_vector_of(system: &System, turns: &[[f32; 4]]) -> Mat<f64> {
     all
 }
 
-/// The rotations of the blocks of bodies at rest: those of their frames.
+/// The rotations of the blocks of bodies at rest, which are those of the rigid coordinate frames of their nodes.
 fn rest_turns(system: &System) -> Vec<[f32; 4]> {
     system.model.blocks.blocks.iter().map(|block| system.frames[block[2] as usize].rotation).collect()
 }
@@ -78,7 +78,7 @@ fn host_inverse(model: &Model, scaled: bool) -> Mat<f64> {
     inverse
 }
 
-/// A box of 20 mm cells, in which the nodes are attached for which `held` says so.
+/// A box of 20 mm cells; the nodes for which `held` is true are attached.
 fn boxed(cells: [u32; 3], held: impl Fn(DVec3) -> bool) -> Layer {
     let half = 0.01 * DVec3::new(cells[0].into(), cells[1].into(), cells[2].into());
     let mut layer = kuhn_box(-half, half, cells);
@@ -86,7 +86,7 @@ fn boxed(cells: [u32; 3], held: impl Fn(DVec3) -> bool) -> Layer {
     layer
 }
 
-/// The layer, turned within its rest frame.
+/// The layer (tetrahedral mesh), turned within its rest frame.
 fn tilted(mut layer: Layer) -> Layer {
     let turn = DQuat::from_scaled_axis(DVec3::new(0.5, -0.8, 0.3));
     layer.nodes.iter_mut().for_each(|x| *x = turn * *x);
@@ -107,7 +107,7 @@ fn row() -> Layer {
     boxed([9, 1, 1], |x| x.y < 0.0 || x.z < 0.0)
 }
 
-/// A body whose nodes belong to two frames at rest.
+/// A body whose nodes belong to two rigid coordinate frames at rest.
 fn two_frames() -> Body {
     let mut body = turned(layer(100));
     if let Shape::Soft { layer, frames, node_frames, .. } = &mut body.shape {
@@ -117,7 +117,7 @@ fn two_frames() -> Body {
     body
 }
 
-/// A body with more nodes attached to its dynamic core than a block has.
+/// A body with a dynamic rigid core to which more nodes are attached than a block has.
 pub fn large_core(hinged: bool) -> Body {
     let mut body = turned(boxed([6, 6, 8], |x| x.z < 0.03));
     if let Shape::Soft { layer, frames, materials, .. } = &mut body.shape {
@@ -153,7 +153,7 @@ pub fn kinds() -> Vec<(&'static str, Vec<Body>)> {
         ("a row", vec![turned(row())]),
         ("a tilted plane", vec![turned(tilted(plane()))]),
         ("a tilted row", vec![turned(tilted(row()))]),
-        ("nothing free", vec![turned(boxed([2, 2, 2], |_| true)), turned(layer(27))]),
+        ("no free nodes in one of two", vec![turned(boxed([2, 2, 2], |_| true)), turned(layer(27))]),
     ]
 }
 

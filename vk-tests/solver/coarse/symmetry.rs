@@ -6,7 +6,8 @@ use super::{large_core, product};
 use crate::harness::random::Random;
 use crate::solver::system::{two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge};
 
-/// M^-1 r by the kernels: an iteration with step length one along a zero direction leaves r as it is and applies M^-1.
+/// M^-1 r by the kernels: an iteration with step length one along a zero direction leaves r unchanged and applies M^-1
+/// to it.
 fn device_preconditioned(passes: &mut Passes, r: &[f64]) -> Vec<f64> {
     let zeros = vec![[0.0; 4]; passes.nodes()];
     passes.residual = only_free(passes, node_vectors(&passes.system, r));
@@ -63,11 +64,16 @@ fn the_preconditioner_is_symmetric_and_positive() {
         vectors.extend((!firsts.is_empty()).then_some(rigid));
         let operator_products: Vec<Vec<f64>> = vectors.iter().map(|x| device_preconditioned(&mut passes, x)).collect();
         for (i, (x, mx)) in vectors.iter().zip(&operator_products).enumerate() {
-            assert!(dot(x, mx) > 0.0, "{what}: {i}: x.M^-1 x = {:e}", dot(x, mx));
+            assert!(dot(x, mx) > 0.0, "{what}, vector {i}: x.M^-1 x = {:e} is not positive", dot(x, mx));
             for (j, (y, my)) in vectors.iter().zip(&operator_products).enumerate().take(i) {
                 let size = dot(&magnitudes(x), &twin.sizes(&passes, y));
                 let apart = dot(x, my) - dot(y, mx);
-                assert!(apart.abs() < SUM * size, "{what}: {i}, {j}: {:e} and {:e}", dot(x, my), dot(y, mx));
+                assert!(
+                    apart.abs() < SUM * size,
+                    "{what}, vectors {i} and {j}: x.M^-1 y = {:e}, y.M^-1 x = {:e}",
+                    dot(x, my),
+                    dot(y, mx)
+                );
             }
         }
     }

@@ -1,5 +1,5 @@
-//! The rotations of blocks of nodes (workgroups, aggregates of the coarse space), which solve/assemble finds from the
-//! displacements: the modes of the coarse space turn with them.
+//! The rotations of blocks of nodes (one workgroup's nodes, an aggregate of the coarse space), which solve/assemble
+//! finds from the displacements: the modes of the coarse space, affine motions of a block, turn with them.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::scene::Preconditioner;
@@ -12,7 +12,7 @@ use crate::solver::system::System;
 /// Error of an angle, rad.
 const ANGLE: f64 = 1e-5;
 
-/// Passes on bodies whose free nodes are turned by `turn` in their rest frames, and shifted.
+/// The solver's passes for bodies whose free nodes are turned by `turn` in their rest frames, and shifted.
 fn turned_by(bodies: &[palpate::internal::prepare::Body], turn: DQuat) -> Passes {
     let mut system = System::preconditioned(bodies, 0.0, 3, Preconditioner::Coarse);
     let mut at = 0;
@@ -47,8 +47,8 @@ fn is_flat(system: &System, block: usize) -> bool {
     sum.determinant() < 1e-6
 }
 
-/// For each block of free nodes, its rotation within its frame and in the world, as found, and the rotation of the
-/// frame.
+/// For each block of free nodes: the rotation within its rigid coordinate frame and the rotation in the world, as
+/// solve/assemble found them, and the rotation of the frame.
 fn rotations(passes: &Passes) -> Vec<(DQuat, DQuat, DQuat)> {
     let (blocks, frames) = (&passes.system.model.blocks, &passes.system.frames);
     let found = |b: usize| {
@@ -73,19 +73,23 @@ fn blocks_turn_with_their_nodes() {
                 }
                 known += 1;
                 worst = worst.max(angle(found, turn)).max(angle(world, frame * turn));
-                assert!(angle(found, turn) < ANGLE, "{what}: {found} for {turn}, off by {:e}", angle(found, turn));
-                assert!(angle(world, frame * turn) < ANGLE, "{what}: {world} in the world");
+                assert!(
+                    angle(found, turn) < ANGLE,
+                    "{what}: rotation {found}, expected {turn}, off by {:e} rad",
+                    angle(found, turn)
+                );
+                assert!(angle(world, frame * turn) < ANGLE, "{what}: wrong rotation in the world {world}");
             }
-            // Starting from the rotations found, the next run must find the same.
+            // The next run starts from the rotations found and must find the same ones.
             let before = passes.block_rotations.clone();
             passes.assemble();
             for (a, b) in before.iter().zip(&passes.block_rotations) {
-                assert!(angle(quaternion(*a), quaternion(*b)) < ANGLE, "{what}");
+                assert!(angle(quaternion(*a), quaternion(*b)) < ANGLE, "{what}: a second run finds another rotation");
             }
         }
     }
-    println!("{known} blocks off by up to {worst:.1e} rad; {flat} are flat");
-    assert!(known > flat, "{known} blocks that are not flat, {flat} that are");
+    println!("rotations of {known} blocks are off by up to {worst:.1e} rad; {flat} flat blocks are not compared");
+    assert!(known > flat, "{known} blocks are not flat, {flat} are flat");
 }
 
 #[test]
@@ -95,18 +99,18 @@ fn blocks_at_rest_and_carried_ones_are_not_turned() {
         passes.system.displacement.fill([0.0; 4]);
         passes.assemble();
         for (b, turn) in passes.block_turns.iter().enumerate() {
-            assert_eq!(passes.block_rotations[b], [0.0, 0.0, 0.0, 1.0], "{what}: block {b}");
+            assert_eq!(passes.block_rotations[b], [0.0, 0.0, 0.0, 1.0], "{what}: rotation of block {b} in its frame");
             let frame = passes.system.model.blocks.blocks[b][2] as usize;
             let apart = angle(quaternion(*turn), quaternion(passes.system.frames[frame].rotation));
-            assert!(apart < 1e-6, "{what}: block {b}, off by {apart:e}");
+            assert!(apart < 1e-6, "{what}: rotation of block {b} is off its frame's by {apart:e} rad");
         }
     }
 }
 
 #[test]
 fn what_is_known_of_flat_blocks_is_found() {
-    // A turn within the plane of flat blocks must be found, and no turn of a row; what flat blocks do not determine
-    // stays as at rest. After any other turn, the result must still be a rotation.
+    // For a flat block, a turn within its plane must be found; for a row of nodes, which shows no turn, the rotation
+    // must be as at rest. After any other turn, the result must still be a rotation.
     let mut random = Random(12);
     for (what, layer, axis) in [("a plane", plane(), Some(DVec3::Z)), ("a row", row(), None)] {
         let tilt = DQuat::from_scaled_axis(DVec3::new(0.5, -0.8, 0.3));
@@ -115,13 +119,17 @@ fn what_is_known_of_flat_blocks_is_found() {
             let mut passes = turned_by(&[turned(layer.clone())], turn);
             passes.assemble();
             for (found, ..) in rotations(&passes) {
-                assert!(angle(found, turn) < ANGLE, "{what}: {found} for {turn}, off by {:e}", angle(found, turn));
+                assert!(
+                    angle(found, turn) < ANGLE,
+                    "{what}: rotation {found}, expected {turn}, off by {:e} rad",
+                    angle(found, turn)
+                );
             }
             let mut passes = turned_by(&[turned(layer)], random.turn(1.5));
             passes.assemble();
             for (found, world, _) in rotations(&passes) {
                 let unit = |q: DQuat| (q.length() - 1.0).abs() < 1e-6;
-                assert!(unit(found) && unit(world), "{what}: {found}, {world}");
+                assert!(unit(found) && unit(world), "{what}: not unit quaternions: {found}, {world}");
             }
         }
     }

@@ -1,5 +1,5 @@
-//! The solver's kernels, one method each: it runs the kernel as a case of the harness and stores the arrays that it
-//! left.
+//! The solver's kernels, one method each, which runs the kernel in the test harness and stores the arrays that it
+//! wrote. A block is the nodes that one workgroup owns.
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders::{Contact, Iteration};
@@ -139,7 +139,7 @@ impl Passes {
         self.element_forces = forces;
     }
 
-    /// Runs solve/gather. `mode` is as in the kernel's header (0: warm start, 1: iteration, 2: end) and decides of
+    /// Runs solve/gather. `mode` is as in the kernel's header (0: warm start, 1: iteration, 2: end) and determines of
     /// which vectors the inner products are taken.
     pub fn gather(&mut self, mode: u32) {
         let outcomes: Vec<_> = self.variants().iter().map(|variant| self.gather_variant(mode, variant)).collect();

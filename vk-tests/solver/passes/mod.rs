@@ -1,4 +1,6 @@
-//! The solver's passes one at a time, each a case of the harness; arrays go from one pass to the next as in the step.
+//! The solver's passes one at a time, each run in the test harness; arrays go from one pass to the next as in the step.
+//! A block is the nodes that one workgroup owns; a rigid body is a dynamic core (to which nodes are attached) or the
+//! tool.
 
 mod kernels;
 mod side_by_side;
@@ -24,13 +26,13 @@ pub enum Change {
 /// A system and the solver's arrays, named as the kernels name them.
 pub struct Passes {
     pub system: System,
-    /// Variants of the kernels: with contacts, with a tool, with friction, with a coarse level.
+    /// Variants of the kernels: with contacts, with a tool, with friction, with a coarse level of the preconditioner.
     pub contact: bool,
     pub tool: bool,
     pub friction: bool,
     pub coarse: bool,
-    /// Number of blocks that solve/first_residual and solve/conclude sum over: the model's, unless a test sets inner products of
-    /// its own.
+    /// Number of blocks that solve/first_residual and solve/conclude sum over: the model's, unless a test sets its own
+    /// inner products.
     pub block_count: usize,
     pub element_forces: Vec<[f32; 4]>,
     pub contact_forces: Vec<[f32; 4]>,
@@ -61,7 +63,7 @@ pub struct Passes {
     pub rigids: Vec<Rigid>,
     /// The joints, as the host writes them.
     pub joints: Vec<Joint>,
-    /// For each side of a joint at a dynamic core, twice the joint's index plus which side; by core.
+    /// For each side of a joint at a dynamic core, twice the joint's index plus the side (0 or 1); sorted by core.
     pub joint_sides: Vec<u32>,
     /// The inverse of each group of joined rigid bodies, by rows.
     pub rigid_inverses: Vec<f32>,
@@ -74,7 +76,7 @@ pub struct Passes {
     pub core_changes: Vec<f32>,
 }
 
-/// A value that no pass writes by chance: where it is still there, nothing was written.
+/// A value that no pass writes by chance: a word that still has it was not written.
 pub const UNTOUCHED: u32 = 77_777;
 
 impl Passes {

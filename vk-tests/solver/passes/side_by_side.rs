@@ -1,5 +1,6 @@
-//! Variants of a kernel that run side by side, for blocks of free nodes, blocks of attached nodes, and the tool: each
-//! variant reads what was there before all of them, and no two write the same word.
+//! Variants of a solver kernel that run at the same time: for blocks of free nodes (a block is the nodes that one
+//! workgroup owns), for blocks of nodes attached to dynamic cores, and for the tool. Each variant reads what was there
+//! before any of them ran, and no two write the same word.
 
 use bytemuck::Pod;
 
@@ -76,7 +77,8 @@ impl Passes {
         roles
     }
 
-    /// The role of the block whose modes are at a slot, or the tool's where there is no such block.
+    /// The role of the block whose modes (its affine motions, the coarse space) are stored at `coarse_index`, or the
+    /// tool's role where there is no such block.
     pub fn role_of_args(&self, coarse_index: usize) -> u32 {
         let blocks = &self.system.model.blocks;
         match blocks.coarse_indices.iter().position(|own| *own as usize == coarse_index) {

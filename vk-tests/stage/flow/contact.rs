@@ -1,5 +1,6 @@
-//! The second half of the [`Flow`] (see mod.rs): from ray hits to contacts, their coefficients in the solver, and the
-//! index from nodes to the contacts that act on them.
+//! The second half of the [`Flow`] (kernels of the query, see mod.rs): from ray hits to contacts, their coefficients in
+//! the solver, and the index from nodes to the contacts that act on them. A candidate is a skin vertex that may be a
+//! contact.
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
@@ -46,7 +47,7 @@ impl Flow {
         self.args = out.get("args");
         self.counts = out.get("counts")[0];
         self.hits = out.get("candidate_hits");
-        // Candidates that do not collide are left from earlier steps, and count as zero.
+        // Candidates that do not collide keep values of earlier steps and are set to zero here.
         let colliding: Vec<[u32; 2]> = out.get("chunk_contacts");
         self.chunk_contacts = colliding.as_flattened().to_vec();
         for (i, hit) in self.hits.iter_mut().enumerate() {
@@ -74,7 +75,7 @@ impl Flow {
         self.source = out.get("contact_source");
     }
 
-    /// Lists the candidates with a depth, which a test made up, as contacts.
+    /// Makes the list of contacts from candidates whose depths a test made up.
     pub fn list_candidates(&mut self) {
         self.source = (0..self.hits.len() as u32).filter(|i| self.hits[*i as usize][0] > 0.0).collect();
         self.counts.contacts = self.source.len() as u32;

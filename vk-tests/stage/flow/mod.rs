@@ -1,8 +1,8 @@
-//! The kernels from pose to contact, which are the proximity query and the response: each is a case of the harness and
-//! gets what the kernel before it wrote, so that tests can check the whole query while the harness still guards each
-//! kernel. Words: a slot is a collision proxy in a pair of bodies; a chunk, up to 64 skin vertices with their
-//! triangles; a contact patch (`contact_patches`), a place where a pair may touch along one normal; a work item (`work_items`), a
-//! chunk in a patch; a bin, an entry of the spatial hash, which is one vertex of a work item.
+//! The kernels from pose to contact, which are the proximity query and the contact response. Each runs in the test
+//! harness on what the kernel before it wrote, so that tests can check the whole query while the harness guards each
+//! kernel. Words: a slot is a collision proxy in a pair of bodies; a side, body a or b of a pair; a chunk, up to 64
+//! skin vertices with their triangles; a contact patch, a place where a pair may touch along one normal; a work item, a
+//! chunk in a patch; a hash entry, one vertex of a work item in the spatial hash.
 
 mod contact;
 mod query;
@@ -24,7 +24,7 @@ use palpate::scene::{self, Sides};
 
 use crate::harness::context;
 
-/// The depth paths (ways to find ray hits) that the flow can run.
+/// The depth paths (implementations of the stage that finds ray hits) that the flow can run.
 pub const PATHS: [Path; 1] = [Path::Compute];
 /// Cells of the two min-max depth grids of a contact patch, 16 x 16 for each side.
 pub const GRID_WORDS: usize = 2 * 16 * 16;
@@ -69,7 +69,7 @@ pub struct Flow {
     pub args: Vec<u32>,
     pub skin: Vec<[f32; 4]>,
     pub buckets: Vec<u32>,
-    /// Bins: place of the vertex along the patch's axes (bits), next bin of its bucket.
+    /// Hash entries: position of the vertex along the patch's axes (bits), next entry of its bucket.
     pub hash_entries: Vec<[u32; 4]>,
     pub entry_hits: Vec<u32>,
     pub entry_cells: Vec<[u32; 2]>,
@@ -95,7 +95,7 @@ pub struct Flow {
     pub sorted: Vec<[u32; 2]>,
 }
 
-/// The data, or one zero in place of none, for an array that is bound but not read.
+/// The data, or one zero if there is none, for an array that is bound but not read.
 pub fn some<T: Pod>(data: &[T]) -> Vec<T> {
     if data.is_empty() { vec![T::zeroed()] } else { data.to_vec() }
 }
@@ -107,7 +107,7 @@ pub fn fours(data: &[u32]) -> Vec<u32> {
     data
 }
 
-/// A scene of which only the contact law and the time step matter.
+/// A scene of which only the contact law and the time step are used.
 fn scene(sides: Sides) -> Scene {
     Scene {
         file: "none".into(),
@@ -139,7 +139,7 @@ impl Flow {
         Flow::of_sides(bodies, tool, origin, Sides::Both)
     }
 
-    /// A flow like that of [`Flow::new`], where `sides` says whose vertices gather contacts.
+    /// A flow like that of [`Flow::new`], where `sides` chooses whose vertices are tested for contact.
     pub fn of_sides(bodies: &[Body], tool: Option<&Body>, origin: DVec3, sides: Sides) -> Flow {
         let model = Model::new(&scene(sides), bodies, tool);
         let frame = |(centre, rotation): (DVec3, DQuat)| Frame {
@@ -211,12 +211,12 @@ impl Flow {
         }
     }
 
-    /// Number of workgroups that earlier kernels requested in this slot of the indirect arguments.
+    /// Number of workgroups that earlier kernels requested for dispatch `pair_proxy` of the indirect arguments.
     fn groups(&self, pair_proxy: u32) -> usize {
         self.args[3 * pair_proxy as usize] as usize
     }
 
-    /// Runs everything up to the depths of skin vertices, on this depth path.
+    /// Runs everything up to the depths of skin vertices, on the depth path `path`.
     pub fn query(&mut self, path: Path) {
         self.place();
         self.cull();
@@ -237,7 +237,7 @@ impl Flow {
         self.meet();
     }
 
-    /// Runs what follows the query: the list of contacts, their response, the index from nodes to them.
+    /// Runs what follows the query: the list of contacts, their response, and the index from nodes to contacts.
     pub fn gather(&mut self) {
         self.deepest();
         self.respond();

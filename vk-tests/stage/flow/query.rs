@@ -1,4 +1,5 @@
-//! The first half of the [`Flow`] (see mod.rs): from bodies in their coordinate frames to ray hits of skin vertices.
+//! The first half of the [`Flow`] (kernels of the query, see mod.rs): from bodies in their rigid coordinate frames to
+//! ray hits of skin vertices.
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
@@ -219,7 +220,7 @@ impl Flow {
         self.entry_cells = out.get("entry_cells");
     }
 
-    /// Runs depth/ray_hits, the compute path.
+    /// Runs depth/ray_hits, the compute implementation of the depth stage.
     pub fn cross(&mut self) {
         let model = &self.model;
         let out = case("depth/ray_hits")
