@@ -1,7 +1,8 @@
-//! Compares two results of `palpate bench`: how many times as long each measurement takes now, and whether that is more
-//! than noise; and whether errors, iterations, passes, memory or flags, which have no noise, grew.
+//! Compares two results of `palpate bench`: the ratio of each time to the earlier one, and whether it is beyond noise;
+//! and whether errors, iterations, passes, memory or flags, which have no noise, grew.
 //!
-//! The rounds of a time are its repeated runs; few rounds are dealt into "hands" (see [`crate::samples::hands`]).
+//! The rounds of a time are its repeated runs. Where there are fewer than five rounds, their samples are dealt into
+//! "hands", interleaved subsets (see [`crate::samples::hands`]).
 
 mod series;
 
@@ -14,46 +15,46 @@ use super::suite::Results;
 use super::{Table, median};
 use series::{Series, series_of};
 
-/// A time may grow by this share beyond the spread of both results: on a busy machine the same program's times differ
-/// by that much.
+/// A time may grow by this share beyond the spread of both results: on a busy machine the times of one program differ
+/// by as much.
 const ALLOWED: f64 = 0.10;
-/// An error may grow by this share: it has the same bits on the same GPU device, but not on another.
+/// An error may grow by this share: it is the same bit for bit on one GPU device, but not on another.
 const ALLOWED_ERROR: f64 = 0.10;
 /// Errors below this are rounding.
 const ROUNDING: f64 = 1e-6;
-/// Memory and the number of passes may grow by this share, since alignment differs between devices.
+/// Memory and the number of passes may grow by this share, since memory alignment differs between devices.
 const ALLOWED_SIZE: f64 = 0.02;
-/// Iterations may grow by this share: a difference in the last bit may take one more.
+/// Iterations may grow by this share: a difference in the last bit can cost one more iteration.
 const ALLOWED_ITERATIONS: f64 = 0.25;
-/// A time is judged only with at least so many rounds (or hands) on both sides. With five each, all new times exceed
-/// all old ones by chance once in 252 comparisons; with fewer, too often.
+/// A time is judged only with at least so many rounds (or hands) in each result. With five in each, by chance all new
+/// times exceed all old ones once in 252 comparisons; with fewer, more often than is acceptable.
 const LEAST_ROUNDS: usize = HANDS;
-/// Where at least so many times are compared, a time is slower or faster only if its ratio of new to old is an outlier
-/// among all ratios (see [`DEVIATIONS`]).
+/// Where at least so many times are compared, a time counts as slower or faster only if its ratio of new to old is an
+/// outlier among all ratios (see [`DEVIATIONS`]).
 const CROWD: usize = 8;
 /// A ratio is an outlier if its logarithm is more than so many standard deviations from the median. The standard
 /// deviation is estimated from the median absolute deviation.
 const DEVIATIONS: f64 = 4.0;
-/// A part of a benchmark is slower as a whole where the median ratio of its times exceeds 1 by this, and enough of its
-/// times are slower (see [`MOST`]).
+/// A part of a benchmark is slower as a whole if the median ratio of its times exceeds 1 by more than this and enough
+/// of its times are slower (see [`MOST`]).
 const ALLOWED_PART: f64 = 0.15;
 /// Least share of a part's times that must be slower by [`ALLOWED`] for the part to be slower.
 const MOST: f64 = 0.75;
 
-/// One measurement, before and now.
+/// One measurement in the old and the new result.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
     /// Path of the measurement in `results.json`: `solver/block10k-20kPa-1ms/runs/jacobi 1e-5/step_us`; for a part as a
-    /// whole the part's name.
+    /// whole, the part's name.
     pub path: String,
     /// Kind of quantity.
     pub kind: Kind,
-    /// Old value: of a time the median of its rounds, us; of a part the sum of its times, us.
+    /// Old value: for a time, the median of its rounds, us; for a part, the sum of its times, us.
     pub old: f64,
     /// New value, in the same unit.
     pub new: f64,
-    /// New value over old, for times divided by the machine's own change of speed: the fastest new round over the
-    /// slowest old one, the medians, the slowest new round over the fastest old one.
+    /// New value over old. For a time these are three ratios, divided by the machine's own change of speed: the fastest
+    /// new round over the slowest old one, the medians, the slowest new round over the fastest old one.
     pub ratio: [f64; 3],
     /// The verdict on the ratio: worse only if even its first entry exceeds 1 by more than is allowed.
     pub verdict: Verdict,
@@ -64,15 +65,15 @@ pub struct Comparison {
 pub enum Kind {
     /// Time, us, by its samples.
     Time,
-    /// All times of a part of a benchmark together, by the median of their ratios.
+    /// All times of a part of a benchmark together, judged by the median of their ratios.
     Part,
     /// Relative error of a force or of displacements.
     Error,
     /// Iterations of the solver.
     Iterations,
-    /// Number of passes, or of bytes.
+    /// Number of passes or of bytes.
     Size,
-    /// Number of different flags that were raised.
+    /// Number of different flags that any step raised.
     Flags,
 }
 
@@ -89,8 +90,8 @@ pub enum Verdict {
     Unjudged,
 }
 
-/// Compares all measurements that both results have; also returns the paths that only one has. Errors: the two were
-/// measured with different settings.
+/// Compares all measurements that both results have, and returns the comparisons and the paths that only one result
+/// has. Errors: the two were measured with different settings.
 pub fn compare(old: &Results, new: &Results) -> Result<(Vec<Comparison>, Vec<String>)> {
     for (name, measured) in &old.benchmarks {
         let differs = new.benchmarks.get(name).is_some_and(|other| other["settings"] != measured["settings"]);
@@ -119,8 +120,8 @@ fn part_of(path: &str) -> &str {
     &path[..end]
 }
 
-/// How many times as long the machine took for the same fixed work (see `gauge.rs`) while a part was measured: least,
-/// median, greatest ratio of new to old. 1 where either result lacks it.
+/// How many times as long the machine took for a fixed piece of work (see `gauge.rs`) while a part was measured: least,
+/// median and greatest ratio of new to old; 1 if either result lacks it.
 fn machine(old: &Results, new: &Results, part: &str) -> [f64; 3] {
     match (old.gauge(part), new.gauge(part)) {
         (Some(old), Some(new)) => [low(&new) / high(&old), median(&new) / median(&old), high(&new) / low(&old)],
@@ -153,7 +154,7 @@ impl Comparison {
             (Series::Error(old), Series::Error(new)) => {
                 let verdict = match (old.is_nan(), new.is_nan()) {
                     (true, true) => Verdict::Same,
-                    // An error that is no longer a number is the worst of all.
+                    // NaN, where a number was before, is worse than any number.
                     (false, true) => Verdict::Worse,
                     (true, false) => Verdict::Better,
                     _ if old.max(*new) < ROUNDING => Verdict::Same,
@@ -194,9 +195,9 @@ fn beyond([from, _, to]: [f64; 3], allowed: f64) -> Verdict {
     }
 }
 
-/// Calls a time the same if its ratio is no outlier among all ratios. The spread within a run is not all of the noise:
-/// a whole run is slower or faster than another, and some parts of it more than others. Where there are many times, the
-/// scatter of their ratios tells how much.
+/// Sets the verdict of a time to `Same` if its ratio is no outlier among all ratios. The spread within a run is not all
+/// of the noise: one run as a whole is slower or faster than another, and in some parts more than in others. If there
+/// are many times, the scatter of their ratios shows how much.
 fn excuse_the_ordinary(all: &mut [Comparison]) {
     let judged = |c: &&Comparison| c.kind == Kind::Time && c.verdict != Verdict::Unjudged && c.ratio[1] > 0.0;
     let logs: Vec<f64> = all.iter().filter(judged).map(|c| c.ratio[1].ln()).collect();
@@ -243,7 +244,7 @@ fn parts(all: &[Comparison]) -> Vec<Comparison> {
     by_part.into_iter().filter(|(_, own)| own.len() >= LEAST_ROUNDS).map(of).collect()
 }
 
-/// A table with a row for each comparison: worse ones first, then better ones; within a verdict the order stays.
+/// A table with a row for each comparison: worse ones first, then better ones; the order is otherwise kept.
 pub fn table(all: &[Comparison]) -> Table {
     let mut sorted: Vec<&Comparison> = all.iter().collect();
     let rank = |verdict| match verdict {
@@ -273,7 +274,7 @@ pub fn table(all: &[Comparison]) -> Table {
             Verdict::Same => "same",
             Verdict::Unjudged => "too few samples",
         };
-        let path = if *kind == Kind::Part { format!("{path}, all times") } else { path.clone() };
+        let path = if *kind == Kind::Part { format!("{path}, all times together") } else { path.clone() };
         let mut row = vec![path, number(*old), number(*new)];
         row.extend([ratio[1], ratio[0], ratio[2]].map(|x| format!("{x:.2}")));
         row.push(verdict.into());

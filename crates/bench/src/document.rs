@@ -1,8 +1,8 @@
-//! A report of the benchmarks: for each question its plot, its table and what was found.
+//! A report of the benchmarks: for each question its plot, its table and its finding (the answer).
 
 use std::fmt::Write;
 
-/// A whole report; [`Document::html`] makes it a page, [`Document::markdown`] plain text.
+/// A whole report; [`Document::html`] writes it as a page, [`Document::markdown`] as plain text.
 #[derive(Debug, Clone, Default)]
 pub struct Document {
     /// Heading of the report.
@@ -18,7 +18,7 @@ pub struct Document {
 pub struct Chapter {
     /// Heading of the chapter.
     pub title: String,
-    /// How it was measured.
+    /// How the benchmark was measured.
     pub preface: String,
     /// Sections, one for each question.
     pub sections: Vec<Section>,
@@ -107,10 +107,13 @@ mod tests {
         let noted = Section { notes: vec!["And so.".into()], ..section.clone() };
         let chapter = Chapter { title: "C".into(), sections: vec![noted], ..Chapter::default() };
         let text = Document { chapters: vec![chapter], ..Document::default() }.markdown();
-        assert!(text.ends_with("**Found:** So.\n\n- And so.\n"), "{text}");
+        assert!(text.ends_with("**Found:** So.\n\n- And so.\n"), "report: {text}");
         let chapter = Chapter { title: "C".into(), sections: vec![section], ..Chapter::default() };
         let text = Document { chapters: vec![chapter], ..Document::default() }.markdown();
-        assert!(text.contains("| name |  n |\n| ---- | -: |\n| a    | 12 |\n"), "{text}");
-        assert!(text.contains("## C") && text.contains("### T") && text.ends_with("**Found:** So.\n"), "{text}");
+        assert!(text.contains("| name |  n |\n| ---- | -: |\n| a    | 12 |\n"), "report: {text}");
+        assert!(
+            text.contains("## C") && text.contains("### T") && text.ends_with("**Found:** So.\n"),
+            "report: {text}"
+        );
     }
 }

@@ -1,18 +1,18 @@
-//! Measures how fast the machine is while a benchmark runs: the time of a fixed piece of work. Shared machines are
-//! slower at some hours than at others, and a comparison of results ([`crate::compare`]) divides that out.
+//! Measures how fast the machine is while a benchmark runs, by the time of a fixed piece of work. Shared machines are
+//! slower at some hours than at others, and a comparison of results ([`crate::compare`]) divides by this time.
 
 use std::hint::black_box;
 use std::time::Instant;
 
 /// Length of the array: 4 MB, more than a core's own cache holds.
 const NUMBERS: usize = 1 << 19;
-/// Passes over the array in a sample.
+/// Number of passes over the array in one sample.
 const ROUNDS: usize = 4;
 /// Number of samples.
 const SAMPLES: usize = 15;
 
-/// Times of the fixed work, us, one for each sample: multiplications and additions along an array that is larger than
-/// caches.
+/// Times of the fixed work, us, one for each sample: multiplications and additions along an array that is larger than a
+/// core's own cache.
 pub fn gauge() -> Vec<f64> {
     let mut numbers = vec![1.0f64; NUMBERS];
     let mut sample = || {
@@ -33,6 +33,6 @@ mod tests {
     #[test]
     fn a_gauge_has_its_samples() {
         let samples = super::gauge();
-        assert!(samples.len() == super::SAMPLES && samples.iter().all(|us| *us > 0.0), "{samples:?}");
+        assert!(samples.len() == super::SAMPLES && samples.iter().all(|us| *us > 0.0), "samples, us: {samples:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Meshes that a benchmark makes for itself: scenes refer to mesh files, so they are written into a temporary folder.
+//! Meshes that a benchmark generates: they are written into a temporary folder, because scenes refer to mesh files.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -12,12 +12,12 @@ use tempfile::TempDir;
 /// Vertices of a surface (m), and its triangles, wound outward.
 pub type Surface = (Vec<DVec3>, Vec<[u32; 3]>);
 
-/// A new temporary folder; it is deleted when the value is dropped.
+/// A new temporary folder, which is deleted when the value is dropped.
 #[derive(Debug)]
 pub struct MeshFolder(TempDir);
 
 impl MeshFolder {
-    /// Makes the folder. Errors: it cannot be made.
+    /// Makes the folder. Errors: the folder cannot be made.
     pub fn new() -> Result<MeshFolder> {
         let made = TempDir::with_prefix("palpate-");
         made.map(MeshFolder).map_err(|error| failed(&std::env::temp_dir(), &error))

@@ -1,18 +1,18 @@
-//! Writes a report as one HTML page that needs no other files and no scripts, with the plots inside; it is laid out for
-//! a screen 1280 pixels wide and for print.
+//! Writes a report as one HTML page, with its plots inside, that needs no other files and no scripts; it is laid out
+//! for a screen 1280 pixels wide and for print.
 
 use std::fmt::Write;
 
 use super::{Document, Section, Table};
 
 const STYLE: &str = include_str!("page.css");
-/// Most characters of a cell that is a number; a longer one is words.
+/// A cell with at most so many characters may be a number; a longer one with a space is words.
 const LONGEST_NUMBER: usize = 20;
 /// A table with at least so many columns is set in smaller type.
 const WIDE: usize = 11;
 
 impl Document {
-    /// The page. Text between backquotes is set as code, as in Markdown.
+    /// The report as a page. Text between backquotes is set as code, as in Markdown.
     pub fn html(&self) -> String {
         let title = escaped(&self.title);
         let mut page = format!(
@@ -64,7 +64,7 @@ fn write_section(page: &mut String, section: &Section, id: &str) {
     );
     let _ = writeln!(page, "<p class=\"finding\"><b>Found:</b> {}</p>", set(finding));
     if let Some(svg) = plot {
-        // The XML declaration before the `<svg>` element is only for files.
+        // The XML declaration before the `<svg>` element belongs in files only.
         let element = svg.find("<svg").map_or(svg.as_str(), |at| &svg[at..]);
         let _ = writeln!(page, "<figure>{element}</figure>");
     }
@@ -97,7 +97,7 @@ fn write_table(page: &mut String, table: &Table) {
     page.push_str("</tbody>\n</table></div>\n");
 }
 
-/// Whether a column holds words, which are set flush left; else it holds numbers.
+/// Whether a column holds words, which are set flush left; if not, it holds numbers.
 fn is_text(table: &Table, column: usize) -> bool {
     let mut cells = table.rows.iter().filter_map(|row| row.get(column));
     cells.any(|cell| cell.chars().count() > LONGEST_NUMBER && cell.contains(' '))
@@ -112,7 +112,7 @@ fn set(text: &str) -> String {
     // A no-break space keeps a number and its per cent sign on one line.
     let escaped = escaped(text).replace(" %", "\u{a0}%");
     let pieces: Vec<&str> = escaped.split('`').collect();
-    // With an odd number of backquotes all of them are left as they are.
+    // If the number of backquotes is odd, all of them are kept as characters.
     if pieces.len().is_multiple_of(2) {
         return escaped;
     }
@@ -142,8 +142,8 @@ mod tests {
             "#c0s1",
             "Where.",
         ];
-        assert!(parts.iter().all(|part| page.contains(part)), "{page}");
-        assert!(!page.contains("<?xml") && !page.contains("<script") && !page.contains("href=\"http"), "{page}");
+        assert!(parts.iter().all(|part| page.contains(part)), "page: {page}");
+        assert!(!page.contains("<?xml") && !page.contains("<script") && !page.contains("href=\"http"), "page: {page}");
         assert_eq!(page.matches("<section").count(), page.matches("</section>").count());
     }
 

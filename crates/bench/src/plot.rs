@@ -1,5 +1,5 @@
-//! Plots of the reports, as SVG. Colours are those of M. Okabe and K. Ito (2008), which colour-blind readers can tell
-//! apart; the text uses the reader's own fonts.
+//! Plots of the reports, as SVG. The colours are those of M. Okabe and K. Ito (2008), which colour-blind readers can
+//! distinguish; the text uses the reader's own fonts.
 
 use palpate::{Error, Result};
 use plotters::coord::Shift;
@@ -10,7 +10,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 const SIZE: (u32, u32) = (760, 420);
 /// Height of a bar with the gap after it, pixels.
 const BAR_HEIGHT: u32 = 30;
-/// Number of ticks of a logarithmic axis: more would overlap, fewer do not show the scale.
+/// Number of ticks of a logarithmic axis: more would overlap, fewer would not show the scale.
 const TICKS: std::ops::RangeInclusive<usize> = 3..=7;
 /// Leading digits of the ticks of a logarithmic axis, in sets from sparse to dense.
 const DIGITS: [&[f64]; 5] = [
@@ -20,7 +20,7 @@ const DIGITS: [&[f64]; 5] = [
     &[1.0, 1.5, 2.0, 3.0, 5.0, 7.0],
     &[1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
 ];
-/// Relative rounding error of a power of ten.
+/// Bound of the relative rounding error of a power of ten.
 const ROUNDING: f64 = 1e-9;
 /// Height of a row of panels, pixels.
 const PANEL_HEIGHT: u32 = 300;
@@ -38,7 +38,7 @@ const FONT: (&str, u32) = ("sans-serif", 15);
 const LABELS: f64 = 0.28;
 /// Room for the names of lines, pixels.
 const NAMES: u32 = 80;
-/// Height of the axis over that of the highest point.
+/// Greatest value of the axis over that of the highest point.
 const HEADROOM: f64 = 1.12;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -50,7 +50,7 @@ pub struct Line {
     pub name: String,
     /// Points, in the units of the axes.
     pub points: Vec<(f64, f64)>,
-    /// Range of each point's x, drawn as a horizontal bar through it; empty: no ranges are drawn.
+    /// Range of each point's x, drawn as a horizontal bar through the point; empty: no ranges are drawn.
     pub ranges: Vec<[f64; 2]>,
 }
 
@@ -59,11 +59,11 @@ pub struct Line {
 pub struct Axis {
     /// Label, with its unit.
     pub label: String,
-    /// Names to write at 0, 1, 2 ..; empty: numbers are written.
+    /// Names that are written at 0, 1, 2 and so on; empty: numbers are written.
     pub names: Vec<String>,
 }
 
-/// Draws lines on linear axes, each with its name at its end; the first line is drawn stronger.
+/// Draws lines on linear axes, each with its name at its end; the first line is thicker than the others.
 pub fn lines(x: &Axis, y_label: &str, lines: &[Line]) -> Result<String> {
     to_svg(SIZE, |area| draw_lines(area, x, y_label, lines))
 }
@@ -75,11 +75,11 @@ pub struct Bar {
     pub name: String,
     /// Length from 0, in the unit of the axis.
     pub length: f64,
-    /// Index of the colour; bars of one kind share it.
+    /// Index of the colour; all bars of one kind have the same colour.
     pub kind: usize,
 }
 
-/// Draws horizontal bars from the top down, each with its name and length.
+/// Draws horizontal bars, the first at the top, each with its name and length.
 pub fn bars(x_label: &str, bars: &[Bar]) -> Result<String> {
     to_svg((SIZE.0, 90 + BAR_HEIGHT * bars.len() as u32), |area| draw_bars(area, x_label, bars))
 }
@@ -158,7 +158,7 @@ fn draw_lines(area: &Area, x: &Axis, y_label: &str, lines: &[Line]) -> Drawn {
     draw_names(area, lines, ends.collect())
 }
 
-/// Draws the names of lines at their ends, from the lowest end up, each name clear of the one below it.
+/// Draws the names of lines at the lines' ends, from the lowest end up, so that no name overlaps the one below it.
 fn draw_names(area: &Area, lines: &[Line], mut ends: Vec<(usize, (i32, i32))>) -> Drawn {
     ends.sort_by_key(|&(k, (_, y))| (std::cmp::Reverse(y), k));
     let mut free = i32::MAX;
@@ -176,7 +176,7 @@ fn is_drawn(&(x, y): &(f64, f64)) -> bool {
     x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite()
 }
 
-/// Ranges of the axes of all panels; along y they are whole powers of ten.
+/// Ranges of the axes that all panels share; the y range ends at whole powers of ten.
 fn spans(axes: &Logarithmic, panels: &[Panel]) -> [std::ops::Range<f64>; 2] {
     let all = panels.iter().flat_map(|panel| &panel.lines).flat_map(|line| &line.points).copied().filter(is_drawn);
     let nothing = [[f64::INFINITY, 0.0]; 2];
@@ -190,7 +190,7 @@ fn spans(axes: &Logarithmic, panels: &[Panel]) -> [std::ops::Range<f64>; 2] {
     let span = |[low, high]: [f64; 2]| if low <= high { low..high } else { 1.0..10.0 };
     let (x, y) = (span(x), span(y));
     let tens = |x: f64, way: fn(f64) -> f64| 10f64.powf(way(x.log10()));
-    // The range is a little wider, so that rounding does not leave its outermost powers out.
+    // The range is a little wider than the powers, so that rounding does not leave the outermost ones out.
     let (low, high) = (tens(y.start, |l| (l - 0.1).floor()), tens(y.end, |l| (l + 0.1).ceil()));
     [x.start / 1.5..x.end * 1.5, low * (1.0 - ROUNDING)..high * (1.0 + ROUNDING)]
 }
@@ -222,8 +222,8 @@ fn draw_panel(area: &Area, axes: &Logarithmic, panel: &Panel, [x, y]: &[std::ops
     draw_names(area, &panel.lines, ends)
 }
 
-/// Round numbers within a range: the sparsest set of [`DIGITS`] that gives enough of them. Where powers of ten alone
-/// are too many, some are left out.
+/// Round numbers within a range: the sparsest set of [`DIGITS`] that gives enough of them. If it gives too many, only
+/// every second one, or every third and so on, is kept.
 fn ticks(span: &std::ops::Range<f64>) -> Vec<f64> {
     let powers = span.start.log10().floor() as i32..=span.end.log10().ceil() as i32;
     let of = |digits: &[f64]| -> Vec<f64> {
@@ -235,7 +235,7 @@ fn ticks(span: &std::ops::Range<f64>) -> Vec<f64> {
     all.iter().copied().step_by(all.len().div_ceil(*TICKS.end()).max(1)).collect()
 }
 
-/// A number as [`number`] writes it, or by a power of ten where that would be long.
+/// A number as [`number`] writes it, or with an exponent of ten if that would be long.
 fn power(x: f64) -> String {
     if (0.1..1e4).contains(&x) { number(x) } else { format!("{x:.0e}") }
 }
@@ -248,7 +248,7 @@ fn draw_bars(area: &Area, x_label: &str, bars: &[Bar]) -> Drawn {
         .x_label_area_size(44)
         .y_label_area_size((LABELS * f64::from(SIZE.0)) as u32)
         .build_cartesian_2d(0.0..(1.15 * high).max(1e-9), 0.0..count.max(1.0))?;
-    // Names stand beside the middle of their bars, where axis ticks need not fall, so they are drawn as text.
+    // Names are drawn as text beside the middle of their bars, since axis ticks need not lie there.
     let mut mesh = chart.configure_mesh();
     mesh.x_desc(x_label).label_style(FONT).axis_desc_style(FONT).y_labels(0).disable_y_mesh();
     mesh.x_label_formatter(&|at| number(*at));
@@ -284,10 +284,10 @@ mod tests {
         let axis = Axis { label: "vertices".into(), names: vec!["11 k".into(), "44 k".into()] };
         let line = Line { name: "total".into(), points: vec![(0.0, 1.0), (1.0, 1.25)], ..Line::default() };
         let svg = lines(&axis, "ms", &[line]).unwrap();
-        assert!(["vertices", "11 k", "44 k", "total"].iter().all(|text| svg.contains(text)), "{svg}");
+        assert!(["vertices", "11 k", "44 k", "total"].iter().all(|text| svg.contains(text)), "SVG: {svg}");
         let bar = |name: &str, length, kind| Bar { name: name.into(), length, kind };
         let svg = bars("time, ms", &[bar("one", 1.5, 0), bar("two", 3.0, 1)]).unwrap();
-        assert!(["time, ms", "one", "two", "1.5"].iter().all(|text| svg.contains(text)), "{svg}");
+        assert!(["time, ms", "one", "two", "1.5"].iter().all(|text| svg.contains(text)), "SVG: {svg}");
         assert!(lines(&axis, "ms", &[]).is_ok() && bars("ms", &[]).is_ok());
     }
 
@@ -298,9 +298,9 @@ mod tests {
         let axes = Logarithmic { x: "ms", y: "error", level: Some(1e-4) };
         let drawn = [panel("soft", &[(20.0, 3e-6), (7.0, 0.0), (8.0, f64::NAN)]), panel("stiff", &[(4.0, 2e-5)])];
         let svg = panels(&axes, &drawn).unwrap();
-        assert!(["soft", "stiff", "jacobi", "error", "1e-5", "10"].iter().all(|text| svg.contains(text)), "{svg}");
+        assert!(["soft", "stiff", "jacobi", "error", "1e-5", "10"].iter().all(|text| svg.contains(text)), "SVG: {svg}");
         let y = &spans(&axes, &drawn)[1];
-        assert!((y.start / 1e-6 - 1.0).abs() < 1e-8 && (y.end / 1e-3 - 1.0).abs() < 1e-8, "{y:?}");
+        assert!((y.start / 1e-6 - 1.0).abs() < 1e-8 && (y.end / 1e-3 - 1.0).abs() < 1e-8, "range of the y axis: {y:?}");
         assert!(!svg.contains("NaN") && panels(&axes, &[]).is_ok() && panels(&axes, &[panel("none", &[])]).is_ok());
     }
 
@@ -309,7 +309,7 @@ mod tests {
         assert_eq!(ticks(&(0.9..2e3)), [1.0, 10.0, 100.0, 1e3]);
         assert_eq!(ticks(&(9.0..70.0)), [10.0, 20.0, 50.0]);
         assert_eq!(ticks(&(13.0..21.0)), [14.0, 16.0, 18.0, 20.0]);
-        assert_eq!(ticks(&(0.9e-9..1.1e3)).len(), 7, "every second power");
+        assert_eq!(ticks(&(0.9e-9..1.1e3)).len(), 7, "ticks at every second power of ten");
         assert_eq!([1e-5, 0.2, 1.4, 5e4].map(power), ["1e-5", "0.2", "1.4", "5e4"]);
     }
 }

@@ -1,12 +1,11 @@
-//! Times of the proximity query in benchmarks, and medians of samples.
+//! Times of the proximity query (the stages of a step that find contacts) in benchmarks, and medians of samples.
 
 use std::collections::BTreeMap;
 
 use palpate::internal::stages::{POSE_TO_CONTACT, QUERY};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Times of a proximity query's stages, and of the query as a whole, us. A run is timed either stage by stage or as a
-/// whole.
+/// Times of the query's stages, and of the query as a whole, us. A run is timed either stage by stage or as a whole.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Samples {
     stages: [Vec<f64>; QUERY.len()],
@@ -14,7 +13,8 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// Adds a run. Timers of other stages are ignored; a stage that the run lacks took no time.
+    /// Adds the times of a run. Timers of stages outside the query are ignored; a stage that the run lacks took no
+    /// time.
     pub fn add(&mut self, times: &[(String, f64)]) {
         let of = |timer: &str| times.iter().filter(|(name, _)| name == timer).map(|(_, us)| us).sum();
         if times.iter().any(|(name, _)| name == POSE_TO_CONTACT) {
@@ -24,8 +24,8 @@ impl Samples {
         }
     }
 
-    /// Median time of each stage, ms. Each includes the cost of a timestamp, so that their sum exceeds the time of the
-    /// whole.
+    /// Median time of each stage, ms. Each time includes the cost of a timestamp, so that their sum exceeds the time of
+    /// the query as a whole.
     pub fn medians_ms(&self) -> [f64; QUERY.len()] {
         self.stages.each_ref().map(|samples| 1e-3 * median(samples))
     }
@@ -50,7 +50,7 @@ impl<'de> Deserialize<'de> for Samples {
     }
 }
 
-/// The median; of an even number of samples the mean of the two in the middle, of none 0.
+/// The median: for an even number of samples the mean of the two in the middle, for no samples 0.
 pub fn median(samples: &[f64]) -> f64 {
     let mut sorted = samples.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -62,12 +62,12 @@ pub fn median(samples: &[f64]) -> f64 {
     }
 }
 
-/// Samples of few rounds are dealt, like cards, into so many hands (interleaved subsets), so that each hand has samples
-/// from every phase of a run.
+/// Where there are few rounds, all their samples are dealt, like cards, into so many hands (interleaved subsets), so
+/// that each hand has samples from every phase of a run.
 pub const HANDS: usize = 5;
 
 /// Medians that show the spread of a time: those of the rounds, or, with fewer than [`HANDS`] rounds, those of the
-/// hands.
+/// hands. A round is one list of samples.
 pub fn hands(rounds: &[Vec<f64>]) -> Vec<f64> {
     let rounds: Vec<&Vec<f64>> = rounds.iter().filter(|round| !round.is_empty()).collect();
     if rounds.len() >= HANDS {

@@ -1,5 +1,6 @@
-//! What all benchmarks share. A benchmark is measured part by part, so that a sweep can be cut into shards (subsets of
-//! parts, for several machines) and merged again; its report is made from `results.json` alone.
+//! The code that all benchmarks share. A benchmark is measured part by part, so that a sweep (run of many parts) can be
+//! divided into shards (subsets of parts, for several machines) and merged again; the report is made from
+//! `results.json` alone.
 
 use std::path::Path;
 
@@ -17,34 +18,34 @@ use super::{Chapter, Document, Section};
 /// Version of the format of `results.json`: raised when a field changes its meaning or is removed.
 pub const SCHEMA: u32 = 5;
 
-/// Exit status of an error while running; lower ones are errors of the input or a missing device.
+/// Exit status of an error while running; lower statuses are errors of the input or a missing device.
 const FAILED: u8 = 4;
 
-/// A benchmark: parts that are measured one by one, and the report of those that were.
+/// A benchmark: its parts, which are measured one by one, and the report of the parts that were measured.
 pub trait Benchmark {
     /// Name on the command line and in `results.json`.
     fn name(&self) -> &'static str;
-    /// Heading of its chapter.
+    /// Heading of the benchmark's chapter in the report.
     fn title(&self) -> &'static str;
-    /// Its settings, for `results.json`. Errors: they cannot be written as JSON.
+    /// The benchmark's settings, for `results.json`. Errors: they cannot be written as JSON.
     fn settings(&self) -> Result<Value>;
-    /// Names of its parts, in the order of the report. Measurements that are compared with each other belong to one
-    /// part, in which they take turns.
+    /// Names of the benchmark's parts, in the order of the report. Measurements that are compared with each other
+    /// belong to one part, in which they are run alternately.
     fn parts(&self) -> Vec<String>;
-    /// Measures a part; `watch` is called with the name of what begins. Errors: no device or a failing one, or bad
-    /// input.
+    /// Measures a part; `watch` is called with the name of each piece of work as it begins. Errors: there is no device,
+    /// the device fails, or the input is bad.
     fn measure(&self, part: &str, watch: &mut dyn FnMut(&str)) -> Result<Value>;
-    /// How it was measured, from its settings, for the report.
+    /// How the benchmark was measured, for the report; computed from its settings.
     fn preface(&self, settings: &Value) -> Result<String>;
-    /// The report's sections of those parts that were measured.
+    /// The report's sections on the parts that were measured.
     fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>>;
-    /// What must hold of the measured parts and does not, a line for each. Errors: the parts cannot be read.
+    /// Requirements that the measured parts do not meet, a line for each. Errors: the parts cannot be read.
     fn faults(&self, _parts: &Map<String, Value>) -> Result<Vec<String>> {
         Ok(Vec::new())
     }
 }
 
-/// A subset of all parts: every `count`-th one from `index` on.
+/// A subset of all parts: the part at `index` and every `count`-th one after it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
     /// Index of the first part, from 0 to `count` - 1.
@@ -54,7 +55,7 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// The subset of all parts.
+    /// The shard that contains all parts.
     pub const WHOLE: Shard = Shard { index: 0, count: 1 };
 }
 
@@ -65,14 +66,14 @@ pub struct Head {
     pub schema: u32,
     /// Version of palpate.
     pub version: String,
-    /// The git commit that it was built from, with `-changed` where the sources differed from it; `unknown` outside a
+    /// The git commit that palpate was built from, with `-changed` if the sources differed from it; `unknown` outside a
     /// repository.
     pub commit: String,
     /// Name of the GPU device.
     pub device: String,
     /// Name and version of the GPU driver.
     pub driver: String,
-    /// Path of the depth stage that this device takes by default.
+    /// Path (implementation) of the depth stage that this device uses by default: compute or graphics.
     pub depth_path: String,
     /// Whether the GPU device is the CPU itself (a software driver).
     pub is_cpu: bool,
@@ -96,16 +97,17 @@ pub struct Results {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Measured {
     settings: Value,
-    /// Names of all its parts, measured or not.
+    /// Names of all parts of the benchmark, measured or not.
     names: Vec<String>,
     parts: Map<String, Value>,
-    /// Times of a fixed work before and after each part was measured, us: see [`super::gauge`].
+    /// Times of a fixed piece of work before and after each part was measured, us: see [`super::gauge`].
     gauges: Map<String, Value>,
 }
 
 impl Results {
-    /// Times of a fixed work while a part (`solver/scaling`) was measured, us, as medians of hands (see [`hands`]).
-    /// `None`: not recorded, or the GPU device is not the CPU, which did that work.
+    /// Times of a fixed piece of work while a part (such as `solver/scaling`) was measured, us, as medians of
+    /// interleaved subsets (see [`hands`]). `None`: the times were not recorded, or the GPU device is not the CPU,
+    /// which did that work.
     pub fn gauge(&self, part: &str) -> Option<Vec<f64>> {
         let (benchmark, part) = part.split_once('/')?;
         let samples = self.benchmarks.get(benchmark)?.get("gauges")?.get(part)?;
@@ -133,16 +135,16 @@ impl Head {
 
     fn preface(&self) -> String {
         let Head { version, commit, device, driver, depth_path, threads, is_quick, .. } = self;
-        let quick = if *is_quick { " This is a quick run: its figures are a first look." } else { "" };
+        let quick = if *is_quick { " This is a quick run, for a first look only." } else { "" };
         format!(
-            "Measured by palpate {version} (commit {commit}) on {device} ({driver}), a machine of {threads} threads; depth by \
-             {depth_path}.{quick}"
+            "Measured by palpate {version} (commit {commit}) on {device} ({driver}), a machine of {threads} threads; \
+             the depth stage runs by {depth_path}.{quick}"
         )
     }
 }
 
-/// Measures, one after the other, those parts of a shard that `is_asked` selects by benchmark and part. Also returns
-/// the errors of parts that failed; they do not lose what was measured.
+/// Measures, one after the other, the parts of a shard that `is_asked` selects by benchmark and part. Returns the
+/// results, and the errors of the parts that failed: a failure does not lose the other results.
 pub fn measure(
     benchmarks: &[Box<dyn Benchmark>],
     head: Head,
@@ -165,7 +167,7 @@ pub fn measure(
                         parts.insert(part.clone(), measured);
                         gauges.insert(part.clone(), to_value(&[before, gauge()].concat())?);
                     }
-                    // An error of the input or a missing device concerns all parts and ends the run.
+                    // An error of the input or a missing device affects all parts and ends the run.
                     Err(error) if error.exit_status() < FAILED => return Err(error),
                     Err(error) => failed.push(format!("{name}/{part}: {error}")),
                 }
@@ -190,7 +192,7 @@ pub fn document(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<
         let missing: Vec<&str> = names.iter().map(String::as_str).filter(|name| !parts.contains_key(*name)).collect();
         let mut preface = benchmark.preface(&settings)?;
         if !missing.is_empty() {
-            preface += &format!(" Not measured here, or not joined yet: {}.", missing.join(", "));
+            preface += &format!(" Not measured, or not merged yet: {}.", missing.join(", "));
         }
         let sections = benchmark.sections(&parts)?;
         document.chapters.push(Chapter { title: benchmark.title().into(), preface, sections });
@@ -198,7 +200,7 @@ pub fn document(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<
     Ok(document)
 }
 
-/// What must hold of all that was measured and does not, a line for each.
+/// Requirements that the measured parts do not meet, a line for each.
 pub fn faults(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<Vec<String>> {
     let mut all = Vec::new();
     for benchmark in benchmarks {
@@ -209,16 +211,17 @@ pub fn faults(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<Ve
     Ok(all)
 }
 
-/// Merges shards. Errors, which name the file: program, device or settings differ, or two shards have the same part.
+/// Merges shards. Errors, which name the file: the program, device or settings differ, or two shards have the same
+/// part.
 pub fn merge(shards: Vec<(&Path, Results)>) -> Result<Results> {
     let mut shards = shards.into_iter();
     let Some((first, mut all)) = shards.next() else {
         return Err(Error::Simulation("there is nothing to merge; name the shards' directories".into()));
     };
     for (file, shard) in shards {
-        // The faster depth path is measured on each machine, and may be either where both are about as fast.
+        // Each machine measures which depth path is faster, and may choose either if both are about as fast.
         if (Head { depth_path: all.head.depth_path.clone(), ..shard.head }) != all.head {
-            let problem = format!("was made by another program, device or option than {}", first.display());
+            let problem = format!("differs in program, device or options from {}", first.display());
             return Err(Error::input(file, None, problem, "merge shards of one sweep"));
         }
         for (name, measured) in shard.benchmarks {
@@ -232,7 +235,7 @@ pub fn merge(shards: Vec<(&Path, Results)>) -> Result<Results> {
 fn joined(file: &Path, name: &str, own: &Value, other: &Value) -> Result<Value> {
     let (own, other): (Measured, Measured) = (from_value(own)?, from_value(other)?);
     if own.settings != other.settings || own.names != other.names {
-        let problem = format!("has other settings of `{name}` than the first directory");
+        let problem = format!("has other settings for `{name}` than the first directory");
         return Err(Error::input(file, None, problem, "merge shards of one sweep"));
     }
     if let Some(part) = other.parts.keys().find(|part| own.parts.contains_key(*part)) {
@@ -254,7 +257,7 @@ pub fn read(file: &Path) -> Result<Results> {
     let value: Value =
         serde_json::from_str(&text).map_err(|e| Error::input(file, Some(e.line()), e.to_string(), remedy))?;
     if value["schema"] != SCHEMA {
-        let problem = format!("has schema {}, and {SCHEMA} is read here", value["schema"]);
+        let problem = format!("has schema {}, but this version reads schema {SCHEMA}", value["schema"]);
         return Err(Error::input(file, None, problem, "measure it again with this version"));
     }
     serde_json::from_value(value).map_err(|e| Error::input(file, None, e.to_string(), remedy))

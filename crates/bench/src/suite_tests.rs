@@ -1,4 +1,4 @@
-//! Tests of measuring, merging and reading results, with a benchmark that takes no time.
+//! Tests of measuring, merging and reading the results of benchmarks, with a benchmark that takes no time.
 
 use serde_json::json;
 
@@ -81,7 +81,7 @@ fn shards_joined_in_any_order_give_the_report_of_the_whole() {
     let whole = measured(Shard::WHOLE);
     let [one, two] = [0, 1].map(|index| measured(Shard { index, count: 2 }));
     let page = |results: &Results| document(&all(), results).unwrap().html();
-    assert!(page(&one).contains("Not measured here, or not joined yet: 2, 4."), "{}", page(&one));
+    assert!(page(&one).contains("Not measured, or not merged yet: 2, 4."), "page of the first shard: {}", page(&one));
     let joined = merge(vec![(Path::new("b"), two), (Path::new("a"), one)]).unwrap();
     assert_eq!(page(&joined), page(&whole));
     assert!(whole.gauge("doubling/2").is_some() && whole.gauge("doubling/1").is_none());
@@ -96,9 +96,9 @@ fn what_does_not_belong_together_is_not_joined() {
         merge(vec![(Path::new("first"), shard(0)), (Path::new("other"), results)]).unwrap_err().to_string()
     };
     let twice = refused(shard(0));
-    assert!(twice.contains("other") && twice.contains("`0` of `doubling`"), "{twice}");
+    assert!(twice.contains("other") && twice.contains("`0` of `doubling`"), "error: {twice}");
     let elsewhere = refused(Results { head: Head { device: "x".into(), ..head() }, ..shard(1) });
-    assert!(elsewhere.contains("other") && elsewhere.contains("another program, device"), "{elsewhere}");
+    assert!(elsewhere.contains("other") && elsewhere.contains("differs in program, device"), "error: {elsewhere}");
     let mut changed = shard(1);
     changed.benchmarks["doubling"]["settings"] = json!(7);
     assert!(refused(changed).contains("other settings"));
@@ -114,7 +114,7 @@ fn results_are_read_again_and_others_are_refused() {
     assert_eq!(read(&file).unwrap().head, head());
     write(&json!({ "schema": 2 }));
     let error = read(&file).unwrap_err().to_string();
-    assert!(error.contains("results.json") && error.contains("schema 2"), "{error}");
+    assert!(error.contains("results.json") && error.contains("schema 2"), "error: {error}");
     std::fs::write(&file, "{").unwrap();
     assert!(read(&file).unwrap_err().to_string().contains("results.json:1"));
 }
@@ -125,5 +125,5 @@ fn what_fails_does_not_lose_the_rest() {
     let (results, failed) = measure(&many, head(), Shard::WHOLE, &|_, _| true, &mut |_| ()).unwrap();
     assert_eq!(failed, ["doubling/13: bad luck"]);
     assert_eq!(results.benchmarks["doubling"]["parts"].as_object().unwrap().len(), 14);
-    assert!(document(&many, &results).unwrap().html().contains("not joined yet: 13."));
+    assert!(document(&many, &results).unwrap().html().contains("not merged yet: 13."));
 }

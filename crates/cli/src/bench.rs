@@ -1,5 +1,6 @@
-//! `palpate bench`: measures, prints the report, and writes it with every sample; joins shards (parts measured apart);
-//! compares with earlier results.
+//! `palpate bench`: runs the benchmarks, prints their report, and writes it together with every measured sample. It
+//! also joins the results of shards (subsets of a benchmark's parts, measured separately) and compares with earlier
+//! results.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -25,25 +26,25 @@ const REPORT: &str = "report.html";
 /// Options of `palpate bench`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// What to measure: a benchmark (`solver`), one of its parts (`solver/scaling`), or all parts that begin with a name and a
-    /// dash (`solver/human`) [default: everything]
+    /// What to measure: a benchmark (`solver`), one of its parts (`solver/scaling`), or all parts whose name begins
+    /// with this and a dash (`solver/human`: all `solver/human-*`) [default: everything]
     names: Vec<String>,
-    /// Fewer cases, sizes, runs and steps: a first look
+    /// Fewer cases, sizes, runs and steps, for a first look
     #[arg(long)]
     quick: bool,
     /// List the parts that would be measured, and measure nothing
     #[arg(long)]
     list: bool,
-    /// Measure the I-th of N shards; every part is in one of them
+    /// Measure only shard I of N; each part belongs to exactly one shard
     #[arg(long, value_name = "I/N", value_parser = shard)]
     shard: Option<Shard>,
-    /// Measure nothing: join the shards in these directories
+    /// Measure nothing; join the results of the shards in these directories
     #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["names", "quick", "shard", "list", "device"])]
     merge: Vec<PathBuf>,
-    /// Compare with these results; exit with status 4 where something is slower, or less accurate, beyond noise
+    /// Compare with these earlier results; exit with status 4 if anything is slower or less accurate beyond noise
     #[arg(long, value_name = "OLD.json")]
     compare: Option<PathBuf>,
-    /// Folder of the paper's scenes
+    /// Folder of the scenes that the benchmark `paper` runs
     #[arg(long, value_name = "DIR", default_value = "assets/scenes")]
     scenes: PathBuf,
     /// Vulkan device, by name or by index in `palpate devices`
@@ -82,8 +83,8 @@ fn benchmarks(arguments: &Arguments) -> Vec<Box<dyn Benchmark>> {
     ]
 }
 
-/// Measures, or joins shards; then writes, prints and compares the results. Fails after all that if something became
-/// worse or is not within its bounds.
+/// Measures, or joins shards; then writes, prints and compares the results. Only then it fails, if a measurement became
+/// worse or a result is outside its bounds.
 pub fn bench(arguments: &Arguments) -> Result<()> {
     let benchmarks = benchmarks(arguments);
     let asked = asked(&arguments.names, &benchmarks)?;
@@ -115,7 +116,7 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
     if failed.is_empty() { Ok(()) } else { Err(Error::Simulation(failed.join("; "))) }
 }
 
-/// Benchmark and part of everything that the names select. Errors: a name that selects nothing.
+/// All pairs of benchmark and part that the names on the command line select. Errors: a name that selects nothing.
 fn asked(names: &[String], benchmarks: &[Box<dyn Benchmark>]) -> Result<Vec<(&'static str, String)>> {
     let mut all: Vec<(&'static str, String)> = Vec::new();
     for benchmark in benchmarks {
@@ -136,13 +137,13 @@ fn asked(names: &[String], benchmarks: &[Box<dyn Benchmark>]) -> Result<Vec<(&'s
     Ok(all.into_iter().filter(|part| names.is_empty() || names.iter().any(|asked| calls(asked, part))).collect())
 }
 
-/// The results in a directory, or in the file itself.
+/// Reads results from a directory that `palpate bench --out` wrote, or from a results file.
 fn results_in(path: &Path) -> Result<Results> {
     if path.is_dir() { suite::read(&path.join(RESULTS)) } else { suite::read(path) }
 }
 
-/// Prints the ratios of new to old results; returns a line on how many became worse, if any did. Errors: the two cannot
-/// be compared.
+/// Prints the ratios of new to old results; returns a line on how many measurements became worse, if any did. Errors:
+/// the two sets of results cannot be compared.
 fn compared(old: &Results, new: &Results) -> Result<Option<String>> {
     let (all, lonely) = compare::compare(old, new)?;
     let of = |head: &Head| format!("{} ({}), commit {}", head.device, head.driver, head.commit);
@@ -150,16 +151,17 @@ fn compared(old: &Results, new: &Results) -> Result<Option<String>> {
     let elsewhere = match machine(&old.head) == machine(&new.head) {
         true => "",
         false => {
-            " They were measured on ANOTHER device, driver or number of threads: ratios of times say more of those."
+            " They were measured on a DIFFERENT device, driver or number of threads; times mostly differ because of it."
         }
     };
     let count = |verdict| all.iter().filter(|c| c.verdict == verdict).count();
     let (worse, better, unjudged) = (count(Verdict::Worse), count(Verdict::Better), count(Verdict::Unjudged));
     print(&format!(
-        "\n# Compared\n\nOld: {}. New: {}.{elsewhere} A ratio of times is of medians, over what the processor itself took for the \
-         same work meanwhile where it is the device; it lies between those of the fastest round over the slowest and the other \
-         way round.\n\n{}\n{} of {} are worse beyond noise, {better} better, {unjudged} have too few samples. \
-         In one of them only: {}.\n",
+        "\n# Comparison with earlier results\n\nOld: {}. New: {}.{elsewhere} Ratios compare median times, new over \
+         old; where the device is the CPU, they are divided by the change of the CPU's own time for a fixed piece of \
+         work. The interval of a ratio extends from the fastest new round over the slowest old round to the slowest \
+         new round over the fastest old round.\n\n{}\n{} of {} measurements are worse beyond noise, {better} are \
+         better, {unjudged} have too few samples to judge. Measured only in the old or only in the new results: {}.\n",
         of(&old.head),
         of(&new.head),
         compare::table(&all).markdown(),
@@ -167,5 +169,6 @@ fn compared(old: &Results, new: &Results) -> Result<Option<String>> {
         all.len(),
         if lonely.is_empty() { "nothing".into() } else { lonely.join(", ") }
     ))?;
-    Ok((worse > 0).then(|| format!("{worse} of {} are slower, less accurate or larger than before", all.len())))
+    Ok((worse > 0)
+        .then(|| format!("{worse} of {} measurements are slower, less accurate or larger than before", all.len())))
 }

@@ -20,6 +20,6 @@ pub fn devices() -> Result<()> {
     print(&lines)?;
     match devices.iter().any(|device| device.usable.is_ok()) {
         true => Ok(()),
-        false => Err(Error::NoDevice("none of these devices can be used; see above what each lacks".into())),
+        false => Err(Error::NoDevice("none of these devices can be used; the list above says why".into())),
     }
 }

@@ -36,7 +36,7 @@ pub struct LayerResult {
     pub nodes: Vec<DVec3>,
     /// Four nodes per tetrahedron.
     pub tetrahedra: Vec<[u32; 4]>,
-    /// Displacement of each node from its rest position in the placed body, world axes, m.
+    /// Displacement of each node from its rest position in the body as the scene places it, world axes, m.
     pub displacement: Vec<DVec3>,
 }
 
@@ -57,7 +57,7 @@ impl Engine {
         Ok(Engine { simulation, stages: Vec::new(), iterations: 0, steps: 0 })
     }
 
-    /// Notes on what was changed in the contents of the scene's files, one line each.
+    /// Notes on what preparation changed in the data of the scene's mesh files, one line each.
     pub fn notes(&self) -> impl Iterator<Item = &str> {
         self.simulation.reports().flat_map(|(_, report)| report.notes.iter().map(String::as_str))
     }
@@ -68,7 +68,8 @@ impl Engine {
         Ok(self.counted(row))
     }
 
-    /// Does a step of `h` s with the haptic loop's inputs; returns its report and the contact wrench on the tool.
+    /// Does a step of `h` s that starts from the haptic loop's poses and twists of device and tool; returns the step's
+    /// report and the contact wrench on the tool.
     pub fn step_device_input(&mut self, input: &DeviceInput, h: f64) -> Result<(StepReport, ContactWrench)> {
         let row = self.simulation.step_device_input(input, h)?;
         let wrench = self.simulation.contact_wrench().copied().unwrap_or(ContactWrench::none(input.tool));
@@ -143,7 +144,7 @@ impl Engine {
 pub fn devices() -> Result<Vec<DeviceInfo>> {
     let devices = Context::list()?;
     if devices.is_empty() {
-        return Err(Error::NoDevice("no Vulkan device".into()));
+        return Err(Error::NoDevice("there is no Vulkan device; install a Vulkan driver".into()));
     }
     Ok(devices)
 }

@@ -16,13 +16,13 @@ use crate::report::Output;
 /// Options of `palpate figures`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Directory to write pictures into
+    /// Directory to write the images into
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Where the scenes are
+    /// Folder of the scenes
     #[arg(long, value_name = "DIR", default_value = "assets/scenes")]
     scenes: PathBuf,
-    /// Only these figures
+    /// Numbers of the figures to render [default: all]
     #[arg(long, value_name = "N,..", value_delimiter = ',')]
     only: Vec<u32>,
     /// Vulkan device, by name or by index in `palpate devices`
@@ -126,7 +126,7 @@ const FIGURES: [Figure; 6] = [
 pub fn figures(arguments: &Arguments) -> Result<()> {
     let known = FIGURES.map(|figure| figure.number);
     if let Some(number) = arguments.only.iter().find(|number| !known.contains(number)) {
-        return Err(Error::Usage(format!("--only {number}: there are figures {known:?}")));
+        return Err(Error::Usage(format!("--only {number}: there is no such figure; give some of {known:?}")));
     }
     let wanted = |figure: &&Figure| arguments.only.is_empty() || arguments.only.contains(&figure.number);
     let wanted: Vec<&Figure> = FIGURES.iter().filter(wanted).collect();

@@ -36,18 +36,18 @@ const CHOICES: [(&str, Overlay); 9] = [
 /// Options of `palpate film`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The scene, a TOML file; its tool follows [drive]
+    /// The scene, a TOML file; its tool follows the keys (timed poses) of [drive]
     scene: PathBuf,
-    /// FILE.apng, or FILE.png, an animated picture that browsers show; else a directory for pictures
+    /// FILE.apng or FILE.png for an animated PNG, which browsers show; else a directory for an image per frame
     #[arg(long, value_name = "FILE-OR-DIR")]
     out: PathBuf,
-    /// Pictures a second
+    /// Frames per second
     #[arg(long, value_name = "N", default_value_t = 25, value_parser = clap::value_parser!(u16).range(1..=1000))]
     fps: u16,
-    /// Simulated seconds in a second of film: 1 is as it happens, 0.1 slow motion
+    /// Simulated seconds per second of film: 1 is real time, 0.1 is slow motion
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
     speed: f64,
-    /// Time to simulate, s [default: to the device's last key, else one second]
+    /// Time to simulate, s [default: until the last key of [drive], else one second]
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     seconds: Option<f64>,
     /// Vulkan device, by name or by index in `palpate devices`
@@ -57,19 +57,21 @@ pub struct Arguments {
     look: Look,
 }
 
-/// How pictures look.
+/// Options on how images look.
 #[derive(clap::Args)]
 pub struct Look {
-    #[arg(long, value_name = "WxH", value_parser = size, help = "Width and height of pictures, pixels [default: 1280x720]")]
+    #[arg(long, value_name = "WxH", value_parser = size, help = "Image width and height, pixels [default: 1280x720]")]
     size: Option<[u32; 2]>,
-    /// Where from: degrees to the right of the front and above the horizon, and how many times as near as for all to be seen
+    /// Camera: yaw (to the right of the front) and pitch (above the horizon) in degrees, and a zoom factor (1 shows
+    /// everything)
     #[arg(long, value_name = "YAW,PITCH[,NEARER]", value_parser = view, allow_hyphen_values = true)]
     camera: Option<View>,
-    /// What is looked at, m [default: the middle of all bodies]
+    /// Point that the camera looks at, m [default: the middle of all bodies]
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
     at: Option<glam::DVec3>,
-    /// What is shown besides the skins: pressure, depth, energy or displacement (one of them), force, proxies, regions, layer,
-    /// cores
+    /// What to show besides the skins (surface meshes): one of pressure, depth, energy, displacement (as colours); and
+    /// force (arrows), proxies (convex collision hulls), regions (contact patches), layer (tetrahedra, cut open), cores
+    /// (rigid cores of soft bodies)
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = overlay)]
     show: Vec<Overlay>,
 }
@@ -81,7 +83,7 @@ pub struct View {
     pub yaw: f64,
     /// Angle above the horizon, degrees.
     pub pitch: f64,
-    /// Factor by which the camera is nearer than where it shows all bodies.
+    /// Zoom factor: at 1 the camera is so far away that it shows all bodies; its distance is divided by this.
     pub nearer: f64,
 }
 
@@ -100,14 +102,14 @@ fn view(text: &str) -> std::result::Result<View, String> {
     match numbers(text).as_deref() {
         Some([yaw, pitch]) => Ok(View { yaw: *yaw, pitch: *pitch, nearer: 1.0 }),
         Some([yaw, pitch, nearer]) if *nearer > 0.0 => Ok(View { yaw: *yaw, pitch: *pitch, nearer: *nearer }),
-        _ => Err("give two angles in degrees, and how many times as near if wanted, such as 30,15,2".into()),
+        _ => Err("give two angles in degrees, and a zoom factor if wanted, such as 30,15,2".into()),
     }
 }
 
 fn point(text: &str) -> std::result::Result<glam::DVec3, String> {
     match numbers(text).as_deref() {
         Some([x, y, z]) => Ok(glam::DVec3::new(*x, *y, *z)),
-        _ => Err("give three numbers, m, such as 0,0.1,0.05".into()),
+        _ => Err("give three numbers in metres, such as 0,0.1,0.05".into()),
     }
 }
 
@@ -124,7 +126,7 @@ impl Look {
         match CHOICES.iter().find(|(_, overlay)| self.show.contains(overlay) && !shown.has(*overlay)) {
             None => Ok(shown),
             Some((name, _)) => {
-                Err(Error::Usage(format!("--show {name}: one field can be shown at a time; leave the others out")))
+                Err(Error::Usage(format!("--show {name}: show only one of pressure, depth, energy and displacement")))
             }
         }
     }
@@ -151,7 +153,7 @@ impl Look {
     }
 }
 
-/// Samples a pixel.
+/// Samples per pixel, for antialiasing.
 pub const SAMPLES: u32 = 4;
 
 impl View {
@@ -171,7 +173,7 @@ pub fn film(arguments: &Arguments) -> Result<()> {
     let apart = arguments.speed / f64::from(arguments.fps);
     let pictures = (duration / apart + 1e-9).floor() + 1.0;
     if pictures > MOST_PICTURES {
-        let problem = format!("{pictures} pictures of {duration:?} s; {MOST_PICTURES} at most");
+        let problem = format!("{pictures} images for {duration:?} s are too many, {MOST_PICTURES} at most");
         return Err(Error::Usage(format!("{problem}: give a lower --fps, a higher --speed or fewer --seconds")));
     }
     let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::of_program() };
@@ -179,13 +181,13 @@ pub fn film(arguments: &Arguments) -> Result<()> {
     simulation.reports().flat_map(|(_, report)| &report.notes).for_each(|note| tell(note));
     let mut studio = arguments.look.studio(&mut simulation)?;
     if apart < scene.step.dt {
-        tell(&format!("pictures are {apart:?} s apart and steps {:?} s: some pictures are alike", scene.step.dt));
+        tell(&format!("images are {apart:?} s apart, and steps last {:?} s: some images are the same", scene.step.dt));
     }
     let (folder, name) = target(&arguments.out);
     let mut output = Output::create(folder)?;
     let bar = ProgressBar::new(pictures as u64).with_finish(ProgressFinish::AndClear);
     let mut take = |k: u64| -> Result<Picture> {
-        // The image shows the first step whose time is no more than half a step before the image's.
+        // The image shows the first step that ends no more than half a step before the image's time.
         while simulation.time() + 0.5 * scene.step.dt < k as f64 * apart {
             simulation.step()?;
         }

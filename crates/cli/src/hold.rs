@@ -19,14 +19,15 @@ use palpate_devices::{Hand, Haply, Replay, Scripted, haply};
 use crate::engine::Engine;
 use crate::tell;
 
-/// Signals that end a session besides those that end a program: the terminal is closed (SIGHUP), or suspends the
-/// program (SIGTSTP), which would leave the last force on the device.
+/// Signals that end a session in addition to those that end any program: SIGHUP (the terminal is closed) and SIGTSTP
+/// (the terminal suspends the program, which would leave the last force on the device).
 #[cfg(unix)]
 const OTHER_SIGNALS: &[i32] = &[signal_hook::consts::SIGHUP, signal_hook::consts::SIGTSTP];
 #[cfg(not(unix))]
 const OTHER_SIGNALS: &[i32] = &[];
 
-/// The built-in profile that the scene names, or else the one named `default`.
+/// The built-in profile (limits of a haptic device: force, workspace and so on) that the scene names, or else the
+/// profile named `default`.
 fn profile_of(scene: &Scene, default: &str) -> Profile {
     let profile = scene.haptics.profile.or_else(|| Profile::named(default));
     profile.unwrap_or(&PROFILES[0]).clone()
@@ -40,17 +41,17 @@ pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
     let wrong = |problem: &str, remedy: &str| Err(Error::Usage(format!("--profile {name} {problem}: {remedy}")));
     let Some(profile) = Profile::named(name) else {
         let names = PROFILES.map(|profile| profile.name).join(", ");
-        return wrong("is no profile", &format!("give one of {names}"));
+        return wrong("is not a profile", &format!("give one of {names}"));
     };
     if !scene.haptics.has_device {
         return wrong(
-            "is a haptic device's, and none holds the tool",
+            "applies to a haptic device, but none holds the tool",
             "give --haptics DEVICE as well, or leave it out",
         );
     }
     match scene.haptics.device {
         DeviceKind::Replay => {
-            return wrong("is not a replay's, which has the profile of its recording", "leave it out");
+            return wrong("does not apply to a replay, which has the profile of its recording", "leave it out");
         }
         DeviceKind::Haply => palpate::scene::of_haply(profile).or_else(|remedy| wrong(NOT_HAPLYS, &remedy))?,
         DeviceKind::Scripted | DeviceKind::Hand => {}
@@ -59,7 +60,7 @@ pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
     Ok(())
 }
 
-/// Makes the haptic device that a scene asks for.
+/// Makes the haptic device that a scene asks for; the device begins at the pose `start`.
 pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
     let haptics = &scene.haptics;
     let trajectory = Trajectory::new(&scene.trajectory, start);
@@ -70,7 +71,7 @@ pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
             Box::new(hand.map_err(|problem| Error::key(&scene.file, "haptics.hand", problem, "correct it"))?)
         }
         DeviceKind::Replay => {
-            let missing = || Error::key(&scene.file, "haptics.recording", "is missing", "name the recording to play");
+            let missing = || Error::key(&scene.file, "haptics.recording", "is missing", "give the recording to play");
             Box::new(Replay::open(haptics.recording.as_ref().ok_or_else(missing)?)?)
         }
         DeviceKind::Haply => {
@@ -102,8 +103,8 @@ impl Environment for Watched<'_> {
     }
 }
 
-/// Runs a session with the scene's haptic device for `seconds`, or until a signal ends it; `watch` is called with every
-/// step report.
+/// Runs a session with the scene's haptic device for `seconds`, or until a signal ends it, and records it into the file
+/// `record`, if one is given. `watch` is called with every step report.
 pub fn hold(
     engine: &mut Engine,
     scene: &Scene,
@@ -112,7 +113,12 @@ pub fn hold(
     watch: &mut dyn FnMut(&StepReport) -> Result<()>,
 ) -> Result<Report> {
     let Some(tool) = engine.simulation().tool().cloned() else {
-        return Err(Error::key(&scene.file, "tool", "is missing: a haptic device has nothing to hold", "add a [tool]"));
+        return Err(Error::key(
+            &scene.file,
+            "tool",
+            "is missing, but a haptic device needs a tool to hold",
+            "add a [tool]",
+        ));
     };
     let start = Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
     let device = device(scene, start)?;
@@ -137,7 +143,7 @@ pub fn hold(
 fn recording(path: &Path, engine: &Engine, scene: &Scene, profile: &Profile) -> Result<Recording> {
     let same = |other: &Path| matches!((path.canonicalize(), other.canonicalize()), (Ok(a), Ok(b)) if a == b);
     if same(&scene.file) || scene.haptics.recording.as_deref().is_some_and(same) {
-        let problem = "is what this run reads, and would be lost";
+        let problem = "is a file that this run reads, and would be overwritten";
         return Err(Error::input(path, None, problem, "record into another file"));
     }
     let header = Header::new(scene, engine.simulation(), profile.name, scene.haptics.device.name())?;
@@ -148,7 +154,7 @@ fn recording(path: &Path, engine: &Engine, scene: &Scene, profile: &Profile) -> 
 /// signal ends the program at once.
 pub fn stopped_by_signals() -> Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
-    let failed = |error| Error::Simulation(format!("signals cannot be heard: {error}"));
+    let failed = |error| Error::Simulation(format!("cannot install signal handlers: {error}"));
     for signal in signal_hook::consts::TERM_SIGNALS.iter().chain(OTHER_SIGNALS) {
         signal_hook::flag::register_conditional_default(*signal, stop.clone()).map_err(failed)?;
         signal_hook::flag::register(*signal, stop.clone()).map_err(failed)?;

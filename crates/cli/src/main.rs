@@ -37,26 +37,26 @@ struct Arguments {
 enum Command {
     /// Simulate a scene and record what the tool feels
     Run(run::Arguments),
-    /// Run a recorded session again, and say where it differs
+    /// Run a recorded haptic session again, and report the first difference
     Replay(replay::Arguments),
-    /// Make a layered body of a surface, with a report, pictures and a scene
+    /// Make a soft body from a surface mesh, with a report, images and a scene to touch it
     Prepare(prepare::Arguments),
-    /// Find where two surfaces overlap, undeformed
+    /// Find where two undeformed surfaces overlap
     Query(query::Arguments),
-    /// Measure, and write the report of it
+    /// Run benchmarks and write their report
     Bench(bench::Arguments),
-    /// Run stiff and extreme cases, and judge each by laws
+    /// Run stiff and extreme cases, and check each against invariants
     Stability(stability::Arguments),
-    /// Make a film of a scene, or a folder of pictures, without a display
+    /// Render a scene as a film or as a folder of images, without a display
     #[cfg(feature = "view")]
     Film(film::Arguments),
-    /// Make the pictures of the README
+    /// Render the figures of the README
     #[cfg(feature = "view")]
     Figures(figures::Arguments),
-    /// Open a window onto a scene, and hold its tool with the mouse or a haptic device
+    /// Show a scene in a window, and move its tool with the mouse or a haptic device
     #[cfg(feature = "view")]
     View(view::Arguments),
-    /// List the Vulkan devices that can be used
+    /// List the Vulkan devices, with the reason for those that cannot be used
     Devices,
 }
 
@@ -91,7 +91,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Prints help and version as they are, and a mistake on the command line as one line, like every other error.
+/// Prints help and version unchanged, and a mistake on the command line as one line, like every other error.
 fn usage(error: &clap::Error) -> ExitCode {
     if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         let _ = error.print();
@@ -104,12 +104,12 @@ fn usage(error: &clap::Error) -> ExitCode {
     ExitCode::from(error.exit_code() as u8)
 }
 
-/// Writes a note for the user to standard error, ignoring a closed one.
+/// Writes a note for the user to standard error; if that is closed, the note is dropped.
 fn tell(note: &str) {
     drop(writeln!(std::io::stderr(), "note: {note}"));
 }
 
-/// Writes what is under way to standard error, if that is a terminal.
+/// Writes a line of progress to standard error, if that is a terminal.
 fn watch(what: &str) {
     let mut stderr = std::io::stderr();
     if stderr.is_terminal() {

@@ -27,36 +27,38 @@ const CELLS: u32 = 40;
 /// Options of `palpate prepare`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The surface: an OBJ file, or a model of palpate's own, as head or head:44000 (vertices)
+    /// The surface: an OBJ file, or a built-in model (head, pumpkin, gear, human), as head or head:44000 (number of
+    /// vertices)
     surface: String,
-    /// Directory to write the body, its report and pictures into
+    /// Directory to write the body, its report and images into
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Edge of the layer's cells, in the surface's units [default: a fortieth of its largest extent]
+    /// Edge of the lattice cells that are filled with tetrahedra, in the surface's units [default: a fortieth of its
+    /// largest extent]
     #[arg(long, value_name = "C", conflicts_with = "cells", value_parser = positive, allow_negative_numbers = true)]
     cell: Option<f64>,
-    /// Cells along the surface's largest extent
+    /// Number of lattice cells along the surface's largest extent
     #[arg(long, value_name = "N", default_value_t = CELLS, value_parser = clap::value_parser!(u32).range(1..=1000))]
     cells: u32,
-    /// Largest cell deep inside, as a multiple of the edge: 1, 2, 4 or 8
+    /// Edge of the largest cells deep inside, as a multiple of the edge of cells at the surface: 1, 2, 4 or 8
     #[arg(long, value_name = "G", default_value_t = 1, value_parser = grade)]
     grade: u32,
     /// Fill only a shell of this depth, in the surface's units [default: everything]
     #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
     thickness: Option<f64>,
-    /// Convex hulls at most
+    /// Greatest number of convex collision hulls
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(scene::MOST_HULLS)))]
     hulls: Option<u32>,
     /// Factor from the surface's units to metres
     #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
     scale: f64,
-    /// Refuse defects of the surface, and do not mend them
+    /// Refuse a surface with defects, instead of repairing it
     #[arg(long)]
     no_repair: bool,
-    /// Write no pictures
+    /// Write no images
     #[arg(long)]
     no_pictures: bool,
-    /// Make the body anew, and do not keep it
+    /// Neither read nor write the cache of prepared bodies
     #[arg(long)]
     no_cache: bool,
 }
@@ -98,7 +100,7 @@ pub fn quietly(surface: &Path, out: &Path, watch: &mut dyn FnMut(&str)) -> Resul
     })
     .map_err(|error| in_options(error, &arguments.surface))?;
     let Shape::Soft { layer, skin, .. } = &body.shape else {
-        return Err(Error::Simulation("a surface was not prepared as a soft body".into()));
+        return Err(Error::Simulation("internal error: the surface was not prepared as a soft body".into()));
     };
     let depths = depths_of(&arguments, layer, skin)?;
     let (cores, _) = press::cores(layer, &depths);
@@ -111,7 +113,7 @@ fn depths_of(arguments: &Arguments, layer: &Layer, skin: &Skin) -> Result<Vec<f6
         .map_err(|problem| Error::input(Path::new(&arguments.surface), None, problem, "give a closed surface"))
 }
 
-/// Prepares a surface. Nothing is written unless everything is.
+/// Prepares a surface and writes all files; if anything fails, no file is written.
 pub fn prepare(arguments: &Arguments) -> Result<()> {
     let scene = scene_of(arguments)?;
     let mut output = Output::create(&arguments.out)?;
@@ -123,12 +125,12 @@ pub fn prepare(arguments: &Arguments) -> Result<()> {
     })
     .map_err(|error| in_options(error, &arguments.surface))?;
     let (Shape::Soft { layer, skin, .. }, Some(report)) = (&body.shape, &mut report) else {
-        return Err(Error::Simulation("a surface was not prepared as a soft body".into()));
+        return Err(Error::Simulation("internal error: the surface was not prepared as a soft body".into()));
     };
     let depths = depths_of(arguments, layer, skin)?;
     let (cores, held) = press::cores(layer, &depths);
     if !arguments.no_pictures {
-        bar.set_message("pictures");
+        bar.set_message("images");
         let begun = Instant::now();
         let mut shown = layer.clone();
         shown.attached = held;
@@ -191,7 +193,7 @@ fn scene_of(arguments: &Arguments) -> Result<Scene> {
     Ok(Scene::of_body(&arguments.surface, body))
 }
 
-/// Whether a body's name keeps a character; the name becomes part of file names and keys.
+/// Whether a character may be part of a body's name, which becomes part of file names and keys; others are left out.
 fn is_plain(c: char) -> bool {
     c.is_ascii_alphanumeric() || c == '_' || c == '-'
 }
@@ -205,7 +207,7 @@ pub fn surface_of(text: &str) -> Result<Surface> {
         let range = model.vertices();
         let vertices = count.map_or(Ok(model.default_vertices()), str::parse).ok().filter(|n| range.contains(n));
         let vertices = vertices.ok_or_else(|| {
-            let problem = format!("`{}` is no number of vertices for it", count.unwrap_or_default());
+            let problem = format!("`{}` is not a valid number of vertices for this model", count.unwrap_or_default());
             Error::input(Path::new(text), None, problem, format!("give {} to {}", range.start(), range.end()))
         })?;
         return Ok(Surface::Model { model, vertices });
@@ -214,13 +216,13 @@ pub fn surface_of(text: &str) -> Result<Surface> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     if extension != "obj" {
         let models = Model::ALL.map(Model::name).join(", ");
-        let remedy = format!("give an .obj file, or a model: {models}, as head or head:44000");
+        let remedy = format!("give an .obj file, or a model: {models}, such as head or head:44000");
         return Err(Error::input(&path, None, "neither an OBJ file nor a model", remedy));
     }
     Ok(Surface::File(path))
 }
 
-/// Translates an error about a key of the scene made here into the terms of the command line.
+/// Translates an error about a key of the scene that `scene_of` made into an error about the option behind that key.
 fn in_options(error: Error, surface: &str) -> Error {
     let Error::Key { key, problem, remedy, .. } = error else { return error };
     let option = match key.rsplit('.').next().unwrap_or_default() {
@@ -244,7 +246,8 @@ fn progress() -> ProgressBar {
 
 fn show(bar: &ProgressBar, stage: Stage) {
     bar.set_message(stage.name());
-    // The cache is read first and written last under the same stage name, so the bar may not go back.
+    // Reading the cache comes first and writing it last, both under one stage name; the bar must not move back at the
+    // end.
     let reached = Stage::ALL.iter().position(|&s| s == stage).unwrap_or(0) as u64;
     bar.set_position(reached.max(bar.position()));
 }

@@ -1,4 +1,6 @@
-//! The scene that `palpate prepare` writes beside a body: a sphere presses into it from the front and is held there.
+//! The scene that `palpate prepare` writes along with a soft body: a sphere presses into the body from the front and is
+//! held there. The body's *layer* is its tetrahedral mesh, its *skin* the surface mesh; a *rigid core* holds the nodes
+//! that are attached to it.
 
 use std::io::Write;
 
@@ -43,15 +45,16 @@ impl Press {
         Press { radius, start: at(GAP), end: at(-TRAVEL) }
     }
 
-    /// Writes the scene; `cores` are the values of `bind` from [`cores`]. Stiffness and damping of the coupling and the
-    /// mass of the tool grow with the sphere, so that a body of any size is pressed in the same time.
+    /// Writes the scene; `cores` has the value of the scene key `bind` of each rigid core, from [`cores`]. Stiffness
+    /// and damping of the coupling and the mass of the tool grow with the sphere, so that a body of any size is pressed
+    /// in the same time.
     pub fn write(&self, w: &mut impl Write, name: &str, cores: &[String]) -> std::io::Result<()> {
         let (r, s, e) = (self.radius, self.start, self.end);
         writeln!(
             w,
             "# A sphere presses into {name}. Written by palpate prepare; run it with: palpate run scene.toml\n"
         )?;
-        writeln!(w, "[step]\ngravity = [0.0, 0.0, 0.0]       # a soft body at rest keeps its shape\n")?;
+        writeln!(w, "[step]\ngravity = [0.0, 0.0, 0.0]       # so that the soft body does not sag\n")?;
         writeln!(w, "[contact]\ndepth_limit = {r:?}\n")?;
         writeln!(w, "[[body]]\nname = \"{name}\"\nsurface = \"skin.obj\"\nlayer = \"layer.msh\"")?;
         writeln!(w, "material = {{ young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }}\n")?;
@@ -67,7 +70,7 @@ impl Press {
 }
 
 /// Height z, m, at which a sphere that comes down along z from `from` meets the skin, by sphere tracing (J. Hart 1996);
-/// `None` where it passes by, falling below `lowest`, or where no distance to the skin can be computed.
+/// `None` if it passes the skin and falls below the height `lowest`, or if no distance to the skin can be computed.
 fn met(skin: &Skin, from: DVec3, radius: f64, lowest: f64) -> Option<f64> {
     let solid = Solid::new(&skin.vertices, &skin.triangles).ok()?;
     let mut centre = from;
@@ -81,9 +84,10 @@ fn met(skin: &Skin, from: DVec3, radius: f64, lowest: f64) -> Option<f64> {
     None
 }
 
-/// The rigid cores that hold the body, from the depth of each node (m): the value of `bind` for a core in each
-/// connected part of the layer, and whether each node is attached to one. A single part is attached from a depth
-/// (`inset`) on, several parts each by a list of their deepest nodes.
+/// Places one rigid core in each connected part of the layer, where the nodes are deepest below the skin; `depths` are
+/// the nodes' depths, m. Returns the value of the scene key `bind` for each core, and for each node whether it is
+/// attached to a core. If the layer has one part, `bind` gives the least depth of attached nodes (`inset`); if it has
+/// several, `bind` lists the attached nodes.
 pub fn cores(layer: &Layer, depths: &[f64]) -> (Vec<String>, Vec<bool>) {
     let (labels, count) = layer::parts(layer);
     let mut deepest = vec![f64::NEG_INFINITY; count];

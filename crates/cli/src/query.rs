@@ -1,5 +1,5 @@
-//! `palpate query`: finds where two surfaces overlap, undeformed; reports the vertices of each within the other, an
-//! image of the depths, and stage times.
+//! `palpate query`: finds where two surfaces overlap, undeformed; reports which vertices of each surface lie within the
+//! other, draws an image of their depths, and measures the times of the stages.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -29,26 +29,28 @@ const REPORT: &str = "query.json";
 /// Options of `palpate query`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The first surface: an OBJ file, or a model of palpate's own, as head or head:44000 (vertices)
+    /// The first surface: an OBJ file, or a built-in model (head, pumpkin, gear, human), as head or head:44000 (number
+    /// of vertices)
     a: String,
     /// The second surface
     b: String,
-    /// Where b is: position and orientation of its file's frame; a stays in its own
+    /// Pose of b: position and quaternion of its file's coordinate frame; a stays as in its file
     #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = pose, allow_hyphen_values = true)]
     pose_b: Option<Pose>,
-    /// Measure depth along this direction from a to b, of any length [default: found from the surfaces]
+    /// Direction from a to b along which depth is measured, of any length [default: the surfaces' normal where they
+    /// touch]
     #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
     direction: Option<DVec3>,
-    /// Depths beyond it raise a flag [default: a tenth of the smaller surface's extent]
+    /// Depth beyond which a flag is raised [default: a tenth of the smaller surface's extent]
     #[arg(long, value_name = "L", value_parser = length, allow_negative_numbers = true)]
     depth_limit: Option<f64>,
-    /// Runs whose times are taken
+    /// Number of runs to time
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     runs: u32,
     /// Vulkan device, by name or by index in `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
-    /// Directory to write contacts, picture and report into; without it nothing is written
+    /// Directory to write contacts, image and report into; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -60,7 +62,7 @@ type Pose = (DVec3, DQuat);
 fn numbers<const N: usize>(text: &str) -> std::result::Result<[f64; N], String> {
     let parsed: Option<Vec<f64>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
     let parsed = parsed.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
-    parsed.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| format!("give {N} numbers with commas between"))
+    parsed.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| format!("give {N} numbers separated by commas"))
 }
 
 fn pose(text: &str) -> std::result::Result<Pose, String> {
@@ -74,7 +76,7 @@ fn pose(text: &str) -> std::result::Result<Pose, String> {
 
 fn direction(text: &str) -> std::result::Result<DVec3, String> {
     let direction = DVec3::from_array(numbers(text)?);
-    direction.try_normalize().ok_or_else(|| "the direction has no length; give one that has".into())
+    direction.try_normalize().ok_or_else(|| "the direction has no length; give one that is not zero".into())
 }
 
 fn length(text: &str) -> std::result::Result<f64, String> {
@@ -82,8 +84,8 @@ fn length(text: &str) -> std::result::Result<f64, String> {
     number.ok_or_else(|| format!("give a number greater than zero, {LARGEST:e} at most"))
 }
 
-/// Runs the query, and repeats it for the times. Input is read and prepared before the Vulkan device is opened, and
-/// output is made after.
+/// Runs the query, and repeats it to measure times. Input is read and prepared before the Vulkan device is opened; the
+/// output directory is made afterwards.
 pub fn query(arguments: &Arguments) -> Result<()> {
     let (a, b) = (Part::read(&arguments.a)?, Part::read(&arguments.b)?);
     let mut settings = QuerySettings::of(&a.body, &b.body);
@@ -125,7 +127,7 @@ pub fn query(arguments: &Arguments) -> Result<()> {
 }
 
 /// Runs the query `runs` times; returns the answer, the times by stage, and the wall time of each run, microseconds.
-/// Runs are timed by stage and as a whole in turn.
+/// Runs in which each stage is timed alternate with runs in which all stages are timed as one.
 fn run(query: &mut Query, pose_b: Pose, runs: u32) -> Result<(Answer, Vec<StageSamples>, Vec<f64>)> {
     let passes = |stage: &palpate::internal::gpu::StagePasses| StageSamples {
         stage: stage.stage.clone(),
@@ -157,7 +159,7 @@ fn run(query: &mut Query, pose_b: Pose, runs: u32) -> Result<(Answer, Vec<StageS
 struct Part {
     surface: String,
     body: Body,
-    /// For each triangle its origin in the file; empty if the surface is not from a file.
+    /// For each triangle, the triangle of the file that it was made from; empty if the surface is not from a file.
     origins: Vec<Origin>,
 }
 
@@ -218,7 +220,8 @@ impl Part {
         field::Solid { vertices, triangles: triangles.to_vec() }
     }
 
-    /// A contact with a triangle of this surface, with the triangle's number and order of corners as in the file.
+    /// The contact, whose triangle belongs to this surface, with the triangle's number and order of corners changed to
+    /// those of the file.
     fn in_file(&self, contact: &QueryContact) -> QueryContact {
         let Some(origin) = self.origins.get(contact.triangle as usize) else { return *contact };
         let [u, v, w] = contact.barycentric;
@@ -227,7 +230,7 @@ impl Part {
     }
 }
 
-/// Translates an error about a key of the scene made here into one about the file.
+/// Translates an error about a key of the scene that `Part::read` made into an error about the surface's file.
 fn of_file(error: Error, surface: &str) -> Error {
     match error {
         Error::Key { problem, remedy, .. } => Error::input(Path::new(surface), None, problem, remedy),

@@ -18,15 +18,16 @@ use crate::{print, tell};
 /// Options of `palpate replay`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The recording, as `palpate run --record` wrote it
+    /// A recording that `palpate run --record` wrote
     file: PathBuf,
-    /// The scene, where it is elsewhere now, or has changed [default: the recorded one, unchanged]
+    /// Scene file, if the recorded one has moved or changed [default: the recorded one, which must be unchanged]
     #[arg(long, value_name = "SCENE")]
     scene: Option<PathBuf>,
-    /// Vulkan device, by name or by index in `palpate devices`; only the recorded one gives the same bits
+    /// Vulkan device, by name or by index in `palpate devices`; results are the same to the last bit only on the
+    /// device of the recording
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
-    /// Write the recorded ticks as CSV to this file, and replay nothing
+    /// Do not replay; write the recorded ticks (cycles of the haptic loop) as CSV to this file
     #[arg(long, value_name = "OUT", conflicts_with_all = ["scene", "device"])]
     csv: Option<PathBuf>,
 }
@@ -57,7 +58,7 @@ fn open(path: &Path) -> Result<(Recorded, ProgressBar)> {
     Ok((Recorded::read(path, BufReader::new(bar.wrap_read(file)))?, bar))
 }
 
-const CUT_SHORT: &str = "the recording was cut short; this is what there is of it";
+const CUT_SHORT: &str = "the recording was cut short; only its complete part is used";
 
 fn again(recorded: Recorded, arguments: &Arguments) -> Result<String> {
     let header = recorded.header.clone();
@@ -71,7 +72,7 @@ fn again(recorded: Recorded, arguments: &Arguments) -> Result<String> {
     let now = [env!("CARGO_PKG_VERSION"), context.device_name(), context.driver()];
     for (then, now) in [&header.program, &header.device, &header.driver].into_iter().zip(now) {
         if then != now {
-            tell(&format!("recorded with {then}, replayed with {now}: that need not give the same bits"));
+            tell(&format!("recorded with {then}, replayed with {now}: results may differ in the last bits"));
         }
     }
     let replayed = replay::replay(recorded, &mut simulation)?;
@@ -88,15 +89,15 @@ fn again(recorded: Recorded, arguments: &Arguments) -> Result<String> {
 fn scene_of(header: &Header, arguments: &Arguments) -> Result<Scene> {
     let path = arguments.scene.as_deref().unwrap_or(Path::new(&header.scene));
     if arguments.scene.is_none() && !path.exists() {
-        let problem = format!("its scene {} is not there", path.display());
-        return Err(Error::input(&arguments.file, None, problem, "name it by --scene"));
+        let problem = format!("its scene {} does not exist", path.display());
+        return Err(Error::input(&arguments.file, None, problem, "give the scene by --scene"));
     }
     let mut scene = Scene::load(path)?;
     scene.haptics.has_device = true;
     if record::digest(path)? != header.scene_digest {
-        let problem = "is not the scene as it was recorded";
+        let problem = "has changed since the recording";
         if arguments.scene.is_none() {
-            return Err(Error::input(path, None, problem, "restore it, or name by --scene the one to replay with"));
+            return Err(Error::input(path, None, problem, "restore it, or give the scene to replay with by --scene"));
         }
         tell(&format!("{} {problem}", path.display()));
     }
@@ -107,8 +108,8 @@ fn depth_of(header: &Header, file: &Path) -> Result<Option<DepthPath>> {
     let Some(name) = &header.depth else { return Ok(None) };
     let known = DepthPath::CHOICES.iter().find(|(known, path)| known == name && path.is_some());
     let unknown = || {
-        let problem = format!("names a depth path \"{name}\", which is not known");
-        Error::input(file, None, problem, "take an undamaged copy")
+        let problem = format!("names in its header an unknown implementation of the depth stage, \"{name}\"");
+        Error::input(file, None, problem, "use an undamaged copy")
     };
     Ok(known.ok_or_else(unknown)?.1)
 }

@@ -1,4 +1,5 @@
-//! `palpate run`: simulates a scene from the first step to the last, and writes a trace and the state at the end.
+//! `palpate run`: simulates a scene from the first step to the last, and writes a trace (one row per step) and the
+//! state at the end.
 
 use std::path::PathBuf;
 
@@ -34,7 +35,7 @@ const ARRAYS: [(&str, Arrays); 2] = [("texel", Arrays::Texel), ("storage", Array
 pub struct Arguments {
     /// The scene, a TOML file
     scene: PathBuf,
-    /// Steps to do [default: to the device's last key, else one second]
+    /// Number of steps [default: until the last key of [drive], else one second]
     #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = steps, allow_negative_numbers = true)]
     steps: Option<u64>,
     /// Time to simulate, s
@@ -43,34 +44,36 @@ pub struct Arguments {
     /// Vulkan device, by name or by index in `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
-    /// Kind of buffers through which kernels read their arrays [default: by the device's limits, else the faster one, measured
-    /// once a device]
+    /// Kind of buffers through which shaders read their arrays [default: what the device's limits allow; if both, the
+    /// faster one, measured once per device]
     #[arg(long, value_name = "KIND", value_parser = PossibleValuesParser::new(ARRAYS.map(|(name, _)| name)))]
     arrays: Option<String>,
-    /// Elements that a texel buffer may have at most, where the device allows more: to see what a lesser device would do
+    /// Greatest number of elements of a texel buffer, below the device's own limit: imitates a less capable device
     #[arg(long, value_name = "N")]
     texel_elements: Option<u32>,
-    /// Threads of lavapipe besides the calling one, unless LP_NUM_THREADS is set: a number, "auto" (none below 20000
-    /// tetrahedra) or "driver" (as it likes)
+    /// Worker threads of Mesa's CPU driver lavapipe, unless LP_NUM_THREADS is set: a number, "auto" (none below 20000
+    /// tetrahedra, else the driver's default) or "driver" (the driver's default)
     #[arg(long, value_name = "N", default_value = "auto", value_parser = lavapipe_threads)]
     threads: LavapipeThreads,
-    /// Path of the depth stage, whatever the scene says [default: the faster one, measured once a device]
+    /// Implementation of the depth stage, overriding the scene; auto is the faster one, measured once per device
     #[arg(long, value_name = "PATH", value_parser = PossibleValuesParser::new(DepthPath::CHOICES.map(|(name, _)| name)))]
     depth: Option<String>,
-    /// Hold the tool by this device, with a force a thousand times a second, in the world's time [default: the scene's]
+    /// Haptic device that holds the tool, in real time, with 1000 force updates per second unless the scene says
+    /// otherwise [default: the scene's]
     #[arg(long, value_name = "DEVICE", value_parser = PossibleValuesParser::new(DeviceKind::CHOICES.map(|(name, _)| name)))]
     haptics: Option<String>,
-    /// Profile of that device, whatever the scene says: what it can do; a Haply's can only be lowered
+    /// Profile (limits of force and workspace) of the device, overriding the scene; it can only lower a Haply's limits
     #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(PROFILES.map(|profile| profile.name)))]
     profile: Option<String>,
-    /// File to record every tick of the loop into, for `palpate replay`; a table if its name ends in .csv
+    /// File to record every tick (cycle) of the haptic loop into, for `palpate replay`; if its name ends in .csv, a
+    /// table, which cannot be replayed
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// Do not simulate: say which passes a step of N solver iterations records and leaves out, and why [default N: 16]
+    /// Do not simulate; print which GPU passes a step of N (default 16) solver iterations has and leaves out, and why
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "16",
         conflicts_with_all = ["steps", "seconds", "record"], value_parser = iterations)]
     explain: Option<u32>,
-    /// Write a picture every N steps, `snapshot-STEP.png`
+    /// Write an image every N steps, `snapshot-STEP.png`
     #[cfg(feature = "view")]
     #[arg(long, value_name = "N", requires = "out", conflicts_with = "explain", value_parser = steps, allow_negative_numbers = true)]
     snapshot: Option<u64>,
@@ -95,7 +98,7 @@ impl Arguments {
     }
 }
 
-/// What `--threads` asks for.
+/// Value of the option `--threads`.
 #[derive(Clone, Copy)]
 struct LavapipeThreads(Option<Threads>);
 
@@ -105,7 +108,7 @@ fn lavapipe_threads(text: &str) -> std::result::Result<LavapipeThreads, String> 
         "driver" => Ok(LavapipeThreads(None)),
         _ => match text.parse() {
             Ok(count @ 0..=MOST_THREADS) => Ok(LavapipeThreads(Some(Threads::Count(count)))),
-            _ => Err(format!("give a number to {MOST_THREADS}, \"auto\" or \"driver\"")),
+            _ => Err(format!("give a number up to {MOST_THREADS}, \"auto\" or \"driver\"")),
         },
     }
 }
@@ -127,11 +130,12 @@ pub fn steps(text: &str) -> std::result::Result<u64, String> {
     steps.ok_or_else(|| format!("give a whole number from 1 to {MOST_STEPS}"))
 }
 
-/// Duration of a session with a haptic device, s, if none is given: unlimited for hardware, which a person holds; for a
-/// recording, its number of ticks at the scene's rate; otherwise that of the scene.
+/// Duration, s, of a session (run of the haptic loop with a device): the value of `--seconds`. Without it, the duration
+/// is unlimited for hardware, which a person holds; for a recording it is the number of recorded ticks (iterations of
+/// the loop) at the scene's rate; otherwise it is the duration of the scene.
 fn seconds_of(arguments: &Arguments, scene: &Scene) -> Result<f64> {
     if let Some(steps) = arguments.steps {
-        let problem = format!("{steps} steps were asked for, and a session with a haptic device lasts some time");
+        let problem = format!("{steps} steps were requested, but a session with a haptic device is limited by time");
         return Err(palpate::Error::key(&scene.file, "haptics.device", problem, "give --seconds instead of --steps"));
     }
     match (arguments.seconds, scene.haptics.device, &scene.haptics.recording) {
@@ -150,16 +154,17 @@ fn steps_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
         return Ok(Extent::Steps(steps));
     }
     let problem = format!("{seconds:?} s are more than {MOST_STEPS} steps of {:?} s", scene.step.dt);
-    Err(palpate::Error::key(&scene.file, "step.dt", problem, "give a longer step, or fewer by --steps or --seconds"))
+    Err(palpate::Error::key(&scene.file, "step.dt", problem, "give a longer time step, or fewer --steps or --seconds"))
 }
 
-/// Runs a scene. Input is read and prepared before the Vulkan device is opened, and output is made after.
+/// Runs a scene. Input is read and prepared before the Vulkan device is opened; the output directory is made
+/// afterwards.
 pub fn run(arguments: &Arguments) -> Result<()> {
     #[cfg(feature = "view")]
     arguments.look.shown()?;
     #[cfg(feature = "view")]
     if arguments.snapshot.is_none() && arguments.look.is_asked_for() {
-        let what = "--size, --camera, --at and --show are of pictures, and none are asked for";
+        let what = "--size, --camera, --at and --show apply to images only, and none are requested";
         return Err(palpate::Error::Usage(format!("{what}: give --snapshot N as well")));
     }
     let mut scene = Scene::load(&arguments.scene)?;
@@ -179,8 +184,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     #[cfg(feature = "view")]
     if scene.haptics.has_device && arguments.snapshot.is_some() {
-        let problem = "is held in the world's time, and pictures would delay it";
-        let remedy = "leave out --snapshot, or watch it by palpate view";
+        let problem = "runs in real time, and rendering images would delay it";
+        let remedy = "leave out --snapshot, or use palpate view";
         return Err(palpate::Error::key(&scene.file, "haptics.device", problem, remedy));
     }
     let extent = if scene.haptics.has_device {
@@ -277,7 +282,7 @@ fn simulate(
     let steps = tally.steps;
     if tally.raised().any(|(name, count)| name == "non_finite" && count == steps) {
         let problem = format!("none of the {steps} steps had a finite solution, and nothing moved");
-        let remedy = "bring the scene's numbers (sizes, masses, stiffnesses, the time step) closer to one another";
+        let remedy = "give less extreme sizes, masses, stiffnesses and time step";
         return Err(palpate::Error::Simulation(format!("{}: {problem}; {remedy}", scene.file.display())));
     }
     if let Some(trace) = trace {
@@ -286,7 +291,8 @@ fn simulate(
     Ok(Done { tally, outcome: engine.finish()?, report })
 }
 
-/// Images every so many steps: the number of steps, and the studio that renders them.
+/// Images that are written at regular intervals: the number of steps from one image to the next, and the studio that
+/// renders them.
 #[cfg(feature = "view")]
 struct Snapshots(Option<(u64, palpate_view::Studio)>);
 

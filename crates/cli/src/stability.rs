@@ -18,17 +18,19 @@ const TOLD: usize = 3;
 /// Options of `palpate stability`.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Exit status: 0; 4 where a failure raised no flag, or a case that must pass does not (about the usual: 1 kPa to \
-    10 MPa, Poisson's ratio 0 to 0.49, steps of 0.25 to 10 ms; the report marks them)"
+    after_help = "Exit status: 0; 4 if a case fails without raising a flag or its scene is refused, or if a case with \
+    usual parameters (1 kPa to 10 MPa, Poisson's ratio 0 to 0.49, steps of 0.25 to 10 ms; the report marks them) does \
+    not pass"
 )]
 pub struct Arguments {
-    /// Fewer values and steps
+    /// Test fewer values, with fewer steps
     #[arg(long)]
     quick: bool,
-    /// A million steps of resting contact, which take half an hour
+    /// Also do a million steps of resting contact, which takes half an hour
     #[arg(long)]
     soak: bool,
-    /// These axes alone, with commas between them: young, poisson, step, thrust and so on; a wrong one lists all
+    /// Vary only these parameters, separated by commas: young, poisson, step, thrust and so on; a wrong name makes the
+    /// error list all
     #[arg(long, value_name = "AXIS", value_delimiter = ',', value_parser = axis_name)]
     only: Vec<String>,
     /// Vulkan device, by name or by index in `palpate devices`
@@ -65,12 +67,12 @@ pub fn stability(arguments: &Arguments) -> Result<()> {
 /// The number of faults and the first of them, in one line.
 fn in_short(faults: &[String]) -> String {
     let first = faults[..faults.len().min(TOLD)].join("; ");
-    let more = if faults.len() > TOLD { "; the report has the others" } else { "" };
+    let more = if faults.len() > TOLD { "; the report lists the others" } else { "" };
     let cases = if faults.len() == 1 { "case fails" } else { "cases fail" };
     format!("{} {cases} that must not: {first}{more}", faults.len())
 }
 
 fn axis_name(text: &str) -> std::result::Result<String, String> {
     let known = axes::NAMES.contains(&text);
-    if known { Ok(text.into()) } else { Err(format!("is no axis; give some of: {}", axes::NAMES.join(", "))) }
+    if known { Ok(text.into()) } else { Err(format!("not a parameter; give some of: {}", axes::NAMES.join(", "))) }
 }

@@ -36,10 +36,11 @@ const DEVICES: [&str; 6] = ["mouse", "drive", "scripted", "hand", "replay", "hap
 pub struct Arguments {
     /// The scene, a TOML file
     scene: PathBuf,
-    /// What leads the tool: a device, or `drive`, the scene's keys [default: mouse; drive where there is no tool]
+    /// What moves the tool: the mouse, a haptic device, or `drive`, the scene's keys (timed poses) [default: mouse;
+    /// drive if there is no tool]
     #[arg(long, value_name = "DEVICE", value_parser = PossibleValuesParser::new(DEVICES))]
     device: Option<String>,
-    /// Profile of that device, whatever the scene says: what it can do; a Haply's can only be lowered
+    /// Profile (limits of force and workspace) of the device, overriding the scene; it can only lower a Haply's limits
     #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(PROFILES.map(|profile| profile.name)))]
     profile: Option<String>,
     /// Vulkan device, by name or by index in `palpate devices`
@@ -48,16 +49,16 @@ pub struct Arguments {
     /// Width and height of the window, pixels
     #[arg(long, value_name = "WxH", value_parser = crate::film::size)]
     size: Option<[u32; 2]>,
-    /// Close after so many steps of the scene's keys
+    /// Close after this number of steps; not with a haptic device
     #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = crate::run::steps, allow_negative_numbers = true)]
     steps: Option<u64>,
-    /// Close after so much time, s
+    /// Close after this time, s
     #[arg(long, value_name = "S", value_parser = crate::run::positive, allow_negative_numbers = true)]
     seconds: Option<f64>,
-    /// Directory to write the trace of all steps into
+    /// Directory to write trace.csv into, which has a row for each step
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Have the Khronos validation layer check all that is asked of the device; what it says is an error
+    /// Check all Vulkan calls by the Khronos validation layer; its messages are errors
     #[arg(long, hide = true)]
     validation: bool,
 }
@@ -72,12 +73,12 @@ pub fn view(arguments: &Arguments) -> Result<()> {
     }
     scene.haptics.has_device = name != "drive";
     if scene.haptics.has_device && scene.tool.is_none() {
-        let problem = "is missing: a haptic device has nothing to hold";
-        return Err(Error::key(&scene.file, "tool", problem, "add a [tool], or view it with --device drive"));
+        let problem = "is missing, but a haptic device needs a tool to hold";
+        return Err(Error::key(&scene.file, "tool", problem, "add a [tool], or give --device drive"));
     }
     if let Some(profile) = &arguments.profile {
         if !DeviceKind::CHOICES.iter().any(|(known, _)| *known == name) {
-            let problem = format!("--profile {profile} is a haptic device's, and the tool is led by the {name}");
+            let problem = format!("--profile {profile} applies to a haptic device, but the tool is moved by `{name}`");
             return Err(Error::Usage(format!("{problem}: give --device DEVICE as well, or leave it out")));
         }
         hold::choose_profile(&mut scene, profile)?;
@@ -127,12 +128,12 @@ pub fn view(arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// When the simulation ends. Where the tool follows the scene's keys, a time is converted to steps.
+/// When the simulation ends. If the tool follows the scene's keys, a time is converted to a number of steps.
 fn extent_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
     match (arguments.steps, arguments.seconds) {
         (None, None) => Ok(Extent::Endless),
         (Some(_), _) if scene.haptics.has_device => {
-            let problem = "steps were asked for, and a session with a haptic device lasts some time";
+            let problem = "--steps was given, but a session with a haptic device is limited by time";
             Err(Error::key(&scene.file, "haptics.device", problem, "give --seconds instead, or --device drive"))
         }
         (Some(steps), _) => Ok(Extent::Steps(steps)),

@@ -1,5 +1,6 @@
-//! Tests of `palpate bench accuracy` on tiny cases: every curve agrees with its reference, a fault planted in a kernel
-//! shows in the verdict, and wrong names are refused. No times are judged.
+//! Tests of `palpate bench accuracy` on tiny cases: every curve (error of the engine against its cost, over the values
+//! of one setting) agrees with its reference, a fault planted in a kernel changes the verdict, and wrong names are
+//! refused. No times are judged.
 
 #[path = "../../../vk-tests/harness/spoil.rs"]
 mod spoil;
@@ -22,15 +23,15 @@ fn tiny() -> Settings {
 fn measure(name: &str, settings: &Settings) -> Curve {
     let mut told = Vec::new();
     let curve = accuracy::measure(name, settings, &mut |what: &str| told.push(what.to_string())).unwrap();
-    assert!(told.iter().all(|what| what.starts_with(&format!("{name}: "))) && !told.is_empty(), "{told:?}");
+    assert!(told.iter().all(|what| what.starts_with(&format!("{name}: "))) && !told.is_empty(), "progress: {told:?}");
     assert!(curve.name == name && curve.points.len() >= 6, "{curve:?}");
     for point in &curve.points {
         assert!(point.step_us.len() == settings.rounds && point.step_ms() > 0.0, "{point:?}");
     }
     let text = accuracy::section(&curve).unwrap();
     assert!(text.plot.is_some() && !text.finding.is_empty() && text.table.rows.len() == curve.points.len());
-    assert!(!text.notes.concat().contains("why is not known"), "{name}: {:?}", text.notes);
-    println!("{name}: {} {:?}", text.finding, text.notes);
+    assert!(!text.notes.concat().contains("why is not known"), "{name}: notes: {:?}", text.notes);
+    println!("{name}: {}; notes: {:?}", text.finding, text.notes);
     curve
 }
 
@@ -38,11 +39,11 @@ fn measure(name: &str, settings: &Settings) -> Curve {
 #[ignore = "long: 22 s"]
 fn forces_of_tight_solves_are_the_references_and_of_loose_ones_are_not() {
     let curve = measure("tolerance", &tiny());
-    assert!(curve.is_within(), "{:?}", curve.beyond());
+    assert!(curve.is_within(), "lines whose error is beyond its bound: {:?}", curve.beyond());
     // The quick settings have two preconditioners, each on two stiffnesses.
     let titles: Vec<String> = curve.lines().iter().map(|line| line.title()).collect();
     assert_eq!(titles, ["20 kPa, jacobi", "20 kPa, auto", "2 MPa, jacobi", "2 MPa, auto"]);
-    assert!(curve.decades() > 2.0, "{}", curve.decades());
+    assert!(curve.decades() > 2.0, "errors span only {} powers of ten", curve.decades());
     for line in curve.lines() {
         let [loose, .., tight] = &line.points[..] else { panic!("{line:?}") };
         assert!(loose.error().unwrap() > 20.0 * tight.error().unwrap(), "{line:?}");
@@ -58,12 +59,12 @@ fn forces_of_tight_solves_are_the_references_and_of_loose_ones_are_not() {
 fn shorter_steps_and_more_linearisations_are_more_accurate() {
     let curve = measure("time-step", &tiny());
     let errors: Vec<f64> = curve.points.iter().map(|point| point.error().unwrap()).collect();
-    assert!(errors.len() == 6 && errors[0] > 5.0 * errors[5], "{errors:?}");
+    assert!(errors.len() == 6 && errors[0] > 5.0 * errors[5], "errors, longest time step first: {errors:?}");
     let curve = measure("newton", &tiny());
     assert!(curve.is_within() && curve.decades() > 2.0, "{curve:?}");
     for line in curve.lines() {
         let (share, _) = line.share().unwrap();
-        assert!(share > 0.02 && share < 0.5, "{}: {share}", line.title());
+        assert!(share > 0.02 && share < 0.5, "{}: an iteration leaves the share {share} of the error", line.title());
     }
 }
 
@@ -96,7 +97,7 @@ fn presets_are_settings_that_were_measured() {
 #[test]
 #[ignore = "long: 17 s"]
 fn a_wrong_sign_in_a_kernel_turns_the_verdict_red() {
-    // Contacts pull where they should push; the solver converges all the same.
+    // With this fault contacts pull where they should push, and the solver still converges.
     let bytes = spoil::spoiled("solve/assemble", "b -= f * n;", "b += f * n;");
     let curve = measure("tolerance", &Settings { replaced: vec![("solve/assemble".into(), bytes)], ..tiny() });
     let finding = accuracy::section(&curve).unwrap().finding;

@@ -1,5 +1,7 @@
-//! Tests of bad input through the built program: exit status 2, one line on standard error that says what, where and
-//! what to do, no panic, and nothing left in the output directory. All of it happens before a Vulkan device is opened.
+//! Tests of bad input through the built program: it ends with status 2, prints one line on standard error that names
+//! the mistake, its place and the remedy, does not panic, and leaves nothing in the output directory. Input is refused
+//! before a Vulkan device is opened. A body's *skin* is its surface mesh, its *layer* the tetrahedral mesh in which the
+//! skin is embedded.
 
 #[path = "../../../tests/real_meshes/mod.rs"]
 mod real_meshes;
@@ -100,7 +102,7 @@ fn mistakes_in_a_scene() {
         (format!("{body}[solver]\nmax_iterations = 10001\n"), "give a whole number from 1 to 10000"),
     ] {
         let message = refusal(folder.path(), &scene);
-        assert!(message.contains(words), "{words}: {message}");
+        assert!(message.contains(words), "expected `{words}` in: {message}");
     }
 }
 
@@ -143,7 +145,7 @@ fn mistakes_on_the_command_line() {
 enum Answer {
     /// It is refused, with these words.
     Refused(&'static str),
-    /// It is prepared with cells of this edge, and these are the notes (without the file and its line).
+    /// It is prepared with lattice cells of this edge, with these notes (given without the file and its line).
     Cells(f64, &'static [&'static str]),
     /// It is prepared as a layer (tetrahedral mesh), with these notes.
     Layer(&'static [&'static str]),
@@ -154,7 +156,7 @@ use Answer::{Cells, Layer, Refused};
 const ANSWERS: [(&str, Answer); 25] = [
     ("duplicate_faces.obj", Cells(0.1, &["300 triangles given more than once dropped"])),
     ("empty.obj", Refused("has no vertices")),
-    // No `scale` of the scene helps, because the coordinates' digits are lost already.
+    // No key `scale` of the scene helps, because rounding to f32 has already lost the coordinates' digits.
     ("far_from_origin.obj", Refused("from the origin, where neighbouring f32 numbers are")),
     ("flipped_10pct.obj", Cells(0.1, &["1619 edges with inconsistently oriented triangles; 599 triangles reversed"])),
     ("huge_coords.obj", Refused("coordinates reach 8.491e17")),
@@ -174,8 +176,8 @@ const ANSWERS: [(&str, Answer); 25] = [
         "open_holes.obj",
         Cells(
             0.1,
-            &["352 edges of one triangle around 103 holes, left open; for volume and mass fans close them (2.35 % of \
-               the surface)"],
+            &["352 edges of one triangle around 103 holes, left open; for volume and mass, triangle fans close them \
+               (2.35 % of the surface)"],
         ),
     ),
     // A head that is open at the neck and wound inwards.
@@ -185,8 +187,8 @@ const ANSWERS: [(&str, Answer); 25] = [
             1.0,
             &[
                 "1 pieces were inside out, and reversed",
-                "58 edges of one triangle around 3 holes, left open; for volume and mass fans close them (8.96 % of \
-                 the surface)",
+                "58 edges of one triangle around 3 holes, left open; for volume and mass, triangle fans close them \
+                 (8.96 % of the surface)",
             ],
         ),
     ),
@@ -197,8 +199,8 @@ const ANSWERS: [(&str, Answer); 25] = [
             0.7,
             &[
                 "2 pieces were inside out, and reversed",
-                "784 edges of one triangle around 28 holes, left open; for volume and mass fans close them (17.30 % \
-                 of the surface)",
+                "784 edges of one triangle around 28 holes, left open; for volume and mass, triangle fans close them \
+                 (17.30 % of the surface)",
                 "2390 pairs of triangles intersect, first 410 and 35121 (from 0), kept",
             ],
         ),
@@ -220,8 +222,8 @@ const ANSWERS: [(&str, Answer); 25] = [
         ),
     ),
     ("zero_volume_dup_tet.v22.msh", Refused("msh:14: tetrahedron 1 has no volume")),
-    ("out_of_range.node", Refused("out_of_range.ele:2: tetrahedron 0 names node 4, which is not there")),
-    ("out_of_range.ele", Refused("out_of_range.ele:2: tetrahedron 0 names node 4, which is not there")),
+    ("out_of_range.node", Refused("out_of_range.ele:2: tetrahedron 0 names node 4, which does not exist")),
+    ("out_of_range.ele", Refused("out_of_range.ele:2: tetrahedron 0 names node 4, which does not exist")),
 ];
 
 /// Prepares the body of a scene.
@@ -232,29 +234,40 @@ fn prepared(folder: &Path, scene: &str) -> palpate::Result<prepare::Body> {
     prepare::body(&scene.bodies[0], &scene)
 }
 
-/// Checks that a prepared body is finite, that its skin is embedded and covered by proxies, and that the notes are
-/// these.
+/// Checks that a prepared body is finite, that its skin is embedded and covered by collision proxies, and that the
+/// notes on its file are `notes`.
 fn assert_prepared(name: &str, path: &Path, body: &prepare::Body, notes: &[&str]) {
     let (skin, proxies) = match &body.shape {
         prepare::Shape::Soft { layer, embedding, skin, proxies, .. } => {
-            assert_eq!(embedding.len(), skin.vertices.len(), "{name}");
-            assert!(embedding.iter().flat_map(|e| e.weights).all(f64::is_finite), "{name}");
-            assert!(layer.nodes.iter().all(|node| node.is_finite()), "{name}");
+            assert_eq!(embedding.len(), skin.vertices.len(), "{name}: embedded vertices and skin vertices");
+            assert!(embedding.iter().flat_map(|e| e.weights).all(f64::is_finite), "{name}: an embedding is not finite");
+            assert!(layer.nodes.iter().all(|node| node.is_finite()), "{name}: a node is not finite");
             (skin, proxies)
         }
         prepare::Shape::Rigid { skin, proxies, volume, centroid, .. } => {
-            assert!(*volume > 0.0 && centroid.is_finite(), "{name}");
+            assert!(*volume > 0.0 && centroid.is_finite(), "{name}: the volume or the centroid is not valid");
             (skin, proxies)
         }
-        prepare::Shape::Plane { .. } => panic!("{name}: a plane"),
+        prepare::Shape::Plane { .. } => panic!("{name}: the body is a plane"),
     };
-    assert!(proxies.iter().flat_map(|proxy| &proxy.hull).all(|corner| corner.is_finite()), "{name}");
-    assert_eq!(proxies.iter().map(|proxy| proxy.vertices.len()).sum::<usize>(), skin.vertices.len(), "{name}");
-    assert_eq!(proxies.iter().map(|proxy| proxy.triangles.len()).sum::<usize>(), skin.triangles.len(), "{name}");
-    // Other notes are about what cells of this size cannot follow.
+    assert!(
+        proxies.iter().flat_map(|proxy| &proxy.hull).all(|corner| corner.is_finite()),
+        "{name}: a corner of a collision hull is not finite"
+    );
+    assert_eq!(
+        proxies.iter().map(|proxy| proxy.vertices.len()).sum::<usize>(),
+        skin.vertices.len(),
+        "{name}: vertices of all proxies and of the skin"
+    );
+    assert_eq!(
+        proxies.iter().map(|proxy| proxy.triangles.len()).sum::<usize>(),
+        skin.triangles.len(),
+        "{name}: triangles of all proxies and of the skin"
+    );
+    // Other notes, which do not begin with the file's path, name details that cells of this size cannot resolve.
     let of_file = body.report.notes.iter().filter(|note| note.starts_with(&path.display().to_string()));
     let said: Vec<&str> = of_file.map(|note| note.split_once(": ").unwrap().1).collect();
-    assert_eq!(said, notes, "{name}");
+    assert_eq!(said, notes, "{name}: notes on the file");
 }
 
 #[test]
@@ -263,7 +276,7 @@ fn every_bad_mesh_is_prepared_with_a_report_or_refused_with_the_reason() {
     let Some(meshes) = meshes() else { return };
     for entry in fs::read_dir(meshes.join("bad")).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
-        assert!(ANSWERS.iter().any(|(known, _)| *known == name), "{name} has no answer");
+        assert!(ANSWERS.iter().any(|(known, _)| *known == name), "{name} has no entry in ANSWERS");
     }
     let folder = folder();
     for (name, answer) in &ANSWERS {
@@ -274,17 +287,18 @@ fn every_bad_mesh_is_prepared_with_a_report_or_refused_with_the_reason() {
         match answer {
             Refused(words) => {
                 let message = refusal(folder.path(), if name.ends_with(".obj") { &rigid } else { &layer });
-                assert!(message.contains(words), "{name}: {message}");
+                assert!(message.contains(words), "{name} is refused with: {message}");
             }
             Cells(cell, notes) => {
                 let start = std::time::Instant::now();
                 assert_prepared(name, &path, &prepared(folder.path(), &rigid).unwrap(), notes);
                 assert_prepared(name, &path, &prepared(folder.path(), &cells(*cell)).unwrap(), notes);
-                println!("{name}: {:.1?}", start.elapsed());
-                // Without repair, a mesh that would be mended is refused; triangles that intersect alone are no reason.
+                println!("{name}: prepared in {:.1?}", start.elapsed());
+                // With `repair = false` a mesh that needs repair is refused; a mesh is not refused for intersecting
+                // triangles alone.
                 let strict = prepared(folder.path(), &format!("{rigid}repair = false\n"));
                 let is_sound = notes.iter().all(|note| note.contains("pairs of triangles intersect"));
-                assert_eq!(strict.is_ok(), is_sound, "{name}: {:?}", strict.err());
+                assert_eq!(strict.is_ok(), is_sound, "{name}: accepted with `repair = false`; {:?}", strict.err());
             }
             Layer(notes) => assert_prepared(name, &path, &prepared(folder.path(), &layer).unwrap(), notes),
         }
@@ -304,7 +318,11 @@ fn every_good_mesh_is_read() {
     ] {
         let (mesh, report) = repair::read(&meshes.join(format!("surf/{name}.obj")), true).unwrap();
         assert!(report.is_clean(), "{name}: {report:?}");
-        assert_eq!((mesh.vertices.len(), mesh.triangles.len()), (vertices, triangles), "{name}");
+        assert_eq!(
+            (mesh.vertices.len(), mesh.triangles.len()),
+            (vertices, triangles),
+            "vertices and triangles of {name}"
+        );
     }
     for (name, nodes, tetrahedra) in [
         ("human.v22", 3128, 10_204),
@@ -318,12 +336,13 @@ fn every_good_mesh_is_read() {
         ("bad_slivers.v41", 729, 3575),
     ] {
         let mesh = gmsh::read(&meshes.join(format!("tet/{name}.msh"))).unwrap();
-        assert_eq!((mesh.nodes.len(), mesh.tetrahedra.len()), (nodes, tetrahedra), "{name}");
+        assert_eq!((mesh.nodes.len(), mesh.tetrahedra.len()), (nodes, tetrahedra), "nodes and tetrahedra of {name}");
     }
 }
 
-/// Greatest ratio of the hulls' size (sum of their boxes' diagonals) of a triangle soup to that of the sound surface.
-/// Joined vertices must lie in hulls at their place: one in a distant hull would stretch that hull over the body.
+/// Greatest ratio of the size of all collision hulls (sum of the diagonals of their boxes) of a triangle soup, whose
+/// triangles share no vertices, to that of the sound surface. Repair joins vertices of the soup; a joined vertex that
+/// was assigned to a distant hull would stretch that hull over the body.
 const SAME_HULLS: f64 = 1.05;
 
 #[test]
@@ -339,9 +358,9 @@ fn joined_vertices_do_not_stretch_proxies() {
         };
         (proxies.len(), proxies.iter().map(|proxy| diagonal(&proxy.hull)).sum::<f64>())
     });
-    println!("proxies and their diagonals: {sound:?} of the surface, {soup:?} of its soup");
+    println!("number of hulls and sum of their diagonals: {sound:?} for the surface, {soup:?} for its triangle soup");
     assert_eq!(soup.0, sound.0);
-    assert!(soup.1 < SAME_HULLS * sound.1, "{soup:?} {sound:?}");
+    assert!(soup.1 < SAME_HULLS * sound.1, "number and diagonals of hulls: soup {soup:?}, surface {sound:?}");
 }
 
 #[test]
@@ -369,7 +388,7 @@ fn a_run_says_what_was_repaired() {
     fs::write(&file, soft("surface = \"cube.obj\"", "{ cell = 0.5 }")).unwrap();
     let output = palpate(&["run", file.to_str().unwrap(), "--steps", "1", "--out", out.to_str().unwrap()]);
     if output.status.code() == Some(3) {
-        println!("skipped: a run says what was repaired: no device");
+        println!("skipped, because there is no Vulkan device: a run reports repairs");
         return;
     }
     let (said, note) = (String::from_utf8(output.stderr).unwrap(), "4 edges with inconsistently oriented triangles");

@@ -1,5 +1,5 @@
-//! Tests of the package: what `install.sh` puts under a prefix is found by CMake and pkg-config, programs link and run
-//! with it from wherever it was moved, and the library exports nothing but its interface.
+//! Tests of the package: CMake and pkg-config find what `install.sh` puts into a folder, programs link and run with it
+//! even after that folder was moved, and the library exports only the functions of its C interface.
 
 #[path = "../../capi/tests/ffi_help/mod.rs"]
 mod ffi_help;

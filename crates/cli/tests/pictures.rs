@@ -1,7 +1,8 @@
-//! Tests of rendered images: they look like the golden (stored) ones; films and snapshots through the built program.
+//! Tests of rendered images, which must look like the golden ones (stored reference images), and of the films and
+//! snapshots that the built program writes.
 //!
-//! `PALPATE_WRITE_GOLDEN=1 cargo test --release --test pictures` makes the golden images again. Look at them before
-//! they are kept.
+//! `PALPATE_WRITE_GOLDEN=1 cargo test --release --test pictures` makes the golden images again. Look at them before you
+//! keep them.
 #![cfg(feature = "view")]
 
 use std::fs;
@@ -22,10 +23,11 @@ mod spoil;
 
 /// Width and height of the images, pixels.
 const SIZE: [u32; 2] = [480, 270];
-/// Side of the squares whose mean colours are compared, pixels, as noise of single pixels is invisible.
+/// Side of the squares whose mean colours are compared, pixels; the mean removes noise of single pixels, which no
+/// viewer sees.
 const BLUR: u32 = 3;
-/// Width and height of a tile, in such squares. The least similar tile counts, because a contact patch is a small part
-/// of an image.
+/// Width and height of a tile, in squares of [`BLUR`] pixels. Images are compared tile by tile and the least similar
+/// tile counts, because a contact patch is a small part of an image.
 const TILE: [u32; 2] = [16, 15];
 /// Least structural similarity (Wang et al. 2004) of a tile, in its worst colour channel, for images to count as alike.
 /// Noise of 1/255 leaves 0.94 (the crate sums variances over a window where the paper takes their mean, and so is
@@ -38,8 +40,7 @@ struct Golden {
     scene: &'static str,
     steps: usize,
     shown: &'static [Overlay],
-    /// The camera's angles to the right and above, degrees, and the factor by which it is nearer than where it shows
-    /// all.
+    /// Camera: angles to the right of the front and above the horizon, degrees, and a zoom factor (1 shows everything).
     from: [f64; 3],
     /// Offset of the camera's target from the middle of all bodies, m.
     aside: [f64; 3],
@@ -187,11 +188,16 @@ fn pictures_look_like_the_golden_ones() {
                 picture.write_png(fs::File::create(&file).unwrap()).unwrap();
             }
             let alike = likeness(&image(&picture), &read(&file));
-            println!("{}: {alike:.4}", golden.name);
+            println!("{}: similarity to the golden image {alike:.4}", golden.name);
             if alike < ALIKE {
                 let seen = std::env::temp_dir().join(format!("palpate-{}.png", golden.name));
                 picture.write_png(fs::File::create(&seen).unwrap()).unwrap();
-                panic!("{} is only {alike:.3} like {}; it is at {}", golden.name, file.display(), seen.display());
+                panic!(
+                    "image {} has a similarity of only {alike:.3} to {}; it was written to {}",
+                    golden.name,
+                    file.display(),
+                    seen.display()
+                );
             }
         }
     }
@@ -226,14 +232,14 @@ fn the_comparison_sees_what_eyes_see() {
         *byte = byte.saturating_add_signed((state >> 16) as i8 % 2);
     }
     let alike = likeness(&head, &noise);
-    println!("noise {alike:.3}");
-    assert!(head != noise && alike > ALIKE, "{alike}");
+    println!("image with noise: similarity {alike:.3}");
+    assert!(head != noise && alike > ALIKE, "the similarity {alike} of the image with noise is too low");
     let expect_seen = |what: &str, a: &RgbImage, b: &RgbImage| {
         let alike = likeness(a, b);
-        println!("{what} {alike:.3}");
-        assert!(alike < ALIKE, "{what}: {alike}");
+        println!("{what}: similarity {alike:.3}");
+        assert!(alike < ALIKE, "{what}: the similarity {alike} is too high");
     };
-    // The light comes from elsewhere; from below, it throws no shadow on the ground.
+    // Light from another direction must be noticed; light from below casts no shadow on the ground.
     expect_seen("light from the right", &head, &sun_at(&mut studio, plain, DVec3::new(0.8, 0.85, 0.3)));
     expect_seen("light 10 degrees lower", &head, &sun_at(&mut studio, plain, DVec3::new(-0.25, 0.62, 0.95)));
     expect_seen("light from below", &head, &sun_at(&mut studio, plain, -sun));
@@ -242,7 +248,11 @@ fn the_comparison_sees_what_eyes_see() {
         for [right, up] in [[2.0, 0.0], [0.0, 2.0]] {
             let [yaw, pitch, nearer] = golden.from;
             let moved = Golden { from: [yaw + right, pitch + up, nearer], ..*golden };
-            expect_seen(&format!("{}, camera {right} {up}", golden.name), &before, &sun_at(&mut studio, &moved, sun));
+            expect_seen(
+                &format!("{}, camera moved {right} degrees right, {up} up", golden.name),
+                &before,
+                &sun_at(&mut studio, &moved, sun),
+            );
         }
     }
     // The colour map of pressure is exchanged for that of depth, a field with a similar distribution.
@@ -253,8 +263,8 @@ fn the_comparison_sees_what_eyes_see() {
         unlabelled(image(&studio.picture(&mut simulation).unwrap()))
     });
     let alike = likeness(&pressure, &depth);
-    println!("another map {alike:.3}");
-    assert!(alike < ALIKE, "another map: {alike}");
+    println!("another colour map: similarity {alike:.3}");
+    assert!(alike < ALIKE, "another colour map: the similarity {alike} is too high");
 }
 
 #[test]
@@ -270,8 +280,8 @@ fn the_comparison_sees_that_a_shadow_is_missing() {
         let (mut simulation, mut studio) = studio(golden.scene, golden.steps, replaced);
         golden.aim(&mut studio);
         let alike = likeness(&file, &image(&studio.picture(&mut simulation).unwrap()));
-        println!("{shader} without a shadow: {alike:.3}");
-        assert!(alike < ALIKE, "{shader}: {alike}");
+        println!("{shader} without a shadow: similarity {alike:.3}");
+        assert!(alike < ALIKE, "{shader} without a shadow: the similarity {alike} is too high");
     }
 }
 
@@ -319,8 +329,8 @@ fn names(folder: &Path) -> Vec<String> {
 /// The frames of an animated PNG, each with its delay, s.
 fn frames(file: &Path) -> Vec<(RgbImage, f64)> {
     let mut reader = png::Decoder::new(BufReader::new(fs::File::open(file).unwrap())).read_info().unwrap();
-    let control = *reader.info().animation_control().expect("it is animated");
-    assert_eq!(control.num_plays, 0, "it plays for ever");
+    let control = *reader.info().animation_control().expect("the PNG must be animated");
+    assert_eq!(control.num_plays, 0, "the animation must play for ever");
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
     let mut all = Vec::new();
     for _ in 0..control.num_frames {
@@ -330,7 +340,7 @@ fn frames(file: &Path) -> Vec<(RgbImage, f64)> {
         let delay = f64::from(frame.delay_num) / f64::from(frame.delay_den);
         all.push((ImageBuffer::from_raw(info.width, info.height, bytes.clone()).unwrap(), delay));
     }
-    assert!(reader.next_frame(&mut bytes).is_err(), "no more frames than it says");
+    assert!(reader.next_frame(&mut bytes).is_err(), "the file has more images than it declares");
     all
 }
 
@@ -345,22 +355,23 @@ fn films_are_the_same_every_time() {
     film("two.png");
     film("frames");
     let bytes = |name: &str| fs::read(folder.path().join(name)).unwrap();
-    assert!(bytes("one.apng") == bytes("two.png"), "two runs, two films");
+    assert!(bytes("one.apng") == bytes("two.png"), "two runs made different films");
     let animated = frames(&folder.path().join("one.apng"));
-    assert_eq!(animated.len(), 5, "0, 10, .. 40 ms");
+    assert_eq!(animated.len(), 5, "images at 0, 10, 20, 30 and 40 ms");
     assert!(animated.iter().all(|(frame, delay)| frame.dimensions() == (96, 54) && (delay - 0.01).abs() < 1e-12));
     assert!(animated[0].0 != animated[4].0, "something moves");
     let expected: Vec<String> = (0..5).map(|k| format!("frame-{k:05}.png")).collect();
     assert_eq!(names(&folder.path().join("frames")), expected);
     for (name, (frame, _)) in expected.iter().zip(&animated) {
-        assert!(read(&folder.path().join("frames").join(name)) == *frame, "{name} is not the film's");
+        assert!(read(&folder.path().join("frames").join(name)) == *frame, "{name} differs from the image in the film");
     }
-    // At half the speed there are twice as many images, and every other one shows the same moment.
+    // At half the speed there are twice as many images, and every other one shows a moment of the first film.
     let slow = ["--size", "96x54", "--fps", "100", "--speed", "0.5", "--seconds", "0.04", "--show", "pressure,force"];
     succeed(folder.path(), &[&["film", "scene.toml", "--out", "slow.apng"][..], &slow].concat());
     let slow = frames(&folder.path().join("slow.apng"));
     assert_eq!(slow.len(), 9);
-    // Only the first is compared, because the scale of pressure may begin at an image in between.
+    // Only the first images are compared: the colour scale of pressure may be set at a moment that only the slow film
+    // shows.
     assert!(slow[0].0 == animated[0].0);
     assert_eq!(names(folder.path()), ["frames", "one.apng", "scene.toml", "slow.apng", "two.png"]);
 }
@@ -385,13 +396,13 @@ fn snapshots_leave_the_trace_as_it_is() {
     let [without, with] = ["without", "with"].map(|name| folder.path().join(name));
     let trace = untimed(&without.join("trace.csv"));
     assert_eq!(trace.len(), 30);
-    assert!(trace == untimed(&with.join("trace.csv")), "looking changes nothing");
+    assert!(trace == untimed(&with.join("trace.csv")), "snapshots must not change the simulation");
     let new: Vec<String> = names(&with).into_iter().filter(|name| !names(&without).contains(name)).collect();
     assert_eq!(new, [10, 20, 30].map(|step| format!("snapshot-{step:06}.png")));
     assert_eq!(read(&with.join("snapshot-000010.png")).dimensions(), (96, 54));
     assert!(read(&with.join("snapshot-000010.png")) != read(&with.join("snapshot-000030.png")));
     for name in ["block.obj", "block.vtk"] {
-        assert!(fs::read(with.join(name)).unwrap() == fs::read(without.join(name)).unwrap(), "{name}");
+        assert!(fs::read(with.join(name)).unwrap() == fs::read(without.join(name)).unwrap(), "{name} differs");
     }
 }
 
@@ -443,7 +454,7 @@ fn what_cannot_be_pictured_is_refused_in_one_line() {
         (&["--seconds", "-1"], "give a number greater than zero"),
         (&["--show", "nonsense"], "give some of pressure, depth, force"),
         (&["--show", ""], "give some of pressure, depth, force"),
-        (&["--show", "depth,pressure"], "one field can be shown at a time"),
+        (&["--show", "depth,pressure"], "show only one of pressure, depth"),
         (&["--camera", "x"], "give two angles in degrees"),
         (&["--camera", "1,2,0"], "give two angles in degrees"),
         (&["--camera", "1,2,3,4"], "give two angles in degrees"),
@@ -453,7 +464,7 @@ fn what_cannot_be_pictured_is_refused_in_one_line() {
         (&["--seconds", "1e300", "--speed", "1e-300"], "100000 at most"),
     ] {
         let message = refusal(folder, &[&["film", "scene.toml", "--out", "out.apng"][..], more].concat());
-        assert!(message.contains(words), "{more:?}: {message}");
+        assert!(message.contains(words), "options {more:?}: {message}");
     }
     for (out, words) in [
         ("file/film.apng", "file"),
@@ -465,7 +476,7 @@ fn what_cannot_be_pictured_is_refused_in_one_line() {
     ] {
         let short = ["--size", "8x8", "--seconds", "0.002", "--fps", "1000"];
         let message = refusal(folder, &[&["film", "scene.toml", "--out", out][..], &short].concat());
-        assert!(message.contains(words), "{out}: {message}");
+        assert!(message.contains(words), "--out {out}: {message}");
     }
     assert_eq!(names(&folder.join("taken.apng")), ["mine"]);
     let message = refusal(folder, &["film", "missing.toml", "--out", "out.apng"]);
@@ -476,14 +487,14 @@ fn what_cannot_be_pictured_is_refused_in_one_line() {
         (&["--snapshot", "5"][..], "--out"),
         (&["--snapshot", "0", "--out", "out"], "give a whole number from 1"),
         (&["--snapshot", "x", "--out", "out"], "give a whole number from 1"),
-        (&["--snapshot", "5", "--out", "out", "--show", "energy,depth"], "one field can be shown at a time"),
+        (&["--snapshot", "5", "--out", "out", "--show", "energy,depth"], "show only one of pressure, depth"),
         (&["--snapshot", "1", "--steps", "2", "--out", "file"], "file"),
     ] {
         let message = refusal(folder, &[&["run", "scene.toml"][..], more].concat());
-        assert!(message.contains(words), "{more:?}: {message}");
+        assert!(message.contains(words), "options {more:?}: {message}");
     }
     let message = refusal(folder, &["figures", "--out", "out", "--only", "3"]);
-    assert!(message.contains("there are figures [1, 2, 4, 5, 6, 7]"), "{message}");
+    assert!(message.contains("give some of [1, 2, 4, 5, 6, 7]"), "{message}");
     let message = refusal(folder, &["figures", "--out", "out", "--only", "1", "--scenes", "nowhere"]);
     assert!(message.contains("touch-head.toml"), "{message}");
     assert_eq!(fs::read_to_string(folder.join("file")).unwrap(), "mine");

@@ -1,5 +1,6 @@
 //! Tests of `palpate prepare` through the built program: what it writes, what it keeps in its cache, and what it
-//! refuses. No Vulkan device is opened.
+//! refuses. No Vulkan device is opened. A body's *skin* is its surface mesh; a *rigid core* holds the nodes that are
+//! attached to it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -56,18 +57,22 @@ fn a_model_becomes_a_body_that_a_scene_can_use() {
     assert_eq!((&report["skin"]["components"], &report["skin"]["boundary_edges"]), (&1.into(), &0.into()));
     assert_eq!(report["proxies"]["coverage"], 1.0);
     let extent = report["skin"]["extent_m"][1].as_f64().unwrap();
-    assert!((extent - 0.5).abs() < 0.02, "{extent}");
+    assert!((extent - 0.5).abs() < 0.02, "the scaled head is {extent} m high, not 0.5 m");
     assert!(report["layer"]["tetrahedra"].as_u64().unwrap() > 1000);
     assert!(report["seconds"].as_object().unwrap().contains_key("proxies"));
 
     let scene = Scene::load(&out.join("scene.toml")).unwrap();
     let (body, _) = prepare::body_and_report(&scene.bodies[0], &scene, &Cache::off(), &mut |_| Ok(())).unwrap();
-    let prepare::Shape::Soft { layer, skin, .. } = &body.shape else { panic!("not soft") };
+    let prepare::Shape::Soft { layer, skin, .. } = &body.shape else { panic!("the body is not soft") };
     assert_eq!(layer.tetrahedra.len() as u64, report["layer"]["tetrahedra"].as_u64().unwrap());
     let bound = layer.attached.iter().filter(|&&b| b).count();
-    assert!(bound > 0 && bound < layer.nodes.len() / 2, "{bound} of {}", layer.nodes.len());
-    // The sphere starts clear of the skin and ends inside.
-    let scene::ToolShape::Sphere(radius) = scene.tool.as_ref().unwrap().shape else { panic!("no sphere") };
+    assert!(
+        bound > 0 && bound < layer.nodes.len() / 2,
+        "{bound} of {} nodes are attached to a rigid core",
+        layer.nodes.len()
+    );
+    // The sphere starts outside the skin and ends within it.
+    let scene::ToolShape::Sphere(radius) = scene.tool.as_ref().unwrap().shape else { panic!("the tool is no sphere") };
     let gap = |p: glam::DVec3| skin.vertices.iter().map(|v| v.distance(p)).fold(f64::INFINITY, f64::min) - radius;
     assert!(gap(scene.trajectory[0].position) > 0.0 && gap(scene.trajectory[1].position) < -0.2 * radius);
 }
@@ -162,6 +167,6 @@ fn what_cannot_be_prepared_is_refused_in_one_line_and_leaves_nothing() {
         let error = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
         assert!(error.contains(words) && error.lines().count() == 1, "{arguments:?}: {error}");
-        assert!(!out.exists(), "{arguments:?}");
+        assert!(!out.exists(), "{arguments:?}: the output directory was made");
     }
 }

@@ -1,5 +1,6 @@
-//! Tests of the way from a surface to a touch in two commands: `palpate prepare`, then `palpate run` of the scene it
-//! wrote.
+//! Tests of the two commands that lead from a surface to a touch: `palpate prepare`, then `palpate run` of the scene
+//! that it wrote. Another test checks which implementation (path) of the depth stage runs, graphics or compute; this
+//! stage finds how deep skins (surface meshes) penetrate each other.
 
 #[path = "../../../tests/real_meshes/mod.rs"]
 mod real_meshes;
@@ -40,12 +41,12 @@ fn press(name: &str, surface: &str) {
     }
     let peak = force.iter().copied().fold(0.0, f64::max);
     let jump = force.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
-    println!("{name}: {peak:.3} N at most, {:.1} % more or less from step to step", 100.0 * jump / peak);
+    println!("{name}: peak force {peak:.3} N, greatest change in a step {:.1} % of it", 100.0 * jump / peak);
     assert!(force.len() == 200 && force.iter().all(|f| f.is_finite()));
-    assert!(peak > 0.01 && jump < JUMP * peak, "{name}: {peak} N, {jump} N");
+    assert!(peak > 0.01 && jump < JUMP * peak, "{name}: peak force {peak} N, greatest change in a step {jump} N");
 }
 
-/// A scene with a ball on a block: both have skins (surface meshes), so that the depth stage is needed.
+/// A scene with a ball on a block: both have skins, so that the depth stage is needed.
 const BLOCK: &str = "[contact]\ndepth = \"graphics\"\n[[body]]\nname = \"block\"\n\
     layer = { box = [[-0.05, -0.05, -0.05], [0.05, 0.0, 0.05]], cells = [6, 3, 6] }\n\
     material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
@@ -69,7 +70,11 @@ fn the_path_of_depth_is_said_and_the_command_line_wins() {
     assert_eq!(run("asked", &["--depth", "compute"]), "compute path: asked for");
     let measured = run("auto", &["--depth", "auto"]);
     assert!(measured.contains(" path: measured "), "{measured}");
-    assert_eq!(run("again", &["--depth", "auto"]), measured, "the figures of the first time");
+    assert_eq!(
+        run("again", &["--depth", "auto"]),
+        measured,
+        "the second run must reuse the times measured by the first"
+    );
 }
 
 #[test]

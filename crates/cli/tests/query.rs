@@ -1,5 +1,5 @@
-//! Tests of `palpate query` through the built program: contacts have the numbers of the files' vertices and triangles,
-//! whatever repair changed; the other output files; bad input.
+//! Tests of `palpate query` through the built program: contacts carry the numbers that vertices and triangles have in
+//! the files, even if repair changed the meshes; the other output files are written; bad input is refused.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,8 @@ struct Row {
     barycentric: [f64; 3],
 }
 
-/// Vertices and triangles of an OBJ file in the order that contacts count; convex polygons are split into fans.
+/// Vertices and triangles of an OBJ file, in the order in which contacts number them; convex polygons are split into
+/// fans.
 fn parse(text: &str) -> (Vec<DVec3>, Vec<[usize; 3]>) {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for line in text.lines() {
@@ -68,7 +69,7 @@ impl Case {
         arguments.extend(options);
         let output = palpate(&arguments);
         if output.status.code() == Some(3) {
-            println!("skipped: queries through the program: no device");
+            println!("skipped, because there is no Vulkan device: queries through the program");
             return None;
         }
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -100,7 +101,10 @@ impl Case {
             let corners = other.1[row.triangle].map(|v| other.0[v]);
             let point: DVec3 = corners.iter().zip(row.barycentric).map(|(x, w)| *x * w).sum();
             let expected = own.0[row.vertex] - sign * row.depth * row.normal;
-            assert!(point.distance(expected) < EXACT * size, "{row:?}: {point} is not {expected}");
+            assert!(
+                point.distance(expected) < EXACT * size,
+                "{row:?}: the point {point} m of the triangle is not the expected {expected} m"
+            );
             assert!((row.normal.length() - 1.0).abs() < 1e-12 && row.depth > 0.0, "{row:?}");
             let sum: f64 = row.barycentric.iter().sum();
             assert!((sum - 1.0).abs() < 1e-12 && row.barycentric.iter().all(|w| *w > -1e-6), "{row:?}");
@@ -109,7 +113,7 @@ impl Case {
         let sorted = keys.clone();
         keys.sort();
         keys.dedup();
-        assert_eq!(keys, sorted, "each vertex once, in order");
+        assert_eq!(keys, sorted, "each vertex must be listed once, in order");
     }
 }
 
@@ -124,7 +128,7 @@ fn unit() -> String {
     cube(DVec3::ZERO, DVec3::ONE)
 }
 
-/// A cube with half the unit cube's edge, above its middle, the lower face at height `z`.
+/// A cube with half the edge of the unit cube, above the middle of that; its lower face is at height `z`.
 fn small(z: f64) -> String {
     let low = DVec3::new(0.27, 0.31, z);
     cube(low, low + 0.5)
@@ -151,7 +155,10 @@ fn two_cubes_in_a_known_overlap() {
     assert_eq!((&report["contacts"], &report["b"]["contacts"], &report["runs"]), (&4.into(), &4.into(), &2.into()));
     assert_eq!((&report["a"]["triangles"], report["regions"].as_array().unwrap().len()), (&12.into(), 1));
     assert!(report["stage_us"]["contact"]["median"].as_f64().unwrap() > 0.0);
-    assert!((report["depth_limit_m"].as_f64().unwrap() - 0.05).abs() < 1e-12, "a tenth of the smaller");
+    assert!(
+        (report["depth_limit_m"].as_f64().unwrap() - 0.05).abs() < 1e-12,
+        "the default is a tenth of the smaller body's extent"
+    );
     let picture = fs::read(case.folder.path().join("out/depth.png")).unwrap();
     assert_eq!(&picture[1..4], b"PNG");
     let mut names: Vec<_> =
@@ -162,7 +169,7 @@ fn two_cubes_in_a_known_overlap() {
 
 #[test]
 fn a_pose_a_direction_and_a_limit_are_obeyed() {
-    // b comes from below, turned over about x and shifted a little.
+    // b comes from below, rotated about x by half a turn and shifted a little.
     let case = Case::new(&unit(), &small(0.9));
     let pose = (DVec3::new(-0.05, 1.1, 0.95), DQuat::from_array([1.0, 0.0, 0.0, 0.0]));
     let Some((rows, _)) = case.ask(&["--pose-b", "-0.05,1.1,0.95,1,0,0,0"]) else { return };
@@ -218,30 +225,34 @@ fn spheres_of_any_unit_with_polygons() {
         assert!(of("a") > 5 && of("b") > 5 && said.contains("flags: none"), "{said}");
         let deepest = rows.iter().map(|row| row.depth).fold(0.0, f64::max);
         // The exact spheres overlap by a tenth of the radius, the meshes by a little less.
-        assert!(deepest < 0.1 * radius && deepest > 0.08 * radius, "{deepest}");
+        assert!(deepest < 0.1 * radius && deepest > 0.08 * radius, "greatest depth {deepest} m");
         assert!(rows.iter().all(|row| row.normal.dot(towards) > 0.995));
     }
 }
 
 #[test]
 fn numbers_are_those_of_the_file_after_repair() {
-    // The file has an unused vertex first; before the top a degenerate face and a duplicate; and a top that has
-    // vertices of its own and is wound the wrong way.
+    // A unit cube with defects: the first vertex is unused; a degenerate face and a duplicate face precede the top; the
+    // top has vertices of its own and is wound the wrong way.
     let dirty = "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
                  v 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nf 5 4 3 2\nf 2 2 3\nf 5 4 3 2\nf 13 12 11 10\n\
                  f 2 3 7 6\nf 3 4 8 7\nf 4 5 9 8\nf 5 2 6 9\n";
     let case = Case::new(dirty, &small(0.9));
     let Some((rows, _)) = case.ask(&[]) else { return };
     case.check(&rows, (DVec3::ZERO, DQuat::IDENTITY), 1.0);
-    // Triangles are counted as in the file: two of the bottom, the degenerate one, two duplicates, and so the top's are
-    // 5 and 6.
+    // Triangles are numbered as in the file: 0 and 1 are the bottom, 2 is the degenerate one, 3 and 4 are duplicates,
+    // so 5 and 6 are the top.
     assert!(rows.len() == 4 && rows.iter().all(|row| row.body == "b" && [5, 6].contains(&row.triangle)), "{rows:?}");
     // With the roles exchanged, the vertices of the defective file are numbered by its lines.
     let case = Case::new(dirty, &cube(DVec3::new(-1.0, -1.1, 0.95), DVec3::new(2.0, 1.9, 3.95)));
     let (rows, _) = case.ask(&[]).unwrap();
     case.check(&rows, (DVec3::ZERO, DQuat::IDENTITY), 3.0);
     let vertices: Vec<_> = rows.iter().map(|row| (row.body.as_str(), row.vertex)).collect();
-    assert_eq!(vertices, [("a", 5), ("a", 6), ("a", 7), ("a", 8)], "the first of those that were joined");
+    assert_eq!(
+        vertices,
+        [("a", 5), ("a", 6), ("a", 7), ("a", 8)],
+        "of vertices that repair joined, the first is named"
+    );
 }
 
 #[test]
@@ -266,7 +277,7 @@ fn bad_input_is_one_line_and_leaves_nothing() {
         (&[&a, &missing], "c.obj: cannot be read"),
         (&[&text, &b], "text.obj:1: a vertex with 2 coordinates"),
         (&[&a, "head.stl"], "neither an OBJ file nor a model"),
-        (&[&a, "head:5"], "is no number of vertices"),
+        (&[&a, "head:5"], "is not a valid number of vertices"),
         (&[&a, &b, "--pose-b", "1,2,3"], "give 7 numbers"),
         (&[&a, &b, "--pose-b", "-1,2,3,x,0,0,1"], "give 7 numbers"),
         (&[&a, &b, "--pose-b", "0,0,0,0,0,0,nan"], "give 7 numbers"),
@@ -291,7 +302,7 @@ fn bad_input_is_one_line_and_leaves_nothing() {
         all.extend(arguments);
         let message = refused(&all);
         assert!(message.contains(words), "{arguments:?}: {message}");
-        assert!(!Path::new(&case.path("made")).exists(), "{arguments:?}");
+        assert!(!Path::new(&case.path("made")).exists(), "{arguments:?}: an output directory was made");
     }
     // An output path that cannot be written is an error, which comes only if there is a Vulkan device to run the query.
     let under = PathBuf::from(case.path("file")).join("under");
@@ -313,6 +324,6 @@ fn refused(arguments: &[&str]) -> String {
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
     assert!(message.starts_with("error: ") && message.lines().count() == 1, "{arguments:?}: {message}");
-    assert!(output.stdout.is_empty(), "{arguments:?}");
+    assert!(output.stdout.is_empty(), "{arguments:?}: something was printed to standard output");
     message
 }

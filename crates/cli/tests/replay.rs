@@ -1,5 +1,5 @@
-//! Tests of `palpate replay` through the built program: a session with the engine is replayed, and every reason to
-//! refuse one.
+//! Tests of `palpate replay` through the built program: a recorded session (run of the haptic loop with the engine) is
+//! replayed, and recordings that cannot be replayed are refused. A *tick* is one iteration of the loop.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block
     [tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.0505, 0.0]\n\
     [coupling]\nstiffness = 500.0\ndamping = 2.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n";
 const TICKS: u64 = 120;
-/// Ticks from one simulation step to the next; the wrench of a step is there in the same tick.
+/// Ticks from one simulation step to the next; a step's wrench is already used in the tick in which the step is done.
 const EVERY: u64 = 15;
 
 /// Runs the program; returns exit status, standard output and standard error.
@@ -62,7 +62,7 @@ fn record(folder: &Path, has_end: bool, spoil: impl Fn(&mut Tick)) -> (PathBuf, 
         spoil(&mut tick);
         recording.tick(&tick).unwrap();
     }
-    assert!(newest.wrench.force.y > 0.05, "{newest:?}");
+    assert!(newest.wrench.force.y > 0.05, "the last contact force is too small: {newest:?}");
     if has_end {
         recording.finish().unwrap();
     }
@@ -82,17 +82,17 @@ fn a_session_is_replayed_to_the_same_bits_and_written_as_a_table() {
     assert_eq!(wrote, (0, format!("wrote {TICKS} ticks\n"), String::new()));
     assert_eq!(fs::read_to_string(&table).unwrap().lines().count(), 1 + TICKS as usize);
 
-    // A scene file with the same meaning but other bytes is replayed with a note.
+    // If the scene file has the same meaning but other bytes, the session is replayed and a note is printed.
     let elsewhere = folder.path().join("elsewhere.toml");
     fs::write(&elsewhere, format!("# The same.\n{SCENE}")).unwrap();
     let (status, out, notes) = palpate(&["replay", file, "--scene", elsewhere.to_str().unwrap()]);
     assert_eq!((status, out), (0, same));
-    assert!(notes.starts_with("note: ") && notes.contains("is not the scene as it was recorded"), "{notes}");
+    assert!(notes.starts_with("note: ") && notes.contains("has changed since the recording"), "{notes}");
 
     fs::write(&scene, SCENE.replace("2e4", "3e4")).unwrap();
     let (status, _, error) = palpate(&["replay", file]);
     assert_eq!(status, 2);
-    assert!(error.contains("scene.toml: is not the scene as it was recorded; restore it"), "{error}");
+    assert!(error.contains("scene.toml: has changed since the recording; restore it"), "{error}");
     let (status, _, error) = palpate(&["replay", file, "--scene", scene.to_str().unwrap()]);
     assert_eq!(status, 4);
     assert!(error.contains("step ") && error.contains(" differs first in "), "{error}");
@@ -100,7 +100,7 @@ fn a_session_is_replayed_to_the_same_bits_and_written_as_a_table() {
     fs::remove_file(&scene).unwrap();
     let (status, _, error) = palpate(&["replay", file]);
     assert_eq!(status, 2);
-    assert!(error.contains("scene.toml is not there; name it by --scene"), "{error}");
+    assert!(error.contains("scene.toml does not exist; give the scene by --scene"), "{error}");
 }
 
 #[test]
@@ -129,7 +129,7 @@ fn what_is_no_recording_is_refused_before_anything_is_written() {
     for arguments in [vec![], vec!["--csv", table.to_str().unwrap()]] {
         let (status, _, error) = palpate(&[&["replay", file.to_str().unwrap()], arguments.as_slice()].concat());
         assert_eq!((status, error.lines().count()), (2, 1), "{error}");
-        assert!(error.contains("session: is no recording"), "{error}");
+        assert!(error.contains("session: is not a recording"), "{error}");
     }
     assert!(!folder.path().join("made").exists());
     let missing = folder.path().join("missing");

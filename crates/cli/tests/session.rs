@@ -1,4 +1,5 @@
-//! Tests of sessions with a haptic device through the built program: held, recorded, replayed, stopped, refused.
+//! Tests of sessions (runs of the haptic loop with a device) through the built program: a session is run, recorded and
+//! replayed, a signal ends it, limits and profiles apply to it, and impossible requests are refused.
 
 use std::fs;
 use std::io::Write;
@@ -36,14 +37,14 @@ fn scene(folder: &Path, more: &str) -> PathBuf {
     file
 }
 
-/// Runs a session of a second and a half; returns the summary's entry on it.
+/// Runs and records a session of a second and a half; returns the entry `haptics` of `summary.json`.
 fn hold(folder: &Path, more: &str) -> Value {
     let (scene, out, record) = (scene(folder, more), folder.join("out"), folder.join("session.palpate"));
     let [scene, out_name, record] = [&scene, &out, &record].map(|path| path.to_str().unwrap());
     let arguments = ["run", scene, "--seconds", "1.5", "--out", out_name, "--record", record];
     let (status, _, stderr) = palpate(&arguments);
     assert_eq!(status, 0, "{stderr}");
-    assert!(stderr.contains("coupling "), "the gains are told: {stderr}");
+    assert!(stderr.contains("coupling "), "the gains of the virtual coupling must be printed: {stderr}");
     let summary: Value = serde_json::from_str(&fs::read_to_string(out.join("summary.json")).unwrap()).unwrap();
     summary["haptics"].clone()
 }
@@ -86,7 +87,7 @@ fn a_profile_of_the_command_line_takes_the_place_of_the_scenes() {
     let folder = tempfile::tempdir().unwrap();
     let file = scene(folder.path(), "[haptics]\ndevice = \"hand\"\nprofile = \"sigma.7\"\n");
     let (file, out) = (file.to_str().unwrap(), folder.path().join("out"));
-    // With the scene's device, and with one that the command line names.
+    // The first run has the scene's device, the second one that the command line names.
     for more in [&[][..], &["--haptics", "scripted"]] {
         let arguments = ["run", file, "--seconds", "0.3", "--profile", "touch", "--out", out.to_str().unwrap()];
         let (status, _, stderr) = palpate(&[&arguments, more].concat());
@@ -147,7 +148,7 @@ fn a_haply_is_held_with_the_profile_of_the_type_that_its_service_reports() {
     for (kind, profile, asked) in cases {
         let folder = tempfile::tempdir().unwrap();
         let (url, most) = inverse_service(kind);
-        // The ball begins in the block, which pushes it against the resting device.
+        // The ball begins partly inside the block, which pushes it away from the resting device, so a force is played.
         let inside = SCENE.replace("position = [0.0, 0.053, 0.0]", "position = [0.0, 0.04, 0.0]");
         let file = folder.path().join("scene.toml");
         fs::write(&file, format!("{inside}[haptics]\ndevice = \"haply\"\nhaply = {{ address = \"{url}\" }}\n"))
@@ -160,10 +161,13 @@ fn a_haply_is_held_with_the_profile_of_the_type_that_its_service_reports() {
         assert_eq!(status, 0, "{kind}: {stderr}");
         let summary: Value = serde_json::from_str(&fs::read_to_string(out.join("summary.json")).unwrap()).unwrap();
         let report = &summary["haptics"];
-        assert_eq!(report["profile"], profile, "{kind} {asked:?}");
+        assert_eq!(report["profile"], profile, "device type {kind}, requested profile {asked:?}");
         let played = *most.lock().unwrap();
         let limit = if profile == "minverse" { 2.0 } else { 10.0 };
-        assert!(played > 0.02 && played <= limit + 1e-9, "{kind}: {played} N, {report}");
+        assert!(
+            played > 0.02 && played <= limit + 1e-9,
+            "device type {kind}: greatest force sent {played} N, report {report}"
+        );
         let (status, text, _) = palpate(&["replay", record]);
         assert_eq!((status, text.contains("the same bits")), (0, true), "{text}");
     }

@@ -1,5 +1,6 @@
-//! Tests of `palpate stability`: a part of the matrix of cases passes, a fault planted in a kernel makes cases fail,
-//! and bad input is refused.
+//! Tests of `palpate stability`, which runs a matrix of stiff and extreme cases along *axes* (each varies a parameter)
+//! and checks each case against invariants: some axes pass, a fault planted in a kernel makes cases fail, and bad input
+//! is refused.
 
 #[path = "../../../vk-tests/harness/spoil.rs"]
 mod spoil;
@@ -34,7 +35,7 @@ fn a_part_of_the_matrix_passes_and_its_report_has_a_letter_for_every_cell() {
     assert_eq!(names, ["tetrahedron", "bound"]);
     let document = document(&results);
     let svg = document.chapters[0].sections[0].plot.as_ref().unwrap();
-    // The letter is in four cells and in the legend.
+    // The letter P (pass) is in four cells and in the legend.
     assert_eq!(svg.matches(">P</text>").count(), 5, "{svg}");
     let html = document.html();
     assert!(html.contains("all but one") && html.contains("<svg"));
@@ -51,10 +52,16 @@ fn turning_too_far_and_being_inside_out_are_told_in_the_steps_concerned() {
     };
     assert_eq!(flags("100 rad/s").0, Flags::default());
     let (told, flagged, steps) = flags("300 rad/s");
-    assert!(told.contains(Flags::TURNS_TOO_FAR) && flagged == steps, "{told:?} in {flagged} of {steps} steps");
-    // A body that is released inside out turns back.
+    assert!(
+        told.contains(Flags::TURNS_TOO_FAR) && flagged == steps,
+        "flags {told:?}, raised in {flagged} of {steps} steps"
+    );
+    // A body that is released inside out returns to its shape, so only the first steps raise the flag.
     let (told, flagged, steps) = flags("turned inside out");
-    assert!(told.contains(Flags::INVERTED) && flagged < steps / 2, "{told:?} in {flagged} of {steps} steps");
+    assert!(
+        told.contains(Flags::INVERTED) && flagged < steps / 2,
+        "flags {told:?}, raised in {flagged} of {steps} steps"
+    );
     assert!(results.cases().all(|(.., case)| case.verdict != Verdict::Silent), "{:?}", results.faults());
 }
 
@@ -64,7 +71,7 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
     let invariant =
         "contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping";
     let faults = [
-        // Elastic forces accelerate the body away from rest.
+        // Fault: elastic forces accelerate the body away from its rest shape.
         (
             "elastic/element_forces",
             "float impulse = -params.dt",
@@ -72,9 +79,9 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
             "bound",
             Invariant::Residual,
         ),
-        // Mass-proportional damping accelerates instead of braking.
+        // Fault: mass-proportional damping accelerates instead of braking.
         ("solve/assemble", "- damping * v)", "+ damping * v)", "bound", Invariant::Residual),
-        // Damping of contacts is left out of the right-hand side.
+        // Fault: the damping of contacts is left out of the right-hand side.
         (
             "solve/assemble",
             "+ normal_operator(contact, h) * contact.rate",
@@ -82,7 +89,7 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
             "contact-stiffness",
             Invariant::Residual,
         ),
-        // The reported wrench pulls where the tool is pushed, or is a fifth too great.
+        // Faults: the reported wrench pulls where contacts push the tool; the reported force is a fifth too great.
         ("wrench/reduce", "-= force * column[k]", "+= force * column[k]", "contact-stiffness", Invariant::Force),
         (
             "wrench/reduce",
@@ -91,7 +98,7 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
             "contact-stiffness",
             Invariant::Force,
         ),
-        // Contacts are stiffer than the scene says.
+        // Fault: contacts are 5 % stiffer than the scene says.
         (
             "contact/response",
             invariant,
@@ -99,7 +106,7 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
             "contact-stiffness",
             Invariant::Force,
         ),
-        // A contact is released only when it pulls by more than a tenth of the pressure with which its depth pushes.
+        // Fault: a contact is released only if it pulls by more than a tenth of the pressure that its depth causes.
         (
             "solve/conclude",
             "bool pulls = end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0;",
@@ -114,8 +121,15 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
         let red = results.cases().filter(|(_, _, case)| case.verdict == Verdict::Silent);
         let breaks = |found: &&stability::invariants::Finding| found.invariant == invariant && found.is_silent;
         let seen = red.filter(|(.., case)| case.findings.iter().any(|found| breaks(&found))).count();
-        println!("{kernel}, {to}: {invariant:?} in {seen} cases; {}", results.faults().join("; "));
-        assert!(seen > 0 && !results.faults().is_empty(), "{kernel}, {to}: {:?}", results.faults());
+        println!(
+            "{kernel} with `{to}`: invariant {invariant:?} broken in {seen} cases; {}",
+            results.faults().join("; ")
+        );
+        assert!(
+            seen > 0 && !results.faults().is_empty(),
+            "{kernel} with `{to}`: no case fails as expected; faults: {:?}",
+            results.faults()
+        );
     }
 }
 

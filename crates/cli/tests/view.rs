@@ -1,5 +1,5 @@
-//! Tests of the window through the built program, in a real X server without a screen: the tool is held with the mouse,
-//! the window is resized, hidden and closed.
+//! Tests of the window of `palpate view`, in a real X server without a screen: the mouse moves the tool, and the window
+//! is resized, hidden and closed.
 #![cfg(all(unix, feature = "view"))]
 
 use std::fs;
@@ -30,7 +30,7 @@ impl Display {
     fn start() -> Display {
         // The server finds a free display number itself, and prints it.
         let mut server = Command::new("Xvfb")
-            // Without -noreset it restarts whenever its last client leaves, and refuses clients meanwhile.
+            // Without -noreset the server restarts whenever its last client leaves, and refuses clients meanwhile.
             .args(["-displayfd", "1", "-noreset", "-screen", "0", "1280x1024x24", "-nolisten", "tcp"])
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
@@ -51,7 +51,7 @@ impl Display {
         };
         let begun = Instant::now();
         while !answers() {
-            assert!(begun.elapsed() < PATIENCE, "Xvfb lets nobody in");
+            assert!(begun.elapsed() < PATIENCE, "Xvfb accepts no clients");
             std::thread::sleep(Duration::from_millis(20));
         }
         display
@@ -84,9 +84,9 @@ impl Display {
             if let Some(status) = program.try_wait().unwrap() {
                 let mut text = String::new();
                 program.stderr.take().unwrap().read_to_string(&mut text).unwrap();
-                panic!("it ended with {status}: {text}");
+                panic!("the program ended with {status}: {text}");
             }
-            assert!(begun.elapsed() < PATIENCE, "no window");
+            assert!(begun.elapsed() < PATIENCE, "the window did not appear");
             std::thread::sleep(Duration::from_millis(50));
         }
     }
@@ -163,16 +163,16 @@ fn the_mouse_presses_a_body_in_a_window_that_is_resized_hidden_and_closed() {
     display.xdotool(&["windowfocus", &id]);
     display.xdotool(&["key", "r"]);
     pause(0.3);
-    assert!(program.try_wait().unwrap().is_none(), "it is still there");
+    assert!(program.try_wait().unwrap().is_none(), "the program must still be running");
     // The window closes at any moment of a step.
     display.xdotool(&["key", "Escape"]);
     let (status, text, stderr) = end(program);
     assert_eq!(status, Some(0), "{stderr}");
     let trace = fs::read_to_string(out.join("trace.csv")).unwrap();
     let (contacts, force) = (column(&trace, "contacts"), column(&trace, "force_y"));
-    assert_eq!(contacts[0], 0.0, "first nothing touches");
+    assert_eq!(contacts[0], 0.0, "nothing touches in the first step");
     assert!(contacts.iter().any(|count| *count > 0.0) && force.iter().any(|newton| *newton > 0.01), "{text}{stderr}");
-    assert!(text.contains("picture: "), "{text}{stderr}");
+    assert!(text.contains("image: "), "{text}{stderr}");
     let picture = out.join("scene-1.png");
     let reader = png::Decoder::new(std::io::BufReader::new(fs::File::open(picture).unwrap())).read_info().unwrap();
     assert_eq!((reader.info().width, reader.info().height), (800, 600));
@@ -199,7 +199,7 @@ fn with_the_window_the_trace_is_that_of_a_run() {
         trace.lines().map(cells).collect()
     };
     assert_eq!(bits(&run).len(), 201);
-    assert!(column(&run, "contacts").iter().any(|count| *count > 0.0), "it touches");
+    assert!(column(&run, "contacts").iter().any(|count| *count > 0.0), "the tool must touch the block");
     assert_eq!(bits(&run), bits(&view));
 }
 
@@ -234,8 +234,8 @@ fn a_profile_is_refused_where_no_haptic_device_could_have_it() {
     let folder = tempfile::tempdir().unwrap();
     let file = scene(folder.path());
     let cases = [
-        ("mouse", "touch", "the tool is led by the mouse: give --device DEVICE as well"),
-        ("drive", "touch", "the tool is led by the drive: give --device DEVICE as well"),
+        ("mouse", "touch", "the tool is moved by `mouse`: give --device DEVICE as well"),
+        ("drive", "touch", "the tool is moved by `drive`: give --device DEVICE as well"),
         ("haply", "touch", "--profile touch is not that of a Haply: remove it, or give inverse3 or minverse"),
         ("hand", "omni", "possible values: scripted, premium, touch"),
     ];
@@ -245,6 +245,6 @@ fn a_profile_is_refused_where_no_haptic_device_could_have_it() {
         let output = command.output().unwrap();
         let stderr = String::from_utf8(output.stderr).unwrap();
         assert_eq!((output.status.code(), stderr.lines().count()), (Some(2), 1), "{stderr}");
-        assert!(stderr.contains(words), "{device} {profile}: {stderr}");
+        assert!(stderr.contains(words), "device {device}, profile {profile}: {stderr}");
     }
 }

@@ -1,6 +1,6 @@
 //! Tests of the whole haptic loop in virtual time: the simulated hand presses the tool against a wall of known
-//! stiffness, with and without the local model (which extrapolates the contact wrench between simulation steps) and the
-//! passivity controller.
+//! stiffness, with and without the local model (which extrapolates the contact wrench between simulation steps; without
+//! it the loop plays the *raw force* of the last step) and with and without the passivity controller.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::haptics::environment::Wall;
@@ -101,9 +101,18 @@ fn the_local_model_holds_contact_where_the_raw_force_swings() {
                 )
             };
             let ((mean, deviation), (_, raw)) = (with(true), with(false));
-            println!("{profile}, {stiffness} N/m at {rate} Hz: {mean:.3} N, swings {deviation:.4} N; raw {raw:.2} N");
-            assert!(mean > 1.0 && deviation < 0.001 * mean, "{profile} {rate} {stiffness}: {mean} +- {deviation}");
-            assert!(raw > 0.5, "{profile} {rate} {stiffness}: the raw force swings by {raw} N only");
+            println!(
+                "{profile}, wall of {stiffness} N/m at {rate} Hz: force {mean:.3} N, standard deviation \
+                 {deviation:.4} N; of the raw force {raw:.2} N"
+            );
+            assert!(
+                mean > 1.0 && deviation < 0.001 * mean,
+                "{profile}, {rate} Hz, {stiffness} N/m: force {mean} N, standard deviation {deviation} N"
+            );
+            assert!(
+                raw > 0.5,
+                "{profile}, {rate} Hz, {stiffness} N/m: the raw force has a standard deviation of only {raw} N"
+            );
         }
     }
 }
@@ -118,7 +127,10 @@ fn a_prompt_force_is_the_same_with_and_without_the_local_model() {
         // at a force that differs by up to 0.05 N.
         let coupling = coupling::choose(Profile::named(profile).unwrap(), PERIOD, 0.0, 0.05, 2e-6, None).coupling;
         let exact = 0.01 / (1.0 / 300.0 + 1.0 / 300.0 + 1.0 / coupling.stiffness);
-        assert!((local - exact).abs() < 0.05 && (raw - exact).abs() < 0.05, "{profile}: {local} {raw}, {exact} N");
+        assert!(
+            (local - exact).abs() < 0.05 && (raw - exact).abs() < 0.05,
+            "{profile}: force with the local model {local} N, without {raw} N, expected {exact} N"
+        );
     }
 }
 
@@ -135,16 +147,25 @@ fn a_press_and_release_gives_the_hand_no_energy() {
                 let energy = ticks.last().unwrap().energy;
                 let (seen, received) = (energy.net(), hand.energy().received());
                 println!(
-                    "{profile}, {stiffness} N/m at {rate} Hz, local model {local_model}: {received:.1e} J of {most:.1e}"
+                    "{profile}, {stiffness} N/m at {rate} Hz, local model {local_model}: the hand received \
+                     {received:.1e} J, at most {most:.1e} J allowed"
                 );
-                assert!(peak > 0.3, "{profile} {stiffness} {rate} {local_model}: {peak} N");
+                assert!(
+                    peak > 0.3,
+                    "{profile}, {stiffness} N/m, {rate} Hz, local model {local_model}: peak force {peak} N"
+                );
                 assert!(
                     received <= most && seen <= most && energy.lent == 0.0,
-                    "{profile} {stiffness} {rate} {local_model}: {received} {seen} {energy:?}"
+                    "{profile}, {stiffness} N/m, {rate} Hz, local model {local_model}: the hand received {received} J, \
+                     the passivity observer saw {seen} J, {energy:?}"
                 );
             }
         }
     }
     let (_, hand) = cycle("premium", 2000.0, 50.0, |s| (s.local_model, s.passivity) = (false, false));
-    assert!(hand.energy().received() > 0.1, "without control the raw force gives energy: {:?}", hand.energy());
+    assert!(
+        hand.energy().received() > 0.1,
+        "without the controller the raw force must give the hand energy: {:?}",
+        hand.energy()
+    );
 }

@@ -113,13 +113,17 @@ fn one_session(making: Making, mut fault: impl FnMut(u64, &mut Inputs)) -> Vec<T
 fn check(limits: &Limits, last: Option<&Tick>, tick: &Tick) {
     let (force, torque) = (tick.played.force.length(), tick.played.torque.length());
     assert!(tick.played.is_finite() && tick.device.is_valid() && tick.tool.is_valid(), "{tick:?}");
-    assert!(force <= limits.force && torque <= limits.torque, "tick {}: {force} N, {torque} N m", tick.index);
+    assert!(
+        force <= limits.force && torque <= limits.torque,
+        "tick {}: the force {force} N or the torque {torque} N m is above its limit",
+        tick.index
+    );
     let before = last.map_or(DVec3::ZERO, |tick| tick.played.force);
     let change = (tick.played.force - before).length();
     // The slew limit holds over the time that a tick integrates, at most four periods; a force that is cut off drops to
     // zero at once.
     let most = 4.0 * limits.slew * PERIOD * (1.0 + 1e-9);
-    assert!(change <= most || tick.played.force == DVec3::ZERO, "tick {}: {change} N in a tick", tick.index);
+    assert!(change <= most || tick.played.force == DVec3::ZERO, "tick {}: force changed by {change} N", tick.index);
 }
 
 /// Indices of the ticks that raised an event.
@@ -143,7 +147,7 @@ fn nothing_is_told_of_a_session_without_fault() {
     assert!(force(&ticks, TICKS - 1) > 1.0);
     for (event, name) in Event::ALL {
         let expected = matches!(event, Event::Engaging | Event::Damped | Event::BeyondTrust);
-        assert!(expected || with(&ticks, event).is_empty(), "{name}: {:?}", with(&ticks, event));
+        assert!(expected || with(&ticks, event).is_empty(), "event {name} in ticks {:?}", with(&ticks, event));
     }
     assert!(*with(&ticks, Event::Engaging).last().unwrap() < 250);
 }
@@ -165,7 +169,7 @@ fn a_simulation_that_stalls_for_less_than_a_second_does_not_mute() {
         assert!(with(&stalled, Event::StaleWrench).is_empty() && has_recovered(&stalled));
         let before = force(&stalled, FAULT - 1);
         let kept = (FAULT..FAULT + ticks).all(|k| (force(&stalled, k) - before).abs() < 0.01 * before);
-        assert!(before > 1.0 && kept, "{ticks}");
+        assert!(before > 1.0 && kept, "the force is not kept in a stall of {ticks} ticks");
     }
 }
 
@@ -176,7 +180,7 @@ fn a_simulation_that_stalls_for_longer_lets_the_force_fade() {
         let stale = with(&ticks, Event::StaleWrench);
         // When the stall began the wrench was out of date by 20 to 40 ms; it becomes stale when it is out of date by 1
         // s.
-        assert!((FAULT + 960..=FAULT + 980).contains(&stale[0]), "{stale:?}");
+        assert!((FAULT + 960..=FAULT + 980).contains(&stale[0]), "ticks with a stale wrench: {stale:?}");
         assert!(force(&ticks, stale[0] - 1) > 1.0);
         // The force has faded within 50 ms and is still zero at the end of the stall.
         assert!(force(&ticks, stale[0] + 50) < 1e-9 && force(&ticks, FAULT + 1499) < 1e-9);
@@ -197,7 +201,7 @@ fn a_force_that_is_there_from_the_start_rises_slowly_and_one_that_is_not_is_play
         let mut servo = Servo::new(settings, tool.clone());
         let tick = |servo: &mut Servo, k: u64| servo.tick(k as f64 * PERIOD, 0.0, Ok(reading), &newest);
         let ticks: Vec<Tick> = (0..250).map(|k| tick(&mut servo, k)).collect();
-        assert_eq!(ticks[0].gain == 1.0, whole, "{}", ticks[0].gain);
+        assert_eq!(ticks[0].gain == 1.0, whole, "gain of the first tick {}", ticks[0].gain);
         assert!(ticks[0].played.force.length() < 0.02 && ticks[249].gain == 1.0);
     }
 }
@@ -216,7 +220,7 @@ fn an_unplugged_device_is_told_nothing_until_it_is_back() {
         assert!((FAULT..FAULT + 500).all(|k| force(&ticks, k) == 0.0) && force(&ticks, FAULT - 1) > 1.0);
         // The force takes 200 ms to rise: after ten ticks a twentieth of it is played. The hand has sunk in meanwhile,
         // so the whole force is greater than before the fault.
-        assert!(force(&ticks, FAULT + 510) < 0.3, "it rises slowly: {}", force(&ticks, FAULT + 510));
+        assert!(force(&ticks, FAULT + 510) < 0.3, "after 10 ticks {} N", force(&ticks, FAULT + 510));
         assert!(has_recovered(&ticks));
     }
 }
@@ -237,7 +241,7 @@ fn a_pose_that_is_no_number_is_not_used() {
                 }
             });
             assert_eq!(with(&ticks, Event::BadReading), (FAULT..FAULT + 200).collect::<Vec<_>>());
-            assert!(force(&ticks, FAULT + 60) < 1e-9, "{}", force(&ticks, FAULT + 60));
+            assert!(force(&ticks, FAULT + 60) < 1e-9, "60 ticks after the fault {} N", force(&ticks, FAULT + 60));
             assert!(has_recovered(&ticks));
         }
     }
@@ -259,13 +263,13 @@ fn a_pose_that_jumps_is_taken_only_once_the_force_has_gone() {
             }
         });
         let jumped = with(&ticks, Event::PoseJump);
-        assert_eq!(jumped[0], FAULT, "{jump}");
-        assert!(jumped.len() > 40 && jumped.len() < 60, "{jump}: {}", jumped.len());
+        assert_eq!(jumped[0], FAULT, "pose jump along {jump}");
+        assert!(jumped.len() > 40 && jumped.len() < 60, "pose jump along {jump} in {} ticks", jumped.len());
         let last = *jumped.last().unwrap();
-        assert!(force(&ticks, last) < 1e-9, "{jump}: {}", force(&ticks, last));
+        assert!(force(&ticks, last) < 1e-9, "pose jump along {jump}: force {} N", force(&ticks, last));
         let device = ticks[last as usize].device.position;
         let before = ticks[FAULT as usize - 1].device.position;
-        assert!((device - before - 0.1 * jump).length() < 0.01, "{jump}");
+        assert!((device - before - 0.1 * jump).length() < 0.01, "pose jump along {jump}");
     }
     // A single reading that jumps there and back is ignored.
     let ticks = session(making("premium"), |k, inputs| {
@@ -285,9 +289,9 @@ fn a_clock_that_jumps_starts_the_force_again() {
                 inputs.time += jump;
             }
         });
-        assert_eq!(with(&ticks, Event::ClockJump), [FAULT], "{jump}");
-        assert_eq!(force(&ticks, FAULT), 0.0, "{jump}");
-        assert!(has_recovered(&ticks), "{jump}: {}", force(&ticks, TICKS - 1));
+        assert_eq!(with(&ticks, Event::ClockJump), [FAULT], "clock jump of {jump} s");
+        assert_eq!(force(&ticks, FAULT), 0.0, "force at a clock jump of {jump} s");
+        assert!(has_recovered(&ticks), "clock jump of {jump} s: force at the end {} N", force(&ticks, TICKS - 1));
     }
     let ticks = session(making("premium"), |k, inputs| {
         if k == FAULT {
@@ -308,7 +312,7 @@ fn gains_ten_times_too_high_stay_within_the_limits() {
             coupling.angular_stiffness *= 10.0;
             coupling.angular_damping *= 10.0;
         }
-        // A soft wall is held steadily even with such gains, a hard one is not.
+        // Even with such gains the force on a soft wall is steady; the force on a hard wall is not.
         for (passivity, wall) in [(true, 1000.0), (false, 1000.0), (true, 1e5), (false, 1e5)] {
             (making.settings.passivity, making.wall) = (passivity, wall);
             // `one_session` checks every tick against the limits.
@@ -317,7 +321,7 @@ fn gains_ten_times_too_high_stay_within_the_limits() {
             events.iter().zip(&mut told).for_each(|(event, count)| *count += with(&ticks, *event).len());
         }
     }
-    assert!(told.iter().sum::<usize>() > 0, "{told:?}");
+    assert!(told.iter().sum::<usize>() > 0, "ticks with clamped, slew-limited and damped force: {told:?}");
 }
 
 #[test]
@@ -355,6 +359,6 @@ fn beyond_the_workspace_nothing_is_played() {
     making.settings.limits.workspace = 0.004;
     let ticks = session(making, |_, _| ());
     let outside = with(&ticks, Event::OutsideWorkspace);
-    assert!(outside.len() > 500, "{}", outside.len());
-    assert!(force(&ticks, outside[100]) < 0.05, "{}", force(&ticks, outside[100]));
+    assert!(outside.len() > 500, "only {} ticks outside the workspace", outside.len());
+    assert!(force(&ticks, outside[100]) < 0.05, "force outside the workspace {} N", force(&ticks, outside[100]));
 }

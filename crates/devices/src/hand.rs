@@ -100,7 +100,7 @@ impl Hand {
         &self.state
     }
 
-    /// Sets pose and twist of the hand; tests disturb it so. The energy of this change is not counted.
+    /// Sets pose and twist of the hand, as tests do to disturb it. The energy of this change is not counted.
     pub fn place(&mut self, state: RigidState) {
         self.state = state;
     }
@@ -201,7 +201,7 @@ impl Device for Hand {
     fn write(&mut self, wrench: &Wrench) -> Result<(), Fault> {
         if !wrench.is_finite() {
             self.let_go();
-            return Err(Fault::Garbled("it was told to play a force that is not finite; it plays nothing".into()));
+            return Err(Fault::Garbled("the force to play is not finite; none is played".into()));
         }
         let torque = if self.profile.plays_torque() { wrench.torque } else { DVec3::ZERO };
         let due = self.done + self.parameters.delay_substeps();

@@ -140,8 +140,8 @@ impl Mouse {
 }
 
 /// Displacement and velocity after `h` s, exact for x'' = w^2 (goal - x) - 2 w x' with w = `FOLLOWS`; `away` is goal -
-/// x at the start. It is shortened to 2 `fastest` / w, the distance at which a goal is followed at the speed `fastest`,
-/// so that the speed never exceeds that.
+/// x at the start. `away` is shortened to at most 2 `fastest` / w, the distance at which a goal is followed at the
+/// speed `fastest`, so that the speed never exceeds `fastest`.
 fn follow(away: DVec3, velocity: DVec3, fastest: f64, h: f64) -> (DVec3, DVec3) {
     let away = away.clamp_length_max(2.0 * fastest / FOLLOWS);
     let c = velocity - FOLLOWS * away;
@@ -214,7 +214,7 @@ mod tests {
         let (goal, mut device) = start();
         goal.shift(DVec3::X * 0.02);
         let done = (device.read(1.0 / FOLLOWS).unwrap().state.position.x - from.x) / 0.02;
-        assert!((done - (1.0 - 2.0 / std::f64::consts::E)).abs() < 1e-9, "{done}");
+        assert!((done - (1.0 - 2.0 / std::f64::consts::E)).abs() < 1e-9, "share of the way done: {done}");
     }
 
     #[test]
@@ -237,8 +237,8 @@ mod tests {
                     before = state;
                 }
             }
-            assert!(fastest <= FASTEST && fastest > 0.9 * FASTEST, "{fastest}");
-            assert!(fastest_turn <= FASTEST_TURN && fastest_turn > 0.9 * FASTEST_TURN, "{fastest_turn}");
+            assert!(fastest <= FASTEST && fastest > 0.9 * FASTEST, "greatest speed {fastest} m/s");
+            assert!(fastest_turn <= FASTEST_TURN && fastest_turn > 0.9 * FASTEST_TURN, "{fastest_turn} rad/s at most");
         }
     }
 
@@ -251,9 +251,13 @@ mod tests {
         let states = readings(&mut device, 0.0, 0.8, tick);
         for three in states.windows(3) {
             let slope = (three[2].position - three[0].position) / (2.0 * tick);
-            assert!((slope - three[1].velocity).length() < 2e-3, "{slope} {}", three[1].velocity);
+            assert!(
+                (slope - three[1].velocity).length() < 2e-3,
+                "slope of the position {slope} m/s, velocity {} m/s",
+                three[1].velocity
+            );
             let turn = rotation_vector(three[2].orientation * three[0].orientation.conjugate()) / (2.0 * tick);
-            assert!((turn - three[1].angular_velocity).length() < 2e-2, "{turn}");
+            assert!((turn - three[1].angular_velocity).length() < 2e-2, "slope of the rotation {turn} rad/s");
         }
     }
 
@@ -271,8 +275,8 @@ mod tests {
         let settled = &states[states.len() / 2..];
         let speeds: Vec<f64> = settled.iter().map(|state| state.velocity.x).collect();
         let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
-        assert!((mean - pixel / 0.0167).abs() < 0.02 * mean, "{mean}");
-        assert!(speeds.iter().all(|speed| (speed - mean).abs() < 0.35 * mean), "within a third of the mean");
+        assert!((mean - pixel / 0.0167).abs() < 0.02 * mean, "mean speed {mean} m/s");
+        assert!(speeds.iter().all(|speed| (speed - mean).abs() < 0.35 * mean), "speeds must stay near the mean");
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! Recording of a session (one run of the haptic loop with a device): every tick of the loop and every step of the
-//! simulation go to a file, from which `replay.rs` can run the session again, bit for bit.
+//! Recording of a session (one run of the haptic loop with a device): every tick (iteration of the loop) and every step
+//! of the simulation go to a file, from which `replay.rs` can run the session again, bit for bit.
 //!
 //! Format of the file: the eight bytes `palpate` and zero, the version (u32, little endian), the [`Header`], then one
 //! [`Entry`] after another, the last of them [`Entry::End`]. Header and entries are encoded with the crate `postcard`,
@@ -34,7 +34,7 @@ const MOST_BYTES: usize = 1 << 20;
 /// Size of the write buffer, bytes.
 const BUFFER: usize = 1 << 16;
 
-/// The simulation's side of what a session ran with; [`Begin`] holds the loop's side.
+/// The scene, Vulkan device and haptic device of a session; [`Begin`] holds the settings of the haptic loop.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// Version of palpate.
@@ -203,7 +203,7 @@ impl Recording {
 fn write(file: &mut impl Write, value: &impl Serialize) -> std::io::Result<()> {
     let bytes = postcard::to_stdvec(value).map_err(std::io::Error::other)?;
     if bytes.len() > MOST_BYTES {
-        return Err(std::io::Error::other("an entry is too long"));
+        return Err(std::io::Error::other("an entry of the recording is too long"));
     }
     file.write_all(&(bytes.len() as u32).to_le_bytes())?;
     file.write_all(&bytes)

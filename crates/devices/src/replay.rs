@@ -1,5 +1,6 @@
 //! Replay of a recorded session: a new servo (the haptic loop's controller) gets the recorded readings and times, a new
-//! environment (the simulation) does the same steps, and every value is compared with the recorded one, bit for bit.
+//! environment (the simulation) does the same steps, and every value is compared with the recorded one, bit for bit. A
+//! *tick* is one iteration of the loop.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -18,9 +19,9 @@ use super::record::{Begin, Entry, Recorded, Step};
 /// Result of a replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replayed {
-    /// Number of ticks that were the same.
+    /// Number of ticks whose values all agree with the recording.
     pub ticks: u64,
-    /// Number of steps that were the same.
+    /// Number of steps whose values all agree with the recording.
     pub steps: u64,
     /// Whether the recording is complete; otherwise the part of it that exists was replayed.
     pub is_whole: bool,
@@ -70,8 +71,8 @@ impl fmt::Display for Difference {
 pub fn reading_of(tick: &Tick) -> std::result::Result<Reading, Fault> {
     match tick.reading {
         Some(reading) => Ok(reading),
-        None if tick.events.has(Event::BadReading) => Err(Fault::Garbled("so it was recorded".into())),
-        None => Err(Fault::Lost("so it was recorded".into())),
+        None if tick.events.has(Event::BadReading) => Err(Fault::Garbled("as in the recording".into())),
+        None => Err(Fault::Lost("as in the recording".into())),
     }
 }
 
@@ -106,7 +107,7 @@ impl Source {
             match self.recorded.next().transpose()? {
                 Some(Entry::Tick(tick)) => self.ticks.push_back(tick),
                 Some(Entry::Step(step)) => self.steps.push_back(step),
-                Some(Entry::Begin(_)) => return Err(self.wrong("the servo begins twice".into())),
+                Some(Entry::Begin(_)) => return Err(self.wrong("the settings of the haptic loop come twice".into())),
                 Some(Entry::End(_)) => self.is_whole = true,
                 None => self.is_over = true,
             }
@@ -115,7 +116,7 @@ impl Source {
     }
 
     fn wrong(&self, problem: String) -> Error {
-        let remedy = "only a whole recording can be replayed; take an undamaged copy, or record again";
+        let remedy = "only an intact recording can be replayed; use an undamaged copy, or record again";
         Error::input(self.recorded.file(), None, problem, remedy)
     }
 }
@@ -125,7 +126,7 @@ struct Replay<'a> {
     environment: &'a mut dyn Environment,
     /// Contact wrenches that the servo may still take, by rising step.
     wrenches: VecDeque<ContactWrench>,
-    /// Numbers of ticks and of steps that were the same.
+    /// Numbers of ticks and of steps whose values all agree with the recording.
     done: (u64, u64),
 }
 
@@ -135,7 +136,7 @@ impl Replay<'_> {
             Some(Entry::Begin(begin)) => begin,
             // The file was cut short before its first entry.
             None => return Ok(None),
-            Some(_) => return Err(self.source.wrong("the servo does not come first".into())),
+            Some(_) => return Err(self.source.wrong("the settings of the haptic loop do not come first".into())),
         };
         if let Some(problem) = problem_of(&begin.settings) {
             return Err(self.source.wrong(problem));
@@ -159,7 +160,8 @@ impl Replay<'_> {
         }
         match self.source.steps.front() {
             Some(step) if self.source.is_whole => {
-                let problem = format!("step {} starts from tick {}, after the last", self.done.1 + 1, step.input.ticks);
+                let problem =
+                    format!("step {} starts from tick {}, after the last tick", self.done.1 + 1, step.input.ticks);
                 Err(self.source.wrong(problem))
             }
             _ => Ok(None),
@@ -170,11 +172,11 @@ impl Replay<'_> {
     fn step(&mut self, recorded: &Step, servo: &Servo) -> Result<Option<Difference>> {
         let number = self.done.1 + 1;
         if recorded.input.ticks < self.done.0 {
-            let problem = format!("step {number} starts from tick {}, which is long past", recorded.input.ticks);
+            let problem = format!("step {number} starts from tick {}, which is out of order", recorded.input.ticks);
             return Err(self.source.wrong(problem));
         }
         if !(recorded.h > 0.0 && recorded.h.is_finite()) {
-            return Err(self.source.wrong(format!("step {number} is {:?} s long", recorded.h)));
+            return Err(self.source.wrong(format!("step {number} is {:?} s long, which is impossible", recorded.h)));
         }
         let input = servo.input();
         let wrench = self.environment.feel(&input, recorded.h)?;
@@ -214,7 +216,10 @@ impl Replay<'_> {
         if !self.source.is_whole && self.source.is_over && self.wrenches.is_empty() {
             return Ok(None);
         }
-        Err(self.source.wrong(format!("tick {} felt step {}, which was not there", tick.index, tick.step)))
+        Err(self.source.wrong(format!(
+            "tick {} uses the wrench of step {}, which is missing or out of order",
+            tick.index, tick.step
+        )))
     }
 
     fn tick(&mut self, recorded: &Tick, servo: &mut Servo, offered: &ContactWrench) -> Result<Option<Difference>> {
@@ -237,10 +242,10 @@ fn problem_of(settings: &Settings) -> Option<String> {
     let [linear, angular] = most_damping;
     let rest = [linear, angular, trust, arm, force, torque, slew, angular_slew, workspace, watchdog];
     if !(period > 0.0 && period.is_finite()) {
-        return Some(format!("its ticks are {period:?} s long"));
+        return Some(format!("the period of the haptic loop is {period:?} s"));
     }
     let wrong = rest.into_iter().find(|x| x.is_nan() || *x < 0.0)?;
-    Some(format!("a limit of the servo is {wrong:?}"))
+    Some(format!("a limit of the haptic loop is {wrong:?}"))
 }
 
 fn first_difference(place: Place, recorded: &[Field], replayed: &[Field]) -> Option<Difference> {

@@ -23,7 +23,7 @@ impl Replay {
         let recorded = Recorded::open(path)?;
         let name = &recorded.header.profile;
         let profile = Profile::named(name).ok_or_else(|| {
-            let problem = format!("was recorded with a device of profile \"{name}\", which is not known");
+            let problem = format!("was recorded with the device profile \"{name}\", which is unknown");
             let known = PROFILES.each_ref().map(|profile| profile.name).join(", ");
             Error::input(path, None, problem, format!("record again with one of {known}"))
         })?;
@@ -56,7 +56,7 @@ impl Device for Replay {
             self.last = reading.as_ref().ok().copied().or(self.last);
             return reading;
         }
-        let last = self.last.ok_or_else(|| Fault::Lost("the recording holds no reading".into()))?;
+        let last = self.last.ok_or_else(|| Fault::Lost("the recording has no reading of the device".into()))?;
         Ok(Reading { state: RigidState::at_rest(last.state.position, last.state.orientation), ..last })
     }
 

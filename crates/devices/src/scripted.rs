@@ -15,7 +15,7 @@ pub struct Scripted {
 }
 
 impl Scripted {
-    /// A device that follows the trajectory `drive`, with the limits of `profile`. `tick` is the time between readings,
+    /// A device that follows `trajectory`, with the limits of `profile`. `tick` is the time between readings,
     /// s; a reading's velocity is the mean over the tick before it.
     pub fn new(trajectory: Trajectory, profile: Profile, tick: f64) -> Scripted {
         Scripted { trajectory, profile, tick }
@@ -74,7 +74,12 @@ mod tests {
                 } else {
                     (DQuat::IDENTITY, DVec3::ZERO)
                 };
-                assert_eq!((reading.state.orientation, reading.state.angular_velocity), turned, "{}", profile.name);
+                assert_eq!(
+                    (reading.state.orientation, reading.state.angular_velocity),
+                    turned,
+                    "orientation and angular velocity with the profile {}",
+                    profile.name
+                );
                 device.write(&Wrench { force: DVec3::ONE, torque: DVec3::ONE }).unwrap();
             }
             assert!((device.read(1.0005).unwrap().state.velocity.x - 1.0).abs() < 1e-9);

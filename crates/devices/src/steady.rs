@@ -1,8 +1,8 @@
-//! Tests that the force played at rest is the static force, with the passivity controller on: a soft body is pressed
-//! slowly, held and released, by a scripted device and by the simulated hand, in virtual time. Others check that the
-//! hand receives no energy beyond what the controller has lent it, whatever happens to the simulation; they sum the
-//! energy themselves. The controller *lends* energy for a force that comes up where the hand has already moved
-//! unopposed.
+//! Tests in virtual time of the force *played* (commanded to the device), with the passivity controller on. Some press
+//! a soft body slowly, hold it and release it, with a scripted device or with the simulated hand, and check that the
+//! force at rest is the static force. Others check that the hand receives no energy beyond what the controller has lent
+//! it, whatever happens to the simulation; they sum the energy themselves. The controller *lends* energy for a force
+//! that appears late, after the hand has already moved unopposed; energy beyond that is *unpaid*.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::haptics::environment::{Cushion, Environment};
@@ -34,7 +34,7 @@ const ACTING: f64 = 0.01;
 /// Device profiles with low, middling and high limits.
 const PROFILES: [&str; 3] = ["touch", "premium", "sigma.7"];
 
-/// Parameters of a press, and of what disturbs it.
+/// Parameters of a press and of its disturbances.
 #[derive(Clone, Copy)]
 struct Case {
     profile: &'static str,
@@ -46,9 +46,11 @@ struct Case {
     rate: f64,
     /// Speed of the press, m/s.
     speed: f64,
+    /// Whether wrenches report the gap between tool and body before they touch.
     tells_gap: bool,
+    /// Height of the cushion's far end, m, over time, s.
     far_end: fn(f64) -> f64,
-    /// Ticks (iterations of the haptic loop) by which wrenches come later than a step takes.
+    /// Delay of wrenches beyond the duration of a step, ticks (iterations of the haptic loop).
     late: u64,
     /// First and last tick of each stall of the simulation.
     stalls: &'static [[u64; 2]],
@@ -80,8 +82,11 @@ struct Came {
     /// Begin and end of the hold without its first half second, s.
     hold: [f64; 2],
     depth: f64,
+    /// Stiffness of the virtual coupling, N/m.
     coupling: f64,
+    /// Force limit of the device's profile, N.
     limit: f64,
+    /// Stiffness of the cushion as the tool feels it, N/m.
     felt: f64,
 }
 
@@ -170,9 +175,9 @@ impl Case {
 }
 
 impl Came {
-    /// Two energies, J: the greatest at any tick that the hand has received beyond what was lent, computed from
-    /// readings and played forces alone; and a bound on it, which is the error that encoders of resolution `quantum`
-    /// (m) may cause.
+    /// Two energies, J. The first is what the hand has received beyond what was lent, computed from readings and played
+    /// forces alone, at the tick where it is greatest. The second is a bound on the first: the error that encoders of
+    /// resolution `quantum` (m) may cause.
     fn unpaid(&self, quantum: f64) -> (f64, f64) {
         let (mut net, mut worst, mut peak, mut variation) = (0.0f64, 0.0f64, 0.0f64, 0.0);
         for pair in self.ticks.windows(2) {
@@ -206,7 +211,7 @@ impl Came {
         self.held().last().and_then(|tick| self.steps.get(tick.step as usize - 1).copied()).unwrap()
     }
 
-    /// Share of the ticks in which the passivity controller acted.
+    /// Share of all ticks in which the passivity controller damped the force or slowed the blending of contact models.
     fn acting(&self) -> f64 {
         let acts = |tick: &&Tick| tick.events.has_any(&[Event::Damped, Event::Unpaid]);
         self.ticks.iter().filter(acts).count() as f64 / self.ticks.len() as f64
@@ -229,18 +234,26 @@ fn a_steady_force_is_played_as_it_is_and_the_controller_leaves_it_alone() {
                 let (came, name) = (case.run(), case.name());
                 let (force, deviation) = came.force();
                 let [step, still] = [came.of_step(), came.at_rest()].map(|own| (force / own - 1.0).abs());
-                assert!(force > 0.5 && came.depth > 0.0, "{name}: {force} N");
+                assert!(force > 0.5 && came.depth > 0.0, "{name}: played force {force} N");
                 assert!(
                     step < WITHIN && still < WITHIN,
-                    "{name}: {force} of {} and {}",
+                    "{name}: played force {force} N, force of the step {} N, static force {} N",
                     came.of_step(),
                     came.at_rest()
                 );
-                assert!(deviation < (STILL[0] * force).max(STILL[1]), "{name}: {force} N swings by {deviation}");
-                assert!(came.acting() < ACTING, "{name}: acts in {} of all ticks", came.acting());
+                assert!(deviation < (STILL[0] * force).max(STILL[1]), "{name}: force {force} N +- {deviation} N");
+                assert!(
+                    came.acting() < ACTING,
+                    "{name}: the passivity controller acts in a share of {} of all ticks",
+                    came.acting()
+                );
                 let quantum = if is_scripted { 0.0 } else { HandParameters::default().quantum };
                 let (unpaid, most) = came.unpaid(quantum);
-                assert!(unpaid <= most && came.greatest_loan() <= most, "{name}: {unpaid} J, {}", came.greatest_loan());
+                assert!(
+                    unpaid <= most && came.greatest_loan() <= most,
+                    "{name}: {unpaid} J unpaid, {} J lent",
+                    came.greatest_loan()
+                );
             }
         }
     }
@@ -253,7 +266,7 @@ fn a_force_that_needs_more_than_the_device_has_is_the_limit_everywhere() {
     let came = Case { depth: Some(0.045), ..case }.run();
     let profile = Profile::named(case.profile).unwrap();
     let (force, deviation) = came.force();
-    assert!((force - profile.max_force).abs() < 1e-3 && deviation < 1e-3, "{force} N, {deviation}");
+    assert!((force - profile.max_force).abs() < 1e-3 && deviation < 1e-3, "force {force} N +- {deviation} N");
     assert!((came.of_step() - profile.max_force).abs() < 0.03, "the simulation presses with {} N", came.of_step());
 }
 
@@ -269,10 +282,10 @@ fn slow_steps_do_not_mute() {
             came.hold[0] += 4.0;
             let (force, _) = came.force();
             let still = came.at_rest();
-            assert!((force / still - 1.0).abs() < WITHIN, "{name}: {force} of {still}");
+            assert!((force / still - 1.0).abs() < WITHIN, "{name}: force {force} N, static force {still} N");
             let quantum = if is_scripted { 0.0 } else { HandParameters::default().quantum };
             let (unpaid, most) = came.unpaid(quantum);
-            assert!(unpaid <= most, "{name}: {unpaid} of {most} J");
+            assert!(unpaid <= most, "{name}: {unpaid} J unpaid, {most} J allowed");
             let loan = came.greatest_loan();
             let peak = came.ticks.iter().map(|tick| tick.contact.force.length()).fold(0.0, f64::max);
             assert!(if tells_gap { loan <= most } else { loan <= peak * came.depth }, "{name}: {loan} J lent");
@@ -305,7 +318,11 @@ fn whatever_the_simulation_does_the_hand_gets_no_more_than_it_is_lent() {
                 let came = case.run();
                 let quantum = if is_scripted { 0.0 } else { HandParameters::default().quantum };
                 let (unpaid, most) = came.unpaid(quantum);
-                assert!(unpaid <= most, "{}, late {late}, {stalls:?}: {unpaid} of {most} J", case.name());
+                assert!(
+                    unpaid <= most,
+                    "{}, wrenches late by {late} ticks, stalls {stalls:?}: {unpaid} J unpaid, {most} J allowed",
+                    case.name()
+                );
             }
         }
     }
@@ -313,8 +330,7 @@ fn whatever_the_simulation_does_the_hand_gets_no_more_than_it_is_lent() {
 
 #[test]
 fn repeated_stalls_lend_no_more_than_one() {
-    // Stalls that are shorter than the watchdog's limit of 1 s, as long, and so long that the force has faded each
-    // time.
+    // Stalls shorter than the watchdog's limit of 1 s, as long as it, and so long that the force fades in each of them.
     let stalls: [[&[[u64; 2]]; 2]; 3] = [
         [&[[2000, 2900]], &[[2000, 2900], [3500, 4400], [5000, 5900], [6500, 7400]]],
         [&[[2000, 3000]], &[[2000, 3000], [3500, 4500], [5000, 6000], [6500, 7500]]],
@@ -326,7 +342,10 @@ fn repeated_stalls_lend_no_more_than_one() {
                 let case = Case { profile, stalls, speed: 0.05, hold: 9.0, tells_gap, rate: 30.0, ..SLOW };
                 case.run().greatest_loan()
             });
-            assert!(all <= 1.05 * one + 1e-6, "{profile}, gap {tells_gap}, {often:?}: {all} J of {one}");
+            assert!(
+                all <= 1.05 * one + 1e-6,
+                "{profile}, gap {tells_gap}: {all} J lent in the stalls {often:?}, {one} J in the first alone"
+            );
         }
     }
 }
@@ -337,13 +356,17 @@ fn a_kinematic_body_that_pushes_gives_a_tenth_of_a_watt() {
     for (profile, is_scripted) in PROFILES.into_iter().flat_map(|name| [(name, false), (name, true)]) {
         let case = Case { profile, is_scripted, far_end: push, stiffness: 2000.0, speed: 0.05, hold: 4.0, ..SLOW };
         let came = case.run();
-        // Energy that was lent since the push began.
+        // Only energy that was lent since the push began counts.
         let before = came.ticks.iter().filter(|tick| tick.time < 2.0).map(|tick| tick.energy.lent).fold(0.0, f64::max);
         let lent = came.greatest_loan() - before;
         let quantum = if is_scripted { 0.0 } else { HandParameters::default().quantum };
         let (unpaid, most) = came.unpaid(quantum);
-        assert!(unpaid <= most && lent <= 0.1 * 1.1, "{}: {unpaid} of {most} J, {lent} lent", case.name());
+        assert!(
+            unpaid <= most && lent <= 0.1 * 1.1,
+            "{}: {unpaid} J unpaid, {most} J allowed; {lent} J lent",
+            case.name()
+        );
         // The body pushes the hand away, so some energy must be lent.
-        assert!(lent > 1e-3, "{}: {lent} J", case.name());
+        assert!(lent > 1e-3, "{}: only {lent} J were lent", case.name());
     }
 }

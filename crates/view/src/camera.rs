@@ -54,8 +54,8 @@ pub struct Ray {
 }
 
 impl Camera {
-    /// A camera that looks from the front, a little from the right and above, and so far away that the box of these
-    /// corners fits into the view.
+    /// A camera that looks from the front, a little from the right and from above, at the box between these corners,
+    /// from so far away that the box fits into the view.
     pub fn around(low: DVec3, high: DVec3) -> Camera {
         let radius = 0.5 * low.distance(high);
         let sound = radius.is_finite() && radius > 0.0;
@@ -134,7 +134,7 @@ impl Camera {
         self.pitch = (self.pitch + pitch).clamp(-STEEPEST, STEEPEST);
     }
 
-    /// Moves the camera sideways, so that what is at the target follows the cursor.
+    /// Moves the camera parallel to the image, so that a point at the target follows the cursor's movement, pixels.
     pub fn pan(&mut self, dx: f64, dy: f64, height: u32) {
         self.target -= self.drag(self.target, dx, dy, height);
     }
@@ -193,7 +193,7 @@ mod tests {
             assert!(place(eye + near * forward).z.abs() < 1e-9);
             assert!((place(eye + far * forward).z - 1.0).abs() < 1e-9);
             let half = camera.distance * (0.5 * camera.fovy).tan();
-            assert!((place(target + half * up).y + 1.0).abs() < 1e-9, "y is down");
+            assert!((place(target + half * up).y + 1.0).abs() < 1e-9, "y must point down in clip space");
             assert!((place(target + half * right).x - 360.0 / 640.0).abs() < 1e-9);
             assert_eq!(camera.project(eye - forward, SIZE.0, SIZE.1), None);
         }
@@ -207,7 +207,7 @@ mod tests {
                 for depth in [0.1, 1.0, 30.0] {
                     let point = ray.origin + depth * camera.distance * ray.direction;
                     let pixel = camera.project(point, SIZE.0, SIZE.1).unwrap();
-                    assert!((pixel - DVec2::new(x, y)).length() < 1e-7, "{pixel}");
+                    assert!((pixel - DVec2::new(x, y)).length() < 1e-7, "the point is at pixel {pixel}");
                 }
             }
         }
@@ -238,7 +238,7 @@ mod tests {
                 let mut zoomed = camera;
                 zoomed.zoom(factor, x, y, SIZE.0, SIZE.1);
                 let pixel = zoomed.project(point, SIZE.0, SIZE.1).unwrap();
-                assert!((pixel - DVec2::new(x, y)).length() < 1e-6, "{factor}: {pixel}");
+                assert!((pixel - DVec2::new(x, y)).length() < 1e-6, "zoom by {factor}: pixel {pixel}");
                 assert!((NEAREST..=FARTHEST).contains(&zoomed.distance));
             }
         }
@@ -254,12 +254,12 @@ mod tests {
                 let pick = |k: usize| if corner >> k & 1 == 0 { low[k] } else { high[k] };
                 let pixel = camera.project(DVec3::new(pick(0), pick(1), pick(2)), SIZE.0, SIZE.1).unwrap();
                 let inside = |x: f64, size: u32| (0.0..=f64::from(size)).contains(&x);
-                assert!(inside(pixel.x, SIZE.0) && inside(pixel.y, SIZE.1), "{pixel}");
+                assert!(inside(pixel.x, SIZE.0) && inside(pixel.y, SIZE.1), "a corner is at pixel {pixel}");
             }
         }
         for corner in [DVec3::ZERO, DVec3::INFINITY, DVec3::NAN] {
             let camera = Camera::around(corner, corner);
-            assert!(camera.matrix(640, 0).is_finite(), "nothing to frame");
+            assert!(camera.matrix(640, 0).is_finite(), "without a box the matrix must be finite");
         }
     }
 }

@@ -22,7 +22,7 @@ const PLAIN: f32 = 720.0;
 const EDGE: f32 = 18.0;
 const BAR: Vec2 = Vec2::new(230.0, 12.0);
 const LETTERS: f32 = 15.0;
-/// Colours of the legend's background, so that letters are legible over any image, and of its letters.
+/// Colours of the legend's background, which keeps the letters legible over any image, and of the letters.
 const PAPER: Color32 = Color32::from_rgba_premultiplied(190, 191, 193, 200);
 const INK: Color32 = Color32::from_rgb(40, 42, 48);
 

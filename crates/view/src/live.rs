@@ -52,7 +52,7 @@ pub enum Lead {
 /// When the simulation ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Extent {
-    /// It ends when told to quit.
+    /// It ends only by [`Command::Quit`].
     Endless,
     /// It ends after this number of steps along the keys.
     Steps(u64),
@@ -95,7 +95,7 @@ pub enum Command {
     Replace(Box<(Scene, Bodies)>),
     /// End the thread.
     Quit,
-    /// Call a function with the simulation, within a turn of drawing at the GPU's queue.
+    /// Call a function with the simulation; meanwhile the turn at the GPU's queue belongs to drawing.
     Ask(Question),
 }
 
@@ -109,7 +109,7 @@ pub struct Live {
     sessions: Receiver<Report>,
 }
 
-/// Sends commands to the thread; every sender has a clone.
+/// Sends commands to the thread; each thread that sends commands has a clone of it.
 #[derive(Clone)]
 pub struct Link {
     commands: Sender<Command>,
@@ -135,7 +135,8 @@ impl Live {
             snapshot::Out { out, samples: samples_in, notes: tell, sessions: end },
         )?;
         let thread = std::thread::Builder::new().name("palpate-steps".into()).spawn(move || worker.run());
-        let thread = thread.map_err(|error| Error::Simulation(format!("no thread for the simulation: {error}")))?;
+        let thread =
+            thread.map_err(|error| Error::Simulation(format!("the simulation's thread cannot be started: {error}")))?;
         Ok(Live { link: Link { commands, turns }, thread: Some(thread), snapshots, samples, notes, sessions })
     }
 
@@ -193,7 +194,7 @@ impl Link {
     pub fn ask<R: Send + 'static>(&self, what: impl FnOnce(&mut Simulation, u64) -> R + Send + 'static) -> Option<R> {
         let (reply, answer) = channel();
         self.tell(Command::Ask(Box::new(move |simulation, generation| {
-            // The caller may be gone.
+            // If the caller is gone, sending fails, which is ignored.
             let _ = reply.send(what(simulation, generation));
         })));
         answer.recv().ok()

@@ -50,7 +50,7 @@ impl Look for Material {
     }
 }
 
-/// Number of colours of a scale; as many follow it for whole numbers.
+/// Number of colours of a field's scale, and of the colours for whole numbers that follow them in [`colours`].
 pub const SCALE_COLOURS: usize = shaders::SCALE_COLOURS as usize;
 
 /// The colour map of a field: perceptually uniform, and legible for the colour-blind.
@@ -62,7 +62,8 @@ pub fn map(field: Field) -> colorous::Gradient {
     }
 }
 
-/// The colours of a field's map, then those of whole numbers, linear.
+/// The colours of a field's map, then the colours by which numbered things (collision proxies) are distinguished;
+/// linear intensities.
 pub fn colours(field: Option<Field>) -> Vec<[f32; 4]> {
     let shown = |colour: colorous::Color| {
         let [r, g, b] = [colour.r, colour.g, colour.b].map(linear);

@@ -135,7 +135,7 @@ impl Marks {
 mod tests {
     use super::*;
 
-    /// Every triangle's winding agrees with its corners' normals, and the volume is the closed shape's.
+    /// Every triangle's winding agrees with its corners' normals, and the enclosed volume is that of shaft and head.
     #[test]
     fn arrows_are_closed_and_face_outwards() {
         let mut marks = Marks::new(DVec3::new(5.0, 0.0, 0.0));
@@ -150,12 +150,12 @@ mod tests {
             let [a, b, c] = t.map(|i| point(&marks.positions, i));
             let face = (b - a).cross(c - a);
             let mean: DVec3 = t.iter().map(|i| point(&marks.normals, *i)).sum();
-            assert!(face.length() < 1e-12 || face.dot(mean) > 0.0, "{face} {mean}");
+            assert!(face.length() < 1e-12 || face.dot(mean) > 0.0, "face normal {face}, sum of corner normals {mean}");
             volume += a.dot(b.cross(c)) / 6.0;
         }
         let circle = std::f64::consts::PI * 0.05 * 0.05;
         let expected = circle * (2.0 - 0.3) + circle * HEAD[1] * HEAD[1] * 0.3 / 3.0;
-        assert!((volume / expected - 1.0).abs() < 0.05, "{volume} {expected}");
+        assert!((volume / expected - 1.0).abs() < 0.05, "volume {volume} m^3, expected {expected} m^3");
         assert!(marks.arrow(DVec3::ZERO, DVec3::ZERO, 0.1).is_empty(), "no direction, no arrow");
     }
 }

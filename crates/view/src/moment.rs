@@ -21,7 +21,7 @@ pub struct Moment {
     pub force: DVec3,
     /// Contact torque on the tool about its centre, N m.
     pub torque: DVec3,
-    /// Positions of the vertices of all skins; another buffer than before if the simulation made its arrays anew.
+    /// Positions of the vertices of all skins; a new buffer if the simulation made its arrays anew since the last call.
     pub(super) positions: Buffer,
     pub(super) normals: Buffer,
     /// Origin of the first rigid coordinate frame of each body, the tool's last, m.

@@ -18,7 +18,7 @@ pub enum Overlay {
     ContactPatches,
     /// The tetrahedral mesh (layer), cut open.
     Layer,
-    /// Rigid cores and bones.
+    /// Rigid cores (bodies inside soft ones, to which nodes are attached) and bones.
     Cores,
     /// Strain energy density as colours.
     Energy,
@@ -33,7 +33,7 @@ impl Overlay {
         (Overlay::Depth, "depth"),
         (Overlay::Arrows, "force and torque"),
         (Overlay::Proxies, "proxies"),
-        (Overlay::ContactPatches, "regions"),
+        (Overlay::ContactPatches, "contact patches"),
         (Overlay::Layer, "layer cut open"),
         (Overlay::Cores, "cores and bones"),
         (Overlay::Energy, "strain energy"),
@@ -98,7 +98,7 @@ mod tests {
             assert!(shown.has(overlay));
         }
         let left = Overlay::ALL.into_iter().filter(|(overlay, _)| shown.has(*overlay)).count();
-        assert_eq!(left, 6, "one of four colours, and five others");
+        assert_eq!(left, 6, "one of the four colourings, and the five others");
         shown.toggle(Overlay::Displacement);
         shown.toggle(Overlay::Arrows);
         assert!(!shown.has(Overlay::Displacement) && !shown.has(Overlay::Arrows) && shown.has(Overlay::Cores));

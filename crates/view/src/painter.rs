@@ -80,7 +80,7 @@ impl Painter {
     pub fn paint(&mut self, flat: &Flat, image: &Image) -> Result<Recording> {
         let corners = (flat.corners.len() / CORNER_WORDS) as u32;
         if flat.indices.iter().any(|index| *index >= corners) {
-            return Err(Error::Simulation("a triangle of the panel has a corner that is none".into()));
+            return Err(Error::Simulation("internal error: a triangle of the panel has an index out of range".into()));
         }
         write(&self.context, &mut self.corners, bytemuck::cast_slice(&flat.corners))?;
         write(&self.context, &mut self.indices, bytemuck::cast_slice(&flat.indices))?;

@@ -15,7 +15,7 @@ use super::look::{Look, Material};
 const SHADOW_CELLS: f64 = 32.0;
 /// Colour of a tool that is not one of the bodies, sRGB.
 const TOOL: [u8; 3] = [90, 130, 170];
-/// Opacity of that tool.
+/// Opacity of a tool that is not one of the bodies.
 const TOOL_ALPHA: f32 = 0.42;
 
 /// Skin of a body or of the tool.

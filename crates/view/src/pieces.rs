@@ -1,4 +1,5 @@
-//! The list of meshes that a rendered image shows, each with its style and material.
+//! The list of meshes that a rendered image shows, each with its style and material. A *skin* is a body's surface mesh;
+//! a *rigid core* lies inside a soft body, whose nodes are attached to it.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -73,7 +74,7 @@ pub struct Source<'a> {
     pub context: &'a Arc<Context>,
     pub moment: &'a Moment,
     pub skins: &'a [Part],
-    /// Vertex values for meshes that have none: zeros.
+    /// Zeros, used as vertex values of meshes without values.
     pub no_values: &'a Buffer,
     pub origin: DVec3,
     /// Height that the image shows at the camera's target, m.
@@ -113,7 +114,7 @@ impl Source<'_> {
     fn coloured(&self, material: Material) -> Material {
         let Some((field, high)) = self.legend.field else { return material };
         let flags = if is_of_bodies(field) { flags::VALUED | flags::EVEN } else { flags::VALUED };
-        // As long as there was no value above zero, the scale's end is arbitrary, and all shows the colour of zero.
+        // Until a value was above zero, the scale's end is arbitrary, and everything has the colour of zero.
         Material { low: 0.0, high: if high > 0.0 { high as f32 } else { 1.0 }, ..material.with(flags) }
     }
 

@@ -30,8 +30,8 @@ const BIAS: f64 = 0.006;
 const SUN: DVec3 = DVec3::new(-0.25, 0.85, 0.8);
 /// Extent of the shadow map, as a multiple of the sphere around all bodies.
 const ROOM: f64 = 1.05;
-/// Half the edge of the box that the first camera shows, as a share of the radius of the sphere around all bodies,
-/// which they seldom fill.
+/// Half the edge of the box that the first camera shows, as a share of the radius of the sphere around all bodies.
+/// Bodies seldom fill that sphere.
 const SNUG: f64 = 0.5;
 /// Meshes whose edges are shorter than this number of the shadow map's texels are shaded per vertex.
 const FINE: f64 = 4.0;
@@ -46,7 +46,7 @@ const GPU_SLICE: u32 = 1 << 22;
 pub struct Settings {
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Samples a pixel: 1 or 4.
+    /// Samples per pixel: 1 or 4.
     pub samples: u32,
 }
 
@@ -110,7 +110,7 @@ impl Renderer {
         parts.skins.iter_mut().for_each(|part| part.is_fine = part.edge < FINE * texel);
         let vertices = simulation.skin_ranges().last().map_or(0, |range| range.end);
         let no_values = vec![0f32; vertices.next_multiple_of(4)];
-        let shadow = Image::new(&context, "what the sun sees", Texels::Depth, [SHADOW_SIDE; 2], 1)?;
+        let shadow = Image::new(&context, "shadow map", Texels::Depth, [SHADOW_SIDE; 2], 1)?;
         let host = |name: &str, bytes: usize| Buffer::new(&context, name, bytes as u64, Memory::Upload);
         Ok(Renderer {
             canvas: canvas(&context, &settings)?,
@@ -167,7 +167,7 @@ impl Renderer {
         &self.legend
     }
 
-    /// Prepares the next image; its slices draw it.
+    /// Prepares the next image, which is then drawn by submitting [`Renderer::slices`].
     pub fn look(&mut self, moment: &Moment, camera: &Camera) -> Result<()> {
         self.read_scales(moment);
         self.write_view(moment, camera)?;
@@ -183,7 +183,10 @@ impl Renderer {
         };
         let Pieces { all, materials } = source.pieces()?;
         if materials.len() > MATERIALS {
-            return Err(Error::Simulation(format!("a picture shows {MATERIALS} materials, not {}", materials.len())));
+            return Err(Error::Simulation(format!(
+                "an image can show {MATERIALS} materials at most, not {}",
+                materials.len()
+            )));
         }
         self.materials.mapped_mut::<Material>()?[..materials.len()].copy_from_slice(&materials);
         self.slices = self.record(&all, &moment.positions)?;
@@ -256,7 +259,7 @@ impl Renderer {
     /// The image that the slices draw, with one sample a pixel.
     pub fn image(&self) -> Result<&Image> {
         let seen = self.canvas.mean.as_ref().or(self.canvas.colour.as_ref());
-        seen.ok_or_else(|| Error::Simulation("a canvas has no colour".into()))
+        seen.ok_or_else(|| Error::Simulation("internal error: the canvas has no colour image".into()))
     }
 
     /// Records the shadow map and the opaque pieces, slice by slice, and with the last slice all transparent pieces.
@@ -380,7 +383,7 @@ fn shows(moment: &Moment, field: Field, skins: &[Part]) -> bool {
     (has_skins || has_layers) && skins.iter().any(|part| part.is_soft)
 }
 
-/// The greatest value of all that is coloured.
+/// The greatest value of the field on the meshes that are coloured by it.
 fn greatest_shown(moment: &Moment, values: &FieldValues, skins: &[Part]) -> f32 {
     let soft = skins.iter().filter(|part| part.is_soft && !moment.shown.has(Overlay::Layer));
     let of_skins = soft.filter_map(|part| values.greatest.get(part.body));
@@ -411,7 +414,7 @@ fn canvas(context: &Arc<Context>, settings: &Settings) -> Result<Canvas> {
     Ok(Canvas {
         colour: Some(image("picture", Texels::Colour, settings.samples)?),
         depth: Some(image("depths", Texels::Depth, settings.samples)?),
-        mean: (settings.samples > 1).then(|| image("smoothed picture", Texels::Colour, 1)).transpose()?,
+        mean: (settings.samples > 1).then(|| image("antialiased image", Texels::Colour, 1)).transpose()?,
     })
 }
 

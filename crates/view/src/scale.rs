@@ -1,4 +1,4 @@
-//! Scales of colours and arrow lengths: they end at round numbers that change seldom.
+//! Scales of colours and of arrow lengths, which end at round numbers and change seldom; numbers with units as text.
 
 /// A scale from zero to a round number.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -57,7 +57,7 @@ mod tests {
             [0.0, 3.1e-3, 4.9e-3, 1e-3, 5.1e-3, 2e-3, 1e-3].map(&mut high).map(|x| (x * 1e6).round()),
             [0.0, 5000.0, 5000.0, 5000.0, 10000.0, 10000.0, 1000.0]
         );
-        assert_eq!([f64::NAN, f64::INFINITY, -1.0].map(high), [1e-3; 3], "nothing to scale by");
+        assert_eq!([f64::NAN, f64::INFINITY, -1.0].map(high), [1e-3; 3], "such values must not change the scale");
     }
 
     #[test]

@@ -6,7 +6,7 @@ use egui::{ClippedPrimitive, TextureId};
 
 use super::painter::{Atlas, CORNER_WORDS, Flat, Piece};
 
-/// The texture with the fonts; the panel has no other.
+/// The texture with the fonts, the only texture of the panel.
 const FONTS: TextureId = TextureId::Managed(0);
 
 /// egui's triangles in the painter's form, for an image of this size, pixels.

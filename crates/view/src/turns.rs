@@ -10,7 +10,7 @@ use palpate::internal::haptics::clock::Lateness;
 
 /// Number of steps whose delays are kept.
 const RECENT: usize = 128;
-/// Time within which a due step must ask for its turn; after it slices no longer wait for that step.
+/// Time within which a due step must ask for its turn; after this time slices no longer wait for that step.
 const SOON: Duration = Duration::from_millis(20);
 /// Greatest duration of a slice, in durations of a step.
 const SLICE: f64 = 1.5;
@@ -90,7 +90,7 @@ pub struct Delays {
 pub struct Turn<'a> {
     turns: &'a Turns,
     who: Who,
-    /// Whether it is a slice's turn that the simulation's thread took before its step.
+    /// Whether the simulation's thread took the turn, for a slice that it draws before its own step.
     is_before_step: bool,
     begun: Instant,
 }
@@ -143,7 +143,7 @@ impl Turns {
         self.state().all.clone()
     }
 
-    /// Resets the statistics, which the first image spoils: its pipelines are compiled within its turn.
+    /// Resets the statistics; called after the first image, whose turn is long because pipelines are compiled in it.
     pub fn forget(&self) {
         let mut state = self.state();
         state.delays.clear();
@@ -238,7 +238,7 @@ mod tests {
     fn until(what: impl Fn() -> bool) {
         let begun = Instant::now();
         while !what() {
-            assert!(begun.elapsed() < Duration::from_secs(20), "it never came");
+            assert!(begun.elapsed() < Duration::from_secs(20), "the awaited condition did not hold in time");
             thread::sleep(Duration::from_micros(200));
         }
     }
@@ -294,10 +294,10 @@ mod tests {
             }
             stop.store(true, Ordering::Relaxed);
         });
-        // Between the reading of the count and the request one slice may end and another begin, and then two are
-        // counted; the test before this one is exact.
+        // Between reading the count and asking for the turn, one slice may end and another begin; then two are counted.
+        // The test before this one is exact.
         assert!(worst <= 2, "a step waited for {worst} slices");
-        assert!(slices.load(Ordering::SeqCst) > 250, "{slices:?} slices beside 1000 steps");
+        assert!(slices.load(Ordering::SeqCst) > 250, "only {slices:?} slices during 1000 steps");
         let delays = turns.delays();
         assert_eq!(delays.steps, 1000);
         assert!(delays.most >= delays.median && delays.longest_slice >= 50e-6);
@@ -322,7 +322,7 @@ mod tests {
             drop(step);
         });
         assert_eq!(*order.lock().unwrap(), ["step", "slice"]);
-        assert!(turns.delays().last >= 5e-3, "{:?}", turns.delays());
+        assert!(turns.delays().last >= 5e-3, "delays {:?}", turns.delays());
         // The simulation's thread never waits for its own step.
         (0..2).for_each(|_| drop(turns.slice_before_step()));
         turns.rest();

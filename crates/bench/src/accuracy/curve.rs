@@ -1,8 +1,10 @@
 //! A curve of `palpate bench accuracy`: the error and the computing time of each setting of one knob (a value of a
-//! scene that is varied), and what follows from them: best buys, orders of convergence, the verdict.
+//! scene that is varied), and what follows from them: the best buys (settings that no other beats in both error and
+//! time), orders of convergence, and the verdict whether the errors are within a bound.
 //!
-//! A curve is drawn in one or more panels (plots) of one or more lines. A round runs every setting once. With few
-//! rounds the samples are dealt into "hands", interleaved subsets (see [`hands`]), whose medians show the spread.
+//! A curve is drawn in one or more panels (plots) of one or more lines. A round runs every setting once. With fewer
+//! than five rounds the samples are dealt into "hands", interleaved subsets (see [`hands`]), whose medians show the
+//! spread.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,28 +16,29 @@ use crate::{fit, median};
 pub const JUST_NOTICEABLE: f64 = 0.07;
 /// A measured order of convergence agrees with theory's when they differ by at most this.
 pub const NEAR_ORDER: f64 = 0.25;
-/// The errors of a line should span so many powers of ten; where they do not, the report gives a reason.
+/// The errors of a line should span at least so many powers of ten; where they span fewer, the report gives a reason.
 pub const DECADES: f64 = 2.0;
 /// Only points with relative errors below this belong to the asymptotic part, to which an order is fitted.
 const ASYMPTOTIC: f64 = 0.1;
-/// The finest settings lie on an error floor, where another source of error dominates, as long as the slope of
-/// ln(error) is less than this: per unit of ln(knob) where an order is fitted, per unit of the knob where a share is.
+/// Least slope of ln(error) above the error floor, on which another source of error dominates. The slope is taken per
+/// unit of ln(knob) where an order is fitted, and per unit of the knob where a share of the error is fitted. The finest
+/// settings belong to the floor up to the first pair with a greater slope.
 const FLOOR: f64 = 0.3;
-/// An order is fitted to at most so many points, the finest ones above the floor.
+/// An order is fitted to at most so many points: the finest ones above the floor.
 const MOST_POINTS: usize = 5;
 /// An order is fitted to at least so many points.
 const LEAST_POINTS: usize = 3;
-/// An order is reported only if each two neighbouring points have an order of their own that is within this of it.
+/// An order is reported only if the order between any two neighbouring points differs from it by at most this.
 const SCATTER: f64 = 1.0;
-/// An error that is less than both neighbours' by more than this factor is small by chance: the signed error passes
-/// through zero near there.
+/// An error that is smaller than both neighbours' errors by more than this factor is small by chance: near such a point
+/// the signed error passes through zero.
 const CHANCE: f64 = 2.0;
-/// Points whose costs differ by less than this share of the dearer one's cost the same.
+/// Two points cost the same if their costs differ by less than this share of the greater cost.
 const SAME_COST: f64 = 0.05;
-/// Points whose errors differ by less than this share of the greater one are equally accurate.
+/// Two points are equally accurate if their errors differ by less than this share of the greater error.
 const SAME_ERROR: f64 = 0.05;
 
-/// What one knob of a scene buys: error and time of each of its settings, which were run alternately.
+/// Error and time of each setting of one knob of a scene; the settings were run alternately.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Curve {
     /// Name of the curve, and of its part of the results: `tolerance`.
@@ -52,8 +55,8 @@ pub struct Curve {
     pub points: Vec<Point>,
     /// The order of convergence that theory expects, and why; `None` where theory gives no power law.
     pub expected: Option<Expected>,
-    /// Why, by theory, each unit of the knob leaves a constant share of the error (instead of a power law); empty where
-    /// it does not.
+    /// Why, by theory, each further unit of the knob multiplies the error by a constant factor (its share), instead of
+    /// a power law; empty where theory says nothing of the kind.
     pub share: String,
     /// Reason that the report gives where the measured order differs from theory's.
     pub order_reason: String,
@@ -91,14 +94,14 @@ pub struct Line<'a> {
     pub points: Vec<&'a Point>,
 }
 
-/// The power law of the knob by which theory says that an error falls.
+/// The power law by which, according to theory, the error falls with the knob.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Expected {
     /// Exponent of the knob.
     pub order: f64,
-    /// Reason for it, in words.
+    /// Reason for the exponent, in words.
     pub law: String,
-    /// Whether the law is about the error of the displacements; else it is about that of the force.
+    /// Whether the law is about the error of the displacements; if not, it is about the error of the force.
     pub is_of_shape: bool,
 }
 
@@ -121,14 +124,14 @@ pub struct Point {
     pub displacement_error: Option<f64>,
     /// Solver iterations of a step, median over the steps.
     pub iterations: f64,
-    /// Names of the flags that any of the steps raised.
+    /// Names of the flags that at least one step raised.
     pub flags: Vec<String>,
     /// Time of the curve's stage in each timed step, us; one list for each round.
     pub stage_us: Vec<Vec<f64>>,
     /// Wall time of each step, from the pose going in to the wrench coming out, us; one list for each round.
     pub step_us: Vec<Vec<f64>>,
-    /// Keys of a scene file with the values that this setting gives them, where a preset may be chosen from the points;
-    /// else empty.
+    /// Keys of a scene file and the values that this setting gives them, where a preset may be chosen from the points;
+    /// empty elsewhere.
     pub keys: Vec<(String, String)>,
     /// Simulated time of one step, s, where the points of the curve differ in it; else 0.
     pub simulated_s: f64,
@@ -158,8 +161,8 @@ impl Point {
         self.step_range_ms().map(|ms| unit * ms)
     }
 
-    /// Whether this point costs less than another beyond noise: its slowest round (or hand) is cheaper than the other's
-    /// fastest one, and its median by at least 5 %.
+    /// Whether this point costs less than another beyond noise: the slowest round (or hand) of this point is cheaper
+    /// than the fastest of the other, and its median is at least 5 % cheaper.
     pub fn is_cheaper(&self, other: &Point) -> bool {
         self.cost() < (1.0 - SAME_COST) * other.cost() && self.cost_range()[1] < other.cost_range()[0]
     }
@@ -175,9 +178,9 @@ impl Point {
         self.force_error.or(self.displacement_error)
     }
 
-    /// Whether no point of `others` beats this one by being cheaper and as accurate, or more accurate and no dearer;
-    /// errors within 5 % count as equal, costs as [`Point::is_cheaper`] says. A flagged point is never best and beats
-    /// none.
+    /// Whether no point of `others` beats this one, by being cheaper and as accurate, or more accurate and no dearer.
+    /// Errors within 5 % count as equal; costs are compared by [`Point::is_cheaper`]. A flagged point is never best,
+    /// and beats no other point.
     fn is_best_of(&self, others: &[Point]) -> bool {
         let Some(error) = self.error().filter(|_| self.flags.is_empty()) else { return false };
         let is_better = |other: &Point| match other.error().filter(|_| other.flags.is_empty()) {
@@ -205,14 +208,15 @@ impl Curve {
     }
 
     /// Whether each point is a best buy: no other point of its panel is as accurate and cheaper beyond noise, or more
-    /// accurate and no dearer. Points of the panel `beside`, which is not the engine's, are none.
+    /// accurate and no dearer. Points of the panel [`Curve::beside`], which does not show the engine, are never best
+    /// buys.
     pub fn best(&self) -> Vec<bool> {
         let panel = |name: &str| self.points.iter().filter(|other| other.panel == name).cloned().collect::<Vec<_>>();
         let is_own = |point: &Point| self.beside.is_empty() || point.panel != self.beside;
         self.points.iter().map(|point| is_own(point) && point.is_best_of(&panel(&point.panel))).collect()
     }
 
-    /// Powers of ten that the errors of a line span, of the line whose errors span most.
+    /// Powers of ten that the errors of one line span; the greatest of all lines.
     pub fn decades(&self) -> f64 {
         self.lines().iter().map(Line::decades).fold(0.0, f64::max)
     }
@@ -271,9 +275,10 @@ impl Line<'_> {
         if low < high { (high / low).log10() } else { 0.0 }
     }
 
-    /// The order of convergence (exponent of the knob), of the displacements' error if `is_of_shape`, else of the
-    /// force's, and the number of points: a least-squares fit of the logarithms over the asymptotic part. `None` where
-    /// that has fewer than three points, or where neighbouring points have orders that are far from the fitted one.
+    /// The order of convergence (exponent of the knob) and the number of points that it was fitted to, by least squares
+    /// of the logarithms over the asymptotic part. It is that of the displacements' error if `is_of_shape`, else of the
+    /// force's. `None` where fewer than three points are asymptotic, or where neighbouring points have orders that are
+    /// far from the fitted one.
     pub fn order(&self, is_of_shape: bool) -> Option<(f64, usize)> {
         let fitted = self.asymptotic(&|point| error_of(point, is_of_shape), f64::ln);
         let order = fit::exponent(&fitted)?;
@@ -287,16 +292,16 @@ impl Line<'_> {
         all.filter(|(_, error)| *error > 0.0).collect::<Vec<_>>().windows(2).map(local_order).collect()
     }
 
-    /// The share of the error that one more unit of the knob leaves, and the number of points: as [`Line::order`], but
-    /// a fit of ln(error) against the knob itself.
+    /// The share of the error that remains after one more unit of the knob, and the number of points that it was fitted
+    /// to. Points are chosen as for [`Line::order`], but ln(error) is fitted against the knob itself.
     pub fn share(&self) -> Option<(f64, usize)> {
         let fitted = self.asymptotic(&Point::error, |x| x);
         let fitted: Vec<(f64, f64)> = fitted.iter().map(|(x, y)| (x.exp(), *y)).collect();
         Some((fit::exponent(&fitted)?.exp(), fitted.len()))
     }
 
-    /// Knob and error of the points of the asymptotic part, finest first: those with small errors above the floor.
-    /// `scale` maps the knob to the axis along which ln(error) falls evenly.
+    /// Knob and error of the points in the asymptotic part, finest first: points above the floor with errors below a
+    /// tenth. `scale` maps the knob to the axis along which ln(error) falls linearly.
     fn asymptotic(&self, error: &dyn Fn(&Point) -> Option<f64>, scale: fn(f64) -> f64) -> Vec<(f64, f64)> {
         let all = self.points.iter().filter_map(|point| Some((point.value, error(point)?)));
         let mut all: Vec<(f64, f64)> = all.filter(|(_, error)| *error > 0.0).collect();
@@ -312,7 +317,7 @@ impl Line<'_> {
     }
 }
 
-/// The order of convergence between the last two of some points; `None` unless two have errors above zero.
+/// The order of convergence between the last two of the points; `None` unless two points have errors above zero.
 pub fn last_order(points: &[Point]) -> Option<f64> {
     let line = Line { panel: "", name: "", points: points.iter().collect() };
     line.local_orders(false).last().copied()

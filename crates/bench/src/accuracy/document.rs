@@ -1,5 +1,5 @@
-//! The report of the accuracy curves: for each its table, plot and finding. Findings are computed from the
-//! measurements; none of their numbers is written here.
+//! The report of the accuracy curves (error and computing time of the settings of one varied value): for each curve its
+//! table, plot and finding. All numbers of a finding are computed from the measurements.
 
 use palpate::Result;
 use serde_json::Value;
@@ -9,22 +9,25 @@ use super::{Curve, Judged, Point, front, presets};
 use crate::plot::{self, Logarithmic, Panel, panels};
 use crate::{Section, Table};
 
-/// The most accurate setting is named beside the cheapest only where its error is less by at least this factor.
+/// The finding names the most accurate setting beside the cheapest only if its error is smaller by at least this
+/// factor.
 const WORTH_TELLING: f64 = 2.0;
-/// Text of the report where a curve gives no reason for what it should explain; no shipped curve should come to that.
+/// Text of the report where a curve lacks a reason that the report asks for; no shipped curve should lack one.
 const UNKNOWN: &str = "why is not known";
 
 /// How the curves were measured, and what the columns of their tables mean.
 pub fn preface(settings: &Value) -> String {
     let rounds = settings.get("rounds").and_then(Value::as_u64).unwrap_or(0);
     format!(
-        "`ms` is wall time of a step, pose in and wrench out: the median over the steps of a run, the median of runs \
-         ({rounds} of each setting), `from` and `to` those of the fastest and slowest of five runs or, with fewer than \
-         five runs, of five interleaved subsets of the steps; the settings of a curve run a few steps in turn, twelve \
-         at once at most. `error` is the largest difference of the force on the tool from the reference's, over its \
-         largest force; `shape` the same of the nodes' displacements. `*` marks the best buys: nothing else in the \
-         plot is as accurate and faster, both by 5 % and in every run or subset, flagged settings left out. The dashed \
-         line is {}, which a person just notices.",
+        "`ms` is the wall time of a step, from pose in to wrench out: the median over the steps of a run, then the \
+         median over {rounds} runs of each setting. `from` and `to` are the least and greatest median of five or more \
+         runs or, with fewer than five runs, of five interleaved subsets of the steps. The settings of a curve run \
+         alternately, a few steps at a time, at most twelve settings at once. `error` is the largest difference \
+         between the force on the tool and the reference's, over the reference's largest force; `shape` is the \
+         corresponding error of the nodes' displacements. `*` marks the best buys among settings without a flag: no \
+         other setting of the plot is as accurate and faster, or more accurate and as fast; differences count above 5 \
+         %, and times only if all runs or subsets agree. The dashed line is {}, the smallest difference of a force \
+         that a person notices.",
         percent(JUST_NOTICEABLE)
     )
 }
@@ -93,8 +96,8 @@ fn table(curve: &Curve, is_by_time: bool) -> Table {
     table
 }
 
-/// The sentence of the finding, and the notes below it. The sentence is the verdict where every setting is judged or
-/// the curve is beyond its bound; else it is what the error costs, and the verdict is a note.
+/// The finding's sentence and the notes below it. The sentence is the verdict if every setting is judged or the curve
+/// is beyond its bound; otherwise it says what accuracy costs, and the verdict is a note.
 fn finding(curve: &Curve) -> (String, Vec<String>) {
     let (verdict, bought) = (verdict(curve), bought(curve));
     let [first, second] = match (curve.judged, curve.is_within()) {
@@ -133,8 +136,8 @@ pub fn faults(curves: &[Curve]) -> Vec<String> {
     bad.map(|curve| format!("{}: {}", curve.name, verdict(curve).trim_end_matches('.'))).collect()
 }
 
-/// For each panel the cheapest best buy with an error below the just noticeable difference, and what the most accurate
-/// one costs beside it.
+/// For each panel: the cheapest best buy (setting that no other beats in both error and cost) with an error below the
+/// just noticeable difference, and how many times its cost the most accurate best buy has.
 fn bought(curve: &Curve) -> String {
     let best = curve.best();
     let mut panels: Vec<&str> = curve.points.iter().map(|point| point.panel.as_str()).collect();
@@ -167,8 +170,8 @@ fn bought(curve: &Curve) -> String {
     }
 }
 
-/// The fitted orders of convergence beside theory's; where they differ, the orders between neighbouring points as well,
-/// and the curve's reason.
+/// The fitted orders of convergence and theory's; where they differ, also the orders between neighbouring points, and
+/// the curve's reason.
 fn orders(curve: &Curve) -> String {
     let Some(expected) = &curve.expected else { return shares(curve) };
     let mut others = Vec::new();
@@ -186,12 +189,12 @@ fn orders(curve: &Curve) -> String {
     };
     let all: Vec<String> = curve.lines().iter().map(one).collect();
     let as_expected = match others.is_empty() {
-        true => ", which is near enough".into(),
+        true => ", which is close enough to the measured one".into(),
         false => format!("; from setting to setting it is {}: {}", others.join("; "), reason(&curve.order_reason)),
     };
     format!(
-        "Order of convergence of the {}, by least squares of the logarithms over the finest settings above the floor, where \
-         neighbours agree: {}; theory has {} ({}){as_expected}.",
+        "Order of convergence of the {}, by least squares of the logarithms over the finest settings above the floor, \
+         where neighbours agree: {}; theory predicts {} ({}){as_expected}.",
         if expected.is_of_shape { "shape" } else { "force" },
         all.join(", "),
         expected.order,
@@ -210,7 +213,8 @@ fn shares(curve: &Curve) -> String {
     };
     let all: Vec<String> = curve.lines().iter().map(one).collect();
     format!(
-        "Each further unit leaves this share of the error: {}; theory predicts a constant factor, not a power law: {}.",
+        "Each further unit of the knob leaves this share of the error: {}; theory predicts a constant factor, not a \
+         power law: {}.",
         all.join(", "),
         curve.share
     )
@@ -223,7 +227,7 @@ fn named(line: &super::Line) -> String {
 
 fn span(curve: &Curve) -> String {
     let decades = curve.decades();
-    // Where no setting is finer than another the errors follow no law, so that their span is always explained.
+    // Where no setting is finer than another, the errors follow no law: then the report always explains their span.
     if decades >= DECADES && curve.judged != Judged::Every {
         return String::new();
     }

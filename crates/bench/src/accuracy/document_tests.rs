@@ -1,4 +1,5 @@
-//! Tests of the texts of the accuracy report.
+//! Tests of the texts of the accuracy report, which gives for each curve (error and computing time of the settings of
+//! one varied value) a finding: a sentence and notes.
 
 use super::*;
 use crate::accuracy::Expected;
@@ -22,7 +23,11 @@ fn finding(curve: &Curve) -> String {
 #[test]
 fn what_is_found_is_what_an_error_costs_unless_there_is_more_to_say() {
     let good = curve(&[0.5, 0.05]);
-    assert!(super::finding(&good).0.starts_with("Cheapest below 7.0 %"), "{:?}", super::finding(&good));
+    assert!(
+        super::finding(&good).0.starts_with("Cheapest below 7.0 %"),
+        "finding and notes: {:?}",
+        super::finding(&good)
+    );
     assert!(super::finding(&curve(&[0.05, 0.5])).0.starts_with("NOT within"));
     let every = Curve { judged: Judged::Every, bound: 0.0, ..curve(&[0.0, 0.0]) };
     assert!(super::finding(&every).0.contains("bit for bit") && !finding(&every).contains("Cheapest"));
@@ -34,13 +39,16 @@ fn an_order_and_a_span_have_reasons_of_their_own_and_an_empty_one_shows() {
     assert_eq!(finding(&first).matches(UNKNOWN).count(), 2);
     first.order_reason = "of the order".into();
     let told = finding(&first);
-    assert!(told.contains("1.0, 1.0, 1.0: of the order") && told.contains(&format!("ten: {UNKNOWN}")), "{told}");
+    assert!(
+        told.contains("1.0, 1.0, 1.0: of the order") && told.contains(&format!("ten: {UNKNOWN}")),
+        "finding: {told}"
+    );
     first.span_reason = "of the span".into();
     let told = finding(&first);
-    assert!(told.contains("ten: of the span") && !told.contains(UNKNOWN), "{told}");
-    // The order is theory's and the errors span over two decades, so that no reason is asked for.
+    assert!(told.contains("ten: of the span") && !told.contains(UNKNOWN), "finding: {told}");
+    // The order is theory's and the errors span more than two decades, so that the finding asks for no reason.
     let second = finding(&curve(&[0.08, 0.02, 0.005, 0.00125, 0.0003125]));
-    assert!(!second.contains(UNKNOWN) && second.contains("near enough"), "{second}");
+    assert!(!second.contains(UNKNOWN) && second.contains("close enough"), "finding: {second}");
 }
 
 #[test]
@@ -50,6 +58,6 @@ fn faults_are_the_curves_that_are_not_within() {
     let found = faults(&[good.clone(), bad, good]);
     assert!(
         found.len() == 1 && found[0].starts_with("other: NOT within 10 %") && found[0].contains("50 %"),
-        "{found:?}"
+        "faults: {found:?}"
     );
 }

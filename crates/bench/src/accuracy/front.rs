@@ -1,5 +1,6 @@
 //! The curve `presets` of `palpate bench accuracy`: time step, Newton iterations, solver tolerance and contact sides
-//! varied together, on a soft and on a stiff head that a sphere presses. It shows which settings no other beats in both
+//! (contact is found at the vertices of one or of both bodies' skins, their surface meshes) are varied together on a
+//! soft and on a stiff head, which a sphere presses. The curve shows which settings no other setting beats in both
 //! error and cost; the presets of scenes are chosen from them ([`super::presets`]).
 
 use glam::{DQuat, DVec3};
@@ -15,31 +16,32 @@ use crate::solver::stiffness;
 
 /// Name of the curve.
 pub const NAME: &str = "presets";
-/// Depth of the sphere's last desired position below the first touch of the cheek, m.
+/// Distance from the first touch of the cheek down to the last desired position of the sphere, m.
 const TRAVEL: f64 = 0.008;
-/// Height of its first desired position above the first touch, m.
+/// Height of the sphere's first desired position above the first touch, m.
 const ABOVE: f64 = 0.0005;
-/// Time in which the desired position goes down, in longest time steps ([`LONGEST`]).
+/// Time in which the desired position moves down, in units of the longest time step ([`LONGEST`]).
 const DOWN: f64 = 1.5;
-/// Length of a run, in longest time steps.
+/// Simulated time of a run, in units of the longest time step.
 const UNITS: usize = 3;
-/// Young's moduli of the head, Pa: flesh, and a hundred times as stiff.
+/// Young's moduli of the head, Pa: that of flesh, and a hundred times that.
 const YOUNG: [f64; 2] = [2e4, 2e6];
 /// Solver tolerance and Newton iterations of the reference.
 const TIGHT: (f64, u32) = (1e-5, 3);
-/// Largest error of the most accurate setting's force, as a share of the reference's.
+/// Largest error of the force of the most accurate setting on each head, as a share of the reference's force.
 const BOUND: f64 = 0.05;
 
-/// The values of each knob that are combined, the finest last.
+/// The values of each knob that are combined; the finest is last.
 struct Grid {
     tolerances: &'static [f64],
     newton: &'static [u32],
     sides: &'static [(&'static str, Sides)],
-    /// How many of the finest time steps ([`Settings::halvings`] of the longest) are left out.
+    /// Number of the shortest time steps that are left out; the longest is halved [`Settings::halvings`] times for the
+    /// shortest.
     spared: u32,
 }
 
-/// Contact at the vertices of the finer skin alone, or at those of both skins.
+/// Contact is found at the vertices of the finer skin alone, or at those of both skins.
 const SIDES: &[(&str, Sides)] = &[("one", Sides::One), ("both", Sides::Both)];
 const FULL: Grid = Grid { tolerances: &[1e-1, 1e-2, 1e-3, 1e-4], newton: &[1, 2], sides: SIDES, spared: 1 };
 const QUICK: Grid = Grid { tolerances: &[1e-1, 1e-2], newton: &[1, 2], sides: SIDES, spared: 2 };
@@ -85,9 +87,11 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
         name: NAME.into(),
         title: "All knobs at once".into(),
         question: format!(
-            "Which settings does nothing beat? A hand moves a sphere by {:.0} mm into the cheek of a head ({} vertices, \
-             {tetrahedra} tetrahedra) of {} and of {}; every tolerance with each number of Newton's iterations, one or both of contact's sides, and \
-             each time step; the force every {:.0} ms against shorter steps, extrapolated to none.",
+            "Which settings does no other setting beat in both error and cost? A hand moves a sphere by {:.0} mm into \
+             the cheek of a head ({} vertices, {tetrahedra} tetrahedra) with a Young's modulus of {} and of {}. Every \
+             solver tolerance is combined with each number of Newton iterations, with contact at the vertices of one \
+             or of both skins, and with each time step. The error is that of the force every {:.0} ms, against a \
+             reference extrapolated to vanishing time steps.",
             1e3 * TRAVEL,
             settings.vertices,
             stiffness(YOUNG[0]),
@@ -104,8 +108,8 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
     })
 }
 
-/// Which knob causes most of the error: compares by which factor the best errors of different time steps differ, and by
-/// which factor errors within one time step do.
+/// Reason for the span of the errors. It compares two factors: that between the best errors of different time steps,
+/// and that between the errors within one time step; the greater belongs to the knob that causes most of the error.
 fn span_reason(points: &[Point]) -> String {
     let least = |own: &[Point]| own.iter().filter_map(Point::error).fold(f64::INFINITY, f64::min);
     let (mut steps, mut others) = (1.0f64, 1.0f64);
@@ -121,7 +125,7 @@ fn span_reason(points: &[Point]) -> String {
     };
     format!(
         "{most}: the best errors of different time steps differ by a factor of {steps:.1}, those within one time step \
-         by at most {others:.1}, and time steps short enough to span more are not worth their time here"
+         by at most {others:.1}; time steps so short that the errors would span more would take too long to measure"
     )
 }
 
@@ -158,7 +162,7 @@ fn scene(settings: &Settings) -> Result<(Scene, usize)> {
     let mut scene = head::scene(&head, start);
     scene.coupling = Some(Coupling { stiffness: 500.0, damping: 5.0, angular_stiffness: 0.5, angular_damping: 0.002 });
     scene.trajectory = vec![key(0.0, start), key(DOWN * LONGEST, end)];
-    // Without gravity, since the force of a head that sags while it is pressed would say more about the sagging.
+    // Without gravity: the force of a head that sags while it is pressed would depend on the sagging too.
     scene.step.gravity = DVec3::ZERO;
     let body = crate::solver::prepared(&scene)?;
     let tetrahedra = crate::solver::layer(&body)?.tetrahedra.len();
@@ -173,8 +177,8 @@ mod tests {
     fn most_of_the_error_is_the_steps_only_where_it_is() {
         let at = |line: &str, error| Point { line: line.into(), force_error: Some(error), ..Point::default() };
         let told = span_reason(&[at("4 ms", 0.4), at("4 ms", 0.5), at("2 ms", 0.2), at("2 ms", 0.2)]);
-        assert!(told.starts_with("most of") && told.contains("2.0") && told.contains("1.2"), "{told}");
+        assert!(told.starts_with("most of") && told.contains("2.0") && told.contains("1.2"), "reason: {told}");
         let told = span_reason(&[at("4 ms", 0.1), at("4 ms", 0.5), at("2 ms", 0.2), at("2 ms", 0.2)]);
-        assert!(told.starts_with("the time step does not"), "{told}");
+        assert!(told.starts_with("the time step does not"), "reason: {told}");
     }
 }

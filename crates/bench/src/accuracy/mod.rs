@@ -1,6 +1,6 @@
-//! `palpate bench accuracy`: what each knob of a scene buys, that is, the error of the force against the computing time
-//! of a step. A knob is a value of a scene (solver tolerance, time step, cell size ..) that is varied while the rest
-//! stays.
+//! `palpate bench accuracy`: the error of the force and the computing time of a step for each setting of each knob. A
+//! knob is a value of a scene (solver tolerance, time step, cell size and others) that is varied while all other values
+//! stay. The results of one knob are a curve.
 
 pub mod curve;
 mod document;
@@ -26,7 +26,7 @@ use palpate::{Error, Options, Result};
 use super::suite::{from_value, to_value};
 use super::{Benchmark, Section};
 
-/// How large the scenes are and how often they are run.
+/// Sizes of the scenes, and number of their runs.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
     /// Runs of each setting.
@@ -35,7 +35,7 @@ pub struct Settings {
     pub timed_steps: usize,
     /// Cells of the pressed blocks along x, y and z.
     pub cells: [u32; 3],
-    /// Steps of a press of a block.
+    /// Number of steps in which a block is pressed.
     pub steps: usize,
     /// How many times the longest time step is halved for the shortest one.
     pub halvings: u32,
@@ -90,7 +90,8 @@ impl Settings {
         }
     }
 
-    /// The rules by which settings are run: `stages` are those whose times are summed, `options` open the engine.
+    /// The rules by which settings are run: `stages` names the stages whose times are summed, `options` are those with
+    /// which the engine is opened.
     fn rules<'a>(&self, stages: &'a [&'a str], options: &'a Options) -> race::Rules<'a> {
         race::Rules { rounds: self.rounds, timed_steps: self.timed_steps, stages, options }
     }
@@ -111,15 +112,15 @@ pub fn names() -> impl Iterator<Item = &'static str> {
     CURVES.iter().map(|(name, _)| *name)
 }
 
-/// Measures one curve; `watch` is called with the name of each part of the work that begins. Errors: there is no curve
-/// of that name, or opening the engine, a run or a reference fails.
+/// Measures one curve; `watch` is called with the name of each part of the work as it begins. Errors: no curve has this
+/// name, or opening the engine, a run or a reference fails.
 pub fn measure(name: &str, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let found = CURVES.iter().find(|(known, _)| *known == name);
     let (_, measure) = found.ok_or_else(|| Error::Simulation(format!("there is no curve `{name}`")))?;
     measure(settings, &mut |what| watch(&format!("{name}: {what}")))
 }
 
-/// The largest of some errors over the least; 1 where there are none or they are equal.
+/// The largest error over the smallest one; 1 where there are no errors or all are equal.
 fn factor(errors: impl Iterator<Item = f64>) -> f64 {
     let (low, high) = errors.fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(x), high.max(x)));
     if low < high { high / low } else { 1.0 }

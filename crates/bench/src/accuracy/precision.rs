@@ -1,5 +1,6 @@
-//! The curve `precision` of `palpate bench accuracy`: what single precision costs. The engine, solved as tightly as
-//! single precision allows, runs against the same steps of the f64 oracle.
+//! The curve `precision` of `palpate bench accuracy`: the error of the force that single precision causes. The engine,
+//! with its solver as tight as single precision allows, is compared with the same steps of the f64 reference
+//! implementation (the oracle).
 
 use palpate::Result;
 
@@ -11,27 +12,27 @@ use super::{Curve, Judged, Point, Settings, factor};
 
 /// Solver tolerance; single precision gains nothing from a tighter one.
 const TIGHTEST: f64 = 1e-7;
-/// Cap on the solver iterations that this tolerance may take.
+/// Cap on the solver iterations of a step; few tolerances need as many as this one.
 const MANY: u32 = 2_000;
 /// Cells of the blocks along x, y and z; few, because the oracle solves each f64 step directly, which takes long.
 const CELLS: [u32; 3] = [6, 4, 6];
 /// Young's moduli, Pa.
 const YOUNG: [f64; 6] = [1e3, 1e4, 1e5, 1e6, 1e7, 1e8];
-/// Edges of the block, m, on the line that varies the size.
+/// Edges of the block, m, where its size is varied.
 const EDGES: [f64; 6] = [1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0];
 /// Offsets of the block from the world's origin, the same along x and z, m.
 const OFFSETS: [f64; 6] = [0.1, 1.0, 10.0, 1e2, 1e3, 1e4];
-/// Numbers of steps, in tenths of the usual number.
+/// Numbers of steps where they are varied, in tenths of the number on the other lines.
 const TENTHS: [usize; 6] = [5, 10, 20, 30, 40, 80];
-/// Edge of the usual block, m.
+/// Edge of the block where its size is not varied, m.
 const EDGE: f64 = 0.1;
-/// Largest error of any setting's force, as a share of the reference's.
+/// Largest error of the force of any setting, as a share of the reference's largest force.
 const BOUND: f64 = 1e-3;
 
-/// An error that changes by less than this factor along a line changes by little.
+/// The error changes little along a line if its largest value is less than this factor times its smallest.
 const LITTLE: f64 = 3.0;
 
-/// Varies the stiffness, the size, the place and the number of steps one at a time, each from little to much.
+/// Varies one of stiffness, size, place and number of steps at a time, each from small to large.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let usual = Press { cells: CELLS, ..Press::default() };
     let steps = if settings.is_quick { settings.steps / 2 } else { settings.steps };
@@ -42,7 +43,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
         let steps = (steps * tenths).div_ceil(10).max(1);
         ("steps", steps as f64, format!("{steps} steps"), usual, steps)
     });
-    // The short form varies stiffness and offset alone, because the f64 steps take long.
+    // The short form of the benchmark varies stiffness and offset only, because the f64 steps take long.
     let all = if settings.is_quick { [stiff, far].concat() } else { [stiff, size, far, long].concat() };
     let options = settings.options();
     let longest = all.iter().filter(|(line, ..)| *line == "steps").map(|(.., steps)| *steps).max().unwrap_or(0);
@@ -66,9 +67,9 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
         name: "precision".into(),
         title: "Single against double precision".into(),
         question: format!(
-            "How much of the force is lost to single precision, and where? The sphere and the block ({} tetrahedra, 20 kPa, \
-             {EDGE} m, {steps} steps of 1 ms unless the setting says another), the solver to {TIGHTEST:.0e}, against the \
-             same steps in f64.",
+            "How large is the error of the force that single precision causes, and where? A sphere presses a block \
+             ({} tetrahedra, 20 kPa, edge {EDGE} m, {steps} steps of 1 ms, unless the setting says otherwise). The \
+             solver's tolerance is {TIGHTEST:.0e}; the reference is the same steps in f64.",
             usual.tetrahedra()
         ),
         knob: "Pa, m, m or steps".into(),
@@ -81,13 +82,13 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
     })
 }
 
-/// The usual press scaled to another size; all times are scaled with it, so that the motion stays similar.
+/// The press `usual`, scaled to another size. All times are scaled too, so that the motion is similar.
 fn alike(size: f64, usual: &Press) -> Press {
     Press { size, dt: size * usual.dt, seconds: size * usual.seconds, damping: size * usual.damping, ..*usual }
 }
 
-/// Reason for the span of the errors: the lines along which the error changes by little and those along which it
-/// changes by much, each with its factor.
+/// Reason for the span of the errors: the lines along which the error changes little and those along which it changes
+/// much, each with the factor by which it changes.
 fn span_reason(points: &[Point]) -> String {
     let (mut little, mut much) = (Vec::new(), Vec::new());
     for own in points.chunk_by(|a, b| a.line == b.line) {
@@ -124,9 +125,12 @@ mod tests {
         };
         let told = span_reason(&[point("stiffness", 1e-5), point("stiffness", 12.5e-5), point("offset", 1e-5)]);
         let (little, much) = told.split_once("; it changes").unwrap();
-        assert!(little.contains("offset (1.0)") && !little.contains("stiffness"), "{told}");
-        assert!(much.contains("stiffness (12.5)") && much.contains("0.000125") && !told.contains("size"), "{told}");
+        assert!(little.contains("offset (1.0)") && !little.contains("stiffness"), "reason: {told}");
+        assert!(
+            much.contains("stiffness (12.5)") && much.contains("0.000125") && !told.contains("size"),
+            "reason: {told}"
+        );
         let told = span_reason(&[point("stiffness", 1e-5), point("stiffness", 1.2e-5)]);
-        assert!(told.contains("little") && !told.contains("it changes"), "{told}");
+        assert!(told.contains("little") && !told.contains("it changes"), "reason: {told}");
     }
 }

@@ -1,5 +1,5 @@
 //! Chooses the presets (named settings of a scene: `fast`, `balanced`, `accurate`) from the settings that the curve of
-//! [`super::front`] measured, and checks them against those that the program ships.
+//! [`super::front`] measured on two heads, and compares them with the presets that the program ships.
 
 use palpate::scene::preset::Preset;
 use palpate::scene::{self, Sides};
@@ -8,24 +8,25 @@ use super::document::{digits, percent};
 use super::{Curve, JUST_NOTICEABLE, Point};
 use crate::{Section, Table};
 
-/// Name of each preset, and the error that its setting must stay below: the just noticeable difference of a force, half
-/// and a quarter of it.
+/// Name of each preset, and the error that its setting must stay below: the just noticeable difference of a force, a
+/// half of it, and a quarter of it.
 pub const PRESETS: [(&str, f64); 3] =
     [("fast", JUST_NOTICEABLE), ("balanced", JUST_NOTICEABLE / 2.0), ("accurate", JUST_NOTICEABLE / 4.0)];
-/// A shipped time step is taken for a measured one within this factor; measured ones differ by factors of two.
+/// A shipped time step counts as equal to a measured one if they differ by less than this factor; neighbouring measured
+/// ones differ by a factor of two.
 const SAME_STEP: f64 = 1.25;
 
-/// One setting, with its points on all the bodies that it was measured on.
+/// One setting, with its points (measurements) on all the bodies that it was measured on.
 #[derive(Debug, Clone)]
 pub struct Setting<'a> {
-    /// One point for each body; each body has a panel of the curve.
+    /// One point for each body; each body has a panel (plot) of the curve.
     pub points: Vec<&'a Point>,
-    /// Mean over the bodies of the setting's cost over that of the cheapest setting on the body.
+    /// The setting's cost relative to that of the cheapest setting on the same body, as a mean over the bodies.
     pub cost: f64,
 }
 
 impl Setting<'_> {
-    /// The greatest error over the bodies; `None` where one is missing.
+    /// The greatest error over the bodies; `None` where the error on a body is missing.
     pub fn error(&self) -> Option<f64> {
         let errors: Option<Vec<f64>> = self.points.iter().map(|point| point.error()).collect();
         errors?.into_iter().max_by(f64::total_cmp)
@@ -46,7 +47,7 @@ impl Setting<'_> {
         self.key("solver.tolerance").parse().unwrap_or(f64::NAN)
     }
 
-    /// Name of the setting without that of the body.
+    /// Name of the setting without the name of the body.
     fn name(&self) -> &str {
         let Some(point) = self.points.first() else { return "" };
         point.setting.strip_prefix(&format!("{}, ", point.panel)).unwrap_or(&point.setting)
@@ -73,8 +74,8 @@ fn settings(curve: &Curve) -> Vec<Setting<'_>> {
     panels.first().map_or_else(Vec::new, |panel| panel.iter().map(of).collect())
 }
 
-/// Name, error to stay below and setting of each preset: the cheapest setting without a flag whose error is below that
-/// on every body, and whose tolerance is no looser than that of the preset before it.
+/// Name, error bound and setting of each preset: the cheapest setting without a flag whose error is below the bound on
+/// every body, and whose tolerance is no looser than that of the previous preset.
 pub fn presets(curve: &Curve) -> [(&'static str, f64, Option<Setting<'_>>); 3] {
     let mut loosest = f64::INFINITY;
     PRESETS.map(|(name, below)| {
@@ -87,8 +88,8 @@ pub fn presets(curve: &Curve) -> [(&'static str, f64, Option<Setting<'_>>); 3] {
     })
 }
 
-/// Compares a shipped preset with the setting `found` for it. `None`: the measured setting that equals the shipped one
-/// keeps the preset's error, has no flag and costs no more than `found` beyond noise. Else what is wrong.
+/// Compares a shipped preset with the setting `found` for it and returns what is wrong. `None`: the measured setting
+/// that equals the shipped one is below the preset's error, has no flag, and costs no more than `found` beyond noise.
 fn disagreement(curve: &Curve, shipped: &Preset, below: f64, found: Option<&Setting>) -> Option<String> {
     let Some(own) = settings(curve).into_iter().find(|own| is_measured(shipped, own)) else {
         return Some("was not measured".into());
@@ -101,7 +102,7 @@ fn disagreement(curve: &Curve, shipped: &Preset, below: f64, found: Option<&Sett
         found.cost < own.cost && found.points.iter().zip(&own.points).any(|(found, own)| found.is_cheaper(own))
     };
     let found = found.filter(is_cheaper)?;
-    Some(format!("costs {} times what {} does", digits(own.cost / found.cost), found.name()))
+    Some(format!("costs {} times as much as {}", digits(own.cost / found.cost), found.name()))
 }
 
 /// Whether a measured setting has the values of a shipped preset.
@@ -118,12 +119,13 @@ fn sides(shipped: &Preset) -> &'static str {
     Sides::CHOICES.iter().find(|(_, sides)| *sides == shipped.sides).map_or("", |(name, _)| *name)
 }
 
-/// The report's section of the presets: the setting found for each, and in the row below it the shipped one.
+/// The report's section on the presets: for each, a row with the setting that was found and below it a row with the
+/// shipped one.
 pub fn section(curve: &Curve) -> Section {
     section_of(curve, &scene::preset::PRESETS)
 }
 
-/// Keys of a scene that a preset decides and the curve varies.
+/// Keys of a scene that a preset sets and that the curve varies.
 const KEYS: [&str; 4] = ["step.dt", "step.newton", "solver.tolerance", "contact.sides"];
 
 fn section_of(curve: &Curve, shipped: &[Preset]) -> Section {
@@ -153,11 +155,12 @@ fn section_of(curve: &Curve, shipped: &[Preset]) -> Section {
     Section {
         title: "Presets".into(),
         question:
-            "Which settings should a scene get that names a preset? Of the settings above the cheapest without a flag \
-             whose error is below the preset's on every body, and whose tolerance is no looser than that of the preset \
-             before; cost is the mean over the bodies of the time over that of the cheapest setting. What the program \
-             ships agrees where it is below that error as well and costs no more beyond noise. Computing time / \
-             simulated time is given for each body; below one the simulation is faster than real time."
+            "Which settings should a scene get that names a preset? The cheapest of the settings above that has no \
+             flag, an error below the preset's bound on every body, and a tolerance no looser than that of the \
+             previous preset. The cost of a setting is its time over that of the cheapest setting, as a mean over the \
+             bodies. A shipped preset agrees if its error is below the bound as well and it costs no more beyond \
+             noise. Computing time / simulated time is given for each body; below one the simulation is faster than \
+             real time."
                 .into(),
         table,
         plot: None,
@@ -185,8 +188,9 @@ fn row(s: &Preset) -> Vec<String> {
 mod tests {
     use super::*;
 
-    /// A curve with an error of 6 per second of time step: 8.1 ms is accurate enough for `fast` alone, 4.1 ms for
-    /// `balanced` too, 2.1 ms for all. A step takes 1 ms at tolerance 1e-1 and 2 ms at 1e-2, whatever its length.
+    /// A curve whose error is 6 times the time step in seconds: a step of 8.1 ms is accurate enough for `fast` alone,
+    /// 4.1 ms for `balanced` too, 2.1 ms for all three. A step takes 1 ms to compute at tolerance 1e-1 and 2 ms at
+    /// 1e-2, whatever time it simulates.
     fn curve() -> Curve {
         let point = |dt: f64, tolerance: &str| Point {
             setting: format!("{dt}, {tolerance}"),
@@ -213,7 +217,7 @@ mod tests {
         let preset = |name, dt, tolerance| Preset { name, dt, tolerance, ..scene::preset::NONE };
         let good = [preset("fast", 0.008, 1e-1), preset("balanced", 0.004, 1e-1), preset("accurate", 0.002, 1e-1)];
         let section = section_of(&curve(), &good);
-        assert!(!section.notes.concat().contains("NOT"), "{:?}", section.notes);
+        assert!(!section.notes.concat().contains("NOT"), "notes: {:?}", section.notes);
         assert!(
             section.table.rows.len() == 6
                 && section.table.rows.iter().all(|row| row.len() == section.table.heads.len())
@@ -227,7 +231,7 @@ mod tests {
             let mut shipped = good;
             shipped[k] = spoilt;
             let notes = section_of(&curve(), &shipped).notes.concat();
-            assert!(notes.contains(why) && notes.matches("NOT").count() == 1, "{notes}");
+            assert!(notes.contains(why) && notes.matches("NOT").count() == 1, "notes: {notes}");
         }
     }
 
@@ -242,7 +246,7 @@ mod tests {
         assert_eq!(dt(&both), [Some("0.0021".into()), None, None]);
         both.points[4].flags = vec!["frozen".into()];
         assert_eq!(presets(&both)[0].2.as_ref().map(|own| own.key("solver.tolerance")), Some("1e-2"));
-        // A more accurate preset may not have a looser tolerance than the one before it.
+        // A more accurate preset may not have a looser tolerance than the preset before it.
         let mut one = curve();
         for k in [0, 2] {
             one.points[k].flags = vec!["frozen".into()];

@@ -1,5 +1,5 @@
-//! A scene that several accuracy curves measure: a block with a fixed bottom, and a sphere tool that the haptic device,
-//! through the virtual coupling, pushes into it and holds there.
+//! A scene that several accuracy curves measure: a block with a fixed bottom, and a sphere tool that the haptic device
+//! pushes into it through the virtual coupling and then holds there.
 
 use glam::{DQuat, DVec3};
 use palpate::Scene;
@@ -15,7 +15,8 @@ const RADIUS: f64 = 0.02;
 const MASS: f64 = 0.05;
 /// Gap between sphere and block at the start, m.
 const GAP: f64 = 0.0005;
-/// Nodes within this share of half the height above the bottom are attached to the fixed core.
+/// Nodes are attached to the fixed rigid core at the bottom if their height above it is below this share of half the
+/// block's height.
 const ON_FACE: f64 = 0.03;
 
 /// A press of a sphere into a block. All lengths, masses and coupling gains scale with `size`; where `dt`, `seconds`
@@ -32,7 +33,7 @@ pub struct Press {
     pub dt: f64,
     /// Distance by which the haptic device goes down, m, at size 1.
     pub travel: f64,
-    /// Time in which it does so, s; then it stays.
+    /// Time in which the device goes down, s; after it the device stays.
     pub seconds: f64,
     /// Stiffness-proportional Rayleigh damping, s.
     pub damping: f64,
@@ -68,8 +69,8 @@ impl Press {
         let origin = DVec3::new(self.offset, 0.0, self.offset);
         let start = origin + self.size * (HALF.y + RADIUS + GAP) * DVec3::Y;
         let key = |time: f64, position: DVec3| Key { time, position, orientation: DQuat::IDENTITY };
-        // The tool scales as the block does, where times scale with size: mass with its cube, stiffness with size,
-        // damping with its square; angular gains have two powers more.
+        // The tool scales as the block does, for times that scale with size: mass with the cube of the size, stiffness
+        // with size, damping with the square; angular gains have two more powers of size.
         let (mass, size) = (MASS * self.size.powi(3), self.size);
         let tool = Tool {
             shape: ToolShape::Sphere(RADIUS * size),
@@ -93,7 +94,7 @@ impl Press {
             ..Scene::of_body("press", self.block(origin))
         };
         scene.step.dt = self.dt;
-        // Without gravity a block at rest keeps its shape.
+        // Without gravity, so that the block keeps its shape at rest.
         scene.step.gravity = DVec3::ZERO;
         scene.contact.depth_limit = RADIUS * size;
         scene

@@ -1,6 +1,7 @@
-//! Runs the settings of a curve against each other and takes their times and errors. Each setting (an entrant) does a
-//! few steps in turn, in reverse order in every second turn, so that a change of the machine's speed favours none. A
-//! round is one run of every entrant; where there are more entrants than fit into memory, a round is split into heats.
+//! Runs the settings of a curve alternately and measures their times and errors. Each setting (an entrant) does a few
+//! steps in turn, and every second turn has the reverse order, so that a change of the machine's speed favours none of
+//! them. A round is one run of every entrant, or more runs of short ones; where there are more entrants than fit into
+//! memory, a round is split into heats.
 
 use std::time::Instant;
 
@@ -9,17 +10,18 @@ use palpate::{Flags, Options, Result, Scene, Simulation};
 
 use super::curve::Point;
 
-/// A run is split into so many turns, where it has enough steps.
+/// Number of turns into which a run is split if it has enough steps.
 const TURNS: usize = 10;
-/// Least number of steps of a turn; a run of fewer than twice as many is done in one turn.
+/// Least number of steps of a turn; a run of fewer than twice this number is done in one turn.
 const TURN: usize = 6;
-/// Stages are timed in every so many steps; since timestamps cost time, the wall time of such a step does not count.
+/// Every so many steps the stages of a step are timed. Timestamps take time, so that the wall time of such a step does
+/// not count.
 const TIMED_EVERY: u64 = 4;
 /// Steps at the start of each turn whose times do not count, because they find caches cold.
 const WARM_UP: usize = 1;
-/// Most simulations that are open at once, that is, entrants of a heat: each has kernels of its own, some 150 MB on
-/// lavapipe. Each heat takes settings from all over the list and every second round runs the heats in reverse order, so
-/// that a change of the machine's speed does not look like a property of neighbouring settings.
+/// Most simulations that are open at once, that is, most entrants of a heat: each has kernels of its own, some 150 MB
+/// on the CPU driver lavapipe. Each heat takes settings from all over the list and every second round runs the heats in
+/// reverse order, so that a change of the machine's speed does not look like a property of neighbouring settings.
 const MOST_AT_ONCE: usize = 12;
 
 /// One setting that takes part: its scene, and the number of its steps.
@@ -33,13 +35,13 @@ pub struct Entrant {
     pub steps: usize,
 }
 
-/// How often and by which stages the entrants are measured.
+/// How often the entrants are run, and which stages are timed.
 #[derive(Debug, Clone, Copy)]
 pub struct Rules<'a> {
     /// Number of rounds.
     pub rounds: usize,
-    /// Least number of steps of an entrant in a round: shorter runs are repeated, since the median of few steps says
-    /// little.
+    /// Least number of steps of an entrant in a round. Shorter runs are repeated, since a median of few steps is
+    /// uncertain.
     pub timed_steps: usize,
     /// Names of the stages whose times are summed; see [`palpate::internal::stages`].
     pub stages: &'a [&'a str],
@@ -48,7 +50,7 @@ pub struct Rules<'a> {
 }
 
 impl Rules<'_> {
-    /// How often a run of so many steps is repeated in a round.
+    /// How often a run of `steps` steps is repeated in a round.
     fn repeats(&self, steps: usize) -> usize {
         self.timed_steps.div_ceil(steps.max(1)).max(1)
     }
@@ -71,11 +73,12 @@ pub struct Run {
     stage_us: Vec<f64>,
 }
 
-/// Relative errors of a run: of the force and of the displacements; `None`: not finite, or not compared.
+/// Relative errors of a run: of the force and of the displacements. `None`: the error is not finite, or was not
+/// measured.
 pub type Errors = (Option<f64>, Option<f64>);
 
-/// Runs all entrants for all rounds and returns their points. `errors(index, run)` judges the first run of each
-/// entrant; that is enough, since all runs of a setting give the same results.
+/// Runs all entrants for all rounds and returns their points. `errors(index, run)` returns the errors of the first run
+/// of each entrant; all later runs of a setting give the same results.
 pub fn race(
     entrants: Vec<Entrant>,
     rules: &Rules,
@@ -98,7 +101,7 @@ pub fn race(
     Ok(points)
 }
 
-/// Runs one scene by itself, without taking times; used for references.
+/// Runs one scene by itself without timing it; this is how references are computed.
 pub fn run(scene: &Scene, steps: usize, options: &Options) -> Result<Run> {
     let mut simulation = Simulation::open(scene, options)?;
     let mut run = Run::default();
@@ -126,15 +129,15 @@ fn one_round(entrants: &[Entrant], rules: &Rules, round: usize) -> Result<Vec<Ve
     Ok(runs)
 }
 
-/// Reorders entrants that do not fit into one heat so that each heat has its share of every part of the list: sorts
-/// them by multiples of the golden ratio modulo 2^64, which lie evenly spread.
+/// Reorders more entrants than one heat holds so that each heat has entrants from every part of the list: sorts them by
+/// their index times the golden ratio modulo 2^64, which spreads neighbours evenly.
 fn mix(all: &mut [usize]) {
     if all.len() > MOST_AT_ONCE {
         all.sort_by_cached_key(|index| (*index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     }
 }
 
-/// Runs each of the entrants `own` once, in turns.
+/// Runs each of the entrants with the indices `own` once, in turns.
 fn heat(entrants: &[Entrant], own: &[usize], rules: &Rules, round: usize) -> Result<Vec<Run>> {
     let open = |index: &usize| -> Result<(Simulation, Run)> {
         let mut simulation = Simulation::open(&entrants[*index].scene, rules.options)?;
@@ -154,8 +157,8 @@ fn heat(entrants: &[Entrant], own: &[usize], rules: &Rules, round: usize) -> Res
     under_way.into_iter().map(|(simulation, run)| run.finish(&simulation)).collect()
 }
 
-/// Number of steps that a run of `steps` steps has done after turn `turn`. A short run has fewer turns, spread about
-/// the middle of all: otherwise most of its steps would be the first of a turn and find caches cold.
+/// Number of steps that a run of `steps` steps has done after turn `turn`. A short run takes part in fewer turns,
+/// spread about the middle of all turns: otherwise most of its steps would be the first of a turn and find caches cold.
 fn done(steps: usize, turn: usize) -> usize {
     let own = (steps / TURN).clamp(1, TURNS);
     steps * ((turn * own + TURNS / 2) / TURNS) / own
@@ -181,8 +184,8 @@ impl Run {
         Ok(())
     }
 
-    /// Adds the summed time of `stages`. In every second timed step the stages of the query are timed as one, so that
-    /// those asked for may be missing; then nothing is added.
+    /// Adds the summed time of `stages`. In every second timed step the stages of the proximity query are timed as one,
+    /// so that `stages` may be missing from `times`; then nothing is added.
     fn add_stage(&mut self, times: &[(String, f64)], stages: &[&str]) {
         let own: Vec<f64> =
             times.iter().filter(|(name, _)| stages.contains(&name.as_str())).map(|(_, us)| *us).collect();
@@ -197,12 +200,12 @@ impl Run {
     }
 }
 
-/// The largest difference over the reference's largest length; `None` where that is not finite, the reference is zero,
-/// or the lengths of the lists differ.
+/// The largest difference between `found` and `reference`, over the largest length in `reference`. `None` where that is
+/// not finite, the reference is zero, or the lists differ in length.
 pub fn relative_error(found: &[DVec3], reference: &[DVec3]) -> Option<f64> {
     let largest = reference.iter().map(|x| x.length()).fold(0.0, f64::max);
     let differences = found.iter().zip(reference).map(|(a, b)| a.distance(*b));
-    // A maximum that keeps NaN, which `f64::max` drops.
+    // This maximum keeps NaN, which `f64::max` drops.
     let error = differences.fold(0.0, |a: f64, b| if a > b || a.is_nan() { a } else { b }) / largest;
     (error.is_finite() && largest > 0.0 && found.len() == reference.len()).then_some(error)
 }
@@ -216,7 +219,10 @@ mod tests {
         for steps in 1..400 {
             let turns: Vec<usize> = (1..=TURNS).map(|turn| done(steps, turn) - done(steps, turn - 1)).collect();
             assert_eq!((done(steps, 0), done(steps, TURNS)), (0, steps));
-            assert!(turns.iter().all(|&own| own == 0 || own >= TURN.min(steps)), "{steps}: {turns:?}");
+            assert!(
+                turns.iter().all(|&own| own == 0 || own >= TURN.min(steps)),
+                "a run of {steps} steps has turns of {turns:?} steps"
+            );
         }
         let turns = |steps| (1..=TURNS).filter(|turn| done(steps, *turn) > done(steps, turn - 1)).count();
         assert_eq!([6, 12, 60, 384].map(turns), [1, 2, 10, 10]);

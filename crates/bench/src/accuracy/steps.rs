@@ -1,5 +1,5 @@
-//! The curves `time-step` and `newton` of `palpate bench accuracy`: what shorter time steps and more Newton iterations
-//! buy.
+//! The curves `time-step` and `newton` of `palpate bench accuracy`: the error and computing time for ever shorter time
+//! steps, and for ever more Newton iterations.
 
 use glam::DVec3;
 use palpate::scene::MaterialLaw;
@@ -10,23 +10,23 @@ use super::race::{Entrant, Run, race, relative_error, run};
 use super::twin::{Reference, reference};
 use super::{Curve, Expected, Point, SINGLE, Settings};
 
-/// The longest time step, s: 30 steps a second. Shorter ones halve it repeatedly, so that all have a step that ends
-/// where a longest step ends.
+/// The longest time step, s: 30 steps a second. Shorter ones are this one halved repeatedly, so that a step of each
+/// length ends wherever a longest step ends.
 pub const LONGEST: f64 = 0.033;
 /// Numbers of Newton iterations of a step that are tried.
 const NEWTON: [u32; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
-/// Newton iterations of the reference; more change nothing.
+/// Newton iterations of the reference; more iterations change nothing.
 const CONVERGED: u32 = 14;
-/// Solver tolerance of both curves; tight, because they are not about the solver.
+/// Solver tolerance of both curves; tight, because neither curve is about the solver.
 const TIGHT: f64 = 1e-6;
-/// Cap on the solver iterations, which this tolerance does not reach.
+/// Cap on the solver iterations; solves at this tolerance need fewer.
 pub const MANY: u32 = 2_000;
 /// Largest relative error of the force with the shortest step.
 const STEP_BOUND: f64 = 0.02;
 /// Largest relative error of the force with the most Newton iterations.
 const NEWTON_BOUND: f64 = 1e-3;
 
-/// Measures the force at the end of each longest step for ever shorter time steps, against the limit of vanishing
+/// Measures the force at the end of each longest step for ever shorter time steps, against its limit for vanishing
 /// steps.
 pub fn by_time_step(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let (units, beyond) = if settings.is_quick { (5, 1) } else { (9, 2) };
@@ -52,7 +52,7 @@ pub fn by_time_step(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         (relative_error(&at_units(run, 1 << halvings), &reference), None)
     })?;
     let order_reason = format!(
-        "the longest step is a third of the press, which an error of higher order enters; at {} it is {}",
+        "the longest step is a third of the press, so that errors of higher order matter; at {} the order is {}",
         points.last().map_or("", |point| &point.setting),
         super::curve::last_order(&points).map_or("cannot be determined".into(), |order| format!("{order:.2}"))
     );
@@ -61,8 +61,9 @@ pub fn by_time_step(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         name: "time-step".into(),
         title: "Time step".into(),
         question: format!(
-            "What does a shorter time step buy? A sphere is pressed 5 mm into a block ({} tetrahedra) in {:.0} ms and held; \
-             the force every {:.0} ms, against steps of {shortest:.3} ms and of twice that, extrapolated to none.",
+            "What does a shorter time step buy? A sphere is pressed 5 mm into a block ({} tetrahedra) in {:.0} ms and \
+             then held. The force is compared every {:.0} ms; the reference is extrapolated to vanishing steps from \
+             steps of {shortest:.3} ms and of twice that.",
             tetrahedra(settings),
             3e3 * LONGEST,
             1e3 * LONGEST
@@ -73,7 +74,7 @@ pub fn by_time_step(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         expected: Some(Expected { order: 1.0, law: "implicit Euler".into(), ..Expected::default() }),
         order_reason,
         span_reason: format!(
-            "steps whose lengths have a ratio of {} give a first-order error no more than {:.1}",
+            "between time steps with a ratio of {}, a first-order error falls by no more than {:.1} powers of ten",
             1u32 << most,
             f64::from(1u32 << most).log10()
         ),
@@ -114,14 +115,14 @@ pub fn by_newton(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Cur
         title: "Newton's iterations".into(),
         question: format!(
             "What do further Newton iterations of a step gain? A sphere is pressed some 15 mm into a block of 5 kPa \
-             ({} tetrahedra) in {steps} steps of 10 ms, against f64 steps of {CONVERGED} iterations.",
+             ({} tetrahedra) in {steps} steps of 10 ms; the reference is steps in f64 with {CONVERGED} iterations.",
             tetrahedra(settings)
         ),
         knob: "Newton's iterations".into(),
         stage: "elastic and solve".into(),
         points,
         span_reason: SINGLE.into(),
-        share: "the stiffness leaves out how rotations of the elements turn with the strain".into(),
+        share: "the tangent stiffness leaves out the derivative of the elements' rotations".into(),
         bound: NEWTON_BOUND,
         ..Curve::default()
     })
@@ -137,7 +138,7 @@ fn tight(mut scene: Scene, newton: u32) -> Scene {
 }
 
 /// The forces at the ends of `units` longest steps in the limit of vanishing time steps: Richardson extrapolation of a
-/// first-order error from runs whose step is the longest one halved `halvings` times and once less.
+/// first-order error from two runs, whose steps are the longest one halved `halvings` times and `halvings` - 1 times.
 pub fn extrapolated(
     scene: &dyn Fn(u32) -> Scene,
     halvings: u32,

@@ -1,5 +1,6 @@
-//! The curves `tolerance` and `iterations` of `palpate bench accuracy`: what the solver's tolerance and its cap on
-//! iterations buy, against steps of the f64 oracle that are solved directly.
+//! The curves `tolerance` and `iterations` of `palpate bench accuracy`: the error and computing time for each tolerance
+//! of the solver, and for each cap on its iterations. The reference is the same steps by the f64 reference
+//! implementation (the oracle), which solves them directly.
 
 use palpate::scene::Preconditioner;
 use palpate::{Result, Scene};
@@ -25,7 +26,7 @@ const MANY: u32 = 2_000;
 const TIGHT: f64 = 1e-5;
 /// Largest relative error of the force with the tightest setting.
 const BOUND: f64 = 1e-3;
-/// An error is much less than another if it is so by more than this factor.
+/// An error is much less than another if it is less by more than this factor.
 const MUCH: f64 = 2.0;
 /// Stages whose times are summed.
 const STAGES: &[&str] = &["solve"];
@@ -34,7 +35,7 @@ fn press(settings: &Settings, young: f64) -> Press {
     Press { cells: settings.cells, young, ..Press::default() }
 }
 
-/// The preconditioners to measure: in the short form only the default (`auto`) and the plainest one.
+/// The preconditioners to measure: in the short form of the benchmark only the default (`auto`) and the simplest one.
 fn preconditioners(settings: &Settings) -> impl Iterator<Item = &'static (&'static str, Preconditioner)> {
     let is_quick = settings.is_quick;
     PRECONDITIONERS.iter().filter(move |(_, kind)| !is_quick || *kind != Preconditioner::Coarse)
@@ -55,13 +56,13 @@ pub fn by_tolerance(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         })
     };
     let points = compared(YOUNG.into_iter().flat_map(of).collect(), settings, watch)?;
-    let law = "the error of a linear system is proportionate to its residual".into();
+    let law = "the error of a linear system's solution is proportional to its residual".into();
     let expected = Expected { order: 1.0, law, is_of_shape: true };
     Ok(Curve {
         name: "tolerance".into(),
         title: "Solver tolerance and preconditioner".into(),
         question: question(
-            "How small a residual does the force need, and which preconditioner gets there first?",
+            "How small must the residual be for an accurate force, and which preconditioner reaches it first?",
             settings,
         ),
         knob: "relative residual to stop at".into(),
@@ -91,8 +92,11 @@ pub fn by_iterations(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result
         name: "iterations".into(),
         title: "Cap on the solver's iterations".into(),
         span_reason: SINGLE.into(),
-        share: "conjugate gradients, by the condition of the system".into(),
-        question: question("What is lost where a step may not take the iterations that it needs?", settings),
+        share: "convergence of conjugate gradients, by the condition number of the system".into(),
+        question: question(
+            "How large is the error if a step may not do all solver iterations that it needs?",
+            settings,
+        ),
         knob: "iterations at most".into(),
         stage: STAGES.concat(),
         points,
@@ -101,8 +105,9 @@ pub fn by_iterations(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result
     })
 }
 
-/// Reason why the error of the shape may not fall with the residual: where a preconditioner leaves much less of it than
-/// Jacobi's at the loosest tolerance, little is left between that and the floor of single precision.
+/// Reason why the error of the displacements (the shape) may not fall with the residual: where a preconditioner at the
+/// loosest tolerance leaves a much smaller error than Jacobi does, there is little left between that error and the
+/// floor of single precision.
 fn order_reason(points: &[Point]) -> String {
     let lines = points.chunk_by(|a, b| (&a.panel, &a.line) == (&b.panel, &b.line)).filter_map(|own| own.first());
     let lines: Vec<(&Point, f64)> = lines.filter_map(|point| Some((point, point.displacement_error?))).collect();
@@ -117,9 +122,9 @@ fn order_reason(points: &[Point]) -> String {
         return "few settings lie between the loosest and the floor of single precision".into();
     }
     format!(
-        "the residual is weighed by the diagonal alone and hardly sees the smooth errors that make a shape; the coarse level \
-         takes these first, so that the loosest residual leaves less of the shape's error than Jacobi's ({}), and the way to \
-         the floor of single precision is short",
+        "the residual norm, weighted by the diagonal alone, is hardly affected by the smooth errors that make up the \
+         error of the shape; the coarse level removes these first, so that at the loosest tolerance less error of the \
+         shape is left than with Jacobi ({}), and little remains above the floor of single precision",
         less.join(", ")
     )
 }
@@ -130,8 +135,8 @@ fn point(young: f64, setting: String, line: &str, value: f64) -> Point {
 
 fn question(asked: &str, settings: &Settings) -> String {
     format!(
-        "{asked} A sphere is pressed 5 mm into a block with a fixed bottom ({} tetrahedra, {} steps of 1 ms), against f64 \
-         steps solved directly.",
+        "{asked} A sphere is pressed 5 mm into a block with a fixed bottom ({} tetrahedra, {} steps of 1 ms); the \
+         reference is the same steps in f64, solved directly.",
         press(settings, 1.0).tetrahedra(),
         settings.steps
     )
@@ -161,8 +166,8 @@ mod tests {
     fn the_coarse_level_is_blamed_only_where_it_leaves_less() {
         let at = |line: &str, error| Point { displacement_error: Some(error), ..point(2e6, String::new(), line, 0.1) };
         let told = order_reason(&[at("jacobi", 1.2e-3), at("jacobi", 1e-4), at("auto", 1e-4)]);
-        assert!(told.contains("12 times less with auto at 2 MPa"), "{told}");
+        assert!(told.contains("12 times less with auto at 2 MPa"), "reason: {told}");
         let told = order_reason(&[at("jacobi", 1.2e-3), at("auto", 1.2e-3)]);
-        assert!(told.starts_with("few settings") && !told.contains("coarse level"), "{told}");
+        assert!(told.starts_with("few settings") && !told.contains("coarse level"), "reason: {told}");
     }
 }

@@ -1,6 +1,6 @@
-//! The reference of the accuracy curves: the steps of a press by the f64 oracle, with a direct solver
-//! ([`palpate_oracle::step`]) and contacts by exact rays ([`palpate_oracle::contact`]). Only the normal of the contact
-//! patch (region) comes from the engine, from a run beside the oracle's.
+//! The reference of the accuracy curves: the steps of a press by the f64 reference implementation (the oracle), with a
+//! direct solver ([`palpate_oracle::step`]) and contacts by exact rays ([`palpate_oracle::contact`]). Only the normal
+//! of the contact patch comes from the engine, from a run in parallel with the oracle's.
 
 use glam::DVec3;
 use palpate::internal::prepare::{self, Shape};
@@ -29,7 +29,8 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Errors of a run of as many steps as the reference, or of fewer; then there is none of the displacements.
+    /// Errors of a run of at most as many steps as the reference; a run of fewer steps has no error of the
+    /// displacements.
     pub fn errors(&self, run: &Run) -> Errors {
         let forces = &self.forces[..run.forces.len().min(self.forces.len())];
         let is_whole = run.forces.len() == self.forces.len();
@@ -38,7 +39,7 @@ impl Reference {
     }
 }
 
-/// The f64 state of a soft body and a sphere tool, with both skins and the contact law.
+/// The oracle's state of a soft body and a sphere tool, with both skins (surface meshes) and the contact law.
 struct Twin {
     oracle: step::Simulation,
     skin: (prepare::Skin, Vec<prepare::Embedding>),
@@ -46,8 +47,8 @@ struct Twin {
     law: ContactLaw,
 }
 
-/// The reference of `steps` steps of a scene with one soft body and a rigid tool. Errors: the scene is another, or a
-/// system cannot be factorised.
+/// The reference for `steps` steps of a scene with one soft body and a rigid tool. Errors: the scene has other bodies
+/// or no such tool, or a system cannot be factorised.
 pub fn reference(scene: &Scene, steps: usize, options: &Options) -> Result<Reference> {
     let mut beside = scene.clone();
     (beside.solver.tolerance, beside.solver.max_iterations) = (TIGHT, MANY);
@@ -78,7 +79,7 @@ pub fn reference(scene: &Scene, steps: usize, options: &Options) -> Result<Refer
 
 impl Twin {
     fn new(scene: &Scene, simulation: &Simulation) -> Result<Twin> {
-        let missing = || Error::Simulation("a reference is of one soft body and a rigid tool".into());
+        let missing = || Error::Simulation("a reference needs a scene of one soft body and a rigid tool".into());
         let spec = scene.rigid_tool().ok_or_else(missing)?;
         let body = prepare::tool(spec, scene)?;
         let Shape::Rigid { skin, centroid, volume, inertia, .. } = body.shape else { return Err(missing()) };
@@ -104,7 +105,7 @@ impl Twin {
         Ok(Twin { oracle, skin: (own.clone(), embedding.clone()), tool, law })
     }
 
-    /// Contacts of the present state for a normal from the body to the tool; none where the normal is zero.
+    /// Contacts of the present state with a normal from the body to the tool; none if the normal is zero.
     fn contacts(&self, normal: DVec3) -> Vec<contact::Contact> {
         let Some(tool) = self.oracle.tool.as_ref().filter(|_| normal != DVec3::ZERO) else { return Vec::new() };
         let tool = Surface {

@@ -1,4 +1,4 @@
-//! Finds the measurements in `results.json` that are compared, by their paths there.
+//! Finds the measurements in `results.json` that are compared, and their paths in it.
 
 use std::collections::BTreeMap;
 
@@ -9,11 +9,11 @@ use crate::suite::Results;
 
 /// One measurement.
 pub enum Series {
-    /// Time, us: medians of the rounds.
+    /// Time, us: medians of the rounds, or of their interleaved subsets.
     Times(Vec<f64>),
     /// Relative error; NaN where it was written as null.
     Error(f64),
-    /// Solver iterations; the mean, where there is a list of them.
+    /// Solver iterations; the mean, if there is a list of them.
     Iterations(f64),
     /// Number of passes, or of bytes.
     Size(f64),
@@ -33,7 +33,7 @@ pub fn series_of(results: &Results) -> BTreeMap<String, Series> {
 }
 
 /// Collects the measurements below `path`. Keys that end in `_us` hold times, as one round or a list of rounds; keys
-/// that end in `error` hold an error; iterations, sizes and flags are known by their names.
+/// that end in `error` hold an error; iterations, sizes and flags have keys of fixed names.
 fn collect(all: &mut BTreeMap<String, Series>, path: &str, value: &Value, is_timed: bool) {
     let key = path.rsplit('/').next().unwrap_or_default();
     let number = || value.as_f64().or_else(|| mean(&numbers(value)?));
@@ -69,7 +69,7 @@ fn collect(all: &mut BTreeMap<String, Series>, path: &str, value: &Value, is_tim
     }
 }
 
-/// Words that tell an item of a list from the others, from its keys; `None` where it has none of them.
+/// Words that distinguish an item of a list from the others, taken from its keys; `None` if it has none of these keys.
 fn called(item: &Value) -> Option<String> {
     let parts = ["name", "line", "preconditioner", "setting", "tolerance"].into_iter().filter_map(|key| item.get(key));
     let words: Vec<String> = parts.map(|v| v.as_str().map_or_else(|| v.to_string(), Into::into)).collect();
@@ -84,7 +84,8 @@ fn mean(all: &[f64]) -> Option<f64> {
     (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
 }
 
-/// Medians of the rounds, or of the hands where there are few rounds (see [`hands`]); `None`: there are no samples.
+/// Medians of the rounds, or, with fewer than five rounds, of their interleaved subsets (see [`hands`]); `None`: there
+/// are no samples.
 fn rounds(value: &Value) -> Option<Vec<f64>> {
     let each: Vec<Vec<f64>> = match numbers(value) {
         Some(one) => vec![one],

@@ -1,4 +1,4 @@
-//! The report of the feature costs ([`super::Cost`]).
+//! The report of what each feature of the engine costs in time and memory ([`super::Cost`]).
 
 use palpate::Result;
 
@@ -6,21 +6,21 @@ use super::{Cost, Feature, Run};
 use crate::plot::{self, Bar};
 use crate::{Section, Table};
 
-/// The section: a row of the table and two bars (with the feature, without it) for each feature, and the finding.
+/// The section: for each feature a row of the table and two bars (with and without the feature), and the finding.
 pub fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
     let heads = [
         "feature",
-        "compared",
+        "what is compared",
         "with, ms",
         "without, ms",
         "ratio",
         "iterations",
-        "ratio an iteration",
+        "ratio per iteration",
         "with, MB",
         "without, MB",
         "passes",
-        "dependent",
-        "not used",
+        "dependent passes",
+        "when not used",
     ];
     let mut table = Table::new(heads);
     let mut bars = Vec::new();
@@ -53,17 +53,18 @@ pub fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
     Ok(Section {
         title: "Time and memory of a step with each feature, and without it".into(),
         question:
-            "What does a feature cost where it is used, and where it is not? Iterations (of a step, mean), passes and \
-             dependent passes are with and without it; time over iterations leaves out that one may make systems \
-             harder to solve. `not used`: whether a simulation in which it is switched off has the pass list, arrays \
-             and bytes of one whose scene does not mention it (friction, damping: written as zero; coarse level: \
-             Jacobi requested where the body is too soft for another; stiffness, timestamps: used before); `-`: \
-             without it a scene has no key for it."
+            "What does a feature cost where it is used, and where it is not? Iterations (mean of a step), passes and \
+             dependent passes are given with the feature / without it. The ratio per iteration leaves out that a \
+             feature may make systems harder to solve. `when not used` compares a simulation in which the feature is \
+             switched off with one whose scene does not mention it: are their passes, arrays and bytes identical? \
+             Friction and damping are switched off by zero; the coarse level by the Jacobi preconditioner, on a body \
+             so soft that the engine chooses no other; stiffness and timestamps by no longer asking for them. `-`: a \
+             scene without the feature has no key for it."
                 .into(),
         table,
         plot: Some(plot::bars("ms a step", &bars)?),
         finding: finding(costs),
-        notes: vec![format!("What each has beyond the step without it: {}.", beyond(costs))],
+        notes: vec![format!("Kernels and memory of each that a step without it lacks: {}.", beyond(costs))],
     })
 }
 
@@ -74,7 +75,7 @@ fn beyond(costs: &[(Feature, Cost)]) -> String {
     costs.iter().map(one).collect::<Vec<_>>().join("; ")
 }
 
-/// The features that cost most in time and in memory, and whether those that are switched off cost nothing.
+/// The features that cost most in time and in memory, and whether features that are switched off cost nothing.
 fn finding(costs: &[(Feature, Cost)]) -> String {
     let time = |cost: &Cost| cost.with.ms() / cost.without.ms();
     let bytes = |cost: &Cost| cost.with.plan.bytes_device as f64 / cost.without.plan.bytes_device.max(1) as f64;
@@ -89,11 +90,12 @@ fn finding(costs: &[(Feature, Cost)]) -> String {
         }
     }
     let idle = match not.as_slice() {
-        [] => format!("all {free} that can be switched off cost nothing then"),
+        [] => format!("all {free} features that can be switched off cost nothing when they are"),
         not => format!("NOT free when switched off: {}", not.join(", ")),
     };
     format!(
-        "Dearest in time is {} ({:.2} times the step without), in memory {} ({:.2} times); {idle}.",
+        "The feature that costs most time is {} ({:.2} times the step without it), that which costs most memory {} \
+         ({:.2} times); {idle}.",
         slow.name(),
         time(a),
         large.name(),

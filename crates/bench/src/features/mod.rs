@@ -1,5 +1,5 @@
-//! `palpate bench features`: what each feature of the engine costs in time and memory, by scenes with and without it;
-//! and that a feature that is not used costs nothing.
+//! `palpate bench features`: the time and memory that each feature of the engine costs, by a scene with it and one
+//! without it, and whether a feature that is not used costs nothing.
 
 mod document;
 mod plan;
@@ -25,9 +25,9 @@ const STEP: f64 = 0.001;
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Steps that are not measured, at the start: until the tool is pressed in.
+    /// Number of steps at the start that are not measured; in them the tool is pressed in.
     pub warm_up: usize,
-    /// Number of rounds; in each, the scene with the feature and the one without it take their turns.
+    /// Number of rounds; in each, the scenes with and without the feature are run alternately.
     pub rounds: usize,
     /// Steps of each scene in a round.
     pub steps: usize,
@@ -41,13 +41,13 @@ impl Settings {
         Settings { warm_up: 30, rounds: 10, steps: 20, device: None }
     }
 
-    /// A short form of it, for a first look.
+    /// A short form of the benchmark, for a first look.
     pub fn quick() -> Settings {
         Settings { warm_up: 22, rounds: 3, steps: 5, ..Settings::full() }
     }
 }
 
-/// Measurements of a scene with the feature, or of that without it.
+/// Measurements of the scene with the feature or of the scene without it.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Run {
     /// Wall time of each step, us; one list for each round.
@@ -63,10 +63,10 @@ pub struct Run {
 pub struct Cost {
     /// The scene with the feature.
     pub with: Run,
-    /// The scene without it.
+    /// The scene without the feature.
     pub without: Run,
-    /// Passes and memory of two simulations that do not use the feature: in one it is switched off, in the other it was
-    /// never mentioned. They must be equal. `None`: a scene without the feature has no way to mention it.
+    /// Passes and memory of two simulations that do not use the feature: in the first it is switched off, in the second
+    /// it was never mentioned. They must be equal. `None`: a scene has no key to switch the feature off.
     pub idle: Option<[Plan; 2]>,
 }
 
@@ -78,7 +78,7 @@ impl Cost {
 }
 
 impl Run {
-    /// Time of a step, ms: the median over the rounds of the median over the steps of each.
+    /// Time of a step, ms: the median over the rounds of each round's median over its steps.
     pub fn ms(&self) -> f64 {
         median(&self.step_us.iter().map(|round| 1e-3 * median(round)).collect::<Vec<_>>())
     }
@@ -125,8 +125,9 @@ impl Benchmark for Features {
     fn preface(&self, settings: &Value) -> Result<String> {
         let number = |key: &str| settings[key].as_u64().unwrap_or(0);
         Ok(format!(
-            "The smallest scene that shows a feature, with and without it, in turns: {} steps that do not count, then {} rounds \
-             of {} steps each; medians of a round, and of those. Passes are those of a step of {} solver iterations.",
+            "For each feature the smallest scene that shows it is run with and without it, alternately: {} steps that \
+             are not measured, then {} rounds of {} steps each. A time is the median over the rounds of each round's \
+             median. Passes are those of a step of {} solver iterations.",
             number("warm_up"),
             number("rounds"),
             number("steps"),
@@ -152,11 +153,11 @@ fn costs(parts: &Map<String, Value>) -> Result<Vec<(Feature, Cost)>> {
     known.map(|(feature, value)| Ok((feature, from_value(value)?))).collect()
 }
 
-/// A running simulation: with the feature, or without it.
+/// A running simulation, with the feature or without it.
 struct Side {
     simulation: Simulation,
-    /// For [`Feature::Stiffness`]: the input of a haptic loop that holds the tool, and whether every step computes
-    /// contact stiffness and damping for the loop; else only the last unmeasured step does.
+    /// Only for [`Feature::Stiffness`]: the input of a haptic loop that holds the tool, and whether every step computes
+    /// contact stiffness and damping for the loop; if not, only the last step of the warm-up does.
     input: Option<(DeviceInput, bool)>,
     run: Run,
 }
@@ -171,17 +172,18 @@ impl Side {
         Ok(Side { simulation, input, run })
     }
 
-    /// Does steps that are not measured: those in which the tool is pressed in, and for [`Feature::Stiffness`] one in
-    /// which the tool is handed to the loop.
+    /// Does steps that are not measured: those in which the tool is pressed in, and for [`Feature::Stiffness`] one
+    /// more, in which the haptic loop takes over the tool.
     fn warm_up(&mut self, count: usize) -> Result<()> {
         (0..count).try_for_each(|_| self.simulation.step().map(drop))?;
         self.step_device_input().map(drop)
     }
 
-    /// A step that also computes contact stiffness and damping for a haptic loop; `None`: there is no loop.
+    /// Does a step that also computes contact stiffness and damping for a haptic loop; `None`: there is no loop.
     fn step_device_input(&mut self) -> Result<Option<StepReport>> {
         let Some((input, _)) = &self.input else { return Ok(None) };
-        // The loop's tool is put where the simulation's is, so that both simulations move alike.
+        // The loop's tool is placed where the simulation has it, so that the simulations with and without the feature
+        // move alike.
         let now = self.simulation.tool().map(|tool| RigidState {
             position: tool.centre,
             orientation: tool.orientation,
@@ -192,7 +194,7 @@ impl Side {
         self.simulation.step_device_input(&input, STEP).map(Some)
     }
 
-    /// A round: measures `count` steps.
+    /// One round: measures `count` steps.
     fn steps(&mut self, count: usize) -> Result<()> {
         let mut times = Vec::with_capacity(count);
         for _ in 0..count {
@@ -232,7 +234,7 @@ fn cost(feature: Feature, settings: &Settings) -> Result<Cost> {
     with.warm_up(settings.warm_up)?;
     without.warm_up(settings.warm_up)?;
     for round in 0..settings.rounds {
-        // The two take turns in going first.
+        // Each of the two simulations goes first in every second round.
         let order = if round % 2 == 0 { [&mut with, &mut without] } else { [&mut without, &mut with] };
         for side in order {
             side.steps(settings.steps)?;
@@ -243,7 +245,7 @@ fn cost(feature: Feature, settings: &Settings) -> Result<Cost> {
             let [off, never] = both.each_ref().map(|scene| open(scene, settings).map(|s| Plan::of(&s)));
             Some([off?, never?])
         }
-        // A feature that is asked for step by step was used before, and is not asked for any more.
+        // A feature that steps ask for, rather than the scene, was used before and is no longer asked for.
         Some(scenes::Idle::Again(scene)) => {
             with.simulation.time_every(0)?;
             with.simulation.step()?;

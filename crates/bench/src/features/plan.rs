@@ -1,4 +1,4 @@
-//! Passes and memory of a step: the costs of a feature that show without running it.
+//! Passes and memory of a step: costs of a feature that are known without running the step.
 
 use palpate::Simulation;
 use serde::{Deserialize, Serialize};
@@ -9,15 +9,16 @@ pub const ITERATIONS: u32 = 16;
 /// Passes and memory of a step; steps with equal plans record the same passes and allocate the same memory.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
-    /// Recorded kernels, fills and copies in their order, and how often each runs in a step of [`ITERATIONS`].
+    /// Recorded kernels, fills and copies in their order, and how often each runs in a step of [`ITERATIONS`] solver
+    /// iterations.
     pub kernels: Vec<(String, f64)>,
     /// GPU arrays by name, and their sizes, bytes.
     pub arrays: Vec<(String, u64)>,
-    /// Passes of such a step.
+    /// Passes of a step of [`ITERATIONS`] solver iterations.
     pub passes: u32,
-    /// Passes of such a step that wait for an earlier one.
+    /// Passes of the same step that wait for an earlier pass.
     pub dependent_passes: u32,
-    /// GPU memory that the driver gave out for the simulation, bytes.
+    /// GPU memory that the driver allocated for the simulation, bytes.
     pub bytes_device: u64,
 }
 
@@ -32,12 +33,12 @@ impl Plan {
             arrays: arrays.map(|array| (array.name.clone(), array.bytes)).collect(),
             passes: explained.passes,
             dependent_passes: explained.dependent_passes,
-            // This counts all buffers of the GPU context, also those of recordings and mapped ones.
+            // This counts all buffers of the GPU context, including those of recordings and mapped ones.
             bytes_device: simulation.context().bytes_allocated(),
         }
     }
 
-    /// The kernels and memory that this plan has beyond another, in words.
+    /// The kernels and the memory that this plan has beyond another one, in words.
     pub fn beyond(&self, other: &Plan) -> String {
         let new: Vec<&str> = self
             .kernels
@@ -53,7 +54,7 @@ impl Plan {
         let bytes = self.bytes_device.saturating_sub(other.bytes_device);
         match (larger.count(), bytes) {
             (0, 0) => format!("{kernels}, no memory"),
-            (arrays, bytes) => format!("{kernels}, {:.1} kB, {arrays} arrays new or larger", 1e-3 * bytes as f64),
+            (arrays, bytes) => format!("{kernels}, {:.1} kB, {arrays} arrays are new or larger", 1e-3 * bytes as f64),
         }
     }
 }
@@ -72,7 +73,7 @@ mod tests {
         };
         let small = plan(&["a"], &[("x", 1000), ("y", 1000)]);
         let large = plan(&["a", "b"], &[("x", 1000), ("y", 3000), ("z", 500)]);
-        assert_eq!(large.beyond(&small), "b, 2.5 kB, 2 arrays new or larger");
+        assert_eq!(large.beyond(&small), "b, 2.5 kB, 2 arrays are new or larger");
         assert_eq!(small.beyond(&large), "no kernel, no memory");
     }
 }

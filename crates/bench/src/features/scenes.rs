@@ -1,4 +1,4 @@
-//! The smallest scenes that show a feature of the engine, with it and without it.
+//! The smallest scenes that show a feature of the engine, each with the feature and without it.
 
 use std::path::Path;
 
@@ -11,15 +11,15 @@ pub enum Feature {
     Friction,
     /// Coarse level of the two-level preconditioner.
     CoarseLevel,
-    /// Contacts gathered at the vertices of both skins instead of the finer one's alone.
+    /// Contacts found at the vertices of both bodies' skins (surface meshes) instead of those of the finer one alone.
     SecondSide,
     /// Rayleigh damping, by mass and by stiffness.
     Damping,
-    /// A skin of ten times as many vertices.
+    /// A skin (surface mesh) of ten times as many vertices.
     Skin,
     /// Joints between the rigid cores of a body.
     Joints,
-    /// Contact stiffness and damping (6x6), which the wrench carries for a haptic loop.
+    /// Contact stiffness and damping (6x6 matrices), which the step computes with the wrench for a haptic loop.
     Stiffness,
     /// Timestamps of the stages in every step.
     Timestamps,
@@ -52,21 +52,22 @@ impl Feature {
         }
     }
 
-    /// What is compared with what, for the report.
+    /// What is compared in the two scenes, for the report.
     pub fn question(self) -> &'static str {
         match self {
             Feature::Friction => "coefficient 0.5 against none, a sphere pressed into a block",
             Feature::CoarseLevel => "coarse level against block Jacobi, a sphere pressed into a block of 2 MPa",
-            Feature::SecondSide => "contacts at both skins against the finer one alone, a sphere pressed into a head",
+            Feature::SecondSide => "contacts at both skins against the finer skin alone, a sphere pressed into a head",
             Feature::Damping => "damped by mass and stiffness against not at all, a sphere pressed into a block",
             Feature::Skin => "20,000 skin vertices against 2,000 on the same layer, a sphere pressed into a head",
-            Feature::Joints => "two cores of a bar joined against apart, let go",
-            Feature::Stiffness => "computed in every step against never, a loop that presses a sphere into a block",
+            Feature::Joints => "a falling bar with two rigid cores, joined against not joined",
+            Feature::Stiffness => "computed in every step against never, a haptic loop pressing a sphere into a block",
             Feature::Timestamps => "every step timed stage by stage against none, a sphere pressed into a block",
         }
     }
 
-    /// The scene with or without the feature; for the last two features it is the same, and the steps differ.
+    /// The scene with or without the feature. For the last two features both scenes are equal, and only the steps
+    /// differ.
     pub fn scene(self, with: bool) -> Result<Scene> {
         let pick = |yes: &'static str, no: &'static str| if with { yes } else { no };
         let text = match self {
@@ -89,16 +90,16 @@ impl Feature {
     }
 }
 
-/// How a feature is left unused in two simulations that must cost the same.
+/// How a feature is left unused in two simulations, which must cost the same.
 pub enum Idle {
     /// A scene that switches the feature off, and one that does not mention it.
     Scenes(Box<[Scene; 2]>),
-    /// A scene whose steps ask for the feature no longer.
+    /// A scene whose steps no longer ask for the feature.
     Again(Box<Scene>),
 }
 
 impl Feature {
-    /// How the feature is left unused; `None`: a scene without it has no way to mention it.
+    /// How the feature is left unused; `None`: a scene has no key to switch it off.
     pub fn idle(self) -> Result<Option<Idle>> {
         let scene = |text: String| Scene::parse(Path::new(self.name()), &text);
         let plain = || scene(block("", "", MATERIAL));
@@ -118,7 +119,7 @@ const MATERIAL: &str = "young = 2e4, poisson = 0.45, density = 1000.0";
 const COUPLING: &str =
     "[coupling]\nstiffness = 500.0\ndamping = 2.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n";
 
-/// A block into which a sphere is pressed by 4 mm within 20 ms, and held there.
+/// A block into which a sphere is pressed by 4 mm within 20 ms and then held.
 fn block(contact: &str, solver: &str, material: &str) -> String {
     format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\n{contact}\n[solver]\n{solver}\n[[body]]\nname = \"block\"\n\
@@ -130,7 +131,7 @@ fn block(contact: &str, solver: &str, material: &str) -> String {
     )
 }
 
-/// A head into whose cheek a sphere is pressed within 20 ms, and held there.
+/// A head into whose cheek a sphere is pressed within 20 ms and then held.
 fn head(vertices: u32, contact: &str) -> String {
     format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\n{contact}\n[[body]]\nname = \"head\"\n\
@@ -141,7 +142,7 @@ fn head(vertices: u32, contact: &str) -> String {
     )
 }
 
-/// A falling bar with a dynamic core at either end, which a joint may connect.
+/// A falling bar with a dynamic rigid core at each end; a joint may connect the two.
 fn bar(joined: bool) -> String {
     let joint = if joined { "[[body.joint]]\ncores = [\"left\", \"right\"]\npoint = [0.1, 0.01, 0.01]\n" } else { "" };
     format!(
@@ -160,7 +161,12 @@ mod tests {
     fn every_scene_is_read() {
         for feature in Feature::ALL {
             for with in [true, false] {
-                assert!(feature.scene(with).is_ok(), "{}: {:?}", feature.name(), feature.scene(with).err());
+                assert!(
+                    feature.scene(with).is_ok(),
+                    "scene of `{}` does not parse: {:?}",
+                    feature.name(),
+                    feature.scene(with).err()
+                );
             }
         }
     }

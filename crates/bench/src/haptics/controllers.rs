@@ -1,11 +1,12 @@
 //! Part `controllers` of `palpate bench haptics`: compares passivity controllers (which keep the energy that the hand
-//! receives below what it gave) on a soft body that is pressed, held and let go of: that of palpate's session, the one
-//! of Hannaford and Ryu (2002), reference energy following (Ryu and others 2005), and none.
+//! receives below the energy that it gave) on a soft body that is pressed, held and released: the controller of
+//! palpate's session (its haptic loop), that of Hannaford and Ryu (2002), reference energy following (Ryu and others
+//! 2005), and none.
 //!
-//! The published two observe the haptic device's port alone and inject damping: F' = F - alpha v, alpha = (E_ref - E) /
-//! (T v^2), with F the force to be played, v the hand's velocity, T the loop's period and E the energy that the hand
-//! gave. E_ref is zero (2002) or what coupling and contact model store (2005); alpha is at most the damping that the
-//! haptic device renders.
+//! The two published controllers observe only the energy at the haptic device and inject damping there: F' = F - alpha
+//! v, alpha = (E_ref - E) / (T v^2), with F the force to be played (commanded to the device), v the hand's velocity, T
+//! the loop's period and E the energy that the hand gave. E_ref is zero (2002) or the energy that coupling and contact
+//! model store (2005); alpha is at most the damping that the haptic device can render.
 
 use glam::DVec3;
 use palpate::internal::haptics::environment::Cushion;
@@ -23,19 +24,19 @@ use super::{Settings, profile};
 pub const BODIES: [f64; 2] = [300.0, 2000.0];
 /// Rates of the simulation, Hz.
 pub const RATES: [f64; 2] = [8.0, 60.0];
-/// Speed at which the hand presses and lets go, m/s.
+/// Speed at which the hand presses and releases, m/s.
 pub const SPEED: f64 = 0.04;
-/// Height above the body at the start, and depth below its surface that the hand intends, m.
+/// Height above the body at the start, and depth below its surface to which the hand means to press, m.
 const WAY: [f64; 2] = [0.005, 0.012];
-/// When the press begins, and how long it is held, s.
+/// Time at which the press begins, and time for which it is held, s.
 const TIMES: [f64; 2] = [0.3, 3.0];
 
 /// A passivity controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Controller {
-    /// That of palpate's session: keeps energy from being generated at its source, and damps at the port what still
-    /// exceeds the budget.
+    /// The controller of palpate's session: it prevents energy from being generated at its source, and damps at the
+    /// device what still exceeds the budget.
     Session,
     /// B. Hannaford and J.-H. Ryu 2002.
     Observer,
@@ -66,16 +67,16 @@ pub struct Controlled {
     pub body: f64,
     /// Rate of the simulation, Hz.
     pub rate: f64,
-    /// Whether wrenches before contact report the gap to the body.
+    /// Whether wrenches report the gap to the body before there is contact.
     pub gap: bool,
     /// Mean force played in the last second of the hold, over the force of body and coupling as springs in equilibrium.
     pub share: f64,
-    /// Standard deviation of the force in that second, N.
+    /// Standard deviation of the force in the last second of the hold, N.
     pub deviation: f64,
-    /// Energy that the hand received beyond what it gave over the whole press, J; energy that it was lent and has not
-    /// repaid is part of it.
+    /// Energy that the hand received beyond what it gave over the whole press, J. It includes energy that the
+    /// controller lent to the hand (gave in advance) and that the hand has not repaid.
     pub net: f64,
-    /// Greatest energy that the hand had been lent and not repaid at any time, J.
+    /// Greatest energy that the hand at any time had been lent and had not repaid, J.
     pub lent: f64,
     /// Share of the ticks (iterations of the haptic loop) in which the controller acted.
     pub acts: f64,
@@ -98,10 +99,10 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<C
     Ok(all)
 }
 
-/// A published controller, which observes and damps at the haptic device's port.
+/// A published controller, which observes energy and damps at the haptic device.
 struct Port {
     controller: Controller,
-    /// Greatest damping that it may inject, N s/m.
+    /// Greatest damping that the controller may inject, N s/m.
     most: f64,
     /// Energy that the hand gave, less what it received, J.
     energy: f64,
@@ -110,7 +111,7 @@ struct Port {
 }
 
 impl Port {
-    /// The wrench to be played in place of the one that the tick wants.
+    /// The wrench to be played instead of the one that the tick commands.
     fn control(&mut self, tick: &Tick) -> Wrench {
         let state = tick.reading.map_or(tick.device, |reading| reading.state);
         if let Some((position, played)) = self.last {

@@ -1,5 +1,4 @@
-//! The report of the haptics benchmark ([`Results`]). Findings are computed from the measurements; none of their
-//! numbers is written here.
+//! The report of the haptics benchmark ([`Results`]). All numbers of its findings are computed from the measurements.
 
 mod controllers;
 mod forces;
@@ -15,15 +14,16 @@ use super::{Punctual, Results};
 use crate::plot::{Bar, bars};
 use crate::{Section, Table};
 
-/// How it was measured.
+/// How the benchmark was measured.
 pub fn preface(_: &Value) -> String {
     let HandParameters { mass, stiffness, damping, device_damping, friction, quantum, .. } = HandParameters::default();
     format!(
-        "The loop ticks at 1 kHz with the gains \
-         that a session would choose for the device, and a simulated hand holds it ({mass} kg, the arm {stiffness} N/m and \
-         {damping} N s/m, the device {device_damping} N s/m and {friction} N of friction, encoders of {:.0} um), in virtual \
-         time: the same numbers every time. Against walls, to find where the loop swings, the hand is a critical one: the arm \
-         {} N s/m, the device {} N s/m, no friction, no encoders. Only the lateness of ticks is measured in real time.",
+        "The haptic loop ticks at 1 kHz with the gains that a session would choose for the device. A simulated hand \
+         holds the device ({mass} kg; arm of {stiffness} N/m and {damping} N s/m; device of {device_damping} N s/m and \
+         {friction} N of friction; encoders of {:.0} um). All runs in virtual time, so that every run gives the same \
+         numbers. Against walls, the limit of oscillation is found with a hand that dissipates little: the arm has \
+         {} N s/m, the device {} N s/m, without friction or encoders. Only the lateness of ticks is measured in real \
+         time.",
         1e6 * quantum,
         CRITICAL.damping,
         CRITICAL.device_damping
@@ -57,7 +57,7 @@ pub fn sections(results: &Results) -> Result<Vec<Section>> {
     Ok(sections)
 }
 
-/// The least and the greatest of some numbers; `None` where there are none.
+/// The least and the greatest of the numbers; `None` if there are none.
 fn span(numbers: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     numbers.fold(None, |span, x| match span {
         None => Some((x, x)),
@@ -65,7 +65,7 @@ fn span(numbers: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     })
 }
 
-/// The least and the greatest of some numbers as text, or the one text that both have.
+/// The least and the greatest of the numbers as text; one text if both have the same.
 fn range(numbers: impl Iterator<Item = f64>, text: impl Fn(f64) -> String) -> String {
     let Some((low, high)) = span(numbers) else { return "nothing".into() };
     let (low, high) = (text(low), text(high));
@@ -73,11 +73,11 @@ fn range(numbers: impl Iterator<Item = f64>, text: impl Fn(f64) -> String) -> St
 }
 
 fn jitter(sessions: &[Punctual]) -> Result<Section> {
-    let mut table = Table::new(["thread", "while", "ticks", "median, us", "p99, us", "p99.9, us", "worst, us"]);
+    let mut table = Table::new(["thread", "load", "ticks", "median, us", "p99, us", "p99.9, us", "worst, us"]);
     table.heads.extend(["missed", "missed, %", "steps", "wrench out of date by, ms", "p99, ms"].map(Into::into));
     let mut drawn = Vec::new();
     for session in sessions {
-        let what = if session.is_loaded { "the head is simulated" } else { "no load" };
+        let what = if session.is_loaded { "simulating the head" } else { "no load" };
         for (kind, (name, late)) in
             [("loop", Some(session.servo)), ("bare timer", session.bare)].into_iter().enumerate()
         {
@@ -94,9 +94,10 @@ fn jitter(sessions: &[Punctual]) -> Result<Section> {
     Ok(Section {
         title: "How punctual the loop's ticks are".into(),
         question: format!(
-            "How late do ticks come, and how many deadlines are missed by more than 2 ms, beside a thread that does nothing \
-             but wake at the same times in the same run? Allowed is that thread's share and {:.1} % more. The engine simulates \
-             without pause, and the device follows a script. Drawn is the 99.9th percentile.",
+            "How late are ticks, and how many deadlines are missed by more than 2 ms? For comparison, a thread that \
+             only waits (the bare timer) wakes at the same deadlines in the same run; the loop may miss that thread's \
+             share and {:.1} % more. Under load the engine simulates without pause; the device follows a script. The \
+             plot shows the 99.9th percentile.",
             1e2 * MORE
         ),
         table,
@@ -119,7 +120,10 @@ fn jitter_finding(sessions: &[Punctual]) -> String {
         let bare = session.bare.map_or_else(String::new, |bare| {
             let verdict = if session.is_punctual() { "within" } else { "beyond" };
             let share = 1e2 * bare.share_missed;
-            format!(" ({verdict} what is allowed: a bare timer misses {share:.3} %, with {:.0} us)", 1e6 * bare.p99)
+            format!(
+                " ({verdict} what is allowed: a bare timer misses {share:.3} %, with 99 of 100 ticks within {:.0} us)",
+                1e6 * bare.p99
+            )
         });
         own + &bare + "."
     };

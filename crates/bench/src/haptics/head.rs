@@ -1,4 +1,4 @@
-//! The soft head of `assets/scenes/touch-head.toml` with a sphere tool, and points above its cheek.
+//! The soft head of `assets/scenes/touch-head.toml` with a sphere as the tool, and tool positions above its cheek.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Shape};
@@ -58,7 +58,7 @@ pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
     Scene { tool: Some(tool), ..Scene::of_body("head", body) }
 }
 
-/// Opens the engine on a scene; no step is timed by stage, since timestamps cost time.
+/// Opens the engine on a scene; no step is timed stage by stage, since timestamps take time.
 pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     let options = Options { device: settings.device.clone(), ..Options::of_program() };
     let mut simulation = Simulation::open(scene, &options)?;
@@ -66,7 +66,7 @@ pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     Ok(simulation)
 }
 
-/// The head's skin at rest, in which heights are found.
+/// The head's skin (surface mesh) at rest, by which heights above it are found.
 pub struct Skin {
     vertices: Vec<DVec3>,
 }
@@ -81,8 +81,8 @@ impl Skin {
         }
     }
 
-    /// Centre of the tool where it first touches a vertex, coming down along z at (x, y). Errors: no vertex lies
-    /// beneath it.
+    /// Centre of the tool where it first touches a vertex when it comes down along z at (x, y). Errors: no vertex lies
+    /// beneath the tool.
     pub fn touch(&self, [x, y]: [f64; 2]) -> Result<DVec3> {
         let height = |v: &DVec3| {
             let beside = (v.x - x).powi(2) + (v.y - y).powi(2);

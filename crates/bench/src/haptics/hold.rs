@@ -1,5 +1,5 @@
-//! Part `hold` of `palpate bench haptics`: a simulated person presses and holds still, and the noise of the force is
-//! measured.
+//! Part `hold` of `palpate bench haptics`: a simulated person presses and holds still, and the noise of the force that
+//! the haptic device plays is measured.
 
 use glam::DVec3;
 use palpate::Result;
@@ -14,11 +14,11 @@ use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
 use super::width::{STILL, STILL_SHARE};
 use super::{Settings, profile};
 
-/// A hand that presses a few millimetres deep and feels less force than this has been left without one, N.
+/// If a hand that presses a few millimetres deep feels less force than this, the force counts as vanished, N.
 const LEAST: f64 = 0.05;
-/// Height above the surface at the start, m.
+/// Height of the tool above its first touch of the surface at the start, m.
 const ABOVE: f64 = 0.003;
-/// Depth below the surface that the person intends, m.
+/// Depth below the first touch to which the person means to press, m.
 pub const WITHIN: f64 = 0.005;
 
 /// What the tool is held against.
@@ -40,20 +40,21 @@ pub struct HoldResult {
     pub profile: String,
     /// Rate of the simulation, Hz.
     pub rate: f64,
-    /// How the loop used the simulation's wrenches.
+    /// How the haptic loop used the simulation's wrenches.
     pub mode: Mode,
-    /// Force that was played.
+    /// Force that was played, that is, commanded to the haptic device.
     pub force: Spread,
-    /// Force that was played where the haptic device has no friction for the hand to rest in; against walls alone.
+    /// Force that was played when the haptic device has no friction in which the hand could rest; measured against
+    /// walls only.
     pub no_friction: Option<Spread>,
-    /// Position of the haptic device as read, with lengths in m instead of N.
+    /// Position of the haptic device as it was read; its lengths are in m, not in N.
     pub reading: Spread,
-    /// Forces that one step of the haptic device's encoders makes, through the coupling's stiffness and through its
+    /// Forces that one step of the haptic device's encoders causes, through the coupling's stiffness and through its
     /// damping, N.
     pub quantum_forces: [f64; 2],
 }
 
-/// Whether there is a force, and its standard deviation is within `STILL_SHARE` of it or within `STILL`.
+/// Whether there is a force whose standard deviation is at most `STILL_SHARE` of its mean or at most `STILL`.
 pub fn is_still(force: &Spread) -> bool {
     force.deviation <= (STILL_SHARE * force.mean).max(STILL) && is_there(force)
 }
@@ -126,7 +127,7 @@ fn hold(
     })
 }
 
-/// Spread of a vector over the ticks of the last second.
+/// Spread of a vector over the ticks (iterations of the haptic loop) of the last second.
 fn at_end(ticks: &[Tick], vector: fn(&Tick) -> DVec3) -> Spread {
     let last = &ticks[ticks.len().saturating_sub((1.0 / PERIOD) as usize)..];
     Spread::of_vectors(&last.iter().map(vector).collect::<Vec<_>>())

@@ -1,5 +1,5 @@
-//! Part `ticks` of `palpate bench haptics`: how late the haptic loop's ticks (its iterations) come in real time, beside
-//! a thread that does nothing but wake at the same deadlines.
+//! Part `ticks` of `palpate bench haptics`: how late the haptic loop's ticks (its iterations) are in real time,
+//! compared with a thread that does nothing but wake at the same deadlines (the bare timer).
 
 use std::sync::Arc;
 
@@ -17,29 +17,30 @@ use super::head::{self, CHEEK, Skin};
 use super::rig::{PERIOD, key, tool, wall};
 use super::{Settings, profile};
 
-/// Share of all deadlines that the loop may miss beyond those that the bare timer misses.
+/// The loop may miss a greater share of all deadlines than the bare timer, by at most this.
 pub const MORE: f64 = 1e-3;
 /// Profile of the haptic device, which follows a script and plays no force.
 const DEVICE: &str = "scripted";
-/// Height above the skin at the start and depth below it later, m.
+/// Height above the skin at the start, and depth below it at the end, m.
 const DEEP: f64 = 0.005;
 /// Shortest time step of the simulation, s.
 const SHORTEST_STEP: f64 = 1e-3;
 
-/// Lateness of the loop's ticks and of the bare timer beside it.
+/// Lateness of the loop's ticks and of the bare timer in the same run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Punctual {
-    /// Whether the engine simulates the head meanwhile, without pause; else a wall, which takes no time.
+    /// Whether the engine simulates the head meanwhile, without pause; if not, there is a wall, whose simulation takes
+    /// no time.
     pub is_loaded: bool,
     /// Lateness of the loop.
     pub servo: Late,
-    /// Lateness of the bare timer; `None`: it could not have a thread.
+    /// Lateness of the bare timer; `None`: no thread could be started for it.
     pub bare: Option<Late>,
     /// Number of steps of the simulation.
     pub steps: u64,
-    /// By how much the newest wrench was out of date: median and 99th percentile over the ticks, s.
+    /// By how much the newest wrench was out of date (staleness): median and 99th percentile over the ticks, s.
     pub age: [f64; 2],
-    /// Remarks of the session on itself.
+    /// Remarks that the session (the haptic loop with device and simulation) made about its run.
     pub notes: Vec<String>,
 }
 
@@ -53,7 +54,7 @@ impl Punctual {
 /// Distribution of the lateness of ticks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Late {
-    /// Number of ticks that came.
+    /// Number of ticks that were run.
     pub ticks: u64,
     /// Median lateness, s.
     pub median: f64,
@@ -83,7 +84,7 @@ impl Late {
     }
 }
 
-/// Measures without load, then while the engine simulates the head.
+/// Measures first without load, then while the engine simulates the head.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Punctual>> {
     watch("ticks: without load");
     let idle = session(settings, false, [DVec3::Y * DEEP, DVec3::Y * -DEEP], &mut wall(500.0, 0.0, DVec3::Y * DEEP))?;

@@ -1,6 +1,6 @@
-//! `palpate bench haptics`: what the hand feels of the haptic loop: how stiff a wall may be before the loop oscillates,
-//! how still a held force is, how far it jumps while sliding, and how punctual the loop's ticks (its 1 kHz iterations)
-//! are.
+//! `palpate bench haptics`: how the haptic loop feels to the hand: how stiff a wall may be before the loop oscillates,
+//! how still a held force is, how far a force jumps while sliding, how passivity controllers compare, and how punctual
+//! the loop's ticks (its 1 kHz iterations) are.
 
 mod controllers;
 mod document;
@@ -40,19 +40,19 @@ pub struct Settings {
     pub rates: Vec<f64>,
     /// Relative accuracy to which the stiffest wall is bisected.
     pub bisected: f64,
-    /// Stiffnesses of the walls to hold against, N/m.
+    /// Stiffnesses of the walls against which a force is held, N/m.
     pub walls: Vec<f64>,
     /// Rates of the engine's simulation of the head at which a force is held, Hz.
     pub head_rates: Vec<f64>,
     /// Rates of the engine's simulation at which the tool slides over the head, Hz.
     pub slide_rates: Vec<f64>,
-    /// Haptic devices that hold and slide on the head.
+    /// Profiles of the haptic devices with which a force is held on the head and the tool slides over it.
     pub slide_devices: Vec<&'static str>,
     /// Vertices of the head's skin.
     pub vertices: usize,
     /// Edge of a lattice cell of the head's layer (its tetrahedral mesh), m.
     pub cell: f64,
-    /// Real time of each measurement of late ticks, s.
+    /// Real time of each measurement of the ticks' lateness, s.
     pub jitter_seconds: f64,
     /// Whether this is the short form of the benchmark (`--quick`).
     pub is_quick: bool,
@@ -108,14 +108,14 @@ fn profile(name: &str) -> Result<&'static Profile> {
     Profile::named(name).ok_or_else(|| Error::Simulation(format!("there is no device profile `{name}`")))
 }
 
-/// Results of the benchmark; parts that were not measured are empty.
+/// Results of the benchmark; the lists of parts that were not measured are empty.
 #[derive(Debug, Clone, Default)]
 pub struct Results {
-    /// Stiffest walls by the wall's damping.
+    /// Stiffest walls for different dampings of the wall.
     pub widths: Vec<Width>,
-    /// Stiffest walls by the delay of the force.
+    /// Stiffest walls for different delays of the force.
     pub delays: Vec<Limit>,
-    /// Stiffest walls by the simulation's rate.
+    /// Stiffest walls for different rates of the simulation.
     pub rates: Vec<Limit>,
     /// Held forces.
     pub holds: Vec<HoldResult>,
@@ -128,7 +128,8 @@ pub struct Results {
 }
 
 impl Results {
-    /// Reads the results of those parts that were measured. Errors: a part does not have this benchmark's form.
+    /// Reads the results of the parts that were measured. Errors: a part does not have the form of this benchmark's
+    /// results.
     pub fn of(parts: &Map<String, Value>) -> Result<Results> {
         let [widths, delays, rates, holds, slides, controllers, jitter] = PARTS;
         Ok(Results {
@@ -143,7 +144,7 @@ impl Results {
     }
 }
 
-/// Names of the parts of the benchmark.
+/// Names of the parts of the benchmark, in the order of the lists of [`Results`].
 const PARTS: [&str; 7] = ["damping", "delay", "rate", "hold", "slide", "controllers", "ticks"];
 
 /// The benchmark `haptics`; each question is a part of it.

@@ -1,5 +1,6 @@
-//! Runs the haptic loop as a session does, but in virtual time and held by the simulated hand: it gives the same bits
-//! in every run. A tick is one iteration of the loop; a force is played when it is commanded to the haptic device.
+//! Runs the haptic loop as a session does, but in virtual time and with a simulated hand at the device, so that every
+//! run gives the same bits. A tick is one iteration of the loop; a force is played when it is commanded to the haptic
+//! device.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::haptics::Device;
@@ -27,7 +28,8 @@ pub const MASS: f64 = 0.05;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
-    /// What a session does by default: the local contact model, and passivity control.
+    /// The default of a session: the local contact model (a force law that the loop evaluates between wrenches), and
+    /// passivity control (which bounds the energy given to the hand).
     Session,
     /// The local contact model without passivity control.
     Local,
@@ -44,7 +46,7 @@ impl Mode {
 /// A haptic device, the simulated hand that holds it, and how the loop uses the simulation's wrenches.
 #[derive(Debug, Clone, Copy)]
 pub struct Rig {
-    /// Profile of the haptic device, from which the gains are chosen too.
+    /// Profile of the haptic device; the gains are chosen from it too.
     pub profile: &'static Profile,
     /// The simulated hand.
     pub hand: HandParameters,
@@ -62,15 +64,15 @@ impl Rig {
         coupling::choose(self.profile, PERIOD, 0.0, MASS, inertia(), None)
     }
 
-    /// Forces that one step of the encoders makes through the coupling, N: through its stiffness, and through its
-    /// damping where velocity is the difference of two ticks.
+    /// Forces that one step of the device's encoders causes through the coupling, N: through its stiffness, and through
+    /// its damping with a velocity that is the difference of two ticks.
     pub fn quantum_forces(&self) -> [f64; 2] {
         let Coupling { stiffness, damping, .. } = self.coupling();
         [self.hand.quantum * stiffness, self.hand.quantum * damping / PERIOD]
     }
 
-    /// Lets the hand follow keys (desired poses) to the last one; returns all ticks. `tool` is the tool's initial
-    /// state.
+    /// Lets the hand follow keys (desired poses) up to the last one, and returns all ticks. `tool` is the initial state
+    /// of the tool.
     pub fn follow(
         &self,
         keys: &[Key],
@@ -81,7 +83,7 @@ impl Rig {
         self.follow_controlled(keys, tool, environment, schedule, |_| ())
     }
 
-    /// Follows keys like [`Rig::follow`], but `control` may change what a tick plays before it is commanded to the
+    /// Follows keys like [`Rig::follow`], but lets `control` change what a tick plays before it is commanded to the
     /// haptic device.
     pub fn follow_controlled(
         &self,
@@ -131,7 +133,7 @@ pub fn tool(centre: DVec3) -> Tool {
     }
 }
 
-/// A desired pose of the hand at a time (s).
+/// A key: the desired pose of the hand at a time (s).
 pub fn key(time: f64, position: DVec3) -> Key {
     Key { time, position, orientation: DQuat::IDENTITY }
 }
@@ -141,11 +143,11 @@ pub fn wall(stiffness: f64, damping: f64, centre: DVec3) -> Wall {
     Wall { stiffness, damping, tells_gap: true, tool: tool(centre), steps: 0 }
 }
 
-/// An environment that records all the wrenches that it gives.
+/// An environment that records all wrenches that it returns.
 pub struct Recorded<'a> {
-    /// The environment itself.
+    /// The environment that computes the wrenches.
     pub inner: &'a mut dyn Environment,
-    /// Its wrenches, in their order.
+    /// The wrenches that it returned, in order.
     pub wrenches: Vec<ContactWrench>,
 }
 
@@ -164,12 +166,12 @@ pub struct Spread {
     pub mean: f64,
     /// Standard deviation.
     pub deviation: f64,
-    /// Greatest less least value.
+    /// The greatest value minus the least one.
     pub swing: f64,
 }
 
 impl Spread {
-    /// The spread of samples; zero where there are none.
+    /// The spread of samples; zero if there are none.
     pub fn of(samples: impl Iterator<Item = f64> + Clone) -> Spread {
         let count = samples.clone().count().max(1) as f64;
         let mean = samples.clone().sum::<f64>() / count;
@@ -178,8 +180,8 @@ impl Spread {
         Spread { mean, deviation: variance.sqrt(), swing: (high - low).max(0.0) }
     }
 
-    /// The spread of vectors: length of their mean, root of the axes' summed variances, and diagonal of the box that
-    /// they fill.
+    /// The spread of vectors: the length of their mean, the root of the variances summed over the axes, and the
+    /// diagonal of their bounding box.
     pub fn of_vectors(vectors: &[DVec3]) -> Spread {
         let axes: [Spread; 3] = std::array::from_fn(|k| Spread::of(vectors.iter().map(|v| v[k])));
         let length = |part: fn(&Spread) -> f64| DVec3::from(axes.each_ref().map(part)).length();
@@ -213,9 +215,10 @@ mod tests {
             (ticks.last().unwrap().played.force.y, ticks.len(), recorded.wrenches.len())
         };
         let (force, ticks, steps) = run();
-        // The force of arm, coupling and wall as springs in series; friction holds the hand within 0.05 N of it.
+        // The force of arm, coupling and wall as springs in series; friction keeps the played force within 0.05 N of
+        // it.
         let exact = 0.005 / (1.0 / 300.0 + 1.0 / 500.0 + 1.0 / rig.coupling().stiffness);
-        assert!((force - exact).abs() < 0.05, "{force} N, {exact} N");
+        assert!((force - exact).abs() < 0.05, "played force {force} N, expected {exact} N");
         assert_eq!((ticks, steps), (1000, 100));
         assert_eq!(run().0.to_bits(), force.to_bits());
         assert!(

@@ -1,5 +1,5 @@
-//! Part `slide` of `palpate bench haptics`: a simulated person slides over the head's cheek, and it is measured how far
-//! the force jumps from one tick (iteration of the haptic loop) to the next.
+//! Part `slide` of `palpate bench haptics`: a simulated person slides over the head's cheek, and the greatest jump of
+//! the force from one tick (iteration of the haptic loop) to the next is measured.
 
 use glam::DVec3;
 use palpate::Result;
@@ -19,43 +19,43 @@ use super::{Settings, profile};
 pub const SPEED: f64 = 0.02;
 /// Length of the slide along y, up from the cheek, m.
 pub const WAY: f64 = 0.03;
-/// A change is allowed up to this share of the force, or up to [`ALLOWED`].
+/// A change of the force between ticks is allowed up to this share of the force, or up to [`ALLOWED`].
 pub const ALLOWED_SHARE: f64 = 0.05;
-/// A change of the force by up to this is allowed in any case, N.
+/// A change of the force by up to this much is always allowed, N.
 pub const ALLOWED: f64 = 0.05;
 /// Height above the skin at the start, m.
 const ABOVE: f64 = 0.003;
-/// Depth below the skin that the person intends, m.
+/// Depth below the skin to which the person means to press, m.
 const WITHIN: f64 = 0.005;
 /// Distance between keys of the desired path, m.
 const SPACING: f64 = 0.0025;
-/// When the person begins to press, intends the full depth, and begins to slide, s.
+/// Times at which the person begins to press, means to have reached the full depth, and begins to slide, s.
 const TIMES: [f64; 3] = [0.3, 0.6, 1.0];
 /// Number of ticks between points of the trace.
 const TRACED: usize = 5;
 
-/// The change of a force that is the greatest in proportion to what is allowed.
+/// The change of a force that is the greatest relative to what is allowed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Change {
     /// Length of the change, N.
     pub newtons: f64,
-    /// The greater of the forces before and after it, N.
+    /// The greater of the forces before and after the change, N.
     pub force: f64,
-    /// When it happened, s.
+    /// When the change happened, s.
     pub time: f64,
     /// The change over what is allowed; above 1 it is too great.
     pub excess: f64,
 }
 
-/// The worst changes of a phase (touch or slide).
+/// The worst changes of a phase (touch or slide), by their ratio to what is allowed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Changes {
-    /// Change of the played force, from tick to tick.
+    /// Change of the played force (commanded to the haptic device) from tick to tick.
     pub played: Change,
-    /// Change of the contact force of the loop's local model, from tick to tick.
+    /// Change of the contact force of the loop's local model (its force law between wrenches) from tick to tick.
     pub contact: Change,
-    /// Change of the force that the simulation found, from step to step: how far a force that is kept between steps
-    /// jumps.
+    /// Change of the force that the simulation found, from step to step; a force that is kept between steps jumps by
+    /// this.
     pub raw: Change,
 }
 
@@ -66,14 +66,14 @@ pub struct Slid {
     pub profile: String,
     /// Rate of the simulation, Hz.
     pub rate: f64,
-    /// How the loop used the simulation's wrenches.
+    /// How the haptic loop used the simulation's wrenches.
     pub mode: Mode,
     /// Magnitude of the played force while sliding.
     pub force: Spread,
-    /// Forces that one step of the haptic device's encoders makes, through the coupling's stiffness and through its
+    /// Forces that one step of the haptic device's encoders causes, through the coupling's stiffness and through its
     /// damping, N.
     pub quantum_forces: [f64; 2],
-    /// Worst changes before the slide, the first touch among them.
+    /// Worst changes before the slide, including the first touch.
     pub touch: Changes,
     /// Worst changes while sliding.
     pub slide: Changes,
@@ -98,7 +98,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<S
     Ok(slides)
 }
 
-/// The desired path: down to the cheek, and along it at an even depth below the skin at rest.
+/// The desired path: down to the cheek, then along it at a constant depth below the skin at rest.
 fn way(skin: &Skin) -> Result<Vec<Key>> {
     let [x, y] = CHEEK;
     let [presses, within, slides] = TIMES;
@@ -137,7 +137,7 @@ fn judge(rig: &Rig, rate: f64, ticks: &[Tick], wrenches: &[ContactWrench]) -> Sl
     }
 }
 
-/// The worst change of a force between two successive times, the later of which is in the phase `is_in`.
+/// The worst change of a force between two successive times of which the later one lies in the phase `is_in`.
 fn worst(forces: impl Iterator<Item = (f64, DVec3)>, is_in: &dyn Fn(f64) -> bool) -> Change {
     let (mut worst, mut last) = (Change::default(), None);
     for (time, now) in forces {
@@ -162,9 +162,15 @@ mod tests {
         let forces = [(0.0, 4.0), (0.1, 4.15), (0.2, 4.15), (0.3, 0.5), (0.4, 0.44), (0.5, 0.45)];
         let of = |from: f64| worst(forces.iter().map(|&(t, f)| (t, DVec3::Z * f)), &|time| time >= from);
         let all = of(0.0);
-        assert!(all.time == 0.3 && (all.newtons - 3.65).abs() < 1e-12 && all.excess > 17.0, "{all:?}");
+        assert!(
+            all.time == 0.3 && (all.newtons - 3.65).abs() < 1e-12 && all.excess > 17.0,
+            "worst change of all: {all:?}"
+        );
         let late = of(0.35);
-        assert!(late.time == 0.4 && (late.excess - 1.2).abs() < 1e-9 && late.force == 0.5, "{late:?}");
+        assert!(
+            late.time == 0.4 && (late.excess - 1.2).abs() < 1e-9 && late.force == 0.5,
+            "worst change from 0.35 s: {late:?}"
+        );
         assert_eq!(of(1.0), Change::default());
     }
 }

@@ -1,7 +1,7 @@
 //! Parts `damping`, `delay` and `rate` of `palpate bench haptics`: the stiffest wall that the haptic loop renders
-//! without oscillating (the Z-width), by the wall's damping, by the delay of the force and by the simulation's rate.
-//! The raw force is that of the newest wrench, unchanged until the next; the local model is the session's force law
-//! between wrenches.
+//! without oscillating (the Z-width), for different dampings of the wall, delays of the force and rates of the
+//! simulation. The raw force is that of the newest wrench, unchanged until the next one; the local model is the
+//! session's force law between wrenches. A tick is one iteration of the loop.
 
 use glam::DVec3;
 use palpate::Result;
@@ -17,10 +17,10 @@ use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
 
 /// Stiffness of the softest and of the stiffest wall tried, N/m.
 pub const RANGE: [f64; 2] = [10.0, 1e5];
-/// Walls tried for each power of ten of stiffness, on the way up to the first that oscillates; then that one is
+/// Number of walls tried for each power of ten of stiffness, up to the first that oscillates; from there the limit is
 /// bisected.
 const TRIED: f64 = 4.0;
-/// A critical hand, which dissipates little: without friction and encoders, as the linear bounds assume.
+/// A critical hand: one that dissipates little, without friction and encoders, as the linear bounds assume.
 pub const CRITICAL: HandParameters = HandParameters {
     mass: 0.15,
     stiffness: 300.0,
@@ -34,16 +34,16 @@ pub const CRITICAL: HandParameters = HandParameters {
     delay: 0.0,
     substep: 1e-4,
 };
-/// A force is still if it varies by no more than this share of its mean, or by [`STILL`], from least to greatest.
+/// A force is still if its range from least to greatest is at most this share of its mean, or at most [`STILL`].
 pub const STILL_SHARE: f64 = 0.01;
-/// A force that varies by no more than this is still in any case, N.
+/// A force whose range is at most this is still in any case, N.
 pub const STILL: f64 = 0.01;
-/// An oscillation grows if the second half's range is more than so many times the first half's.
+/// An oscillation grows if the range of its second half is more than so many times that of its first half.
 const GROWTH: f64 = 1.2;
-/// A force counts as there if it is at least this share of that of the springs (arm, coupling, wall) in equilibrium;
-/// one that was taken away would be still as well.
+/// A force counts as present if it is at least this share of the force of the springs (arm, coupling, wall) in
+/// equilibrium. Without this condition a force that vanished would count as still.
 const THERE: f64 = 0.97;
-/// Depth within the wall that the hand intends, m.
+/// Depth within the wall to which the hand means to press, m.
 const WITHIN: f64 = 0.01;
 /// Oscillations with a smaller range than this are rounding, N.
 const NOTHING: f64 = 1e-6;
@@ -51,7 +51,7 @@ const NOTHING: f64 = 1e-6;
 const DELAY: &str = "delay";
 const RATE: &str = "rate";
 
-/// The stiffest wall with a still force, N/m: 0 where no wall has one, the end of [`RANGE`] where all do.
+/// The stiffest wall with a still force, N/m: 0 if no wall has one, the end of [`RANGE`] if all have.
 pub type Stiffest = f64;
 
 /// Stiffest walls of one haptic device for one damping of the wall.
@@ -80,7 +80,7 @@ pub struct Limit {
     pub profile: String,
     /// Stiffness of the virtual coupling, N/m.
     pub coupling: f64,
-    /// Delay of the haptic device from the command of a force to its being played, s.
+    /// Delay of the haptic device between the command of a force and its playing, s.
     pub delay: f64,
     /// Rate of the simulation, Hz.
     pub rate: f64,
@@ -88,11 +88,11 @@ pub struct Limit {
     pub local: Stiffest,
     /// Stiffest wall with the raw force.
     pub raw: Stiffest,
-    /// Stiffest passive wall that is sampled at that rate without further delay, by Colgate and Schenkel's condition,
-    /// N/m.
+    /// Stiffest passive wall that is sampled at the simulation's rate without further delay, by Colgate and Schenkel's
+    /// condition, N/m.
     pub colgate: f64,
-    /// Stiffest stable wall with the delay, for the part `rate` plus one interval between steps, by Gil and others'
-    /// bound, N/m.
+    /// Stiffest stable wall by Gil and others' bound, N/m, with the delay of the device and, in the part `rate`, one
+    /// interval between steps in addition.
     pub gil: f64,
 }
 
@@ -106,7 +106,7 @@ pub fn dissipation() -> f64 {
     CRITICAL.damping + CRITICAL.device_damping
 }
 
-/// Measures stiffest walls by the wall's damping, simulated at 1 kHz.
+/// Measures the stiffest walls for different dampings of the wall, simulated at 1 kHz.
 pub fn by_damping(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Width>> {
     let mut widths = Vec::new();
     for profile in settings.profiles()? {
@@ -133,13 +133,14 @@ pub fn by_damping(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Ve
     Ok(widths)
 }
 
-/// Measures stiffest walls by the delay of the force, simulated at 1 kHz.
+/// Measures the stiffest walls for different delays of the force, simulated at 1 kHz.
 pub fn by_delay(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Limit>> {
     let cases: Vec<(f64, f64)> = settings.delays.iter().map(|&delay| (delay, 1.0 / PERIOD)).collect();
     limits(settings, DELAY, &cases, watch)
 }
 
-/// Measures stiffest walls by the rate of the simulation, whose wrench arrives one interval after its step began.
+/// Measures the stiffest walls for different rates of the simulation, whose wrench arrives one interval after its step
+/// began.
 pub fn by_rate(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Limit>> {
     let cases: Vec<(f64, f64)> = settings.rates.iter().map(|&rate| (0.0, rate)).collect();
     limits(settings, RATE, &cases, watch)
@@ -155,7 +156,7 @@ fn limits(settings: &Settings, what: &str, cases: &[(f64, f64)], watch: &mut dyn
                 stiffest(settings, |stiffness| press(&rig, stiffness, 0.0, rate))
             };
             let interval = interval(rate);
-            // In the part `rate` a wrench also arrives an interval late, unless the local model makes up for it.
+            // In the part `rate` a wrench also arrives one interval late, unless the local model compensates for it.
             let late = delay + if what == RATE { interval } else { 0.0 };
             limits.push(Limit {
                 profile: profile.name.into(),
@@ -172,7 +173,7 @@ fn limits(settings: &Settings, what: &str, cases: &[(f64, f64)], watch: &mut dyn
     Ok(limits)
 }
 
-/// Time between two steps, in whole ticks, s.
+/// Time between two steps, a whole number of ticks, s.
 fn interval(rate: f64) -> f64 {
     f64::from(Schedule::at(rate, PERIOD).ticks_a_step) * PERIOD
 }
@@ -181,7 +182,8 @@ fn rig_of(profile: &'static Profile) -> Rig {
     Rig { profile, hand: CRITICAL, mode: Mode::Local }
 }
 
-/// Presses [`WITHIN`] into a wall of this stiffness and damping: whether the force is there at the end, and still.
+/// Presses [`WITHIN`] into a wall of this stiffness and damping, and returns whether there is a force at the end that
+/// is still.
 fn press(rig: &Rig, stiffness: f64, damping: f64, rate: f64) -> Result<bool> {
     let (start, within) = (DVec3::Y * 0.005, DVec3::Y * -WITHIN);
     let keys: [Key; 4] = [key(0.0, start), key(0.3, start), key(0.6, within), key(4.0, within)];
@@ -190,8 +192,8 @@ fn press(rig: &Rig, stiffness: f64, damping: f64, rate: f64) -> Result<bool> {
     Ok(keeps_still(&ticks, balance))
 }
 
-/// Whether the played force of the last second is there and still; `balance`: the force of the springs in equilibrium,
-/// N.
+/// Whether there was a played force in the last second and it was still; `balance`: the force of the springs in
+/// equilibrium, N.
 fn keeps_still(ticks: &[Tick], balance: f64) -> bool {
     let second = (1.0 / PERIOD) as usize;
     let last: Vec<f64> = ticks[ticks.len().saturating_sub(second)..].iter().map(|tick| tick.played.force.y).collect();
@@ -201,8 +203,8 @@ fn keeps_still(ticks: &[Tick], balance: f64) -> bool {
     whole.swing <= (STILL_SHARE * whole.mean.abs()).max(STILL) && !grows && whole.mean >= THERE * balance
 }
 
-/// The stiffest wall that is still: tries walls from the softest up to the first that is not, then bisects between the
-/// last two.
+/// The stiffest wall whose force is still: tries walls from the softest up to the first whose force is not, then
+/// bisects between the last two.
 fn stiffest(settings: &Settings, mut is_still: impl FnMut(f64) -> Result<bool>) -> Result<Stiffest> {
     let steps = (TRIED * (RANGE[1] / RANGE[0]).log10()).round() as i32;
     let (mut still, mut swings) = (0.0, None);
@@ -235,7 +237,10 @@ mod tests {
             Ok(k <= 777.0)
         });
         let found = found.unwrap();
-        assert!(found <= 777.0 && found > 777.0 / 1.01 && tried < 20, "{found} {tried}");
+        assert!(
+            found <= 777.0 && found > 777.0 / 1.01 && tried < 20,
+            "stiffest wall {found} N/m, not 777 N/m, after {tried} presses"
+        );
         assert_eq!(stiffest(&settings, |_| Ok(false)).unwrap(), 0.0);
         assert!((stiffest(&settings, |_| Ok(true)).unwrap() / RANGE[1] - 1.0).abs() < 1e-9);
     }

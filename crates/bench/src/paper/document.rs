@@ -1,5 +1,6 @@
-//! The report of the paper benchmark ([`Results`]). Findings are computed from the measurements; none of their numbers
-//! is written here.
+//! The report of the paper benchmark ([`Results`]), which measures the scenes of Galoppo and others (2007). All numbers
+//! of its findings are computed from the measurements. The query is the stages of a step that find contacts, from pose
+//! to contact; the loop is the whole step.
 
 use palpate::Result;
 use palpate::internal::stages::QUERY;
@@ -10,10 +11,10 @@ use crate::fit::exponent;
 use crate::plot::{Bar, Line, Logarithmic, Panel, bars, panels};
 use crate::{Section, Table};
 
-/// Stages of a step after those of the query.
+/// Stages of a step after the query.
 const REST: [&str; 4] = ["elastic", "solve", "wrench", "fit"];
 
-/// Columns of the tables of growth.
+/// Columns of the tables that show how times grow.
 const COLUMNS: [&str; 10] = [
     "bodies",
     "skin vertices",
@@ -27,18 +28,19 @@ const COLUMNS: [&str; 10] = [
     "MB on the device",
 ];
 
-/// How it was measured.
+/// How the benchmark was measured.
 pub fn preface(settings: &Value) -> String {
     format!(
-        "The paper (Galoppo and others 2007, a GeForce 7800) times the query alone; here the whole loop is timed as well, pose \
-         in and wrench out. Medians of steps that touch, {} a scene at most: the loop by wall time in steps without \
-         timestamps, stages and query by the device's clock in others. Contacts are of both skins; their area is projected on \
-         the contact's normal.",
+        "The paper (Galoppo and others 2007, a GeForce 7800) times the query alone, the part of a step that finds \
+         contacts; here the whole loop is timed as well, from pose in to wrench out. Times are medians over steps \
+         with contact, at most {} of each scene: the loop by wall time in steps without timestamps, stages and query \
+         by the device's clock in other steps. Contacts are those of both skins; their area is projected on the \
+         contact normals.",
         settings["steps"]
     )
 }
 
-/// A section for each part that was measured, and one for the stages of the scenes.
+/// A section for each part that was measured, and one section for the stages in the paper's scenes.
 pub fn sections(results: &Results) -> Result<Vec<Section>> {
     let mut sections = Vec::new();
     if !results.scenes.is_empty() {
@@ -55,14 +57,14 @@ fn ms(time: f64) -> String {
     if time < 10.0 { format!("{time:.2}") } else { format!("{time:.1}") }
 }
 
-/// What the paper reports of a scene.
+/// The paper's figures for a scene.
 fn told(ran: &Ran) -> Option<&'static Told> {
     SCENES.iter().find(|told| told.name == ran.name)
 }
 
 fn scenes(all: &[Ran]) -> Result<Section> {
-    let mut table = Table::new(["scene", "what", "skin vertices", "tetrahedra", "contacts", "area cm^2"]);
-    table.heads.extend(["paper: query ms", "query ms", "goal", "loop ms", "iterations"].map(String::from));
+    let mut table = Table::new(["scene", "bodies", "skin vertices", "tetrahedra", "contacts", "area cm^2"]);
+    table.heads.extend(["paper: query ms", "query ms", "goal: query ms", "loop ms", "iterations"].map(String::from));
     let mut drawn = Vec::new();
     for (ran, told) in all.iter().filter_map(|ran| Some((ran, told(ran)?))) {
         let times = &ran.times;
@@ -72,13 +74,13 @@ fn scenes(all: &[Ran]) -> Result<Section> {
         row.push(format!("{:.0}", times.iterations()));
         table.rows.push(row);
         let bar = |what: &str, length: f64, kind: usize| Bar { name: format!("{}: {what}", ran.name), length, kind };
-        drawn.extend([bar("paper", told.paper_ms, 1), bar("here", times.query_ms(), 0)]);
+        drawn.extend([bar("paper", told.paper_ms, 1), bar("palpate", times.query_ms(), 0)]);
     }
     Ok(Section {
         title: "The paper's table".into(),
         question:
-            "How long do the paper's five scenes take, the query as in the paper, and the whole loop, which the paper \
-                   does not tell? Its times are upper bounds or about."
+            "How long do the paper's five scenes take: the query, as in the paper, and the whole loop, which the \
+             paper does not report? The paper's times are upper bounds or approximate."
                 .into(),
         table,
         plot: Some(bars("median time of the query, ms", &drawn)?),
@@ -95,7 +97,7 @@ fn scenes_finding(all: &[Ran]) -> String {
         let slow: Vec<String> =
             slow.map(|(ran, _)| format!("{} ({} ms)", ran.name, ms(ran.times.query_ms()))).collect();
         let rest = if slow.is_empty() { String::new() } else { format!(", not {}", slow.join(", ")) };
-        format!("{} of {}{rest}", touching.len() - slow.len(), touching.len())
+        format!("{} of {} scenes{rest}", touching.len() - slow.len(), touching.len())
     };
     let loops = touching.iter().map(|(ran, _)| format!("{} {} ms", ran.name, ms(ran.times.step_ms())));
     let mut flags: Vec<&str> = all.iter().flat_map(|ran| &ran.flags).map(String::as_str).collect();
@@ -103,9 +105,10 @@ fn scenes_finding(all: &[Ran]) -> String {
     flags.dedup();
     let flags = if flags.is_empty() { String::new() } else { format!(" Flags were raised: {}.", flags.join(", ")) };
     let idle: Vec<&str> = all.iter().filter(|ran| ran.times.touching == 0).map(|ran| ran.name.as_str()).collect();
-    let idle = if idle.is_empty() { String::new() } else { format!(" Nothing touched in {}.", idle.join(", ")) };
+    let idle = if idle.is_empty() { String::new() } else { format!(" No bodies touched in {}.", idle.join(", ")) };
     format!(
-        "The query is below the paper's times in {}, below the goals in {}. The whole loop takes: {}.{flags}{idle}",
+        "The query takes no longer than the paper's in {}, and no longer than the goal in {}. The whole loop takes: \
+         {}.{flags}{idle}",
         over(|told| told.paper_ms),
         over(|told| told.goal_ms),
         loops.collect::<Vec<_>>().join(", ")
@@ -131,12 +134,12 @@ fn stages(all: &[Ran]) -> Result<Section> {
     });
     Ok(Section {
         title: "Stage by stage".into(),
-        question: "Where does the loop's time go? Each stage has a timestamp's cost in it, so that together they are more than \
-                   the whole."
+        question: "Where does the loop's time go? The time of each stage includes the cost of a timestamp, so that \
+                   the stages together take more than the whole."
             .into(),
         table,
         plot: None,
-        finding: format!("The longest stage by scene is {}.", longest.collect::<Vec<_>>().join("; ")),
+        finding: format!("The longest stage of each scene is: {}.", longest.collect::<Vec<_>>().join("; ")),
         ..Section::default()
     })
 }
@@ -176,7 +179,7 @@ fn growth(by: By, rows: &[Grown]) -> Result<Section> {
     };
     let [from, to] = ends(&x).map(digits);
     let finding = format!(
-        "From {from} to {to} ({axis}) the query goes from {}, the solver from {}, the loop from {}.",
+        "From {from} to {to} ({axis}) the query's time goes from {}, the solver's from {}, the loop's from {}.",
         goes(&Times::query_ms, &drawn[1]),
         goes(&solve_ms, &drawn[2]),
         goes(&Times::step_ms, &drawn[0]),
@@ -198,26 +201,26 @@ fn digits(x: f64) -> f64 {
     (1e3 * x).round() / 1e3
 }
 
-/// Heading, quantity on the horizontal axis, and question of a section of growth.
+/// Heading, quantity on the horizontal axis, and question of a section on growth.
 fn words(by: By) -> (&'static str, &'static str, &'static str) {
     match by {
         By::Area => (
             "The loop against contact area",
             "contact area, cm^2",
-            "What does a larger contact cost the whole loop? Spheres of growing radius are pressed 4 mm into the head's cheek \
-             and held there.",
+            "What does a larger contact area cost the whole loop? Spheres of growing radius are pressed 4 mm into the \
+             head's cheek and held there.",
         ),
         By::Skin => (
             "The loop against the skin's resolution",
             "skin vertices",
-            "What does a finer skin cost the whole loop, the layer being the same? A sphere of 10 mm is pressed 4 mm into the \
-             head's cheek; a finer skin has more contacts under the same sphere.",
+            "What does a finer skin cost the whole loop if the layer stays the same? A sphere of 10 mm radius is \
+             pressed 4 mm into the head's cheek; a finer skin has more contacts under the same sphere.",
         ),
         By::Layer => (
             "The loop against the layer's resolution",
             "tetrahedra",
-            "What does a finer layer cost the whole loop, the skin being the same? A sphere of 10 mm is pressed 4 mm into the \
-             head's cheek.",
+            "What does a finer layer cost the whole loop if the skin stays the same? A sphere of 10 mm radius is \
+             pressed 4 mm into the head's cheek.",
         ),
         By::Bodies => (
             "The loop against the number of bodies",

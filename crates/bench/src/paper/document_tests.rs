@@ -1,4 +1,4 @@
-//! Tests of the findings and tables of the report on the paper's scenes, on results made by hand.
+//! Tests of the findings and tables of the report on the paper's scenes, on made-up results.
 
 use super::*;
 
@@ -24,11 +24,11 @@ fn scenes_are_held_against_the_paper_and_the_goals() {
     let all = [ran("touch-head", 1.7, 9.0), ran("pumpkins", 3.5, 20.0), idle];
     let section = scenes(&all).unwrap();
     let told = [
-        "below the paper's times in 1 of 2, not pumpkins (3.50 ms)",
-        "below the goals in 0 of 2, not touch-head (1.70 ms), pumpkins (3.50 ms)",
-        "touch-head 9.00 ms, pumpkins 20.0 ms. Flags were raised: not_converged. Nothing touched in gears.",
+        "no longer than the paper's in 1 of 2 scenes, not pumpkins (3.50 ms)",
+        "no longer than the goal in 0 of 2 scenes, not touch-head (1.70 ms), pumpkins (3.50 ms)",
+        "touch-head 9.00 ms, pumpkins 20.0 ms. Flags were raised: not_converged. No bodies touched in gears.",
     ];
-    assert!(told.iter().all(|told| section.finding.contains(told)), "{}", section.finding);
+    assert!(told.iter().all(|told| section.finding.contains(told)), "finding: {}", section.finding);
     assert_eq!(section.table.rows[0][4..], ["7", "1.00", "2.00", "1.70", "1.50", "9.00", "12"]);
     assert!(section.table.rows.iter().all(|row| row.len() == section.table.heads.len()));
     let by_stage = stages(&all[..1]).unwrap();
@@ -40,8 +40,8 @@ fn scenes_are_held_against_the_paper_and_the_goals() {
 fn growth_is_a_power_of_what_differs() {
     let row = |bodies: usize| Grown { bodies, times: times(0.5, bodies as f64, 9), ..Grown::default() };
     let section = growth(By::Bodies, &[row(1), row(4), row(16)]).unwrap();
-    let told = "From 1 to 16 (bodies) the query goes from 0.50 to 0.50 ms (power 0.00), the solver from 0.75 to 12.0 ms (power 1.00), \
-                the loop from 1.00 to 16.0 ms (power 1.00).";
+    let told = "From 1 to 16 (bodies) the query's time goes from 0.50 to 0.50 ms (power 0.00), the solver's from 0.75 \
+                to 12.0 ms (power 1.00), the loop's from 1.00 to 16.0 ms (power 1.00).";
     assert_eq!(section.finding, told);
     assert_eq!(section.table.rows[2].len(), section.table.heads.len());
     assert!(growth(By::Area, &[]).unwrap().finding.contains("too few rows"));

@@ -1,5 +1,5 @@
-//! Parts of `palpate bench paper` that measure how the time of a step grows with the contact area, the sizes of the
-//! meshes and the number of bodies.
+//! The parts of `palpate bench paper` that measure how the time of a step grows with the contact area, with the sizes
+//! of the meshes and with the number of bodies. Each row of such a part is one scene.
 
 use std::path::Path;
 
@@ -10,9 +10,10 @@ use serde::{Deserialize, Serialize};
 use super::Settings;
 use super::watched::{Times, Watched};
 
-/// Steps that are not timed, in which the tool reaches its final position or the bodies come to lie on the ground.
+/// Number of steps that are not timed, in which the tool reaches its final position or the bodies come to rest on the
+/// ground.
 const APPROACH: usize = 80;
-/// Depth to which a sphere is pressed into the head at most, m.
+/// Greatest depth to which a sphere is pressed into the head, m.
 const DEEP: f64 = 0.004;
 /// Point on the front of the head's cheek (see `touch-head.toml`), towards which spheres are pressed, m.
 const CHEEK: DVec3 = DVec3::new(0.03, -0.02, 0.084);
@@ -20,15 +21,15 @@ const CHEEK: DVec3 = DVec3::new(0.03, -0.02, 0.084);
 const BLOCK: (f64, u32) = (0.05, 5);
 /// Material of the head and of the blocks.
 const MATERIAL: &str = "young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002";
-/// Distance from block to block, edge included, m.
+/// Distance from one block to the same point of the next, m.
 const APART: f64 = 0.08;
 
-/// The quantity that differs from row to row.
+/// The quantity that is varied from row to row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum By {
     /// Contact area, by the radius of the sphere.
     Area,
-    /// Number of skin vertices of the head.
+    /// Number of vertices of the head's skin (surface mesh).
     Skin,
     /// Number of tetrahedra of the head, by the cell size of its layer (tetrahedral mesh).
     Layer,
@@ -60,7 +61,7 @@ impl By {
     }
 }
 
-/// Sizes of one scene, and what a step of it costs.
+/// Sizes of one scene, and the cost of its steps.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Grown {
     /// Name of the row.
@@ -80,7 +81,7 @@ pub struct Grown {
     pub times: Times,
 }
 
-/// Measures a row for each value. All scenes are first brought into contact; then each does a few steps in turn.
+/// Measures a row for each value. All scenes are first brought into contact; then they do a few steps each, in turn.
 pub fn measure(by: By, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Grown>> {
     let mut all = Vec::new();
     for &value in settings.values(by) {
@@ -96,13 +97,13 @@ pub fn measure(by: By, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Resu
     }
     for turn in 0..settings.growth_steps {
         let mut order: Vec<_> = all.iter_mut().collect();
-        // Every second turn goes in reverse order, so that a change of the machine's speed favours no scene.
+        // Every second turn has the reverse order, so that a change of the machine's speed favours no scene.
         if turn % 2 == 1 {
             order.reverse();
         }
         for (watched, row) in order {
-            // The first step finds caches cold and does not count; of the next four, two are timed by stage and two are
-            // not.
+            // The first step finds caches cold and is not counted; of the next four, two are timed stage by stage and
+            // two as a whole.
             watched.step(None)?;
             (0..4).try_for_each(|_| watched.step(Some(&mut row.times)).map(drop))?;
         }

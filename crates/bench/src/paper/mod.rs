@@ -1,5 +1,5 @@
-//! `palpate bench paper`: the scenes of the paper (Galoppo and others 2007) with its times beside palpate's, and how
-//! the time of a step grows with the size of contact, meshes and scene.
+//! `palpate bench paper`: the scenes of the paper (Galoppo and others 2007), with its times and palpate's, and how the
+//! time of a step grows with the contact area, with the sizes of the meshes and with the number of bodies.
 
 mod document;
 mod growth;
@@ -25,11 +25,11 @@ use super::{Benchmark, Section};
 pub struct Settings {
     /// Folder of the scene files.
     pub scenes: PathBuf,
-    /// Steps of each scene after its first contact.
+    /// Number of steps of each scene after its first contact, at most.
     pub steps: usize,
     /// Longest wall time that a scene is run for, s.
     pub scene_seconds: f64,
-    /// Radii of the sphere, m.
+    /// Radii of the sphere that is pressed into the head, m.
     pub radii: Vec<f64>,
     /// Numbers of skin vertices of the head.
     pub vertices: Vec<f64>,
@@ -37,7 +37,7 @@ pub struct Settings {
     pub cells: Vec<f64>,
     /// Numbers of blocks.
     pub bodies: Vec<f64>,
-    /// Number of turns that each row of growth has; in a turn four steps count.
+    /// Number of turns of each row that shows growth; in a turn four steps count.
     pub growth_steps: usize,
     /// GPU device, by name or index; `None`: the best one.
     pub device: Option<String>,
@@ -59,7 +59,7 @@ impl Settings {
         }
     }
 
-    /// A short form with few samples for every question, for a first look; not for figures to quote.
+    /// A short form with few samples for each question, for a first look; not for figures to quote.
     pub fn quick() -> Settings {
         Settings {
             steps: 16,
@@ -82,17 +82,18 @@ impl Settings {
     }
 }
 
-/// Results of the benchmark; parts that were not measured are missing or empty.
+/// Results of the benchmark; the results of parts that were not measured are missing or empty.
 #[derive(Debug, Clone, Default)]
 pub struct Results {
     /// Results of the paper's scenes.
     pub scenes: Vec<Ran>,
-    /// Rows of growth by contact area, skin, layer and number of bodies.
+    /// Rows that show growth: with the contact area, the skin, the layer and the number of bodies.
     pub growth: Vec<(By, Vec<Grown>)>,
 }
 
 impl Results {
-    /// Reads the results of those parts that were measured. Errors: a part does not have this benchmark's form.
+    /// Reads the results of the parts that were measured. Errors: a part does not have the form of this benchmark's
+    /// results.
     pub fn of(parts: &Map<String, Value>) -> Result<Results> {
         let scenes = SCENES.iter().filter_map(|told| parts.get(told.name)).map(from_value);
         let growth = By::ALL.into_iter().map(|by| Ok((by, part(parts, by.name())?)));
@@ -100,7 +101,7 @@ impl Results {
     }
 }
 
-/// The benchmark `paper`; each scene is a part of it, and each quantity that times grow with.
+/// The benchmark `paper`. Its parts are the scenes of the paper, and the quantities with which times grow.
 pub struct Paper(pub Settings);
 
 impl Benchmark for Paper {

@@ -1,4 +1,5 @@
-//! Runs the scenes of the paper and measures the steps with contact: the query alone, every stage, and the whole step.
+//! Runs the scenes of the paper and measures the steps with contact: the time of the query (the stages that find
+//! contacts), of every stage, and of the whole step.
 
 use std::time::Instant;
 
@@ -8,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::Settings;
 use super::watched::{Times, Watched};
 
-/// A scene of the paper, what the paper reports of it (Galoppo and others 2007, a GeForce 7800 and a Pentium of 3.4
-/// GHz), and the time that palpate aims at on two CPU cores.
+/// A scene of the paper, the time that the paper reports for it (Galoppo and others 2007, a GeForce 7800 and a Pentium
+/// of 3.4 GHz), and the time that palpate aims at on two CPU cores.
 #[derive(Debug, Clone, Copy)]
 pub struct Told {
     /// Name of the scene's file.
@@ -26,7 +27,7 @@ const fn told(name: &'static str, what: &'static str, paper_ms: f64, goal_ms: f6
     Told { name, what, paper_ms, goal_ms }
 }
 
-/// The five scenes.
+/// The five scenes of the paper.
 pub const SCENES: [Told; 5] = [
     told("touch-head", "sphere on a head, 44,000 skin vertices", 2.0, 1.5),
     told("two-heads", "two heads, 44,000 each", 6.0, 2.5),
@@ -44,9 +45,9 @@ pub struct Ran {
     pub tetrahedra: usize,
     /// Skin vertices of all bodies but the tool.
     pub vertices: usize,
-    /// Steps after that of the first contact.
+    /// Number of steps after the step of the first contact.
     pub steps: usize,
-    /// Steps up to the first contact, which are not timed.
+    /// Number of steps up to the first contact, which are not timed.
     pub before: usize,
     /// Times and contacts of the steps with contact.
     #[serde(flatten)]
@@ -55,7 +56,7 @@ pub struct Ran {
     pub flags: Vec<String>,
 }
 
-/// Runs a scene. Steps up to the first contact have no timestamps, which cost time; of those after it every other has
+/// Runs a scene. Steps up to the first contact have no timestamps, which take time; after it every second step has
 /// them.
 pub fn run(name: &str, settings: &Settings) -> Result<Ran> {
     let file = settings.scenes.join(format!("{name}.toml"));

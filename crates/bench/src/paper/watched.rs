@@ -1,5 +1,5 @@
-//! A simulation whose steps with contact are timed: the whole step by wall time in one, its stages by GPU timestamps in
-//! the next.
+//! A simulation whose steps with contact are timed alternately: one step by the wall time of the whole, the next by GPU
+//! timestamps of its stages.
 
 use std::collections::BTreeMap;
 
@@ -11,11 +11,11 @@ use serde::{Deserialize, Serialize};
 use super::Settings;
 use crate::median;
 
-/// Every second step has timestamps: of four steps two have none, one times each stage, and one times the query as a
-/// whole.
+/// Every second step has timestamps. Of four steps two have none, one times each stage, and one times the query (the
+/// stages that find contacts) as a whole.
 const TIMED_EVERY: u64 = 2;
 
-/// Times and contacts of the steps with contact; the lists have an entry for each step that measured it.
+/// Times and contacts of the steps with contact; each list has an entry for each step that measured its quantity.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Times {
     /// Number of steps with contact.
@@ -26,7 +26,7 @@ pub struct Times {
     pub query_us: Vec<f64>,
     /// Wall time of the steps without timestamps, from the pose going in to the wrench coming out, us.
     pub step_us: Vec<f64>,
-    /// Number of contacts, gathered at the vertices of both skins.
+    /// Number of contacts, found at the vertices of both skins (surface meshes).
     pub contacts: Vec<u32>,
     /// Area of the contacts, projected on the contact normals, m^2.
     pub areas: Vec<f64>,
@@ -45,7 +45,7 @@ impl Times {
         1e-3 * median(&self.step_us)
     }
 
-    /// Median time of a stage, ms; `None`: the scene does not have it.
+    /// Median time of a stage, ms; `None`: the scene has no such stage.
     pub fn stage_ms(&self, stage: &str) -> Option<f64> {
         self.stages_us.get(stage).map(|us| 1e-3 * median(us))
     }
@@ -70,7 +70,7 @@ fn of(counts: &[u32]) -> f64 {
     median(&counts.iter().map(|&n| n.into()).collect::<Vec<f64>>())
 }
 
-/// A running simulation.
+/// A running simulation whose steps can be timed.
 pub struct Watched(Simulation);
 
 impl Watched {
@@ -98,7 +98,7 @@ impl Watched {
         self.0.context().bytes_allocated()
     }
 
-    /// Does a step; if `times` is given and the step has contacts, adds its measurements to it.
+    /// Does a step; if `times` is given and the step has contacts, adds the step's measurements to `times`.
     pub fn step(&mut self, times: Option<&mut Times>) -> Result<StepReport> {
         self.0.time_every(if times.is_some() { TIMED_EVERY } else { 0 })?;
         let row = self.0.step()?;

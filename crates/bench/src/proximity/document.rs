@@ -1,5 +1,5 @@
-//! The report of the proximity benchmark ([`Results`]). Findings are computed from the measurements; none of their
-//! numbers is written here.
+//! The report of the proximity benchmark ([`Results`]), which times the query for contacts (broad phase, narrow phase,
+//! contacts) by itself. All numbers of its findings are computed from the measurements.
 
 use palpate::Result;
 use palpate::internal::stages::QUERY;
@@ -9,17 +9,17 @@ use super::{Area, Peers, Place, Results, Sensitivity};
 use crate::plot::{Axis, Bar, Line, bars, lines};
 use crate::{Section, Table};
 
-/// Most times as long that the query may take for the largest skin as for the smallest.
+/// Greatest allowed ratio of the query's time for the largest skin to its time for the smallest.
 const ALLOWED_RATIO: f64 = 1.5;
-/// Times that closest-point queries took elsewhere (ms), on one core of another machine: for 713 vertices in the box,
-/// and for all 30,000.
+/// Quoted times of closest-point queries (ms), on one core of another machine: for 713 vertices in the intersection of
+/// the bounding boxes, and for all 30,000.
 const QUOTED_MS: [f64; 2] = [2.3, 11.0];
 
-/// How it was measured.
+/// How the benchmark was measured.
 pub fn preface(settings: &Value) -> String {
     format!(
-        "Times are medians of {} runs (half as many for areas) by the device's own clock, stage by stage; a total is the \
-         median of as many runs timed as one, without the timestamps in between.",
+        "Times are medians of {} runs (half as many for areas) by the device's own clock, stage by stage. A total is \
+         the median of as many other runs, each timed as a whole without timestamps between its stages.",
         settings["runs"]
     )
 }
@@ -45,7 +45,7 @@ fn heads(first: &[&str]) -> Table {
     Table::new(first.chain(stages).chain(["total ms".to_string()]))
 }
 
-/// Table cells of the times: median of each stage, and total.
+/// Table cells of the times: the median of each stage, and the total.
 fn times(place: &Place) -> impl Iterator<Item = String> {
     place.samples_us.medians_ms().into_iter().chain([place.samples_us.total_ms()]).map(ms)
 }
@@ -67,7 +67,7 @@ fn stage_lines<'a>(points: impl Iterator<Item = (f64, &'a Place)> + Clone) -> Ve
     all
 }
 
-/// The flags that any query raised, as a sentence; empty where none was raised.
+/// The flags that any query raised, as a sentence; empty if none was raised.
 fn flagged<'a>(flags: impl Iterator<Item = &'a String>) -> String {
     let mut names: Vec<&str> = flags.map(String::as_str).collect();
     names.sort_unstable();
@@ -90,9 +90,9 @@ fn sensitivity(rows: &[Sensitivity]) -> Result<Section> {
     let flags = flagged(rows.iter().flat_map(|row| &row.place.flags));
     Ok(Section {
         title: "Output sensitivity".into(),
-        question: "Does the query's time follow the contact or the mesh? A ball is pressed by 1 mm into bodies whose \
-                   triangles are the same bit for bit about the contact and ever finer elsewhere; `chunks` of at most 64 \
-                   vertices, of both skins, were looked at."
+        question: "Does the query's time depend on the contact or on the mesh? A ball is pressed by 1 mm into bodies \
+                   whose triangles are the same, bit for bit, about the contact and ever finer elsewhere. `chunks` is \
+                   the number of groups of at most 64 vertices, of both skins, that culling kept."
             .into(),
         table,
         plot: Some(lines(&axis, "median time, ms", &stage_lines(points))?),
@@ -106,8 +106,8 @@ fn sensitivity_finding(rows: &[Sensitivity]) -> String {
     let ratio = last.place.samples_us.total_ms() / first.place.samples_us.total_ms();
     let verdict = if ratio <= ALLOWED_RATIO { "within" } else { "beyond" };
     format!(
-        "From {} to {} vertices, {:.0} times as many, the query takes {ratio:.2} times as long: {verdict} the {ALLOWED_RATIO} \
-         allowed.",
+        "From {} to {} vertices, {:.0} times as many, the query takes {ratio:.2} times as long: {verdict} the allowed \
+         ratio of {ALLOWED_RATIO}.",
         first.vertices,
         last.vertices,
         last.vertices as f64 / first.vertices as f64
@@ -129,8 +129,9 @@ fn area(rows: &[Area]) -> Result<Section> {
     Ok(Section {
         title: "Time against contact area".into(),
         question: format!(
-            "What does a larger contact cost? Two like skins of {vertices} vertices each, their triangles of 0.8 mm edges, \
-             are pressed together; the area is what the contacts of both cover. The first row is a gap of 0.5 mm."
+            "What does a larger contact area cost? Two equal skins of {vertices} vertices each, with triangle edges \
+             of 0.8 mm, are pressed together; the area is that of the contacts of both skins. In the first row there \
+             is a gap of 0.5 mm between the skins."
         ),
         table,
         plot: Some(lines(&axis, "median time, ms", &stage_lines(points))?),
@@ -139,17 +140,18 @@ fn area(rows: &[Area]) -> Result<Section> {
     })
 }
 
-/// What more contact area costs, from the first row with contacts to the last.
+/// The cost of more contact area, from the first row with contacts to the last.
 fn area_finding(rows: &[Area]) -> String {
     let touching: Vec<&Place> = rows.iter().map(|row| &row.place).filter(|place| place.contacts > 0).collect();
-    let [first, second, .., before, last] = touching[..] else { return "too few contacts to say.".into() };
+    let [first, second, .., before, last] = touching[..] else { return "too few rows with contacts.".into() };
     let (cm2, time) = (|place: &Place| 1e4 * place.area, |place: &Place| place.samples_us.total_ms());
     let slope = |a: &Place, b: &Place| (time(b) - time(a)) / (cm2(b) - cm2(a));
     let stages = last.samples_us.medians_ms().into_iter().zip(QUERY);
     let (longest, stage) = stages.fold((0.0, ""), |most, stage| if stage.0 > most.0 { stage } else { most });
     format!(
-        "From {:.1} to {:.1} cm^2, {:.1} times the area, the query takes {:.1} times as long ({:.2} and {:.2} ms); one more \
-         cm^2 costs {:.2} ms at first and {:.2} ms at last, when {:.0} % of the time is {stage}'s.",
+        "From {:.1} to {:.1} cm^2, {:.1} times the area, the query takes {:.1} times as long ({:.2} and {:.2} ms). \
+         One more cm^2 costs {:.2} ms between the first two areas and {:.2} ms between the last two; at the last, \
+         {:.0} % of the time is that of the stage `{stage}`.",
         cm2(first),
         cm2(last),
         cm2(last) / cm2(first),
@@ -165,7 +167,7 @@ fn area_finding(rows: &[Area]) -> String {
 fn peers(peers: &Peers) -> Result<Section> {
     let Peers { vertices: [small, large], inside, boxed, colliding, place, .. } = peers;
     let total = place.samples_us.total_ms();
-    let mut table = Table::new(["method", "vertices asked", "of", "colliding", "ms"]);
+    let mut table = Table::new(["method", "vertices tested", "body", "colliding vertices", "ms"]);
     let mut row = |cells: [String; 5]| table.rows.push(cells.into());
     row([
         "palpate: depth along the normal".into(),
@@ -179,7 +181,7 @@ fn peers(peers: &Peers) -> Result<Section> {
     };
     row(one("parry3d f64: closest point, in the box", *boxed, peers.boxed_ms()));
     row(one("parry3d f64: closest point, all", *small, peers.all_ms()));
-    row(["parry3d f64: tree and normals after the head deforms", "", "", "", &ms(peers.refit_ms())].map(String::from));
+    row(["parry3d f64: refit of tree and normals to the head", "", "", "", &ms(peers.refit_ms())].map(String::from));
     let quoted = |name: &str, asked: &str, time: f64| [name, asked, "one", "320", &ms(time)].map(String::from);
     row(quoted("quoted: closest point, in the box", "713", QUOTED_MS[0]));
     row(quoted("quoted: closest point, all", "30000", QUOTED_MS[1]));
@@ -193,13 +195,14 @@ fn peers(peers: &Peers) -> Result<Section> {
         bar("quoted, all", QUOTED_MS[1], 2),
     ];
     Ok(Section {
-        title: "Peers on the same work".into(),
+        title: "Comparison with closest-point queries".into(),
         question: format!(
-            "How long does the same pose take others? A pumpkin of {small} vertices is pressed into the back of a head of \
-             {large}. Closest points within {:.0} mm give Euclidean depth for the pumpkin's vertices alone, on one core, by a \
-             tree of boxes that is made before and would have to be refitted in each step in which the head deforms; the query gives depth along \
-             the contact's normal for both bodies, and culls and places them each time. The quoted times are of another \
-             machine, for 30,000 vertices against a skin of 41,000, 320 colliding.",
+            "How long do other methods take for the same pose? A pumpkin of {small} vertices is pressed into the back \
+             of a head of {large}. Closest points within {:.0} mm give the Euclidean depth of the pumpkin's vertices \
+             only, on one core, by a tree of boxes that is built beforehand and would have to be refitted in each \
+             step in which the head deforms. palpate's query gives the depth along the contact's normal for both \
+             bodies, and culls and places them in each run. The quoted times are of another machine, for 30,000 \
+             vertices against a skin of 41,000, with 320 colliding vertices.",
             1e3 * peers.reach
         ),
         table,
@@ -216,8 +219,9 @@ fn peers_finding(peers: &Peers) -> String {
         ratio => format!("{:.2} times as slow as", 1.0 / ratio),
     };
     format!(
-        "The query of both skins ({:.2} ms) is {} closest points for the {} vertices in the box here ({:.2} ms; {:.2} ms \
-         with the refit), and {} those for all ({:.2} ms); it is {} the {} ms and {} the {} ms quoted.",
+        "palpate's query of both skins ({:.2} ms) is {} closest points for the {} vertices in the box ({:.2} ms; \
+         {:.2} ms with the refit), and {} closest points for all vertices ({:.2} ms). It is {} the quoted query of {} \
+         ms in the box, and {} the quoted one of {} ms for all vertices.",
         total,
         against(peers.boxed_ms()),
         peers.boxed,

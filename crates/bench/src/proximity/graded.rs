@@ -1,6 +1,6 @@
-//! Round bodies (families of surface meshes) for the proximity benchmark. They have any number of vertices, but are
-//! identical, bit for bit, within a cap about one pole: rings of vertices about the z axis, at a fixed spacing within
-//! the cap and ever coarser or finer beyond it.
+//! Round bodies (families of closed surface meshes) for the proximity benchmark. The bodies of a family differ in their
+//! number of vertices, but are identical, bit for bit, within a cap about one pole. Their vertices lie in rings about
+//! the z axis, at a fixed spacing within the cap and ever coarser or finer beyond it.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,14 +8,15 @@ use glam::DVec3;
 
 /// Beyond the cap, the spacing changes from ring to ring by at most this factor.
 const GROWTH: f64 = 1.1;
-/// Depth of the grooves of a lobed body, as a share of its radius; so deep that one convex hull cannot cover the body.
+/// Depth of the grooves of a lobed body, as a share of its radius; it is so great that one convex hull cannot cover the
+/// body.
 const GROOVE: f64 = 0.4;
 /// Number of lobes between the grooves.
 const LOBES: f64 = 5.0;
 /// Polar angle from the cap's rim over which the grooves reach their depth, rad.
 const ONSET: f64 = 0.7;
 
-/// What all bodies of a family share.
+/// The properties that all bodies of a family share.
 #[derive(Debug, Clone, Copy)]
 pub struct Family {
     /// Radius of the body, m.
@@ -44,8 +45,8 @@ struct Ring {
 }
 
 impl Family {
-    /// The body whose number of vertices is nearest to `count`: within a few per cent, unless the cap and the
-    /// transition from it have more.
+    /// The body whose number of vertices is nearest to `count`. It differs from `count` by a few per cent, unless the
+    /// cap and the transition from it already have more vertices.
     pub fn member(&self, count: usize) -> Graded {
         let (mut fine, mut coarse) = (0.05 * self.spacing / self.radius, 0.5_f64);
         for _ in 0..50 {
@@ -61,7 +62,7 @@ impl Family {
         self.surface(if is_nearer { &more } else { &fewer })
     }
 
-    /// Numbers of vertices and of triangles of the cap.
+    /// Number of vertices and number of triangles of the cap.
     pub fn cap_counts(&self) -> (usize, usize) {
         let rings = self.cap_rings();
         (1 + 3 * rings * (rings + 1), 6 * rings * rings)
@@ -127,8 +128,8 @@ fn total(rings: &[Ring]) -> usize {
     2 + rings.iter().map(|ring| ring.points).sum::<usize>()
 }
 
-/// Joins two rings, each given by its first vertex and its number of vertices, by triangles: always to the nearer next
-/// vertex.
+/// Joins two rings, each given by its first vertex and its number of vertices, by triangles; each new triangle advances
+/// on the ring whose next vertex is nearer.
 fn zip(triangles: &mut Vec<[usize; 3]>, (inner, m): (usize, usize), (outer, n): (usize, usize)) {
     let (mut i, mut j) = (0, 0);
     while i < m || j < n {
@@ -155,14 +156,18 @@ mod tests {
     fn members_are_closed_and_outward_and_have_the_vertices_asked_for() {
         for count in [3_000, 11_000, 44_000] {
             let Graded { vertices, triangles } = FAMILY.member(count);
-            assert!(vertices.len().abs_diff(count) < count / 20, "{} of {count}", vertices.len());
+            assert!(
+                vertices.len().abs_diff(count) < count / 20,
+                "the body has {} vertices, {count} were requested",
+                vertices.len()
+            );
             // By Euler's formula, the surface is closed, in one piece and without handles.
             assert_eq!(triangles.len(), 2 * vertices.len() - 4);
             assert_eq!(skin::defects(&triangles), (0, 0));
             assert_eq!(skin::parts(vertices.len(), &triangles).1, 1);
             let ball = 4.0 / 3.0 * PI * 1e-3;
             let volume = mass::properties(&vertices, &triangles).volume;
-            assert!(volume > 0.5 * ball && volume < 0.9 * ball, "{volume}");
+            assert!(volume > 0.5 * ball && volume < 0.9 * ball, "volume {volume} m^3");
         }
     }
 
@@ -176,10 +181,10 @@ mod tests {
         assert_eq!(a, b);
         assert_eq!(few.triangles[..triangles], many.triangles[..triangles]);
         assert!(few.triangles[..triangles].iter().flatten().all(|&v| (v as usize) < vertices));
-        // No triangle beyond the cap has all its vertices in it.
+        // No triangle beyond the cap has all its vertices in the cap.
         let within = |t: &&[u32; 3]| t.iter().all(|&v| (v as usize) < vertices);
         assert_eq!(many.triangles.iter().filter(within).count(), triangles);
-        // Without grooves every vertex is on the sphere.
+        // Without grooves every vertex lies on the sphere.
         let sphere = Family { is_lobed: false, ..FAMILY }.member(2_000);
         assert!(sphere.vertices.iter().all(|v| (v.length() - 0.1).abs() < 1e-15));
     }

@@ -1,5 +1,5 @@
-//! `palpate bench proximity`: what the proximity query (broad phase, narrow phase, contacts) costs by itself, and what
-//! that cost depends on.
+//! `palpate bench proximity`: the cost of the proximity query (broad phase, narrow phase, contacts) by itself, and how
+//! that cost depends on the meshes and on the contact area.
 
 mod document;
 pub mod graded;
@@ -21,15 +21,16 @@ use super::{Benchmark, Section};
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Timed runs of each query; half as many for contact areas.
+    /// Timed runs of each query; half as many where the contact area is varied.
     pub runs: usize,
-    /// Untimed runs of each query before them.
+    /// Untimed runs of each query before the timed ones.
     pub warm_up: usize,
-    /// Approximate numbers of vertices of the skins that share a contact patch.
+    /// Approximate numbers of vertices of the skins (surface meshes) that have the same contact patch, for the part
+    /// `sensitivity`.
     pub sizes: Vec<usize>,
-    /// Contact areas, cm^2.
+    /// Contact areas of the part `area`, cm^2.
     pub areas_cm2: Vec<f64>,
-    /// Approximate number of vertices of both skins in the part `area`.
+    /// Approximate number of vertices of each skin in the part `area`.
     pub area_vertices: usize,
     /// Numbers of vertices of the pumpkin and the head in the part `peers`.
     pub peer_vertices: [usize; 2],
@@ -57,7 +58,7 @@ impl Settings {
         }
     }
 
-    /// A short form with few samples for every question, for a first look; not for figures to quote.
+    /// A short form with few samples for each question, for a first look; not for figures to quote.
     pub fn quick() -> Settings {
         Settings {
             runs: 20,
@@ -70,7 +71,7 @@ impl Settings {
     }
 }
 
-/// Results of the benchmark; parts that were not measured are empty.
+/// Results of the benchmark; the results of parts that were not measured are empty.
 #[derive(Debug, Clone, Default)]
 pub struct Results {
     /// Queries of one contact patch on skins of several sizes.
@@ -82,14 +83,15 @@ pub struct Results {
 }
 
 impl Results {
-    /// Reads the results of those parts that were measured. Errors: a part does not have this benchmark's form.
+    /// Reads the results of the parts that were measured. Errors: a part does not have the form of this benchmark's
+    /// results.
     pub fn of(parts: &Map<String, Value>) -> Result<Results> {
         let [sensitivity, area, peers] = PARTS;
         Ok(Results { sensitivity: part(parts, sensitivity)?, area: part(parts, area)?, peers: part(parts, peers)? })
     }
 }
 
-/// Names of the parts.
+/// Names of the benchmark's parts.
 const PARTS: [&str; 3] = ["sensitivity", "area", "peers"];
 
 /// The benchmark `proximity`; each question is a part of it.
@@ -131,8 +133,8 @@ impl Benchmark for Proximity {
     }
 }
 
-/// A fixed rigid body with this closed surface as its skin, and with the collision proxies (convex hulls) that the
-/// engine makes.
+/// A fixed rigid body that has this closed surface as its skin, with the collision proxies (convex hulls) that the
+/// engine makes for it.
 fn rigid(name: &str, vertices: Vec<glam::DVec3>, triangles: Vec<[u32; 3]>) -> Result<Body> {
     let mass::Properties { volume, centroid, inertia } = mass::properties(&vertices, &triangles);
     let skin = skin::build(vertices, triangles);

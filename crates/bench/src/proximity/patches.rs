@@ -1,5 +1,5 @@
-//! Parts `sensitivity` and `area` of `palpate bench proximity`: one contact patch on ever larger skins (surface
-//! meshes), and ever larger patches on one skin.
+//! The parts `sensitivity` and `area` of `palpate bench proximity`: the same contact patch on ever larger skins
+//! (surface meshes), and ever larger contact patches on one skin.
 
 use std::sync::Arc;
 
@@ -13,30 +13,32 @@ use super::graded::{Family, Graded};
 use super::{Settings, counts, rigid};
 use crate::Samples;
 
-/// Bodies that are identical within the contact patch.
+/// Bodies of the part `sensitivity`, identical within the contact patch.
 const BODY: Family = Family { radius: 0.1, cap: 0.015, spacing: 0.0005, is_lobed: true };
-/// The ball that is pressed into them, with triangles of the same size there.
+/// The ball that is pressed into the bodies of the part `sensitivity`; its triangles have the same size at the contact.
 const BALL: Family = Family { radius: 0.02, cap: 0.01, spacing: 0.0005, is_lobed: false };
 const BALL_VERTICES: usize = 6_000;
 /// Depth of the press, m.
 const BALL_DEPTH: f64 = 0.001;
-/// Offset of the upper body from the lower one's pole, m; with the turn, no two vertices lie over each other.
+/// Offset of the upper body from the lower one's pole, m; with the offset and [`TURN`], no two vertices coincide in the
+/// contact plane.
 const BESIDE: DVec3 = DVec3::new(0.0007, 0.0004, 0.0);
-/// Turn of the upper body about its axis, rad.
+/// Rotation of the upper body about its axis, rad.
 const TURN: f64 = 0.3;
-/// Both bodies of the part `area`.
+/// Both bodies of the part `area`, which are equal.
 const BROAD: Family = Family { radius: 0.1, cap: 0.06, spacing: 0.0008, is_lobed: true };
-/// Distance between skins that do not touch, m; so near that the query still has to look at some vertices.
+/// Distance between skins that do not touch, m; so short that the query still has to test some vertices.
 const GAP: f64 = 0.0005;
-/// In the part `area` each pose has the number of runs divided by this, since poses are many and some take long.
+/// In the part `area` the number of runs of each pose is divided by this, since there are many poses and some take
+/// long.
 const AREA_RUNS: usize = 2;
 
-/// What a query found in one pose, and the time it took.
+/// The findings of a query in one pose, and the time it took.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Place {
     /// Number of contacts: colliding vertices of both skins.
     pub contacts: usize,
-    /// Number of chunks of both skins (groups of at most 64 vertices that are culled together) that were looked at.
+    /// Number of chunks of both skins (groups of at most 64 vertices that are culled together) that culling kept.
     pub chunks: u32,
     /// Area of the contacts, projected on their normal, m^2.
     pub area: f64,
@@ -48,44 +50,44 @@ pub struct Place {
     pub samples_us: Samples,
 }
 
-/// The contact patch on a skin of some size.
+/// Results of the contact patch on a skin of one size.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Sensitivity {
     /// Number of vertices of the skin.
     pub vertices: usize,
     /// Number of triangles of the skin.
     pub triangles: usize,
-    /// Number of the body's collision proxies.
+    /// Number of the body's collision proxies (convex hulls).
     pub proxies: usize,
-    /// Time that preparing the body took, most of it for the proxies, s.
+    /// Time to prepare the body, most of it for the collision proxies, s.
     pub prepare_seconds: f64,
     /// Results of the query.
     #[serde(flatten)]
     pub place: Place,
 }
 
-/// A body that is pressed into another one of the same shape.
+/// Results for a body that is pressed into another one of the same shape.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Area {
     /// Number of vertices of each skin.
     pub vertices: usize,
-    /// Area of the circle in which the two spheres (without grooves) meet, m^2; [`Place::area`] is what the query
-    /// found.
+    /// Area of the circle in which the two spheres (the bodies without grooves) intersect, m^2; [`Place::area`] is the
+    /// area that the query found.
     pub circle: f64,
     /// Results of the query.
     #[serde(flatten)]
     pub place: Place,
 }
 
-/// A query, by its index, and the pose of its second body.
+/// One pose of a query: the index of the query, and the pose of its second body.
 pub struct Case {
     query: usize,
     pose: (DVec3, DQuat),
 }
 
-/// Runs all cases in turn, so that a change of the machine's speed concerns all of them, and returns a place for each.
-/// A timed run is one in which caches already hold what the query needs, as they do from step to step. Runs are timed
-/// stage by stage and as a whole alternately.
+/// Runs all cases in turn, so that a change of the machine's speed affects all of them, and returns a [`Place`] for
+/// each. Timed runs follow untimed ones, after which caches hold what the query needs, as they do from step to step.
+/// Runs are timed alternately stage by stage and as a whole.
 pub fn measure(queries: &mut [Query], cases: &[Case], settings: &Settings) -> Result<Vec<Place>> {
     let mut places = vec![Place::default(); cases.len()];
     for run in 0..settings.warm_up + 2 * settings.runs {
@@ -158,8 +160,8 @@ pub fn area(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(&
     Ok(circles.into_iter().zip(places).map(|(circle, place)| Area { vertices, circle, place }).collect())
 }
 
-/// A pose in which the second body's pole points at the first one's, with its centre `height` (m) above the first
-/// one's.
+/// A pose in which the second body's pole points at the first body's, with the second body's centre `height` (m) above
+/// the first's.
 fn against(height: f64) -> (DVec3, DQuat) {
     let turned = DQuat::from_rotation_x(std::f64::consts::PI) * DQuat::from_rotation_z(TURN);
     (BESIDE + DVec3::Z * height, turned)

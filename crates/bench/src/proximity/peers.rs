@@ -1,7 +1,7 @@
-//! Part `peers` of `palpate bench proximity`: the same pose solved by closest points, that is, for each vertex of one
-//! body the nearest point of the other's surface and whether the vertex is inside, by a bounding volume hierarchy
-//! (parry3d, f64) on one core. Both bodies are rigid; where they deform, the hierarchy has to be refitted, whose time
-//! is measured too.
+//! Part `peers` of `palpate bench proximity`: one pose solved by palpate's query and by closest points. Closest points
+//! are, for each vertex of one body, the nearest point of the other body's surface, and whether the vertex is inside,
+//! by a bounding volume hierarchy (parry3d, f64) on one core. Both bodies are rigid; a body that deforms would need its
+//! hierarchy refitted, and the time of a refit is measured too.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -20,15 +20,15 @@ use super::patches::{Place, measure_one};
 use super::{Settings, rigid};
 use crate::median;
 
-/// Scale of the pumpkin, at which its vertices are about as far apart as the head's.
+/// Scale of the pumpkin, at which the spacing of its vertices is about that of the head's.
 const SCALE: f64 = 0.5;
-/// Position of the pumpkin, m, less its distance behind the head.
+/// Position of the pumpkin without its distance behind the head, m.
 const BEHIND: DVec3 = DVec3::new(0.0, 0.03, 0.0);
-/// Range of distances of the pumpkin's centre behind the head's in which the pose is searched, m.
+/// Range in which the search for the pose looks for the distance of the pumpkin's centre behind the head's, m.
 const DISTANCES: [f64; 2] = [0.11, 0.5];
-/// Bisection steps of that search.
+/// Bisection steps of the search for the pose.
 const HALVINGS: usize = 24;
-/// Refits take longer than queries and vary less, so that only one is measured for this many runs.
+/// Refits take longer than queries and their times vary less: one refit is measured for this many runs.
 const REFIT_EVERY: usize = 10;
 
 /// Sizes and times of both methods.
@@ -36,7 +36,7 @@ const REFIT_EVERY: usize = 10;
 pub struct Peers {
     /// Numbers of vertices of the pumpkin and of the head.
     pub vertices: [usize; 2],
-    /// Number of the pumpkin's vertices within the head, by closest points.
+    /// Number of the pumpkin's vertices inside the head, by closest points.
     pub inside: usize,
     /// Number of the pumpkin's vertices in the intersection of the two bodies' bounding boxes.
     pub boxed: usize,
@@ -45,10 +45,10 @@ pub struct Peers {
     /// Results of palpate's query.
     #[serde(flatten)]
     pub place: Place,
-    /// Greatest distance at which closest points are looked for, m: the query's `depth_limit`.
+    /// Greatest distance up to which closest points are searched, m: the query's `depth_limit`.
     pub reach: f64,
-    /// Time of the closest points for the vertices in the box, which are selected anew each time, us; one entry for
-    /// each run.
+    /// Time of the closest points for the vertices in the intersection of the boxes, which are selected anew in each
+    /// run, us; one entry for each run.
     pub boxed_us: Vec<f64>,
     /// Time of the closest points for all vertices of the pumpkin, us; one entry for each run.
     pub all_us: Vec<f64>,
@@ -89,7 +89,8 @@ pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(
         let at = BEHIND - DVec3::Z * distance;
         points.iter().map(|x| *x + at).map(|x| Vector::new(x.x, x.y, x.z)).collect()
     };
-    // The pumpkin's box contains all of its vertices, so those in the head's box are those in the intersection.
+    // All of the pumpkin's vertices lie in its own bounding box, so that those in the head's box are those in the
+    // intersection of the two.
     let in_box = |x: &&Vector| (0..3).all(|k| (head_box[0][k]..=head_box[1][k]).contains(&x[k]));
     let inside = |points: &[Vector]| closest(&tree, points.iter().filter(in_box), f64::MAX).0;
     let [mut near, mut far] = DISTANCES;
@@ -130,15 +131,15 @@ pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(
     Ok(peers)
 }
 
-/// A triangle mesh of parry3d that tells inside from outside.
+/// A triangle mesh of parry3d that can distinguish inside from outside.
 fn tree(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Result<TriMesh> {
     let points = vertices.iter().map(|x| Vector::new(x.x, x.y, x.z)).collect();
     TriMesh::with_flags(points, triangles.to_vec(), TriMeshFlags::ORIENTED)
         .map_err(|problem| Error::Simulation(format!("parry3d refuses the head: {problem}")))
 }
 
-/// Number of points that are inside, and the sum of their depths (m); points farther than `reach` from the surface do
-/// not count.
+/// Number of points that are inside the mesh, and the sum of their depths (m); points farther than `reach` from the
+/// surface do not count.
 fn closest<'a>(tree: &TriMesh, points: impl Iterator<Item = &'a Vector>, reach: f64) -> (usize, f64) {
     let nearest =
         points.filter_map(|&point| Some((point, tree.project_local_point_with_max_dist(point, false, reach)?)));
@@ -147,7 +148,7 @@ fn closest<'a>(tree: &TriMesh, points: impl Iterator<Item = &'a Vector>, reach: 
         .fold((0, 0.0), |(count, depth), (point, nearest)| (count + 1, depth + (nearest.point - point).length()))
 }
 
-/// Time that some work takes, us.
+/// Time that `work` takes, us.
 fn time<T>(work: impl FnOnce() -> T) -> f64 {
     let begun = Instant::now();
     black_box(work());

@@ -1,4 +1,4 @@
-//! The scenes of the solver benchmark: soft bodies that hang from a fixed core under gravity, without contact.
+//! The scenes of the solver benchmark: soft bodies that hang from a fixed rigid core under gravity, without contact.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Body, Shape};
@@ -8,19 +8,19 @@ use serde::{Deserialize, Serialize};
 
 /// Edge of the blocks, m.
 const EDGE: f64 = 0.1;
-/// Nodes within this distance of the face x = 0 are attached to the core, m.
+/// Nodes within this distance of the face x = 0 are attached to the rigid core, m.
 const ON_FACE: f64 = 1e-6;
-/// Number of vertices of the human's skin.
+/// Number of vertices of the human's skin (surface mesh).
 const HUMAN_VERTICES: usize = 13_000;
 /// Edge of a lattice cell of the human's layer (its tetrahedral mesh), m; it gives some 10,000 tetrahedra.
 const HUMAN_CELL: f64 = 0.0459;
-/// Radius about the human's centroid within which nodes are attached to the core, m.
+/// Radius about the human's centroid within which nodes are attached to the rigid core, m.
 const HUMAN_BOUND: f64 = 0.15;
 const POISSON: f64 = 0.45;
 /// Density of the bodies, kg/m^3.
 const DENSITY: f64 = 1000.0;
 
-/// A body with a stiffness, and the time step.
+/// A body with a stiffness, a time step and a number of steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Case {
     /// The body.
@@ -34,7 +34,7 @@ pub struct Case {
 }
 
 impl Case {
-    /// Name made of body, stiffness and time step: `block10k-20kPa-1ms`.
+    /// Name made of body, stiffness and time step, such as `block10k-20kPa-1ms`.
     pub fn name(&self) -> String {
         format!("{}-{}-{:.0}ms", self.mesh.name(), stiffness(self.young).replace(' ', ""), 1e3 * self.dt)
     }
@@ -55,7 +55,7 @@ pub fn stiffness(young: f64) -> String {
     if young < 1e6 { format!("{:.0} kPa", 1e-3 * young) } else { format!("{:.0} MPa", 1e-6 * young) }
 }
 
-/// A body that hangs from its core.
+/// A body that hangs from its fixed rigid core.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mesh {
@@ -66,7 +66,7 @@ pub enum Mesh {
 }
 
 impl Mesh {
-    /// Short name with the number of tetrahedra in thousands: `block10k`, `human`.
+    /// Short name: for a block with the number of tetrahedra in thousands, as `block10k`; else `human`.
     pub fn name(self) -> String {
         match self {
             Mesh::Block(cells) => format!("block{}k", 6 * u64::from(cells).pow(3) / 1000),
@@ -110,7 +110,7 @@ impl Mesh {
         let body = scene::Body {
             name: self.name(),
             shape: scene::Shape::Soft { surface, layer },
-            // Nothing touches the body, so that one collision proxy is enough.
+            // Nothing touches the body, so that one collision proxy (convex hull) is enough.
             hulls: Some(1),
             scale: 1.0,
             position: DVec3::ZERO,
@@ -131,7 +131,7 @@ impl Mesh {
 
 /// The first body of a scene, prepared.
 pub fn prepared(scene: &Scene) -> Result<Body> {
-    let body = scene.bodies.first().ok_or_else(|| Error::Simulation("a scene without a body".into()))?;
+    let body = scene.bodies.first().ok_or_else(|| Error::Simulation("the scene has no body".into()))?;
     prepare::body(body, scene)
 }
 

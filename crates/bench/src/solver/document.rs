@@ -1,5 +1,4 @@
-//! The report of the solver benchmark ([`Results`]). Findings are computed from the measurements; none of their numbers
-//! is written here.
+//! The report of the solver benchmark ([`Results`]). All numbers of its findings are computed from the measurements.
 
 use palpate::Result;
 use serde_json::Value;
@@ -11,25 +10,26 @@ use crate::fit::exponent;
 use crate::plot::{Line, Logarithmic, Panel, panels};
 use crate::{Section, Table};
 
-/// Time of a solver iteration may grow with the number of tetrahedra to this power.
+/// Greatest allowed exponent with which the time of a solver iteration grows with the number of tetrahedra.
 const ALLOWED_EXPONENT: f64 = 1.05;
-/// GPU memory that a tetrahedron may take, bytes.
+/// Greatest allowed GPU memory for each tetrahedron, bytes.
 const ALLOWED_BYTES: f64 = 400.0;
 
-/// How it was measured.
+/// How the benchmark was measured.
 pub fn preface(settings: &Value) -> String {
     format!(
-        "Bodies hang from a fixed core under gravity, untouched, from rest (Poisson's ratio 0.45, 1000 kg/m^3, no \
-         damping). `ms` is wall time of a step, pose in and wrench out: the median over the steps of a run, the median \
-         of at most {} runs, `from` and `to` those of the fastest and the slowest of five runs or, with fewer than \
-         five runs, of five interleaved subsets of the steps; all settings run a few steps in turn. `error` is the \
-         largest distance of a node after the last step from where f64 steps solved directly have it, over the largest \
-         displacement.",
+        "Bodies hang from a fixed rigid core under gravity, without contact, starting at rest (Poisson's ratio 0.45, \
+         1000 kg/m^3, no damping). `ms` is the wall time of a step, from pose in to wrench out: the median over the \
+         steps of a run, then the median over at most {} runs. `from` and `to` are the least and greatest median of \
+         five or more runs or, with fewer than five runs, of five interleaved subsets of the steps. All settings run \
+         alternately, a few steps at a time. `error` is the largest distance of a node after the last step from its \
+         position after the same f64 steps solved directly, over the largest displacement.",
         settings["repetitions"]
     )
 }
 
-/// A section for each body, one for the peers and one for the growth, as far as they were measured.
+/// A section for each body, one for the comparison with other software and one for the growth with size, as far as they
+/// were measured.
 pub fn sections(results: &Results) -> Result<Vec<Section>> {
     let Results { cases, scaling } = results;
     let mut sections = Vec::new();
@@ -62,7 +62,7 @@ fn setting(run: &Run) -> String {
 
 /// The section of all cases of one body: error against time.
 fn accuracy(cases: &[Measured]) -> Result<Section> {
-    let heads = ["case", "preconditioner", "tolerance", "ms", "from", "to", "iterations", "flagged", "error"];
+    let heads = ["case", "preconditioner", "tolerance", "ms", "from", "to", "iterations", "flagged steps", "error"];
     let mut table = Table::new(heads);
     let mut drawn = Vec::new();
     for case in cases {
@@ -97,8 +97,9 @@ fn accuracy(cases: &[Measured]) -> Result<Section> {
     Ok(Section {
         title: format!("Time against error: {}", name),
         question: format!(
-            "What does a smaller error cost, and which preconditioner gets there first? {} tetrahedra, {} nodes, {} steps. \
-             In the plots tolerances fall from top to bottom; the dashed line is an error of {ALLOWED_ERROR:.0e}.",
+            "What does a smaller error cost, and which preconditioner reaches it first? {} tetrahedra, {} nodes, {} \
+             steps. In the plots, tolerances get smaller from top to bottom; the dashed line is an error of \
+             {ALLOWED_ERROR:.0e}.",
             first.tetrahedra, first.nodes, first.case.steps
         ),
         table,
@@ -122,7 +123,7 @@ fn accuracy_finding(cases: &[Measured]) -> String {
     flags.sort_unstable();
     flags.dedup();
     let flags = if flags.is_empty() { String::new() } else { format!(" Flags were raised: {}.", flags.join(", ")) };
-    format!("An error of {ALLOWED_ERROR:.0e} is reached without flags: {}.{flags}", all.join("; "))
+    format!("Fastest setting with an error of at most {ALLOWED_ERROR:.0e} and no flags: {}.{flags}", all.join("; "))
 }
 
 fn peers(compared: &[(Peer, &Measured)]) -> Section {
@@ -133,9 +134,9 @@ fn peers(compared: &[(Peer, &Measured)]) -> Section {
         "palpate ms",
         "setting",
         "error",
-        "against Vega",
-        "against the faster",
-        "goal",
+        "Vega's time / palpate's",
+        "faster one's time / palpate's",
+        "goal for this ratio",
     ]);
     let mut met = Vec::new();
     for (peer, case) in compared {
@@ -156,19 +157,20 @@ fn peers(compared: &[(Peer, &Measured)]) -> Section {
     }
     let reached = met.iter().filter(|(factor, peer, _)| *factor >= peer.goal).count();
     let factor = |(factor, peer, case): &(f64, &Peer, &&Measured)| {
-        format!("{} at {}: {factor:.2} of {}", case.case.mesh.name(), stiffness(case.case.young), peer.goal)
+        format!("{} at {}: {factor:.2} (goal {})", case.case.mesh.name(), stiffness(case.case.young), peer.goal)
     };
     Section {
-        title: "Peers on the same cases".into(),
+        title: "Other software on the same cases".into(),
         question: format!(
-            "How many times faster is our fastest setting whose displacement error is at most {ALLOWED_ERROR:.0e}? Vega FEM \
-             4.0 ran in f64 with Jacobi's conjugate gradients to 1e-6, MuJoCo 4 in its fastest setting, both on another \
-             two-core machine of this kind: their times are quoted, not measured here."
+            "How many times as fast as other software is palpate's fastest setting whose displacement error is at \
+             most {ALLOWED_ERROR:.0e}? Vega FEM 4.0 ran in f64 with Jacobi-preconditioned conjugate gradients to \
+             1e-6, MuJoCo 4 in its fastest setting, both on another two-core machine of this kind: their times are \
+             quoted, not measured here."
         ),
         table,
         plot: None,
         finding: format!(
-            "{reached} of {} goals are reached, against the faster peer: {}.",
+            "{reached} of {} goals are reached (time of the faster of the two over palpate's): {}.",
             met.len(),
             met.iter().map(factor).collect::<Vec<_>>().join("; ")
         ),
@@ -207,9 +209,10 @@ fn growth(sizes: &[Size]) -> Result<Section> {
     let panel = Panel { title: "Median time".into(), lines: lines.iter().map(|(line, _)| line.clone()).collect() };
     Ok(Section {
         title: "Growth with size".into(),
-        question: "Does an iteration's time grow as the tetrahedra do, and how much faster does a step's, which takes more \
-                   iterations? Blocks of 0.1 m with ever smaller cells, 1 ms steps; an iteration is the difference of steps \
-                   of 32 and of 8 over 24, a step is solved to the usual tolerance by `preconditioner = \"auto\"`."
+        question: "Does an iteration's time grow in proportion to the tetrahedra, and how much faster does the time \
+                   of a step grow, which takes more iterations? Blocks of 0.1 m have ever smaller cells; steps are \
+                   of 1 ms. The time of an iteration is the difference between steps of 32 and of 8 iterations, over \
+                   24. A step is solved to the default tolerance by `preconditioner = \"auto\"`."
             .into(),
         table,
         plot: Some(panels(&axes, &[panel])?),
@@ -218,7 +221,8 @@ fn growth(sizes: &[Size]) -> Result<Section> {
     })
 }
 
-/// Lines of times over the number of tetrahedra, each with whether it is the time of an iteration (else of a step).
+/// Lines of times over the number of tetrahedra, each with whether it shows the time of an iteration (if not, that of a
+/// step).
 fn growth_lines(sizes: &[Size]) -> Vec<(Line, bool)> {
     let Some(first) = sizes.first() else { return Vec::new() };
     let points = |time: &dyn Fn(&Size) -> f64| sizes.iter().map(|size| (size.tetrahedra as f64, time(size))).collect();
@@ -266,8 +270,8 @@ fn growth_finding(sizes: &[Size], lines: &[(Line, bool)]) -> String {
     let most = sizes.iter().map(bytes).fold(0.0, f64::max);
     let verdict = if most <= ALLOWED_BYTES { "within" } else { "beyond" };
     format!(
-        "From {} to {} tetrahedra times grow with these powers of them: {}. At most {most:.0} bytes on the device a \
-         tetrahedron, {verdict} the {ALLOWED_BYTES} allowed.",
+        "From {} to {} tetrahedra times grow with these powers of the number of tetrahedra: {}. At most {most:.0} \
+         bytes on the device for each tetrahedron, {verdict} the {ALLOWED_BYTES} allowed.",
         first.tetrahedra,
         last.tetrahedra,
         powers.join(", ")

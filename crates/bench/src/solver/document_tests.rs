@@ -1,4 +1,4 @@
-//! Tests of the findings and tables of the solver report, on results made by hand.
+//! Tests of the findings and tables of the solver report, on made-up results.
 
 use super::*;
 use crate::solver::{Case, Iteration, Mesh, Steps};
@@ -34,7 +34,11 @@ fn the_fastest_setting_has_an_allowed_error_and_no_flags() {
     let runs = vec![run(1e-3, 2.0, 2e-4, 0), run(1e-4, 4.0, 9e-5, 0), run(1e-5, 6.0, 1e-6, 0), run(1e-6, 3.0, 1e-7, 2)];
     let cases = [case(2e4, runs), case(2e6, vec![run(1e-6, 9.0, f64::NAN, 0)])];
     let section = accuracy(&cases).unwrap();
-    assert!(section.finding.contains("20 kPa, 1 ms at 4.00 ms (jacobi to 1e-4, 8 iterations)"), "{}", section.finding);
+    assert!(
+        section.finding.contains("20 kPa, 1 ms at 4.00 ms (jacobi to 1e-4, 8 iterations)"),
+        "finding: {}",
+        section.finding
+    );
     assert!(section.finding.contains("2 MPa, 1 ms: not reached by any setting. Flags were raised: not_converged."));
     let row = ["20 kPa, 1 ms", "jacobi", "1e-4", "4.00", "2.80", "8.00", "8", "0", "9.0e-5"];
     assert_eq!(section.table.rows[1], row);
@@ -50,7 +54,7 @@ fn we_are_held_against_the_faster_peer() {
     let section = peers(&compared);
     assert_eq!(section.table.rows[0][6..], ["3.80", "3.10", "2.5"]);
     assert_eq!(section.table.rows[1][6..], ["0.50", "0.50", "2.5"]);
-    assert!(section.finding.starts_with("1 of 2 goals are reached"), "{}", section.finding);
+    assert!(section.finding.starts_with("1 of 2 goals are reached"), "finding: {}", section.finding);
     let none = [case(2e4, vec![run(1e-3, 1.0, 1e-2, 0)])];
     let compared: Vec<(Peer, &Measured)> =
         PEERS.into_iter().filter_map(|p| p.case(&none).map(|case| (p, case))).collect();
@@ -69,12 +73,20 @@ fn growth_is_a_power_of_the_tetrahedra() {
     };
     let sizes = [size(1_000, 0.1), size(10_000, 1.0), size(100_000, 10.0)];
     let section = growth(&sizes).unwrap();
-    assert!(section.finding.contains("step, 20 kPa 2.00, iteration, jacobi 1.00 (within"), "{}", section.finding);
-    assert!(section.finding.contains("At most 300 bytes on the device a tetrahedron, within"), "{}", section.finding);
+    assert!(
+        section.finding.contains("step, 20 kPa 2.00, iteration, jacobi 1.00 (within"),
+        "finding: {}",
+        section.finding
+    );
+    assert!(
+        section.finding.contains("At most 300 bytes on the device for each tetrahedron, within"),
+        "finding: {}",
+        section.finding
+    );
     assert_eq!(section.table.rows[1], ["10000", "2000", "1.000", "100.0", "300", "20.0", "10"]);
     assert_eq!(section.table.rows[0].len(), section.table.heads.len());
     let slower = growth(&[size(1_000, 0.1), size(10_000, 2.0)]).unwrap();
-    assert!(slower.finding.contains("1.30 (beyond"), "{}", slower.finding);
+    assert!(slower.finding.contains("1.30 (beyond"), "finding: {}", slower.finding);
 }
 
 #[test]

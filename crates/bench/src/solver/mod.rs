@@ -1,5 +1,5 @@
 //! `palpate bench solver`: the time of a step for the error that its linear solver leaves, and how time and memory grow
-//! with the size of the mesh.
+//! with the size of the mesh. A step without contact is measured.
 
 mod cases;
 mod document;
@@ -28,7 +28,7 @@ const PRECONDITIONERS: &[(&str, Preconditioner)] =
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Cases of time against error.
+    /// Cases (body, stiffness and time step) whose time and error are measured.
     pub cases: Vec<Case>,
     /// Solver tolerances (relative residuals at which to stop).
     pub tolerances: Vec<f64>,
@@ -36,12 +36,12 @@ pub struct Settings {
     pub max_iterations: u32,
     /// Most runs of each case with each preconditioner and tolerance.
     pub repetitions: usize,
-    /// Time budget, s: a setting is not run again where all its runs would exceed it, and the steps of each of the
-    /// blocks of several sizes end after it.
+    /// Time budget, s: a setting is not run again if all its runs would take longer, and blocks of the part `scaling`
+    /// do no further steps after it.
     pub seconds_each: f64,
-    /// Cells along an edge of the blocks of several sizes.
+    /// Cells along an edge of the blocks of several sizes (part `scaling`).
     pub scaling: Vec<u32>,
-    /// Most steps of each of these blocks.
+    /// Most steps of each block of the part `scaling`.
     pub scaling_steps: usize,
     /// Whether this is the short form of the benchmark (`--quick`).
     pub is_quick: bool,
@@ -50,8 +50,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The whole benchmark: the better part of an hour, and a quarter of an hour more where no f64 references are
-    /// cached yet.
+    /// The whole benchmark: most of an hour, and a quarter of an hour more if no f64 references are cached yet.
     pub fn full() -> Settings {
         Settings {
             cases: cases(&[(Mesh::Block(12), 50), (Mesh::Block(26), 15), (Mesh::Human, 20)]),
@@ -89,7 +88,7 @@ const YOUNG: [f64; 2] = [2e4, 2e6];
 /// Time steps, s.
 const DT: [f64; 2] = [1e-3, 1e-2];
 
-/// Cases of each body with its number of steps: soft and stiff, with the short and the long time step.
+/// Cases of each body with its number of steps: soft and stiff, each with the short and the long time step.
 fn cases(meshes: &[(Mesh, usize)]) -> Vec<Case> {
     let of = |&(mesh, steps): &(Mesh, usize)| {
         YOUNG.into_iter().flat_map(move |young| DT.map(|dt| Case { mesh, young, dt, steps }))
@@ -97,24 +96,25 @@ fn cases(meshes: &[(Mesh, usize)]) -> Vec<Case> {
     meshes.iter().flat_map(of).collect()
 }
 
-/// Results of the benchmark; parts that were not measured are missing.
+/// Results of the benchmark; the results of parts that were not measured are missing.
 #[derive(Debug, Clone, Default)]
 pub struct Results {
-    /// Time against error.
+    /// Time and error of each case.
     pub cases: Vec<Measured>,
-    /// Time and memory against size.
+    /// Time and memory of blocks of several sizes.
     pub scaling: Vec<Size>,
 }
 
 impl Results {
-    /// Reads the results of those parts that were measured. Errors: a part does not have this benchmark's form.
+    /// Reads the results of the parts that were measured. Errors: a part does not have the form of this benchmark's
+    /// results.
     pub fn of(parts: &Map<String, Value>) -> Result<Results> {
         let cases = parts.iter().filter(|(name, _)| *name != SCALING).map(|(_, case)| from_value(case));
         Ok(Results { cases: cases.collect::<Result<_>>()?, scaling: part(parts, SCALING)? })
     }
 }
 
-/// The benchmark `solver`; each case is a part of it, and the blocks of several sizes are one.
+/// The benchmark `solver`; each case is a part of it, and the blocks of several sizes are one part.
 pub struct Solver(pub Settings);
 
 impl Benchmark for Solver {

@@ -1,14 +1,15 @@
-//! Times of other software for the same cases, quoted, and the settings of palpate that are compared with them.
+//! Quoted times of other software for the cases of the solver benchmark, and the choice of palpate's settings that are
+//! compared with them.
 
 use super::{Case, Measured, Mesh, Run};
 
 /// Largest relative displacement error of a setting that is compared with other software.
 pub const ALLOWED_ERROR: f64 = 1e-4;
-/// Time step of the cases that are compared, s.
+/// Time step of the cases that are compared with other software, s.
 const DT: f64 = 1e-3;
 
-/// Times that other software takes for a step of a case, measured on another machine of two cores of the kind that
-/// palpate is developed on, and the goal: how many times faster than the fastest of them palpate should be.
+/// Times that other software takes for a step of a case, measured on another machine with two cores of the kind that
+/// palpate is developed on, and the goal for palpate's speed.
 pub struct Peer {
     /// The body.
     pub mesh: Mesh,
@@ -18,7 +19,7 @@ pub struct Peer {
     pub vega_ms: f64,
     /// Time of MuJoCo 4 in its fastest setting, ms; `None`: not known.
     pub mujoco_ms: Option<f64>,
-    /// How many times faster palpate should be.
+    /// How many times as fast as the fastest other software palpate should be.
     pub goal: f64,
 }
 
@@ -31,7 +32,7 @@ pub const PEERS: [Peer; 4] = [
 ];
 
 impl Peer {
-    /// The measurements of this case; `None`: it was not measured.
+    /// The measurements of this case; `None`: the case was not measured.
     pub fn case<'a>(&self, cases: &'a [Measured]) -> Option<&'a Measured> {
         let is_its = |case: &Case| case.mesh == self.mesh && case.young == self.young && case.dt == DT;
         cases.iter().find(|measured| is_its(&measured.case))

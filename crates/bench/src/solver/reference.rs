@@ -1,5 +1,6 @@
 //! The reference of the solver benchmark: node displacements after the same steps in f64 with a direct solver
-//! ([`palpate_oracle::step`]). Factorising the larger bodies takes minutes, so results are kept in the user's cache.
+//! ([`palpate_oracle::step`]). Factorising the larger bodies takes minutes, so that references are kept in the user's
+//! cache.
 
 use std::time::Instant;
 
@@ -10,8 +11,9 @@ use palpate::{Error, Result, Scene};
 use palpate_oracle::step::{Simulation, SoftBody};
 use serde::{Deserialize, Serialize};
 
-/// Sources on which the reference depends besides its inputs; a change of them invalidates the cache. The library that
-/// solves the system is left out, because it changes the thirteenth digit only.
+/// Sources on which the reference depends besides its inputs; a change of any of them invalidates the cache. The
+/// library that solves the linear systems is left out, because a change of it affects no more than the thirteenth
+/// digit.
 const SOURCES: &[&str] = &[
     include_str!("../../../oracle/src/body.rs"),
     include_str!("../../../oracle/src/elastic.rs"),
@@ -19,17 +21,17 @@ const SOURCES: &[&str] = &[
     include_str!("../../../oracle/src/step.rs"),
 ];
 
-/// Displacements after the last step.
+/// Displacements of the nodes after the last step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reference {
     /// Displacement of each node from rest, in the body's rest axes, m.
     pub displacement: Vec<[f64; 3]>,
-    /// Time that computing it took, s.
+    /// Time that computing the reference took, s.
     pub seconds: f64,
 }
 
 impl Reference {
-    /// Largest distance of a node from its reference position, over the largest displacement; NaN where nothing moved.
+    /// Largest distance of a node from its reference position, over the largest displacement; NaN if nothing moved.
     pub fn error(&self, displacement: &[DVec3]) -> f64 {
         let pairs = displacement.iter().zip(&self.displacement);
         pairs.map(|(x, y)| x.distance(DVec3::from_array(*y))).fold(0.0, greater) / self.largest()
@@ -41,13 +43,13 @@ impl Reference {
     }
 }
 
-/// The greater of two numbers, or NaN where one of them is.
+/// The greater of two numbers, or NaN if one of them is NaN.
 fn greater(a: f64, b: f64) -> f64 {
     if a > b || a.is_nan() { a } else { b }
 }
 
-/// The reference of `steps` steps of a scene with one soft body on fixed cores, from the cache or computed. `watch` is
-/// called before each computed step. Errors: a system cannot be factorised.
+/// The reference of `steps` steps of a scene with one soft body on fixed rigid cores, from the cache or computed.
+/// `watch` is called before each computed step. Errors: a linear system cannot be factorised.
 pub fn reference(
     scene: &Scene,
     body: &Body,
@@ -84,8 +86,8 @@ fn key(scene: &Scene, twin: &SoftBody, steps: usize) -> Result<Key> {
     maker.add(bytemuck::cast_slice(&nodes));
     maker.add(bytemuck::cast_slice(&twin.layer.tetrahedra));
     maker.add(&twin.layer.attached.iter().map(|bound| u8::from(*bound)).collect::<Vec<_>>());
-    // The debug format of a float is the shortest text that reads back as the same number, so that it tells inputs
-    // apart.
+    // The debug format of a float is the shortest text that reads back as the same number, so that different inputs
+    // give different text.
     let rest = (
         &twin.elements.materials[..1],
         twin.position,
@@ -120,9 +122,9 @@ mod tests {
             let (other, solved) = find(young, dt, steps);
             assert!(solved == steps && other.displacement != first.displacement);
         }
-        // The block falls, but less far than in free fall.
+        // The block falls, but less far than it would in free fall.
         let least = first.displacement.iter().map(|x| x[1]).fold(0.0, f64::min);
-        assert!(least < -1e-4 && least > -9.81 * 0.01 * 0.01 * 6.0, "{least}");
+        assert!(least < -1e-4 && least > -9.81 * 0.01 * 0.01 * 6.0, "lowest displacement {least} m");
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! Part `scaling` of `palpate bench solver`: blocks from small to large, with the time of a solver iteration and of a
-//! step, and the memory.
+//! Part `scaling` of `palpate bench solver`: the time of a solver iteration, the time of a step and the memory, for
+//! blocks from small to large.
 
 use std::time::Instant;
 
@@ -12,16 +12,16 @@ use super::speed::{asking, open};
 use super::{PRECONDITIONERS, Settings, YOUNG};
 use crate::median;
 
-/// Caps on the iterations of the two steps whose difference in time gives the time of an iteration.
+/// Caps on the iterations of two steps; the difference of their times gives the time of an iteration.
 const ITERATIONS: [u32; 2] = [32, 8];
-/// A tolerance that no step reaches within these iterations.
+/// A tolerance that no step reaches within the capped number of iterations.
 const NEVER: f64 = 1e-30;
-/// Young's modulus of the block whose iterations are timed, Pa; stiff, so that no step converges within so few
-/// iterations.
+/// Young's modulus of the block whose iterations are timed, Pa; so stiff that no step converges within the capped
+/// number of iterations.
 const STIFF: f64 = 2e6;
 /// Time step, s.
 const DT: f64 = 0.001;
-/// Steps before those that are measured, unless they take too long.
+/// Number of steps before the measured ones, unless these steps already take too long.
 const WARM_UP: usize = 2;
 
 /// Measurements of a block.
@@ -42,13 +42,13 @@ pub struct Size {
 pub struct Iteration {
     /// Name of the preconditioner.
     pub preconditioner: String,
-    /// GPU memory, bytes.
+    /// GPU memory with this preconditioner, bytes.
     pub bytes_device: u64,
-    /// Times of steps with the greater number of iterations, us.
+    /// Times of steps with the greater cap on iterations, us.
     pub long_us: Vec<f64>,
-    /// Times of steps with the smaller number, us; both kinds alternate.
+    /// Times of steps with the smaller cap, us; steps with either cap alternate.
     pub short_us: Vec<f64>,
-    /// Iterations that those steps did: the greater and the smaller number.
+    /// Iterations that the two kinds of steps did: the greater and the smaller number.
     pub iterations: [u32; 2],
 }
 
@@ -66,8 +66,8 @@ pub struct Steps {
 }
 
 impl Iteration {
-    /// Time of an iteration, ms: the difference of the median times over that of the iterations; NaN where there is
-    /// none.
+    /// Time of an iteration, ms: the difference of the median times over the difference of the numbers of iterations;
+    /// NaN if both are zero.
     pub fn ms(&self) -> f64 {
         let [long, short] = [&self.long_us, &self.short_us].map(|times| 1e-3 * median(times));
         (long - short) / (f64::from(self.iterations[0]) - f64::from(self.iterations[1]))
@@ -91,7 +91,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<S
     let mut sizes = Vec::new();
     let mut pairs = Vec::new();
     for &cells in &settings.scaling {
-        watch(&format!("scaling: a block of {cells} cells an edge"));
+        watch(&format!("scaling: a block of {cells} cells along an edge"));
         let scene = Mesh::Block(cells).scene(STIFF, DT)?;
         let body = cases::prepared(&scene)?;
         let layer = cases::layer(&body)?;
@@ -110,7 +110,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<S
     }
     for step in 1..=settings.scaling_steps {
         watch(&format!("scaling: iterations, run {step} of {}", settings.scaling_steps));
-        // All blocks take turns, so that a change of the machine's speed favours no size.
+        // All blocks are timed in turn, so that a change of the machine's speed favours no size.
         let all = sizes.iter_mut().flat_map(|size| &mut size.iterations);
         for (iteration, pair) in all.zip(&mut pairs) {
             iteration.add_steps(pair)?;
@@ -136,7 +136,7 @@ fn pair_of(scene: &Scene, settings: &Settings) -> Result<[Simulation; 2]> {
 }
 
 impl Iteration {
-    /// Times a step of each of the two simulations, after one that finds caches cold and does not count.
+    /// Times a step of each of the two simulations, each after a step that finds caches cold and is not counted.
     fn add_steps(&mut self, pair: &mut [Simulation; 2]) -> Result<()> {
         let times = [&mut self.long_us, &mut self.short_us];
         for ((simulation, us), iterations) in pair.iter_mut().zip(times).zip(&mut self.iterations) {

@@ -1,5 +1,5 @@
-//! The parts of `palpate bench solver` that measure time against error: every case with each preconditioner and
-//! tolerance.
+//! The parts of `palpate bench solver` that measure time and error: every case (body, stiffness and time step) with
+//! each preconditioner and tolerance.
 
 use std::time::Instant;
 
@@ -15,7 +15,8 @@ use crate::median;
 use crate::samples::hands;
 use crate::suite::nan_of_null;
 
-/// Steps of one setting before another has its turn: enough that the median is no step that finds caches cold.
+/// Number of steps of one setting before the next one has its turn; so many that the median is not that of steps that
+/// find caches cold.
 const TURN: usize = 5;
 
 /// Measurements of a case.
@@ -28,9 +29,9 @@ pub struct Measured {
     pub case: Case,
     /// Number of tetrahedra of the body.
     pub tetrahedra: usize,
-    /// Number of nodes of the body, those attached to the core included.
+    /// Number of nodes of the body, including those attached to the rigid core.
     pub nodes: usize,
-    /// Time that computing the reference took on the machine that did it, s.
+    /// Time that computing the reference took on the machine that computed it, s.
     pub reference_seconds: f64,
     /// Largest displacement after the last step in the reference, m.
     pub largest_displacement: f64,
@@ -38,22 +39,22 @@ pub struct Measured {
     pub runs: Vec<Run>,
 }
 
-/// Measurements of one preconditioner with one tolerance.
+/// Measurements of one setting: a preconditioner with a tolerance.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Run {
     /// Name of the preconditioner.
     pub preconditioner: String,
     /// Solver tolerance (relative residual at which to stop).
     pub tolerance: f64,
-    /// Largest distance of a node from the reference after the last step, over the largest displacement; the worst of
-    /// all repetitions; NaN, which JSON writes as null, where the state is not finite.
+    /// Largest distance of a node from the reference after the last step, over the largest displacement: the worst of
+    /// all repetitions. NaN, which JSON writes as null, if the state is not finite.
     #[serde(deserialize_with = "nan_of_null")]
     pub error: f64,
     /// Solver iterations of each step of the last repetition.
     pub iterations: Vec<u32>,
     /// Number of steps of the last repetition that raised a flag.
     pub flagged: usize,
-    /// Names of the flags that it raised.
+    /// Names of the flags that the last repetition raised.
     pub flags: Vec<String>,
     /// GPU memory, bytes.
     pub bytes_device: u64,
@@ -62,13 +63,13 @@ pub struct Run {
 }
 
 impl Run {
-    /// Time of a step, ms: the median over the repetitions of the median over the steps of each.
+    /// Time of a step, ms: the median over the repetitions of each repetition's median over its steps.
     pub fn ms(&self) -> f64 {
         median(&self.medians_ms())
     }
 
-    /// Least and greatest time of a step, ms, among the medians of the repetitions, or of the hands of few (see
-    /// [`hands`]).
+    /// Least and greatest time of a step, ms, among the medians of the repetitions or, with fewer than five, of
+    /// interleaved subsets of their steps (see [`hands`]).
     pub fn range_ms(&self) -> [f64; 2] {
         let hands = hands(&self.step_us);
         let (low, high) = hands.into_iter().fold((f64::INFINITY, 0.0f64), |(a, b), us| (a.min(us), b.max(us)));
@@ -80,8 +81,8 @@ impl Run {
         median(&self.iterations.iter().map(|&n| f64::from(n)).collect::<Vec<_>>())
     }
 
-    /// Whether one more repetition, if it takes as long as the others, ends before this many seconds are spent on all
-    /// of them.
+    /// Whether one more repetition, if it takes as long as the earlier ones did, ends before all repetitions together
+    /// have taken this many seconds.
     fn is_worth_another(&self, seconds: f64) -> bool {
         let spent = 1e-6 * self.step_us.iter().flatten().sum::<f64>();
         let done = self.step_us.len() as f64;
@@ -133,7 +134,7 @@ pub fn measure(case: &Case, settings: &Settings, watch: &mut dyn FnMut(&str)) ->
     })
 }
 
-/// The scene with this preconditioner and tolerance.
+/// The scene with this preconditioner and tolerance, and with the settings' cap on iterations.
 pub fn asking(scene: &Scene, preconditioner: Preconditioner, tolerance: f64, settings: &Settings) -> Scene {
     let mut scene = scene.clone();
     scene.solver.preconditioner = preconditioner;
@@ -142,7 +143,7 @@ pub fn asking(scene: &Scene, preconditioner: Preconditioner, tolerance: f64, set
     scene
 }
 
-/// Opens the engine on a scene; no step is timed by stage, since timestamps cost time.
+/// Opens the engine on a scene; no step is timed stage by stage, since timestamps take time.
 pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     let mut simulation =
         Simulation::open(scene, &Options { device: settings.device.clone(), ..Options::of_program() })?;
@@ -150,7 +151,8 @@ pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     Ok(simulation)
 }
 
-/// Runs all settings once more, a few steps of each in turn, so that a change of the machine's speed favours none.
+/// Runs all settings once more, a few steps of each in turn, so that a change of the machine's speed favours none of
+/// them.
 fn repeat(runs: &mut [(Scene, Run)], steps: usize, reference: &Reference, settings: &Settings) -> Result<()> {
     let mut under_way = Vec::new();
     for (scene, run) in runs.iter_mut() {

@@ -1,5 +1,5 @@
-//! The rows of the stability matrix: the axes (what is varied) and their values. A cell of the matrix is one value of
-//! an axis.
+//! The rows of the stability matrix: the axes (quantities that are varied) and their values. A cell of the matrix is
+//! one value of an axis.
 
 use glam::DVec3;
 use palpate::Result;
@@ -16,7 +16,7 @@ use crate::meshes::MeshFolder;
 pub struct Cell {
     /// The value as text, with its unit.
     pub label: String,
-    /// Whether the value is in the axis's core range, where all cases must pass.
+    /// Whether the value is in the axis's core range, in which all cases must pass.
     pub is_core: bool,
     /// The simulations that are run for this value.
     pub cases: Vec<Case>,
@@ -29,9 +29,9 @@ pub struct Axis {
     pub name: &'static str,
     /// Title in the report.
     pub title: &'static str,
-    /// Whether its values are alternatives in words instead of ascending numbers.
+    /// Whether the values are alternatives in words instead of ascending numbers.
     pub is_listed: bool,
-    /// Its values, in ascending order.
+    /// The values; numbers are in ascending order.
     pub cells: Vec<Cell>,
 }
 
@@ -63,11 +63,11 @@ pub const NAMES: [&str; 21] = [
 /// Which part of the matrix is run.
 #[derive(Debug, Clone, Copy)]
 pub struct Extent<'a> {
-    /// The short form, with fewer values and steps.
+    /// Whether this is the short form, with fewer values and steps.
     pub is_quick: bool,
-    /// Adds a million steps of resting contact.
+    /// Whether a million steps of resting contact are added.
     pub is_soak: bool,
-    /// Temporary folder for meshes.
+    /// Temporary folder for the meshes that the scenes use.
     pub folder: &'a MeshFolder,
 }
 
@@ -81,7 +81,8 @@ fn with(change: impl Fn(&mut Setup)) -> Setup {
 struct Values(&'static [f64], &'static [f64]);
 
 impl Values {
-    /// The axis with these values. `core` is the range of values that must pass, ends included; `None`: none must.
+    /// The axis with these values. `core` is the range of values that must pass, ends included; `None`: no value must
+    /// pass.
     fn axis(
         self,
         name: &'static str,
@@ -98,7 +99,7 @@ impl Values {
     }
 }
 
-/// The axis of this name; `None`: there is none. Errors: a mesh cannot be written.
+/// The axis of this name; `None`: no axis has it. Errors: a mesh cannot be written.
 pub fn axis(name: &str, extent: Extent) -> Result<Option<Axis>> {
     Ok(match material(name, extent).or_else(|| contact(name, extent)).or_else(|| motion(name, extent)) {
         Some(axis) => Some(axis),
@@ -173,7 +174,7 @@ fn contact(name: &str, extent: Extent) -> Option<Axis> {
     let setup = || Setup::default().damped();
     let stiffness = |x: f64| vec![press(Setup { stiffness: Some(x), ..setup() }, sphere(0.1))];
     Some(match name {
-        // The block weighs 1 kg, so the sphere's mass in kg is the ratio.
+        // The block weighs 1 kg, so that the sphere's mass in kg is the ratio.
         "mass-ratio" => {
             let all = &[1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5];
             let title = "Mass of tool to body";
@@ -200,7 +201,7 @@ fn contact(name: &str, extent: Extent) -> Option<Axis> {
         }
         "thrust" => Values(&[0.3, 1.0, 3.0, 10.0], &[1.0, 10.0]).axis(
             "thrust",
-            "Tool thrust through the body",
+            "Speed of a tool thrust through the body",
             extent,
             |x| format!("{x} m/s"),
             None,
@@ -208,7 +209,7 @@ fn contact(name: &str, extent: Extent) -> Option<Axis> {
         ),
         "teleport" => Values(&[1e-3, 3e-3, 1e-2, 3e-2, 0.1], &[1e-3, 1e-2, 0.1]).axis(
             "teleport",
-            "Device teleported",
+            "Device jumps into the body by",
             extent,
             |x| si(x, "m"),
             Some([0.0, 1e-3]),
@@ -244,7 +245,7 @@ fn motion(name: &str, extent: Extent) -> Option<Axis> {
         ),
         "stretch" => Values(&[-1.0, -0.5, 0.05, 0.1, 0.5, 2.0, 3.0, 4.0], &[-1.0, 0.1, 4.0]).axis(
             "stretch",
-            "Let go when",
+            "Released when",
             extent,
             stretched,
             Some([0.5, 2.0]),
@@ -258,7 +259,7 @@ fn motion(name: &str, extent: Extent) -> Option<Axis> {
         ),
         "spin" => Values(&[1.0, 10.0, 30.0, 100.0, 300.0, 1000.0], &[10.0, 100.0, 300.0]).axis(
             "spin",
-            "Spinning free",
+            "Spinning freely",
             extent,
             |x| format!("{x} rad/s"),
             Some([0.0, 10.0]),
@@ -266,7 +267,7 @@ fn motion(name: &str, extent: Extent) -> Option<Axis> {
         ),
         "spin-stiff" => Values(&[2e4, 1e6, 1e8, 1e10, 1e12], &[2e4, 1e8, 1e12]).axis(
             "spin-stiff",
-            "Spinning free at 10 rad/s",
+            "Spinning freely at 10 rad/s",
             extent,
             |x| si(x, "Pa"),
             Some([1e3, 1e6]),
@@ -287,7 +288,7 @@ fn motion(name: &str, extent: Extent) -> Option<Axis> {
         ),
         "origin" => Values(&[0.0, 1.0, 1e3, 1e6], &[1e3]).axis(
             "origin",
-            "Away from the origin",
+            "Distance from the origin",
             extent,
             |x| si(x, "m"),
             Some([0.0, 1e3]),
@@ -340,7 +341,7 @@ fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
                 Cell { label: label.into(), is_core: true, cases }
             };
             let cells = vec![cell("all but one", Attachment::AllButOne, false), cell("all", Attachment::All, true)];
-            Axis { name: "bound", title: "Nodes bound", is_listed: true, cells }
+            Axis { name: "bound", title: "Attached nodes", is_listed: true, cells }
         }
         _ => return Ok(None),
     }))
@@ -360,7 +361,11 @@ mod tests {
                 assert_eq!(axis.name, name);
                 for case in axis.cells.iter().flat_map(|cell| &cell.cases) {
                     let can_touch = case.setup.sphere.is_some() || case.setup.has_floor;
-                    assert_eq!(case.promise.touches, can_touch, "{name}: {}", case.scenario);
+                    assert_eq!(
+                        case.promise.touches, can_touch,
+                        "axis {name}, case {}: does it promise contact, and is there a sphere or a floor?",
+                        case.scenario
+                    );
                 }
             }
         }

@@ -1,6 +1,6 @@
-//! Cases of the stability matrix: what is done to the block (it is let go, pressed, thrown at, stretched, spun), and
-//! what each case promises. A promise is an invariant that must hold at the case's end; lengths are shares of the
-//! block's edge where so stated.
+//! Cases of the stability matrix: what is done to the block (it is released, pressed, stretched or spun, or a sphere is
+//! thrown at it), and what each case promises. A promise is an invariant that must hold at the end of the case. Lengths
+//! are in block edges where so stated.
 
 use palpate::scene::MaterialLaw;
 
@@ -9,45 +9,45 @@ use super::modes;
 use super::setup::{Attachment, RADIUS, Setup, Sphere};
 use super::trace::HALF_ULP;
 
-/// Least number of steps of a case, and most steps that a case is given to come to rest.
+/// Least number of steps of a case, and greatest number in which a case is given time to come to rest.
 const STEPS: [f64; 2] = [40.0, 2500.0];
-/// Most steps of pressing; also the number of steps of a case that cannot come to rest in time.
+/// Greatest number of steps of pressing; also the number of steps of a case that cannot come to rest in time.
 const PRESS_STEPS: f64 = 400.0;
-/// Most steps after pressing.
+/// Greatest number of steps after pressing.
 const AFTER_STEPS: f64 = 1000.0;
 /// Number of steps of a case without damping.
 const UNDAMPED: f64 = 200.0;
-/// Strain by which an undamped free block is stretched before it is let go. A block stiffer than the default one is
-/// stretched by less, so that it has no more energy.
+/// Strain by which an undamped free block is stretched before it is released. A block stiffer than the default one is
+/// stretched by less, so that its energy is no greater.
 const PLUCKED: f64 = 0.1;
 /// Damping rate times time after which an oscillation has decayed to about 1e-6 of its amplitude.
 const TO_REST: f64 = 14.0;
-/// Duration of a press in which the sphere goes in, is held, is drawn out and stays away, s.
+/// Duration of a press, s. In its phases the sphere goes in, is held, is drawn out and stays away.
 const PRESS: f64 = 0.24;
-/// Times at which the first three of these phases end, as shares of the duration.
+/// Times at which the first three phases of a press end, as shares of its duration.
 const PHASES: [f64; 3] = [0.25, 0.5, 0.65];
 /// Depth to which the haptic device goes, in block edges.
 const DEPTH: f64 = 0.1;
 /// Height to which the haptic device goes at the end, in block edges.
 const AWAY: f64 = 0.2;
 
-/// Step from which on a block that was dropped on the floor has settled.
+/// Step from which a block that was dropped on the floor counts as settled.
 const SETTLED: usize = 500;
-/// How far the centre may move where nothing moves it, in block edges.
+/// How far the centre may move if nothing pushes the block, in block edges.
 const STILL: f64 = 1e-9;
-/// How far a node may be from its rest position after the block was let go, in block edges. A block of the default
-/// stiffness sags by a fortieth of its edge under its weight; where it sags by more than half of this bound, nothing is
-/// promised.
+/// How far a node may be from its rest position after the block was released, in block edges. A block of the default
+/// stiffness sags by a fortieth of its edge under its weight; nothing is promised of a block that sags by more than
+/// half of this bound.
 const SHAPE: f64 = 0.1;
-/// A thrown sphere that weighs less than this share of the block's mass bounces off.
+/// A thrown sphere bounces off if it weighs less than this share of the block's mass.
 const BOUNCES: f64 = 0.2;
-/// A thrown sphere that weighs more than this multiple of the block's mass goes through.
+/// A thrown sphere goes through if it weighs more than this multiple of the block's mass.
 const PASSES: f64 = 500.0;
 /// Rounding of a sum over a body's interior, as a multiple of the rounding of its largest term.
 const INSIDE: f64 = 4.0;
 /// Speed of the thrown sphere, m/s.
 const THROWN: f64 = 0.5;
-/// Time at which the haptic device jumps into the block, in steps; at five times that it jumps back.
+/// Time at which the haptic device jumps into the block, in steps; at five times this time it jumps back.
 const TELEPORTED: f64 = 20.5;
 
 /// Initial state of the body.
@@ -55,16 +55,16 @@ const TELEPORTED: f64 = 20.5;
 pub enum Start {
     /// At rest.
     Rest,
-    /// Stretched along y by this factor, with the plane y = 0 in place; below zero it is inside out.
+    /// Stretched along y by this factor, with the plane y = 0 in place; a factor below zero turns the body inside out.
     Stretched(f64),
-    /// Turning about its centre at this angular speed, rad/s, about an axis that is no axis of symmetry.
+    /// Turning about its centre at this angular speed, rad/s, about an axis that is not an axis of symmetry.
     Spinning(f64),
 }
 
-/// One simulation.
+/// One simulation of the matrix.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Case {
-    /// Name of what is done, which tells the cases of a cell apart.
+    /// Name of what is done to the block, which distinguishes the cases of a cell.
     pub scenario: &'static str,
     /// The scene.
     pub setup: Setup,
@@ -74,20 +74,22 @@ pub struct Case {
     pub steps: usize,
     /// Invariants that must hold at the end.
     pub promise: Promise,
-    /// Steps in which the case can come to rest; `None`: nothing is promised of that, or `promise` states it.
+    /// The time that the case has to come to rest; `None`: rest is not promised, or `promise` states it.
     pub settling: Option<Settling>,
 }
 
 /// How many steps a case has to come to rest, and how fast the tool's own oscillation decays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settling {
-    /// Least number of steps; `None`: those after the last step in which a contact pressed.
+    /// Number of steps, at least, in which the case comes to rest; `None`: the steps after the last one in which a
+    /// contact pressed.
     pub steps: Option<usize>,
-    /// Factor by which the velocity of the tool's oscillation on its coupling decays in a step; 0: there is no tool.
+    /// Factor by which the velocity of the tool's oscillation on its coupling decays in a step; 0 if there is no such
+    /// tool.
     pub other: f64,
 }
 
-/// The block, attached at its side, is let go under gravity.
+/// The block, attached at its side, is released under gravity.
 pub fn hang(setup: Setup) -> Case {
     let setup = Setup { attachment: Attachment::Side, ..setup };
     let steps = damped_steps(&setup);
@@ -96,26 +98,27 @@ pub fn hang(setup: Setup) -> Case {
     Case { scenario, setup, start: Start::Rest, steps, promise: Promise::default(), settling }
 }
 
-/// Number of steps to come to rest; a smaller number where that would be too many, or where nothing damps.
+/// Number of steps to come to rest; a smaller number if that would be too many, or if nothing damps the block.
 fn damped_steps(setup: &Setup) -> usize {
     let rate = setup.material.damping_mass;
     let steps = if rate > 0.0 { (TO_REST / rate / setup.dt).ceil() } else { UNDAMPED };
-    // A case that would take longer than the cap does not come to rest anyway, so that fewer steps do.
+    // A case that would need more steps than the cap does not come to rest within it either, so that fewer steps
+    // suffice.
     if steps > STEPS[1] { PRESS_STEPS as usize } else { steps.max(STEPS[0]) as usize }
 }
 
-/// The block is stretched and let go without attachment, gravity or damping: its centre must stay, and its energy must
-/// not grow.
+/// The block is stretched and released without attachment, gravity or damping: its centre must stay in place, and its
+/// energy must not grow.
 pub fn pluck(setup: Setup) -> Case {
     let usual = Setup::default();
     let stiffer = setup.material.young / usual.material.young * usual.edge / setup.edge;
     let stretch = PLUCKED * stiffer.max(1.0).sqrt().recip();
-    // No node moves by more than the stretch in a step. The solver leaves a share of that motion unsolved, with which
-    // the centre drifts.
+    // No node moves by more than the stretch in a step. The solver leaves a share of that motion unsolved, and the
+    // centre drifts by it.
     let way = stretch * UNDAMPED;
     let solved = DRIFT * (1.0 + way);
-    // The momentum exchanged inside the block in a step is rounded as well; it grows with the square of the distance
-    // that a wave travels in a step.
+    // The momentum that nodes of the block exchange in a step is rounded as well; it grows with the square of the
+    // distance that a wave travels in a step.
     let waves = setup.material.young / setup.material.density * (setup.dt / setup.edge).powi(2);
     let rounded = INSIDE * HALF_ULP * waves * way;
     let promise = Promise { drift: Some((0, (solved + rounded) * setup.edge)), ..Promise::default() };
@@ -129,7 +132,8 @@ fn sag(setup: &Setup) -> f64 {
     0.5 * setup.material.density * setup.gravity * setup.edge.powi(2) / setup.material.young
 }
 
-/// The promise of a case in which a tool touched the block: at the end nothing presses, and the block has its shape.
+/// The promise of a case in which a tool touched the block: at the end no contact presses, and the block has its rest
+/// shape.
 fn left_alone(setup: &Setup) -> Promise {
     let is_firm = sag(setup) <= 0.5 * SHAPE * setup.edge;
     Promise { shape: is_firm.then_some(SHAPE * setup.edge), touches: true, parts: is_firm, ..Promise::default() }
@@ -143,7 +147,7 @@ pub fn press(setup: Setup, sphere: Sphere) -> Case {
     let after = ((1.0 - PHASES[2]) * pressing).max(damped_steps(&setup) as f64).min(AFTER_STEPS);
     let steps = (PHASES[2] * pressing + after).ceil() as usize;
     let gap = 0.02 * setup.edge;
-    // Where gravity is greater than usual the top has sagged further, and the press goes deeper by that.
+    // If gravity is greater than by default, the top has sagged further, and the press goes deeper by the difference.
     let usual = Setup { gravity: Setup::default().gravity, ..setup.clone() };
     let sunk = (sag(&setup) - sag(&usual)).clamp(0.0, 0.5 * setup.edge);
     let deep = -DEPTH * setup.edge - sunk;
@@ -161,15 +165,16 @@ fn swing(sphere: &Sphere, dt: f64) -> f64 {
     modes::decay((stiffness / sphere.mass).sqrt(), damping / sphere.mass, dt)
 }
 
-/// A sphere of 50 g on a coupling of 500 N/m and 5 N s/m for the default block, scaled to a block with this edge (m).
+/// A sphere of 50 g on a coupling of 500 N/m and 5 N s/m for the default block, scaled to a block with the edge `edge`
+/// (m).
 pub fn sphere(edge: f64) -> Sphere {
     let scale = edge / Setup::default().edge;
     let coupling = Some((500.0 * scale.powi(2), 5.0 * scale.powf(2.5)));
     Sphere { mass: 0.05 * scale.powi(3), coupling, speed: 0.0, path: Vec::new() }
 }
 
-/// A sphere of this mass (kg) without a coupling is thrown at the block, without gravity; the case lasts until it has
-/// gone through and the block has come to rest.
+/// A sphere of mass `mass` (kg) without a coupling is thrown at the block, without gravity. The case lasts so long that
+/// the sphere can go through and the block come to rest.
 pub fn throw(setup: Setup, mass: f64) -> Case {
     let sphere = Sphere { mass, coupling: None, speed: THROWN, path: Vec::new() };
     let setup = Setup { attachment: Attachment::Bottom, gravity: 0.0, ..setup };
@@ -183,7 +188,7 @@ pub fn throw(setup: Setup, mass: f64) -> Case {
     Case { scenario: "throw", setup, start: Start::Rest, steps, promise, settling }
 }
 
-/// The block, attached at its bottom, is stretched, compressed or turned inside out by this factor, and let go.
+/// The block, attached at its bottom, is stretched, compressed or turned inside out by `factor`, and released.
 pub fn release(setup: Setup, factor: f64) -> Case {
     let setup = Setup { attachment: Attachment::Bottom, ..setup };
     let steps = damped_steps(&setup);
@@ -196,13 +201,13 @@ pub fn release(setup: Setup, factor: f64) -> Case {
     Case { scenario, setup, start: Start::Stretched(factor), steps, promise, settling }
 }
 
-/// The tool of [`sphere`] on a coupling so stiff that it follows the haptic device.
+/// The tool of [`sphere`] on a coupling so stiff that the tool follows the haptic device.
 fn pushed(edge: f64) -> Sphere {
     let tool = sphere(edge);
     Sphere { coupling: tool.coupling.map(|(stiffness, damping)| (100.0 * stiffness, 10.0 * damping)), ..tool }
 }
 
-/// The haptic device goes down through the block at this speed (m/s), and stays below it.
+/// The haptic device goes down through the block at `speed` (m/s), and stays below it.
 pub fn thrust(setup: Setup, speed: f64) -> Case {
     let gap = 0.02 * setup.edge;
     let way = (1.5 + 2.0 * RADIUS) * setup.edge;
@@ -216,8 +221,8 @@ pub fn thrust(setup: Setup, speed: f64) -> Case {
     Case { scenario: "thrust", setup, start: Start::Rest, steps, promise, settling }
 }
 
-/// The haptic device jumps from one step to the next into the block, by `way` (m) below its sagged top, and later back
-/// above it.
+/// From one step to the next the haptic device jumps into the block, to `way` (m) below its sagged top; later it jumps
+/// back above the block.
 pub fn teleport(setup: Setup, way: f64) -> Case {
     let gap = 0.02 * setup.edge;
     let [at, back] = [1.0, 5.0].map(|times| times * TELEPORTED * setup.dt);
@@ -232,14 +237,14 @@ pub fn teleport(setup: Setup, way: f64) -> Case {
     Case { scenario: "teleport", setup, start: Start::Rest, steps, promise, settling }
 }
 
-/// A free block spins at this angular speed (rad/s) without gravity: its centre must stay.
+/// A free block spins at the angular speed `speed` (rad/s) without gravity: its centre must stay in place.
 pub fn spin(setup: Setup, speed: f64) -> Case {
     let promise = Promise { drift: Some((0, DRIFT * setup.edge)), ..Promise::default() };
     let setup = Setup { attachment: Attachment::Nothing, gravity: 0.0, ..setup };
     Case { scenario: "spin", setup, start: Start::Spinning(speed), steps: 200, promise, settling: None }
 }
 
-/// A block rests on a floor for this many steps: once settled, it must stay.
+/// A block rests on a floor for `steps` steps: once settled, it must stay in place.
 pub fn rest(setup: Setup, steps: usize) -> Case {
     let setup = Setup { attachment: Attachment::Nothing, has_floor: true, ..setup };
     let drift = Some((SETTLED, DRIFT * setup.edge));
@@ -247,20 +252,20 @@ pub fn rest(setup: Setup, steps: usize) -> Case {
     Case { scenario: "rest", setup, start: Start::Rest, steps, promise, settling: None }
 }
 
-/// The case for a block that nothing moves (without weight, or with all nodes attached): its centre must stay.
+/// The case for a block that nothing moves (without weight, or with all nodes attached): its centre must stay in place.
 pub fn still(case: Case) -> Case {
     let promise = Promise { drift: Some((0, STILL * case.setup.edge)), ..case.promise };
     Case { promise, ..case }
 }
 
-/// A block that is let go, and one that is pressed; both are damped so that they come to rest.
+/// A block that is released, and one that is pressed; both are damped so that they come to rest.
 pub fn both(setup: Setup) -> Vec<Case> {
     let edge = setup.edge;
     vec![hang(setup.clone().damped()), press(setup.damped(), sphere(edge))]
 }
 
-/// A damped block that is let go and comes to rest; and a pressed and a plucked one without damping, which might hide
-/// errors of the step.
+/// A damped block that is released and comes to rest, and two blocks without damping, one pressed and one plucked,
+/// since damping might hide errors of the step.
 pub fn bare(setup: Setup) -> Vec<Case> {
     let edge = setup.edge;
     vec![hang(setup.clone().damped()), press(setup.clone(), sphere(edge)), pluck(setup)]

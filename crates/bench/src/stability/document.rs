@@ -1,5 +1,5 @@
-//! The report of the stability matrix: the heat map, where the safe range of each axis ends, and every case that did
-//! not pass.
+//! The report of the stability matrix: the heat map, the ends of each axis's safe range, and every case that did not
+//! pass.
 
 use palpate::Flags;
 
@@ -11,7 +11,7 @@ use crate::document::{Chapter, Document, Section, Table};
 pub fn document(results: &Results) -> Document {
     let count = |verdict: Verdict| results.cases().filter(|(_, _, case)| case.verdict == verdict).count();
     let preface = format!(
-        "palpate {} (commit {}), {} ({}), {} threads. {} cases in {:.0} s{}.",
+        "palpate {} (commit {}), {} ({}), {} threads. {} cases took {:.0} s{}.",
         results.version,
         results.commit,
         results.device,
@@ -19,19 +19,21 @@ pub fn document(results: &Results) -> Document {
         results.threads,
         results.cases().count(),
         results.seconds,
-        if results.settings.is_quick { ", the short form" } else { "" },
+        if results.settings.is_quick { ", in the short form" } else { "" },
     );
-    let method = "A block of 10 cm (162 tetrahedra, 20 kPa, nu 0.4, 1000 kg/m^3, steps of 1 ms) is let go from a face (hang), \
-         pressed by a sphere of 4 cm and 50 g on a coupling of 500 N/m and 5 N s/m (press), stretched by a tenth and let go \
-         free of weight (pluck), thrown at, thrust through, stretched, turned. One thing at a time is taken to its extreme; \
-         what goes with it: size takes Young's modulus (as stiff for its weight), the sphere's size and mass and its coupling \
-         along; gravity or its lack changes how far the block sags; a block stiffer than the usual is plucked by less, with \
-         the same energy; thrust and teleport have a coupling a hundred times stiffer. Damping by mass is set to the frequency of the \
-         slowest wave along the block's edge (70 1/s as it stands, 5e5 at 1 TPa), near to where nothing swings any more, in \
-         hang, and in press but where it says undamped; undamped, pluck and spin have none but what implicit Euler takes. Each \
-         step is measured from outside in f64.";
+    let method = "A block of 10 cm (162 tetrahedra, 20 kPa, nu 0.4, 1000 kg/m^3, steps of 1 ms) is attached by a face \
+                  and released (hang), pressed by a sphere of 4 cm diameter and 50 g on a coupling of 500 N/m and 5 N \
+                  s/m (press), stretched by a tenth and released without weight (pluck), hit by a thrown sphere, \
+                  thrust through, stretched, or spun. One quantity at a time is taken to its extremes. Some others \
+                  change with it: Young's modulus, the sphere's size and mass and its coupling are scaled with the \
+                  block's size, so that it is as stiff for its weight; gravity, or its lack, changes how far the \
+                  block sags; a block stiffer than the default one is plucked by less, to the same energy; thrust and \
+                  teleport have a coupling a hundred times as stiff. Damping by mass is set to the frequency of the \
+                  slowest wave along the block's edge (70 1/s by default, 5e5 at 1 TPa), close to critical damping, \
+                  in hang and in press; cases marked undamped, pluck and spin have no damping but that of implicit \
+                  Euler. Each step is measured from outside the engine in f64.";
     let finding = format!(
-        "{} pass, {} are degraded, {} fail, {} of them without a flag; {} are refused.",
+        "{} cases pass, {} are degraded, {} fail, {} of them without a flag; {} are refused.",
         count(Verdict::Pass),
         count(Verdict::Degraded),
         count(Verdict::Fail) + count(Verdict::Silent),
@@ -40,12 +42,11 @@ pub fn document(results: &Results) -> Document {
     );
     let matrix = Section {
         title: "The matrix".into(),
-        question:
-            "What becomes of each case? A cell shows the worst of its simulations. Pass: every invariant holds, and no \
-                   flag was raised. Degraded: a flag was raised, and energy and force keep their invariants. Fail: they do \
-                   not, and a flag says so. Silent failure: a invariant is broken in a step none of whose flags says that it may \
-                   be; any other flag excuses nothing."
-                .into(),
+        question: "What is the verdict on each case? A cell shows the worst verdict of its simulations. Pass: every \
+                   invariant holds, and no flag was raised. Degraded: a flag was raised, but energy and force keep their \
+                   invariants. Fail: they do not, and a flag warns of it. Silent failure: an invariant is broken in \
+                   a step without a flag that warns of it; a flag that warns of something else does not count."
+            .into(),
         table: invariants(results),
         plot: Some(heat_map::svg(results)),
         finding,
@@ -63,33 +64,33 @@ fn invariants(results: &Results) -> Table {
         (Invariant::Finite, "all reported numbers are finite"),
         (
             Invariant::Energy,
-            "at most the initial energy plus the energy supplied, within 1e-3 of the energy turned over",
+            "at most the initial energy plus the energy supplied, within 1e-3 of the sum of all energies' magnitudes",
         ),
         (
             Invariant::Force,
-            "the wrench is the sum of its contacts' area (k depth + d rate): within 1e-3, or f32's rounding",
+            "the wrench is the sum over contacts of area (k depth + d rate): within 1e-3, or f32's rounding",
         ),
         (Invariant::Push, "no contact pulls by more than the bound of `force`"),
-        (Invariant::Residual, "b - A x in f64, contacts and tool included: 1e-3 of b or of weight, or f32's rounding"),
-        (Invariant::Balance, "force, weight and coupling move the tool: within 1e-2 of the largest"),
+        (Invariant::Residual, "b - A x in f64, with contacts and tool: within 1e-3 of b and weight, or f32's rounding"),
+        (Invariant::Balance, "reported force, weight and coupling move the tool: within 1e-2 of the largest impulse"),
         (
             Invariant::Rest,
-            "over the last tenth kinetic energy is down as the slowest mode of the mesh has it, or to 1e-4 of the most that \
-             the block had; nothing is promised where the case is too short for that mode",
+            "over the last tenth of the steps, kinetic energy has decayed as the slowest mode of the mesh does, or to \
+             1e-4 of the body's greatest energy; nothing is promised if the case is too short for that mode",
         ),
         (
             Invariant::Drift,
-            "a body that nothing pushes stays within 1e-5 of its edge; a plucked one has 1e-5 of its stretch per step \
-             in addition",
+            "the centre of a body that nothing pushes stays within 1e-5 of its edge; for a plucked one, 1e-5 of its \
+             stretch per step is added",
         ),
         (
             Invariant::Shape,
-            "over the last tenth every node is within a tenth of the edge of where it was, where rest is due",
+            "over the last tenth of the steps, nodes are within a tenth of the edge of rest, if rest is due",
         ),
-        (Invariant::Touch, "contacts press in a case in which the tool or the floor should touch"),
-        (Invariant::Parted, "over the last tenth nothing presses where the tool was drawn out or went through"),
+        (Invariant::Touch, "a contact presses in some step of a case in which the tool or the floor should touch"),
+        (Invariant::Parted, "over the last tenth of the steps, no contact presses after the tool left the block"),
     ] {
-        // In a case without a tool these invariants have nothing to check, so that it does not count.
+        // In a case without a tool these invariants have nothing to check, so that the case is not counted for them.
         let may_be_idle = matches!(invariant, Invariant::Force | Invariant::Push | Invariant::Balance);
         let has_tool =
             |judged: &Judged| judged.findings.iter().any(|f| f.invariant == Invariant::Balance && f.worst != 0.0);
@@ -102,11 +103,11 @@ fn invariants(results: &Results) -> Table {
     table
 }
 
-/// Up to so many consecutive values are listed one by one; more are written as a range.
+/// At most so many consecutive values are listed one by one; more are written as a range.
 const LISTED: usize = 6;
 
 fn safe(results: &Results) -> Section {
-    let mut table = Table::new(["axis", "passes", "does not"]);
+    let mut table = Table::new(["axis", "values that pass", "values that do not"]);
     let mut ends = Vec::new();
     for axis in &results.axes {
         let [passing, others] = [true, false].map(|is_pass| values(axis, is_pass));
@@ -119,12 +120,12 @@ fn safe(results: &Results) -> Section {
     let all = results.axes.len();
     let finding = match ends.len() {
         0 => format!("All values of all {all} axes pass."),
-        count => format!("{} of {all} axes pass at all their values; {} do not.", all - count, ends.join(", ")),
+        count => format!("{} of {all} axes pass at all their values; others do not: {}.", all - count, ends.join(", ")),
     };
     Section {
         title: "Where the safe region ends".into(),
         question:
-            "At which values of each axis do all cases pass, of those that were tried? Between two nothing was tried."
+            "At which of the tried values of each axis do all cases pass? No value between two neighbours was tried."
                 .into(),
         table,
         plot: None,
@@ -133,7 +134,7 @@ fn safe(results: &Results) -> Section {
     }
 }
 
-/// The labels of the values that pass, or of those that do not with their verdicts; many consecutive ones are written
+/// The labels of the values that pass, or of those that do not with their verdicts; many consecutive values are written
 /// as a range.
 fn values(axis: &AxisResult, is_pass: bool) -> String {
     let of = |cell: &CellResult| (cell.verdict == Verdict::Pass) == is_pass;
@@ -162,12 +163,12 @@ fn rest(results: &Results) -> Section {
     }
     Section {
         title: "What does not pass, and why".into(),
-        question: "Which invariant is broken, by how much, from which step on, and what did the wrench say then?"
+        question: "Which invariant is broken, by how much, from which step on, and which flags did the step raise?"
             .into(),
         table,
         plot: None,
         finding: match results.faults().as_slice() {
-            [] => "No failure is silent, and all that must pass passes.".into(),
+            [] => "No failure is silent, no scene is refused, and all cases that must pass do.".into(),
             faults => format!("Requirements not met: {}.", faults.join("; ")),
         },
         ..Section::default()

@@ -1,7 +1,7 @@
-//! The residual b - A x of a step's linear system, computed in f64, matrix by matrix as the equations are written down.
-//! x is the change of the velocities of nodes and tool, b are impulses (N s) and A has the unit of mass (kg). The terms
-//! are elasticity linearised at the start of the step, damping, weight, contacts, and the tool with its virtual
-//! coupling.
+//! The residual b - A x of a step's linear system, computed in f64, with the matrices of the equations as they are
+//! written in the literature. x is the change of the velocities of nodes and tool, b are impulses (N s) and A has the
+//! unit of mass (kg). The terms are elasticity linearised at the start of the step, damping, weight, contacts, and the
+//! tool with its virtual coupling.
 
 use glam::{DQuat, DVec3};
 use palpate::RigidState;
@@ -26,25 +26,25 @@ pub struct Done<'a> {
     pub gravity: DVec3,
     /// Velocities of the nodes at the end of the step, m/s.
     pub end: &'a [DVec3],
-    /// The tool at the end of the step, and the haptic device there.
+    /// The tool at the end of the step, and the haptic device at that time.
     pub tool: Option<(&'a Tool, RigidState)>,
-    /// Contacts that act (that the solver did not release).
+    /// Contacts that act, that is, that the solver did not release.
     pub contacts: &'a [Pressing],
 }
 
-/// Squared norms of vectors of the system: sums of squares, each divided by A's diagonal entry.
+/// Squared norms of vectors of the system: sums of squares, each divided by A's diagonal entry for that equation.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Left {
     /// Squared norm of the residual b - A x.
     pub left2: f64,
-    /// Squared norm of b, with the weight added for nodes on which forces cancel.
+    /// Squared norm of b, plus that of the weight, since b is small for nodes on which forces cancel.
     pub size2: f64,
-    /// Squared norm of what f32 rounding alone may leave of the residual.
+    /// Squared norm of the residual that f32 rounding alone may cause.
     pub floor2: f64,
 }
 
-/// Contact terms of a node's or the tool's equation: impulses at the velocities of the step's end and start (N s),
-/// their rounding (N s), and the term on A's diagonal (kg).
+/// Contact terms of the equation of a node or of the tool: impulses with the velocities at the step's end and start (N
+/// s), their rounding (N s), and the term on A's diagonal (kg).
 #[derive(Clone, Copy, Default)]
 struct Pushed {
     end: DVec3,
@@ -62,7 +62,7 @@ impl Before {
         Before { body, rotations, tool: tool.cloned() }
     }
 
-    /// The residual after the step, the size of b, and the floor of rounding.
+    /// Squared norms of the residual after the step, of b, and of the rounding.
     pub fn left(&self, done: &Done) -> Left {
         let (h, elements) = (done.h, &self.body.elements);
         let (start, end) = (&self.body.velocity, done.end);
@@ -81,7 +81,7 @@ impl Before {
                 + mass * (start[i].length() + end[i].length() + h * done.gravity.length())
                 + h * damping * (start[i].length() + end[i].length());
             left.left2 += (own + push.end - image).length_squared() / diagonal;
-            // Where forces cancel, b is small; the weight still tells how large they are.
+            // Where forces cancel, b is small; the weight still shows how large they are.
             let weight2 = (h * mass * done.gravity).length_squared();
             left.size2 += ((own + push.start).length_squared() + weight2) / diagonal;
             left.floor2 += (ROUNDINGS * HALF_ULP * floor + push.rounding).powi(2) / diagonal;
@@ -99,7 +99,7 @@ impl Before {
         [motion(&self.body.velocity, self.tool.as_ref()), motion(done.end, done.tool.as_ref().map(|(tool, _)| *tool))]
     }
 
-    /// Contact terms of every node's equation.
+    /// Contact terms of the equations of all nodes.
     fn pushed(&self, done: &Done) -> Vec<Pushed> {
         let mut pushed = vec![Pushed::default(); self.body.velocity.len()];
         let [start, end] = self.motions(done);
@@ -118,7 +118,7 @@ impl Before {
         pushed
     }
 
-    /// Adds the six equations of the tool.
+    /// Adds the six equations of the tool to `left`.
     fn tool_rows(&self, done: &Done, left: &mut Left) {
         let (Some(before), Some((after, device))) = (&self.tool, &done.tool) else { return };
         let h = done.h;
@@ -158,8 +158,8 @@ impl Before {
         let spread = |nodes: &[u32; 4], of: &[DVec3]| {
             nodes.iter().map(|i| of[*i as usize].distance(of[nodes[0] as usize])).fold(0.0, f64::max)
         };
-        // A velocity is rounded in proportion to its magnitude, even where an element feels only a small difference of
-        // velocities.
+        // A velocity is rounded in proportion to its magnitude, even if an element's stress depends only on small
+        // differences of velocities.
         let greatest =
             |nodes: &[u32; 4], of: &[DVec3]| nodes.iter().map(|i| of[*i as usize].length()).fold(0.0, f64::max);
         for (e, nodes) in elements.tetrahedra.iter().enumerate() {
@@ -172,8 +172,8 @@ impl Before {
                 + lag * (greatest(nodes, start) + greatest(nodes, end));
             for i in nodes {
                 let at = &mut sizes[*i as usize];
-                // A node's own gradient is between a third and all of the steepest one of its tetrahedron; a half of
-                // the term stands for it.
+                // A node's own gradient is between a third of the steepest gradient of its tetrahedron and all of it;
+                // half of the term with the steepest one is taken for every node.
                 *at = (at.0 + 0.5 * lag, at.1 + size);
             }
         }

@@ -1,5 +1,5 @@
-//! The stability matrix as an image (SVG): a row for each axis, a cell for each value. A cell has a colour that
-//! colour-blind readers can tell apart, and a letter for its verdict.
+//! The stability matrix as an image (SVG): a row for each axis, and in it a cell for each value. A cell has a colour
+//! that colour-blind readers can distinguish, and a letter for its verdict.
 
 use std::fmt::Write;
 
@@ -7,7 +7,7 @@ use super::invariants::Verdict;
 use super::{AxisResult, CellResult, Results};
 use crate::page::escaped;
 
-/// Width of the image in its own units; on the page it is as wide as the page.
+/// Width of the image in its own units; on the page the image is as wide as the page.
 const WIDTH: usize = 1240;
 /// Width of the column with the names of the rows.
 const NAMES: usize = 250;
@@ -105,8 +105,8 @@ fn cell_at(svg: &mut String, cell: &CellResult, x: usize, y: usize, width: usize
     }
 }
 
-/// Splits a label between words into lines of at most `most` letters, as far as possible; a number stays with its per
-/// cent sign.
+/// Splits a label between words into lines of at most `most` letters, as far as possible; a number stays on one line
+/// with its per cent sign.
 fn lines(label: &str, most: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in label.split(' ') {

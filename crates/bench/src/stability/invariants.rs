@@ -1,6 +1,6 @@
-//! The invariants (`Invariant`) that every step of a case must keep, judged from measured steps alone. Each finding names the
-//! first step that broke one, and a case's verdict follows from its findings. A step that breaks an invariant is
-//! excused if it raised a flag that warns of just that; a break without such a flag is a silent failure.
+//! The invariants (`Invariant`) that every step of a case must keep, judged from measured steps alone. Each finding
+//! names the first step that broke its invariant, and the verdict on a case follows from its findings. A flag of a step
+//! excuses a broken invariant only if it warns of that invariant; a break without such a flag is a silent failure.
 
 use glam::DVec3;
 use palpate::Flags;
@@ -8,24 +8,25 @@ use serde::Serialize;
 
 use super::trace::Sample;
 
-/// Energy may exceed that of the start plus what was supplied by this share of the energy turned over: the solver stops
-/// at 1e-5 of the right-hand side in its own norm, and the state is f32.
+/// Energy may exceed the energy at the start plus the energy supplied by this share of the sum of all energies'
+/// magnitudes: the solver stops at 1e-5 of the right-hand side in its own norm, and the state is f32.
 pub const ENERGY: f64 = 1e-3;
-/// A body is at rest when its kinetic energy is below this share of the most kinetic and elastic energy that it had.
+/// A body is at rest when its kinetic energy is below this share of the greatest sum of kinetic and elastic energy that
+/// it had.
 pub const AT_REST: f64 = 1e-4;
-/// The wrench may differ from the sum of its contacts by this share of all their pushes: sums are f32, and the terms of
-/// the contact law cancel as a contact parts.
+/// The wrench may differ from the sum of its contacts by this share of the sum of their pushes: sums are f32, and the
+/// terms of the contact law cancel as a contact parts.
 pub const FORCE: f64 = 1e-3;
-/// Bound on the relative residual of a step's linear system: the engine raises a flag at ten times its tolerance of
-/// 1e-5, in its preconditioner's norm, from which that of the diagonal, used here, may differ tenfold.
+/// Bound on the relative residual of a step's linear system. The engine raises a flag at ten times its tolerance of
+/// 1e-5 in its preconditioner's norm; the diagonal's norm, used here, may differ from that by a factor of ten.
 pub const RESIDUAL: f64 = 1e-3;
-/// The change of the tool's momentum may miss the impulses on it by this share of the largest one; larger than
-/// [`RESIDUAL`], since the tool has only six of the system's many equations.
+/// The change of the tool's momentum may differ from the sum of the impulses on it by this share of the largest
+/// impulse. The share is larger than [`RESIDUAL`], since the tool has only six of the system's many equations.
 pub const BALANCE: f64 = 1e-2;
-/// Invariants of a case's end are judged over this last share of its steps, because a single step may be a turning
-/// point.
+/// Invariants of a case's end are judged over this last share of its steps, because a single step may lie at a turning
+/// point of an oscillation.
 pub const END: f64 = 0.1;
-/// Where nothing pushes, the centre of a body may move by this share of its edge, which is f32 precision.
+/// If nothing pushes a body, its centre may move by this share of its edge, which is f32 precision.
 pub const DRIFT: f64 = 1e-5;
 
 /// An invariant that is tested.
@@ -74,58 +75,59 @@ impl Invariant {
         }
     }
 
-    /// Whether breaking it makes the felt force wrong, so that it is a failure even where a flag warns of it.
+    /// Whether breaking the invariant makes the force at the hand wrong, so that it is a failure even if a flag warns
+    /// of it.
     fn is_hard(self) -> bool {
         matches!(self, Invariant::Finite | Invariant::Energy | Invariant::Force | Invariant::Push)
     }
 
-    /// The flags that warn that this invariant may be broken in their step; other flags do not excuse it.
+    /// The flags that warn that this invariant may be broken in their step; other flags do not excuse a break.
     pub fn excuses(self) -> Flags {
         match self {
-            // The flag says that a number was not finite.
+            // The flag means that a number was not finite.
             Invariant::Finite => Flags::NON_FINITE,
-            // Rotations are frozen over a step, which adds energy to a spinning body; and the elastic energy of an
-            // inverted tetrahedron depends on which of its several polar rotations is chosen, in this measurement as in
-            // the engine.
+            // Rotations are frozen over a step, which adds energy to a spinning body. The elastic energy of an inverted
+            // tetrahedron depends on which of its several polar rotations is chosen, in this measurement as in the
+            // engine.
             Invariant::Energy => Flags::TURNS_TOO_FAR | Flags::INVERTED,
-            // Contacts that pull count as zero in the wrench, but act in the solution.
+            // The wrench counts contacts that pull as zero, but they act in the solution.
             Invariant::Push => Flags::TENSION_REMAINS,
             // The sum computed here leaves out pulling contacts as the wrench does, so that no flag explains a
             // difference.
             Invariant::Force | Invariant::Touch => Flags(0),
-            // The first flag says just this. The rotation of an inverted tetrahedron cannot be followed from outside,
-            // so that the system here differs from the engine's. Blocks of 1 TPa that spin break it while they gain
-            // energy, presumably by rounding of their large stress.
+            // The first flag means exactly this. The rotation of an inverted tetrahedron cannot be followed from
+            // outside the engine, so that the system computed here differs from the engine's. Blocks of 1 TPa that spin
+            // break the invariant while they gain energy, presumably by rounding of their large stress.
             Invariant::Residual => Flags::NOT_CONVERGED | Flags::INVERTED | Flags::TURNS_TOO_FAR,
             // The tool's equations share the solver's residual; contacts that pull move the tool but are left out of
             // the wrench; a step that was retried in parts reports the force of its last part; a frozen tool does not
             // move.
             Invariant::Balance => Flags::NOT_CONVERGED | Flags::TENSION_REMAINS | Flags::STEP_RETRIED | Flags::FROZEN,
-            // The solver's residual may push the body as a whole, and the spinning blocks of 1 TPa drift as well.
+            // The solver's residual may push the body as a whole; the spinning blocks of 1 TPa drift as well.
             Invariant::Drift => Flags::NOT_CONVERGED | Flags::TURNS_TOO_FAR,
-            // A body caught inside out creeps, and does not decay as predicted for oscillations about rest.
+            // A body that is caught inside out creeps, and does not decay as predicted for oscillations about rest.
             Invariant::Rest => Flags::INVERTED,
-            // The flags say that the body is not back in shape, or will not be.
+            // The flags mean that the body is not back in its rest shape, or will not come back.
             Invariant::Shape => Flags::INVERTED | Flags::FROZEN,
-            // A contact beyond the depth limit is left out, so that the body may be caught on the tool; or it is caught
-            // inside out.
+            // A contact beyond the depth limit is left out, so that the body may be caught on the tool; or the body is
+            // caught inside out.
             Invariant::Parted => Flags::DEPTH_BEYOND_LIMIT | Flags::INVERTED | Flags::FROZEN,
         }
     }
 
-    /// Whether one of these flags excuses breaking the invariant.
+    /// Whether one of the flags `flags` excuses breaking the invariant.
     fn is_excused(self, flags: Flags) -> bool {
         self.excuses().0 & flags.0 != 0
     }
 }
 
-/// The invariants that a case promises at its end, besides those of every step.
+/// The invariants that a case promises at its end, in addition to those of every step.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Promise {
-    /// Most kinetic energy at the end, as a share of the most kinetic and elastic energy that the body had; `None`: the
-    /// case need not come to rest.
+    /// Greatest kinetic energy at the end, as a share of the greatest sum of kinetic and elastic energy that the body
+    /// had; `None`: the case need not come to rest.
     pub rest: Option<f64>,
-    /// From this step on, how far the centre of the free nodes may be from where it was in that step, m.
+    /// A step, and how far from its position in that step the centre of the free nodes may be in later ones, m.
     pub drift: Option<(usize, f64)>,
     /// How far any node may be from its rest position at the end, m.
     pub shape: Option<f64>,
@@ -144,13 +146,13 @@ pub struct Finding {
     pub worst: f64,
     /// The bound of that value.
     pub bound: f64,
-    /// The step of that value, from 1; 0: the start.
+    /// The step of `worst`, from 1; 0: the start.
     pub step: usize,
-    /// The first step that broke the invariant; where any did so without an excusing flag, the first of these.
+    /// The first step that broke the invariant; if any did so without an excusing flag, the first such step.
     pub broken: Option<usize>,
     /// The flags of the step in `broken`.
     pub flags: u32,
-    /// Whether any step that broke it had no excusing flag.
+    /// Whether any step that broke the invariant had no excusing flag.
     pub is_silent: bool,
 }
 
@@ -162,7 +164,7 @@ pub enum Verdict {
     Pass,
     /// The engine refused the scene with an error.
     Refused,
-    /// A flag was raised. Invariants of energy and force hold; others may be broken where a flag warns of it.
+    /// A flag was raised. Invariants of energy and force hold; others may be broken if a flag warns of it.
     Degraded,
     /// An invariant of energy or force is broken, and a flag of that step warns of it.
     Fail,
@@ -184,7 +186,7 @@ impl Verdict {
 }
 
 impl Finding {
-    /// Records a step that broke the invariant; the first one is kept, or the first one that no flag excuses.
+    /// Records a step that broke the invariant. The first such step is kept, or the first one that no flag excuses.
     fn note(&mut self, step: usize, flags: Flags, is_silent: bool) {
         if self.broken.is_none() || (is_silent && !self.is_silent) {
             (self.broken, self.flags) = (Some(step), flags.0);
@@ -192,7 +194,7 @@ impl Finding {
         self.is_silent |= is_silent;
     }
 
-    /// The broken invariant, its step, flags and worst value as text; `None`: it was not broken.
+    /// The broken invariant, its step, flags and worst value as text; `None`: the invariant was not broken.
     pub fn in_words(&self) -> Option<String> {
         let step = self.broken?;
         let names: Vec<&str> = Flags(self.flags).names().collect();
@@ -260,7 +262,7 @@ fn energy(samples: &[Sample]) -> Finding {
         at += 1;
         gains[at]
     });
-    // Energy that a flagged step gained stays, so that later steps answer only for what they add to it.
+    // Energy that a flagged step gained stays in the body, so that later steps are judged only by what they add to it.
     let mut told = 0.0f64;
     finding.is_silent = false;
     for (step, (sample, &(gain, bound))) in samples.iter().zip(&gains).enumerate() {
@@ -273,7 +275,8 @@ fn energy(samples: &[Sample]) -> Finding {
     finding
 }
 
-/// Finds the sample from step `from` on that is nearest to its bound or furthest beyond it; NaN breaks any bound.
+/// Finds the sample, from step `from` on, whose value is nearest to its bound or furthest beyond it; NaN breaks any
+/// bound.
 fn worst(
     invariant: Invariant,
     samples: &[Sample],
@@ -288,7 +291,7 @@ fn worst(
         if is_beyond(value, bound) {
             finding.note(step, sample.flags, !invariant.is_excused(sample.flags));
         }
-        // Any positive value breaks a bound of zero; such values are compared by themselves.
+        // Any positive value breaks a bound of zero; such values are compared without dividing by the bound.
         let share = if bound > 0.0 { value / bound } else { value };
         if share > most || value.is_nan() {
             (most, finding.worst, finding.bound, finding.step) = (share, value, bound, step);

@@ -1,6 +1,6 @@
-//! Texts for the values of axes of the stability matrix.
+//! Labels for the values of the axes (varied quantities) of the stability matrix.
 
-/// A factor of stretch along an edge in words.
+/// A factor of stretch along an edge, in words.
 pub fn stretched(factor: f64) -> String {
     let percent = (100.0 * factor.abs()).round();
     match factor {
@@ -11,7 +11,7 @@ pub fn stretched(factor: f64) -> String {
     }
 }
 
-/// A number as a power of ten: `1e3`.
+/// A number as a power of ten, such as `1e3`.
 pub fn power(value: f64) -> String {
     format!("{value:.0e}")
 }

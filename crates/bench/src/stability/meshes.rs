@@ -1,5 +1,5 @@
-//! Meshes of the stability matrix that no scene can describe: a block with a layer of slivers, and a single
-//! tetrahedron.
+//! Mesh files of the stability matrix for bodies that a scene cannot describe by numbers: a block with a layer of
+//! slivers, and a single tetrahedron.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use palpate::internal::prepare::layer::kuhn_box;
 
 use crate::meshes::MeshFolder;
 
-/// Layers of cells along y, one of them thin.
+/// Number of layers of cells along y; one layer is thin.
 const CELLS: u32 = 4;
 
 /// A cube whose second layer of cells is so thin that the least dihedral angle of its tetrahedra is `angle` (degrees).

@@ -1,9 +1,9 @@
 //! `palpate stability`: a matrix of stiff and extreme simulations, each with a verdict from invariants that are checked
 //! in every step.
 //!
-//! `axes` lists what is varied, `cases` what is done to the block and what must hold then, `setup` makes the scene,
-//! `trace` measures each step from outside in f64, `laws` judges the measured steps by invariants, and `document`
-//! reports.
+//! `axes` lists the quantities that are varied, `cases` the treatment of the block and the invariants that must hold
+//! after it. `setup` makes the scene, `trace` measures each step from outside the engine in f64, `invariants` judges
+//! the measured steps, and `document` writes the report.
 
 pub mod axes;
 pub mod cases;
@@ -35,9 +35,9 @@ pub const SCHEMA: u32 = 2;
 /// Which part of the matrix is run, and how.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Settings {
-    /// The short form (`--quick`), with fewer values and steps.
+    /// Whether this is the short form (`--quick`), with fewer values and steps.
     pub is_quick: bool,
-    /// Adds a million steps of resting contact (`--soak`).
+    /// Whether a million steps of resting contact are added (`--soak`).
     pub is_soak: bool,
     /// Names of the axes to run; empty: all of them.
     pub only: Vec<String>,
@@ -48,14 +48,14 @@ pub struct Settings {
     pub replaced: Vec<(String, Vec<u8>)>,
 }
 
-/// A simulation and its verdict.
+/// One simulation (a case of the matrix) and its verdict.
 #[derive(Debug, Clone, Serialize)]
 pub struct Judged {
-    /// Name of the case within its cell.
+    /// Name of the case within its cell (value of an axis).
     pub scenario: String,
     /// The verdict.
     pub verdict: Verdict,
-    /// Number of steps done.
+    /// Number of steps that were done.
     pub steps: usize,
     /// Flags of all steps together, as a bit mask.
     pub flags: u32,
@@ -63,13 +63,13 @@ pub struct Judged {
     pub flagged: usize,
     /// The first step that raised a flag.
     pub first_flagged: Option<usize>,
-    /// Most tetrahedra that were inside out at once.
+    /// Greatest number of tetrahedra that were inside out in one step.
     pub inverted: usize,
-    /// How each invariant was kept.
+    /// How each invariant was kept, in the worst step.
     pub findings: Vec<Finding>,
-    /// The engine's error message, where it refused the scene.
+    /// The engine's error message, if it refused the scene.
     pub refusal: Option<String>,
-    /// Some of the steps, the first and the last among them, of a case that does not pass; else empty.
+    /// Some of the steps, including the first and the last, of a case that does not pass; empty for one that passes.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub trace: Vec<Traced>,
     /// Wall time, s.
@@ -89,7 +89,7 @@ pub struct Traced {
     pub force: f64,
     /// Residual b - A x of the step's linear system, computed in f64, relative to b.
     pub residual: f64,
-    /// By how much the tool's change of momentum misses the impulses on it, relative to the largest impulse.
+    /// Difference of the tool's change of momentum from the impulses on it, relative to the largest impulse.
     pub balance: f64,
     /// Number of tetrahedra that are inside out.
     pub inverted: usize,
@@ -111,49 +111,49 @@ impl Judged {
     }
 }
 
-/// A value of an axis and its verdict.
+/// A value of an axis, and its verdict.
 #[derive(Debug, Clone, Serialize)]
 pub struct CellResult {
     /// The value as text, with its unit.
     pub label: String,
-    /// Whether it must pass.
+    /// Whether all cases of the value must pass.
     pub is_core: bool,
-    /// The worst verdict of its cases.
+    /// The worst verdict of the value's cases.
     pub verdict: Verdict,
-    /// Its simulations.
+    /// The value's simulations.
     pub cases: Vec<Judged>,
 }
 
 /// A row of the matrix: an axis and its values.
 #[derive(Debug, Clone, Serialize)]
 pub struct AxisResult {
-    /// Name on the command line.
+    /// Name of the axis on the command line.
     pub name: String,
     /// Title in the report.
     pub title: String,
-    /// Whether its values are alternatives in words instead of ascending numbers.
+    /// Whether the values are alternatives in words instead of ascending numbers.
     pub is_listed: bool,
-    /// Its values.
+    /// The values of the axis.
     pub cells: Vec<CellResult>,
 }
 
-/// Results of the whole run.
+/// Results of a run of the matrix.
 #[derive(Debug, Clone, Serialize)]
 pub struct Results {
-    /// Version of this format.
+    /// Version of the format of these results.
     pub schema: u32,
     /// Version of palpate.
     pub version: String,
-    /// The git commit that it was built from, with `-changed` where the sources differed from it; `unknown` outside a
+    /// The git commit that palpate was built from, with `-changed` if the sources differed from it; `unknown` outside a
     /// repository.
     pub commit: String,
     /// Name of the GPU device.
     pub device: String,
-    /// Name and version of its driver.
+    /// Name and version of the GPU driver.
     pub driver: String,
     /// Number of hardware threads of the machine.
     pub threads: usize,
-    /// What was asked for.
+    /// The part of the matrix that was run.
     pub settings: Settings,
     /// Rows of the matrix.
     pub axes: Vec<AxisResult>,
@@ -168,8 +168,8 @@ impl Results {
         cells.flat_map(|(axis, cell)| cell.cases.iter().map(move |case| (axis, cell, case)))
     }
 
-    /// What must not happen, a line for each: failures without a flag, refused scenes, and cases that must pass but do
-    /// not.
+    /// Requirements that were not met, a line for each: failures without a flag, refused scenes, and cases that must
+    /// pass but do not.
     pub fn faults(&self) -> Vec<String> {
         let bad = self.cases().filter(|(_, cell, case)| {
             let is_fault = matches!(case.verdict, Verdict::Silent | Verdict::Refused);

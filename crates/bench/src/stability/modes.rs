@@ -1,24 +1,24 @@
-//! Predicts how fast a body comes to rest: the slowest mode of vibration of a body at rest, and how implicit Euler
-//! damps a mode.
+//! Predicts how fast a body comes to rest, from the slowest mode of vibration of a body at rest and from the damping of
+//! a mode by implicit Euler.
 
 use glam::DQuat;
 use palpate::Result;
 use palpate_oracle::linear::{Entries, Solver};
 use palpate_oracle::step::SoftBody;
 
-/// Most rounds of inverse iteration.
+/// Most iterations of the inverse iteration.
 const ROUNDS: usize = 200;
-/// Relative change of the squared frequency that ends the iteration.
+/// Relative change of the squared frequency at which the iteration ends.
 const DONE: f64 = 1e-9;
 
-/// Factor by which implicit Euler scales the velocity of a body near rest in a step of `h` seconds, in its
-/// slowest-decaying mode; 0: no node is free. The damping of the first tetrahedron is taken for all.
+/// Factor by which implicit Euler scales the velocity of a body near rest in a step of `h` seconds, for its
+/// slowest-decaying mode; 0 if no node is free. The damping of the first tetrahedron's material is used for all.
 pub fn slowest_decay(body: &SoftBody, h: f64) -> Result<f64> {
     let Some(square) = slowest_square(body)? else { return Ok(0.0) };
     let Some(material) = body.elements.materials.first() else { return Ok(0.0) };
     let (alpha, beta) = (material.damping_mass, material.damping_stiffness);
-    // With damping by stiffness (beta), the fastest modes are overdamped and creep back at the rate 1 / beta, of which
-    // implicit Euler keeps beta / (h + beta) in a step.
+    // With damping by stiffness (beta), the fastest modes are overdamped and creep back at the rate 1 / beta; implicit
+    // Euler keeps beta / (h + beta) of their amplitude in a step.
     Ok(decay(square.sqrt(), alpha + beta * square, h).max(beta / (h + beta)))
 }
 
@@ -30,7 +30,7 @@ pub fn decay(frequency: f64, damping: f64, h: f64) -> f64 {
     if inside < 0.0 {
         return (1.0 + h * damping + h * h * square).powf(-0.5);
     }
-    // The product of both roots is w^2, so that the slow one follows from the fast one without cancellation.
+    // The product of the two roots is w^2, so that the slow root follows from the fast one without cancellation.
     let fast = 0.5 * damping + inside.sqrt();
     let slow = if fast > 0.0 { square / fast } else { 0.0 };
     1.0 / (1.0 + h * slow)
@@ -65,7 +65,7 @@ fn slowest_square(body: &SoftBody) -> Result<Option<f64>> {
         at.iter().for_each(|at| masses[*at..*at + 3].fill(*mass));
     }
     let (mut solver, mut square) = (Solver::default(), f64::INFINITY);
-    // The initial vector is no mode's, and orthogonal to none.
+    // The initial vector is not that of a mode, and is orthogonal to none.
     let mut x: Vec<f64> = (0..3 * count).map(|k| 1.0 + 0.7 * (1.3 * k as f64).sin()).collect();
     for _ in 0..ROUNDS {
         let momentum: Vec<f64> = x.iter().zip(&masses).map(|(x, m)| x * m).collect();
@@ -115,7 +115,7 @@ mod tests {
         let body = bar([40, 4, 4], DVec3::new(length, edge, edge), 0.0);
         let want = 1.875f64.powi(2) * (2e4f64 / 1000.0 / 12.0).sqrt() * edge / length.powi(2);
         let got = slowest_square(&body).unwrap().unwrap().sqrt();
-        assert!(got > 0.97 * want && got < 1.1 * want, "{got} rad/s, {want} expected");
+        assert!(got > 0.97 * want && got < 1.1 * want, "frequency {got} rad/s, expected {want} rad/s");
     }
 
     #[test]
@@ -132,10 +132,13 @@ mod tests {
                 (x, v) = (x / size, v / size);
                 sizes.push(size);
             }
-            // The mean over 2000 steps evens out the oscillation; the fast root has died out before them.
+            // The mean over 2000 steps evens out the oscillation; before these steps the fast root has died out.
             let mean = (sizes[2000..].iter().map(|s| s.ln()).sum::<f64>() / 2000.0).exp();
             let want = decay(w, a, h);
-            assert!((mean - want).abs() < 2e-3 * (1.0 - want), "{w} {a} {h}: {mean}, {want} expected");
+            assert!(
+                (mean - want).abs() < 2e-3 * (1.0 - want),
+                "w {w} rad/s, a {a} 1/s, h {h} s: mean factor {mean} a step, expected {want}"
+            );
         }
     }
 }

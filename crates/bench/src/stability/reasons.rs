@@ -1,25 +1,25 @@
-//! Texts for the stability report on why a case did not pass: what was done to the block, what came of it, and a remedy
-//! if there is one.
+//! Explanations, for the stability report, of why a case did not pass: what was done to the block, what happened to it,
+//! and a remedy if there is one.
 
 use palpate::Flags;
 
 use super::invariants::Verdict;
 use super::{AxisResult, CellResult, Judged};
 
-/// Meaning of each flag, for cases of which no more is known; the gravest flag first.
+/// Meaning of each flag, for cases whose cause is not known in more detail; the gravest flag first.
 const FLAGS: [(Flags, &str); 9] = [
-    (Flags::FROZEN, "no step short enough could be solved, and everything was stopped where it was"),
+    (Flags::FROZEN, "not even the shortest step could be solved, and all motion was stopped"),
     (Flags::NON_FINITE, "a number left single precision's range, and the step was done again in halves"),
     (Flags::STEP_RETRIED, "the solver broke down, and the step was done again in halves"),
     (Flags::DEPTH_BEYOND_LIMIT, "the sphere is deeper in the block than `depth_limit`"),
-    (Flags::TENSION_REMAINS, "the sphere bounces off within a step, and contacts still tension after four solves"),
-    (Flags::NOT_CONVERGED, "the solver stopped above what single precision was expected to leave"),
-    (Flags::TURNS_TOO_FAR, "it turns too far in a step for what it is made of"),
+    (Flags::TENSION_REMAINS, "the sphere bounces off within a step, and contacts still pull after four solves"),
+    (Flags::NOT_CONVERGED, "the solver stopped at a residual above that expected of single precision"),
+    (Flags::TURNS_TOO_FAR, "the block turns too far in a step for its stiffness"),
     (Flags::INVERTED, "tetrahedra were inside out"),
-    (Flags::NOT_A_HEIGHT_FIELD, "the skin folds over itself before the sphere"),
+    (Flags::NOT_A_HEIGHT_FIELD, "the skin folds over itself in front of the sphere"),
 ];
 
-/// Why a case of an axis was degraded or failed, and the remedy.
+/// The cause of a case's being degraded or failing, and the remedy.
 pub fn reason(axis: &AxisResult, cell: &CellResult, case: &Judged) -> String {
     let flags = Flags(case.flags);
     let plain = FLAGS.iter().find(|(flag, _)| flags.contains(*flag)).map(|(_, why)| capital(why));
@@ -32,15 +32,18 @@ pub fn reason(axis: &AxisResult, cell: &CellResult, case: &Judged) -> String {
         let steps = case.trace.iter().filter(|step| step.inverted > 0).count();
         let share = 100 * steps / case.trace.len().max(1);
         let rare = if share == 0 { "under 1".into() } else { share.to_string() };
-        words += &format!(" At most {} tetrahedra were inside out at once, in {rare} % of its steps.", case.inverted);
+        words += &format!(
+            " At most {} tetrahedra were inside out in one step; some were in {rare} % of the recorded steps.",
+            case.inverted
+        );
     }
     if case.verdict == Verdict::Silent {
-        words += " No flag says so.";
+        words += " No flag warns of it.";
     }
     remedy.map_or(words.clone(), |remedy| format!("{words} {remedy}.")).trim().into()
 }
 
-/// Cause and remedy for the cases that are understood.
+/// Cause and remedy of the cases that are understood.
 fn known(axis: &AxisResult, cell: &CellResult, case: &Judged) -> Option<(String, Option<&'static str>)> {
     let flags = Flags(case.flags);
     let is_deep = flags.contains(Flags::DEPTH_BEYOND_LIMIT);
@@ -48,33 +51,34 @@ fn known(axis: &AxisResult, cell: &CellResult, case: &Judged) -> Option<(String,
         ("young" | "gravity" | "density", "press" | "press, undamped" | "hang" | "hang, undamped")
             if flags.contains(Flags::INVERTED) || is_deep =>
         {
-            ("The block is too soft for its own weight, which folds it".into(), Some("A stiffer material bears it"))
+            ("The block is so soft that its own weight folds it".into(), Some("A stiffer material bears its weight"))
         }
         ("stretch", _) if cell.label.contains("inside out") => {
-            ("It begins inside out, and turns back by itself".into(), None)
+            ("The block begins inside out, and turns back by itself".into(), None)
         }
-        ("stretch", _) => ("It springs back so hard from there that it overshoots".into(), None),
+        ("stretch", _) => ("The block springs back so hard that it overshoots".into(), None),
         ("mass-ratio", _) if is_deep => {
-            ("The block cannot stop a sphere so heavy, which goes through it and comes out".into(), None)
+            ("The block cannot stop so heavy a sphere, which goes through it and comes out".into(), None)
         }
         ("thrust", _) => (
-            "The device takes the sphere through the block, deeper than `depth_limit`, on a coupling stiffer than flesh".into(),
-            Some("A softer coupling holds it at the surface"),
+            "The device pulls the sphere through the block, deeper than `depth_limit`; its coupling is stiff".into(),
+            Some("A softer coupling holds the sphere at the surface"),
         ),
         ("teleport", _) => (
-            "The device is within the block from one step to the next, deeper than `depth_limit`".into(),
+            "The device jumps into the block from one step to the next, deeper than `depth_limit`".into(),
             Some("A softer coupling, or a higher `depth_limit`, helps"),
         ),
         ("spin", _) if flags.contains(Flags::TURNS_TOO_FAR) => (
-            "Rotations are frozen over a step, so what turns by more than 0.12 rad in it leaves along its tangents, stretched"
+            "Rotations are frozen over a step, so that a part that turns by more than 0.12 rad in a step moves along \
+             its tangents and is stretched"
                 .into(),
-            Some("With `newton = 2` it loses energy instead of gaining it"),
+            Some("With `newton = 2` the block loses energy instead of gaining it"),
         ),
         ("spin-stiff", _) => (
-            "Rotations are frozen over a step, and what spins is stretched along its tangents: in so stiff a block that is much \
-             energy, though the turn is small"
+            "Rotations are frozen over a step, and a spinning block is stretched along its tangents: in so stiff a \
+             block that is much energy, though the rotation is small"
                 .into(),
-            Some("`newton = 2` mends it to 10 GPa; at 1 TPa neither 2 nor 3 does"),
+            Some("`newton = 2` suffices up to 10 GPa; at 1 TPa neither 2 nor 3 does"),
         ),
         _ => return None,
     };
@@ -117,12 +121,17 @@ mod tests {
             cases: Vec::new(),
         };
         let inverted = case("release", Flags::INVERTED, Verdict::Degraded);
-        assert!(reason(&axis("stretch"), &cell("turned inside out"), &inverted).starts_with("It begins inside out"));
+        assert!(
+            reason(&axis("stretch"), &cell("turned inside out"), &inverted).starts_with("The block begins inside out")
+        );
         let spin = case("spin", Flags::TURNS_TOO_FAR, Verdict::Silent);
         let words = reason(&axis("spin"), &cell("300 rad/s"), &spin);
-        assert!(words.contains("No flag says so. With `newton = 2`") && words.ends_with('.'), "{words}");
+        assert!(
+            words.contains("No flag warns of it. With `newton = 2`") && words.ends_with('.'),
+            "explanation: {words}"
+        );
         let odd = case("pluck", Flags::NOT_CONVERGED, Verdict::Degraded);
         let words = reason(&axis("young"), &cell("1 TPa"), &odd);
-        assert_eq!(words, "The solver stopped above what single precision was expected to leave.");
+        assert_eq!(words, "The solver stopped at a residual above that expected of single precision.");
     }
 }

@@ -1,4 +1,4 @@
-//! Runs the stability matrix, several cases side by side; each is a small simulation that runs on one thread.
+//! Runs the cases of the stability matrix, several in parallel; each is a small simulation that runs on one thread.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
@@ -15,19 +15,19 @@ use super::trace::{Observer, Sample};
 use super::{AxisResult, CellResult, Judged, Results, Settings, Traced, modes};
 use crate::meshes::MeshFolder;
 
-/// The shape is due to be back where at most this share of the kinetic energy may be left, by a bound with a safety
-/// factor of ten: then at most a twentieth of the displacement is left.
+/// A body that was released must be back in its shape only if the bound on its kinetic energy, which includes a safety
+/// factor of ten, is at most this share: then at most a twentieth of the displacement is left.
 const SHAPED: f64 = 1e-2;
 /// About how many steps of a case are kept as its trace.
 const TRACED: usize = 200;
-/// Most simulations side by side; each opens a Vulkan device of its own.
+/// Greatest number of simulations in parallel; each opens a Vulkan device of its own.
 const MOST_WORKERS: usize = 8;
 
 /// Runs the matrix; `watch` is called after each case.
 pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> {
     let begun = Instant::now();
-    // The device is opened before the workers start, since the number of the driver's threads must be chosen while
-    // there are no other threads.
+    // The device is opened before the workers start, since the number of the driver's threads must be chosen while the
+    // program has no other threads.
     let context = Context::open(&options(settings))?;
     let (device, driver) = (context.device_name().to_string(), context.driver().to_string());
     let threads = std::thread::available_parallelism().map_or(1, Into::into);
@@ -93,7 +93,7 @@ fn all(
                 let take = || next.fetch_add(1, Ordering::Relaxed);
                 let mut at = take();
                 while let Some((_, case)) = cases.get(at) {
-                    // Sending fails once the receiver has stopped at the error of another case.
+                    // Sending fails if the receiver has stopped because of the error of another case.
                     if sender.send((at, judge(case, settings))).is_err() {
                         break;
                     }
@@ -121,7 +121,7 @@ fn options(settings: &Settings) -> Options {
     }
 }
 
-/// Runs a case and judges it. A scene that the engine refuses gets a verdict. Errors: the GPU device fails.
+/// Runs a case and judges it. A scene that the engine refuses gets the verdict `Refused`. Errors: the GPU device fails.
 fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
     let begun = Instant::now();
     let scene = case.setup.scene(case.scenario);
@@ -148,14 +148,14 @@ fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
     Ok(judged(case, &samples, &promise(case, decay, &samples), begun))
 }
 
-/// The case's promise with a bound on the kinetic energy that is left: what the slowest mode keeps, times ten, since
-/// the motion begins in several modes. Where that bound is too high to say anything of rest or shape, nothing is
-/// promised of them. `decay` is the factor on the body's velocity in a step.
+/// The case's promise, with a bound on the kinetic energy that may be left: ten times what the slowest mode keeps,
+/// since the motion begins in several modes. If that bound is too high to show rest or shape, nothing is promised of
+/// them. `decay` is the factor on the body's velocity in a step.
 fn promise(case: &Case, decay: f64, samples: &[Sample]) -> Promise {
     let Some(settling) = case.settling else { return case.promise };
     let since_pressed = || samples.iter().rev().take_while(|sample| sample.pressed == 0.0).count();
     let steps = settling.steps.unwrap_or_else(since_pressed);
-    // The end that is judged begins before the last step.
+    // The last steps, over which the end is judged, do not count as time to come to rest.
     let due = steps.saturating_sub(samples.len() - invariants::end_of(samples));
     let left = 10.0 * decay.max(settling.other).powf(2.0 * due as f64);
     let shape = case.promise.shape.filter(|_| left < SHAPED);
@@ -180,7 +180,8 @@ fn judged(case: &Case, samples: &[Sample], promise: &Promise, begun: Instant) ->
     }
 }
 
-/// The trace of a case: every step of a short one, else about [`TRACED`] evenly spaced steps; always the last.
+/// The trace of a case: every step of a short case, or about [`TRACED`] evenly spaced steps of a longer one; the last
+/// step is always included.
 fn traced(samples: &[Sample]) -> Vec<Traced> {
     let every = samples.len().div_ceil(TRACED);
     let is_kept = |step: &usize| step.is_multiple_of(every) || *step + 1 == samples.len();

@@ -1,5 +1,5 @@
-//! Scenes of the stability matrix: a block that is attached at a face, floats free or stands on a floor, with a sphere
-//! tool where the case has one.
+//! Scenes of the stability matrix: a block that is attached at a face, floats freely or stands on a floor, and in some
+//! cases a sphere tool.
 
 use std::path::PathBuf;
 
@@ -9,14 +9,14 @@ use palpate::scene::{
     Bind, Body, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Shape, Tool, ToolShape,
 };
 
-/// Nodes within this share of the block's edge of a face are on it.
+/// Nodes whose distance from a face is within this share of the block's edge lie on it.
 const ON_FACE: f64 = 1e-6;
 /// Radius of the sphere, in block edges.
 pub const RADIUS: f64 = 0.2;
 /// Height of the sphere above the block at the start, in block edges.
 const GAP: f64 = 0.02;
 
-/// Which nodes are attached to the fixed core.
+/// The nodes that are attached to the fixed rigid core.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Attachment {
     /// The face x = 0, from which the block hangs out sideways.
@@ -31,7 +31,8 @@ pub enum Attachment {
     AllButOne,
 }
 
-/// Path of the haptic device: times (s), and heights (m) of the sphere's centre above where it would touch the block.
+/// Path of the haptic device: times (s), and heights (m) of the sphere's centre above its position when it touches the
+/// block.
 pub type Way = Vec<(f64, f64)>;
 
 /// The sphere tool.
@@ -39,7 +40,7 @@ pub type Way = Vec<(f64, f64)>;
 pub struct Sphere {
     /// Mass, kg.
     pub mass: f64,
-    /// Stiffness (N/m) and damping (N s/m) of its virtual coupling; `None`: it flies freely.
+    /// Stiffness (N/m) and damping (N s/m) of the sphere's virtual coupling; `None`: it moves freely.
     pub coupling: Option<(f64, f64)>,
     /// Downward speed at the start, m/s.
     pub speed: f64,
@@ -54,7 +55,7 @@ pub struct Setup {
     pub edge: f64,
     /// Number of cells along the edge.
     pub cells: u32,
-    /// A mesh file in place of the cells.
+    /// A mesh file that replaces the cells; `None`: the block has cells.
     pub mesh: Option<PathBuf>,
     /// Material of the whole block.
     pub material: Material,
@@ -101,13 +102,14 @@ impl Default for Setup {
 }
 
 impl Setup {
-    /// Angular frequency of the slowest longitudinal vibration of the block, attached at one face, rad/s; bending is
-    /// slower, at less than half of it (see `modes`).
+    /// Angular frequency of the slowest longitudinal vibration of the block, attached at one face, rad/s. Bending is
+    /// slower, at less than half of this frequency (see `modes`).
     pub fn frequency(&self) -> f64 {
         0.5 * std::f64::consts::PI * (self.material.young / self.material.density).sqrt() / self.edge
     }
 
-    /// The setup with mass-proportional damping at which it soon comes to rest: close to critical for its slowest mode.
+    /// The setup with mass-proportional damping by which the block soon comes to rest: close to critical for its
+    /// slowest mode.
     pub fn damped(mut self) -> Setup {
         self.material.damping_mass = self.frequency();
         self
@@ -150,7 +152,7 @@ impl Setup {
         let key =
             |(time, height): &(f64, f64)| Key { time: *time, position: at(*height), orientation: DQuat::IDENTITY };
         scene.trajectory = sphere.path.iter().map(key).collect();
-        // Angular gains are the linear ones at a lever arm of the sphere's radius.
+        // Angular gains are those of the linear gains at a lever arm of the sphere's radius.
         let arm2 = (RADIUS * self.edge).powi(2);
         scene.coupling = sphere.coupling.map(|(stiffness, damping)| Coupling {
             stiffness,

@@ -1,5 +1,5 @@
-//! The contacts of a step, evaluated in f64: how each depends on the motion of nodes and tool, and its force by the
-//! contact law. Stiffness and damping are computed from the scene, not taken from what the GPU reports.
+//! The contacts of a step, evaluated in f64: how the depth of each depends on the motion of nodes and tool, and its
+//! force by the contact law. Stiffness and damping are computed from the scene, not read from the GPU.
 
 use glam::DVec3;
 use palpate::internal::prepare::Shape;
@@ -28,13 +28,13 @@ pub struct Motion<'a> {
     pub angular: DVec3,
 }
 
-/// A contact that acts, because the solver did not release it.
+/// A contact that acts, that is, that the solver did not release.
 pub struct Pressing {
     normal: DVec3,
-    /// Weights of the nodes in the rate of depth along the normal; the signs of both bodies are included.
+    /// Weights of the nodes in the rate of depth along the normal; they include the signs of the two bodies.
     pub nodes: Vec<(usize, f64)>,
-    /// Coefficients of the tool's velocity and angular velocity in the rate of depth; zero where the tool takes no
-    /// part.
+    /// Coefficients of the tool's velocity and angular velocity in the rate of depth; zero if the contact is not on the
+    /// tool.
     pub tool: [DVec3; 2],
     area: f64,
     depth: f64,
@@ -46,11 +46,12 @@ pub struct Pressing {
 pub struct ContactSums {
     /// Sum of the magnitudes of all pushes, N.
     pub pressed: f64,
-    /// Largest pull of a contact, N; zero or less: none pulls.
+    /// Largest pull of a contact, N; zero or less if no contact pulls.
     pub tension: f64,
-    /// Distance of the reported force from the sum of the contacts, plus that of the torque over the tool's radius, N.
+    /// Distance of the reported force from the sum of the contacts' forces, plus that of the torques over the tool's
+    /// radius, N.
     pub missed: f64,
-    /// What f32 rounding may make of the sum, N.
+    /// Error that f32 rounding may cause in the sum of the contacts' forces, N.
     pub rounding: f64,
 }
 
@@ -73,15 +74,15 @@ impl Skin {
         })
     }
 
-    /// The contacts that act. The body is the scene's first one, so that the numbers of its vertices and triangles
-    /// begin at 0.
+    /// The contacts that act. The body is the scene's first one, so that its vertices and triangles are numbered from 0
+    /// in the contacts.
     pub fn pressing(&self, contacts: &[shaders::Contact]) -> Vec<Pressing> {
         contacts.iter().filter(|contact| contact.stiffness != 0.0).map(|contact| self.one(contact)).collect()
     }
 
     fn one(&self, contact: &shaders::Contact) -> Pressing {
         let wide = |x: [f32; 3]| DVec3::from(x.map(f64::from));
-        // The sign of the body whose vertex this is: the pair's first (1) or second (-1).
+        // The sign of the body whose vertex collides: 1 for the pair's first body, -1 for its second.
         let sign = if contact.side.is_multiple_of(2) { 1.0 } else { -1.0 };
         let mut nodes: Vec<(usize, f64)> = Vec::new();
         let mut add = |vertex: usize, share: f64| {
@@ -127,7 +128,7 @@ impl Pressing {
         self.area * self.penalty.end_pressure(self.depth, self.rate(motion), h)
     }
 
-    /// What f32 rounding may make of that force, N.
+    /// Error that f32 rounding may cause in the force of [`Pressing::push`], N.
     pub fn rounding(&self, h: f64, motion: &Motion) -> f64 {
         let nodes: f64 = self.nodes.iter().map(|(node, weight)| weight.abs() * motion.nodes[*node].length()).sum();
         let tool = self.tool[0].length() * motion.linear.length() + self.tool[1].length() * motion.angular.length();
@@ -135,14 +136,14 @@ impl Pressing {
         ROUNDINGS * HALF_ULP * size
     }
 
-    /// Direction of the impulse on a node of weight one.
+    /// Direction of the impulse on a node whose weight is one.
     pub fn normal(&self) -> DVec3 {
         self.normal
     }
 }
 
-/// Compares the reported wrench with the sum of the contacts; `radius` is the tool's (m), and `told` is `None` without
-/// a tool.
+/// Compares the reported wrench with the sum of the contacts; `radius` is that of the tool (m), and `told` is the
+/// tool's part of the step report, `None` without a tool.
 pub fn held(contacts: &[Pressing], h: f64, motion: &Motion, told: Option<&ToolReport>, radius: f64) -> ContactSums {
     let mut held = ContactSums::default();
     let (mut force, mut torque) = (DVec3::ZERO, DVec3::ZERO);
@@ -165,8 +166,8 @@ pub fn held(contacts: &[Pressing], h: f64, motion: &Motion, told: Option<&ToolRe
 mod tests {
     use super::*;
 
-    /// A contact of a vertex on one node with a tool above it, which is the pair's second body: 2 m^2, 100 N/m^3, 10 N
-    /// s/m^3, 0.1 m deep.
+    /// A contact of a vertex that coincides with a node, with a tool above it, which is the pair's second body: area 2
+    /// m^2, stiffness 100 N/m^3, damping 10 N s/m^3, depth 0.1 m.
     fn one() -> Pressing {
         Pressing {
             normal: DVec3::Y,
@@ -185,21 +186,24 @@ mod tests {
         let motion = Motion { nodes: &nodes, linear: DVec3::Y * 0.2, angular: DVec3::ZERO };
         let told = ToolReport { force: DVec3::Y * 26.6, ..ToolReport::default() };
         let good = held(&[one()], 0.01, &motion, Some(&told), 0.02);
-        assert!(good.missed < 1e-12 && good.tension <= 0.0 && (good.pressed - 26.6).abs() < 1e-12, "{good:?}");
+        assert!(
+            good.missed < 1e-12 && good.tension <= 0.0 && (good.pressed - 26.6).abs() < 1e-12,
+            "contact sums: {good:?}"
+        );
         let told = ToolReport { force: DVec3::Y * 1.2 * 26.6, torque: DVec3::X, ..ToolReport::default() };
         let bad = held(&[one()], 0.01, &motion, Some(&told), 0.5);
-        assert!((bad.missed - 0.2 * 26.6 - 2.0).abs() < 1e-9, "{bad:?}");
+        assert!((bad.missed - 0.2 * 26.6 - 2.0).abs() < 1e-9, "contact sums: {bad:?}");
     }
 
     #[test]
     fn what_parts_faster_than_the_spring_pushes_pulls() {
         let nodes = [DVec3::Y * -2.0];
         let motion = Motion { nodes: &nodes, linear: DVec3::ZERO, angular: DVec3::ZERO };
-        // By hand: 2 (10 - 11 2) = -24 N, a pull, which the wrench leaves out.
+        // By hand: 2 (10 - 11 2) = -24 N, a pull; the wrench leaves it out.
         let pulling = held(&[one()], 0.01, &motion, Some(&ToolReport::default()), 0.02);
         assert!(
             (pulling.tension - 24.0).abs() < 1e-3 && pulling.missed == 0.0 && pulling.pressed == 0.0,
-            "{pulling:?}"
+            "contact sums: {pulling:?}"
         );
     }
 }

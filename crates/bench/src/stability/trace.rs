@@ -1,5 +1,5 @@
-//! Measures a step from outside in f64: energies, work, and by how much the equations of motion are missed. It shares
-//! no code with the shaders.
+//! Measures a step of the stability matrix from outside the engine in f64: energies, work, and the residuals of the
+//! equations of motion. It shares no code with the shaders.
 
 use std::collections::{HashMap, HashSet};
 
@@ -15,7 +15,7 @@ use super::equations::{Before, Done};
 use super::setup::RADIUS;
 use super::touch::{self, Motion, Skin};
 
-/// Half a unit in the last place of an f32 near 1.
+/// Half a unit in the last place of an f32 near 1; relative error of one rounding.
 pub const HALF_ULP: f64 = 6e-8;
 /// Number of roundings that a sum over the elements or contacts of a node may accumulate.
 pub const ROUNDINGS: f64 = 16.0;
@@ -25,34 +25,35 @@ pub const ROUNDINGS: f64 = 16.0;
 pub struct Sample {
     /// Whether all numbers that the step reports are finite.
     pub is_finite: bool,
-    /// Kinetic, elastic, gravitational (relative to the start) and coupling energy, J.
+    /// Sum of kinetic, elastic, gravitational (relative to the start) and coupling energy, J.
     pub energy: f64,
-    /// Work of the haptic device, and energy of contacts that were already deep when they were found, since the start,
-    /// J.
+    /// Energy supplied since the start, J: work of the haptic device, and energy of contacts that were already deep
+    /// when they were found.
     pub supplied: f64,
-    /// Sum of the magnitudes of the parts of `energy` and `supplied`, which bounds their rounding, J.
+    /// Sum of the magnitudes of the terms of `energy` and of `supplied`, which bounds their rounding, J.
     pub turned_over: f64,
-    /// Kinetic energy of the body, and of the tool where a coupling holds it, J: what should come to rest.
+    /// Kinetic energy of the body, and of the tool if it has a coupling, J; it must vanish when a case comes to rest.
     pub motion: f64,
     /// `motion` plus the body's elastic energy, J.
     pub stirred: f64,
     /// Residual of the step's linear system relative to the right-hand sides of this step and the last, in the norm of
-    /// the diagonal; the residual that the last step carried over is in it.
+    /// the diagonal. It includes the residual that the last step carried over to this one.
     pub residual: f64,
     /// The part of `residual` that f32 rounding alone may cause.
     pub residual_floor: f64,
-    /// By how much the tool's change of momentum misses the impulses of force, weight and coupling, over the largest
+    /// Difference of the tool's change of momentum from the impulses of force, weight and coupling, over the largest
     /// impulse so far.
     pub balance: f64,
     /// Contact force on the tool, N.
     pub force: f64,
     /// Sum of the magnitudes of all contacts' pushes, N.
     pub pressed: f64,
-    /// Difference between the wrench on the tool and the sum of its contacts: of force, plus of torque over radius, N.
+    /// Difference between the wrench on the tool and the sum of its contacts: that of the forces, plus that of the
+    /// torques over the tool's radius, N.
     pub missed: f64,
     /// Largest pull of a contact, N.
     pub tension: f64,
-    /// What f32 rounding may make of the sum of the contacts, N.
+    /// Error that f32 rounding may cause in the sum of the contacts, N.
     pub touch_floor: f64,
     /// Displacement of the centre of mass of the free nodes since the start, m.
     pub moved: DVec3,
@@ -67,24 +68,24 @@ pub struct Sample {
 /// Follows a simulation step by step and measures it.
 pub struct Observer {
     body: SoftBody,
-    /// Polar rotation of each tetrahedron, followed from step to step: an inverted one has several, of which that
-    /// nearest to the last is followed.
+    /// Polar rotation of each tetrahedron, followed from step to step: an inverted tetrahedron has several, of which
+    /// the one nearest to that of the last step is taken.
     rotations: Vec<DQuat>,
     skin: Skin,
     /// Largest impulse on the tool so far, N s.
     largest: f64,
     gravity: DVec3,
     dt: f64,
-    /// Size of the last step's right-hand side: this step's residual contains what the last one carried over. `None`:
-    /// unknown, since that step was retried in parts.
+    /// Norm of the last step's right-hand side: this step's residual includes what the last step carried over. `None`:
+    /// unknown, since the last step was retried in parts.
     last_size: Option<f64>,
-    /// By how much the last step missed the tool's balance of momentum, N s; the next step is to make it good.
+    /// Error of the tool's balance of momentum in the last step, N s; the next step compensates for it.
     tool_carried_residual: DVec3,
     tool: Option<Tool>,
     device: Option<(DVec3, DQuat)>,
     /// Contacts of the last step, by side and vertex.
     touching: HashSet<(u32, u32)>,
-    /// Greatest energy that the contact of each side and vertex has had, J.
+    /// Greatest energy that the contact at each vertex has had, J, by side and vertex.
     pressed: HashMap<(u32, u32), f64>,
     start: Option<DVec3>,
     tool_start: DVec3,
@@ -93,7 +94,7 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// Observes the first body of a scene, from its present state on.
+    /// Observes the first body of a scene, beginning with its present state.
     pub fn new(simulation: &Simulation, scene: &Scene, edge: f64) -> Result<Observer> {
         let placed = &simulation.bodies()[0];
         let Shape::Soft { layer, materials, .. } = &placed.shape else {
@@ -180,7 +181,7 @@ impl Observer {
             self.balance(tool, &told, &device, &mut sample);
         }
         let last = self.last_size.take();
-        // A step that was retried in parts reports its last part only, so that its system cannot be checked.
+        // A step that was retried in parts reports its last part only, so that its linear system cannot be checked.
         if !row.flags.contains(Flags::STEP_RETRIED) {
             let pressing = self.skin.pressing(&contacts);
             let tool = simulation.tool().zip(device);
@@ -188,8 +189,8 @@ impl Observer {
             let (h, gravity) = (self.dt, self.gravity);
             let done = Done { h, gravity, end: &self.body.velocity, tool, contacts: &pressing };
             let left = before.left(&done);
-            // The residual contains both steps' shares. The last share is not subtracted from step to step, because
-            // that would add up what f32 rounds the same way in every step of a body at rest.
+            // The residual includes the shares of this step and of the last. The last step's share is not subtracted,
+            // because over many steps that would add up errors that f32 rounds alike in every step of a body at rest.
             let size = left.size2.sqrt();
             if let Some(all) = last.map(|last| size + last).filter(|all| *all > 0.0) {
                 (sample.residual, sample.residual_floor) = (left.left2.sqrt() / all, left.floor2.sqrt() / all);
@@ -202,7 +203,7 @@ impl Observer {
         Ok(sample)
     }
 
-    /// Compares the wrench with the contacts that it should be the sum of.
+    /// Compares the wrench with the sum of the contacts.
     fn touching_invariants(
         &self,
         pressing: &[touch::Pressing],
@@ -218,7 +219,7 @@ impl Observer {
         (sample.missed, sample.touch_floor) = (held.missed, held.rounding);
     }
 
-    /// The haptic device at the end of the step, to which it moves at constant velocity.
+    /// The haptic device at the end of the step; within the step it moves at constant velocity.
     fn device_now(&self, told: &ToolReport) -> RigidState {
         let (position, orientation) = (told.device.position, told.device.orientation);
         let (last_place, last_turn) = self.device.unwrap_or((position, orientation));
@@ -230,9 +231,9 @@ impl Observer {
         }
     }
 
-    /// Adds the energy of newly found contacts to what was supplied: a contact that is already deep brings the energy
-    /// of its penalty spring, as far as that exceeds what its vertex had before. One that comes and goes brings it
-    /// once.
+    /// Adds the energy of newly found contacts to the energy supplied. A contact that is already deep adds the energy
+    /// of its penalty spring as far as that exceeds the greatest energy of earlier contacts of the same vertex, so that
+    /// a contact that comes and goes adds its energy once.
     fn found(&mut self, touch: &[Contact]) {
         let stiffest = touch.iter().map(|c| c.stiffness).fold(0.0, f32::max);
         let mut now = HashSet::new();
@@ -249,8 +250,8 @@ impl Observer {
         self.touching = now;
     }
 
-    /// Compares the tool's change of momentum with the impulses on it, and adds the work of the haptic device to what
-    /// was supplied.
+    /// Compares the tool's change of momentum with the impulses on it, and adds the work of the haptic device to the
+    /// energy supplied.
     fn balance(&mut self, tool: &Tool, told: &ToolReport, device: &RigidState, sample: &mut Sample) {
         let h = self.dt;
         let velocity = self.tool.as_ref().map_or(tool.velocity, |before| before.velocity);
@@ -260,7 +261,7 @@ impl Observer {
         let change = tool.mass * (tool.velocity - velocity);
         let missed = h * (told.force + weight + pull.force) - change + self.tool_carried_residual;
         let sizes = [change, h * told.force, h * weight, h * pull.force].map(|x| x.length());
-        // Relative to the largest impulse so far, since after the motion only rounding is left.
+        // Relative to the largest impulse so far: once the motion has ended, only rounding is left.
         self.largest = sizes.into_iter().fold(self.largest, f64::max);
         sample.balance = if self.largest > 0.0 { missed.length() / self.largest } else { 0.0 };
         self.tool_carried_residual = missed;
@@ -300,10 +301,10 @@ impl Observer {
 
 /// Most iterations of [`followed`].
 const ROUNDS: usize = 200;
-/// Turn below which the iteration has converged, rad.
+/// Rotation below which the iteration has converged, rad.
 const DONE: f64 = 1e-12;
 
-/// The polar rotation of F that is nearest to the last one, by the iteration of Mueller et al. (2016).
+/// The polar rotation of F that is nearest to `from`, that of the last step, by the iteration of Mueller et al. (2016).
 fn followed(f: DMat3, from: DQuat) -> DQuat {
     let mut q = from;
     for _ in 0..ROUNDS {

@@ -2,7 +2,8 @@
 //! legend.
 //!
 //! The map is computed from the surfaces themselves and not from the contacts, so that it shows independently where
-//! these must be: on the line along the normal through each pixel, depth is the longest part within both bodies.
+//! contacts must be. Each pixel has a line parallel to the normal; the depth at the pixel is the length of the longest
+//! part of this line that lies within both bodies.
 
 use glam::DVec3;
 use palpate::QueryContact;
@@ -43,8 +44,9 @@ impl Solid {
     }
 }
 
-/// Image of bodies a and b from the side, a to the left, and of the depth map of the contact patch with the deepest
-/// contact, seen along its normal with a behind; without contact the bodies alone.
+/// Image of bodies a and b from the side, with a on the left; beside it the depth map of the contact patch with the
+/// deepest contact, seen from the side to which its normal points, so that a lies behind b. If there is no contact, the
+/// image shows only the bodies.
 pub fn picture(solids: [&Solid; 2], contacts: &[QueryContact]) -> Picture {
     let deepest = contacts.iter().max_by(|x, y| x.depth.total_cmp(&y.depth));
     let normal = deepest.map_or(DVec3::X, |contact| contact.normal);
@@ -91,7 +93,7 @@ struct Field {
     covered: Vec<[bool; 2]>,
 }
 
-/// A hit of the line through a pixel with a surface.
+/// A point at which a pixel's line meets a surface.
 struct RayHit {
     pixel: u32,
     body: u8,
@@ -194,7 +196,8 @@ impl Field {
         self.depth.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Image of the map: depths in colour, bodies pale around them; vertices of a as white dots, of b as black ones.
+    /// Image of the map: depths in colour, the bodies around them in pale colours; colliding vertices of a as white
+    /// dots, those of b as black dots.
     fn picture(&self, solids: [&Solid; 2], contacts: &[&QueryContact]) -> Picture {
         let mut picture = blank(SIDE, SIDE);
         let greatest = self.greatest().max(f64::MIN_POSITIVE);
@@ -325,7 +328,7 @@ mod tests {
 
     #[test]
     fn the_field_of_two_boxes_is_their_overlap() {
-        // The upper box is smaller, 0.6 across, and overlaps the lower one by 0.1.
+        // The upper box is smaller, 0.6 m across, and overlaps the lower one by 0.1 m.
         let (a, b) = (cube(DVec3::ZERO, DVec3::ONE), cube(DVec3::new(0.2, 0.2, 0.9), DVec3::new(0.8, 0.8, 1.5)));
         let below = (0..b.vertices.len() as u32).filter(|v| b.vertices[*v as usize].z < 1.0);
         let contact = |vertex| QueryContact {
@@ -344,7 +347,10 @@ mod tests {
         let pixel = 2.0 * field.half / SIDE as f64;
         let area = field.depth.iter().filter(|d| (**d - 0.1).abs() < 1e-9).count() as f64 * pixel * pixel;
         let any = field.depth.iter().filter(|d| **d > 0.0).count() as f64 * pixel * pixel;
-        assert!((area - 0.36).abs() < 0.01 && area == any, "{area} {any}");
+        assert!(
+            (area - 0.36).abs() < 0.01 && area == any,
+            "area at full depth {area} m^2, area of any overlap {any} m^2; both must be 0.36"
+        );
         let picture = picture([&a, &b], &contacts);
         assert_eq!((picture.width, picture.height), (2 * SIDE + LEGEND, SIDE));
         assert_eq!(super::picture([&a, &b], &[]).width, SIDE);

@@ -1,4 +1,6 @@
-//! The report of a session with a haptic device, for `summary.json` and for the terminal.
+//! The report of a session (one run of the haptic loop with a device), for `summary.json` and for the terminal. A
+//! *tick* is one iteration of the loop; a force is *played* when it is commanded to the device. The passivity
+//! controller *lends* the hand energy for a contact force that appears late, after the hand has moved unopposed.
 
 use std::fmt;
 
@@ -72,28 +74,32 @@ impl fmt::Display for Closing<'_> {
             let (ticks, missed, share) = (lateness.ticks(), lateness.missed(), 100.0 * lateness.share_missed());
             writeln!(
                 f,
-                "{name}: {ticks} ticks, late by {half:.0} us (median), {most:.0} (p99), {nearly_all:.0} (p99.9), {:.0} \
-                 (worst); {missed} late by more than 2 ms ({share:.3} %)",
+                "{name}: {ticks} ticks, late by {half:.0} us (median), {most:.0} us (p99), {nearly_all:.0} us (p99.9), \
+                 {:.0} us (worst); {missed} ticks late by more than 2 ms ({share:.3} %)",
                 1e6 * lateness.worst()
             )
         };
-        line(f, "loop", &report.lateness)?;
+        line(f, "haptic loop", &report.lateness)?;
         if let Some(bare) = &report.bare {
-            line(f, "bare timer", bare)?;
+            line(f, "bare timer, for comparison", bare)?;
         }
         if report.lost > 0 {
-            writeln!(f, "lost: {} ticks are not counted, nor recorded", report.lost)?;
+            writeln!(f, "lost: {} ticks ran but are not counted or recorded: their queue was full", report.lost)?;
         }
         let ages = [0.5, 0.99, 1.0].map(|share| 1e3 * report.staleness.quantile(share));
         let (steps, pace) = (report.steps, 100.0 * report.pace);
-        writeln!(f, "force age: {:.1} ms (median), {:.1} (p99), {:.1} (worst)", ages[0], ages[1], ages[2])?;
-        writeln!(f, "steps: {steps}; bodies moved at {pace:.0} % of the world's pace")?;
+        writeln!(
+            f,
+            "contact wrench out of date by {:.1} ms (median), {:.1} ms (p99), {:.1} ms (worst)",
+            ages[0], ages[1], ages[2]
+        )?;
+        writeln!(f, "simulation steps: {steps}; simulated time ran at {pace:.0} % of real time")?;
         let energy = report.energy;
         let (taken, given) = (energy.taken.iter().sum::<f64>(), energy.given.iter().sum::<f64>());
         writeln!(
             f,
-            "energy: hand gave {taken:.2e} J and was lent {:.2e}; it got {given:.2e} J, {:.2e} are stored, {:.2e} were dissipated \
-             ({:.2e} of them by passivity control)",
+            "energy: the hand gave {taken:.2e} J, was lent {:.2e} J by the controller, and received {given:.2e} J; \
+             {:.2e} J are stored, {:.2e} J were dissipated ({:.2e} J of them by passivity control)",
             energy.lent,
             energy.stored,
             energy.dissipated(),
@@ -102,11 +108,11 @@ impl fmt::Display for Closing<'_> {
         let [played, contact] = report.end.map(|wrench| wrench.force.length());
         writeln!(
             f,
-            "force at the end: played {played:.4} N, contact {contact:.4} N; peak played {:.4} N",
+            "force at the end: {played:.4} N played, {contact:.4} N from contacts; greatest played force {:.4} N",
             report.peak_force
         )?;
         if let Some(overestimate) = report.overestimate() {
-            writeln!(f, "the local model foretold {overestimate:.1} times the change of force that came")?;
+            writeln!(f, "the contact stiffness predicted {overestimate:.1} times the observed change of force")?;
         }
         writeln!(f, "events: {}", told(&report.events))?;
         report.ended.iter().try_for_each(|reason| writeln!(f, "ended early: {reason}"))
@@ -114,7 +120,9 @@ impl fmt::Display for Closing<'_> {
 }
 
 fn told(events: &EventCounts) -> String {
-    let told: Vec<String> =
-        events.happened().map(|(name, begun, ticks)| format!("{name} {begun} times, in {ticks} ticks")).collect();
+    let told: Vec<String> = events
+        .happened()
+        .map(|(name, begun, ticks)| format!("{name} began {begun} times and was present in {ticks} ticks"))
+        .collect();
     if told.is_empty() { "none".into() } else { told.join("; ") }
 }

@@ -35,7 +35,7 @@ impl Output {
     /// A new file that will be called `name`.
     pub fn file(&mut self, name: &str) -> Result<BufWriter<File>> {
         let failed = |source| Error::Output { file: self.path(name), source };
-        // This is found here and not at the commit, by which other files would already have their names.
+        // This is checked here, because by the time of the commit other files may already have their final names.
         if self.path(name).is_dir() {
             return Err(failed(std::io::ErrorKind::IsADirectory.into()));
         }

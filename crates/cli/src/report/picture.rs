@@ -15,7 +15,7 @@ const EDGE: f64 = 1.3;
 const EDGE_SHADE: f64 = 0.35;
 /// Distance, in samples, of the neighbours that a sample's depth is compared with.
 const RELIEF_REACH: i64 = 5;
-/// Strength with which a step in depth darkens what lies behind it; steps count as shares of the image's width.
+/// Strength with which a jump in depth darkens the farther surface; jumps are measured as shares of the image's width.
 const RELIEF: f64 = 9.0;
 /// Share of the image's width and height left free around what is drawn.
 const BORDER: f64 = 0.04;
@@ -56,8 +56,8 @@ pub struct View {
 }
 
 impl View {
-    /// A view of the box around points from the side that `towards` points to, up along `up` as far as can be; it shows
-    /// all of the points and a border.
+    /// A view of the box around points, seen by a viewer in the direction `towards`; `up` points upwards in the image
+    /// as nearly as possible. The view shows all points and a border around them.
     pub fn of(points: impl Iterator<Item = DVec3> + Clone, towards: DVec3, up: DVec3) -> View {
         let towards = towards.normalize_or(DVec3::Z);
         let right = up.cross(towards).try_normalize().unwrap_or_else(|| towards.any_orthonormal_vector());
@@ -300,7 +300,7 @@ mod tests {
         let corners = [DVec3::ZERO, DVec3::new(1.0, 0.3, 0.0), DVec3::new(0.2, 1.0, 0.0)];
         let picture = front(&[Face::flat(corners, [0.0; 3], false)], 30);
         let levels: std::collections::BTreeSet<u8> = picture.pixels.iter().map(|p| p[0]).collect();
-        assert!(levels.len() >= 8, "{levels:?}");
+        assert!(levels.len() >= 8, "at least 8 grey levels are expected: {levels:?}");
     }
 
     #[test]

@@ -25,7 +25,7 @@ pub struct Subject {
     pub triangles: usize,
     /// Number of its vertices that lie within the other surface.
     pub contacts: usize,
-    /// Notes on what was changed in the file's contents, one line each.
+    /// Notes on what preparation changed in the data of the file, one line each.
     pub notes: Vec<String>,
 }
 
@@ -48,10 +48,10 @@ pub struct QueryReport {
     pub depth_limit_m: f64,
     /// Number of runs; every run gives the same answer.
     pub runs: usize,
-    /// `median` and `p99`, microseconds: by stage; of all stages timed as one (`pose to contact`, in turn with runs
-    /// timed by stage); and of the whole `query` (wall time, timestamps included).
+    /// `median` and `p99`, microseconds: of each stage; of all stages timed as one (`pose to contact`, in every other
+    /// run); and of the whole `query` (wall time, timestamps included).
     pub stage_us: Map<String, Value>,
-    /// Number of passes by stage.
+    /// Number of GPU passes by stage.
     pub passes: Map<String, Value>,
     /// Number of chunks (groups of at most 64 skin vertices, the unit of culling) that passed culling.
     pub chunks: u32,
@@ -67,7 +67,7 @@ pub struct QueryReport {
     pub flags: Vec<&'static str>,
     /// Version of palpate.
     pub version: &'static str,
-    /// Body (0 a, 1 b) and vertex of the greatest depth; in the table only.
+    /// Body (0 a, 1 b) and vertex of the greatest depth; printed in the table, left out of the file.
     #[serde(skip)]
     pub deepest: Option<(usize, u32)>,
 }
@@ -120,7 +120,7 @@ impl fmt::Display for QueryReport {
         }
         for region in &self.regions {
             let normal = [0, 1, 2].map(|k| region["normal"][k].as_f64().unwrap_or(0.0));
-            writeln!(f, "region: normal {:.6} {:.6} {:.6}", normal[0], normal[1], normal[2])?;
+            writeln!(f, "contact patch: normal {:.6} {:.6} {:.6}", normal[0], normal[1], normal[2])?;
         }
         if let (Some(depth), Some((body, vertex))) = (self.max_depth_m, self.deepest) {
             writeln!(f, "deepest: {depth:.6e} m at vertex {vertex} of {}", ["a", "b"][body.min(1)])?;

@@ -20,13 +20,13 @@ pub struct Facts {
     pub arrays: String,
     /// Which stages the step records, and which it leaves out and why.
     pub plan: Vec<Plan>,
-    /// Number of passes in a step.
+    /// Number of GPU passes in a step.
     pub passes_per_step: u32,
     /// Memory allocated on the Vulkan device, bytes.
     pub bytes_device: u64,
     /// Times of the stages.
     pub stages: Vec<StageSamples>,
-    /// Findings in the files of each body and of the tool, by name.
+    /// Findings in the mesh files of each body and of the tool, with the body's name.
     pub files: Vec<(String, BodyReport)>,
 }
 
@@ -46,7 +46,7 @@ pub struct Plan {
 pub struct StageSamples {
     /// Name of the stage.
     pub stage: String,
-    /// Number of passes of this stage in a step.
+    /// Number of GPU passes of this stage in a step.
     pub passes: u32,
     /// Time in each step, microseconds.
     pub us: Vec<f64>,
@@ -67,7 +67,8 @@ pub fn quantiles(samples: &[f64]) -> Option<(f64, f64)> {
     if sorted.is_empty() { None } else { Some((sorted[rank(50)], sorted[rank(99)])) }
 }
 
-/// Least distance that the tool must move in a step for the turn of a normal per distance to be meaningful, m.
+/// Least distance that the tool must move in a step, m, for the ratio of a normal's turn to that distance to be
+/// meaningful.
 const SLIDING: f64 = 1e-6;
 
 /// Sums and extremes over the step reports of a run.
@@ -139,7 +140,7 @@ pub struct Summary {
     pub dt_s: f64,
     /// `median` and `p99` by stage, and of the whole `step` (wall time), microseconds.
     pub stage_us: Map<String, Value>,
-    /// Number of passes in a step.
+    /// Number of GPU passes in a step.
     pub passes_per_step: u32,
     /// `recorded`: names of the stages recorded; `reasons`: the reason for each of them; `left_out`: stages left out,
     /// with reasons.
@@ -226,7 +227,11 @@ impl fmt::Display for ClosingTable<'_> {
             writeln!(f, "peak force: {force:.4} N")?;
         }
         let mean = tally.iterations as f64 / tally.steps.max(1) as f64;
-        writeln!(f, "steps: {}; iterations: {mean:.1} a step, {} at most", tally.steps, tally.most_iterations)?;
+        writeln!(
+            f,
+            "steps: {}; solver iterations: {mean:.1} per step, {} at most",
+            tally.steps, tally.most_iterations
+        )?;
         let raised: Vec<String> = tally.raised().map(|(name, count)| format!("{name} in {count} steps")).collect();
         writeln!(f, "flags: {}", if raised.is_empty() { "none".into() } else { raised.join(", ") })
     }

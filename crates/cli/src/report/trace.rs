@@ -30,7 +30,7 @@ impl<W: Write> Trace<W> {
 
     /// Writes one row, which must hold as many probes as the heading.
     pub fn write(&mut self, row: &StepReport) -> std::io::Result<()> {
-        assert_eq!(row.probes.len(), self.probes, "a row has the heading's probes");
+        assert_eq!(row.probes.len(), self.probes, "a row must have as many probes as the heading");
         let w = &mut self.writer;
         write!(w, "{},{:?}", row.step, row.time)?;
         match &row.tool {
@@ -115,7 +115,11 @@ mod tests {
         assert_eq!(table[0].len(), table[1].len());
         for (head, cell) in table[0].iter().zip(&table[1]) {
             let is_of_tool = ["tool_", "device_", "force_", "torque_", "contacts", "max_depth"].iter();
-            assert_eq!(cell.is_empty(), is_of_tool.clone().any(|start| head.starts_with(start)), "{head}: `{cell}`");
+            assert_eq!(
+                cell.is_empty(),
+                is_of_tool.clone().any(|start| head.starts_with(start)),
+                "column {head} has the cell `{cell}`"
+            );
         }
     }
 }

@@ -31,7 +31,7 @@ use crate::{print, tell};
 /// Least time from one frame to the next.
 const FRAME: Duration = Duration::from_millis(15);
 
-/// Messages from other threads to the window's.
+/// Messages from other threads to the window's thread.
 #[derive(Debug)]
 pub enum Said {
     /// A frame was drawn, or drawing has failed.
@@ -71,10 +71,10 @@ pub struct App {
     hand: Hand,
     camera: Camera,
     atlas: Atlas,
-    /// Whether the atlas (the texture with the letters) has changed since a frame was shown.
+    /// Whether the atlas (the texture with the letters) has changed since the last frame that was shown.
     is_atlas_new: bool,
     is_drawing: bool,
-    /// Whether the camera is to show all of the next simulation.
+    /// Whether the camera is to be moved, so that it shows all of a new scene, as soon as that scene is first drawn.
     reframes: bool,
     due: Instant,
     picture: Option<PathBuf>,
@@ -114,7 +114,7 @@ impl App {
         self.window = None;
         let delays = self.live.link().turns().all_delays();
         if !self.live.quit() {
-            return Err(Error::Simulation("the simulation's thread failed; its device was let go of".into()));
+            return Err(Error::Simulation("the simulation's thread panicked; the haptic device was released".into()));
         }
         let notes: Vec<String> = self.live.notes().collect();
         notes.iter().for_each(|note| tell(note));
@@ -123,7 +123,7 @@ impl App {
         }
         self.error.take().map_or(Ok(()), Err)?;
         print(&self.frames.summary(&delays))?;
-        // Each pause ends a session; the report of the last one describes the end.
+        // Each pause ends a session (run of the haptic loop with a device); the last session's report is printed.
         self.live.sessions().last().map_or(Ok(()), |report| print(&Closing(&report).to_string()))
     }
 
@@ -134,10 +134,10 @@ impl App {
             .with_title(title)
             .with_inner_size(PhysicalSize::new(width, height));
         let window = events.create_window(attributes);
-        let window = Arc::new(window.map_err(|error| Error::NoDevice(format!("no window can be opened: {error}")))?);
+        let window = Arc::new(window.map_err(|error| Error::NoDevice(format!("cannot open the window: {error}")))?);
         let shown = Window::new(&self.context, window.clone())?;
         let said = self.said.clone();
-        // The event loop may have ended.
+        // If the event loop has ended, sending fails, which is ignored.
         let tell = move |drawn| drop(said.send_event(Said::Frame(drawn)));
         self.drawing = Some(Drawing::start(shown, self.context.clone(), self.live.link().clone(), tell)?);
         let (scale, theme) = (Some(window.scale_factor() as f32), window.theme());
@@ -189,7 +189,7 @@ impl App {
     fn drawn(&mut self, drawn: Drawn) {
         self.is_drawing = false;
         if drawn.is_shown {
-            // A frame that is not shown did not take up the atlas.
+            // A frame that is not shown does not upload the atlas.
             self.is_atlas_new = false;
             self.panel.shown(drawn.took, drawn.slices);
             self.frames.add(drawn.took, drawn.slices, drawn.framed.is_some());
@@ -205,7 +205,7 @@ impl App {
         }
         match drawn.picture {
             Some(Ok(file)) => {
-                let line = format!("picture: {}", file.display());
+                let line = format!("image: {}", file.display());
                 // A closed standard output is ignored.
                 let _ = print(&format!("{line}\n"));
                 self.panel.say(line);
@@ -301,7 +301,7 @@ impl ApplicationHandler<Said> for App {
         // The response is not needed: the panel is laid out anew for the next frame.
         let _ = input.on_window_event(window, &event);
         if matches!(event, WindowEvent::KeyboardInput { .. }) && self.egui.egui_wants_keyboard_input() {
-            // The user types a number into the panel.
+            // The key belongs to a number that the user types into the panel.
             return;
         }
         let edge = f64::from(window.inner_size().width) - f64::from(WIDTH) * window.scale_factor();
@@ -330,7 +330,7 @@ impl ApplicationHandler<Said> for App {
             return;
         }
         if !self.live.is_running() {
-            return self.fail(Error::Simulation("the simulation's thread failed".into()), events);
+            return self.fail(Error::Simulation("the simulation's thread has ended unexpectedly".into()), events);
         }
         let now = Instant::now();
         if !self.is_drawing && now >= self.due {

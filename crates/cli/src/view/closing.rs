@@ -1,5 +1,5 @@
-//! The lines that are printed when a window closes: how fast frames (rendered images) were drawn, and how much that
-//! delayed the simulation's steps.
+//! The lines that are printed when a window closes: how fast frames (rendered images) were drawn, and how much drawing
+//! delayed the simulation's steps. A frame is drawn in *slices*, parts that are submitted to the GPU one by one.
 
 use std::time::Instant;
 
@@ -16,8 +16,8 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Adds a frame that was shown. At the first one of a simulation, during which pipelines are compiled, counting
-    /// begins anew.
+    /// Adds a frame that was shown. The first frame of a simulation, during which pipelines are compiled, is not
+    /// counted and resets the statistics.
     pub fn add(&mut self, took: f64, slices: usize, is_first: bool) {
         let now = Instant::now();
         if is_first {
@@ -39,12 +39,15 @@ impl Frames {
         took.sort_unstable_by(f32::total_cmp);
         let [median, most] = [took[took.len() / 2], took[took.len() - 1]].map(|s| 1e3 * s);
         let [rate, slices] = [count / seconds.max(1e-3), self.slices as f64 / count];
-        let frames = format!("frames: {count} in {seconds:.1} s, {rate:.1} a second, {slices:.1} slices each");
+        let frames = format!(
+            "frames: {count} in {seconds:.1} s, {rate:.1} per second, each drawn in {slices:.1} parts between steps"
+        );
         let [waited, often, longest] = [delays.quantile(0.5), delays.quantile(0.99), delays.worst()].map(|s| 1e3 * s);
         let steps = delays.ticks();
         format!(
-            "{frames}; {median:.1} ms (median), {most:.1} (most)\n\
-             steps: {steps}; waited for drawing {waited:.2} ms (median), {often:.2} (99 %), {longest:.2} (most)\n"
+            "{frames}; each took {median:.1} ms (median), {most:.1} ms (longest)\n\
+             steps: {steps}; each waited for drawing {waited:.2} ms (median), {often:.2} ms (p99), {longest:.2} ms \
+             (longest)\n"
         )
     }
 }
@@ -58,15 +61,19 @@ mod tests {
         let mut frames = Frames::default();
         assert_eq!(frames.summary(&Lateness::new()), "");
         frames.add(0.5, 3, true);
-        assert_eq!(frames.summary(&Lateness::new()), "", "the first alone");
+        assert_eq!(frames.summary(&Lateness::new()), "", "the first frame is not counted");
         (0..4).for_each(|k| frames.add(0.01 * f64::from(k + 1), 2, false));
         let mut delays = Lateness::new();
         [0.001, 0.002, 0.003].into_iter().for_each(|delay| delays.add(delay, f64::INFINITY));
         let said = frames.summary(&delays);
         assert!(
-            said.starts_with("frames: 4 in ") && said.contains("2.0 slices each; 30.0 ms (median), 40.0 (most)"),
+            said.starts_with("frames: 4 in ")
+                && said.contains("in 2.0 parts between steps; each took 30.0 ms (median), 40.0 ms (longest)"),
             "{said}"
         );
-        assert!(said.ends_with("steps: 3; waited for drawing 2.00 ms (median), 3.00 (99 %), 3.00 (most)\n"), "{said}");
+        assert!(
+            said.ends_with("steps: 3; each waited for drawing 2.00 ms (median), 3.00 ms (p99), 3.00 ms (longest)\n"),
+            "{said}"
+        );
     }
 }

@@ -69,13 +69,14 @@ impl Drawing {
         let mut artist = Artist { easel: Some(Easel::new(&context, window)?), link };
         let work = move || artist.work(&given, tell);
         let thread = std::thread::Builder::new().name("palpate-drawing".into()).spawn(work);
-        let thread = thread.map_err(|error| Error::Simulation(format!("no thread for drawing: {error}")))?;
+        let thread =
+            thread.map_err(|error| Error::Simulation(format!("the drawing thread cannot be started: {error}")))?;
         Ok(Drawing { orders: Some(orders), thread: Some(thread) })
     }
 
     /// Orders a frame.
     pub fn order(&self, order: Order) {
-        // A thread that has ended has reported why.
+        // If the thread has ended, it has reported the reason, and the order is dropped.
         if let Some(orders) = &self.orders {
             drop(orders.send(order));
         }
@@ -91,7 +92,8 @@ impl Drop for Drawing {
 
 /// State of the drawing thread.
 struct Artist {
-    /// It moves to the simulation's thread and back for each frame; `None` where that thread has ended.
+    /// The renderer and the window. They move to the simulation's thread and back for each frame; `None` if that thread
+    /// has ended.
     easel: Option<Easel>,
     link: Link,
 }

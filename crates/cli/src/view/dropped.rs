@@ -1,5 +1,5 @@
-//! A surface that is dropped onto the window: a thread of its own makes it a body and a scene, as `palpate prepare`
-//! does.
+//! Handles a surface file that is dropped onto the window: a separate thread makes a soft body and a scene of it, as
+//! `palpate prepare` does.
 
 use std::path::{Path, PathBuf};
 
@@ -15,12 +15,12 @@ use super::app::Said;
 pub fn prepare(file: PathBuf, said: EventLoopProxy<Said>) {
     let tell = said.clone();
     let work = move || {
-        // The event loop may have ended.
+        // If the event loop has ended, sending fails, which is ignored.
         let made = made(&file, &mut |line| drop(tell.send_event(Said::Progress(line))));
         drop(tell.send_event(Said::Ready(made.map(Box::new))));
     };
     if let Err(error) = std::thread::Builder::new().name("palpate-prepare".into()).spawn(work) {
-        let error = Error::Simulation(format!("no thread to prepare it: {error}"));
+        let error = Error::Simulation(format!("the thread that prepares the file cannot be started: {error}"));
         drop(said.send_event(Said::Ready(Err(error))));
     }
 }

@@ -1,5 +1,5 @@
-//! Draws a frame (rendered image) in parts: it begins on the simulation's thread, between two steps, and goes on where
-//! there is time.
+//! Draws a frame (rendered image) in parts: drawing begins on the simulation's thread, between two steps, and continues
+//! on the drawing thread, part by part, in turns with the simulation's steps.
 
 use std::fs::{self, File};
 use std::io::BufWriter;
@@ -15,7 +15,7 @@ use palpate_view::{Labels, Moment, Renderer, Settings};
 
 use super::drawing::{Drawn, Order};
 
-/// Samples a pixel.
+/// Samples per pixel; 1 means no antialiasing.
 const SAMPLES: u32 = 1;
 
 /// The window, the renderer, and what paints legend and panel onto its images.
@@ -24,7 +24,7 @@ pub struct Easel {
     labels: Labels,
     window: Window,
     seen: Option<Seen>,
-    /// Duration of each part of the frame before.
+    /// Duration of each part of the previous frame.
     took: Vec<Duration>,
 }
 
@@ -95,7 +95,7 @@ impl Easel {
         Ok(Frame { order, labels, panel, parts, took: Vec::new(), picture: None, drawn })
     }
 
-    /// Draws the parts that, judging by the frame before, will be done by `until`.
+    /// Draws the next parts, as long as the durations in the previous frame predict that they end before `until`.
     pub fn go_on(&mut self, frame: &mut Frame, until: Instant) -> Result<()> {
         while let Some(part) = self.took.get(frame.took.len()) {
             if frame.is_done() || Instant::now() + *part > until {
@@ -139,7 +139,7 @@ impl Easel {
 
 /// Writes an image file completely or not at all.
 fn write(picture: &Picture, file: &Path) -> Result<()> {
-    // This is no `Output`, because the session may be writing one into the same folder.
+    // No `Output` is used here, because `palpate view --out` may be writing another one into the same folder.
     let partial = file.with_extension("png.partial");
     let written = File::create(&partial)
         .and_then(|out| picture.write_png(BufWriter::new(out)))

@@ -10,7 +10,7 @@ use palpate_view::live::{Command, Sample, Settings, Snapshot, State};
 use palpate_view::overlay::{Overlay, Overlays};
 use palpate_view::turns::Delays;
 
-/// Width of the panel, points.
+/// Width of the panel, points (egui's unit of length).
 pub const WIDTH: f32 = 250.0;
 /// Simulated time that the force plot covers, s.
 const SPAN: f64 = 4.0;
@@ -23,16 +23,17 @@ const LINES: usize = 5;
 /// Number of stages that are listed, the slowest first.
 const STAGES: usize = 6;
 
-const HELP: &str = "left drag: move the tool, with the wheel its depth\narrows, q, e: turn the tool\nright drag: orbit   middle \
-    drag: pan   wheel: zoom\nspace: pause   . : one step   r: reset\ns: picture   t: record a session\n1 pressure   2 depth   \
-    3 force\n4 proxies   5 regions   6 layer   7 cores\n8 strain energy   9 displacement\nh: this help   Esc: close";
+const HELP: &str = "left drag: move the tool   with wheel: in depth\narrows, q, e: turn the tool\nright drag: orbit   \
+    middle drag: pan   wheel: zoom\nspace: pause   . : one step   r: reset\ns: save an image   t: start or end a \
+    recording\n1 pressure   2 depth   3 force\n4 proxies   5 contact patches   6 layer   7 cores\n8 strain energy   \
+    9 displacement\nh: this help   Esc: close";
 
 /// State of the panel between frames.
 pub struct Panel {
     samples: VecDeque<Sample>,
     lines: VecDeque<String>,
     frame: Frames,
-    /// What is being dragged, whether its present value was sent, and when a value was sent last.
+    /// The settings whose slider is being dragged; whether their present value was sent; when a value was last sent.
     dragged: Option<Dragged>,
     is_sent: bool,
     sent: Instant,
@@ -89,7 +90,7 @@ impl Panel {
         }
     }
 
-    /// Adds samples to the plot; drops those that are older than it shows, and all from before a reset.
+    /// Adds samples to the plot; drops samples that are older than the plot shows, and all samples from before a reset.
     pub fn take(&mut self, samples: impl Iterator<Item = Sample>) {
         for sample in samples {
             if self.samples.back().is_some_and(|last| sample.time < last.time) {
@@ -135,7 +136,7 @@ impl Panel {
             State::Running => ("running".into(), Color32::LIGHT_GREEN),
             State::Paused => ("paused".into(), Color32::LIGHT_YELLOW),
             State::Recording(file) => (format!("recording {}", file.display()), Color32::LIGHT_RED),
-            State::Failed(why) => (format!("failed: {why}; r: reset"), Color32::LIGHT_RED),
+            State::Failed(why) => (format!("failed: {why}; press r to reset"), Color32::LIGHT_RED),
             State::Ended => ("ended".into(), Color32::GRAY),
         };
         ui.label(RichText::new(text).color(colour).strong());
@@ -164,7 +165,7 @@ impl Panel {
         }
         if let Some(state) = &snapshot.haptics {
             let [median, p99, most] = state.late.map(|s| 1e3 * s);
-            ui.label(format!("loop late {median:.2} / {p99:.2} / {most:.2} ms (median, 99 %, most)"));
+            ui.label(format!("haptic loop late by {median:.2} / {p99:.2} / {most:.2} ms (median, p99, worst)"));
             if !state.events.is_empty() {
                 ui.label(RichText::new(state.events.join(", ")).small());
             }
@@ -184,10 +185,10 @@ impl Panel {
             let x = f64::from(area.right()) - ago * f64::from(area.width());
             Pos2::new(x as f32, (f64::from(area.bottom() - 2.0) - scale * sample.force.length()) as f32)
         };
-        // No more points than can be told apart.
+        // No more points are drawn than can be distinguished.
         let every = (self.samples.len() / 400).max(1);
         painter.line(self.samples.iter().step_by(every).map(place).collect(), Stroke::new(1.5, Color32::LIGHT_BLUE));
-        let text = format!("{most:.3} N, {SPAN} s");
+        let text = format!("up to {most:.3} N in {SPAN} s");
         let font = egui::FontId::proportional(10.0);
         painter.text(area.left_top() + Vec2::new(3.0, 1.0), egui::Align2::LEFT_TOP, text, font, Color32::GRAY);
     }
@@ -196,10 +197,10 @@ impl Panel {
         ui.separator();
         let step = snapshot.row.as_ref().map_or(0.0, |row| 1e-3 * row.step_us);
         let (frame, rate) = (1e3 * self.frame.took, self.frame.recent.len());
-        ui.label(format!("step {step:.2} ms   frame {frame:.1} ms, {rate}/s"));
+        ui.label(format!("step {step:.2} ms   frame {frame:.1} ms, {rate} per s"));
         let [last, median, most] = [delays.last, delays.median, delays.most].map(|s| 1e3 * s);
-        ui.label(format!("a step waits {last:.2} / {median:.2} / {most:.2} ms (last, median, most)"));
-        ui.label(format!("{} slices a frame, longest {:.2} ms", self.frame.slices, 1e3 * delays.longest_slice));
+        ui.label(format!("steps wait for drawing {last:.2} / {median:.2} / {most:.2} ms (last, median, longest)"));
+        ui.label(format!("{} slices per frame, longest {:.2} ms", self.frame.slices, 1e3 * delays.longest_slice));
         let mut stages: Vec<&(String, f64)> = snapshot.stages.iter().collect();
         stages.sort_by(|a, b| b.1.total_cmp(&a.1));
         for (stage, us) in stages.into_iter().take(STAGES) {
@@ -259,7 +260,9 @@ impl Panel {
                 let mut changed = slide(ui, &mut new.stiffness, [10.0, 1e4], "stiffness, N/m", true);
                 changed |= slide(ui, &mut new.damping, [0.0, 100.0], "damping, N s/m", false);
                 if settings.has_device {
-                    ui.label(RichText::new("asked for; the loop takes what is safe, and begins anew").small());
+                    ui.label(
+                        RichText::new("requested; the haptic loop limits it to stable gains and restarts").small(),
+                    );
                 }
                 if changed {
                     touched = Some(Dragged::Coupling(new));
@@ -267,14 +270,14 @@ impl Panel {
             });
         }
         let Some(touched) = touched else {
-            // While a drag rests, its last value is sent as well.
+            // If the mouse rests during a drag, the last value is sent as well.
             let is_due = !self.is_sent && self.sent.elapsed() >= OFTEN;
             let waiting = self.dragged.as_ref().filter(|dragged| is_due && !matches!(dragged, Dragged::Coupling(_)));
             let command = waiting.map(Dragged::command)?;
             (self.is_sent, self.sent) = (true, Instant::now());
             return Some(command);
         };
-        // A new coupling begins a new session, so it is sent only on release.
+        // A new coupling restarts the haptic loop, so it is sent only when the slider is released.
         let waits = matches!(touched, Dragged::Coupling(_)) || self.sent.elapsed() < OFTEN;
         if waits && !is_let_go {
             (self.dragged, self.is_sent) = (Some(touched), false);

@@ -1,4 +1,5 @@
-//! Tests of the simulated hand: its motion, friction, energy balance, quantised readings and delay.
+//! Tests of the simulated hand: its motion, friction, energy balance, quantised readings and delay. A *tick* is one
+//! iteration of the haptic loop, in which the loop reads the hand and writes a force.
 
 use palpate::scene::Key;
 
@@ -66,9 +67,9 @@ fn error_of_swing(substep: f64) -> (f64, f64) {
 #[test]
 fn a_free_swing_is_the_damped_oscillator() {
     let (coarse, fine) = (error_of_swing(1e-4), error_of_swing(5e-5));
-    for (name, coarse, fine) in [("moved", coarse.0, fine.0), ("turned", coarse.1, fine.1)] {
-        println!("{name}: error {coarse:.2e}, with half the substep {fine:.2e}");
-        assert!(coarse < 1e-4, "{name}: {coarse}");
+    for (name, coarse, fine) in [("position", coarse.0, fine.0), ("rotation", coarse.1, fine.1)] {
+        println!("{name}: relative error {coarse:.2e}, with half the substep {fine:.2e}");
+        assert!(coarse < 1e-4, "{name}: relative error {coarse}");
         assert_near(coarse / fine, 4.0, 0.05, name);
     }
 }
@@ -95,10 +96,10 @@ fn torque_and_rotation_are_the_profiles() {
         let mut hand = Hand::new(IDEAL, Trajectory::new(&turning, turning[0]), profile).unwrap();
         hand.write(&Wrench { force: DVec3::ZERO, torque: DVec3::X * 0.1 }).unwrap();
         let reading = hand.read(0.05).unwrap();
-        assert_eq!(hand.state().angular_velocity.x != 0.0, plays, "{name}");
-        assert_eq!(hand.energy().torque != 0.0, plays, "{name}");
-        assert_eq!(reading.state.orientation != DQuat::IDENTITY, senses, "{name}");
-        assert_eq!(reading.state.angular_velocity != DVec3::ZERO, senses, "{name}");
+        assert_eq!(hand.state().angular_velocity.x != 0.0, plays, "{name}: the torque turns the hand");
+        assert_eq!(hand.energy().torque != 0.0, plays, "{name}: the torque does work");
+        assert_eq!(reading.state.orientation != DQuat::IDENTITY, senses, "{name}: orientation is sensed");
+        assert_eq!(reading.state.angular_velocity != DVec3::ZERO, senses, "{name}: angular velocity is sensed");
     }
 }
 
@@ -139,13 +140,13 @@ fn coulomb_friction_stops_and_never_reverses() {
     for tick in 1..=500 {
         hand.read(f64::from(tick) * 1e-4).unwrap();
         let now = hand.state().velocity.y;
-        assert!((0.0..=speed).contains(&now), "{now}");
+        assert!((0.0..=speed).contains(&now), "speed {now} m/s");
         speed = now;
     }
     assert_eq!(speed, 0.0);
     let way = 0.1 * 0.05 * 0.05 / (2.0 * 0.2);
-    assert_near(hand.state().position.y, way, 0.01 * way, "way");
-    assert_near(hand.energy().lost, 0.5 * 0.1 * 0.05 * 0.05, 1e-18, "lost");
+    assert_near(hand.state().position.y, way, 0.01 * way, "stopping distance, m");
+    assert_near(hand.energy().lost, 0.5 * 0.1 * 0.05 * 0.05, 1e-18, "energy lost, J");
 }
 
 /// Only rounding may change the energy: 100,000 substeps of a few units in the last place each.
@@ -160,8 +161,8 @@ fn without_damping_energy_stays() {
         hand.read(f64::from(tick) * TICK).unwrap();
         drift = drift.max((hand.stored() / start - 1.0).abs());
     }
-    println!("drift {drift:.1e} of {start} J");
-    assert!(drift < 1e-10, "{drift}");
+    println!("relative drift {drift:.1e} of an energy of {start} J");
+    assert!(drift < 1e-10, "relative drift of the energy {drift}");
 }
 
 /// Where the axis of rotation changes, integration loses a little energy and never adds any.
@@ -174,10 +175,10 @@ fn turning_about_many_axes_makes_no_energy() {
     let mut last = start;
     for tick in 1..=10_000 {
         hand.read(f64::from(tick) * TICK).unwrap();
-        assert!(hand.stored() <= last * (1.0 + 1e-12), "{} J after {last} J", hand.stored());
+        assert!(hand.stored() <= last * (1.0 + 1e-12), "energy rose to {} J from {last} J", hand.stored());
         last = hand.stored();
     }
-    println!("kept {:.4} of {start} J over 10 s", last / start);
+    println!("after 10 s a share of {:.4} of the energy {start} J is left", last / start);
 }
 
 #[test]
@@ -191,12 +192,12 @@ fn with_damping_energy_only_falls() {
     let mut last = start;
     for tick in 1..=2000 {
         hand.read(f64::from(tick) * TICK).unwrap();
-        assert!(hand.stored() <= last, "{} J after {last} J", hand.stored());
+        assert!(hand.stored() <= last, "energy rose to {} J from {last} J", hand.stored());
         last = hand.stored();
     }
-    // The energy left is at most what a spring stores that is held by friction f: f^2 / (2 k).
-    assert!(last <= 0.05 * 0.05 / 600.0, "{last}");
-    assert_near(hand.energy().lost, start - last, 1e-12 * start, "lost");
+    // The energy left is at most that of a spring of stiffness k held by friction f: f^2 / (2 k).
+    assert!(last <= 0.05 * 0.05 / 600.0, "energy left {last} J");
+    assert_near(hand.energy().lost, start - last, 1e-12 * start, "energy lost, J");
 }
 
 /// The energy balance holds under forces, rotation about one axis, friction and a moving intended pose.
@@ -214,10 +215,10 @@ fn energy_is_accounted_for() {
         let energy = hand.energy();
         greatest = greatest.max(energy.lost).max(energy.received().abs());
         let balance = energy.received() + energy.intent - energy.lost;
-        assert_near(balance, hand.stored(), 1e-9 * greatest, "stored");
+        assert_near(balance, hand.stored(), 1e-9 * greatest, "energy balance, J");
     }
     let HandEnergy { force, torque, intent, lost } = hand.energy();
-    assert!([force, torque, intent, lost].iter().all(|joules| joules.abs() > 1e-4), "{:?}", hand.energy());
+    assert!([force, torque, intent, lost].iter().all(|joules| joules.abs() > 1e-4), "energies {:?}", hand.energy());
     hand.reset_energy();
     assert_eq!(hand.energy(), HandEnergy::default());
 }
@@ -233,8 +234,8 @@ fn energy_received_is_the_integral_of_force_by_motion() {
         hand.read(0.1 + f64::from(tick) * TICK).unwrap();
         let work = wrench.force.dot(hand.state().position);
         let turned = wrench.torque.dot(rotation_vector(hand.state().orientation));
-        assert_near(hand.energy().force, work, 1e-15, "force");
-        assert_near(hand.energy().torque, turned, 1e-15, "torque");
+        assert_near(hand.energy().force, work, 1e-15, "work of the force, J");
+        assert_near(hand.energy().torque, turned, 1e-15, "work of the torque, J");
     }
     assert!(hand.energy().force > 1e-3 && hand.energy().torque > 1e-4);
 }
@@ -247,9 +248,9 @@ fn readings_are_quantised() {
     for tick in 1..=1500 {
         let reading = hand.read(f64::from(tick) * TICK).unwrap();
         let steps = reading.state.position / quantum;
-        assert!((steps - steps.round()).abs().max_element() < 1e-9, "{steps}");
+        assert!((steps - steps.round()).abs().max_element() < 1e-9, "position in quanta {steps}");
         let error = (reading.state.position - hand.state().position).abs().max_element();
-        assert!(error <= 0.5 * quantum * (1.0 + 1e-9), "{error}");
+        assert!(error <= 0.5 * quantum * (1.0 + 1e-9), "quantisation error {error} m");
     }
     let at_rest = hand.read(1.6).unwrap();
     assert_eq!(at_rest.state.velocity, DVec3::ZERO);
@@ -264,10 +265,10 @@ fn a_delayed_force_acts_from_its_time_plus_the_delay() {
         hand.write(&push(DVec3::ONE * 9.0)).unwrap();
         hand.write(&push(DVec3::X)).unwrap();
         assert_eq!(hand.coming.len(), 1);
-        assert_eq!(hand.read(0.004 + delay).unwrap().state.position, DVec3::ZERO, "{delay}");
+        assert_eq!(hand.read(0.004 + delay).unwrap().state.position, DVec3::ZERO, "moved before {delay} s");
         let after = hand.read(0.0041 + delay).unwrap();
         let accelerated = 0.5 * 1e-8 / 0.1;
-        assert_near(after.state.position.x, accelerated, 1e-4 * accelerated, "moved");
+        assert_near(after.state.position.x, accelerated, 1e-4 * accelerated, "displacement, m");
         assert_eq!(after.state.position.y, 0.0, "a wrench that a later one replaced was played");
     }
 }
@@ -314,11 +315,11 @@ fn two_runs_are_the_same_bits() {
 #[test]
 fn a_clock_that_jumps_is_followed_at_a_bounded_pace() {
     let mut hand = hand(HandParameters::default(), &[]);
-    assert_near(hand.read(1e9).unwrap().time, 0.1, 1e-12, "a reading");
-    assert_near(hand.read(0.05).unwrap().time, 0.1, 1e-12, "back");
-    assert_near(hand.read(f64::NAN).unwrap().time, 0.1, 1e-12, "not a number");
-    assert_near(hand.read(f64::INFINITY).unwrap().time, 0.2, 1e-12, "for ever");
-    assert_near(hand.read(0.25005).unwrap().time, 0.25, 1e-12, "between substeps");
+    assert_near(hand.read(1e9).unwrap().time, 0.1, 1e-12, "time after a jump to 1e9 s");
+    assert_near(hand.read(0.05).unwrap().time, 0.1, 1e-12, "time after a jump back");
+    assert_near(hand.read(f64::NAN).unwrap().time, 0.1, 1e-12, "time after a NaN");
+    assert_near(hand.read(f64::INFINITY).unwrap().time, 0.2, 1e-12, "time after infinity");
+    assert_near(hand.read(0.25005).unwrap().time, 0.25, 1e-12, "time between substeps");
 }
 
 #[test]

@@ -26,8 +26,8 @@ fn peaks(parameters: HandParameters, stiffness: f64, start: f64, seconds: usize)
     let mut hand = Hand::new(parameters, Trajectory::new(&[], intended), profile).unwrap();
     hand.place(RigidState::at_rest(DVec3::X * start, DQuat::IDENTITY));
     let wall = |x: f64| Wrench { force: DVec3::X * (-stiffness * x).min(0.0), torque: DVec3::ZERO };
-    // The force that acts at first, and the first one on its way through the delay, are those of a hand held at
-    // `start`.
+    // The force that acts first, and the force that is written first and acts after the delay, are those of a hand held
+    // at `start`.
     hand.write(&wall(start)).unwrap();
     hand.played = wall(start);
     let mut peaks = vec![0.0f64; seconds];
@@ -44,9 +44,9 @@ fn linear(damping: f64, device_damping: f64, delay: f64) -> HandParameters {
     HandParameters { damping, device_damping, delay, friction: 0.0, quantum: 0.0, ..Default::default() }
 }
 
-/// Whether a disturbance by a thousandth of the depth at balance grows: the peak speed rises from the second to the
-/// seventh second, or it ends above twice the peak speed of the undamped oscillation, as where the hand has come to
-/// bounce off the wall.
+/// Whether a disturbance grows. The hand starts a thousandth of the equilibrium depth away from equilibrium. The
+/// disturbance grows if the peak speed of the seventh second is greater than that of the second one, or than twice the
+/// peak speed of the undamped oscillation (which happens if the hand bounces off the wall).
 fn grows(parameters: HandParameters, stiffness: f64) -> bool {
     let both = parameters.stiffness + stiffness;
     let balance = parameters.stiffness * WITHIN / both;
@@ -90,18 +90,21 @@ fn a_wall_is_stable_below_the_passivity_bound_and_unstable_above_its_limit() {
             let bound = 2.0 * device_damping / TICK;
             let (found, exact) = (found_limit(parameters), exact_limit(&parameters));
             println!(
-                "arm {damping}, device {device_damping} N s/m: limit {found:.0} N/m, {:.3} of the bound",
+                "damping of arm {damping}, device {device_damping} N s/m: limit {found:.0} N/m, {:.3} of the bound",
                 found / bound
             );
-            assert!((found / exact - 1.0).abs() < 0.01, "found {found} N/m, exact {exact}");
+            assert!((found / exact - 1.0).abs() < 0.01, "limit found {found} N/m, exact {exact} N/m");
             // Without damping of the arm the passivity bound is the stability limit itself, to less than the bisection
             // resolves.
-            assert!(exact >= bound && found >= bound * (1.0 - 2.0 * BISECTED), "{found} N/m, bound {bound}");
+            assert!(exact >= bound && found >= bound * (1.0 - 2.0 * BISECTED), "limit {found} N/m, bound {bound} N/m");
             for part in [0.5, 0.95] {
                 let peaks = peaks(parameters, part * bound, -0.005, 60);
-                assert!(peaks[59] < 0.5 * peaks[0], "{part} of {bound} N/m: {peaks:?}");
+                assert!(
+                    peaks[59] < 0.5 * peaks[0],
+                    "{part} of the bound {bound} N/m: peak speeds by second {peaks:?} m/s"
+                );
             }
-            assert!(grows(parameters, 1.05 * found), "{found} N/m");
+            assert!(grows(parameters, 1.05 * found), "no growth 5 % above the limit {found} N/m");
         }
     }
 }
@@ -115,12 +118,12 @@ fn delay_lowers_the_limit_to_the_bound_with_delay() {
             let bound = device_damping / (0.5 * TICK + delay);
             let found = found_limit(linear(0.0, device_damping, delay));
             println!(
-                "delay {delay} s, device {device_damping} N s/m: limit {found:.0} N/m, {:.3} of it",
+                "delay {delay} s, device damping {device_damping} N s/m: limit {found:.0} N/m, {:.3} of the bound",
                 found / bound
             );
-            // The bound is the limit of slow oscillations; the phase of the fastest here advances by 0.5 rad within the
-            // delay, and their limit lies 4 % above the bound.
-            assert!((1.0 - 2.0 * BISECTED..1.05).contains(&(found / bound)), "{found} N/m, bound {bound}");
+            // The bound is exact for slow oscillations. The phase of the fastest oscillations here advances by 0.5 rad
+            // within the delay, and their limit lies 4 % above the bound.
+            assert!((1.0 - 2.0 * BISECTED..1.05).contains(&(found / bound)), "limit {found} N/m, bound {bound} N/m");
         }
     }
 }

@@ -34,7 +34,8 @@ const INVENTORY_WAIT: Duration = Duration::from_millis(500);
 /// Pauses before another connection is tried: the first one, and the longest, up to which they double.
 const FIRST_WAIT: Duration = Duration::from_millis(100);
 const LAST_WAIT: Duration = Duration::from_secs(2);
-/// Greatest number of answers that the service may be behind by, or that it may send unasked within a period.
+/// Greatest number of messages that the service may leave unanswered, and of frames that it may send unrequested within
+/// a period.
 const MOST_OWED: u32 = 16;
 
 /// What the thread knows of the device; the haptic loop reads the newest.
@@ -103,7 +104,7 @@ struct Partner {
 }
 
 impl Exchange {
-    /// Connects, and reconnects where a connection ends, until told to stop.
+    /// Connects, and reconnects whenever a connection ends, until `stop` is set.
     pub fn run(mut self) {
         // A failure is ignored here: the haptic loop asks for the same priority and tells the user if it is not
         // permitted.
@@ -130,7 +131,7 @@ impl Exchange {
         let mut link = self.address.connect()?;
         count(&self.tally.connections);
         let inventory = link.receive(Instant::now() + INVENTORY_WAIT)?;
-        let inventory = inventory.ok_or_else(|| Fault::Lost("the service sends no inventory".into()))?;
+        let inventory = inventory.ok_or_else(|| Fault::Lost("the service sent no list of its devices".into()))?;
         let (identity, _) = protocol::find(&inventory, self.wanted())?;
         let device_id = identity.device_id.clone();
         self.max_force = identity.kind.profile(self.asked).max_force;
@@ -138,7 +139,7 @@ impl Exchange {
             Some(known) if **known != identity => {
                 // The limits in use were chosen for the device that was found before.
                 let (before, now) = (&known.kind, &identity.kind);
-                let what = format!("the service reported {before} of {device_id:?} and now reports {now}");
+                let what = format!("the service reported {before} for {device_id:?}, and now reports {now}");
                 return Err(Fault::Lost(format!("{what}: end the session and begin another")));
             }
             Some(_) => {}
@@ -161,8 +162,8 @@ impl Exchange {
         found.or(self.device_id.as_deref())
     }
 
-    /// Reads a frame and sends a message each period until told to stop. The greeting, the first message, was sent
-    /// before.
+    /// Reads a frame and sends a message each period until `stop` is set. The greeting, which is the first message,
+    /// must have been sent before.
     fn ticks(&mut self, partner: &mut Partner) -> Result<(), Fault> {
         let (mut due, mut sent) = (Instant::now(), Instant::now());
         let mut patience = sent;
@@ -171,7 +172,7 @@ impl Exchange {
             if let Some(text) = partner.link.receive(sent + STATE_LIFE)? {
                 self.take(&text, &mut owed);
             } else {
-                self.report(Fault::Lost(format!("the service is silent for {} ms", STATE_LIFE.as_millis())));
+                self.report(Fault::Lost(format!("the service has been silent for {} ms", STATE_LIFE.as_millis())));
             }
             due = (due + self.period).max(Instant::now());
             thread::sleep(due.saturating_duration_since(Instant::now()));
@@ -181,12 +182,12 @@ impl Exchange {
                 self.take(&text, &mut owed);
                 late += 1;
                 if late > MOST_OWED {
-                    return Err(Fault::Garbled("frames that nobody asked for".into()));
+                    return Err(Fault::Garbled("the service sends unrequested frames".into()));
                 }
             }
             patience = self.shot.state.map_or(patience, |(at, _)| at.max(patience));
             if owed >= MOST_OWED || patience.elapsed() > PATIENCE {
-                return Err(Fault::Lost("the service does not keep up, or says nothing of use".into()));
+                return Err(Fault::Lost("the service falls behind, or sends no usable state".into()));
             }
             sent = Instant::now();
             let force = self.force();

@@ -218,7 +218,7 @@ fn serve(mut stream: TcpStream, shared: &Shared) -> Option<()> {
         number += 1;
         for answer in answers {
             shared.sent.fetch_add(1, SeqCst);
-            // A client that has gone may have sent messages before: read on.
+            // If sending fails because the client has gone, reading goes on: messages from before may still arrive.
             let _ = socket.send(answer);
         }
     }

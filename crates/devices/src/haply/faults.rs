@@ -11,8 +11,8 @@ use super::fake::{Act, Fake, frame, resting};
 use super::tests::{device, force, last_force, ms, opened, tick_until, wait_until};
 use super::*;
 
-/// A script that does not answer the first connection's messages from number `first` on, for a time, and answers all
-/// others.
+/// A script that leaves messages of the first connection, from number `first` on, unanswered for a time, and answers
+/// all other messages.
 fn silence(first: usize, lasting: Duration) -> impl Fn(usize, usize) -> Act + Send + Sync {
     let began = std::sync::OnceLock::<Instant>::new();
     move |connection, number| {
@@ -29,9 +29,9 @@ fn a_silent_service_is_lost_gets_zeros_and_recovers() {
     let swallowed = fake.heard().len();
     tick_until(&mut device, DVec3::X, |reading| reading.is_ok());
     let heard = fake.heard();
-    assert!(heard.len() > swallowed, "messages of zero force go on");
+    assert!(heard.len() > swallowed, "messages of zero force must go on");
     // Every message after the first unanswered one and before the first answer has zero force.
-    assert!(heard[101..=swallowed].iter().all(|h| force(h) == DVec3::ZERO), "{:?}", &heard[101..=swallowed]);
+    assert!(heard[101..=swallowed].iter().all(|h| force(h) == DVec3::ZERO), "not zero: {:?}", &heard[101..=swallowed]);
     tick_until(&mut device, DVec3::X, |_| last_force(&fake) == DVec3::X);
     assert_eq!(device.counts().connections, 1);
 }
@@ -103,7 +103,7 @@ fn an_oversized_message_or_one_without_text_ends_the_connection_and_another_is_m
         let counts = device.counts();
         assert_eq!((counts.connections, counts.garbled), (2, 1));
         let first: Vec<_> = fake.heard().into_iter().filter(|h| h.connection == 0).collect();
-        assert_eq!(first.last().map(force), Some(DVec3::ZERO), "binary {is_binary}: zero force comes last");
+        assert_eq!(first.last().map(force), Some(DVec3::ZERO), "binary {is_binary}: the last force must be zero");
         assert_eq!(first.len(), 52);
     }
 }
@@ -132,7 +132,7 @@ fn another_machine_is_refused_unless_trusted_and_so_is_a_rate_beyond_bounds() {
             rate,
             ..Settings::default()
         });
-        assert!(matches!(device.open(), Err(Fault::Lost(why)) if why.contains(word)), "{url}");
+        assert!(matches!(device.open(), Err(Fault::Lost(why)) if why.contains(word)), "address {url}");
         assert_eq!(device.counts().connections, 0);
     }
 }
@@ -169,7 +169,7 @@ fn frames_that_nobody_asked_for_are_dropped_and_a_flood_ends_the_connection() {
     };
     let fake = Fake::start(script);
     let mut device = opened(&fake);
-    wait_until("messages", || fake.heard().len() > 100);
+    wait_until("100 messages", || fake.heard().len() > 100);
     assert_eq!(device.counts().connections, 1);
     tick_until(&mut device, DVec3::X, |reading| matches!(reading, Err(Fault::Garbled(_)) | Err(Fault::Lost(_))));
     tick_until(&mut device, DVec3::X, |reading| reading.is_ok());

@@ -55,14 +55,14 @@ impl Kind {
         let mut notes = Vec::new();
         if self.known().is_none() {
             notes.push(format!(
-                "the Inverse service reports {self}, which this version does not know: the profile {}, the smallest of \
-                 Haply's devices, holds ({} N, {} m)",
+                "the Inverse service reports {self}, and this version knows no limits for that: the profile {} with \
+                 the lowest limits of Haply's devices is used ({} N, {} m)",
                 granted.name, granted.max_force, granted.workspace
             ));
         }
         if let Some(asked) = asked.filter(|asked| asked.name != granted.name) {
-            let why = if asked.is_haplys() { "exceeds what the device may play" } else { "is not that of a Haply" };
-            notes.push(format!("the profile {} {why}: the profile {} holds", asked.name, granted.name));
+            let why = if asked.is_haplys() { "exceeds the limits of the device" } else { "is not that of a Haply" };
+            notes.push(format!("the profile {} {why}: the profile {} is used", asked.name, granted.name));
         }
         notes
     }
@@ -93,13 +93,13 @@ mod tests {
     fn the_reported_type_decides_and_an_unknown_one_gets_the_smallest() {
         for (told, profile) in [("inverse3", "inverse3"), ("inverse3x", "inverse3"), ("minverse", "minverse")] {
             let kind = kind(json!(told));
-            assert_eq!((kind.profile(None).name, kind.notes(None)), (profile, vec![]), "{told}");
+            assert_eq!((kind.profile(None).name, kind.notes(None)), (profile, vec![]), "reported type {told}");
         }
         let others =
             [json!("maxverse"), json!("Inverse3"), json!(""), json!(4), json!({"name": "inverse3"}), json!("\n")];
         for told in others {
             let kind = kind(told.clone());
-            assert_eq!(kind.profile(None), &HAPLY_SMALLEST, "{told}");
+            assert_eq!(kind.profile(None), &HAPLY_SMALLEST, "reported type {told}");
             let notes = kind.notes(None);
             assert!(notes.len() == 1 && notes[0].contains("2 N, 0.04 m") && !notes[0].contains('\n'), "{notes:?}");
         }
@@ -119,11 +119,14 @@ mod tests {
             let own = kind.profile(None);
             for asked in PROFILES.each_ref().map(|profile| Profile::named(profile.name)) {
                 let (granted, name) = (kind.profile(asked), asked.unwrap().name);
-                assert!(granted.is_within(own) && HAPLY.contains(granted), "{told} asked for {name}: {granted:?}");
+                assert!(
+                    granted.is_within(own) && HAPLY.contains(granted),
+                    "type {told}, requested profile {name}, granted {granted:?}"
+                );
                 assert_eq!(
                     granted.name == name,
                     !kind.notes(asked).iter().any(|note| note.contains(name) && !note.contains("reports")),
-                    "{told} asked for {name}"
+                    "type {told}, requested profile {name}"
                 );
             }
         }

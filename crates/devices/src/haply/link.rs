@@ -44,10 +44,10 @@ impl Address {
     pub fn new(url: &str, trust_remote: bool) -> Result<Address, Fault> {
         let refuse = |why: &str| Err(Fault::Lost(format!("{url:?} {why}")));
         let Some(uri) = url.parse::<Uri>().ok().filter(|uri| uri.host().is_some()) else {
-            return refuse("is no address: use one such as ws://localhost:10001");
+            return refuse("is not an address: use one such as ws://localhost:10001");
         };
         if uri.scheme_str() != Some("ws") {
-            return refuse("is no WebSocket without TLS: use one such as ws://localhost:10001");
+            return refuse("is not the address of a WebSocket without TLS: use one such as ws://localhost:10001");
         }
         let name = uri.host().unwrap_or_default();
         // `Uri` does not distinguish a missing port from one that is too large.
@@ -56,12 +56,12 @@ impl Address {
             rest => rest.and_then(|rest| rest.strip_prefix(':')).and_then(|port| port.parse().ok()),
         };
         let Some(port) = port else {
-            return refuse("has no such port: use one such as ws://localhost:10001");
+            return refuse("has an invalid port: use an address such as ws://localhost:10001");
         };
         let host = name.trim_matches(['[', ']']).to_string();
         let loopback = host.parse::<IpAddr>().map_or(host.eq_ignore_ascii_case("localhost"), |ip| ip.is_loopback());
         if !loopback && !trust_remote {
-            return refuse("is not on this machine: use localhost, or say that a remote service is trusted");
+            return refuse("is not on this machine: use localhost, or set trust_remote if that service is trusted");
         }
         Ok(Address { url: url.into(), host, port, trust_remote })
     }
@@ -90,7 +90,7 @@ impl Address {
                 Err(fault) => failure = Some(fault),
             }
         }
-        Err(failure.unwrap_or_else(|| Fault::Lost("no address".into())))
+        Err(failure.unwrap_or_else(|| Fault::Lost("the host name has no address".into())))
     }
 }
 
@@ -115,7 +115,7 @@ impl Link {
             .max_write_buffer_size(LARGEST);
         match tungstenite::client::client_with_config(url, stream, Some(config)) {
             Ok((socket, _)) => Ok(Link { socket, peer }),
-            Err(e) => Err(Fault::Lost(format!("no WebSocket there: {e}"))),
+            Err(e) => Err(Fault::Lost(format!("cannot open a WebSocket: {e}"))),
         }
     }
 
@@ -154,7 +154,7 @@ impl Link {
         for _ in 0..MOST_OTHERS {
             match self.socket.read() {
                 Ok(Message::Text(text)) => return Ok(Some(text)),
-                Ok(Message::Binary(_)) => return Err(Fault::Garbled("a binary message".into())),
+                Ok(Message::Binary(_)) => return Err(Fault::Garbled("a binary message instead of text".into())),
                 Ok(Message::Close(_)) => return Err(Fault::Lost("the service closed the connection".into())),
                 Ok(_) => {}
                 Err(Error::Io(e)) if e.kind() == ErrorKind::WouldBlock => return Ok(None),
@@ -163,7 +163,7 @@ impl Link {
                 Err(e) => return Err(Fault::Garbled(e.to_string())),
             }
         }
-        Err(Fault::Garbled(format!("{MOST_OTHERS} messages without a text")))
+        Err(Fault::Garbled(format!("{MOST_OTHERS} messages in a row without text")))
     }
 
     /// Sends a text message.
@@ -250,13 +250,13 @@ mod tests {
         for url in
             ["ws://localhost:10001", "ws://127.0.0.1", "ws://127.8.9.10:7/x", "ws://[::1]:10001", "ws://LOCALHOST"]
         {
-            assert!(Address::new(url, false).is_ok(), "{url}");
+            assert!(Address::new(url, false).is_ok(), "address {url}");
         }
         let remote =
             ["ws://192.168.0.7:10001", "ws://example.org", "ws://localhost.example.org", "ws://0.0.0.0", "ws://[::2]"];
         for url in remote {
-            assert!(matches!(Address::new(url, false), Err(Fault::Lost(why)) if why.contains("trusted")), "{url}");
-            assert!(Address::new(url, true).is_ok(), "{url}");
+            assert!(matches!(Address::new(url, false), Err(Fault::Lost(why)) if why.contains("trusted")), "URL {url}");
+            assert!(Address::new(url, true).is_ok(), "address {url}");
         }
         for url in [
             "",
@@ -269,7 +269,7 @@ mod tests {
         ] {
             assert!(
                 matches!(Address::new(url, true), Err(Fault::Lost(why)) if why.contains("ws://localhost")),
-                "{url}"
+                "address {url}"
             );
         }
     }

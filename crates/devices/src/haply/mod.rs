@@ -44,7 +44,7 @@ const RATES: std::ops::RangeInclusive<f64> = 50.0..=4000.0;
 pub struct Settings {
     /// Address of the service, and which device and which dialect to use there.
     pub service: HaplyService,
-    /// World position of the first reading, m; later readings are displaced from it as the device is from where it was.
+    /// World position of the first reading, m; later readings are displaced from it by the displacement of the device.
     pub home: DVec3,
     /// Messages a second, 50 to 4000 Hz: the rate of the haptic loop.
     pub rate: f64,
@@ -69,7 +69,7 @@ pub struct Counts {
     pub connections: u64,
     /// Forces above the profile's greatest, which were shortened to it, and forces that were not finite, sent as zero.
     pub limited: u64,
-    /// Forces of which zero was sent instead, because the loop or the service was silent.
+    /// Forces instead of which zero was sent, because the loop or the service was silent.
     pub withheld: u64,
 }
 
@@ -106,8 +106,8 @@ impl Haply {
         Haply { settings, profile: HAPLY_SMALLEST, identity: None, tally: Arc::default(), line: None }
     }
 
-    /// Opens and closes the device without playing a force, so that its type and with it its profile are known. A
-    /// caller that takes limits from [`Device::profile`] before [`Device::open`] must call this first, or it gets the
+    /// Opens and closes the device without playing a force, to learn its type and thereby its profile. A caller that
+    /// takes limits from [`Device::profile`] before [`Device::open`] must call this first; otherwise it gets the
     /// smallest limits.
     ///
     /// # Errors
@@ -134,7 +134,9 @@ impl Haply {
         let address = Address::new(&self.settings.service.url, self.settings.service.trust_remote)?;
         let rate = self.settings.rate;
         if !RATES.contains(&rate) {
-            return Err(Fault::Lost(format!("a rate of {rate} Hz: use 50 to 4000")));
+            return Err(Fault::Lost(format!(
+                "{rate} messages per second are not possible: use a rate of 50 to 4000 Hz"
+            )));
         }
         let (shot_input, shots) = triple_buffer(&Shot::default());
         let (orders, order_output) = triple_buffer(&Order::default());
@@ -154,7 +156,7 @@ impl Haply {
             shot: Shot { identity: self.identity.clone(), ..Shot::default() },
         };
         let spawned = thread::Builder::new().name("haply".into()).spawn(move || exchange.run());
-        let handle = spawned.map_err(|e| Fault::Lost(format!("no thread for it: {e}")))?;
+        let handle = spawned.map_err(|e| Fault::Lost(format!("the thread for the service cannot be started: {e}")))?;
         Ok(Line { shots, orders, stop, handle, url, offset: DVec3::ZERO, orientation: DQuat::IDENTITY })
     }
 }
@@ -181,7 +183,7 @@ impl Device for Haply {
         };
         self.close();
         let remedy = "start the Inverse service with an Inverse3 or a Minverse plugged in, or check the address";
-        Err(Fault::Lost(format!("no state in {} s ({trouble}): {remedy}", OPEN_WAIT.as_secs())))
+        Err(Fault::Lost(format!("no device state within {} s ({trouble}): {remedy}", OPEN_WAIT.as_secs())))
     }
 
     fn profile(&self) -> &Profile {
@@ -198,7 +200,7 @@ impl Device for Haply {
         let shot = line.shots.read();
         let age = shot.state.map(|(at, _)| at.elapsed());
         let (Some((_, state)), Some(age)) = (shot.state, age.filter(|age| *age <= STATE_LIFE)) else {
-            let silent = || Fault::Lost(format!("no state from {} for {} ms", line.url, STATE_LIFE.as_millis()));
+            let silent = || Fault::Lost(format!("no device state from {} for {} ms", line.url, STATE_LIFE.as_millis()));
             return Err(shot.trouble.clone().unwrap_or_else(silent));
         };
         match &shot.trouble {
@@ -237,5 +239,5 @@ impl Drop for Haply {
 }
 
 fn closed() -> Fault {
-    Fault::Lost("it is not open".into())
+    Fault::Lost("the device is not open".into())
 }

@@ -80,14 +80,15 @@ fn tick(device_id: &str, dialect: Dialect, force: DVec3) -> Value {
 /// # Errors
 /// [`Fault::Lost`] if the service does not list the device, [`Fault::Garbled`] if the text is not a plausible frame.
 pub fn find(text: &str, wanted: Option<&str>) -> Result<(Identity, State), Fault> {
-    let frame: Frame = serde_json::from_str(text).map_err(|e| garbled(format!("not a state frame: {e}")))?;
+    let frame: Frame =
+        serde_json::from_str(text).map_err(|e| garbled(format!("not a message with device states: {e}")))?;
     let is_wanted = |arm: &&Arm| wanted.is_none_or(|id| arm.device_id == id);
     let listed = frame.inverse3.unwrap_or_default();
     let Some(arm) = listed.iter().find(is_wanted) else {
         let name = wanted.map_or(String::from("no inverse3"), |id| format!("no inverse3 {id:?}"));
-        return Err(Fault::Lost(format!("the service lists {name} among {}: plug it in", listed.len())));
+        return Err(Fault::Lost(format!("the service lists {name} among {} devices: plug it in", listed.len())));
     };
-    let state = arm.state.as_ref().ok_or_else(|| garbled("an inverse3 without a state".into()))?;
+    let state = arm.state.as_ref().ok_or_else(|| garbled("an inverse3 without its state".into()))?;
     let grips = [frame.verse_grip, frame.wireless_verse_grip].into_iter().flatten().flatten();
     let grip = grips.filter(Grip::is_awake).find_map(|grip| grip.state.filter(|state| state.orientation.is_some()));
     let orientation = grip.as_ref().and_then(|grip| grip.orientation.as_ref()).map(Quaternion::checked).transpose()?;
@@ -184,7 +185,7 @@ impl Vector {
     fn checked(&self, name: &str, longest: f64) -> Result<DVec3, Fault> {
         let v = DVec3::new(self.x, self.y, self.z);
         // `<=` instead of a negated `>`, so that NaN is refused too.
-        if v.length() <= longest { Ok(v) } else { Err(garbled(format!("a {name} of {v}"))) }
+        if v.length() <= longest { Ok(v) } else { Err(garbled(format!("an implausible {name} of {v}"))) }
     }
 }
 
@@ -202,7 +203,7 @@ impl Quaternion {
         let v = from_service(DVec3::new(self.x, self.y, self.z));
         let q = DQuat::from_xyzw(v.x, v.y, v.z, self.w);
         let plausible = (q.length() - 1.0).abs() <= NORM_ERROR;
-        if plausible { Ok(q.normalize()) } else { Err(garbled(format!("an orientation of norm {}", q.length()))) }
+        if plausible { Ok(q.normalize()) } else { Err(garbled(format!("a quaternion of norm {}", q.length()))) }
     }
 }
 
@@ -299,7 +300,7 @@ mod tests {
     fn versions_have_their_dialect() {
         let cases = [("3.5.0", Dialect::Vector), ("3.4.1.0", Dialect::Values), ("4.0.0", Dialect::Vector)];
         for (version, dialect) in cases {
-            assert_eq!(dialect_of(version), Some(dialect), "{version}");
+            assert_eq!(dialect_of(version), Some(dialect), "version {version}");
         }
         assert_eq!(dialect_of("latest"), None);
         assert!(command("A", Dialect::Values, DVec3::ZERO).contains("values"));

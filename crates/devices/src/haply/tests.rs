@@ -51,7 +51,7 @@ pub fn tick_until(device: &mut Haply, force: DVec3, mut done: impl FnMut(Result<
         if done(reading) {
             return;
         }
-        assert!(started.elapsed() < PATIENCE, "the condition never held: {:?}", device.counts());
+        assert!(started.elapsed() < PATIENCE, "the condition did not hold in time; counts {:?}", device.counts());
         thread::sleep(ms(1));
     }
 }
@@ -59,7 +59,7 @@ pub fn tick_until(device: &mut Haply, force: DVec3, mut done: impl FnMut(Result<
 pub fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
     let started = Instant::now();
     while !done() {
-        assert!(started.elapsed() < PATIENCE, "{what}");
+        assert!(started.elapsed() < PATIENCE, "timed out in wait for {what}");
         thread::sleep(ms(1));
     }
 }
@@ -89,7 +89,7 @@ fn a_push_up_arrives_as_a_push_up() {
         last = place.y;
         thread::sleep(ms(2));
     }
-    assert!(last > 2.0, "the device moves");
+    assert!(last > 2.0, "the device must have moved");
     device.close();
     assert!(matches!(device.read(0.0), Err(Fault::Lost(_))) && device.write(&Wrench::ZERO).is_err());
 }
@@ -105,9 +105,13 @@ fn one_message_a_frame_and_the_session_in_the_first_only() {
     assert_eq!(heard[0].message["session"], json!({"configure": {"profile": {"name": "palpate:hand"}}}));
     assert!(heard[1..].iter().all(|h| h.message.get("session").is_none()));
     assert!(heard.iter().all(|h| h.message["inverse3"][0]["device_id"] == "A" && force(h) == DVec3::ZERO));
-    // The last message is the zero force of closing, whose answer nobody reads.
+    // The last message, the zero force on closing, is answered by a frame that is not read any more.
     let frames = device.counts().frames as usize;
-    assert!(frames + 2 >= heard.len() && frames <= heard.len(), "{frames} of {}", heard.len());
+    assert!(
+        frames + 2 >= heard.len() && frames <= heard.len(),
+        "{frames} frames were received for {} messages",
+        heard.len()
+    );
 }
 
 #[test]
@@ -121,7 +125,11 @@ fn older_services_get_values_and_an_option_forces_either() {
             ..Settings::default()
         });
         device.open().unwrap();
-        assert!(fake.heard().iter().all(|h| h.force(key).is_some()), "{version:?} {dialect:?}: {:?}", fake.heard());
+        assert!(
+            fake.heard().iter().all(|h| h.force(key).is_some()),
+            "version {version:?}, dialect {dialect:?}: {:?}",
+            fake.heard()
+        );
     }
 }
 
@@ -150,13 +158,13 @@ fn nothing_is_played_once_the_loop_is_silent() {
     let mut device = opened(&fake);
     tick_until(&mut device, DVec3::X, |_| last_force(&fake) == DVec3::X);
     let stopped = Instant::now();
-    wait_until("zero", || last_force(&fake) == DVec3::ZERO);
+    wait_until("a zero force", || last_force(&fake) == DVec3::ZERO);
     let since = |h: &Heard| h.at.saturating_duration_since(stopped);
     let played = fake.heard().into_iter().filter(|h| force(h) != DVec3::ZERO && since(h) > exchange::FORCE_LIFE);
     // A message reaches the fake later than it was sent, so one may have been on its way.
     assert!(played.count() <= 1);
     assert!(device.counts().withheld > 0);
-    assert!(device.read(0.0).is_ok(), "the device itself is well");
+    assert!(device.read(0.0).is_ok(), "the device must still be readable");
 }
 
 #[test]
@@ -170,7 +178,7 @@ fn close_and_drop_play_nothing_last() {
         } else {
             device.close()
         }
-        wait_until("a zero at the end", || last_force(&fake) == DVec3::ZERO);
+        wait_until("a zero force at the end", || last_force(&fake) == DVec3::ZERO);
     }
 }
 
@@ -183,7 +191,7 @@ fn no_more_than_the_devices_force_leaves() {
     let limited = device.counts().limited;
     assert!(limited > 0);
     tick_until(&mut device, DVec3::splat(f64::NAN), |_| last_force(&fake) == DVec3::ZERO);
-    wait_until("counted", || device.counts().limited > limited);
+    wait_until("a count of limited forces", || device.counts().limited > limited);
     assert!(fake.heard().iter().all(|h| force(h).length() <= 10.0 + 1e-9));
 }
 
@@ -207,10 +215,10 @@ fn the_type_that_the_service_reports_decides_what_is_played() {
         let profile = Profile::named(name).unwrap();
         let fake = Fake::with(None, inventory(json!(kind)), |_, _| Act::Reply(resting()));
         let mut device = device(&fake);
-        assert_eq!(device.profile(), &HAPLY_SMALLEST, "nothing is known yet");
+        assert_eq!(device.profile(), &HAPLY_SMALLEST, "before it is opened the type is unknown");
         device.open().unwrap();
-        assert_eq!((device.profile(), device.notes().len()), (profile, usize::from(kind == "maxverse")), "{kind}");
-        assert!((most_played(&fake, &mut device) - profile.max_force).abs() < 1e-9, "{kind}");
+        assert_eq!((device.profile(), device.notes().len()), (profile, usize::from(kind == "maxverse")), "type {kind}");
+        assert!((most_played(&fake, &mut device) - profile.max_force).abs() < 1e-9, "greatest force, type {kind}");
     }
 }
 
@@ -221,7 +229,7 @@ fn an_identified_device_has_its_profile_before_it_is_opened_and_has_played_nothi
     device.identify().unwrap();
     assert_eq!(device.profile(), Profile::named("inverse3").unwrap());
     assert!(fake.heard().iter().all(|h| force(h) == DVec3::ZERO));
-    assert!(device.write(&push(DVec3::X)).is_err(), "it is closed");
+    assert!(device.write(&push(DVec3::X)).is_err(), "the device is closed");
     device.open().unwrap();
     assert!((most_played(&fake, &mut device) - 10.0).abs() < 1e-9);
 }
@@ -238,8 +246,8 @@ fn a_profile_of_the_users_lowers_what_is_played_and_never_raises_it() {
         };
         let mut device = Haply::new(settings);
         device.open().unwrap();
-        assert_eq!((device.profile().max_force, device.notes().len()), (most, notes), "{kind} {asked}");
-        assert!((most_played(&fake, &mut device) - most).abs() < 1e-9, "{kind} {asked}");
+        assert_eq!((device.profile().max_force, device.notes().len()), (most, notes), "type {kind}, profile {asked}");
+        assert!((most_played(&fake, &mut device) - most).abs() < 1e-9, "greatest force: type {kind}, profile {asked}");
     }
 }
 
@@ -319,7 +327,7 @@ fn the_first_device_stays_the_one_however_they_are_listed_later() {
     assert!(fake.heard().iter().all(|h| h.message["inverse3"][0]["device_id"] == "A"));
 }
 
-/// Measures frames a second and the intervals between messages, as the fake service sees them.
+/// Measures messages per second and the intervals between them, as the fake service receives them.
 #[test]
 #[ignore = "lasting: a measurement"]
 fn lasting_rate_held() {
@@ -346,7 +354,7 @@ fn lasting_rate_held() {
         let at = |p: f64| gaps[((gaps.len() - 1) as f64 * p) as usize];
         let seconds = (heard[heard.len() - 1].at - heard[0].at).as_secs_f64();
         println!(
-            "asked {rate} Hz: {:.1} frames/s, interval p50 {:.3} p99 {:.3} p99.9 {:.3} worst {:.3} ms",
+            "requested {rate} Hz: {:.1} messages/s; intervals p50 {:.3}, p99 {:.3}, p99.9 {:.3}, longest {:.3} ms",
             heard.len() as f64 / seconds,
             at(0.5),
             at(0.99),

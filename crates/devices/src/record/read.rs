@@ -42,12 +42,12 @@ impl Recorded {
         let is_whole = fill(&mut bytes, &mut opening).map_err(|e| unreadable(path, &e))?;
         let (magic, version) = opening.split_at(MAGIC.len());
         if !is_whole || magic != MAGIC {
-            return Err(not_one("is no recording (a table of ticks is none either)".into()));
+            return Err(not_one("is not a recording (a CSV table of ticks cannot be replayed)".into()));
         }
         let version = version.try_into().map_or(0, u32::from_le_bytes);
         if version != VERSION {
             let problem = format!("is a recording of version {version}; this palpate reads version {VERSION}");
-            return Err(Error::input(path, None, problem, "use the palpate that wrote it"));
+            return Err(Error::input(path, None, problem, "use the version of palpate that wrote it"));
         }
         let mut position = opening.len() as u64;
         let header = value(path, &mut bytes, &mut position)?;
@@ -68,7 +68,7 @@ impl Recorded {
         match &entry {
             Entry::Begin(_) => {}
             Entry::Tick(tick) if tick.index < self.next || tick.index == u64::MAX => {
-                return Err(damaged(&self.file, at, &format!("tick {} comes again", tick.index)));
+                return Err(damaged(&self.file, at, &format!("tick {} is repeated or out of order", tick.index)));
             }
             Entry::Tick(tick) => {
                 self.totals.ticks += 1;
@@ -79,11 +79,11 @@ impl Recorded {
             Entry::End(totals) => {
                 self.is_over = true;
                 if *totals != self.totals {
-                    let problem = format!("it ends with {totals:?}, and holds {:?}", self.totals);
+                    let problem = format!("it counts {totals:?}, but the file has {:?}", self.totals);
                     return Err(damaged(&self.file, at, &problem));
                 }
                 if fill(&mut self.bytes, &mut [0]).map_err(|e| unreadable(&self.file, &e))? {
-                    return Err(damaged(&self.file, self.position, "more follows after the end"));
+                    return Err(damaged(&self.file, self.position, "there is more data after the end"));
                 }
             }
         }
@@ -113,7 +113,7 @@ fn value<T: DeserializeOwned>(file: &Path, bytes: &mut impl Read, position: &mut
     }
     let length = u32::from_le_bytes(length) as usize;
     if length > MOST_BYTES {
-        return Err(damaged(file, at, &format!("it is {length} bytes long, where {MOST_BYTES} are the most")));
+        return Err(damaged(file, at, &format!("it is {length} bytes long, more than the {MOST_BYTES} allowed")));
     }
     let mut content = vec![0; length];
     if !fill(bytes, &mut content).map_err(|e| unreadable(file, &e))? {
@@ -122,7 +122,7 @@ fn value<T: DeserializeOwned>(file: &Path, bytes: &mut impl Read, position: &mut
     *position += 4 + length as u64;
     match postcard::take_from_bytes(&content) {
         Ok((value, [])) => Ok(Some(value)),
-        Ok((_, rest)) => Err(damaged(file, at, &format!("{} bytes of it are too many", rest.len()))),
+        Ok((_, rest)) => Err(damaged(file, at, &format!("it has {} surplus bytes", rest.len()))),
         Err(error) => Err(damaged(file, at, &error.to_string())),
     }
 }
@@ -141,5 +141,5 @@ fn unreadable(file: &Path, error: &std::io::Error) -> Error {
 }
 
 fn damaged(file: &Path, at: u64, problem: &str) -> Error {
-    Error::input(file, None, format!("the entry at byte {at} is damaged: {problem}"), "take an undamaged copy")
+    Error::input(file, None, format!("the entry at byte {at} is damaged: {problem}"), "use an undamaged copy")
 }

@@ -19,7 +19,8 @@ const EVERY: u64 = 20;
 const DELAY: u64 = 5;
 /// Simulation steps before the first tick.
 const FIRST: u64 = 2;
-/// Ticks in which the haptic device is lost, is garbled, reads a NaN, and refuses the wrench to be played.
+/// Ticks with a fault of the haptic device: its reading fails as lost; fails as garbled; holds a NaN; the device
+/// refuses the wrench to be played.
 const FAULTS: [u64; 4] = [301, 351, 401, 451];
 pub const TICKS: u64 = 500;
 
@@ -169,7 +170,7 @@ fn places(bytes: &[u8]) -> Vec<usize> {
 
 fn error_of(path: &Path) -> String {
     let error = match Recorded::open(path) {
-        Ok(recorded) => recorded.filter_map(Result::err).next().expect("no error"),
+        Ok(recorded) => recorded.filter_map(Result::err).next().expect("no entry was refused"),
         Err(error) => error,
     };
     assert_eq!(error.exit_status(), 2);
@@ -211,12 +212,12 @@ fn a_recording_that_was_cut_short_is_read_up_to_its_last_whole_entry() {
     for (cut, whole) in [(places[40], 39), (places[40] + 3, 39), (places[40] - 1, 38), (places[1], 0)] {
         std::fs::write(&path, &bytes[..cut]).unwrap();
         let read: Vec<Entry> = Recorded::open(&path).unwrap().collect::<Result<_>>().unwrap();
-        assert_eq!(read.len(), whole, "{cut}");
+        assert_eq!(read.len(), whole, "entries of a file of {cut} bytes");
         assert!(!matches!(read.last(), Some(Entry::End(_))));
     }
     for cut in [0, 5, 11] {
         std::fs::write(&path, &bytes[..cut]).unwrap();
-        assert!(error_of(&path).contains("is no recording"), "{cut}");
+        assert!(error_of(&path).contains("is not a recording"), "file of {cut} bytes");
     }
     std::fs::write(&path, &bytes[..places[1] - 1]).unwrap();
     assert!(error_of(&path).contains("ends within the header"));
@@ -234,26 +235,26 @@ fn every_way_a_file_can_be_wrong_is_one_line_that_says_where() {
     let put =
         |at: usize, new: &'static [u8]| -> Spoil { Box::new(move |b| b[at..at + new.len()].copy_from_slice(new)) };
     let wrong: [(Spoil, String); 8] = [
-        (put(0, b"PALPATE"), "is no recording".into()),
+        (put(0, b"PALPATE"), "is not a recording".into()),
         (put(8, &[1, 0]), "version 1; this palpate reads version 2".into()),
         (put(at, &[1, 0, 16, 0]), format!("{}: it is 1048577 bytes long", damaged(at))),
         (put(at, &[255; 4]), damaged(at)),
         (put(at + 4, &[9]), damaged(at)),
-        (put(end + 5, &[0xf5]), format!("{}: it ends with", damaged(end))),
-        (Box::new(|b| b.push(0)), format!("{}: more follows", damaged(bytes.len()))),
+        (put(end + 5, &[0xf5]), format!("{}: it counts", damaged(end))),
+        (Box::new(|b| b.push(0)), format!("{}: there is more data", damaged(bytes.len()))),
         (Box::new(move |b| b.splice(at..at, b[at - 1000..at].to_vec()).for_each(drop)), "is damaged".into()),
     ];
     for (spoil, words) in wrong {
         let mut spoiled = bytes.clone();
         spoil(&mut spoiled);
         std::fs::write(&path, &spoiled).unwrap();
-        assert!(error_of(&path).contains(&words), "{words}: {}", error_of(&path));
+        assert!(error_of(&path).contains(&words), "expected `{words}` in: {}", error_of(&path));
     }
     // A tick is repeated.
     let mut twice = bytes.clone();
     twice.splice(at..at, bytes[at..places[31]].to_vec());
     std::fs::write(&path, &twice).unwrap();
-    assert!(error_of(&path).contains("comes again"), "{}", error_of(&path));
+    assert!(error_of(&path).contains("is repeated"), "{}", error_of(&path));
 }
 
 #[test]

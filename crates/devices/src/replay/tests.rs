@@ -14,7 +14,7 @@ fn replayed(path: &Path) -> Result<Replayed> {
 fn difference(spoil: impl Fn(&mut Entry)) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path = recorded(folder.path(), spoil);
-    replayed(&path).unwrap().difference.expect("no difference").to_string()
+    replayed(&path).unwrap().difference.expect("a difference must be found").to_string()
 }
 
 fn refusal(spoil: impl Fn(&mut Entry)) -> String {
@@ -56,13 +56,16 @@ fn a_session_with_every_fault_replays_to_the_same_bits() {
     let path = recorded(folder.path(), |_| {});
     let result = replayed(&path).unwrap();
     assert_eq!(result, Replayed { ticks: TICKS, steps: 27, is_whole: true, difference: None });
-    // Of a recording that was cut short, the part that exists is replayed.
+    // If a recording was cut short, its complete part is replayed.
     let bytes = std::fs::read(&path).unwrap();
     let mut most = 0;
     for eighths in 1..8 {
         std::fs::write(&path, &bytes[..bytes.len() * eighths / 8]).unwrap();
         let result = replayed(&path).unwrap();
-        assert!(result.difference.is_none() && !result.is_whole && result.ticks > most, "{eighths}: {result:?}");
+        assert!(
+            result.difference.is_none() && !result.is_whole && result.ticks > most,
+            "{eighths} eighths of the file: {result:?}"
+        );
         most = result.ticks;
     }
     assert!(most > TICKS * 3 / 4);
@@ -70,7 +73,7 @@ fn a_session_with_every_fault_replays_to_the_same_bits() {
 
 #[test]
 fn one_bit_is_found_and_named_where_it_is() {
-    let starts = |message: String, words: &str| assert!(message.starts_with(words), "{message}\nnot {words}");
+    let starts = |message: String, words: &str| assert!(message.starts_with(words), "{message}\nshould start: {words}");
     starts(difference(tick(137, |tick| flip(&mut tick.played.force.y))), "tick 137 differs first in played_force_y: ");
     starts(difference(tick(0, |tick| flip(&mut tick.energy.given[3]))), "tick 0 differs first in energy_given_rx: ");
     starts(difference(tick(499, |tick| tick.events.raise(Event::Clamped))), "tick 499 differs first in events: ");
@@ -100,9 +103,9 @@ fn what_is_no_session_is_refused() {
     });
     assert!(lost.contains("ticks 61 to 62 were lost"), "{lost}");
     let never = refusal(tick(300, |tick| tick.step = 1000));
-    assert!(never.contains("tick 300 felt step 1000, which was not there"), "{never}");
+    assert!(never.contains("tick 300 uses the wrench of step 1000, which is missing or out of order"), "{never}");
     for h in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(refusal(step(4, |step| step.h = h)).contains("step 4 is "), "{h}");
+        assert!(refusal(step(4, |step| step.h = h)).contains("step 4 is "), "step length {h} s");
     }
     for watchdog in [f64::NAN, -0.1] {
         let spoil = |entry: &mut Entry| {
@@ -110,12 +113,12 @@ fn what_is_no_session_is_refused() {
                 begin.settings.limits.watchdog = watchdog;
             }
         };
-        assert!(refusal(spoil).contains("a limit of the servo is "), "{watchdog}");
+        assert!(refusal(spoil).contains("a limit of the haptic loop is "), "watchdog limit {watchdog} s");
     }
     let past = refusal(step(8, |step| step.input.ticks = 3));
     assert!(past.contains("step 8 starts from tick 3"), "{past}");
     let beyond = refusal(step(27, |step| step.input.ticks = 10_000));
-    assert!(beyond.contains("tick 485 felt step 27") || beyond.contains("after the last"), "{beyond}");
+    assert!(beyond.contains("tick 485 uses the wrench of step 27") || beyond.contains("after the last"), "{beyond}");
 }
 
 #[test]
@@ -143,8 +146,8 @@ fn no_spoiled_byte_ends_in_a_panic() {
     let folder = tempfile::tempdir().unwrap();
     let path = recorded(folder.path(), |_| {});
     let bytes = std::fs::read(&path).unwrap();
-    // Each byte that determines the servo is changed, then one in 1499; the changed bits include sign, exponent and
-    // last bit of a number.
+    // Each of the first bytes, which hold the settings of the servo (the loop's controller), is changed, and then every
+    // 1499th byte. The changed bits include sign, exponent and last bit of a number.
     let begin = 3000;
     for at in (0..begin).chain((begin..bytes.len()).step_by(1499)) {
         for flip in [1, 0x40, 0x80, 0xff] {

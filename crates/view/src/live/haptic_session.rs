@@ -114,7 +114,7 @@ impl Worker {
         let worker = RefCell::new(self);
         let hear = |moment: Moment| {
             match moment {
-                // The receiver may be gone.
+                // If the receiver is gone, sending fails, which is ignored.
                 Moment::Note(note) => drop(notes.send(note.into())),
                 Moment::Tick(tick) => {
                     let mut heard = ears.borrow_mut();
@@ -131,8 +131,8 @@ impl Worker {
                 (Some(recording), Moment::Step(input, h, wrench)) => recording.step(input, h, wrench)?,
                 _ => {}
             }
-            // Commands are executed here, because the loop already has the step's wrench, and the inputs of the next
-            // step are taken afterwards.
+            // Commands are executed here, between two steps: the loop already has the wrench of this step, and the
+            // inputs of the next step are read afterwards.
             if let Moment::Step(..) = moment {
                 let mut worker = worker.borrow_mut();
                 worker.obey_all();
@@ -148,13 +148,13 @@ impl Worker {
         if let (Some(recording), Some(file)) = (recording, record) {
             let totals = recording.finish()?;
             let name = file.display();
-            this.out.note(format!("recorded {} ticks: palpate replay {name}", totals.ticks));
+            this.out.note(format!("recorded {} ticks; replay them by: palpate replay {name}", totals.ticks));
         }
         let report = report?;
         if let (Some(why), None) = (&report.ended, &this.next) {
             this.out.note(format!("the session ended: {why}"));
         }
-        // The receiver may be gone.
+        // If the receiver is gone, sending fails, which is ignored.
         let _ = this.out.sessions.send(report);
         Ok(())
     }

@@ -1,5 +1,5 @@
-//! What the simulation's thread publishes: the newest state, which replaces the one before; a sample of each step; and
-//! lines for the user.
+//! What the simulation's thread publishes: a snapshot of the newest state, which replaces the previous snapshot; a
+//! sample (time, force and torque) of each step; and lines for the user.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -96,7 +96,7 @@ pub(super) struct Out {
 impl Out {
     /// Sends a line to the user.
     pub fn note(&self, line: impl Into<String>) {
-        // The receiver may be gone.
+        // If the receiver is gone, sending fails, which is ignored.
         let _ = self.notes.send(line.into());
     }
 

@@ -1,4 +1,6 @@
-//! Tests of the simulation's thread: drawing beside it, its commands, a failure, and a recorded session.
+//! Tests of the thread on which a simulation runs: another thread draws at the same time; commands; a step that fails;
+//! a recorded session (run of the haptic loop). A *slice* is a part of an image's drawing that takes a turn at the
+//! GPU's queue.
 
 use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -70,7 +72,7 @@ fn until(live: &mut Live, what: impl Fn(&Snapshot) -> bool) -> Snapshot {
         if what(&snapshot) {
             return snapshot;
         }
-        assert!(begun.elapsed() < Duration::from_secs(60), "it never came: {:?}", snapshot.state);
+        assert!(begun.elapsed() < Duration::from_secs(60), "the awaited snapshot never came: {:?}", snapshot.state);
         std::thread::sleep(Duration::from_millis(2));
     }
 }
@@ -81,7 +83,7 @@ fn beside_drawing_the_trace_is_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let mut plain = simulation(folder.path());
     let expected: Vec<String> = (0..STEPS).map(|_| bits(&plain.step().unwrap())).collect();
-    assert!(plain.contact_wrench().unwrap().wrench.force.y > 0.0, "it touches at last");
+    assert!(plain.contact_wrench().unwrap().wrench.force.y > 0.0, "the ball must touch the block at the end");
 
     let (mut live, rows) = live(simulation(folder.path()), Lead::Script, Extent::Steps(STEPS), folder.path());
     let stop = AtomicBool::new(false);
@@ -123,7 +125,7 @@ fn beside_drawing_the_trace_is_the_same_bits() {
     let rows: Vec<String> = rows.lock().unwrap().iter().map(bits).collect();
     assert_eq!(rows, expected);
     let messages = live.link().ask(|simulation, _| simulation.context().validation_messages()).unwrap();
-    assert!(messages.is_empty(), "{messages:?}");
+    assert!(messages.is_empty(), "validation messages: {messages:?}");
     assert!(live.samples().count() as u64 == STEPS && live.quit());
 }
 
@@ -157,7 +159,7 @@ fn it_pauses_steps_by_hand_resets_and_changes_between_steps() {
     until(&mut live, |snapshot| snapshot.state == State::Paused && snapshot.row.is_none());
     live.link().tell(Command::Pause);
     until(&mut live, |snapshot| snapshot.state == State::Running && snapshot.row.is_some());
-    assert_eq!(bits(&rows.lock().unwrap()[before]), first, "nothing touches in the first step");
+    assert_eq!(bits(&rows.lock().unwrap()[before]), first, "after a reset the first step must repeat");
     assert!(live.quit() && !live.is_running());
     assert!(live.link().ask(|_, _| ()).is_none());
 }
@@ -174,7 +176,7 @@ fn a_failure_is_shown_and_a_reset_goes_on() {
     let begin = Begin { simulation, lead: Lead::Script, extent: Extent::Endless, watch, folder: folder.path().into() };
     let mut live = Live::start(begin).unwrap();
     until(&mut live, |snapshot| snapshot.state == State::Failed("no step succeeds".into()));
-    assert_eq!(live.link().ask(|simulation, _| simulation.bodies().len()), Some(1), "it can still be drawn");
+    assert_eq!(live.link().ask(|simulation, _| simulation.bodies().len()), Some(1), "the simulation must still answer");
     live.link().tell(Command::Reset);
     until(&mut live, |snapshot| snapshot.state == State::Running);
 }
@@ -200,7 +202,7 @@ fn a_mouse_presses_is_recorded_from_the_start_and_replays_to_the_same_bits() {
         tool.is_some_and(|tool| tool.force.y > 0.01)
     };
     until(&mut live, pressed);
-    // Changes a material and the coupling; the recording must be made with the scene's own.
+    // Changes a material and the coupling; the recording must be made with the values of the scene's file.
     let material = Material { young: 5e4, ..live.snapshot().settings.materials[0].3 };
     live.link().tell(Command::Material(0, 0, material));
     let coupling = Coupling { stiffness: 300.0, damping: 3.0, angular_stiffness: 0.1, angular_damping: 0.001 };
@@ -231,9 +233,9 @@ fn a_mouse_presses_is_recorded_from_the_start_and_replays_to_the_same_bits() {
     for entry in recorded {
         if let palpate_devices::record::Entry::Step(step) = entry.unwrap() {
             again.step_device_input(&step.input, step.h).unwrap();
-            assert_eq!(again.contact_wrench(), Some(&step.wrench), "step {steps}");
+            assert_eq!(again.contact_wrench(), Some(&step.wrench), "wrench of step {steps}");
             steps += 1;
         }
     }
-    assert!(steps > 20, "{steps}");
+    assert!(steps > 20, "only {steps} steps");
 }

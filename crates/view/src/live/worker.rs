@@ -80,7 +80,7 @@ impl Worker {
         Ok(worker)
     }
 
-    /// Does one task after another until told to quit.
+    /// Does one task after another until [`Next::Quit`].
     pub fn run(mut self) {
         let mut next = Next::Run;
         loop {
@@ -181,8 +181,8 @@ impl Worker {
         self.publish();
     }
 
-    /// Executes waiting commands until another task is requested, none is left, or a slice was drawn: the next step
-    /// waits for one slice at most.
+    /// Executes waiting commands until another task is requested, no command is left, or a slice was drawn; so the next
+    /// step waits for one slice at most.
     pub fn obey_all(&mut self) {
         while self.next.is_none() {
             match self.commands.try_recv() {
@@ -238,10 +238,10 @@ impl Worker {
             Command::Step => self.next = Some(Next::Rest(State::Paused)),
             Command::Record => match (&self.snapshot.state, &self.lead) {
                 (State::Recording(_), _) => self.next = Some(Next::Run),
-                (_, Lead::Script) => self.out.note("nothing is recorded: the scene's keys lead, and no device does"),
+                (_, Lead::Script) => self.out.note("nothing is recorded: the tool follows [drive], no haptic device"),
                 _ if self.is_replaced => {
-                    let remedy = "palpate prepare FILE --out DIR, then palpate view DIR/scene.toml";
-                    self.out.note(format!("nothing is recorded: a dropped surface has no scene to replay; {remedy}"));
+                    let remedy = "run palpate prepare FILE --out DIR, then palpate view DIR/scene.toml";
+                    self.out.note(format!("nothing is recorded: a dropped file has no scene to replay; {remedy}"));
                 }
                 _ => self.next = Some(Next::Record),
             },
@@ -254,7 +254,7 @@ impl Worker {
     /// change.
     fn change(&mut self, command: Command) {
         if matches!(self.snapshot.state, State::Recording(_)) {
-            self.out.note("sliders rest while a session is recorded");
+            self.out.note("sliders are disabled while a session is recorded");
             return;
         }
         let turns = self.turns.clone();
@@ -274,7 +274,8 @@ impl Worker {
         drop(turn);
         self.is_changed = true;
         if !had_friction && self.simulation.scene().contact.friction > 0.0 {
-            // The step was recorded anew with friction, and has other arrays to draw from.
+            // With friction the step's GPU commands were recorded anew and use new arrays, so drawing must begin anew,
+            // as for another simulation.
             self.snapshot.generation += 1;
         }
         if let Err(error) = changed {
@@ -322,7 +323,7 @@ impl Worker {
             let mut scene = self.given.clone();
             scene.contact.depth = path;
             self.take(Simulation::on_device(&context, &scene)?)?;
-            self.out.note("recorded from the start, with the scene's own materials, contact and coupling");
+            self.out.note("the recording starts anew, with the materials, contact and coupling of the scene's file");
         }
         self.reset()?;
         let name = self.given.name();
@@ -354,7 +355,7 @@ impl Worker {
 }
 
 impl Drop for Worker {
-    /// Lets drawing go on, whatever ended the thread.
+    /// Lets drawing continue, even if the thread ends by a panic.
     fn drop(&mut self) {
         self.turns.rest();
     }
@@ -362,5 +363,5 @@ impl Drop for Worker {
 
 /// The error for a scene without a tool, which no device can hold.
 pub(super) fn no_tool(scene: &Scene) -> Error {
-    Error::key(&scene.file, "tool", "is missing: a haptic device has nothing to hold", "add a [tool]")
+    Error::key(&scene.file, "tool", "is missing, but a haptic device needs a tool to hold", "add a [tool]")
 }

@@ -1,6 +1,6 @@
 //! The curve `layer` of `palpate bench accuracy`: how fine the layer (the tetrahedral mesh of a body) must be. A ball
-//! is pressed into blocks and a dome meshed with ever finer cells; the error of the force is against the limit of
-//! vanishing cells.
+//! is pressed into blocks and a dome that are meshed with ever finer cells. The error is the relative difference of the
+//! contact force from its limit for vanishing cells.
 
 use std::path::Path;
 
@@ -22,8 +22,8 @@ const CELLS: [[u32; 6]; 2] = [[4, 6, 8, 10, 12, 16], [4, 6, 8, 10, 12, 14]];
 const REFERENCES: [[u32; 2]; 2] = [[12, 24], [10, 20]];
 /// Order of convergence of the force in the size of the cells.
 const ORDER: f64 = 2.0;
-/// Grading of the block's cells (see [`super::shapes::graded`]): where the ball touches they are finer by one more than
-/// this, across the block (x, z) and from its top down (y).
+/// Grading of the block's cells (see [`super::shapes::graded`]), across the block (x, z) and from its top down (y):
+/// where the ball touches, cells are finer than even ones by the factor 1 + grade.
 pub const GRADES: DVec3 = DVec3::new(1.0, 0.5, 1.0);
 /// The ball's mesh: triangle edges along a quarter of its girth, and its grading.
 const BALL: (u32, f64) = (32, 3.0);
@@ -53,12 +53,12 @@ const LINES: [Line; 3] = [
 ];
 const PATCHED: Line =
     Line { name: "block, nu 0.49, patch", is_dome: false, poisson: 0.49, dilatation: Dilatation::Patch };
-/// The block whose elements lock (nearly incompressible, linear tetrahedra); the question tells by how much it is too
-/// stiff.
+/// The block whose elements lock (nearly incompressible, linear tetrahedra); the curve's question says how much too
+/// stiff it is.
 const LOCKING: Line = Line { name: "block, nu 0.49", dilatation: Dilatation::Element, ..PATCHED };
 
-/// Writes the block of these presses as a mesh file; where the ball touches, its cells are finer by one more than
-/// `grades`.
+/// Writes the block of these presses as a mesh file; where the ball touches, its cells are finer than even ones by the
+/// factor 1 + `grades` along each axis.
 pub fn block(folder: &MeshFolder, cells: u32, grades: DVec3) -> Result<Layer> {
     let size = DVec3::new(HALF_WIDTH, HEIGHT, HALF_WIDTH);
     let file = graded_block(folder, &format!("block{cells}"), size, [cells, cells.div_ceil(2), cells], grades)?;
@@ -112,13 +112,13 @@ pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
     let locking = if settings.is_quick {
         String::new()
     } else {
-        watch("what locks");
+        watch("reference: block whose elements lock");
         let locked = force(&LOCKING.press(&folder, &skin, finest)?.scene(), settings)?;
         // The last line is the same block with `dilatation = "patch"`, which does not lock.
         let too_stiff = limits.last().map_or(f64::NAN, |limit| 100.0 * (locked / limit - 1.0));
         format!(
-            " `patch` is `dilatation = \"patch\"`: without it the block of nu 0.49 locks, and with {finest} cells is \
-             {too_stiff:.0} % too stiff."
+            " The line `patch` has `dilatation = \"patch\"` in its scene: without it the block of nu 0.49 locks, and \
+             with {finest} cells is {too_stiff:.0} % too stiff."
         )
     };
     let options = settings.options();
@@ -126,8 +126,8 @@ pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
     let points = race(entrants, &rules, watch, &mut |index, run| error_against(limits[index], run))?;
     let ratio = f64::from(finest) / f64::from(all_cells[0]);
     let span_reason = format!(
-        "cells whose sizes have a ratio of {ratio:.1} give an error of order 2 no more than {:.1}, and two need cells ten times \
-         as fine, a thousand times as many",
+        "between cell sizes with a ratio of {ratio:.1}, an error of order 2 falls by no more than {:.1} powers of \
+         ten; a span of two needs cells ten times as fine, a thousand times as many",
         ORDER * ratio.log10()
     );
     let [coarse, fine] = references;
@@ -135,10 +135,11 @@ pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
         name: "layer".into(),
         title: "Resolution of the layer".into(),
         question: format!(
-            "How fine must the layer be for the force to be right? A ball of 10 cm is pressed 4 mm into blocks of 12 x 4 x 12 \
-             cm (cells twice as fine where it touches) and into a dome of 4 cm whose layer the engine makes, 20 kPa, and held \
-             until all is at rest; contact is of {:.0e} N/m^3 everywhere. Against the limit of layers of {coarse} and {fine} \
-             cells across, extrapolated with order 2.{locking}",
+            "How fine must the layer be for the force to be right? A ball of 10 cm radius is pressed 4 mm into blocks \
+             of 12 x 4 x 12 cm (cells twice as fine where it touches) and into a dome of 4 cm radius whose layer the \
+             engine makes; all are of 20 kPa, and the ball is held until everything is at rest. The contact stiffness \
+             is {:.0e} N/m^3 everywhere. The reference is the limit of layers of {coarse} and {fine} cells across, \
+             extrapolated with order 2.{locking}",
             press::STIFFNESS
         ),
         knob: "one over the cells across".into(),
@@ -147,10 +148,11 @@ pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
         expected: Some(Expected {
             order: ORDER,
             is_of_shape: false,
-            law: "linear elements: energies, and so forces at given displacements, with the square of the cell size"
+            law: "linear elements: energies, and with them the forces at given displacements, converge with the \
+                  square of the cell size"
                 .into(),
         }),
-        order_reason: "the nodes under the ball differ from mesh to mesh, and coarse meshes have few there".into(),
+        order_reason: "the nodes under the ball differ from mesh to mesh, and a coarse mesh has few there".into(),
         span_reason,
         bound: BOUND,
         ..Curve::default()

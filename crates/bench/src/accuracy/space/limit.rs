@@ -1,7 +1,7 @@
 //! Richardson extrapolation: the limit of an answer as the mesh is refined.
 
-/// The limit of answers at two mesh sizes, the second the smaller, where the error falls with the power `order` of the
-/// size.
+/// The limit of two answers at two mesh sizes, the second of which is the smaller, if the error falls with the power
+/// `order` of the size.
 pub fn limit([(coarse, first), (fine, second)]: [(f64, f64); 2], order: f64) -> f64 {
     second + (second - first) / ((coarse / fine).powf(order) - 1.0)
 }

@@ -1,6 +1,6 @@
-//! The scene of the accuracy curves about resolution in space: a body whose touched point is the origin (a head: a
-//! point of its cheek), and a ball, stiffly coupled to the haptic device, that is pushed into it along -y (a head:
-//! along -z) and held there until all is at rest.
+//! The scene of the accuracy curves about resolution in space. A body lies so that the point that is touched is the
+//! origin (of a head, a point of its cheek). A ball, stiffly coupled to the haptic device, is pushed into it along -y
+//! (into a head along -z) and held there until everything is at rest.
 
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ use palpate::scene::{
 const DT: f64 = 0.02;
 /// Number of steps in which the ball goes down.
 const DOWN: usize = 12;
-/// Number of steps in which it is then held.
+/// Number of steps in which the ball is then held at its full depth.
 const HELD: usize = 10;
 /// Number of steps of a press.
 pub const STEPS: usize = DOWN + HELD;
@@ -25,16 +25,16 @@ pub const HEIGHT: f64 = 0.04;
 pub const HALF_WIDTH: f64 = 0.06;
 /// Gap between ball and body at the start, as a share of the press depth.
 const GAP: f64 = 0.1;
-/// Nodes within this distance of the base are attached to the fixed core, m.
+/// Nodes within this distance of the base are attached to the fixed rigid core, m.
 const ON_BASE: f64 = 1e-4;
-/// Point of the head, about where a ball that comes along -z meets it, m.
+/// Point of the head near which a ball that comes along -z meets it, m.
 const CHEEK: DVec3 = DVec3::new(0.03, -0.02, 0.08);
 /// Young's modulus of the body, Pa.
 pub const YOUNG: f64 = 2e4;
 /// Mass of the ball, kg.
 const MASS: f64 = 0.05;
 
-/// Contact stiffness where a curve does not say otherwise, N/m^3.
+/// Contact stiffness unless a curve sets another, N/m^3.
 pub const STIFFNESS: f64 = 2e7;
 
 /// A press of a ball into a body.
@@ -54,7 +54,7 @@ pub struct Press {
     pub depth: f64,
     /// Contact stiffness, N/m^3; `None`: the engine chooses it.
     pub stiffness: Option<f64>,
-    /// Whose vertices gather contacts: both skins', or the finer one's alone.
+    /// Whose skin's vertices are tested for contact: both skins', or the finer one's alone.
     pub sides: Sides,
     /// Relative residual at which the solver stops.
     pub tolerance: f64,
@@ -63,15 +63,15 @@ pub struct Press {
 /// A body that is pressed.
 #[derive(Debug, Clone)]
 pub enum Body {
-    /// A body whose base, [`HEIGHT`] below the origin, is attached to a fixed core: its skin (`None`: the layer's
-    /// boundary) and its layer.
+    /// A body whose base, [`HEIGHT`] below the origin, is attached to a fixed rigid core: its skin, or surface mesh
+    /// (`None`: the layer's boundary), and its layer, or tetrahedral mesh.
     Based(Option<Surface>, Layer),
-    /// The generated head, pressed in its cheek: number of skin vertices, and of collision proxies at most.
+    /// The generated head, pressed in its cheek: number of skin vertices, and largest number of collision proxies.
     Head(usize, Option<u32>),
 }
 
 impl Press {
-    /// A press of a ball of 6 cm radius, 3 mm into a body.
+    /// A press of a ball of 6 cm radius to a depth of 3 mm.
     pub fn new(body: Body) -> Press {
         Press {
             body,
@@ -86,7 +86,7 @@ impl Press {
         }
     }
 
-    /// Centre of the ball at its full depth, m, and the outward direction, against which it was pressed.
+    /// Centre of the ball at its full depth, m, and the body's outward direction, against which the ball is pushed.
     pub fn pressed(&self) -> (DVec3, DVec3) {
         let (touch, outward) = self.touch();
         (touch + (self.radius - self.depth) * outward, outward)
@@ -117,7 +117,7 @@ impl Press {
             scale: 1.0,
             repair: true,
         };
-        // The coupling is so stiff that the ball is within a few micrometres of its desired position.
+        // The coupling is so stiff that the ball stays within a few micrometres of its desired position.
         let coupling = Coupling { stiffness: 1e6, damping: 2e3, angular_stiffness: 50.0, angular_damping: 1.0 };
         let mut scene = Scene {
             tool: Some(tool),
@@ -126,7 +126,7 @@ impl Press {
             ..Scene::of_body("press", self.body())
         };
         scene.step.dt = DT;
-        // Without gravity a body at rest keeps its shape.
+        // Without gravity, so that the body keeps its shape at rest.
         scene.step.gravity = DVec3::ZERO;
         scene.contact.stiffness = self.stiffness;
         scene.contact.sides = self.sides;

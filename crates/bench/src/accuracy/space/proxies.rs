@@ -1,5 +1,5 @@
 //! The curve `proxies` of `palpate bench accuracy`: the force must not depend on the number of collision proxies
-//! (convex hulls for the broad phase), which only say what may touch.
+//! (convex hulls for the broad phase), since these only select which parts may touch.
 
 use palpate::Result;
 
@@ -8,7 +8,7 @@ use super::{at_rest, entrant, error_against, force};
 use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Judged, Settings};
 
-/// Largest numbers of convex hulls that are tried.
+/// Largest numbers of convex hulls that are allowed, one for each setting.
 const HULLS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 /// Largest number of hulls of the reference, which is none of [`HULLS`].
 const REFERENCE: u32 = 40;
@@ -41,15 +41,17 @@ pub fn by_proxies(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Cu
         name: "proxies".into(),
         title: "Number of proxies".into(),
         question: format!(
-            "Does the force depend on the proxies, and what do they save? A ball of 2 cm goes 3 mm into the cheek of a head of \
-             {vertices} skin vertices with ever more convex hulls; against {REFERENCE} of them."
+            "Does the force depend on the collision proxies, and how much time do they save? A ball of 2 cm radius \
+             goes 3 mm into the cheek of a head of {vertices} skin vertices with ever more convex hulls; the \
+             reference has at most {REFERENCE} hulls."
         ),
         knob: "convex hulls at most".into(),
         stage: STAGES.concat(),
         points,
         expected: None,
         span_reason: format!(
-            "proxies say what may touch, contacts themselves say how: forces with 1 to {} hulls lie within {:.1e} of each other",
+            "collision proxies only select which parts may touch: forces with 1 to {} hulls lie within {:.1e} of each \
+             other (relative)",
             HULLS[HULLS.len() - 1],
             high / low - 1.0
         ),

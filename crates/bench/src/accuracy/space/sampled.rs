@@ -1,5 +1,6 @@
-//! The error that a depth texture would make: contact depths as the paper finds them, from heights of both skins
-//! sampled at the centres of texels, computed in f64 on the CPU, beside those by exact rays, which the engine uses.
+//! The error that a depth texture would cause, computed in f64 on the CPU. It compares contact depths as the paper
+//! finds them, from heights of both skins (surface meshes) sampled at the centres of texels, with depths found by exact
+//! rays, which the engine uses.
 
 use glam::DVec3;
 use palpate_oracle::rays::Rays;
@@ -8,7 +9,8 @@ use palpate_oracle::skin;
 /// Two skins in one pose, and the direction from the first to the second.
 #[derive(Clone, Copy)]
 pub struct Pose<'a> {
-    /// The skin whose vertices find depths: positions (m), triangles, and the area that each vertex stands for (m^2).
+    /// The skin at whose vertices depths are found: positions (m), triangles, and the area that each vertex represents
+    /// (m^2).
     pub first: (&'a [DVec3], &'a [[u32; 3]], &'a [f64]),
     /// The other skin: positions (m), triangles.
     pub second: (&'a [DVec3], &'a [[u32; 3]]),
@@ -17,20 +19,20 @@ pub struct Pose<'a> {
 }
 
 impl Pose<'_> {
-    /// Volume of the overlap, m^3, with the depth at each vertex of the first skin by its own ray: the sum of depth
-    /// times projected area, which is a penalty's force over its stiffness.
+    /// Volume of the overlap, m^3, with the depth at each vertex of the first skin found by a ray of its own: the sum
+    /// of depth times projected area, which is the force of a penalty contact over its stiffness.
     pub fn exact(&self) -> f64 {
         let rays = Rays::new(self.normal, self.second.0, self.second.1);
         self.sum(|x| self.depth(&rays, x))
     }
 
-    /// Volume of the overlap, m^3, with depths looked up in texels of edge `texel` (m): the depth at a vertex is how
-    /// far the skins overlap on the line along the normal through the centre of the vertex's texel.
+    /// Volume of the overlap, m^3, with depths looked up in texels of edge `texel` (m). The depth at a vertex is the
+    /// overlap of the skins on the line along the normal through the centre of the vertex's texel.
     pub fn sampled(&self, texel: f64) -> f64 {
         let above = Rays::new(self.normal, self.first.0, self.first.1);
         let below = Rays::new(-self.normal, self.second.0, self.second.1);
         let tangents = self.normal.any_orthonormal_pair();
-        // Rays start so far off that they meet both skins from outside.
+        // Rays start so far away that they meet both skins from outside.
         let off = 2.0 * self.first.0.iter().chain(self.second.0).map(|x| x.length()).fold(0.0, f64::max) * self.normal;
         self.sum(|x| {
             let middle = |t: DVec3| ((x.dot(t) / texel).floor() + 0.5) * texel * t;
@@ -74,11 +76,14 @@ mod tests {
         let pose = Pose { first, second: (&block, &faces), normal: DVec3::NEG_Y };
         let cap = std::f64::consts::PI * depth * depth * (radius - depth / 3.0);
         let exact = pose.exact();
-        assert!((exact / cap - 1.0).abs() < 0.01, "{exact} {cap}");
+        assert!((exact / cap - 1.0).abs() < 0.01, "overlap {exact} m^3, spherical cap {cap} m^3");
         let error = |texel: f64| (pose.sampled(texel) / exact - 1.0).abs();
         let errors = [0.008, 0.002, 0.0001].map(error);
-        assert!(errors[0] > 0.02 && errors[1] < 0.5 * errors[0] && errors[2] < 0.2 * errors[1], "{errors:?}");
-        // Skins that are apart have no overlap.
+        assert!(
+            errors[0] > 0.02 && errors[1] < 0.5 * errors[0] && errors[2] < 0.2 * errors[1],
+            "relative errors with texels of 8, 2 and 0.1 mm: {errors:?}"
+        );
+        // Skins at a distance from each other have no overlap.
         let up: Vec<DVec3> = vertices.iter().map(|x| *x + 0.01 * DVec3::Y).collect();
         let apart = Pose { first: (&up, &triangles, &areas), ..pose };
         assert_eq!((apart.exact(), apart.sampled(0.001)), (0.0, 0.0));

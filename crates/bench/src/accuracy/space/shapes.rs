@@ -1,5 +1,5 @@
-//! Meshes for the presses of the accuracy curves: blocks whose cells are finest where they are touched, their skins
-//! with any number of cells, a dome, a ball.
+//! Meshes for the presses of the accuracy curves: blocks whose cells are finest where the ball touches them, skins
+//! (surface meshes) of such blocks with any number of cells, a dome, and a ball.
 
 use std::path::PathBuf;
 
@@ -17,8 +17,8 @@ pub fn graded_block(folder: &MeshFolder, name: &str, size: DVec3, cells: [u32; 3
     folder.layer(name, &layer.nodes, &layer.tetrahedra)
 }
 
-/// Grades a coordinate from -1..1 to -1..1: even cells become finer by the factor 1 + `grade` at 0, coarser at the
-/// ends.
+/// Grades a coordinate: maps -1..1 onto -1..1 so that even cells become finer by the factor 1 + `grade` at 0, and
+/// coarser at the ends.
 pub fn graded(u: f64, grade: f64) -> f64 {
     (u + grade * u.powi(3)) / (1.0 + grade)
 }
@@ -36,7 +36,7 @@ pub fn block_skin(size: DVec3, cells: [u32; 3], grades: DVec3) -> Surface {
     (vertices.iter().map(place).collect(), triangles)
 }
 
-/// The upper half of a ball with a flat base, its top in the origin; `cells` across.
+/// The upper half of a ball with a flat base, with its top at the origin and `cells` across its width.
 pub fn dome(radius: f64, cells: u32) -> Surface {
     let (vertices, triangles) = unit_box([cells, cells.div_ceil(2), cells]);
     let place = |x: &DVec3| {
@@ -48,8 +48,8 @@ pub fn dome(radius: f64, cells: u32) -> Surface {
     (vertices.iter().map(place).collect(), triangles)
 }
 
-/// A ball about the origin with `cells` along a quarter of its girth, finer by the factor 1 + `grade` where the axes
-/// meet it.
+/// A ball about the origin with `cells` along a quarter of its girth; cells are finer by the factor 1 + `grade` where
+/// the axes meet the surface.
 pub fn ball(radius: f64, cells: u32, grade: f64) -> Surface {
     let (vertices, triangles) = unit_box([cells; 3]);
     let place = |x: &DVec3| {
@@ -59,7 +59,7 @@ pub fn ball(radius: f64, cells: u32, grade: f64) -> Surface {
     (vertices.iter().map(place).collect(), triangles)
 }
 
-/// Surface of the box from 0 to 1, two triangles for each square.
+/// Surface of the box from 0 to 1 along each axis, with two triangles for each square.
 fn unit_box(cells: [u32; 3]) -> Surface {
     let size = UVec3::from_array(cells);
     let mut vertices = Vec::new();
@@ -72,7 +72,7 @@ fn unit_box(cells: [u32; 3]) -> Surface {
         })
     };
     for axis in 0..3 {
-        // The other two axes, in the order that makes a right-handed system with this one.
+        // The other two axes, ordered so that this axis and they make a right-handed system.
         let along =
             [(axis + 1) % 3, (axis + 2) % 3].map(|k| UVec3::from_array(std::array::from_fn(|i| (i == k) as u32)));
         for side in [0, cells[axis]] {
@@ -101,14 +101,14 @@ mod tests {
         let size = DVec3::new(0.04, 0.03, 0.05);
         let (vertices, triangles) = block_skin(size, [5, 4, 3], DVec3::new(2.0, 1.0, 0.0));
         let volume = properties(&vertices, &triangles).volume;
-        assert!((volume / (0.08 * 0.03 * 0.1) - 1.0).abs() < 1e-12, "{volume}");
+        assert!((volume / (0.08 * 0.03 * 0.1) - 1.0).abs() < 1e-12, "volume {volume} m^3");
         let (vertices, triangles) = ball(0.02, 24, 3.0);
         let sphere = 4.0 / 3.0 * std::f64::consts::PI * 8e-6;
         let volume = properties(&vertices, &triangles).volume;
-        assert!(volume < sphere && volume > 0.98 * sphere, "{volume} of {sphere}");
+        assert!(volume < sphere && volume > 0.98 * sphere, "volume {volume} m^3, that of the sphere {sphere} m^3");
         let (vertices, triangles) = dome(0.02, 32);
         let volume = properties(&vertices, &triangles).volume;
-        assert!(volume < 0.5 * sphere && volume > 0.98 * 0.5 * sphere, "{volume}");
+        assert!(volume < 0.5 * sphere && volume > 0.98 * 0.5 * sphere, "volume {volume} m^3");
         assert!(vertices.iter().any(|x| x.length() < 1e-12) && vertices.iter().all(|x| x.y <= 1e-12));
     }
 

@@ -1,5 +1,6 @@
 //! The curves `skin` and `sides` of `palpate bench accuracy`: how fine skins (surface meshes) must be. The shapes of
-//! block and ball stay, only the number of their skin vertices changes, so that the force should not.
+//! block and ball stay the same and only the number of their skin vertices changes, so that the force should not
+//! change.
 
 use std::path::PathBuf;
 
@@ -19,12 +20,12 @@ use crate::meshes::MeshFolder;
 
 /// Cells across the block's skin, and along a quarter of the ball's girth.
 const CELLS: [u32; 6] = [6, 8, 12, 16, 24, 32];
-/// Cells of the two skins from which the reference is extrapolated: finer than any of [`CELLS`].
+/// Cells of the two meshes from which the limit is extrapolated; both are finer than any of [`CELLS`].
 const REFERENCE: [u32; 2] = [40, 80];
-/// Cells of the other skin while one is varied; no divisor or multiple of the varied numbers, so that vertices do not
-/// coincide.
+/// Cells of the other skin while one is varied. It is no divisor or multiple of the varied numbers, so that vertices of
+/// the two skins do not coincide.
 const OTHER: u32 = 44;
-/// Where the skins touch, their cells are finer by one more than this.
+/// Where the skins touch, their cells are finer than even ones by the factor 1 + this.
 const GRADE: f64 = 2.0;
 /// Cells across the layer.
 const LAYER: u32 = 8;
@@ -32,7 +33,8 @@ const LAYER: u32 = 8;
 const ORDER: f64 = 2.0;
 /// Largest error of the force with the finest skin, as a share of the limit.
 const BOUND: f64 = 0.02;
-/// A line of the curve: whether the skins of the block and of the ball are varied, and whose vertices gather contacts.
+/// A line of the curve: whether the skin of the block and that of the ball are varied, and whose vertices are tested
+/// for contact.
 struct Line {
     name: &'static str,
     is_varied: [bool; 2],
@@ -55,31 +57,34 @@ pub fn by_skin(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
         name: "skin".into(),
         title: "Resolution of the skin".into(),
         question: format!(
-            "Does the force depend on how finely skins are cut? {} Either skin is varied while the other has {OTHER} cells, \
-             each against its own limit.",
+            "Does the force depend on how fine the skins are? {} One skin is varied while the other has {OTHER} \
+             cells; each of the two lines is compared with its own limit.",
             scene()
         ),
-        span_reason: "either side carries half of the force, so that coarse vertices of one spoil half at most".into(),
+        span_reason: "each skin's contacts carry half of the force, so that coarse vertices of one spoil at most half"
+            .into(),
         ..curve(points)
     })
 }
 
-/// Measures the force with contacts gathered at the vertices of both skins, and at those of the finer skin alone.
+/// Measures the force with contacts at the vertices of both skins, and at those of the finer skin alone.
 pub fn by_sides(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let (points, limits) = compared(&BOTH, true, settings, watch)?;
     Ok(Curve {
         name: "sides".into(),
         title: "Two-sided and one-sided contact".into(),
         question: format!(
-            "What do the vertices of the second skin buy? {} Both skins are varied, with `sides = \"both\"` and with \"one\", \
-             both against the limit of two sides; that of one side is {:+.2} % from it.",
+            "What do the vertices of the second skin buy? {} Both skins are varied, with `sides = \"both\"` and with \
+             `sides = \"one\"`; both lines are compared with the limit of two sides. The limit of one side differs \
+             from it by {:+.2} %.",
             scene(),
             100.0 * (limits[1] / limits[0] - 1.0)
         ),
         span_reason: {
             let ratio = f64::from(CELLS[CELLS.len() - 1]) / f64::from(CELLS[0]);
             format!(
-                "skins whose cells have a ratio of {ratio:.1} give an error of order 2 no more than {:.1}",
+                "between skin cells whose sizes have a ratio of {ratio:.1}, an error of order 2 falls by no more than \
+                 {:.1} powers of ten",
                 ORDER * ratio.log10()
             )
         },
@@ -89,19 +94,20 @@ pub fn by_sides(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
 
 fn scene() -> String {
     format!(
-        "A ball of 6 cm goes 3 mm into a block of {LAYER} cells across, with skins of ever more vertices, three times as fine \
-         where they touch. Against the limit of skins of {} and {} cells, extrapolated with order 2.",
+        "A ball of 6 cm radius goes 3 mm into a block of {LAYER} cells across; the skins have ever more vertices, \
+         three times as fine where they touch. The reference is the limit of skins of {} and {} cells, extrapolated \
+         with order 2.",
         REFERENCE[0], REFERENCE[1]
     )
 }
 
 fn curve(points: Vec<Point>) -> Curve {
-    let law = "sums over vertices of a pressure without jumps".into();
+    let law = "forces are sums over vertices of a continuous pressure".into();
     Curve {
         knob: "one over the skin's cells".into(),
         stage: "pose to contact".into(),
         points,
-        order_reason: "whether a vertex lies just within the rim or without is chance".into(),
+        order_reason: "it is chance whether a vertex lies just inside the rim of the contact area or outside".into(),
         expected: Some(Expected { order: ORDER, law, is_of_shape: false }),
         bound: BOUND,
         ..Curve::default()
@@ -119,8 +125,8 @@ impl Line {
     }
 }
 
-/// The points of all lines, and the limit of the force on each, N; `is_shared`: the errors of both are against the
-/// first limit.
+/// The points of both lines, and the limit of the force on each, N; `is_shared`: the errors of both lines are relative
+/// to the first limit.
 fn compared(
     lines: &[Line; 2],
     is_shared: bool,

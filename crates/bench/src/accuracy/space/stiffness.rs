@@ -1,5 +1,5 @@
-//! The curve `stiffness` of `palpate bench accuracy`: how stiff penalty contact must be. The force is compared with the
-//! limit of ever stiffer contact on the same mesh, and with Hertz's law.
+//! The curve `stiffness` of `palpate bench accuracy`: how stiff penalty contact must be. The force is compared with its
+//! limit for ever stiffer contact on the same mesh, and with Hertz's law.
 
 use glam::DVec3;
 use palpate::Result;
@@ -16,30 +16,31 @@ use crate::meshes::MeshFolder;
 const STIFFNESSES: [f64; 10] = [1e4, 1e5, 1e6, 1e7, 3e7, 6e7, 1e8, 2e8, 3e8, 1e9];
 /// The two stiffnesses from which the limit is extrapolated, N/m^3.
 const LAST: [f64; 2] = [3e8, 1e9];
-/// Order of convergence in one over the stiffness: the depth of a penalty contact is its pressure over its stiffness.
+/// Order of convergence in the reciprocal of the stiffness: the depth of a penalty contact is its pressure over its
+/// stiffness.
 const ORDER: f64 = 1.0;
 /// Cells across the block: in the whole benchmark and in its short form.
 const CELLS: [u32; 2] = [16, 12];
 /// Cells across the two blocks from which the error of the mesh is extrapolated: in the whole benchmark and in its
 /// short form.
 const MESHES: [[u32; 2]; 2] = [[12, 24], [8, 12]];
-/// Where the ball touches, cells are finer by one more than this: the contact patch is small, and several should lie
-/// under it.
+/// Where the ball touches, cells are finer than even ones by the factor 1 + this: the contact area is small, and
+/// several cells should lie under it.
 const GRADES: DVec3 = DVec3::new(2.0, 1.0, 2.0);
-/// Poisson's ratio; so low that elements hardly lock, as Hertz's law knows no locking.
+/// Poisson's ratio; so low that elements hardly lock, since Hertz's law does not include locking.
 const POISSON: f64 = 0.3;
 /// Radius of the ball, m.
 const RADIUS: f64 = 0.06;
-/// Depth of the press, m; small beside ball and block, as Hertz's law assumes.
+/// Depth of the press, m; small compared with ball and block, as Hertz's law assumes.
 const DEPTH: f64 = 0.001;
-/// Largest relative error of the force with the stiffest contact, against the limit and against the law.
+/// Largest relative error of the force with the stiffest contact, both against the limit and against Hertz's law.
 const BOUND: f64 = 0.05;
 /// Stages whose times are summed.
 const STAGES: &[&str] = &["solve"];
 const LIMIT: &str = "against ever stiffer contact";
 const HERTZ: &str = "against Hertz's law";
 
-/// Measures the force for contact stiffnesses over five decades.
+/// Measures the force for contact stiffnesses that span five powers of ten.
 pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let folder = MeshFolder::new()?;
     let (cells, meshes) = (CELLS[usize::from(settings.is_quick)], MESHES[usize::from(settings.is_quick)]);
@@ -60,8 +61,8 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         *last = (1.0 / stiffness, force(&press(cells, stiffness)?.scene(), settings)?);
     }
     let (limit_force, law) = (limit(last, ORDER), hertz(RADIUS));
-    // The factor by which the mesh of `cells` is too stiff, with the stiffest contact: its force over the limit of
-    // finer meshes.
+    // The factor by which a mesh of `cells` cells is too stiff: its force with the stiffest contact over the limit of
+    // that force for vanishing cells.
     let stiffest = LAST[1];
     let mut by_mesh = [(0.0, 0.0); 2];
     for (by_mesh, cells) in by_mesh.iter_mut().zip(meshes) {
@@ -78,7 +79,7 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
     let rules = settings.rules(STAGES, &options);
     let mut by_law = Vec::new();
     let mut points = race(entrants, &rules, watch, &mut |_, run| {
-        // Hertz's law is for a continuum, so the mesh's factor is applied to it.
+        // Hertz's law is for a continuum, so that its force is multiplied by the factor by which the mesh is too stiff.
         by_law.push(error_against(law * mesh, run).0);
         error_against(limit_force, run)
     })?;
@@ -93,11 +94,11 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         name: "stiffness".into(),
         title: "Contact stiffness".into(),
         question: format!(
-            "How stiff must contact be for the force to be the body's? A ball of 6 cm goes 1 mm into a block of \
-             {cells} x {} x {cells} cells (12 x 4 x 12 cm, 20 kPa, nu 0.3). The limit, {limit_force:.4} N, is \
-             extrapolated from {:.0e} and {:.0e} N/m^3. Hertz's law, for a layer on a base as Dimitriadis and others \
-             (2002) have it, says {law:.4} N; the mesh is {:.1} % too stiff (extrapolated from {} and {} cells), which \
-             is corrected for.",
+            "How stiff must contact be so that the force is determined by the body? A ball of 6 cm radius goes 1 mm \
+             into a block of {cells} x {} x {cells} cells (12 x 4 x 12 cm, 20 kPa, nu 0.3). The limit, \
+             {limit_force:.4} N, is extrapolated from {:.0e} and {:.0e} N/m^3. Hertz's law, for a layer bonded to a \
+             rigid base (Dimitriadis and others 2002), gives {law:.4} N; the mesh is {:.1} % too stiff (extrapolated \
+             from {} and {} cells), and the law's force is multiplied accordingly.",
             cells.div_ceil(2),
             LAST[0],
             LAST[1],
@@ -110,14 +111,14 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         points,
         expected: Some(Expected {
             order: ORDER,
-            law: "a spring gives way by its pressure over its stiffness".into(),
+            law: "the depth of a penalty contact is its pressure over its stiffness".into(),
             is_of_shape: false,
         }),
         order_reason:
-            "the penalty depth is small beside the indentation only for the stiffest contacts; against Hertz's law its \
-             own error and that of the mesh remain"
+            "the penalty depth is small compared with the indentation only for the stiffest contacts; against Hertz's \
+             law, the errors of the law and of the mesh remain"
                 .into(),
-        span_reason: "at the softest the error is the whole force, which is the most that it can be".into(),
+        span_reason: "for the softest contact the error is the whole force, the largest possible".into(),
         bound: BOUND,
         ..Curve::default()
     })
@@ -146,10 +147,13 @@ mod tests {
     fn the_law_of_a_layer_is_hertzs_with_a_little_more() {
         let plain = 4.0 / 3.0 * YOUNG / (1.0 - POISSON * POISSON) * 0.06f64.sqrt() * DEPTH.powf(1.5);
         let ratio = hertz(0.06) / plain;
-        assert!((0.9..1.5).contains(&(ratio / 1.1)) && ratio > 1.1, "{ratio}");
-        // The series with its coefficients at nu = 0.3 computed by hand, at x = sqrt(6e-5) / 0.04.
+        assert!(
+            (0.9..1.5).contains(&(ratio / 1.1)) && ratio > 1.1,
+            "force over that of Hertz's law without a base: {ratio}"
+        );
+        // The series at x = sqrt(6e-5) / 0.04, with its coefficients for nu = 0.3 computed by hand.
         let x: f64 = 6e-5f64.sqrt() / 0.04;
         let by_hand = 1.0 + 0.8806 * x + 0.7754 * x * x + 0.2298 * x.powi(3) - 0.296 * x.powi(4);
-        assert!((ratio - by_hand).abs() < 1e-3, "{ratio} {by_hand}");
+        assert!((ratio - by_hand).abs() < 1e-3, "factor on Hertz's law: {ratio}, by hand {by_hand}");
     }
 }

@@ -1,6 +1,6 @@
 //! The curve `texel` of `palpate bench accuracy`: the cell size of the min-max depth grid (`contact.texel`) and the
-//! path of the depth stage (compute or graphics) change its time, not the force. Beside it stands the error of depths
-//! sampled at texel centres, as in the paper.
+//! path of the depth stage (its implementation, by compute or by graphics) change the time, not the force. For
+//! comparison the curve also shows the error of depths sampled at texel centres, as in the paper.
 
 use std::time::Instant;
 
@@ -27,15 +27,16 @@ const VERTICES: [usize; 2] = [20_000, 8_000];
 const RADIUS: f64 = 0.02;
 /// Stages whose times are summed.
 const STAGES: &[&str] = &["depth"];
-/// Largest relative error of the engine's forces: they must equal, bit for bit and in every step, those with its own
-/// choice of cell size.
+/// Largest relative error of the engine's forces: in every step they must equal, bit for bit, the forces with the cell
+/// size that the engine chooses.
 const BOUND: f64 = 0.0;
 /// Title of the engine's panel; nothing is drawn there, since errors of zero have no logarithm.
-const ENGINE: &str = "the engine: rays, no error to draw";
-/// Title of the panel of sampled depths, which is not judged; its times are those of the sums on the CPU, not of steps.
-const CPU: &str = "depths at texels' middles, f64, CPU";
+const ENGINE: &str = "the engine: exact rays, no error to draw";
+/// Title of the panel of sampled depths, which is not judged; its times are those of computing the force on the CPU,
+/// not of steps.
+const CPU: &str = "depths at the centres of texels, f64, CPU";
 
-/// Measures the depth stage with different cell sizes by both paths, and the error of sampled depths.
+/// Measures the depth stage with different cell sizes on both paths, and the error of sampled depths.
 pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let vertices = VERTICES[usize::from(settings.is_quick)];
     let press = Press { radius: RADIUS, ..Press::new(Body::Head(vertices, None)) };
@@ -63,11 +64,12 @@ pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
         name: "texel".into(),
         title: "Size of texels, and path of the depth stage".into(),
         question: format!(
-            "What do texels and paths change? A ball of 2 cm goes 3 mm into the cheek of a head of {vertices} skin \
-             vertices, with cells of {} to {} mm in the min-max depth grid, by compute and by graphics; against the \
-             engine's own choice. Beside it the same two skins, not deformed, with depths taken at the middles of \
-             texels, as in the paper, against every vertex's own ray: force of a penalty, both sides in half; its time \
-             is that of one such sum on the CPU in f64.",
+            "What changes with the size of texels and with the path (implementation) of the depth stage? A ball of 2 \
+             cm radius goes 3 mm into the cheek of a head of {vertices} skin vertices, with cells of {} to {} mm in \
+             the min-max depth grid, by compute and by graphics; the reference has the cell size that the engine \
+             chooses. For comparison: the force of a penalty contact between the same two skins, not deformed, with \
+             depths taken at the centres of texels, as in the paper, against depths by a ray from every vertex. The \
+             time given for it is that of computing one such force on the CPU in f64.",
             1e3 * TEXELS[0],
             1e3 * TEXELS[TEXELS.len() - 1]
         ),
@@ -76,8 +78,8 @@ pub fn by_texel(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
         points,
         expected: None,
         span_reason: format!(
-            "grid cells only divide the work, every vertex has its own ray: of {all} forces of steps {others} differ \
-             in a bit from the reference's, and all errors are those of sampled depths"
+            "grid cells only divide the work, and every vertex has its own ray: of {all} forces (one for each step) \
+             {others} differ in a bit from the reference's, and all errors are those of sampled depths"
         ),
         bound: BOUND,
         judged: Judged::Every,
@@ -93,7 +95,7 @@ fn by_path(press: &Press, path: DepthPath, texel: Option<f64>) -> palpate::Scene
     scene
 }
 
-/// Whether the GPU device can run this path.
+/// Whether the GPU device can run the depth stage on this path.
 fn can(press: &Press, path: DepthPath, settings: &Settings) -> bool {
     race::run(&by_path(press, path, None), 1, &settings.options()).is_ok()
 }
@@ -115,7 +117,7 @@ fn sampled(press: &Press, rounds: usize) -> Result<Vec<Point>> {
     let exact: f64 = poses.iter().map(Pose::exact).sum();
     let one = |texel: f64| {
         let mut point = Point {
-            setting: format!("at middles, {} mm", 1e3 * texel),
+            setting: format!("at centres, {} mm", 1e3 * texel),
             panel: CPU.into(),
             value: texel,
             ..Point::default()

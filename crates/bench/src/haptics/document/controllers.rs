@@ -1,4 +1,4 @@
-//! The section of the report that compares passivity controllers.
+//! The section of the haptics report that compares passivity controllers, which keep the hand from receiving energy.
 
 use palpate::Result;
 
@@ -7,10 +7,10 @@ use crate::haptics::controllers::SPEED;
 use crate::haptics::{Controlled, Controller};
 use crate::{Section, Table};
 
-/// A force counts as there if it differs from that of the springs in equilibrium by at most this share.
+/// A force counts as kept if it differs from that of the springs in equilibrium by at most this share.
 const WITHIN: f64 = 0.03;
 
-/// The section: what each controller leaves of a steady force, and the energy that the hand gains.
+/// The section: the share of a steady force that each controller leaves, and the energy that the hand gains.
 pub fn controllers(all: &[Controlled]) -> Result<Section> {
     let heads = [
         "controller",
@@ -18,11 +18,11 @@ pub fn controllers(all: &[Controlled]) -> Result<Section> {
         "body, N/m",
         "rate, Hz",
         "gap known",
-        "played, %",
+        "force played, %",
         "noise, mN",
-        "acts, % of ticks",
-        "net to the hand, mJ",
-        "lent at most, mJ",
+        "controller acts, % of ticks",
+        "net energy to the hand, mJ",
+        "most energy lent, mJ",
     ];
     let mut table = Table::new(heads);
     for case in all {
@@ -41,14 +41,16 @@ pub fn controllers(all: &[Controlled]) -> Result<Section> {
         ]);
     }
     Ok(Section {
-        title: "Passivity controllers side by side".into(),
+        title: "Passivity controllers compared".into(),
         question: format!(
-            "What does a controller leave of a steady force, and what does the hand gain? A hand presses a soft body of one \
-             coordinate at {:.0} mm/s, holds it for three seconds and lets go. Played: over the last second of the hold, of what \
-             springs at rest give at the device's place. Net: force times way by the readings, over all of it; what was lent is \
-             paid back by the end or is part of it. Hannaford and Ryu's controller, and reference energy following with \
-             what coupling and contact model store as the reference, act on the played force of a session without one, with \
-             the device's published damping at most.",
+            "How much of a steady force does a controller leave, and how much energy does the hand gain? A hand \
+             presses a soft body of one coordinate at {:.0} mm/s, holds it for three seconds and releases it. `force \
+             played`: mean over the last second of the hold, relative to the springs' force in equilibrium at the \
+             device's position. `net energy to the hand`: force times displacement by the device's readings, over the \
+             whole press; energy that was lent is repaid by the end or part of it. The controller of Hannaford and \
+             Ryu, and reference energy following (whose reference is the energy stored in coupling and contact \
+             model), act on the force of a session without a controller of its own, and inject at most the device's \
+             published damping.",
             1e3 * SPEED
         ),
         table,
@@ -64,12 +66,15 @@ fn finding(all: &[Controlled]) -> String {
         let gain = own.iter().map(|case| 1e3 * (case.net - case.lent).max(0.0)).fold(0.0, f64::max);
         (!own.is_empty()).then(|| {
             let shares = range(own.iter().map(|case| 1e2 * case.share), |share| format!("{share:.0}"));
-            format!("{name} {shares} % ({there} of {} within 3 %), {gain:.2} mJ", own.len())
+            format!("{name} {shares} % ({there} of {} cases within 3 %), {gain:.2} mJ", own.len())
         })
     });
     let told: Vec<String> = told.collect();
     if told.is_empty() {
         return "nothing was measured.".into();
     }
-    format!("of a steady force is played, and the hand gains unlent at most: {}.", told.join("; "))
+    format!(
+        "Share of a steady force that is played, and most energy that the hand gains beyond what it was lent: {}.",
+        told.join("; ")
+    )
 }

@@ -1,4 +1,4 @@
-//! The sections of the report about held forces, and about forces while sliding.
+//! The sections of the haptics report about held forces, and about forces while sliding.
 
 use palpate::Result;
 
@@ -10,9 +10,9 @@ use crate::haptics::{Change, Changes, HoldResult, Met, Mode, Slid, Spread};
 use crate::plot::{Axis, Line, Logarithmic, Panel, lines, panels};
 use crate::{Section, Table};
 
-/// Smaller forces are drawn at this one, N, since the axis is logarithmic.
+/// Smaller forces are drawn at this value, N, since the axis is logarithmic.
 const DRAWN: f64 = 1e-6;
-/// Number of points of the slide that are drawn, the last ones.
+/// The plot shows the last points of the slide, at most so many.
 const POINTS: usize = 60;
 
 fn name_of(met: Met) -> String {
@@ -26,11 +26,11 @@ fn quantum([stiffness, damping]: &[f64; 2]) -> String {
     format!("{:.0} + {:.0}", 1e3 * stiffness, 1e3 * damping)
 }
 
-/// The section about held forces: how much noise is in them.
+/// The section about held forces: how much noise they contain.
 pub fn holds(holds: &[HoldResult]) -> Result<Section> {
     let mut table = Table::new(["against", "device", "rate, Hz"]);
     for (_, name) in Mode::ALL {
-        table.heads.extend([format!("{name}: N"), "noise (swing), mN".into(), "no friction".into()]);
+        table.heads.extend([format!("{name}: N"), "noise (swing), mN".into(), "the same, no friction".into()]);
     }
     table.heads.extend(["reading's swing, um", "encoder's step, mN"].map(Into::into));
     for group in holds.chunk_by(|a, b| a.met == b.met && a.profile == b.profile && a.rate == b.rate) {
@@ -49,14 +49,15 @@ pub fn holds(holds: &[HoldResult]) -> Result<Section> {
     let axes = Logarithmic { x: "rate of the simulation, Hz", y: "noise, N", level: Some(STILL) };
     let drawn: Vec<Panel> = holds.chunk_by(|a, b| a.met == b.met).map(noise).collect();
     Ok(Section {
-        title: "How still a hold_result force keeps".into(),
+        title: "How still a held force is".into(),
         question: format!(
-            "How much noise is in the force of a person who means to press {:.0} mm deep, over the last of three \
-             seconds? Allowed are {:.0} % of the force or {STILL} N; `noise` is its standard deviation, `swing` from \
-             the least to the greatest, both of all axes together; the same where the device has no friction for the \
-             hand to rest in, against walls alone. The reading's swing is that of the device in a session, and the \
-             encoder's step what one of its quanta is worth by the coupling's stiffness and, over a tick, by its \
-             damping. In the plots the worst of all devices; what is below {DRAWN:.0e} N is drawn there.",
+            "How much noise is in the force when a person means to press {:.0} mm deep, over the last of three \
+             seconds? Allowed are {:.0} % of the force or {STILL} N. `noise` is the force's standard deviation, \
+             `swing` the range from its least to its greatest value, both over all axes together; `no friction` gives \
+             both for a device without friction for the hand to rest in, against walls only. The reading's swing is \
+             that of the device's position in a session. The encoder's step is the force of one quantum of the \
+             encoders: by the coupling's stiffness + by its damping over a tick. The plots show the worst of all \
+             devices; values below {DRAWN:.0e} N are drawn there.",
             1e3 * WITHIN,
             1e2 * STILL_SHARE
         ),
@@ -67,8 +68,8 @@ pub fn holds(holds: &[HoldResult]) -> Result<Section> {
     })
 }
 
-/// The noisiest held force of all haptic devices by rate, with a line for each mode; rates in the order of the
-/// measurements.
+/// The noisiest held force of all haptic devices at each rate, with a line for each mode (use of wrenches); rates are
+/// in the order of the measurements.
 fn noise(holds: &[HoldResult]) -> Panel {
     let short = [(Mode::Session, "session"), (Mode::Local, "local"), (Mode::Raw, "raw")];
     let line = |(mode, name)| {
@@ -98,10 +99,10 @@ fn hold_finding(holds: &[HoldResult]) -> String {
                 });
         format!("{name} {own}; without friction {slippery}")
     };
-    format!("Still enough are: {}.", Mode::ALL.map(of).join("; "))
+    format!("Number of forces that are still enough: {}.", Mode::ALL.map(of).join("; "))
 }
 
-/// How many of these forces are still, which is the noisiest, and how many are missing.
+/// How many of the forces are still, which one is the noisiest, and how many have vanished.
 fn judged(forces: &[(&HoldResult, Spread)]) -> String {
     let still = forces.iter().filter(|(_, force)| is_still(force)).count();
     let there = || forces.iter().filter(|(_, force)| is_there(force));
@@ -115,7 +116,7 @@ fn judged(forces: &[(&HoldResult, Spread)]) -> String {
     format!("{still} of {}{worst}{gone}", forces.len())
 }
 
-/// The section about forces while sliding: how far they jump.
+/// The section about forces while sliding: how far they jump between ticks.
 pub fn slides(slides: &[Slid]) -> Result<Section> {
     let mut table = Table::new(["device", "rate, Hz", "loop", "force, N"]);
     for phase in ["touch", "slide"] {
@@ -136,11 +137,12 @@ pub fn slides(slides: &[Slid]) -> Result<Section> {
     Ok(Section {
         title: "How far the force jumps while sliding over the head".into(),
         question: format!(
-            "A person presses the sphere into the cheek of the head of touch-head and slides {:.0} mm along it at {:.0} mm/s, a \
-             step of the engine being as long as the interval between steps. Which change of the force is the furthest beyond \
-             the allowed {:.0} % of the force or {ALLOWED} N (in brackets: of the force there)? Played force and contact from \
-             one tick to the next; the raw wrench, which is kept between steps, from one step to the next. `touch` is all \
-             before the slide, first contact among it. Drawn is the end of the first slide.",
+            "A person presses the sphere into the cheek of the head of `touch-head.toml` and slides {:.0} mm along it \
+             at {:.0} mm/s; a step of the engine is as long as the interval between steps. Which change of the force \
+             exceeds most the allowed {:.0} % of the force or {ALLOWED} N (in brackets: % of the force at that time)? \
+             The played force and the contact force of the local model are compared from one tick to the next; the \
+             raw wrench, which is kept between steps, from one step to the next. `touch` is the time before the \
+             slide, with the first contact. The plot shows the end of the first slide.",
             1e3 * WAY,
             1e3 * SPEED,
             1e2 * ALLOWED_SHARE
@@ -187,5 +189,8 @@ fn slide_finding(slides: &[Slid]) -> String {
     };
     let raw = range(slides.iter().map(|slid| 1e3 * slid.slide.raw.newtons), |x| format!("{x:.1}"));
     let all = Mode::ALL.map(of).join("; ");
-    format!("Within what is allowed the played force changes: {all}. The raw wrench jumps by {raw} mN while sliding.")
+    format!(
+        "Changes of the played force are within what is allowed in: {all}. The raw wrench jumps by {raw} mN while \
+         sliding."
+    )
 }

@@ -1,4 +1,4 @@
-//! The sections of the report about the stiffest wall that the haptic loop renders without oscillating.
+//! The sections of the haptics report about the stiffest wall that the haptic loop renders without oscillating.
 
 use palpate::Result;
 
@@ -8,10 +8,10 @@ use crate::haptics::{Limit, Width};
 use crate::plot::{Line, Logarithmic, Panel, panels};
 use crate::{Section, Table};
 
-/// A stiffness from this share of the stiffest wall tried on counts as unlimited.
+/// A limit counts as beyond the range if it is at least this share of the stiffest wall that was tried.
 const END: f64 = 0.999;
 
-/// Whether no limit was found within the range that was tried.
+/// Whether no limit was found within the range of walls that were tried.
 fn is_above(stiffness: f64) -> bool {
     stiffness >= END * RANGE[1]
 }
@@ -28,7 +28,7 @@ fn from_to(limits: impl Iterator<Item = f64> + Clone) -> String {
     range(limits, newtons_a_metre)
 }
 
-/// The section by the wall's damping.
+/// The section about the stiffest wall by the wall's damping.
 pub fn widths(widths: &[Width]) -> Result<Section> {
     let heads =
         ["device", "coupling", "wall's damping", "in a session", "no passivity control", "raw force", "felt, raw"];
@@ -57,12 +57,13 @@ pub fn widths(widths: &[Width]) -> Result<Section> {
     let drawn: Vec<Panel> = widths.chunk_by(|a, b| a.profile == b.profile).map(of_device).collect();
     let axes = Logarithmic { x: "damping of hand, device and wall, N s/m", y: "stiffest wall, N/m", level: None };
     Ok(Section {
-        title: "How stiff a wall may be, by its damping".into(),
+        title: "How stiff a wall may be, by the wall's damping".into(),
         question: format!(
-            "Which is the stiffest wall (N/m, from {:.0} to {:.0}) whose force keeps still after a press? Still: over the last \
-             of four seconds it swings by no more than {:.0} % or {STILL} N, does not grow, and is there. Damping in N s/m; \
-             simulated at 1 kHz. `felt`: coupling and wall in series. `Colgate`: what passivity allows a wall that is sampled \
-             at 1 kHz without a coupling.",
+            "Which is the stiffest wall (N/m, from {:.0} to {:.0}) whose force stays still after a press? Still: over \
+             the last of four seconds the force varies by no more than {:.0} % or {STILL} N, its oscillation does not \
+             grow, and it has not vanished. Damping is in N s/m; the simulation runs at 1 kHz. `raw force`: the \
+             newest wrench's, unchanged until the next. `felt`: coupling and wall in series. `Colgate`: the passivity \
+             limit of a wall that is sampled at 1 kHz without a coupling.",
             RANGE[0],
             RANGE[1],
             1e2 * STILL_SHARE
@@ -80,8 +81,8 @@ fn width_finding(widths: &[Width]) -> String {
         format!("{} ({above} of {} beyond the range)", from_to(widths.iter().map(limit)), widths.len())
     };
     format!(
-        "The stiffest wall is, in N/m: {} in a session, {} without passivity control, {} with the raw force, of which the hand \
-         feels {}.",
+        "The stiffest wall is, in N/m: {} in a session, {} without passivity control, {} with the raw force; in \
+         series with the coupling, as the hand feels it, the last is {}.",
         of(|w| w.session),
         of(|w| w.local),
         of(|w| w.raw),
@@ -89,14 +90,15 @@ fn width_finding(widths: &[Width]) -> String {
     )
 }
 
-/// The section by the delay of the force.
+/// The section about the stiffest wall by the delay of the force.
 pub fn delays(limits: &[Limit]) -> Result<Section> {
     let x = |limit: &Limit| 1e3 * limit.delay + 0.5;
     Ok(Section {
         title: "How stiff a wall may be, by the force's delay".into(),
-        question: "How much does a transport delay between the loop and the device cost? The wall has no damping, passivity \
-                   control is off. `Gil`: what a wall without a coupling may have with this delay, K = b / (T / 2 + delay); \
-                   `felt`: coupling and stiffest wall in series, with the local model."
+        question: "How much does a transport delay between the loop and the device cost? The wall has no damping, and \
+                   passivity control is off. `local model`: the session's force law between wrenches; `raw force`: \
+                   the newest wrench's, unchanged until the next. `Gil`: the stability limit of a wall without a \
+                   coupling at this delay, K = b / (T / 2 + delay); `felt`: coupling and stiffest wall in series."
             .into(),
         table: table(limits, "delay, ms", |limit| format!("{:.0}", 1e3 * limit.delay)),
         plot: Some(plot(limits, "delay and half a tick, ms", x)?),
@@ -105,13 +107,15 @@ pub fn delays(limits: &[Limit]) -> Result<Section> {
     })
 }
 
-/// The section by the simulation's rate.
+/// The section about the stiffest wall by the simulation's rate.
 pub fn rates(limits: &[Limit]) -> Result<Section> {
     Ok(Section {
         title: "How stiff a wall may be, by the simulation's rate".into(),
-        question: "How much does a slow simulation cost, whose wrench arrives an interval after it was asked for? The wall has \
-                   no damping, passivity control is off. `Colgate`: what passivity allows a wall sampled at that rate; `Gil`: \
-                   the same an interval late, K = b / (3/2 T)."
+        question: "How much does a slow simulation cost, whose wrench arrives one interval after its step began? The \
+                   wall has no damping, and passivity control is off. `local model`: the session's force law between \
+                   wrenches; `raw force`: the newest wrench's, unchanged until the next. `Colgate`: the passivity \
+                   limit of a wall sampled at that rate; `Gil`: the stability limit of a wall whose force is one \
+                   interval late, K = b / (3/2 T)."
             .into(),
         table: table(limits, "rate, Hz", |limit| format!("{:.0}", limit.rate)),
         plot: Some(plot(limits, "rate of the simulation, Hz", |limit| limit.rate)?),
@@ -152,7 +156,8 @@ fn plot(limits: &[Limit], x: &str, at: impl Fn(&Limit) -> f64) -> Result<String>
     panels(&Logarithmic { x, y: "stiffest wall, N/m", level: None }, &drawn)
 }
 
-/// The limits in the easiest and in the hardest case, by Gil's bound, and how all limits compare with that bound.
+/// The limits in the easiest and in the hardest case (those with the greatest and the least bound of Gil), and how all
+/// limits compare with Gil's bound.
 fn limits_finding(limits: &[Limit], of: impl Fn(&Limit) -> String) -> String {
     let Some((low, high)) = span(limits.iter().map(|limit| limit.gil)) else { return "nothing was measured.".into() };
     let at = |gil: f64| {
@@ -166,8 +171,8 @@ fn limits_finding(limits: &[Limit], of: impl Fn(&Limit) -> String) -> String {
     let below = |of: fn(&Limit) -> f64| limits.iter().filter(|l| of(l) < l.gil).count();
     let [with, without] = [below(|l| l.local), below(|l| l.raw)];
     format!(
-        "The stiffest wall is, in N/m, {}, {}. The local model allows more than the raw force in {better} of {} cases and less \
-         in {worse}. Below Gil's bound are {with} limits with the local model and {without} with the raw force.",
+        "The stiffest wall is, in N/m, {}, {}. The local model allows more than the raw force in {better} of {} cases \
+         and less in {worse}. Limits below Gil's bound: {with} with the local model, {without} with the raw force.",
         at(high),
         at(low),
         limits.len()

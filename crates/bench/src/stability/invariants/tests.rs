@@ -1,9 +1,10 @@
-//! Each invariant is broken once, with an excusing flag and without; a case that keeps all of them passes.
+//! Tests of the invariants of the stability matrix: each invariant is broken once, with a flag that excuses the break
+//! and without; a case that keeps all invariants passes.
 
 use super::*;
 
-/// A start and ten steps that keep every invariant: energy falls from 1 J, and contacts press with 0.5 N until shortly
-/// before the end.
+/// The start and ten steps, which keep every invariant: energy falls from 1 J, and contacts press with 0.5 N until
+/// shortly before the end.
 fn kept() -> Vec<Sample> {
     let step = |k: usize| {
         let energy = 1.0 - 0.05 * k as f64;
@@ -29,7 +30,7 @@ fn what_keeps_every_invariant_passes() {
     assert_eq!(verdict_of(&samples), Verdict::Pass);
     let findings = judge(&samples, &PROMISE);
     assert_eq!(findings.len(), 11);
-    assert!(findings.iter().all(|f| f.broken.is_none() && f.in_words().is_none()), "{findings:?}");
+    assert!(findings.iter().all(|f| f.broken.is_none() && f.in_words().is_none()), "findings: {findings:?}");
 }
 
 #[test]
@@ -53,19 +54,30 @@ fn each_invariant_can_be_broken_and_a_flag_of_another_step_excuses_nothing() {
         let findings = judge(&samples, &PROMISE);
         let broken: Vec<_> = findings.iter().filter_map(|f| f.broken.map(|step| (f.invariant, step))).collect();
         assert_eq!(broken, [(invariant, step)]);
-        assert_eq!(verdict(&samples, &findings), Verdict::Silent, "{invariant:?}");
+        assert_eq!(verdict(&samples, &findings), Verdict::Silent, "verdict with {invariant:?} broken and no flag");
         let excuses = invariant.excuses().0;
         samples[step - 1].flags = Flags(ALL);
-        assert_eq!(verdict_of(&samples), Verdict::Silent, "{invariant:?}, the flag a step early");
+        assert_eq!(
+            verdict_of(&samples),
+            Verdict::Silent,
+            "verdict with {invariant:?} broken and all flags one step earlier"
+        );
         samples[step].flags = Flags(ALL & !excuses);
-        assert_eq!(verdict_of(&samples), Verdict::Silent, "{invariant:?}, flags that say nothing of it");
+        assert_eq!(
+            verdict_of(&samples),
+            Verdict::Silent,
+            "verdict with {invariant:?} broken and only flags that do not excuse it"
+        );
         let told = if invariant.is_hard() { Verdict::Fail } else { Verdict::Degraded };
         for (flag, name) in Flags::ALL.into_iter().filter(|(flag, _)| excuses & flag.0 != 0) {
             samples[step].flags = flag;
-            assert_eq!(verdict_of(&samples), told, "{invariant:?}");
+            assert_eq!(verdict_of(&samples), told, "verdict with {invariant:?} broken and a flag that excuses it");
             let words = judge(&samples, &PROMISE).iter().find_map(Finding::in_words).unwrap();
-            assert!(words.starts_with(invariant.name()) && words.contains(&format!("step {step}")), "{words}");
-            assert!(words.contains(name), "{words}");
+            assert!(
+                words.starts_with(invariant.name()) && words.contains(&format!("step {step}")),
+                "finding in words: {words}"
+            );
+            assert!(words.contains(name), "the name of the flag is missing in: {words}");
         }
     }
 }
@@ -84,7 +96,7 @@ fn the_worst_of_an_invariant_is_a_step_and_never_the_start() {
     let samples = kept();
     let energy = judge(&samples, &PROMISE).into_iter().find(|f| f.invariant == Invariant::Energy).unwrap();
     assert_eq!((energy.step, energy.bound), (1, ENERGY));
-    assert!((energy.worst + 0.05).abs() < 1e-12, "{energy:?}");
+    assert!((energy.worst + 0.05).abs() < 1e-12, "finding on energy: {energy:?}");
 }
 
 #[test]
@@ -94,7 +106,7 @@ fn the_end_is_its_last_tenth_and_a_step_that_no_flag_excuses_is_the_one_told() {
     samples[0].pressed = 0.5;
     samples[179].motion = 1.0;
     assert_eq!(verdict_of(&samples), Verdict::Pass);
-    // Motion in any step of the last tenth breaks `Rest`, even where the last step happens to be a turning point.
+    // Motion in any step of the last tenth breaks `Rest`, even if the last step happens to be a turning point.
     samples[181].motion = 1.0;
     assert_eq!(verdict_of(&samples), Verdict::Silent);
     samples[181].flags = Flags::INVERTED;
@@ -117,7 +129,7 @@ fn a_flagged_step_excuses_no_later_one() {
     assert_eq!(verdict_of(&samples), Verdict::Fail);
     samples[9].energy = 1.51;
     assert_eq!(verdict_of(&samples), Verdict::Silent);
-    // A sideways move is drift as well, however far the body has sagged before.
+    // A sideways motion counts as drift too, however far the body has sagged before.
     let mut samples = kept();
     samples.iter_mut().for_each(|s| s.moved.y = -1e-3);
     samples[9].moved.x = 2e-6;
