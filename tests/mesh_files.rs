@@ -16,10 +16,11 @@ const NODES: [[f64; 3]; 5] =
     [[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.0, 1.0, 0.2], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0 / 3.0]];
 const TETRAHEDRA: [[u32; 4]; 2] = [[0, 1, 2, 3], [1, 4, 2, 3]];
 
-/// Tolerance of coordinates, m: some of the shared files have nine digits of coordinates below one, some seventeen.
+/// Tolerance for coordinates below one that are read from different files of the same mesh, m: some of the files have
+/// nine digits, others seventeen.
 const NINE_DIGITS: f64 = 1e-9;
 
-/// Reads bytes as the file of this name.
+/// Reads bytes as the contents of a file of this name, whose extension decides the format.
 fn read_bytes(name: &str, bytes: &[u8]) -> Result<TetMesh, String> {
     let parse = if name.ends_with(".msh") { gmsh::parse } else { vtk::parse };
     parse(bytes, Path::new(name)).map_err(|error| error.to_string())
@@ -66,7 +67,8 @@ fn msh_4(big: bool, node_count: i64) -> Vec<u8> {
         .text("$MeshFormat\n4.1 1 8\n")
         .ints([1])
         .text("\n$EndMeshFormat\n$Entities\n")
-        // The file has a surface in no physical group and without borders, and a volume in group 4, bordered by it.
+        // The file has a surface in no physical group and without borders, and a volume in physical group 4 that is
+        // bordered by this surface.
         .sizes([0, 0, 1, 1])
         .ints([1])
         .reals([0.0; 6])
@@ -150,30 +152,35 @@ fn every_format_gives_the_same_mesh_bit_by_bit() {
         assert_eq!(
             (mesh.nodes, &mesh.tetrahedra[..]),
             (NODES.map(DVec3::from_array).to_vec(), &TETRAHEDRA[..]),
-            "{name}"
+            "mesh read from {name}"
         );
         let notes: &[&str] = match name.starts_with("text") {
             true => &[],
-            false => &["elements that are no four-node tetrahedra left out: 1 triangles"],
+            false => &["elements that are not four-node tetrahedra were left out: 1 triangles"],
         };
-        assert_eq!(mesh.notes, notes, "{name}");
+        assert_eq!(mesh.notes, notes, "notes on {name}");
         let group = match name {
             "little_4.msh" | "big_4.msh" => Some(4),
             "little_2.msh" | "big_2.msh" => Some(1),
             _ => None,
         };
-        assert_eq!(mesh.groups.of, [group; 2], "{name}");
+        assert_eq!(mesh.groups.of, [group; 2], "physical groups of the tetrahedra of {name}");
     }
 }
 
 #[test]
 fn a_file_cut_anywhere_is_refused() {
     for (name, bytes) in small_files() {
-        // A file may be cut after the last corner of the last tetrahedron: VTK needs nothing of what follows.
+        // A file that is cut after the last corner of its last tetrahedron may be read: the reader of VTK files needs
+        // nothing that follows.
         for length in 0..bytes.len() {
             if let Ok(mesh) = read_bytes(name, &bytes[..length]) {
-                assert_eq!(mesh.tetrahedra, TETRAHEDRA, "{name} cut to {length}");
-                assert!(length + 20 >= bytes.len(), "{name} cut to {length} of {} is read", bytes.len());
+                assert_eq!(mesh.tetrahedra, TETRAHEDRA, "tetrahedra of {name} cut to {length} bytes");
+                assert!(
+                    length + 20 >= bytes.len(),
+                    "{name} must be refused when cut to {length} of {} bytes",
+                    bytes.len()
+                );
             }
         }
     }
@@ -207,16 +214,16 @@ fn damage_is_named_with_its_place() {
         ("a.msh", spoil(msh_4(false, 4), &[1, 0, 0, 0], &[2, 0, 0, 0]), "2 instead of the binary 1 for the byte order"),
         ("a.msh", spoil(msh_4(false, 4), b"4.1 1 8", b"4.1 1 4"), "binary numbers of 4 bytes"),
         ("a.msh", spoil(msh_4(false, 4), b"4.1 1 8", b"3.0 1 8"), "MSH version 3.0 is not supported"),
-        ("a.msh", spoil(msh_2(false), &[47, 0, 0, 0], &[1, 0, 0, 0]), "node 47, which is not there, at byte"),
-        ("a.msh", b"solid something\n".to_vec(), "a.msh:1: \"solid something\" stands where $MeshFormat should"),
-        ("a.vtk", b"$MeshFormat\n".to_vec(), "a.vtk:1: \"$MeshFormat\" stands where"),
+        ("a.msh", spoil(msh_2(false), &[47, 0, 0, 0], &[1, 0, 0, 0]), "node 47, which does not exist, at byte"),
+        ("a.msh", b"solid something\n".to_vec(), "a.msh:1: found \"solid something\" instead of $MeshFormat"),
+        ("a.vtk", b"$MeshFormat\n".to_vec(), "a.vtk:1: found \"$MeshFormat\" instead of"),
         ("a.vtk", spoil(vtk_binary(false), &third.to_be_bytes(), &nan(true)), "not a finite number in range, at byte"),
         ("a.vtk", spoil(vtk_binary(false), b"CELLS 3 14", b"CELLS 3 13"), "cell 2 goes beyond the 13 numbers"),
         ("a.vtk", spoil(vtk_binary(true), b"UNSTRUCTURED_GRID", b"POLYDATA"), "a dataset of type POLYDATA"),
     ];
     for (name, bytes, words) in cases {
         let message = read_bytes(name, &bytes).unwrap_err();
-        assert!(message.contains(words), "{words}: {message}");
+        assert!(message.contains(words), "expected `{words}` in the error: {message}");
     }
     for (text, words) in [
         ("CELLS 1 5\n4 0 1 2 9\nCELL_TYPES 1\n10\n", "a.vtk:10: tetrahedron 0 names node 9"),
@@ -224,13 +231,13 @@ fn damage_is_named_with_its_place() {
         ("CELLS 1 5\n4 0 1 1 3\nCELL_TYPES 1\n10\n", "a.vtk:10: tetrahedron 0 has no volume"),
         ("CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 2\n10\n5\n", "1 cells, but 2 cell types"),
         ("CELLS 1 11\n10 0 1 2 3 0 1 2 3 0 1\nCELL_TYPES 1\n24\n", "its second-order tetrahedra are not supported"),
-        ("CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n5\n", "cell 0 is one of the triangles, and has 4 points"),
+        ("CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n5\n", "cell 0 is one of the triangles, but has 4 points"),
         ("CELL 1 5\n", "a.vtk:9: unknown keyword \"CELL\""),
         ("CELLS 99999999999 99999999999\n4 0 1 2 3\n", "the file ends early"),
     ] {
         let head = "# vtk DataFile Version 2.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 float\n0 0 0 1 0 0\n0 1 0\n0 0 1\n";
         let message = read_bytes("a.vtk", format!("{head}{text}").as_bytes()).unwrap_err();
-        assert!(message.contains(words), "{words}: {message}");
+        assert!(message.contains(words), "expected `{words}` in the error: {message}");
     }
 }
 

@@ -1,6 +1,6 @@
 //! The OBJ reader of this crate against that of the crate tobj, on real meshes: both must give the same corners in the
 //! same order. (This crate has a reader of its own, since tobj drops unused vertices, orders the others by first use
-//! and reports no lines; see src/scene/obj.rs.)
+//! and reports no line numbers of errors; see src/scene/obj.rs.)
 
 mod real_meshes;
 
@@ -29,6 +29,6 @@ fn the_reader_agrees_with_tobj_on_real_meshes() {
         let file = meshes.join(name);
         let mesh = obj::read(&file).unwrap();
         let ours: Vec<DVec3> = mesh.triangles.iter().flatten().map(|v| mesh.vertices[*v as usize]).collect();
-        assert_eq!(ours, corners_by_tobj(&file), "{name}");
+        assert_eq!(ours, corners_by_tobj(&file), "corners of the triangles of {name}, by this crate and by tobj");
     }
 }

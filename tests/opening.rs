@@ -1,5 +1,6 @@
-//! Side effects of opening a simulation: it must keep no files, measure nothing and set no environment variable unless
-//! it is asked to. Each case runs in a process of its own, since caches and threads belong to a process.
+//! Side effects of opening a simulation: it must write no cache files, measure no speed of the device and set no
+//! environment variable unless its options ask for that. Each case runs in a process of its own, since caches and
+//! threads belong to a process.
 
 use std::env;
 use std::fs;
@@ -34,7 +35,7 @@ fn open(options: &Options) -> Simulation {
 
 const PYRAMID: &str = "v 0 0 0\nv 0.02 0 0\nv 0 0.02 0\nv 0 0 0.02\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
 
-/// Runs one case in a process whose cache folder is `home`. Returns the files that it keeps there.
+/// Runs one case in a process whose cache folder is `home`. Returns the files that the engine writes there.
 fn kept(case: &str, home: &Path) -> Vec<PathBuf> {
     let mut process = Command::new(env::current_exe().unwrap());
     let test = "opening_a_simulation_keeps_measures_and_sets_only_what_is_asked_for";
@@ -44,30 +45,42 @@ fn kept(case: &str, home: &Path) -> Vec<PathBuf> {
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(
         output.status.success() && said.contains("1 passed"),
-        "{case}: {said}{}",
+        "case {case} failed: {said}{}",
         String::from_utf8_lossy(&output.stderr)
     );
-    // Files that the driver caches lie beside this folder.
+    // The Vulkan driver's own cache files lie in `home`, but not in this folder.
     let folder = fs::read_dir(home.join("palpate"));
     folder.map(|files| files.map(|file| file.unwrap().path()).collect()).unwrap_or_default()
 }
 
-/// Runs a case, within its own process.
+/// Runs a case; called in the process that was started for it.
 fn run(case: &str) {
     let threads = || env::var(THREADS).ok();
     if case == "plain" {
         let simulation = open(&Options::default());
-        assert!(!simulation.kind_of_arrays().contains(": measured "), "{}", simulation.kind_of_arrays());
+        assert!(
+            !simulation.kind_of_arrays().contains(": measured "),
+            "nothing may be measured: {}",
+            simulation.kind_of_arrays()
+        );
         assert_eq!(threads(), None);
         return;
     }
     let simulation = open(&Options { threads: Some(Threads::Auto), ..Options::of_program() });
-    assert!(!simulation.kind_of_arrays().contains("not measured"), "{}", simulation.kind_of_arrays());
-    assert_eq!(threads().as_deref(), Some("0"), "a scene with few tetrahedra gets no worker threads");
+    assert!(
+        !simulation.kind_of_arrays().contains("not measured"),
+        "the device must be measured: {}",
+        simulation.kind_of_arrays()
+    );
+    assert_eq!(
+        threads().as_deref(),
+        Some("0"),
+        "LP_NUM_THREADS for a scene with few tetrahedra, which must get no worker threads"
+    );
     drop(open(&Options { threads: Some(Threads::Count(3)), ..Options::default() }));
     assert_eq!(threads().as_deref(), Some("3"));
     drop(open(&Options::default()));
-    assert_eq!(threads().as_deref(), Some("3"), "nobody asked for anything else");
+    assert_eq!(threads().as_deref(), Some("3"), "LP_NUM_THREADS must stay as it is under default options");
 }
 
 #[test]
@@ -79,5 +92,5 @@ fn opening_a_simulation_keeps_measures_and_sets_only_what_is_asked_for() {
     assert_eq!(kept("plain", home.path()), Vec::<PathBuf>::new());
     let files = kept("asked", home.path());
     let named = |part: &str| files.iter().any(|file| file.to_string_lossy().contains(part));
-    assert!(named(".body") && named("pipelines-"), "{files:?}");
+    assert!(named(".body") && named("pipelines-"), "a prepared body or the pipelines are missing: {files:?}");
 }

@@ -1,5 +1,6 @@
-//! The engine's modules ("rooms": the top-level modules of its crate) may import only modules below them, so that each
-//! can be read, and some day used, without those above.
+//! Checks imports between the engine's top-level modules ("rooms"): in the order of the list `ROOMS`, from lowest to
+//! highest, each may import only modules below itself, so that it can be read, and some day used, without the modules
+//! above.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -26,7 +27,7 @@ fn files(room: &str) -> Vec<PathBuf> {
     found
 }
 
-/// True if a file is compiled for tests only: such a file may use modules above its own, to make what it tests with.
+/// True if a file is compiled for tests only: such a file may use modules above its own, to make its test data.
 fn is_for_tests(file: &Path) -> bool {
     file.components().any(|part| part.as_os_str().to_string_lossy().trim_end_matches(".rs").ends_with("tests"))
 }
@@ -78,17 +79,20 @@ fn upward(room: &str, text: &str) -> Vec<String> {
 fn every_room_imports_only_rooms_below_it() {
     let library = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap();
     let declared: Vec<&str> = library.lines().filter_map(|line| line.split_once("mod ")?.1.strip_suffix(';')).collect();
-    assert!(declared.len() == ROOMS.len() && declared.iter().all(|room| ROOMS.contains(room)), "{declared:?}");
+    assert!(
+        declared.len() == ROOMS.len() && declared.iter().all(|room| ROOMS.contains(room)),
+        "ROOMS must list the modules that src/lib.rs declares: {declared:?}"
+    );
     let mut wrong = Vec::new();
     for room in ROOMS {
         let files = files(room);
-        assert!(!files.is_empty(), "{room} has no files");
+        assert!(!files.is_empty(), "module {room} has no files");
         for file in files.iter().filter(|file| !is_for_tests(file)) {
             let text = fs::read_to_string(file).unwrap();
             wrong.extend(upward(room, &text).into_iter().map(|name| format!("{}: {name}", file.display())));
         }
     }
-    assert!(wrong.is_empty(), "these rooms are not below: {wrong:#?}");
+    assert!(wrong.is_empty(), "files that import a module that is not below their own: {wrong:#?}");
 }
 
 #[test]
@@ -100,7 +104,7 @@ fn an_upward_import_is_seen_however_it_is_written() {
         "fn f() { crate::haptics::clock::now(); }",
         "#[cfg(test)]\nmod tests;\nuse crate::step::Simulation;",
     ] {
-        assert_eq!(upward("stages", planted).len(), 1, "{planted}");
+        assert_eq!(upward("stages", planted).len(), 1, "number of upward imports found in: {planted}");
     }
     for fine in [
         "use crate::gpu::Buffer;",
@@ -108,6 +112,6 @@ fn an_upward_import_is_seen_however_it_is_written() {
         "use super::model;",
         "\n#[cfg(test)]\nmod tests {\n    use crate::step::X;\n}",
     ] {
-        assert!(upward("stages", fine).is_empty(), "{fine}");
+        assert!(upward("stages", fine).is_empty(), "an upward import was reported in: {fine}");
     }
 }

@@ -1,4 +1,5 @@
-//! The scenes that come with the program: all of them can be read, and those of the paper have its sizes and motions.
+//! The scenes that come with the program: all of them can be read, and those that reproduce the paper's experiments
+//! have the paper's numbers of vertices and its motions.
 
 use std::path::{Path, PathBuf};
 
@@ -10,13 +11,16 @@ fn scenes() -> Vec<PathBuf> {
     std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect()
 }
 
-/// Number of skin vertices of each soft body of a scene.
+/// Number of vertices of the skin (surface mesh) of each soft body of a scene.
 fn sizes(name: &str) -> Vec<usize> {
-    let file = scenes().into_iter().find(|path| path.file_stem().unwrap() == name).unwrap_or_else(|| panic!("{name}"));
+    let file = scenes()
+        .into_iter()
+        .find(|path| path.file_stem().unwrap() == name)
+        .unwrap_or_else(|| panic!("no scene {name}"));
     let scene = Scene::load(&file).unwrap();
     let size = |body: &palpate::scene::Body| match &body.shape {
         Shape::Soft { surface: Some(Surface::Model { vertices, .. }), .. } => *vertices,
-        other => panic!("{name}: {other:?}"),
+        other => panic!("{name}: a body has no generated model as its surface: {other:?}"),
     };
     scene.bodies.iter().map(size).collect()
 }
@@ -27,7 +31,12 @@ fn every_scene_is_read() {
     for file in scenes() {
         let scene = Scene::load(&file).unwrap_or_else(|error| panic!("{error}"));
         for probe in &scene.probes {
-            assert!(scene.bodies.iter().any(|body| body.name == probe.body), "{}: {}", file.display(), probe.name);
+            assert!(
+                scene.bodies.iter().any(|body| body.name == probe.body),
+                "{}: no body for probe {}",
+                file.display(),
+                probe.name
+            );
         }
     }
 }

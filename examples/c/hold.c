@@ -13,7 +13,8 @@
 #define SECONDS 1.0
 #define DEPTH 0.005 /* m */
 
-/* Data of the callbacks, which run on the loop's threads. The main thread reads them only after the loop has ended. */
+/* Data of the callbacks, which run on the loop's threads. The main thread reads the data only after the loop has
+ * ended. */
 struct hand {
     double start[3]; /* m */
     double peak;     /* N */
@@ -79,7 +80,7 @@ int main(int argc, char **argv) {
     check(palpate_scene_load(argv[1], &scene), "no scene");
     check(palpate_simulation_create(context, scene, &simulation), "no simulation");
     check(palpate_scene_destroy(scene), "scene");
-    /* The wrench of a first step tells where the scene has the haptic device at the start. */
+    /* The wrench of a first step contains the pose at which the scene starts the haptic device. */
     check(palpate_step(simulation, NULL, &wrench), "step");
 
     struct hand hand = {.peak = 0.0};
@@ -92,7 +93,7 @@ int main(int argc, char **argv) {
     check(palpate_loop_start(simulation, &device, &options, &loop), "no loop");
     watch(loop);
     check(palpate_loop_destroy(loop), "loop");
-    printf("%.3f N at most in %" PRIu64 " writes\n", hand.peak, hand.ticks);
+    printf("%.3f N was the greatest of %" PRIu64 " forces played\n", hand.peak, hand.ticks);
     check(palpate_simulation_destroy(simulation), "simulation");
     check(palpate_context_destroy(context), "context");
     return EXIT_SUCCESS;

@@ -21,7 +21,7 @@ static void check(palpate_status status, const char *what) {
 
 static void vk(VkResult result, const char *what) {
     if (result != VK_SUCCESS) {
-        fprintf(stderr, "%s: %d\n", what, result);
+        fprintf(stderr, "%s: VkResult %d\n", what, result);
         exit(EXIT_FAILURE);
     }
 }
@@ -54,7 +54,7 @@ static uint32_t family_of(VkPhysicalDevice physical) {
             return family;
         }
     }
-    fprintf(stderr, "no family with graphics and compute\n");
+    fprintf(stderr, "no queue family has graphics and compute\n");
     exit(EXIT_FAILURE);
 }
 
@@ -104,7 +104,7 @@ static VkDeviceMemory create_readable(VkPhysicalDevice physical, VkDevice device
     return memory;
 }
 
-/* Work of this program on the same queue: copies the skin out of palpate's buffer, and waits. */
+/* Copies the skin out of palpate's buffer by a command of this program on the same queue, and waits for it. */
 static void copy(VkDevice device, VkQueue queue, uint32_t family, VkBuffer from, VkBuffer to, VkDeviceSize bytes) {
     VkCommandPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, .queueFamilyIndex = family};
     VkCommandPool pool;
@@ -184,7 +184,7 @@ int main(int argc, char **argv) {
     float highest = told[0][1];
     for (size_t vertex = 0; vertex < vertices; vertex++) {
         if (memcmp(told[vertex], own + 4 * vertex, sizeof *told) != 0) {
-            fprintf(stderr, "vertex %zu differs between shared buffer and copy\n", vertex);
+            fprintf(stderr, "vertex %zu differs between the shared buffer and the library's copy\n", vertex);
             return EXIT_FAILURE;
         }
         highest = told[vertex][1] > highest ? told[vertex][1] : highest;

@@ -18,7 +18,7 @@ int main(int argc, char **argv) {
         return 2;
     }
     if (palpate_abi() != PALPATE_ABI) {
-        fprintf(stderr, "palpate.h and the library (%s) do not belong together\n", palpate_version());
+        fprintf(stderr, "palpate.h is not the header of this library (version %s)\n", palpate_version());
         return EXIT_FAILURE;
     }
     palpate_context *context = NULL;

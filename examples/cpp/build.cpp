@@ -19,6 +19,7 @@ int main(int argc, char **argv) {
         palpate::Scene scene;
         scene.add_surface("spike", vertices, triangles);
 
+        // The nodes near the ground are attached to a rigid core, which does not move.
         auto foot = palpate::sized<palpate::Core>();
         foot.name = "foot";
         foot.box_low[0] = foot.box_low[1] = foot.box_low[2] = -1.0;
@@ -41,7 +42,7 @@ int main(int argc, char **argv) {
         tool.stiffness = 500.0;
         tool.damping = 2.0;
         scene.set_tool(tool);
-        // A table that the structs have no fields for is added as the text of a scene file.
+        // A table for which the structs have no fields is added as text in the format of a scene file.
         scene.add("[[probe]]\nname = \"tip\"\nbody = \"spike\"\nnearest = [0.0, 0.1, 0.0]\n");
         scene.cache("");
         scene.prepare([](const char *name, const char *stage, uint32_t done, uint32_t total) {

@@ -1,6 +1,6 @@
-//! Example: steps a simulation with a haptic device of the program's own. At each step the device's pose goes in, and
-//! force and torque on the tool come out; the contacts say where the tool presses. Here the device moves on a circle
-//! over the cheek of a head. Run it by `cargo run --release --example device`.
+//! Example: steps a simulation with a haptic device of the program's own. Each step takes the device's pose and returns
+//! force and torque on the tool; the contacts report where the tool presses. Here the device moves on a circle over the
+//! cheek of a head. Run it by `cargo run --release --example device`.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ fn main() -> palpate::Result<()> {
             let contacts = simulation.contacts()?;
             let most = contacts.iter().map(|contact| contact.pressure).fold(0.0, f64::max);
             println!(
-                "{:.3} N, {:.4} N m, {} contacts, up to {:.1} kPa",
+                "force {:.3} N, torque {:.4} N m, {} contacts, pressure up to {:.1} kPa",
                 tool.force.length(),
                 tool.torque.length(),
                 contacts.len(),

@@ -27,7 +27,7 @@ fn main() -> palpate::Result<()> {
         if report.step % 25 == 0 {
             let along = 1e3 * tool.tool.position.x;
             println!(
-                "at {along:6.1} mm: {:.3} N up, {:+.3} N along, flags {:?}",
+                "at {along:6.1} mm: force {:.3} N upwards, {:+.3} N along the slab, flags {:?}",
                 tool.force.y, tool.force.x, report.flags
             );
         }

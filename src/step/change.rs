@@ -43,7 +43,10 @@ impl Simulation {
     pub fn set_material(&mut self, body: usize, index: usize, material: Material) -> Result<()> {
         let wrong = |what: String| Err(Error::Usage(what));
         let Some(old) = self.materials(body).get(index) else {
-            return wrong(format!("body {body} has {} materials, and none at {index}", self.materials(body).len()));
+            return wrong(format!(
+                "body {body} has {} materials, counted from 0, and none at {index}",
+                self.materials(body).len()
+            ));
         };
         material.check().map_err(|problem| refused("material", problem))?;
         if old.law != material.law {

@@ -1,9 +1,11 @@
-//! Real meshes, which are not part of this repository, for tests that run only if they are asked for.
+//! Finds the folder of real meshes, which are not part of this repository, for tests that run only on request (ignored
+//! tests).
 
 use std::path::{Path, PathBuf};
 
-/// The folder of the meshes: `PALPATE_MESHES`, or `../shared/meshes` beside the repository. `None` where
-/// `PALPATE_MESHES=none` says that there are no meshes; a folder that does not exist fails the test.
+/// The folder of the meshes: the environment variable `PALPATE_MESHES`, or else `shared/meshes` in the parent folder of
+/// the repository. `None` if `PALPATE_MESHES` is `none`: then the caller skips its test. A folder that does not exist
+/// fails the test.
 pub fn meshes() -> Option<PathBuf> {
     let asked = std::env::var_os("PALPATE_MESHES");
     if asked.as_deref().is_some_and(|asked| asked == "none") {
@@ -14,7 +16,7 @@ pub fn meshes() -> Option<PathBuf> {
     let folder = asked.map_or(root.join("../shared/meshes"), PathBuf::from);
     assert!(
         folder.is_dir(),
-        "no meshes in {}: name their folder in PALPATE_MESHES, or leave out what needs them by PALPATE_MESHES=none",
+        "no meshes in {}: name their folder in PALPATE_MESHES, or set PALPATE_MESHES=none to skip these tests",
         folder.display()
     );
     Some(folder)

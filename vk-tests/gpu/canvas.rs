@@ -1,6 +1,6 @@
-//! Tests of the drawing part of the Vulkan module (`palpate::internal::gpu`): which pixels a triangle covers, the depth
-//! test, blending, face culling, drawing onto a part of the canvas, index buffers and instances, multisampling, kept
-//! and cleared contents, and refused drawings.
+//! Tests of the drawing part of the Vulkan module (`palpate::internal::gpu`), whose render target is called a canvas:
+//! which pixels a triangle covers, the depth test, blending, face culling, drawing onto a part of the canvas, index
+//! buffers and instances, multisampling, kept and cleared contents, and refused drawings.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec2;
@@ -14,8 +14,8 @@ use crate::harness::{assert_clean, context, turn};
 
 /// Width and height of the images, pixels; not a square, so that exchanged rows and columns would show.
 const SIZE: [u32; 2] = [40, 24];
-/// Distance from an edge, pixels, within which a pixel's centre may count as inside or outside: the rasterizer rounds
-/// corners to 1/16 of a pixel at worst.
+/// Distance from an edge, pixels, within which a pixel's centre may count as either inside or outside: the rasterizer
+/// rounds corners to 1/16 of a pixel at worst.
 const NEAR_EDGE: f64 = 0.15;
 /// Tolerance of a colour channel (0 to 1) that is stored in a byte: it is rounded once as it is drawn and once as it is
 /// blended.
@@ -26,9 +26,10 @@ const WHITE: [f32; 4] = [1.0; 4];
 const RED: [f32; 4] = [1.0, 0.0, 0.0, 1.0];
 const BLUE: [f32; 4] = [0.0, 0.0, 1.0, 1.0];
 const GREY: [f32; 4] = [0.2, 0.4, 0.6, 0.8];
-/// Drawing without depth test, blending and face culling: what is drawn last is seen.
+/// Drawing without depth test, blending and face culling: a later triangle replaces an earlier one.
 pub const PLAIN: Onto =
     Onto { has_colour: true, has_depth: false, hides: false, blends: false, culls: None, samples: 1 };
+/// Drawing with depth test and depth writes: nearer triangles hide farther ones.
 const HIDING: Onto = Onto { has_depth: true, hides: true, ..PLAIN };
 
 #[repr(C)]
@@ -110,7 +111,8 @@ fn drawn<'a>(pipeline: &'a RasterPipeline, arguments: &'a DrawFlat<'a>, count: u
     Drawn { pipeline, arguments, indices: None, range: (0, count), instances: 1, part: None }
 }
 
-/// Colours and depths that these corners leave on a cleared canvas with one sample per pixel.
+/// Draws these corners on a canvas that is cleared to the colour `ground`, with one sample per pixel; returns the
+/// colours and depths of the pixels.
 fn painted(onto: &Onto, ground: [f32; 4], corners: &[Corner]) -> (Vec<[f64; 4]>, Vec<f32>) {
     let (pipeline, corners_there) = (flat(onto), array(corners));
     let mut sheet = Sheet::new(SIZE, 1);
@@ -138,7 +140,7 @@ fn inside(corners: [DVec2; 3], x: DVec2, near: f64) -> Option<bool> {
 
 pub fn expect_colour(what: &str, got: [f64; 4], want: [f64; 4], tolerance: f64) {
     let error = (0..4).map(|k| (got[k] - want[k]).abs()).fold(0.0, f64::max);
-    assert!(error <= tolerance, "{what}: {got:?} for {want:?}");
+    assert!(error <= tolerance, "{what}: colour {got:?}, expected {want:?}");
 }
 
 fn wide(colour: [f32; 4]) -> [f64; 4] {
@@ -167,11 +169,11 @@ fn a_triangle_covers_the_pixels_whose_centres_are_inside() {
             let Some(is_inside) = inside(corners, x, NEAR_EDGE) else { continue };
             let (want, far) = if is_inside { (RED, f64::from(depth)) } else { (GREY, 1.0) };
             expect_colour(&format!("case {case} at {x}"), colours[pixel], wide(want), BYTE);
-            assert!((f64::from(depths[pixel]) - far).abs() < DEPTH, "case {case} at {x}: {}", depths[pixel]);
+            assert!((f64::from(depths[pixel]) - far).abs() < DEPTH, "case {case} at {x}: depth {}", depths[pixel]);
             said += 1;
         }
     }
-    assert!(said > 35 * 40 * 24, "{said} pixels were compared, but nearly all lie far from edges");
+    assert!(said > 35 * 40 * 24, "only {said} pixels were compared, although nearly all lie far from edges");
 }
 
 #[test]
@@ -192,7 +194,7 @@ fn colours_and_depths_are_interpolated() {
         let mix = |of: &dyn Fn(usize) -> f32| (0..3).map(|k| share[k] * f64::from(of(k))).sum::<f64>();
         let want = [0, 1, 2, 3].map(|c| mix(&|k| values[k][c]));
         expect_colour(&format!("at {x}"), got[pixel], want, BYTE);
-        assert!((f64::from(far[pixel]) - mix(&|k| depths[k])).abs() < 1e-4, "at {x}: {}", far[pixel]);
+        assert!((f64::from(far[pixel]) - mix(&|k| depths[k])).abs() < 1e-4, "at {x}: wrong depth {}", far[pixel]);
     }
 }
 
@@ -204,18 +206,18 @@ fn nearer_hides_farther_whatever_the_order() {
     assert_eq!(forth, painted(&HIDING, GREY, &[far.clone(), near.clone()].concat()));
     let (colours, depths) = forth;
     for (x, y, colour, depth) in [(12, 10, RED, 0.3), (30, 10, BLUE, 0.6), (6, 18, RED, 0.3), (38, 20, GREY, 1.0)] {
-        expect_colour(&format!("{x} {y}"), colours[at(x, y)], wide(colour), BYTE);
+        expect_colour(&format!("pixel {x}, {y}"), colours[at(x, y)], wide(colour), BYTE);
         assert_eq!(depths[at(x, y)], depth);
     }
     // The last rectangle is seen where there is no depth image, and where drawing does not write it (`hides: false`).
     let both = [near.clone(), far.clone()].concat();
-    expect_colour("no depth", painted(&PLAIN, GREY, &both).0[at(12, 10)], wide(BLUE), BYTE);
+    expect_colour("no depth image", painted(&PLAIN, GREY, &both).0[at(12, 10)], wide(BLUE), BYTE);
     let seen = painted(&Onto { hides: false, ..HIDING }, GREY, &both);
-    expect_colour("hides nothing", seen.0[at(12, 10)], wide(BLUE), BYTE);
+    expect_colour("hides: false", seen.0[at(12, 10)], wide(BLUE), BYTE);
     assert!(seen.1.iter().all(|depth| *depth == 1.0), "drawing with hides: false must not write depth");
     // Of two rectangles at the same depth, the one drawn later is seen.
     let level = [near, rectangle([5., 5., 20., 20.], 0.3, BLUE)].concat();
-    expect_colour("one depth", painted(&HIDING, GREY, &level).0[at(12, 10)], wide(BLUE), BYTE);
+    expect_colour("equal depths", painted(&HIDING, GREY, &level).0[at(12, 10)], wide(BLUE), BYTE);
 }
 
 #[test]
@@ -231,10 +233,10 @@ fn colours_are_mixed_by_their_alpha() {
     let ground = wide(GREY);
     for (x, want) in [(5, over(ground, a)), (20, over(over(ground, a), b)), (35, over(ground, b))] {
         // The colour is rounded to bytes once for each rectangle blended.
-        expect_colour(&format!("{x}"), colours[at(x, 12)], want, 2.0 * BYTE);
+        expect_colour(&format!("column {x}"), colours[at(x, 12)], want, 2.0 * BYTE);
     }
     let (colours, _) = painted(&PLAIN, GREY, &both);
-    expect_colour("not mixed", colours[at(20, 12)], wide(b), BYTE);
+    expect_colour("no blending", colours[at(20, 12)], wide(b), BYTE);
 }
 
 #[test]
@@ -242,13 +244,16 @@ fn either_side_can_be_left_out() {
     turn();
     // The corners of this triangle go counter-clockwise in the image, so it faces the viewer.
     let facing = [[5.0, 2.0], [5.0, 20.0], [18.0, 20.0]].map(DVec2::from);
-    assert!((facing[1] - facing[0]).perp_dot(facing[2] - facing[0]) < 0.0, "y runs down");
+    assert!(
+        (facing[1] - facing[0]).perp_dot(facing[2] - facing[0]) < 0.0,
+        "y points down, so the area must be negative"
+    );
     let turned = [[25.0, 2.0], [38.0, 20.0], [25.0, 20.0]].map(DVec2::from);
     let both = [triangle(facing, 0.5, RED), triangle(turned, 0.5, BLUE)].concat();
     for (culls, want) in [(None, [RED, BLUE]), (Some(Side::Back), [RED, GREY]), (Some(Side::Front), [GREY, BLUE])] {
         let (colours, _) = painted(&Onto { culls, ..PLAIN }, GREY, &both);
-        expect_colour(&format!("{culls:?}, facing"), colours[at(7, 17)], wide(want[0]), BYTE);
-        expect_colour(&format!("{culls:?}, turned"), colours[at(27, 17)], wide(want[1]), BYTE);
+        expect_colour(&format!("culls {culls:?}, front of a triangle"), colours[at(7, 17)], wide(want[0]), BYTE);
+        expect_colour(&format!("culls {culls:?}, back of a triangle"), colours[at(27, 17)], wide(want[1]), BYTE);
     }
 }
 
@@ -265,7 +270,7 @@ fn a_part_of_the_canvas_is_drawn_onto() {
         for (pixel, x) in centres(SIZE).enumerate() {
             let (x, y) = (x.x as u32, x.y as u32);
             let is_in = (left..left + width).contains(&x) && (top..top + height).contains(&y);
-            expect_colour(&format!("{part:?} at {x} {y}"), colours[pixel], wide(if is_in { RED } else { GREY }), BYTE);
+            expect_colour(&format!("{part:?} at {x}, {y}"), colours[pixel], wide(if is_in { RED } else { GREY }), BYTE);
             assert_eq!(depths[pixel], if is_in { 0.5 } else { 1.0 });
         }
     }
@@ -283,19 +288,19 @@ fn indices_vertices_and_instances_are_those_asked_for() {
     let expect = |what: &str, one: Drawn, want: [[f32; 4]; 4]| {
         let (colours, _) = sheet.draw(Before::Cleared(GREY), &[one]);
         (0..4).for_each(|k| {
-            expect_colour(&format!("{what}, {k}"), colours[at(10 * k + 5, 12)], wide(want[k as usize]), BYTE)
+            expect_colour(&format!("{what}: column {k}"), colours[at(10 * k + 5, 12)], wide(want[k as usize]), BYTE)
         });
     };
-    expect("six of eighteen", drawn(&pipeline, &buffers, 6), [RED, GREY, GREY, GREY]);
-    expect("from six on", Drawn { range: (6, 12), ..drawn(&pipeline, &buffers, 0) }, [GREY, BLUE, WHITE, GREY]);
-    expect("none", drawn(&pipeline, &buffers, 0), [GREY; 4]);
+    expect("first six corners", drawn(&pipeline, &buffers, 6), [RED, GREY, GREY, GREY]);
+    expect("corners from 6 on", Drawn { range: (6, 12), ..drawn(&pipeline, &buffers, 0) }, [GREY, BLUE, WHITE, GREY]);
+    expect("no corners", drawn(&pipeline, &buffers, 0), [GREY; 4]);
     // The index buffer names the corners of the third column, then of the first one.
     let list: Vec<u32> = (12..18).chain(0..6).collect();
     let indices = Buffer::from_slice(context(), "indices", &list, Memory::Device).unwrap();
     let indexed = |range| Drawn { indices: Some(&indices), range, ..drawn(&pipeline, &buffers, 0) };
     expect("all indices", indexed((0, 12)), [RED, GREY, WHITE, GREY]);
-    expect("indices from six on", indexed((6, 6)), [RED, GREY, GREY, GREY]);
-    expect("the last triangle's", indexed((0, 6)), [GREY, GREY, WHITE, GREY]);
+    expect("six indices from 6 on", indexed((6, 6)), [RED, GREY, GREY, GREY]);
+    expect("first six indices", indexed((0, 6)), [GREY, GREY, WHITE, GREY]);
     // Each instance lies one column (10 pixels) further to the right.
     let aside = DrawFlat { aside: 20.0 / SIZE[0] as f32, ..buffers };
     let repeated = Drawn { instances: 3, ..drawn(&pipeline, &aside, 6) };
@@ -316,17 +321,20 @@ fn samples_are_resolved_to_their_mean() {
         for (pixel, x) in centres(SIZE).enumerate() {
             let [got, ..] = colours[pixel];
             let quarters = 4.0 * got;
-            assert!((quarters - quarters.round()).abs() < 4.0 * BYTE, "case {case} at {x}: {got} is no quarter");
+            assert!(
+                (quarters - quarters.round()).abs() < 4.0 * BYTE,
+                "case {case} at {x}: mean {got} of four samples is no multiple of 1/4"
+            );
             // Where the edges are farther away than half a pixel's diagonal, all four samples agree.
             match inside(corners, x, 0.5f64.sqrt() + NEAR_EDGE) {
                 Some(is_inside) => {
-                    assert!((got - f64::from(u8::from(is_inside))).abs() < BYTE, "case {case} at {x}: {got}")
+                    assert!((got - f64::from(u8::from(is_inside))).abs() < BYTE, "case {case} at {x}: colour {got}")
                 }
                 None => between += u32::from((0.2..0.8).contains(&got)),
             }
         }
     }
-    assert!(between > 100, "{between} pixels at edges are in between");
+    assert!(between > 100, "only {between} pixels at edges have a colour between 0.2 and 0.8");
 }
 
 #[test]
@@ -339,7 +347,7 @@ fn what_was_there_is_kept_or_cleared() {
         let expect = |what: &str, before: Before, all: &[Drawn], want: [[f32; 4]; 3]| {
             let (colours, _) = sheet.draw(before, all);
             for (x, want) in [5, 15, 30].into_iter().zip(want) {
-                expect_colour(&format!("{what}, {samples} samples, {x}"), colours[at(x, 12)], wide(want), BYTE);
+                expect_colour(&format!("{what}, {samples} samples, column {x}"), colours[at(x, 12)], wide(want), BYTE);
             }
         };
         let [left, right] = [&left, &right].map(flat_of);
@@ -357,10 +365,10 @@ fn what_cannot_be_drawn_is_refused() {
     let context = context();
     for size in [[0, 5], [5, 0], [1 << 30, 5], [5, u32::MAX]] {
         let error = Image::new(context, "image", Texels::Colour, size, 1).err().unwrap().to_string();
-        assert!(error.contains(&format!("{} x {} pixels", size[0], size[1])), "{error}");
+        assert!(error.contains(&format!("{} x {} pixels", size[0], size[1])), "wrong error: {error}");
     }
     let error = RasterPipeline::onto(context, "test/raster_cells", &[], &PLAIN).err().unwrap().to_string();
-    assert!(error.contains("may not write raster_cells"), "{error}");
+    assert!(error.contains("may not write raster_cells"), "wrong error: {error}");
     assert!(shader_names().any(|name| name == "test/flat.frag"));
     let corners = array(&rectangle([0., 0., 40., 24.], 0.5, RED));
     let indices = Buffer::from_slice(context, "indices", &[0u32; 6], Memory::Device).unwrap();
@@ -378,20 +386,20 @@ fn what_cannot_be_drawn_is_refused() {
     let good = || drawn(&pipeline, &buffers, 6);
     for range in [(1, 6), (0, 7), (u32::MAX, u32::MAX)] {
         let error = paint(&sheet.canvas, Drawn { indices: Some(&indices), range, ..good() });
-        assert!(error.contains("of indices lies beyond its 24 bytes"), "{error}");
+        assert!(error.contains("of indices lies beyond its 24 bytes"), "wrong error: {error}");
     }
     let depth = Some(Image::new(context, "small", Texels::Depth, [40, 23], 1).unwrap());
     let error = paint(&Canvas { depth, ..sheet.canvas.clone() }, good());
-    assert!(error.contains("differ in size"), "{error}");
+    assert!(error.contains("differ in size"), "wrong error: {error}");
     assert!(paint(&Canvas::default(), good()).contains("or there are none"));
     let other = Named { shader: "test/flat", buffers: &[("corners", &corners)], push: &[] };
     assert!(paint(&sheet.canvas, Drawn { arguments: &other, ..good() }).contains("push constants"));
     let none = Named { shader: "test/flat", buffers: &[], push: &[0; 4] };
     assert!(paint(&sheet.canvas, Drawn { arguments: &none, ..good() }).contains("uses corners, which was left out"));
     let error = fails(&|r| r.copy_out(sheet.canvas.colour.as_ref().unwrap(), &corners));
-    assert!(error.contains("image colour of 3840 bytes cannot be copied to corners"), "{error}");
+    assert!(error.contains("image colour of 3840 bytes cannot be copied to corners"), "wrong error: {error}");
     let several = Sheet::new(SIZE, 4);
     let error = fails(&|r| r.copy_out(several.canvas.colour.as_ref().unwrap(), &several.colour));
-    assert!(error.contains("cannot be copied"), "{error}");
+    assert!(error.contains("cannot be copied"), "wrong error: {error}");
     assert_clean(context, "refused drawings");
 }

@@ -1,6 +1,6 @@
-//! Tests of the Vulkan module (`palpate::internal::gpu`) itself: order of dependent passes, indirect arguments, fills
-//! and copies, replay of recordings, timers, threads, mapped memory, and rasterizing without attachments, as the depth
-//! stage does.
+//! Tests of the Vulkan module (`palpate::internal::gpu`) itself: order of dependent passes (a pass is one dispatch,
+//! draw, fill or copy), indirect arguments, fills and copies, replay of recordings, timers, threads, mapped memory, and
+//! rasterizing without attachments, as the stage that finds penetration depths does.
 
 use palpate::internal::gpu::{Buffer, Kernel, Memory, Named, RasterPipeline, Recorder, Recording, Size};
 use palpate::internal::shaders::test::{Bump, DrawRasterCells};
@@ -47,16 +47,20 @@ fn dependent_passes_run_in_order_and_independent_ones_do_not_wait() {
     recorder.copy(&a, &b);
     recorder.dispatch(&kernel, &bump_of(&b, 5), CELLS);
     let recording = recorder.finish().unwrap();
-    assert!(recording.stage_times().is_empty(), "nothing ran yet");
+    assert!(recording.stage_times().is_empty(), "there must be no times before the first run");
     recording.submit_and_wait().unwrap();
     assert_eq!(a.read::<u32>().unwrap(), folded(1, 0..20));
     assert_eq!(b.read::<u32>().unwrap(), folded(1, (0..20).chain([5])));
     let passes = recording.passes();
     let passes: Vec<_> = passes.iter().map(|p| (p.stage.as_str(), p.dispatches, p.dependent)).collect();
-    assert_eq!(passes, [("first", 42, 22)], "20 dependent pairs, a copy, and what follows it");
+    assert_eq!(
+        passes,
+        [("first", 42, 22)],
+        "stage, passes, and passes that wait for an earlier one (20 pairs, the copy, the last dispatch)"
+    );
     let times = recording.stage_times();
     assert_eq!(times.iter().map(|t| t.0.as_str()).collect::<Vec<_>>(), ["first", "second"]);
-    assert!(times[0].1 > 0.0 && times[0].1 < 1e6, "{times:?}");
+    assert!(times[0].1 > 0.0 && times[0].1 < 1e6, "time of each stage, microseconds: {times:?}");
     assert_clean(context, "passes");
 }
 
@@ -130,9 +134,13 @@ fn arrays_come_back_as_they_went() {
     let data: Vec<[f32; 4]> = (0..1234).map(|i| [i as f32, 0.5, -1.0, f32::MAX]).collect();
     for memory in [Memory::Device, Memory::Upload, Memory::Readback] {
         let buffer = Buffer::from_slice(context, "array", &data, memory).unwrap();
-        assert_eq!(buffer.read::<[f32; 4]>().unwrap(), data, "{memory:?}");
+        assert_eq!(buffer.read::<[f32; 4]>().unwrap(), data, "contents read back from memory of kind {memory:?}");
         buffer.write(&[[1.0f32; 4]; 2]).unwrap();
-        assert_eq!(buffer.read::<[f32; 4]>().unwrap()[1..3], [[1.0; 4], data[2]], "{memory:?}");
+        assert_eq!(
+            buffer.read::<[f32; 4]>().unwrap()[1..3],
+            [[1.0; 4], data[2]],
+            "rewritten contents in memory of kind {memory:?}"
+        );
         assert!(buffer.write(&vec![0u8; 1234 * 16 + 1]).unwrap_err().to_string().contains("do not fit"));
         assert_eq!(buffer.mapped::<u32>().is_ok(), memory != Memory::Device);
         let empty = Buffer::from_slice::<u32>(context, "empty", &[], memory).unwrap();
@@ -156,10 +164,10 @@ fn device_bytes_are_counted_and_given_back() {
     .unwrap();
     assert_eq!(context.bytes_allocated(), 0);
     let _upload = Buffer::new(&context, "upload", 1 << 20, Memory::Upload).unwrap();
-    assert_eq!(context.bytes_allocated(), 0, "mapped memory does not count");
+    assert_eq!(context.bytes_allocated(), 0, "mapped memory must not count as device memory");
     let array = Buffer::new(&context, "array", 1 << 20, Memory::Device).unwrap();
     let array_bytes = context.bytes_allocated();
-    assert!((1 << 20..2 << 20).contains(&array_bytes), "{array_bytes}");
+    assert!((1 << 20..2 << 20).contains(&array_bytes), "bytes counted for an array of 1 MiB: {array_bytes}");
     drop(array);
     assert_eq!(context.bytes_allocated(), 0);
     assert_clean(&context, "allocation");
@@ -170,8 +178,8 @@ fn threads_share_the_queue() {
     let (context, kernel) = (context(), bump());
     std::thread::scope(|scope| {
         for thread in 0..4u32 {
-            // This thread has taken the turn (`harness::turn`) for the threads that it spawns: they do not call
-            // `context()`.
+            // This thread has locked out other tests (`harness::turn`) for the threads that it spawns, too: they do not
+            // call `context()`.
             let (kernel, a) = (&kernel, cells("own"));
             scope.spawn(move || {
                 let mut recorder = Recorder::new(context).unwrap();
@@ -198,19 +206,23 @@ fn a_device_is_found_by_index_and_by_part_of_its_name() {
     let part = usable.name.to_uppercase();
     assert_eq!(open(&part[..part.len().min(6)]).unwrap().device_name(), usable.name);
     let Err(error) = open("no such thing") else { panic!("opened a device that is not there") };
-    assert!(error.to_string().contains("no such thing") && error.to_string().contains(&usable.name), "{error}");
+    assert!(
+        error.to_string().contains("no such thing") && error.to_string().contains(&usable.name),
+        "wrong error: {error}"
+    );
     assert_eq!(error.exit_status(), 3);
 }
 
-/// How often each cell of a grid of `side` x `side` cells is covered by the rectangles from index `first` on, each
-/// weighted by 1 + its index. A rectangle is given by its first and last cell: x, y, x, y.
+/// For each cell of a grid of `side` x `side` cells, the sum of 1 + index over the rectangles from index `first` on
+/// that cover it, as the GPU computes it. A rectangle is given by its first and last cell: x, y, x, y.
 fn covered(side: u32, rectangles: &[[i32; 4]], first: u32) -> Vec<u32> {
     let context = context();
     let pipeline = RasterPipeline::new(context, "test/raster_cells", &[("RASTER_CELLS", side.into())]).unwrap();
     let rectangles_there = Buffer::from_slice(context, "rectangles", rectangles, Memory::Device).unwrap();
     let raster_cells = Buffer::new(context, "raster_cells", u64::from(side * side) * 4, Memory::Device).unwrap();
     let out = Buffer::new(context, "out", raster_cells.bytes(), Memory::Readback).unwrap();
-    // Two indirect draws, of which the second runs: vertices, instances, first vertex, first instance.
+    // Arguments of two indirect draws (vertices, instances, first vertex, first instance), of which only the second is
+    // run.
     let args = [[9u32; 4], [6, rectangles.len() as u32 - first, 0, 0]];
     let args = Buffer::from_slice(context, "args", &args, Memory::Device).unwrap();
     let mut recorder = Recorder::new(context).unwrap();
@@ -258,7 +270,10 @@ fn a_rectangle_of_squares_has_a_fragment_each_and_no_other() {
             }
             let got = covered(side, &rectangles, first);
             let wrong = got.iter().zip(&want).filter(|(a, b)| a != b).count();
-            assert!(wrong == 0, "{side} raster_cells a side, from rectangle {first}: {wrong} raster_cells are wrong");
+            assert!(
+                wrong == 0,
+                "grid with {side} cells a side, rectangles from {first} on: {wrong} cells have a wrong sum"
+            );
         }
     }
 }

@@ -1,5 +1,5 @@
 //! Tests that a variant of a kernel (its shader with other specialization constants) declares the buffers that it uses
-//! and no others, with arrays read through texel buffers as with storage buffers.
+//! and no others, both where arrays are read through texel buffers and where they are read through storage buffers.
 
 use std::collections::BTreeSet;
 
@@ -14,14 +14,14 @@ fn buffers(kernel: &str, constants: &[(&str, Const)]) -> BTreeSet<String> {
         let kernel = Kernel::with_arrays(context(), kernel, Size::Reduce, constants, arrays).unwrap();
         kernel.bindings().iter().map(|binding| binding.name.clone()).collect::<BTreeSet<_>>()
     });
-    assert_eq!(texel, storage, "{kernel} {constants:?}");
+    assert_eq!(texel, storage, "buffers of {kernel} with {constants:?}: texel and storage arrays");
     texel
 }
 
 /// Names of the buffers that the variant `with` uses in addition to those of the variant `without`.
 fn more(kernel: &str, with: &[(&str, Const)], without: &[(&str, Const)]) -> Vec<String> {
     let (with, without) = (buffers(kernel, with), buffers(kernel, without));
-    assert!(without.is_subset(&with), "{kernel}: {without:?} are among {with:?}");
+    assert!(without.is_subset(&with), "{kernel}: all buffers {without:?} must be among {with:?}");
     with.difference(&without).cloned().collect()
 }
 
@@ -35,20 +35,28 @@ fn a_feature_that_a_variant_lacks_takes_its_buffers_with_it() {
     assert_eq!(of("solve/conclude", "CONTACT"), ["contact_forces", "contacts"]);
     assert_eq!(of("contact/candidates", "SKINS"), ["hits", "shares"]);
     assert_eq!(of("elastic/element_forces", "NEWTON"), ["trial_change"]);
-    // `TOOL_CORE` is the index of the dynamic core that the virtual coupling pulls on, or `NONE`.
+    // `TOOL_CORE` is the index of the dynamic rigid core on which the virtual coupling acts, or `NONE`.
     let held = more("solve/assemble", &[("TOOL_CORE", Const::Uint(0))], &[("TOOL_CORE", Const::Uint(shaders::NONE))]);
-    assert_eq!(held, Vec::<String>::new(), "its parameters are read in any case");
+    assert_eq!(held, Vec::<String>::new(), "buffers that only a variant with a coupled rigid core uses");
     assert_clean(context(), "variants");
 }
 
 #[test]
 fn of_the_variants_that_run_side_by_side_the_leader_alone_writes_arguments() {
+    // `ROLE` selects the unknowns that a variant of solve/update updates; one variant has `LEADS` set and writes the
+    // scalars and the indirect arguments for all.
     for role in [shaders::FREE_NODES, shaders::ATTACHED_NODES, shaders::TOOL_ROWS] {
         let of = |leads: bool| buffers("solve/update", &[("ROLE", role.into()), ("LEADS", leads.into())]);
         let (leader, other) = (of(true), of(false));
-        assert!(leader.contains("args") && !other.contains("args"), "role {role}: {leader:?}, {other:?}");
-        assert!(other.contains("dots"), "{other:?}");
+        assert!(
+            leader.contains("args") && !other.contains("args"),
+            "role {role}: buffers of the variant that leads {leader:?}, of another one {other:?}"
+        );
+        assert!(other.contains("dots"), "buffers of a variant that does not lead: {other:?}");
     }
     let tool = buffers("solve/update", &[("ROLE", shaders::TOOL_ROWS.into())]);
-    assert!(!tool.contains("residual") && !tool.contains("block_nodes"), "{tool:?}");
+    assert!(
+        !tool.contains("residual") && !tool.contains("block_nodes"),
+        "buffers of the variant for the tool: {tool:?}"
+    );
 }

@@ -1,5 +1,5 @@
-//! Prepared bodies for the contact tests: spheres, flat sheets, half-spaces, and skins (surface meshes) embedded in a
-//! layer (tetrahedral mesh).
+//! Bodies for the contact tests, in the form that the preparation of a scene gives: spheres, flat sheets, half-spaces,
+//! and skins (surface meshes) embedded in a layer (tetrahedral mesh).
 
 use std::collections::BTreeMap;
 
@@ -89,8 +89,8 @@ pub fn whole(skin: &Skin) -> Vec<Proxy> {
     prepare::proxies(skin).unwrap()
 }
 
-/// A soft body without a core: the skin is embedded in a somewhat larger box of Kuhn cells (cuboids of six tetrahedra
-/// each), and no node is attached.
+/// A soft body without a rigid core: the skin is embedded in a somewhat larger box of Kuhn cells (cuboids of six
+/// tetrahedra each), and no node is attached to a rigid body.
 pub fn soft(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec3, orientation: DQuat) -> Body {
     let reach = mesh.0.iter().fold(DVec3::ZERO, |reach, x| reach.max(x.abs()));
     let layer = layer::kuhn_box(-1.05 * reach, 1.05 * reach, [4, 4, 4]);

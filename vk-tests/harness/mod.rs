@@ -1,6 +1,6 @@
-//! The shader test harness. A [`Case`] is given arrays, runs one kernel and checks what it left: outputs start filled
-//! with a canary value and have guard words behind their end, inputs must be unchanged after the run, and any message
-//! of the Vulkan validation layer fails the case.
+//! The shader test harness. A [`Case`] takes arrays, runs one kernel on them and checks the arrays afterwards: outputs
+//! start filled with a canary value and have guard words behind their end, inputs must be unchanged after the run, and
+//! any message of the Vulkan validation layer fails the case.
 
 pub mod bodies;
 pub mod random;
@@ -17,11 +17,10 @@ use bytemuck::Pod;
 use palpate::internal::gpu::{Arrays, Buffer, Const, Kernel, Memory, Named, Recorder, Size};
 use palpate::{Context, Options};
 
-/// A quiet NaN that no arithmetic makes: an output that still holds it was left unwritten, be it of floats or of
-/// integers.
+/// A quiet NaN that no arithmetic makes: a word of an output, float or integer, that still holds it was not written.
 pub const CANARY: u32 = 0x7fc0_dead;
 /// Kernels that fill lists in the order in which their invocations arrive, which differs from run to run, so that their
-/// outputs are not compared between runs. What later kernels make of the lists does not depend on that order.
+/// outputs are not compared between runs. The results of later kernels do not depend on that order.
 const UNORDERED: [&str; 9] = [
     "cull/pairs",
     "cull/contact_patches",
@@ -61,9 +60,9 @@ pub fn arrays() -> Option<Arrays> {
 }
 
 /// Waits until no other test uses the validation layer, and keeps other tests from it until this test's thread ends.
-/// The layer does not say which test a message belongs to; and where tests open and close devices in parallel, version
-/// 1.3.239 crashes in one of its own look-ups about once in a hundred runs. Tests that open no device with validation
-/// run in parallel.
+/// The layer does not report to which test a message belongs; and where tests open and close devices in parallel,
+/// version 1.3.239 crashes in one of its own look-ups about once in a hundred runs. Tests that open no device with
+/// validation run in parallel.
 pub fn turn() {
     static TURN: Mutex<()> = Mutex::new(());
     thread_local!(static HELD: Cell<Option<MutexGuard<'static, ()>>> = const { Cell::new(None) });
@@ -76,7 +75,7 @@ pub fn turn() {
 /// Fails on any validation message since the last call.
 pub fn assert_clean(context: &Context, what: &str) {
     let messages = context.validation_messages();
-    assert!(messages.is_empty(), "{what}: validation says:\n{}", messages.join("\n"));
+    assert!(messages.is_empty(), "{what}: the validation layer reported:\n{}", messages.join("\n"));
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -91,7 +90,7 @@ struct Given {
     name: String,
     role: Role,
     words: Vec<u32>,
-    /// Bytes that the kernel may touch; guard words lie behind them.
+    /// Number of bytes that the kernel may use; guard words lie behind them.
     bytes: usize,
 }
 
@@ -201,7 +200,10 @@ impl Case {
             let differ = |&i: &usize| after[i] != other[i] && !(is_nan(after[i]) && is_nan(other[i]));
             if let Some(i) = (0..after.len()).find(differ).filter(|_| !UNORDERED.contains(&self.kernel.as_str())) {
                 let (kernel, name) = (&self.kernel, &given.name);
-                panic!("{kernel}: word {i} of {name} is {:#x} with {first:?} arrays, else {:#x}", after[i], other[i]);
+                panic!(
+                    "{kernel}: word {i} of {name} is {:#x} with {first:?} arrays, otherwise {:#x}",
+                    after[i], other[i]
+                );
             }
         }
         Outcome { kernel: self.kernel, given: self.given, after }
@@ -234,7 +236,7 @@ impl Case {
             self.given.iter().zip(&buffers).map(|(given, buffer)| (given.name.as_str(), buffer)).collect();
         let arguments = Named { shader: &self.kernel, buffers: &named, push: &self.push };
         match self.run {
-            Extent::Unset => panic!("{}: say .elements() or .groups()", self.kernel),
+            Extent::Unset => panic!("{}: call .elements() or .groups() before .run()", self.kernel),
             Extent::Elements(n) => recorder.dispatch(&kernel, &arguments, n),
             Extent::Groups(n) => recorder.dispatch_groups(&kernel, &arguments, n),
         }
@@ -306,10 +308,10 @@ pub struct Tolerance {
     pub rel: f64,
 }
 
-/// Checks that every value is within tolerance, and panics otherwise, naming the worst one. A NaN never passes, nor do
-/// lengths that differ.
+/// Checks that every value is within tolerance, and otherwise panics with a message that names the worst value. A NaN
+/// never passes, nor do lengths that differ.
 pub fn expect_close(name: &str, got: &[f32], want: &[f64], tolerance: Tolerance) {
-    assert_eq!(got.len(), want.len(), "{name}: values got, and wanted");
+    assert_eq!(got.len(), want.len(), "{name}: number of values got, and expected");
     // The error divided by the allowed error; NaN and errors where none is allowed count as infinite.
     let share = |(g, w): (&f32, &f64)| {
         let error = (f64::from(*g) - w).abs();
@@ -327,7 +329,8 @@ pub fn expect_close(name: &str, got: &[f32], want: &[f64], tolerance: Tolerance)
     {
         let (g, w, n) = (got[i], want[i], got.len());
         panic!(
-            "{name}: {failing} of {n} fail {tolerance:?}; worst is [{i}]: got {g:e}, want {w:e}, {worst:.3} x allowed"
+            "{name}: {failing} of {n} fail {tolerance:?}; the worst, [{i}], is {g:e}, expected {w:e}: \
+             {worst:.3} x the allowed error"
         );
     }
 }

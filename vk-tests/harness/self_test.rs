@@ -1,5 +1,5 @@
-//! Tests of the harness itself: `shaders/test/copy.comp` breaks each rule that the harness checks, once and on purpose,
-//! and the harness must fail.
+//! Tests of the harness itself: the kernel `shaders/test/copy.comp` breaks one rule that the harness checks, selected
+//! by its constant `misdeed`, and the harness must panic.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -12,8 +12,8 @@ use crate::harness::{Outcome, Tolerance, assert_clean, case, context, expect_clo
 const TOLERANCE: Tolerance = Tolerance { abs: 0.0, rel: 2.4e-7 };
 const SCALE: f32 = 3.0;
 
-/// Runs the copy kernel over `n` elements with one of the shader's misdeeds (0: none). `marked_is_input` declares the
-/// array `marked`, which misdeed 2 changes, as an input.
+/// Runs the copy kernel over `n` elements with one of the shader's misdeeds (0: none), and returns the arrays after the
+/// run and the expected `target`. `marked_is_input` declares the array `marked`, which misdeed 2 changes, as an input.
 fn copy(n: usize, misdeed: u32, marked_is_input: bool) -> (Outcome, Vec<f64>) {
     let params = CopyParams { unused: [0.0; 3], count: n as u32, also_unused: [[0.0; 3]; 3] };
     let source: Vec<f32> = (0..n).map(|i| 1.0 + i as f32 * 0.7).collect();
@@ -34,7 +34,7 @@ fn copy(n: usize, misdeed: u32, marked_is_input: bool) -> (Outcome, Vec<f64>) {
 
 /// The panic message of a closure, which must panic.
 fn message(what: impl FnOnce()) -> String {
-    let panic = catch_unwind(AssertUnwindSafe(what)).expect_err("this had to fail");
+    let panic = catch_unwind(AssertUnwindSafe(what)).expect_err("the closure did not panic, but it must");
     panic.downcast_ref::<String>().cloned().unwrap_or_else(|| panic.downcast_ref::<&str>().unwrap().to_string())
 }
 
@@ -56,7 +56,7 @@ fn one_spoiled_value_fails() {
         let mut got = good.clone();
         got[41] = spoiled;
         let said = message(|| expect_close("target", &got, &want, TOLERANCE));
-        assert!(said.contains("1 of 100 fail") && said.contains("[41]"), "{said}");
+        assert!(said.contains("1 of 100 fail") && said.contains("[41]"), "wrong panic: {said}");
     }
     assert!(message(|| expect_close("target", &good[1..], &want, TOLERANCE)).contains("values got"));
 }
@@ -64,27 +64,27 @@ fn one_spoiled_value_fails() {
 #[test]
 fn writing_behind_the_end_fails() {
     let said = message(|| drop(copy(100, 1, true)));
-    assert!(said.contains("target was written 0 words behind its end"), "{said}");
+    assert!(said.contains("target was written 0 words behind its end"), "wrong panic: {said}");
 }
 
 #[test]
 fn a_changed_input_fails() {
     let said = message(|| drop(copy(100, 2, true)));
-    assert!(said.contains("input marked was changed: word 0 was 0x5, is 0x6"), "{said}");
+    assert!(said.contains("input marked was changed: word 0 was 0x5, is 0x6"), "wrong panic: {said}");
     let (outcome, _) = copy(100, 2, false);
-    assert_eq!(outcome.get::<u32>("marked"), [6, 6], "as an in-out it may change");
+    assert_eq!(outcome.get::<u32>("marked"), [6, 6], "`marked`, which may change where it is declared as in-out");
 }
 
 #[test]
 fn a_value_left_unwritten_fails() {
     let said = message(|| drop(copy(100, 3, true)));
-    assert!(said.contains("word 99 of 100 of output target was never written"), "{said}");
+    assert!(said.contains("word 99 of 100 of output target was never written"), "wrong panic: {said}");
 }
 
 #[test]
 fn a_wrong_buffer_name_fails() {
     let said = message(|| drop(case("test/copy").input("parameters", &[0u32]).elements(1).run()));
-    assert!(said.contains("test/copy: params is not given"), "{said}");
+    assert!(said.contains("test/copy: params is not given"), "wrong panic: {said}");
 }
 
 #[test]
@@ -93,7 +93,7 @@ fn misuse_is_refused_by_name() {
     let error = |result: palpate::Result<_>| result.map(|_: Kernel| ()).unwrap_err().to_string();
     assert!(error(Kernel::new(context, "test/cop", Size::Group, &[])).contains("nearest is test/copy"));
     let unknown = error(Kernel::new(context, "test/copy", Size::Group, &[("scael", 1.0.into())]));
-    assert!(unknown.contains("scael") && unknown.contains("misdeed, scale"), "{unknown}");
+    assert!(unknown.contains("scael") && unknown.contains("misdeed, scale"), "wrong error: {unknown}");
     assert!(error(Kernel::new(context, "test/copy", Size::Group, &[("scale", 1u32.into())])).contains("not Uint"));
 
     let kernel = Kernel::new(context, "test/copy", Size::Group, &[]).unwrap();
@@ -110,30 +110,33 @@ fn misuse_is_refused_by_name() {
     let given =
         |source, offsets, target| [("params", &a), ("source", source), ("offsets", offsets), ("target", target)];
     let few = record(&given(&b, &c, &d)[..2], &[0; 4]);
-    assert!(few.contains("stage trial: kernel test/copy uses offsets, which was left out"), "{few}");
+    assert!(few.contains("stage trial: kernel test/copy uses offsets, which was left out"), "wrong error: {few}");
     let unknown = record(&[("aim", &a)], &[0; 4]);
-    assert!(unknown.contains("no buffer aim; it has params, source, offsets, marked, target"), "{unknown}");
+    assert!(
+        unknown.contains("no buffer aim; it has params, source, offsets, marked, target"),
+        "wrong error: {unknown}"
+    );
     assert!(record(&given(&b, &c, &b), &[0; 4]).contains("writes array b and also binds it to target"));
     assert!(record(&given(&b, &c, &a), &[0; 4]).contains("writes array a and"));
     assert!(record(&given(&b, &c, &odd), &[]).contains("4 bytes of push constants, but was given 0"));
     // A buffer is accepted under its own name only, unless `known_as` gives it others.
     let target = b.known_as(&["target"]);
     let swapped = record(&given(&target, &c, &d), &[0; 4]);
-    assert!(swapped.contains("array b may not be bound to its buffer source"), "{swapped}");
+    assert!(swapped.contains("array b may not be bound to its buffer source"), "wrong error: {swapped}");
     let named = array("source", 4);
     let swapped = record(&[("params", &named)], &[0; 4]);
-    assert!(swapped.contains("array source may not be bound to its buffer params"), "{swapped}");
+    assert!(swapped.contains("array source may not be bound to its buffer params"), "wrong error: {swapped}");
     let other = Named { shader: "test/bump", buffers: &[("cells", &a)], push: &[0; 8] };
     let mut recorder = Recorder::new(context).unwrap();
     recorder.dispatch(&kernel, &other, 1);
     let other = recorder.finish().map(|_| ()).unwrap_err().to_string();
-    assert!(other.contains("kernel test/copy was given the arguments of test/bump"), "{other}");
+    assert!(other.contains("kernel test/copy was given the arguments of test/bump"), "wrong error: {other}");
     let texels = Kernel::with_arrays(context, "test/copy", Size::Group, &[], Arrays::Texel).unwrap();
     let mut recorder = Recorder::new(context).unwrap();
     let buffers = given(&b, &odd, &d);
     recorder.dispatch(&texels, &Named { shader: "test/copy", buffers: &buffers, push: &[0; 4] }, 1);
     let odd = recorder.finish().map(|_| ()).unwrap_err().to_string();
-    assert!(odd.contains("odd as offsets: it has 20 bytes"), "{odd}");
+    assert!(odd.contains("odd as offsets: it has 20 bytes"), "wrong error: {odd}");
     let huge = Buffer::new(context, "huge", context.array_limits().0 + 4, Memory::Device);
     assert!(huge.map(|_| ()).unwrap_err().to_string().contains("array huge needs"));
     assert_clean(context, "misuse");
@@ -154,6 +157,10 @@ fn workgroups_that_meet_at_barriers_sum() {
             .groups(groups)
             .run();
         let sum = |part: &[[u32; 4]]| 4 - part.iter().map(|v| v[1] as i32).sum::<i32>();
-        assert_eq!(outcome.get::<i32>("sums"), values.chunks(length).map(sum).collect::<Vec<_>>(), "{size:?}");
+        assert_eq!(
+            outcome.get::<i32>("sums"),
+            values.chunks(length).map(sum).collect::<Vec<_>>(),
+            "sums with a local size of {size:?}"
+        );
     }
 }

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use palpate_glsl::Arrays;
 
-/// The SPIR-V of the kernel `shaders/<kernel>.comp`, or of `shaders/<kernel>` where that name ends with its stage, in
-/// which the text `from` is replaced by `to`; `from` must occur exactly once in the shader and its includes.
-/// [`palpate::Options::replaced`] takes the name together with these bytes.
+/// The SPIR-V of the kernel `shaders/<kernel>.comp`, or of `shaders/<kernel>` where that name already has the extension
+/// of a shader stage, in which the text `from` is replaced by `to`; `from` must occur exactly once in the shader and
+/// its includes. [`palpate::Options::replaced`] takes the name together with these bytes.
 pub fn spoiled(kernel: &str, from: &str, to: &str) -> Vec<u8> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let root = here.ancestors().map(|folder| folder.join("shaders")).find(|shaders| shaders.is_dir()).unwrap();

@@ -13,10 +13,10 @@ use crate::scene::whole_step::scene;
 
 /// Number of steps of a sweep, and the way that the tool goes in each, m.
 const SWEEP: (usize, f64) = (1000, 1e-5);
-/// Stiffness of contact, N/m^3.
+/// Penalty stiffness of contact, N/m^3.
 const STIFFNESS: f64 = 1e7;
-/// Steps that are left out: the tool starts at full depth, and after these it moves as the desired pose does and the
-/// contact normal has become that of the skins.
+/// Number of first steps that are left out. The tool starts at full depth; after these steps it follows the desired
+/// pose and the contact normal follows from the skins.
 const SETTLE: usize = 100;
 
 /// A straight sweep over the skin of a model.
@@ -24,17 +24,18 @@ struct Sweep {
     name: &'static str,
     model: &'static str,
     vertices: usize,
-    /// A point of the skin near the middle of the sweep, m; `outward` and `along` are the directions of the skin's
-    /// normal and of the sweep there.
+    /// A point of the skin (surface mesh) near the middle of the sweep, m; `outward` and `along` are the directions of
+    /// the skin's normal and of the sweep there.
     at: DVec3,
     outward: DVec3,
     along: DVec3,
     /// Radius of the tool and its depth in the skin at the middle of the sweep, m.
     sphere: f64,
     depth: f64,
-    /// Limits of `jump`, `kink` and `sudden` of [`Felt`]. The aim is 3; a larger limit is what the engine reaches
-    /// today. A discontinuity makes all three large; a steep but smooth slope of the skin only the first; a vertex that
-    /// enters at the tool's steep rim the first two.
+    /// Limits of `jump`, `kink` and `sudden` of [`Felt`]. The aim is 3; where the engine does not reach it yet, the
+    /// limit lies just above the value that it reaches. A discontinuity of the force makes all three values large; a
+    /// steep but smooth slope of the skin only the first; a vertex that enters contact at the steep rim of the tool the
+    /// first two.
     limits: [f64; 3],
 }
 
@@ -89,7 +90,7 @@ fn middle(sweep: &Sweep, skin: &[DVec3]) -> DVec3 {
 
 fn run(sweep: &Sweep) -> Felt {
     let probe = open(sweep, DVec3::splat(1.0), DVec3::splat(1.0));
-    let Shape::Rigid { skin, .. } = &probe.bodies()[0].shape else { panic!("rigid") };
+    let Shape::Rigid { skin, .. } = &probe.bodies()[0].shape else { panic!("the body is not rigid") };
     let half = 0.5 * SWEEP.0 as f64 * SWEEP.1 * sweep.along.normalize();
     let middle = middle(sweep, &skin.vertices);
     let mut simulation = open(sweep, middle - half, middle + half);
@@ -128,9 +129,10 @@ fn run(sweep: &Sweep) -> Felt {
     };
     let least = force[SETTLE..].iter().map(|f| f.length()).fold(f64::INFINITY, f64::min);
     println!(
-        "{}: {:.4} N on average, {least:.4} at least; change a step: median {median:.2e} N, 99 % {:.1}, largest {:.1} of it \
-         (step {at}), and {:.1} from one change to the next (step {kink_at}); \
-         a contact comes or goes with {:.1} of it at most; normal turns by up to {:.3} rad/mm; flags {flags}",
+        "{}: force {:.4} N on average, {least:.4} N at least; its change in a step: median {median:.2e} N, 99th \
+         percentile {:.1} medians, largest {:.1} medians (step {at}), largest difference of two successive changes \
+         {:.1} medians (step {kink_at}); greatest force of a contact in its first or last step {:.1} medians; contact \
+         normal turns by up to {:.3} rad/mm; flags {flags}",
         sweep.name,
         felt.mean,
         sorted[sorted.len() * 99 / 100] / median,
@@ -148,14 +150,24 @@ fn judge(sweeps: &[Sweep]) {
     assert!(felt.iter().all(|felt| felt.mean > 0.0));
     for (sweep, felt) in sweeps.iter().zip(&felt) {
         let [jump, kink, sudden] = sweep.limits;
-        assert!(felt.jump < jump, "{}: the force changes by {} of its median change", sweep.name, felt.jump);
+        assert!(
+            felt.jump < jump,
+            "{}: the largest change of the force in a step is {} times the median change",
+            sweep.name,
+            felt.jump
+        );
         assert!(
             felt.sudden < sudden,
-            "{}: a contact comes or goes with {} of the median change",
+            "{}: in its first or last step a contact has a force of {} times the median change",
             sweep.name,
             felt.sudden
         );
-        assert!(felt.kink < kink, "{}: the force jumps by {} of its median change", sweep.name, felt.kink);
+        assert!(
+            felt.kink < kink,
+            "{}: the largest difference of two successive changes of the force is {} times the median change",
+            sweep.name,
+            felt.kink
+        );
     }
 }
 

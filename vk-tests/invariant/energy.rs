@@ -1,5 +1,5 @@
-//! Invariant: contact creates no energy. A rigid sphere (the tool) is dropped on a soft block, a free block is dropped
-//! on a half-space, and both are thrown with friction.
+//! Invariant: contact creates no energy. A rigid sphere (the tool) is dropped on a soft block, a free soft block is
+//! dropped on a half-space, and both are thrown with friction.
 
 use std::collections::BTreeMap;
 
@@ -10,8 +10,8 @@ use palpate::internal::shaders::Contact;
 use crate::invariant::invariants::{BLOCK, State};
 use crate::scene::whole_step::{open, run, scene};
 
-/// Greatest energy gained, as a share of the energy turned over (its largest change since the start): the state is f32,
-/// and the solver stops at 1e-6.
+/// Greatest energy that may be gained, relative to the largest change of energy since the start: the state is f32, and
+/// the solver stops at a relative residual of 1e-6.
 const GAIN: f64 = 1.0e-5;
 
 /// Radius of the dropped sphere, m.
@@ -20,8 +20,8 @@ const RADIUS: f64 = 0.02;
 /// lies 1/sqrt(3) of that from the middle of its facet.
 const FACET: f64 = 0.044;
 
-/// Penalty energy of each contact of a step, J, by side (which body's vertex it is) and skin vertex. Contacts released
-/// in the step, whose own stiffness is 0, count too.
+/// Penalty energy of each contact of a step, J, by the body of the contact's vertex (`side`: the first or second of the
+/// pair) and the index of that skin vertex. Contacts released in the step, whose own stiffness is 0, count too.
 fn penalties(contacts: &[Contact]) -> BTreeMap<(u32, u32), f64> {
     let stiffness = contacts.iter().map(|c| c.stiffness).fold(0.0, f32::max);
     let energy = |c: &Contact| 0.5 * f64::from(stiffness * c.area) * f64::from(c.depth).powi(2);
@@ -43,7 +43,7 @@ fn judge(name: &str, text: &str, steps: usize, height: impl Fn(&State) -> f64) {
     for _ in 0..steps {
         let state = State::of(&simulation);
         let row = run(&mut simulation, 1).remove(0);
-        assert_eq!(row.flags, Flags::default(), "{name}, step {}", row.step);
+        assert_eq!(row.flags, Flags::default(), "{name}: flags of step {}", row.step);
         let energy = state.energy(scene.step.gravity);
         let stored = penalties(&simulation.touch().unwrap().1);
         let entered: f64 = stored.iter().filter(|(key, _)| !last.contains_key(*key)).map(|(_, e)| e).sum();
@@ -62,15 +62,18 @@ fn judge(name: &str, text: &str, steps: usize, height: impl Fn(&State) -> f64) {
     let scale = energies.iter().map(|e| (e - energies[0]).abs()).fold(0.0, f64::max);
     let gain = energies[1..].iter().map(|e| e - energies[0]).fold(f64::NEG_INFINITY, f64::max);
     println!(
-        "{name}: of {scale:.2e} J turned over gained {:.1e}; with contacts (to {most:.1e} J) a step gains \
-         {:.1e} beside \
-         entry and sliding; fell to {lowest:.4} at step {at}, back to {rebound:.4} of {:.4} m",
+        "{name}: energy changed by up to {scale:.2e} J; relative to that, it exceeded its start by {:.1e}, and with \
+         the penalty energy of contacts (up to {most:.1e} J) a step gained up to {:.1e} apart from entering contacts \
+         and sliding facets; lowest height {lowest:.4} m at step {at}, then up to {rebound:.4} m, at the start {:.4} m",
         gain / scale,
         rise / scale,
         heights[0]
     );
-    assert!(gain < GAIN * scale && rise < GAIN * scale, "{name}");
-    assert!(most > 0.0 && rebound > lowest && rebound < heights[0], "{name}");
+    assert!(gain < GAIN * scale && rise < GAIN * scale, "{name}: energy was gained");
+    assert!(
+        most > 0.0 && rebound > lowest && rebound < heights[0],
+        "{name}: no contact, no rebound, or a rebound above the start"
+    );
 }
 
 #[test]

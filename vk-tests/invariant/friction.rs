@@ -1,5 +1,6 @@
-//! Friction in whole steps: Coulomb's law on a slope, agreement with the f64 oracle (the reference implementation) in
-//! every step, and the momentum of free bodies that collide.
+//! Friction in whole steps: Coulomb's law on a slope, agreement in every step with the oracle (the reference
+//! implementation in f64) that simulates a copy of the scene (its "twin"), and the momentum of free bodies that
+//! collide.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Embedding, Shape, Skin};
@@ -17,8 +18,9 @@ use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
 const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
 
-/// The oracle's twin of a scene with one pair of bodies: two soft ones, a soft one or the tool against a half-space, or
-/// a soft one and the tool. The twin finds its own contacts; only the normal of the contact patch is the engine's.
+/// The oracle's copy of a scene with one pair of bodies: two soft bodies, a soft body or the tool against a half-space,
+/// or a soft body and the tool. The twin finds its own contacts; it takes only the normal of the contact patch from the
+/// engine.
 pub struct Twin {
     pub oracle: oracle::step::Simulation,
     soft: Vec<(Skin, Vec<Embedding>)>,
@@ -45,7 +47,7 @@ impl Twin {
                     oracle.bodies.push(soft_twin(simulation, index));
                 }
                 Shape::Plane { normal, offset } => plane = Some((*normal, *offset)),
-                Shape::Rigid { .. } => panic!("{} is rigid", body.name),
+                Shape::Rigid { .. } => panic!("{} is rigid, but this twin has no rigid bodies", body.name),
             }
         }
         for core in &oracle.cores {
@@ -53,7 +55,7 @@ impl Twin {
         }
         let tool = scene.rigid_tool().map(|spec| {
             let body = prepare::tool(spec, scene).unwrap();
-            let Shape::Rigid { skin, centroid, volume, inertia, .. } = body.shape else { panic!("a soft tool") };
+            let Shape::Rigid { skin, centroid, volume, inertia, .. } = body.shape else { panic!("the tool is soft") };
             oracle.tool = Some(tool::Tool {
                 mass: spec.mass,
                 inertia: inertia * (spec.mass / volume),
@@ -72,7 +74,7 @@ impl Twin {
         Twin { oracle, soft, tool, plane, law }
     }
 
-    /// Contacts of the twin's present state along `normal`.
+    /// Finds the contacts in the twin's present state, with depths along `normal`.
     fn contacts(&self, normal: DVec3) -> Vec<contact::Contact> {
         let soft = self.soft.iter().enumerate().map(|(i, (skin, e))| self.oracle.bodies[i].surface(i, skin, e));
         let tool = self.tool.iter().map(|skin| Surface {
@@ -88,7 +90,8 @@ impl Twin {
         }
     }
 
-    /// Centre of the rigid tool, or of the core that the virtual coupling pulls on, m.
+    /// Centre of the rigid tool, or of the rigid core (rigid body inside a soft one) on which the virtual coupling
+    /// acts, m.
     fn tool_centre(&self) -> DVec3 {
         let held = || self.oracle.cores[self.oracle.coupled.unwrap().core].centre;
         self.oracle.tool.as_ref().map_or_else(held, |tool| tool.centre)
@@ -111,7 +114,7 @@ fn momentum<'a>(bodies: impl Iterator<Item = &'a oracle::step::SoftBody>) -> (DV
     (linear, angular)
 }
 
-/// Momentum of the first `count` soft bodies, with the state read from the GPU.
+/// Linear and angular momentum of the first `count` soft bodies, from their state on the GPU.
 fn device_momentum(simulation: &Simulation, count: usize) -> (DVec3, DVec3) {
     let bodies: Vec<_> = (0..count)
         .map(|index| {
@@ -123,8 +126,8 @@ fn device_momentum(simulation: &Simulation, count: usize) -> (DVec3, DVec3) {
     momentum(bodies.iter())
 }
 
-/// Greatest differences of the engine from the oracle: force and torque on the tool (relative to the largest), tool
-/// position (m), node displacements (relative to the largest).
+/// Greatest differences between engine and oracle: of force and torque on the tool (relative to the largest), of the
+/// tool's position (`place`, m), and of node displacements (`shape`, relative to the largest).
 #[derive(Debug, Default)]
 pub struct Errors {
     pub force: f64,
@@ -145,7 +148,7 @@ pub fn beside(
     let (mut forces, mut torques, h) = ((vec![], vec![]), (vec![], vec![]), scene.step.dt);
     for _ in 0..steps {
         let row = run(&mut simulation, 1).remove(0);
-        assert_eq!(row.flags, Flags::default(), "step {}", row.step);
+        assert_eq!(row.flags, Flags::default(), "flags of step {}", row.step);
         let contact_patch = simulation.touch().unwrap().0[0];
         let contacts = twin.contacts(DVec3::from(contact_patch.normal.map(f64::from)).normalize_or_zero());
         let device = scene.coupling.map(|_| {
@@ -207,9 +210,12 @@ fn a_tool_dragged_over_a_block_rubs_as_the_oracles() {
         let errors = beside(&scene(&press(young, 0.001, oblique, &solver)), 60, |_, _, _, report| {
             most = most.max(ratio(report));
         });
-        println!("drag at {young:e} Pa, friction {friction}: {errors:?}; friction over pressure at most {most:.3}");
+        println!(
+            "drag at {young:e} Pa, friction coefficient {friction}: differences from the oracle {errors:?}; friction \
+             over normal force at most {most:.3}"
+        );
         assert!(most > 0.2 * friction);
-        assert!(errors.force < FORCE && errors.place < PLACE && errors.shape < SHAPE, "{errors:?}");
+        assert!(errors.force < FORCE && errors.place < PLACE && errors.shape < SHAPE, "engine and oracle: {errors:?}");
     }
 }
 
@@ -235,12 +241,16 @@ fn a_thrown_block_slides_and_stops_as_the_oracles() {
             most = most.max(ratio(report));
             speed = twin.momentum().0.length() / twin.oracle.bodies[0].elements.masses.iter().sum::<f64>();
         });
-        println!("{name} block: {errors:?}; friction over pressure at most {most:.3}, {speed:.3} m/s left");
-        assert!(most > 0.2 && speed < 0.45 && errors.shape < SHAPE, "{errors:?}");
+        println!(
+            "{name} block: differences from the oracle {errors:?}; friction over normal force at most {most:.3}, \
+             speed at the end {speed:.3} m/s"
+        );
+        assert!(most > 0.2 && speed < 0.45 && errors.shape < SHAPE, "engine and oracle: {errors:?}");
     }
 }
 
-/// Velocity after each step of a free rigid cube on a slope with this tangent, m/s along the slope.
+/// Velocity along the slope, m/s, of a free rigid cube (the tool) after each step on a slope with this tangent, and the
+/// greatest differences from the oracle.
 fn slide(tangent: f64, steps: usize) -> (Vec<f64>, Errors) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("cube.obj");
@@ -267,21 +277,32 @@ fn a_rigid_cube_sticks_to_a_slope_or_slides_as_coulomb_says() {
         // The regularised friction law with coefficient mu = 0.4, speed v and normal force N: mu N v / sqrt(v^2 + (1e-3
         // m/s)^2) = N tangent.
         let creep = 1e-3 * tangent / (0.4f64.powi(2) - tangent * tangent).sqrt();
-        println!("slope {tangent}: {:.5e} m/s, regularised law {creep:.5e}; {errors:?}", velocity[399]);
-        assert!((velocity[399] - creep).abs() < 2e-3 * creep, "it sticks but for the creep of the regularisation");
-        assert!(errors.force < FORCE && errors.place < PLACE, "{errors:?}");
+        println!(
+            "slope of tangent {tangent}: speed {:.5e} m/s, by the regularised law {creep:.5e} m/s; differences from \
+             the oracle {errors:?}",
+            velocity[399]
+        );
+        assert!(
+            (velocity[399] - creep).abs() < 2e-3 * creep,
+            "the cube must only creep, at the speed of the regularised law"
+        );
+        assert!(errors.force < FORCE && errors.place < PLACE, "engine and oracle: {errors:?}");
     }
     for tangent in [0.5, 0.9] {
         let (velocity, errors) = slide(tangent, 400);
         let cosine = 1.0 / tangent.hypot(1.0);
         let want = 9.81 * cosine * (tangent - 0.4);
         let got = (velocity[399] - velocity[199]) / 0.2;
-        // Friction is divided by the speed at the step's start: at speed v and acceleration a it is too large by a
-        // share of h a / v, with the step h = 1 ms. This is the mean over the last 0.2 s.
+        // The friction law divides by the speed at the start of a step, so that at speed v and acceleration a the
+        // friction is too large by the fraction h a / v, with the step h = 1 ms. `late` is the mean excess over the
+        // last 0.2 s, as an acceleration.
         let late = 0.4 * 9.81 * cosine * 1e-3 * (velocity[399] / velocity[199]).ln() / 0.2;
-        println!("slope {tangent}: {got:.4} m/s^2, Coulomb {want:.4}, less {late:.4} for the lag; {errors:?}");
-        assert!((got - want + late).abs() < 3e-3 * want, "{got} for {want}");
-        assert!(errors.force < FORCE && errors.place < PLACE, "{errors:?}");
+        println!(
+            "slope of tangent {tangent}: acceleration {got:.4} m/s^2, by Coulomb's law {want:.4} m/s^2, less \
+             {late:.4} m/s^2 for the lag of the speed; differences from the oracle {errors:?}"
+        );
+        assert!((got - want + late).abs() < 3e-3 * want, "acceleration {got} m/s^2, by Coulomb's law {want} m/s^2");
+        assert!(errors.force < FORCE && errors.place < PLACE, "engine and oracle: {errors:?}");
     }
 }
 
@@ -306,11 +327,10 @@ pub fn collision(friction: f64) -> String {
     )
 }
 
-/// Greatest change of linear momentum, relative to a body's mass times 0.5 m/s, about its momentum at the start; 500
-/// steps in f32.
+/// Greatest change of linear momentum since the start over 500 steps in f32, relative to a body's mass times 0.5 m/s.
 const MOMENTUM: f64 = 1.0e-5;
-/// Greatest difference between the changes of angular momentum in engine and oracle, relative to that linear momentum
-/// times half an edge.
+/// Greatest difference between the changes of angular momentum in engine and oracle, relative to the same momentum
+/// (mass times 0.5 m/s) times half the edge of a body.
 const SPIN: f64 = 1.0e-4;
 
 #[test]
@@ -331,13 +351,17 @@ fn two_free_bodies_that_collide_keep_their_momentum_with_and_without_friction() 
         });
         let size = 0.06f64.powi(3) * 1000.0 * 0.5;
         println!(
-            "collision, friction {friction}: linear lost {:.1e}; angular changes by {:.1e}, {:.1e} off the oracle's; \
-             {touching} steps in contact, friction over pressure at most {most:.2}; {errors:?}",
+            "collision, friction coefficient {friction}: relative changes of linear momentum {:.1e}, of angular \
+             momentum {:.1e}, which differs by {:.1e} from the oracle's; {touching} steps in contact, friction over \
+             normal force at most {most:.2}; differences from the oracle {errors:?}",
             linear / size,
             change / (size * 0.03),
             angular / (size * 0.03)
         );
         assert!(touching > 10 && (most > 0.1) == (friction > 0.0));
-        assert!(linear < MOMENTUM * size && angular < SPIN * size * 0.03, "{linear:e} {angular:e}");
+        assert!(
+            linear < MOMENTUM * size && angular < SPIN * size * 0.03,
+            "change of linear momentum {linear:e} kg m/s, angular {angular:e} kg m^2/s"
+        );
     }
 }

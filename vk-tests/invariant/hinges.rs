@@ -1,5 +1,6 @@
-//! Tests of cores (rigid frames to which nodes are attached) on hinges: a core turns about its hinge's axis and does
-//! not move otherwise, as in the f64 oracle and as mechanics says.
+//! Tests of rigid cores (rigid bodies inside a soft one, to which nodes are attached) and of rigid bodies on hinges:
+//! they turn about the hinge's axis and do not move otherwise, as in the oracle (the reference implementation in f64,
+//! which simulates a copy of the scene, its "twin") and as mechanics demands.
 
 use std::f64::consts::TAU;
 
@@ -16,7 +17,8 @@ const PERIOD: f64 = 1e-4;
 
 #[test]
 fn a_bar_on_a_hinge_swings_as_the_oracles() {
-    // A bar falls with a dynamic core at either end; the left core is on a hinge, which lies beside the core's middle.
+    // A bar with a dynamic rigid core at either end falls; the left core is on a hinge whose axis does not pass through
+    // the centre of the core.
     for young in [2e4, 1e6] {
         let text = bar(young, "[]").replace("motion = \"driven\"\nkeys = []", "motion = \"dynamic\"").replace(
             "name = \"left\"",
@@ -38,22 +40,30 @@ fn a_bar_on_a_hinge_swings_as_the_oracles() {
         let axis = simulation.bodies()[0].orientation * DVec3::new(0.0, 0.6, 0.8);
         let aside = turned.cross(axis).length();
         println!(
-            "hinged bar at {young:e} Pa: shape {shape:.1e}, speed {speed:.1e}, turned {:.3} rad, {aside:.1e} of it aside, up \
-             to {} iterations",
+            "hinged bar at {young:e} Pa: displacements differ from the oracle's by {shape:.1e}, velocities by \
+             {speed:.1e}; the hinged core turned by {:.3} rad, {aside:.1e} rad of it off the axis; up to {} solver \
+             iterations",
             turned.length(),
             rows.iter().map(|r| r.iterations).max().unwrap()
         );
         assert!(rows.iter().all(|row| row.flags == Flags::default()));
-        assert!(shape < SHAPE && speed < SPEED && turned.length() > 0.05, "{shape:e} {speed:e}");
-        assert!(end.centre == start.centre && aside < 1e-12, "{} {aside:e}", end.centre - start.centre);
+        assert!(
+            shape < SHAPE && speed < SPEED && turned.length() > 0.05,
+            "differences from the oracle: {shape:e}, {speed:e}"
+        );
+        assert!(
+            end.centre == start.centre && aside < 1e-12,
+            "core moved by {} m, turned {aside:e} rad off its axis",
+            end.centre - start.centre
+        );
     }
 }
 
 /// Half extents of the slab, m, and its mass, kg.
 const SLAB: (DVec3, f64) = (DVec3::new(0.02, 0.1, 0.03), 0.2);
 
-/// A rigid slab hinged near one end along z. `table` is further text of the scene's `[step]` table, `more` of the
-/// body's table and of tables after it.
+/// A rigid slab on a hinge along z near one of its ends. `table` is further text of the scene's `[step]` table, `more`
+/// of the body's table and of tables after it.
 fn slab(table: &str, more: &str) -> Simulation {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("slab.obj");
@@ -107,14 +117,18 @@ fn a_hinged_slab_is_a_pendulum() {
     }
     let period = 2.0 * (crossings[2] - crossings[0]) / 2.0;
     // The period of a pendulum that swings by a tenth of a radian. Gravity's torque is taken at the start of each step,
-    // so that the energy deviates by up to a share omega h / 2 of the swing's energy (omega: angular frequency, h:
-    // step) and comes back; the deviation does not grow.
+    // so that the energy deviates periodically, by up to the fraction omega h / 2 of the swing's energy (omega: angular
+    // frequency, h: step); the deviation does not grow.
     let want = TAU * (moment() / (SLAB.1 * 9.81 * 0.08)).sqrt() * (1.0 + start * start / 16.0);
     println!(
-        "pendulum: period {period:.4} s for {want:.4} s; energy at most {most:.1e} of the swing's above its start"
+        "pendulum: period {period:.4} s, expected {want:.4} s; its energy exceeds that at the start by at most \
+         {most:.1e} of the energy of the swing"
     );
-    assert!((period / want - 1.0).abs() < PERIOD && most < 1.05 * 0.5 * h * TAU / want, "{period} {want} {most:e}");
-    assert!(simulation.frames(0)[0].centre == hinge, "it moved");
+    assert!(
+        (period / want - 1.0).abs() < PERIOD && most < 1.05 * 0.5 * h * TAU / want,
+        "period {period} s, expected {want} s; gain {most:e}"
+    );
+    assert!(simulation.frames(0)[0].centre == hinge, "the slab's point on the hinge moved");
 }
 
 #[test]
@@ -146,9 +160,16 @@ fn a_hinged_slab_that_is_struck_turns_about_its_hinge_and_keeps_its_spin() {
     let kept = (after + moment() * spin) / before - 1.0;
     let end = simulation.frames(0)[0];
     println!(
-        "struck slab: {touched} steps in contact, then {spin:.3} rad/s, {:.1e} of it lost in 100 steps; angular momentum off by {kept:.1e}",
+        "struck slab: {touched} steps in contact, then an angular velocity of {spin:.3} rad/s, of which 100 steps lost \
+         the fraction {:.1e}; relative change of angular momentum {kept:.1e}",
         1.0 - later / spin
     );
-    assert!(touched > 2 && spin.abs() > 1.0 && (later / spin - 1.0).abs() < 1e-9 && kept.abs() < 1e-4, "{kept:e}");
-    assert!(end.centre == start.centre && end.rotation.x == 0.0 && end.rotation.y == 0.0, "{end:?}");
+    assert!(
+        touched > 2 && spin.abs() > 1.0 && (later / spin - 1.0).abs() < 1e-9 && kept.abs() < 1e-4,
+        "change of angular momentum {kept:e}"
+    );
+    assert!(
+        end.centre == start.centre && end.rotation.x == 0.0 && end.rotation.y == 0.0,
+        "the slab left its hinge's axis: {end:?}"
+    );
 }

@@ -1,5 +1,6 @@
-//! Invariants of whole steps that need no oracle: balance of momentum, the same answer in every place and every run, no
-//! passes and arrays that a scene does not need, no step that blows up.
+//! Invariants of whole steps that need no comparison with a reference implementation: momentum is conserved, results
+//! are the same in every place and every run, a scene has no GPU passes and arrays that it does not need, and no step
+//! blows up.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +12,8 @@ use palpate_oracle as oracle;
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// Nodes with their velocities, in the oracle's form, and the tool at one moment.
+/// Nodes with their velocities at one moment, as a body (`twin`) of the oracle, the reference implementation in f64,
+/// and the tool at that moment.
 pub struct State {
     twin: oracle::step::SoftBody,
     pub tool: Option<palpate::internal::step::tool::Tool>,
@@ -24,7 +26,7 @@ impl State {
         State { twin, tool: simulation.tool().cloned() }
     }
 
-    /// Mass, position and velocity of each free node.
+    /// Mass, position and velocity of each free node (a node that is not attached to a rigid core).
     pub fn nodes(&self) -> impl Iterator<Item = (f64, DVec3, DVec3)> {
         let free = self.twin.layer.attached.iter().map(|bound| !bound);
         let all = self.twin.elements.masses.iter().copied().zip(self.twin.world_nodes()).zip(&self.twin.velocity);
@@ -73,8 +75,8 @@ fn collision(young: f64) -> String {
     )
 }
 
-/// Greatest change of linear momentum, in a step and over all steps, relative to the block's: velocities are f32
-/// (6e-8), and the solver leaves 1e-6 of a step's impulse, which the next step corrects.
+/// Greatest change of linear momentum, in a step and over all steps, relative to the block's momentum at the start:
+/// velocities are f32 (6e-8), and the solver leaves 1e-6 of a step's impulse, which the next step corrects.
 const MOMENTUM: f64 = 5.0e-7;
 /// Greatest change of angular momentum in a step, relative to the linear momentum times half the block's edge, for the
 /// same reasons.
@@ -96,9 +98,9 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
             let ((p0, l0), (p1, l1)) = (before.momentum(), after.momentum());
             worst = worst.max(p1.distance(p0));
             drift = drift.max(p1.distance(start));
-            // The implicit stiffness with the rotations of the step's start has a net torque of second order in the
-            // strain. It is added back here, so that the rest must be conserved: all other forces act in pairs along
-            // one line.
+            // The implicit stiffness uses the rotations at the start of the step, which gives a net torque of second
+            // order in the strain. This torque is added back here; the rest must be conserved, because all other forces
+            // act in pairs along one line.
             let body = &before.twin;
             let operator = body.elements.linearised(&body.displacement, &body.rotations());
             let stiff = operator.apply_stiffness(&after.twin.velocity, &body.rotations());
@@ -112,9 +114,9 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
         }
         let (size, arm) = (start.length(), 0.05);
         println!(
-            "momentum at {young:e} Pa: of {size:.3} kg m/s lost {:.1e} a step, {:.1e} over all; angular {:.1e} \
-             a step beside \
-             the method's {:.1e}, {:.1e} over all (of 0.05 m times the linear); up to {contacts} contacts, \
+            "momentum at {young:e} Pa: linear {size:.3} kg m/s, relative change {:.1e} in a step, {:.1e} over all \
+             steps; angular, relative to the linear one times 0.05 m: change {:.1e} in a step apart from the method's \
+             own torque, {:.1e} by that torque, {:.1e} over all steps; up to {contacts} contacts, force up to \
              {force:.1} N",
             worst / size,
             drift / size,
@@ -122,7 +124,10 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
             method / (size * arm),
             before.momentum().1.distance(spin) / (size * arm),
         );
-        assert!(contacts > 10 && force > 1.0 && before.tool.unwrap().velocity.length() > 0.1, "nothing was hit");
+        assert!(
+            contacts > 10 && force > 1.0 && before.tool.unwrap().velocity.length() > 0.1,
+            "the block did not hit the tool"
+        );
         assert!(worst < MOMENTUM * size && drift < MOMENTUM * size && twist < SPIN * size * arm);
     }
 }
@@ -138,18 +143,20 @@ fn a_run_repeats_to_the_last_bit() {
     let slide = DVec3::new(0.012, 0.0, -0.007);
     let place = Place { turn: DQuat::from_rotation_z(0.5), slide, ..Place::default() };
     let scene = scene(&press(2.0e4, 0.001, place, ""));
+    // Either implementation ("path") of the stage that finds penetration depths: compute or graphics pipelines.
     for path in [depth::Path::Compute, depth::Path::Graphics] {
         let [(a, shape_a), (b, shape_b)] = [(), ()].map(|()| {
             let mut simulation = open(&scene, Some(path));
             let rows = run(&mut simulation, 45);
             (rows, format!("{:?}", simulation.nodes(0).unwrap()))
         });
-        assert!(a[44].tool.unwrap().force.length() > 0.1, "nothing was touched");
-        assert!(bits(&a) == bits(&b) && shape_a == shape_b, "{} path", path.name());
+        assert!(a[44].tool.unwrap().force.length() > 0.1, "the tool touched nothing");
+        assert!(bits(&a) == bits(&b) && shape_a == shape_b, "two runs differ with the {} path", path.name());
     }
 }
 
-/// The stages that the plan records, the stages that have passes, and bytes allocated on the GPU.
+/// The stages that the plan (the recorded GPU work of a step) contains, the stages that have passes (dispatches, draws,
+/// fills or copies), and the number of bytes allocated on the GPU.
 fn needs(text: &str) -> (Vec<&'static str>, Vec<String>, u64) {
     let simulation = open(&scene(text), None);
     let planned = simulation.plan().entries.iter().filter(|e| e.recorded).map(|e| e.stage).collect();
@@ -157,8 +164,8 @@ fn needs(text: &str) -> (Vec<&'static str>, Vec<String>, u64) {
     (planned, passes, simulation.context().bytes_allocated())
 }
 
-/// Least number of bytes that the contact stages alone allocate for the sphere: for each of its vertices, room for 16
-/// entries (node, weight, sorted, next: 20 bytes).
+/// Least number of bytes that the contact stages alone allocate for the sphere: for each of its vertices, 16 entries of
+/// the lists that assign contacts to nodes (node, weight, sorted, next: 20 bytes).
 const TOUCH_BYTES: u64 = 2562 * 16 * 20;
 
 #[test]
@@ -168,12 +175,15 @@ fn a_scene_records_and_allocates_only_what_it_needs() {
          material = {{ young = 2e4, poisson = 0.4, density = 1000.0 }}\n"
     );
     let body = format!("{free}[[body.core]]\nname = \"core\"\nbind = {{ nodes = [0, 1, 2] }}\n");
-    // A floating body, one without a core, has its frame fitted to its nodes by the stage `fit`.
+    // The stage `fit` fits the rigid coordinate frame of a body without a rigid core to the body's nodes.
     assert_eq!(needs(&free).0, ["elastic", "solve", "fit"]);
     let alone = needs(&body);
     let floor = needs(&format!("{body}[[body]]\nname = \"floor\"\nplane = [0.0, 1.0, 0.0, -0.05]\n"));
     let tool = needs(&format!("{body}[tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.08, 0.0]\n"));
-    println!("bytes: {} alone, {} on a floor, {} with a tool", alone.2, floor.2, tool.2);
+    println!(
+        "bytes allocated on the GPU for the block: {} alone, {} on a floor, {} with a tool",
+        alone.2, floor.2, tool.2
+    );
     assert_eq!(alone.0, ["elastic", "solve"]);
     assert_eq!(floor.0, ["pose", "skin", "cull", "contact", "elastic", "solve"]);
     assert_eq!(tool.0, ["pose", "skin", "cull", "depth", "contact", "elastic", "solve", "wrench"]);
@@ -185,8 +195,8 @@ fn a_scene_records_and_allocates_only_what_it_needs() {
 }
 
 /// Greatest error of the force one kilometre away, relative to the largest force. Positions are f64 on the host and
-/// relative to the tool on the GPU. What is left is the rounding of a kilometre in f64, 1e-13 m of a depth of
-/// millimetres, and a last bit of f32 where that rounding tips it.
+/// relative to the tool on the GPU. There remain the rounding of a kilometre in f64 (1e-13 m, for depths of
+/// millimetres) and a last bit of f32 where that rounding changes it.
 const FAR: f64 = 1.0e-5;
 
 #[test]
@@ -199,11 +209,12 @@ fn a_kilometre_away_the_forces_are_the_same() {
         rows.iter().flat_map(|r| r.tool.map(|t| [t.force, t.torque / 0.02])).flatten().collect::<Vec<_>>()
     });
     let error = relative_error(&far, &near);
-    println!("a kilometre away: force {error:.1e} of the largest");
+    println!("a kilometre away: forces differ by {error:.1e} of the largest");
     assert!(error < FAR);
 }
 
-/// Greatest distance of the tool from the desired pose and of a node from rest, m: the desired pose moves by 4.5 mm.
+/// Greatest distance of the tool from the haptic device and of a node from its rest position, m: the device moves by
+/// 4.5 mm.
 const BOUND: f64 = 0.005;
 
 #[test]
@@ -222,16 +233,21 @@ fn a_press_stays_finite_for_all_stiffnesses_and_steps() {
             let iterations = rows.iter().map(|r| r.iterations).max().unwrap();
             let off = tool.tool.position.distance(tool.device.position);
             println!(
-                "{young:.0e} Pa, {:5.2} ms: force to {peak:.3} N, tool {:.2} mm off the device, nodes moved \
-                 {:.2} mm, up to \
-                 {iterations} iterations",
+                "{young:.0e} Pa, step {:5.2} ms: force up to {peak:.3} N, tool {:.2} mm from the device, nodes moved \
+                 by up to {:.2} mm, up to {iterations} solver iterations",
                 dt * 1e3,
                 off * 1e3,
                 largest * 1e3,
             );
-            assert!(rows.iter().all(|row| row.flags == Flags::default()), "flags at {young:e} Pa, {dt} s");
+            assert!(
+                rows.iter().all(|row| row.flags == Flags::default()),
+                "a step raised flags at {young:e} Pa, {dt} s"
+            );
             assert!(moved.iter().all(|d| d.is_finite()) && force.iter().all(|f| f.is_finite()));
-            assert!(peak > 0.0 && off < BOUND && largest < BOUND, "{young:e} Pa, {dt} s");
+            assert!(
+                peak > 0.0 && off < BOUND && largest < BOUND,
+                "no force, or too large motion, at {young:e} Pa, {dt} s"
+            );
         }
     }
 }

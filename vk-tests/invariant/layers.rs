@@ -1,5 +1,6 @@
-//! Layers (tetrahedral meshes) that the program makes for a surface against layers that conform to it: the force of a
-//! press by a tenth of the body's height must agree with a refined reference.
+//! Compares layers (tetrahedral meshes of soft bodies) that the program makes for a surface with layers that conform to
+//! the surface: when a sphere is pressed in by a tenth of the body's height, the force on it must agree with that of a
+//! refined layer, the reference.
 
 use std::path::Path;
 
@@ -12,17 +13,18 @@ use crate::scene::whole_step::scene;
 
 /// The flag of a step in which contacts are under tension even after a second solve.
 const PULLING: u32 = 256;
-/// Greatest relative difference from the reference's force; users are promised it for either kind of layer.
+/// Greatest relative difference from the reference's force. The program's documentation promises it for both kinds of
+/// layer.
 const PROMISED: f64 = 0.10;
 /// Half the edge of the block, m.
 const HALF: f64 = 0.05;
-/// Radius of the sphere, m; its contact patch is a few cells wide.
+/// Radius of the sphere, m; its area of contact is a few cells wide.
 const SPHERE: f64 = 0.05;
 /// Number of steps, of 20 ms each: ten to press, the others until the force is steady.
 const STEPS: usize = 22;
 
-/// Force at the end of a press by a tenth of the block's height that is kept up until the force is steady, N; and the
-/// number of tetrahedra.
+/// Force on the sphere, N, after it was pressed in by a tenth of the block's height and held there until the force is
+/// steady; and the number of tetrahedra.
 fn pressed(layer: &str, surface: Option<&Path>) -> (f64, usize) {
     let surface = surface.map(|file| format!("surface = {file:?}\n")).unwrap_or_default();
     let (start, end) = (HALF + SPHERE + 0.0005, HALF + SPHERE - 0.2 * HALF);
@@ -38,15 +40,19 @@ fn pressed(layer: &str, surface: Option<&Path>) -> (f64, usize) {
         -HALF + 1e-6
     );
     let mut simulation = Simulation::open(&scene(&text), &options()).unwrap();
-    let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
+    let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("the block is not soft") };
     let tetrahedra = layer.tetrahedra.len();
     let rows: Vec<StepReport> = (0..STEPS).map(|_| simulation.step().unwrap()).collect();
     // At such long steps the contact normal, which follows the contacts with a lag of one step, sways by a few degrees
-    // (README, Known limits): contacts at the rim may be under tension, and the force is steady within a few percent
-    // only. So its mean is compared.
+    // (README, Known limits): contacts at the rim may be under tension, and the force is steady only to within a few
+    // percent. So the mean of the force over the last four steps is compared.
     let released = rows.iter().filter(|row| row.flags.0 == PULLING).count();
     let others = rows.iter().filter(|row| ![0, PULLING].contains(&row.flags.0)).count();
-    assert!(released <= STEPS / 3 && others == 0, "{:?}", rows.iter().map(|r| r.flags.0).collect::<Vec<_>>());
+    assert!(
+        released <= STEPS / 3 && others == 0,
+        "flags of the steps: {:?}",
+        rows.iter().map(|r| r.flags.0).collect::<Vec<_>>()
+    );
     let force = |row: &StepReport| row.tool.unwrap().force.length();
     let mean = |rows: &[StepReport]| rows.iter().map(force).sum::<f64>() / rows.len() as f64;
     let (last, before) = (mean(&rows[STEPS - 4..]), mean(&rows[STEPS - 8..STEPS - 4]));
@@ -86,8 +92,9 @@ fn a_layer_made_for_a_surface_is_as_stiff_as_one_that_conforms() {
         let (made, stuffed) = pressed(&format!("{{ cell = {cell:?} }}"), Some(&skin));
         let error = |force: f64| force / reference - 1.0;
         println!(
-            "press by a tenth at a cell of {cell:.4} m: {reference:.3} N refined ({fine} tetrahedra), conforming {:+.1} % \
-             ({coarse}), made for the surface {:+.1} % ({stuffed})",
+            "press by a tenth of the height, cells of {cell:.4} m: force {reference:.3} N with the refined layer \
+             ({fine} tetrahedra), {:+.1} % from that with the conforming layer ({coarse} tetrahedra), {:+.1} % from it \
+             with the layer made for the surface ({stuffed} tetrahedra)",
             100.0 * error(conforming),
             100.0 * error(made)
         );

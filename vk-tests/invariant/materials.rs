@@ -1,5 +1,5 @@
-//! Material laws: neo-Hookean and corotational tetrahedra side by side, each with its own density and damping, by hand
-//! and against the f64 oracle.
+//! Tests of the material laws: neo-Hookean and corotational tetrahedra in one system, each with its own density and
+//! damping, against values computed by hand and against the oracle (the reference implementation in f64).
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::layer::volume6;
@@ -13,21 +13,23 @@ use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 use crate::solver::system::{DT, System, layered, material, mixed, triples};
 use crate::stage::elastic::{deformed_of, expect_of_largest, expect_oracle, stretched, sync};
 
-/// Error of forces relative to the largest, as for the corotational law alone; the stiffest material has the largest.
+/// Tolerance of forces relative to the largest force, as in the tests of the corotational law alone; the stiffest
+/// material has the largest force.
 const FORCE: f64 = 1.0e-5;
-/// Error relative to the largest value, at strains of 1e-6.
+/// Tolerance relative to the largest value, at strains of 1e-6.
 const TINY_STRAIN: f64 = 5.0e-6;
-/// Error relative to the largest value where the expected ones are computed by hand: a dozen roundings.
+/// Tolerance relative to the largest value where the expected values are computed by hand: a dozen roundings.
 const BY_HAND: f64 = 1.0e-6;
-/// Error of displacements after 20 steps, relative to the largest: ten times what is measured; the solver stops at
-/// 1e-6.
+/// Tolerance of displacements after 20 steps, relative to the largest: ten times the measured error; the solver stops
+/// at a relative residual of 1e-6.
 const STEPS: f64 = 3.0e-6;
 
 #[test]
 fn a_neo_hookean_tetrahedron_stretched_by_half_by_hand() {
-    // Kernel elastic/element_forces, which computes element forces, on a unit corner of volume V = 1/6 with deformation
-    // gradient F = diag(1.5, 1, 1): I = |F|^2 = 4.25, J = det F = 1.5, cofactors diag(1, 1.5, 1.5), stress P = 4/3 mu
-    // (1 - 1 / (I + 1)) F + ((lambda + 5/6 mu) (J - 1) - mu) cofactors.
+    // The kernel elastic/element_forces, which computes the forces of elements, runs on one tetrahedron with unit edges
+    // along the axes, of volume V = 1/6, with the deformation gradient F = diag(1.5, 1, 1): I = |F|^2 = 4.25, J = det F
+    // = 1.5, cofactors C = diag(1, 1.5, 1.5), stress P = 4/3 mu (1 - 1 / (I + 1)) F + ((lambda + 5/6 mu) (J - 1) - mu)
+    // C.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], attached: vec![false; 4], ..Layer::default() };
     let soft = Material { law: MaterialLaw::NeoHookean, ..material(2e4) };
@@ -60,17 +62,17 @@ fn mixed_tetrahedra_agree_with_the_oracle_at_every_size() {
         system.velocity = velocity.iter().map(|v| v.map(|x| 0.1 * x)).collect();
         sync(&mut system);
         system.rotate();
-        expect_oracle(&format!("{count} of mixed materials"), &system, FORCE);
+        expect_oracle(&format!("{count} tetrahedra of mixed materials"), &system, FORCE);
         system.trial_change = change.iter().map(|v| v.map(|x| 0.1 * x)).collect();
         system.rotate();
-        expect_oracle(&format!("{count} of mixed materials, again"), &system, FORCE);
+        expect_oracle(&format!("{count} tetrahedra of mixed materials, trial change of velocity"), &system, FORCE);
     }
 }
 
 #[test]
 fn mixed_tetrahedra_pressed_flat_and_inside_out_agree_with_the_oracle() {
-    // Below the least stretch the compression penalty stiffens both materials, and the operator's gradients of
-    // neo-Hookean tetrahedra are those at the least stretch.
+    // Where a principal stretch lies below a limit, the compression penalty stiffens both materials, and the solver's
+    // operator uses the gradients of neo-Hookean tetrahedra at that limit.
     for (least, spread) in [(0.2, 0.09), (-0.35, 0.25)] {
         let mut system = deformed_of(&mixed(600), 600, 13, |random| {
             let (turn, least) = (random.turn(2.5), least + spread * random.next());
@@ -99,8 +101,8 @@ fn mixed_tetrahedra_keep_the_digits_of_tiny_strains_and_rigid_ones_push_nothing(
     let tiny = size(&system);
     let mut turned = deformed_of(&mixed(300), 300, 19, |random| DMat3::from_quat(random.turn(2.5)));
     turned.rotate();
-    // A rotation that is rounded to f32 strains by a few 1e-7.
-    assert!(size(&turned) < tiny, "{:e} against {tiny:e} at a strain of 1e-6", size(&turned));
+    // Rounding a rotation to f32 causes strains of a few 1e-7.
+    assert!(size(&turned) < tiny, "force {:e} of rotated tetrahedra, {tiny:e} at strains of 1e-6", size(&turned));
 }
 
 #[test]
@@ -128,9 +130,9 @@ fn bodies_of_regions_and_of_either_law_step_as_the_oracles_do() {
         }
         let (moved, _) = simulation.nodes(0).unwrap().unwrap();
         let error = relative_error(&moved, &twin.bodies[0].displacement);
-        println!("{law} with regions: error {error:.2e} of the largest");
-        assert!(rows.iter().all(|row| row.flags.0 == 0), "{law}: flags");
-        assert!(error < STEPS, "{law}: {error:e}");
+        println!("{law} with material regions: displacements differ from the oracle's by {error:.2e} of the largest");
+        assert!(rows.iter().all(|row| row.flags.0 == 0), "{law}: a step raised flags");
+        assert!(error < STEPS, "{law}: relative error of displacements {error:e}");
     }
 }
 
@@ -148,21 +150,21 @@ fn drawn_volume(law: &str) -> f64 {
     );
     let mut simulation = open(&scene(&text), None);
     let rows = run(&mut simulation, 150);
-    assert!(rows.iter().all(|row| row.flags.0 == 0), "{law}: flags");
-    let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("soft") };
+    assert!(rows.iter().all(|row| row.flags.0 == 0), "{law}: a step raised flags");
+    let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("the block is not soft") };
     let (moved, _) = simulation.nodes(0).unwrap().unwrap();
     let now: Vec<DVec3> = layer.nodes.iter().zip(&moved).map(|(r, d)| *r + *d).collect();
-    assert!(now.iter().any(|x| (x.x - 0.4).abs() < 1e-5), "{law}: drawn to twice its length");
+    assert!(now.iter().any(|x| (x.x - 0.4).abs() < 1e-5), "{law}: the block is not drawn to twice its length");
     let volume = |nodes: &[DVec3]| layer.tetrahedra.iter().map(|t| volume6(nodes, t)).sum::<f64>();
     volume(&now) / volume(&layer.nodes)
 }
 
 #[test]
 fn a_block_drawn_to_twice_its_length_keeps_its_volume_only_by_the_nonlinear_law() {
-    // Whole steps far from rest, at 2 MPa. The corotational law is linear in the stretches: nothing stops the block
-    // from shrinking across.
+    // Whole steps far from rest, at 2 MPa. The corotational law is linear in the stretches, so that nothing stops the
+    // block from becoming thinner and thinner.
     let [linear, soft] = ["corotational", "neo-hookean"].map(drawn_volume);
-    println!("volume {linear:.3} corotational, {soft:.3} neo-Hookean");
-    assert!((0.99..1.05).contains(&soft), "{soft}");
-    assert!(linear < 0.6, "{linear}");
+    println!("final volume over rest volume: {linear:.3} corotational, {soft:.3} neo-Hookean");
+    assert!((0.99..1.05).contains(&soft), "neo-Hookean: final volume over rest volume {soft}");
+    assert!(linear < 0.6, "corotational: final volume over rest volume {linear}");
 }

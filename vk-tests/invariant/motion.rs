@@ -1,5 +1,6 @@
-//! Free bodies and bodies at rest: in free flight momentum is kept, a body at rest stays where it is, and one that
-//! rolls or slides moves as a rigid one does.
+//! Tests of free bodies and bodies at rest: in free flight momentum is conserved, a body at rest stays where it is, and
+//! a body that rolls or slides moves as a rigid one does. The oracle is the reference implementation in f64; it
+//! simulates a copy of a body, its "twin".
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::{Flags, Simulation, StepReport};
@@ -11,7 +12,7 @@ use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
 const PRECONDITIONERS: [&str; 2] = ["jacobi", "coarse"];
 
-/// The oracle's twin of the first body, in the engine's present state.
+/// A copy of the first body for the oracle, in the engine's present state.
 fn twin_of(simulation: &Simulation) -> oracle::step::SoftBody {
     let mut twin = soft_twin(simulation, 0);
     (twin.displacement, twin.velocity) = simulation.nodes(0).unwrap().unwrap();
@@ -40,24 +41,25 @@ pub fn struck(layer: &str, young: f64, preconditioner: &str, ball: &str) -> Stri
     )
 }
 
+/// Shape of a soft block, as a key of a scene's `[[body]]` table.
 pub const BLOCK: &str = "layer = { box = [[-0.03, -0.03, -0.03], [0.03, 0.03, 0.03]], cells = [4, 4, 4] }";
 const GEAR: &str = "surface = { model = \"gear\", vertices = 4000 }\nlayer = { cell = 0.01 }";
 
-/// Most steps until the ball has struck and gone.
+/// Greatest number of steps until the ball has struck the body and left it.
 const STRIKE: usize = 300;
-/// Steps without contact after which the ball counts as gone.
+/// Number of steps without contact after which the ball counts as gone.
 const GONE: usize = 20;
-/// Steps of free flight after that.
+/// Number of steps of free flight after that.
 const FLIGHT: usize = 500;
-/// The first steps of the flight, which are compared with the oracle.
+/// Number of first steps of the flight that are compared with the oracle.
 const BESIDE: usize = 60;
-/// Greatest change of linear momentum in the flight, as a share of it.
+/// Greatest relative change of linear momentum in the flight.
 const MOMENTUM: f64 = 1.0e-6;
-/// Greatest change of angular momentum in a step besides the torque of the method itself (see
-/// vk-tests/invariant/invariants.rs), relative to the linear momentum times the body's half extent.
+/// Greatest change of angular momentum in a step, apart from that by the torque of the method itself (see
+/// vk-tests/invariant/invariants.rs), relative to the linear momentum times half the body's extent.
 const SPIN: f64 = 1.0e-7;
-/// Greatest difference of angular momentum from the oracle's, relative to the same product: errors of the single steps
-/// add up.
+/// Greatest difference of angular momentum from the oracle's, relative to the same product; larger than `SPIN`, because
+/// the errors of single steps add up.
 const SPIN_BESIDE: f64 = 1.0e-6;
 /// Greatest difference of displacements from the oracle's, relative to the largest.
 const SHAPE: f64 = 1.0e-6;
@@ -68,8 +70,8 @@ fn a_tossed_body_keeps_its_momentum() {
     let block = ("block", BLOCK, 0.03, "mass = 0.1\nposition = [0.01, 0.045, 0.012]\nvelocity = [1.3, -0.4, 0.1]");
     let gear = ("gear", GEAR, 0.05, "mass = 0.03\nposition = [-0.02, 0.065, 0.0]\nvelocity = [1.5, -0.4, 0.3]");
     let every = [2e4, 2e6].into_iter().flat_map(|young| PRECONDITIONERS.map(|p| (block, young, p)));
-    // With the coarse level forced on it, a gear in undisturbed flight raises flag 1 (not converged), since all that is
-    // left to solve is rounding: see the README's known limits.
+    // A gear is not tossed with the "coarse" preconditioner: in undisturbed flight it would raise flag 1 (not
+    // converged), because only rounding errors are left to solve for; see the README's known limits.
     for ((name, layer, half, ball), young, preconditioner) in every.chain([(gear, 2e4, "jacobi")]) {
         let what = format!("{name} of {young:e} Pa, {preconditioner}");
         toss(&what, &struck(layer, young, preconditioner, ball), half);
@@ -82,13 +84,13 @@ fn toss(what: &str, text: &str, half: f64) {
     let mut since = None;
     for _ in 0..STRIKE {
         let row = run(&mut simulation, 1).remove(0);
-        assert_eq!(row.flags, Flags::default(), "{what}: step {}", row.step);
+        assert_eq!(row.flags, Flags::default(), "{what}: flags of step {}", row.step);
         since = if row.contacts.unwrap() > 0 { Some(0) } else { since.map(|steps| steps + 1) };
         if since == Some(GONE) {
             break;
         }
     }
-    assert_eq!(since, Some(GONE), "{what}: it was struck, and the ball has gone");
+    assert_eq!(since, Some(GONE), "{what}: number of steps without contact after the ball struck");
     let (mut before, h) = (twin_of(&simulation), scene.step.dt);
     let mut twin = oracle::step::Simulation::new(h, scene.step.gravity);
     twin.bodies.push(twin_of(&simulation));
@@ -98,12 +100,16 @@ fn toss(what: &str, text: &str, half: f64) {
     let mut iterations = 0;
     for step in 0..FLIGHT {
         let row = run(&mut simulation, 1).remove(0);
-        assert_eq!((row.flags, row.contacts), (Flags::default(), Some(0)), "{what}: step {step}");
+        assert_eq!(
+            (row.flags, row.contacts),
+            (Flags::default(), Some(0)),
+            "{what}: flags and contacts of step {step} of the flight"
+        );
         iterations += row.iterations;
         let after = twin_of(&simulation);
         linear = linear.max(momentum(&after, DVec3::ZERO).0.distance(first.0));
-        // Both states are taken about the centre of the earlier one; vk-tests/invariant/invariants.rs explains the torque of
-        // rotations that are fixed over a step.
+        // Both angular momenta are about the centre of mass of the earlier state. `turn` cancels the change that is due
+        // to rotations that are fixed over a step; vk-tests/invariant/invariants.rs explains it.
         let point = centre(&before);
         let operator = before.elements.linearised(&before.displacement, &before.rotations());
         let stiff = operator.apply_stiffness(&after.velocity, &before.rotations());
@@ -121,9 +127,10 @@ fn toss(what: &str, text: &str, half: f64) {
     }
     let last = momentum(&before, centre(&before));
     println!(
-        "{what}: linear momentum lost {:.1e}; angular {:.3} at first (of linear times half the extent), {:.1e} lost over all, \
-         a step by the method {:.1e} at most, beside it {:.1e}, off the oracle's after {BESIDE} steps {:.1e}, displacements \
-         {shape:.1e}; {:.1} iterations a step",
+        "{what}: relative change of linear momentum {:.1e}; angular momentum, relative to the linear one times half \
+         the extent: {:.3} at first, change {:.1e} over all steps, up to {:.1e} in a step by the method's own torque, \
+         up to {:.1e} in a step apart from it, difference from the oracle's within {BESIDE} steps {:.1e}; difference \
+         of displacements {shape:.1e}; {:.1} solver iterations per step",
         linear / size,
         first.1.length() / (size * half),
         (first.1 - last.1).length() / (size * half),
@@ -132,14 +139,17 @@ fn toss(what: &str, text: &str, half: f64) {
         apart / (size * half),
         f64::from(iterations) / FLIGHT as f64
     );
-    assert!(first.1.length() > 0.05 * size * half, "{what}: it spins");
-    assert!(linear < MOMENTUM * size, "{what}: {:e}", linear / size);
-    assert!(angular < SPIN * size * half && apart < SPIN_BESIDE * size * half && shape < SHAPE, "{what}");
+    assert!(first.1.length() > 0.05 * size * half, "{what}: the struck body does not spin");
+    assert!(linear < MOMENTUM * size, "{what}: relative change of linear momentum {:e}", linear / size);
+    assert!(
+        angular < SPIN * size * half && apart < SPIN_BESIDE * size * half && shape < SHAPE,
+        "{what}: angular momentum or displacements differ too much"
+    );
 }
 
-/// How far a body at rest may drift in 10,000 steps, m.
+/// Greatest distance that a body at rest may drift in 10,000 steps, m.
 const DRIFT: f64 = 1.0e-6;
-/// Steps until the creep of regularised friction has released the stresses of the landing.
+/// Number of steps until the creep of regularised friction has relaxed the stresses of the landing.
 const SETTLE: usize = 4000;
 
 #[test]
@@ -165,18 +175,19 @@ fn a_body_at_rest_on_a_plane_stays() {
         let mut drift = [0.0f64; 4];
         for _ in 0..10_000 {
             let row = run(&mut simulation, 1).remove(0);
-            assert_eq!(row.flags, Flags::default(), "{young:e} Pa, friction {friction}, step {}", row.step);
+            assert_eq!(row.flags, Flags::default(), "{young:e} Pa, friction {friction}, flags of step {}", row.step);
             for ((drift, x), start) in drift.iter_mut().zip(places(&simulation, &row)).zip(start) {
                 *drift = drift.max(x.distance(start));
             }
         }
         println!(
-            "at rest, {young:e} Pa, friction {friction}: probes {:.1e}, {:.1e} m, frame {:.1e}, {:.1e} m",
+            "at rest, {young:e} Pa, friction coefficient {friction}: drift of two corners {:.1e} m and {:.1e} m, of \
+             the rigid frame's centre {:.1e} m, of a point that turns with the frame {:.1e} m",
             drift[0], drift[1], drift[2], drift[3]
         );
         let sunk = 0.03 - start[2].y;
-        assert!(settled.contacts.unwrap() > 0 && sunk > 0.0, "it lies");
-        assert!(drift.iter().all(|d| *d < DRIFT), "{young:e} Pa, friction {friction}: {drift:?}");
+        assert!(settled.contacts.unwrap() > 0 && sunk > 0.0, "the block does not lie on the plane");
+        assert!(drift.iter().all(|d| *d < DRIFT), "{young:e} Pa, friction {friction}: drifts, m: {drift:?}");
     }
 }
 
@@ -186,10 +197,11 @@ fn probe(name: &str, body: &str, nearest: DVec3) -> String {
 
 /// Radius of the ball, m.
 const RADIUS: f64 = 0.03;
-/// Greatest relative difference from a rigid body's accelerations. Pressure acts on points of the ball as they stood at
-/// the start of the step h, and its damping (the stiffness times the step) holds the ball back as much again: at speed
-/// v the pressure's centre lies up to 2 h v ahead of the ball's, which brakes by 2 h v / r (r: radius) of the weight
-/// across the slope. The rest is the skin's unevenness.
+/// Greatest relative difference from a rigid body's accelerations. Contact pressure acts on points of the ball where
+/// they were at the start of the step h, so that at speed v its centre lies h v ahead of the ball's; the damping of
+/// contact (the stiffness times the step) shifts it by up to another h v. The shift of up to 2 h v brakes the ball by
+/// the fraction 2 h v / r (r: radius) of its weight normal to the slope. The rest of the tolerance is for the
+/// unevenness of the skin (surface mesh).
 const RIGID: f64 = 0.05;
 
 /// The motion of a ball on a slope, and the moment of inertia with which a rigid ball would move.
@@ -228,7 +240,7 @@ fn descend(degrees: f64, friction: f64, damping: &str, core: &str, velocity: f64
     let mut descent = Descent { speed: vec![], spin: vec![], inertia: 0.0 };
     for _ in 0..steps {
         let row = run(&mut simulation, 1).remove(0);
-        assert_eq!(row.flags, Flags::default(), "step {}", row.step);
+        assert_eq!(row.flags, Flags::default(), "flags of step {}", row.step);
         let body = twin_of(&simulation);
         let (middle, mass) = (centre(&body), body.elements.masses.iter().sum::<f64>());
         let of_point = |(m, x): (&f64, DVec3)| oracle::tool::point_inertia(*m, x - middle);
@@ -259,8 +271,8 @@ fn a_ball_rolls_down_a_slope_as_a_rigid_one() {
         let (got, spin) = (rate(&ball.speed), rate(&ball.spin));
         let slip = ball.speed[199] / (ball.spin[199] * RADIUS) - 1.0;
         println!(
-            "rolling, {name}: {got:.4} m/s^2 and {spin:.2} rad/s^2, rigid {want:.4} and {:.2} (a full sphere {:.4}); {:.1e} of \
-             its speed slips; moment of inertia {:.4} m r^2",
+            "rolling, {name}: accelerations {got:.4} m/s^2 and {spin:.2} rad/s^2; of a rigid ball {want:.4} m/s^2 and \
+             {:.2} rad/s^2 (of a solid sphere {:.4} m/s^2); slip over speed {:.1e}; moment of inertia {:.4} m r^2",
             want / RADIUS,
             9.81 * 15f64.to_radians().sin() / 1.4,
             slip,
@@ -272,19 +284,21 @@ fn a_ball_rolls_down_a_slope_as_a_rigid_one() {
 
 #[test]
 fn a_ball_slides_down_a_slope_as_a_rigid_one() {
-    // A full sphere slides where the slope's tangent is more than 3.5 times the friction coefficient; tan 30 degrees =
+    // A solid sphere slides where the slope's tangent is more than 3.5 times the friction coefficient; tan 30 degrees =
     // 0.58.
     for friction in [0.1, 0.15] {
-        // Damping of contact is 0: it would hold back the spin as much again (see `RIGID`).
+        // The damping of contact is 0, because it would brake the spin as much as the lag of the pressure does (see
+        // `RIGID`).
         let ball = descend(30.0, friction, "0.0", "", 0.3, 100);
         let (sin, cos) = 30f64.to_radians().sin_cos();
         let (fall, turn) = (9.81 * (sin - friction * cos), 9.81 * friction * cos / (ball.inertia * RADIUS));
         let (got, spin) = (rate(&ball.speed), rate(&ball.spin));
         println!(
-            "sliding, friction {friction}: {got:.4} m/s^2 and {spin:.2} rad/s^2, rigid {fall:.4} and {turn:.2} (a full sphere {:.2})",
+            "sliding, friction coefficient {friction}: accelerations {got:.4} m/s^2 and {spin:.2} rad/s^2; of a rigid \
+             ball {fall:.4} m/s^2 and {turn:.2} rad/s^2 (of a solid sphere {:.2} rad/s^2)",
             turn * ball.inertia / 0.4
         );
-        assert!(ball.speed[99] > 1.2 * ball.spin[99] * RADIUS, "it slides");
+        assert!(ball.speed[99] > 1.2 * ball.spin[99] * RADIUS, "the ball rolls instead of sliding");
         assert!((got / fall - 1.0).abs() < RIGID && (spin / turn - 1.0).abs() < RIGID);
     }
 }

@@ -1,8 +1,9 @@
 //! Builds a scene by calls instead of from a scene file: settings, meshes, bodies and the tool, one by one; and
 //! prepares its bodies, with a progress callback.
 //!
-//! To prepare a body is to repair its surface, fill it with tetrahedra (the "layer", the simulation mesh), embed the
-//! skin in them, cover the skin by convex collision proxies, and attach nodes to rigid cores.
+//! To prepare a body is to repair its surface (the skin, which is seen and touched), fill it with tetrahedra (the
+//! layer, that is, the simulation mesh), embed the skin in the layer, cover the skin by convex hulls for the broad
+//! phase (collision proxies), and attach nodes of the layer to rigid cores (rigid bodies inside the soft one).
 
 use std::ffi::{CString, c_char, c_void};
 
@@ -18,16 +19,17 @@ use super::sized::{self, Sized32};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::{handles, tables};
 
-/// Name of a scene made by calls: it stands in messages where the path of a scene file would stand, and its folder, to
-/// which paths in added texts are relative, is the working directory.
+/// Name of a scene made by calls. Messages give it in place of the path of a scene file. As it names no folder, paths
+/// in added texts are relative to the working directory.
 const FILE: &str = "scene";
 
 /// Progress callback of `palpate_scene_prepare`, called as each stage begins. `body` is the body's name, or "tool".
-/// `stage` is "cache" (a prepared body is looked for), "read", "repair" (both of the surface), "layer" (the
-/// tetrahedra), "embed" (skin in layer), "proxies" (convex hulls) or "bind" (nodes to cores). `done` and `total` are
-/// the numbers of bodies that are ready and of all bodies; a tool that is none of the bodies counts as one. The strings
-/// are valid until the callback returns. Return 0 to continue, anything else to cancel. Meanwhile calls on the scene
-/// give PALPATE_STATUS_BUSY. The callback must return: no longjmp, and no exception.
+/// `stage` is "cache" (the cache is searched for the prepared body), "read" or "repair" (of the surface), "layer"
+/// (tetrahedra are made), "embed" (the skin is embedded in the tetrahedra), "proxies" (convex hulls are made) or "bind"
+/// (nodes are attached to rigid cores). `done` is the number of bodies that are ready and `total` that of all bodies; a
+/// tool that is not one of the bodies counts as one more body. The strings are valid until the callback returns. Return
+/// 0 to continue, anything else to cancel. While it runs, calls on the scene give PALPATE_STATUS_BUSY. The callback
+/// must return: no longjmp, and no exception.
 pub type palpate_progress = Option<
     unsafe extern "C" fn(user: *mut c_void, body: *const c_char, stage: *const c_char, done: u32, total: u32) -> i32,
 >;
@@ -40,7 +42,7 @@ pub unsafe extern "C" fn palpate_scene_create(
     scene: *mut *mut palpate_scene,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let (settings, scene) = unsafe { (sized::read(settings)?, sized::answer(scene, "scene")?) };
         *scene = std::ptr::null_mut();
         let mut made = SceneObject::new(Scene::empty(FILE));
@@ -49,24 +51,24 @@ pub unsafe extern "C" fn palpate_scene_create(
     })
 }
 
-/// Adds the tables of a text in the format of a scene file, for everything that has no field in the structs here, such
-/// as joints, material regions, skeletons, probes and `[haptics]`. Bodies and probes are appended to the existing ones;
-/// other tables and keys replace the existing ones, and what the text leaves out stays. A body in the text may name a
-/// mesh that was handed over by palpate_scene_add_surface, `surface = { mesh = "name" }`, or palpate_scene_add_layer,
-/// `layer = { mesh = "name" }`.
+/// Adds the tables of a text in the format of a scene file, for everything that has no field in the structs of this
+/// header, such as joints, material regions, skeletons, probes and `[haptics]`. Bodies and probes are appended to the
+/// existing ones; other tables and keys replace the existing ones, and those that the text leaves out stay. A body in
+/// the text may name a mesh that was handed over by palpate_scene_add_surface, `surface = { mesh = "name" }`, or
+/// palpate_scene_add_layer, `layer = { mesh = "name" }`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_add(scene: *mut palpate_scene, text: *const c_char) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let text = unsafe { sized::string(text, "text")? };
         change(scene, |object| object.change(|builder| Ok(builder.toml(text).map(|_| ())?)))
     })
 }
 
 /// Hands over a triangle surface in place of an OBJ file, under a name by which bodies and the tool refer to it.
-/// `vertices`: 3 * `vertex_count` coordinates, m before the body's `scale`. `triangles`: 3 * `triangle_count` vertex
-/// indices from 0, counter-clockwise seen from outside. Defects are repaired when bodies are prepared. The name must
-/// differ from those of other surfaces, and may be any text but "".
+/// `vertices`: 3 * `vertex_count` coordinates, which times the body's `scale` are in m. `triangles`: 3 *
+/// `triangle_count` vertex indices from 0, counter-clockwise seen from outside. Defects are repaired when bodies are
+/// prepared. The name must differ from those of other surfaces, and may be any text but "".
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_add_surface(
     scene: *mut palpate_scene,
@@ -77,7 +79,7 @@ pub unsafe extern "C" fn palpate_scene_add_surface(
     triangle_count: usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let (name, vertices, triangles) = unsafe {
             let vertices = sized::rows::<f64, 3>(vertices, vertex_count, "vertices")?;
             (sized::string(name, "name")?, vertices, sized::rows::<u32, 3>(triangles, triangle_count, "triangles")?)
@@ -90,9 +92,9 @@ pub unsafe extern "C" fn palpate_scene_add_surface(
 }
 
 /// Hands over the tetrahedra of a layer (the simulation mesh of a soft body) in place of a mesh file, under a name by
-/// which bodies refer to it. `nodes`: 3 * `node_count` coordinates, m before the body's `scale`. `tetrahedra`:
-/// 4 * `tetrahedron_count` node indices from 0; inverted tetrahedra are turned round, and those without volume or given
-/// twice are refused. The name must differ from those of other layers, and may be any text but "".
+/// which bodies refer to it. `nodes`: 3 * `node_count` coordinates, which times the body's `scale` are in m.
+/// `tetrahedra`: 4 * `tetrahedron_count` node indices from 0; inverted tetrahedra are reoriented, and those without
+/// volume or given twice are refused. The name must differ from those of other layers, and may be any text but "".
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_add_layer(
     scene: *mut palpate_scene,
@@ -103,7 +105,7 @@ pub unsafe extern "C" fn palpate_scene_add_layer(
     tetrahedron_count: usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let (name, nodes, tetrahedra) = unsafe {
             let nodes = sized::rows::<f64, 3>(nodes, node_count, "nodes")?;
             (sized::string(name, "name")?, nodes, sized::rows::<u32, 4>(tetrahedra, tetrahedron_count, "tetrahedra")?)
@@ -115,8 +117,8 @@ pub unsafe extern "C" fn palpate_scene_add_layer(
     })
 }
 
-/// Adds a body. `index` receives its position in the scene, from 0, and may be null. Messages call a wrong value by its
-/// key in a scene file: `body.NAME.material.young` is the field `young`.
+/// Adds a body. `index` receives its position in the scene, from 0, and may be null. Error messages name a wrong value
+/// by its key in a scene file: `body.NAME.material.young` is the field `young`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_add_body(
     scene: *mut palpate_scene,
@@ -124,13 +126,13 @@ pub unsafe extern "C" fn palpate_scene_add_body(
     index: *mut u32,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let tables = unsafe { tables::of_body(&needed(body, "body")?)? };
         let place = change(scene, |object| {
             object.change(|builder| builder.tables(&tables).map_err(argument))?;
             Ok(object.scene().bodies.len() - 1)
         })?;
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         if let Some(index) = unsafe { index.as_mut() } {
             *index = place as u32;
         }
@@ -149,9 +151,9 @@ pub unsafe extern "C" fn palpate_scene_set_collides(
     count: usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let given = unsafe { sized::array(names, count, "names")? };
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let name = |name: &*const c_char| unsafe { sized::string(*name, "names[..]") }.map(String::from);
         let given: Vec<String> = given.iter().map(name).collect::<Outcome<_>>()?;
         let list = (!names.is_null()).then_some(given);
@@ -168,7 +170,7 @@ pub unsafe extern "C" fn palpate_scene_set_tool(
     tool: *const palpate_tool,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let tables = unsafe { tables::of_tool(&needed(tool, "tool")?)? };
         change(scene, |object| object.change(|builder| builder.replace_tool(&tables).map_err(argument)))
     })
@@ -179,7 +181,7 @@ pub unsafe extern "C" fn palpate_scene_set_tool(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_cache(scene: *mut palpate_scene, folder: *const c_char) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let folder = unsafe { cache_folder(folder)? };
         change(scene, |object| {
             object.set_cache(folder.as_deref().map_or_else(Cache::off, Cache::at));
@@ -188,11 +190,11 @@ pub unsafe extern "C" fn palpate_scene_cache(scene: *mut palpate_scene, folder: 
     })
 }
 
-/// Prepares the bodies of a scene: repairs surfaces, fills them with tetrahedra, and so on. It takes seconds, unless
-/// prepared bodies are found in the cache (palpate_scene_cache). palpate_simulation_create prepares what is left,
-/// without a progress callback. `progress` is called with `user` on this thread as each stage begins; it may be null.
-/// If it cancels (PALPATE_STATUS_CANCELLED), bodies that are ready stay so, and the next call continues with the
-/// others.
+/// Prepares the bodies of a scene: repairs surfaces, fills them with tetrahedra, and does the other stages that
+/// palpate_progress lists. This takes seconds, unless prepared bodies are found in the cache (palpate_scene_cache).
+/// Bodies that were not prepared by this call are prepared by palpate_simulation_create, without a progress callback.
+/// `progress` is called with `user` on this thread as each stage begins; it may be null. If it cancels
+/// (PALPATE_STATUS_CANCELLED), bodies that are ready stay so, and the next call continues with the others.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_prepare(
     scene: *mut palpate_scene,

@@ -1,5 +1,6 @@
 //! Changes a simulation between two steps: materials, the contact law, the virtual coupling, and the poses of driven
-//! (kinematic) cores.
+//! (kinematic) rigid cores. A rigid core is a rigid body inside a soft one, to which nodes are attached; here a rigid
+//! body counts as its own core.
 
 use std::time::Duration;
 
@@ -106,8 +107,8 @@ unsafe fn needed<T: Sized32>(from: *const T, name: &str, reserved: impl Fn(&T) -
     }
 }
 
-/// Reads a material of a soft body: `index` 0 is the body's own, the others are those of its material regions in the
-/// order of the scene.
+/// Reads a material of a soft body: `index` 0 is the material of the body itself, and 1 and above are the materials of
+/// its regions (parts of the body with a material of their own) in the order of the scene.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_material_get(
     simulation: *mut palpate_simulation,
@@ -121,16 +122,17 @@ pub unsafe extern "C" fn palpate_material_get(
             let Material { young, poisson, density, damping_mass, damping_stiffness, .. } = told;
             let unset = palpate_material::unset();
             let told = palpate_material { young, poisson, density, damping_mass, damping_stiffness, ..unset };
-            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             unsafe { sized::tell(material, &told, "material") }
         })
     })
 }
 
-/// Replaces a material of a soft body from the next step on; `index` is that of `palpate_material_get`. No body is
-/// prepared again and no pass is recorded again; whether the solver has a coarse space for the body stays as it was
-/// chosen. PALPATE_STATUS_ARGUMENT: there is no such material, a value is out of range, or the body has several
-/// materials and the new density would move its centre of mass.
+/// Replaces a material of a soft body from the next step on; `index` counts as in `palpate_material_get`. No body is
+/// prepared again, and no GPU commands are recorded again. The choice whether the solver's preconditioner has a coarse
+/// space (second level) for the body stays as the simulation was made. PALPATE_STATUS_ARGUMENT: there is no such
+/// material, a value is out of range, or the body has several materials and the new density would move its centre of
+/// mass.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_material_set(
     simulation: *mut palpate_simulation,
@@ -139,7 +141,7 @@ pub unsafe extern "C" fn palpate_material_set(
     material: *const palpate_material,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let given = unsafe { needed(material, "material", |m| m.reserved)? };
         let palpate_material { young, poisson, density, damping_mass, damping_stiffness, .. } = given;
         handles::with(simulation as usize, |object: &mut SimulationObject| material_at(&object.simulation, body, index))
@@ -153,7 +155,7 @@ pub unsafe extern "C" fn palpate_material_set(
 fn material_at(simulation: &palpate::Simulation, body: u32, index: u32) -> Outcome<Material> {
     let all = simulation.materials(body as usize);
     all.get(index as usize).copied().ok_or_else(|| {
-        let problem = format!("body {body} has {} materials, and none at {index}", all.len());
+        let problem = format!("body {body} has {} materials, counted from 0, and none at {index}", all.len());
         Failure::new(palpate_status::Argument, problem)
     })
 }
@@ -171,21 +173,21 @@ pub unsafe extern "C" fn palpate_contact_get(
             let (stiffness, damping) = (stiffness.unwrap_or(-1.0), damping.unwrap_or(-1.0));
             let unset = palpate_contact_law::unset();
             let told = palpate_contact_law { stiffness, damping, friction, friction_speed, depth_limit, ..unset };
-            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             unsafe { sized::tell(law, &told, "law") }
         })
     })
 }
 
-/// Replaces the contact law from the next step on. Switching friction on in a scene that had none records the passes of
-/// the step anew, which takes about as long as making the simulation did.
+/// Replaces the contact law from the next step on. Switching friction on in a scene that had none records the GPU
+/// commands of the step anew, which takes about as long as making the simulation did.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_contact_set(
     simulation: *mut palpate_simulation,
     law: *const palpate_contact_law,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let given = unsafe { needed(law, "law", |law| law.reserved)? };
         let palpate_contact_law { friction, friction_speed, depth_limit, .. } = given;
         // A finite negative number asks for the automatic choice. NaN and infinities are passed on, so that the engine
@@ -209,7 +211,7 @@ pub unsafe extern "C" fn palpate_coupling_set(
     guarded(|| {
         let given = match coupling.is_null() {
             true => None,
-            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             false => Some(unsafe { needed(coupling, "coupling", |coupling| coupling.reserved)? }),
         };
         let plain = |c: palpate_coupling| Coupling {
@@ -222,8 +224,9 @@ pub unsafe extern "C" fn palpate_coupling_set(
     })
 }
 
-/// Reads where a core of a body is, as the world pose of the origin of the body's mesh coordinates, moved along with
-/// the core. Cores are counted from 0, the bones of a skeleton first; a rigid body has one core.
+/// Reads the pose of a rigid core of a body: the world pose of the coordinate frame of the body's mesh, as if that
+/// frame were fixed to the core. Cores are counted from 0, the bones of a skeleton first; a rigid body counts as one
+/// core.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_core_pose(
     simulation: *mut palpate_simulation,
@@ -232,7 +235,7 @@ pub unsafe extern "C" fn palpate_core_pose(
     pose: *mut palpate_pose,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let pose = unsafe { sized::answer(pose, "pose")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             let told = object
@@ -245,9 +248,10 @@ pub unsafe extern "C" fn palpate_core_pose(
     })
 }
 
-/// Moves a driven (kinematic) core from where it is to `pose` (of the kind that `palpate_core_pose` reads) at constant
-/// speed within `seconds` of simulated time, or within a step if that is longer, and leaves it there; its remaining
-/// keys are discarded. Call it before every step to animate a core. PALPATE_STATUS_ARGUMENT: the core is not driven.
+/// Moves a driven (kinematic) core from its present pose to `pose` (defined as in `palpate_core_pose`) at constant
+/// speed within `seconds` of simulated time, or within one step if a step is longer, and leaves it there; its remaining
+/// keyframes are discarded. Call it before every step to animate a core. PALPATE_STATUS_ARGUMENT: the core is not
+/// driven.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_core_move(
     simulation: *mut palpate_simulation,
@@ -257,7 +261,7 @@ pub unsafe extern "C" fn palpate_core_move(
     seconds: f64,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let pose = unsafe { sized::given(pose, "pose")? };
         let pose = pose.ok_or_else(|| Failure::new(palpate_status::Null, "pose is null; pass the pose of the core"))?;
         let pose = pose_of(pose, "pose")?;

@@ -1,4 +1,4 @@
-//! Vulkan devices: their list, and contexts, which are opened devices.
+//! Lists the Vulkan devices of the machine, and opens one as a context.
 
 use std::ffi::{c_char, c_void};
 use std::path::PathBuf;
@@ -34,7 +34,7 @@ pub enum palpate_device_kind {
     Cpu = 4,
 }
 
-/// A Vulkan device of this machine. Strings that are too long for their arrays are cut; all end in a zero.
+/// A Vulkan device of this machine. Strings that are too long for their arrays are cut off; all end with a zero byte.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_device {
@@ -70,19 +70,19 @@ pub struct palpate_context_options {
     /// Folder where prepared bodies, compiled pipelines and measurements of devices are kept for later runs; "": the
     /// user's cache folder (PALPATE_CACHE, else palpate in XDG_CACHE_HOME or ~/.cache). Null: nothing is kept.
     pub cache: *const c_char,
-    /// 1: where the scene does not say, measures which of two implementations is faster on the device (arrays through
-    /// texel or storage buffers; depth stage by compute or graphics), once per context, or once per device if there is
-    /// a cache. 0: does not measure.
+    /// 1: the library measures which of two implementations is faster on the device, where the scene names neither:
+    /// arrays read through texel or through storage buffers, and penetration depths computed by compute or by graphics
+    /// pipelines. It measures once per context, or once per device if there is a cache. 0: it does not measure.
     pub measure: u32,
-    /// Number of threads that lavapipe (Mesa's Vulkan driver for CPUs) uses besides the calling one; -1: none. Any
-    /// value but 0 sets LP_NUM_THREADS in palpate_context_create, unless the environment has it already; meanwhile no
-    /// other thread of the process may read or write the environment. 0: the environment stays as it is. Other drivers
-    /// ignore the variable.
+    /// Number of threads that lavapipe (Mesa's Vulkan driver for CPUs) uses in addition to the calling one; -1: none.
+    /// Any value but 0 sets LP_NUM_THREADS in palpate_context_create, unless the environment has it already; during
+    /// that call no other thread of the process may read or write the environment. 0: the environment stays as it is.
+    /// Other drivers ignore the variable.
     pub threads: i32,
 }
 
 // SAFETY: it is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and pointers; a
-// pointer is followed only under the rules of the header's preface.
+// pointer is followed only under the rules of the comment at the top of palpate.h.
 unsafe impl Sized32 for palpate_context_options {
     const NAME: &str = "palpate_context_options";
     const LEAST: usize = 2 * size_of::<u32>() + size_of::<*const c_char>();
@@ -119,14 +119,14 @@ pub unsafe extern "C" fn palpate_devices(
     count: *mut usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let count = unsafe { sized::answer(count, "count")? };
         let all: Vec<palpate_device> = Context::list()?.iter().map(device_of).collect();
         *count = all.len();
         if capacity == 0 {
             return Ok(());
         }
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         unsafe { sized::copy(&all, devices, capacity, "devices") }
     })
 }
@@ -163,14 +163,14 @@ pub unsafe extern "C" fn palpate_context_create(
     context: *mut *mut palpate_context,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let (options, context) = unsafe { (sized::read(options)?, sized::answer(context, "context")?) };
         *context = std::ptr::null_mut();
         let validation = truth("palpate_context_options.validation", options.validation)?;
         let measure = truth("palpate_context_options.measure", options.measure)?;
         let device = match options.device.is_null() {
             true => None,
-            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             false => Some(unsafe { sized::string(options.device, "options.device")? }.to_owned()),
         };
         let log = log::to(options.log, options.log_user);
@@ -178,11 +178,11 @@ pub unsafe extern "C" fn palpate_context_create(
             0 => None,
             -1 => Some(Threads::Count(0)),
             count => Some(Threads::Count(u32::try_from(count).map_err(|_| {
-                let problem = format!("palpate_context_options.threads is {count}; give -1, 0 or a number above");
+                let problem = format!("palpate_context_options.threads is {count}; give -1, 0 or a positive number");
                 Failure::new(palpate_status::Argument, problem)
             })?)),
         };
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let cache = unsafe { cache_folder(options.cache)? };
         let options = Options { device, validation, log, cache, measure, threads, ..Options::default() };
         let opened = Context::open(&options)?;
@@ -199,7 +199,7 @@ pub(super) fn truth(name: &str, given: u32) -> Outcome<bool> {
     }
 }
 
-/// The folder that a caller's `cache` names: null is none, "" is the user's cache folder.
+/// Returns the folder that a caller's `cache` names: none for null, the user's cache folder for "".
 ///
 /// # Safety
 /// The conditions of [`sized::string`] hold for `folder`.
@@ -227,7 +227,7 @@ pub(super) fn opened(context: *mut palpate_context) -> Outcome<Arc<Context>> {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_context_memory(context: *mut palpate_context, bytes: *mut u64) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let bytes = unsafe { sized::answer(bytes, "bytes")? };
         *bytes = opened(context)?.bytes_allocated();
         Ok(())

@@ -7,14 +7,15 @@ use std::mem::offset_of;
 use super::simulation::palpate_pose;
 use super::sized::{Field, Sized32, fields};
 
-/// Kind of motion of a core or of a rigid body: it does not move.
+/// Kind of motion of a rigid core or of a rigid body: it does not move.
 pub const PALPATE_MOTION_FIXED: u32 = 0;
 /// Kind of motion: driven (kinematic), that is, it follows `keys`.
 pub const PALPATE_MOTION_DRIVEN: u32 = 1;
 /// Kind of motion: dynamic, that is, forces move it.
 pub const PALPATE_MOTION_DYNAMIC: u32 = 2;
 
-/// Material law: corotational, that is, linear in the strain that is left when a tetrahedron's rotation is taken out.
+/// Material law: corotational, that is, linear in the strain that remains when the rotation of a tetrahedron is
+/// removed.
 pub const PALPATE_LAW_COROTATIONAL: u32 = 0;
 /// Material law: stable neo-Hookean.
 pub const PALPATE_LAW_NEO_HOOKEAN: u32 = 1;
@@ -78,12 +79,12 @@ pub struct palpate_core {
     pub motion: u32,
     /// Name of the core, different from those of the body's other cores.
     pub name: *const c_char,
-    /// Keyframes of a driven core, `key_count` of them: poses of the centre of mass of what is attached to it. Null for
-    /// other cores.
+    /// Keyframes of a driven core, `key_count` of them: poses of the centre of mass of the attached part of the body.
+    /// Null for other cores.
     pub keys: *const palpate_key,
     /// Number of elements of `keys`.
     pub key_count: usize,
-    /// Mass of a dynamic core, kg; 0: the mass of what is attached to it.
+    /// Mass of a dynamic core, kg; 0: the mass of the attached part of the body.
     pub mass: f64,
     /// Selects nodes at least this deep below the skin, m; above 0.
     pub inset: f64,
@@ -106,9 +107,9 @@ pub struct palpate_core {
 }
 
 /// A body of one of three kinds. Soft: it has a material and a layer, the tetrahedral simulation mesh (handed over,
-/// made of cells that fill the surface, or a box); without a surface the layer's boundary is its skin. Rigid: it has a
-/// surface and no layer. A plane: it has `plane` and nothing else but a name. A field that is zero or null means what a
-/// missing key means in a scene file.
+/// made of cells that fill the surface, or a box); its surface mesh, the skin, is `surface`, or else the layer's
+/// boundary. Rigid: it has a surface and no layer. A plane: it has `plane` and nothing else but a name. A field that is
+/// zero or null means what a missing key means in a scene file.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_body {
@@ -164,11 +165,12 @@ pub struct palpate_body {
     pub velocity: [f64; 3],
     /// Mass of a dynamic rigid body, kg.
     pub mass: f64,
-    /// Keyframes of a driven rigid body, `key_count` of them: poses of the centre of its volume. Null for other bodies.
+    /// Keyframes of a driven rigid body, `key_count` of them: poses of the centroid of its volume. Null for other
+    /// bodies.
     pub keys: *const palpate_key,
     /// Number of elements of `keys`.
     pub key_count: usize,
-    /// Rigid cores of a soft body, `core_count` of them; all have the size that the first says.
+    /// Rigid cores of a soft body, `core_count` of them; all must have the same `size`.
     pub cores: *const palpate_core,
     /// Number of elements of `cores`.
     pub core_count: usize,
@@ -192,8 +194,8 @@ pub struct palpate_tool {
     pub sphere: f64,
     /// Name of the tool's surface, as given to `palpate_scene_add_surface`; null: none.
     pub surface: *const c_char,
-    /// Name of a body of the scene that is the tool; null: none. The device holds its first core, which must be
-    /// dynamic. Mass and pose are those of the body.
+    /// Name of a body of the scene that is the tool; null: none. The virtual coupling acts on that body's first core,
+    /// which must be dynamic. Mass and pose are those of the body.
     pub body: *const c_char,
     /// Mass of the tool, kg.
     pub mass: f64,
@@ -215,12 +217,12 @@ pub struct palpate_tool {
     pub angular_damping: f64,
 }
 
-/// Implements [`Sized32`] for a struct of numbers and pointers, of which zero bytes are a value. Its least size is that
-/// of its first version, which ended 8 bytes behind the start of the field `$last`.
+/// Implements [`Sized32`] for a struct of numbers and pointers, for which zero bytes are a valid value. The least size
+/// is that of the struct's first version, which ended 8 bytes after the start of the field `$last`.
 macro_rules! grows {
     ($name:ident, $last:ident, { $($field:ident),+ }) => {
         // SAFETY: it is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and
-        // pointers; a pointer is followed only under the rules of the header's preface.
+        // pointers; a pointer is followed only under the rules of the comment at the top of palpate.h.
         unsafe impl Sized32 for $name {
             const NAME: &str = stringify!($name);
             const LEAST: usize = offset_of!($name, $last) + 8;

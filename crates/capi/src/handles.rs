@@ -1,16 +1,16 @@
 //! The table of handles: which of them are alive, and which objects they stand for. It is the only state that the whole
 //! process shares.
 //!
-//! A handle is a number: a slot of the table in its low half, and in its high half the slot's generation, that is, how
-//! often the slot had been used when the handle was made. The handle of a destroyed object has an old generation,
-//! whatever the slot is used for afterwards. A slot whose generation would overflow is not used again.
+//! A handle is a number. Its low half is the index of a slot of the table; its high half is the slot's generation, that
+//! is, how often the slot had been used when the handle was made. The handle of a destroyed object has an old
+//! generation, whatever the slot is used for afterwards. A slot whose generation would overflow is not used again.
 
 use std::any::Any;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 
 use super::status::{Failure, Outcome, palpate_status};
 
-/// Bits of the slot's number in a handle; the generation (`count`) has the others.
+/// Number of low bits of a handle that hold the slot; the other bits hold the generation (`count`).
 const SLOT_BITS: u32 = usize::BITS / 2;
 
 /// An object that a handle can stand for.
@@ -21,10 +21,10 @@ pub(super) trait Handled: Send + 'static {
 
 type Shared = Arc<dyn Any + Send + Sync>;
 
-/// The object of a handle, with what the table keeps beside it.
+/// The object of a handle, with the data that the table stores along with it.
 struct Owned<T> {
     object: Mutex<T>,
-    /// While the object is lent to one user: the reason that other callers are told.
+    /// While the object is lent to one user: the reason that the errors of other callers give.
     lent: Mutex<Option<&'static str>>,
     /// The companion: data that any thread may use while another works with the object.
     beside: Shared,
@@ -39,7 +39,7 @@ impl<T> Owned<T> {
 /// A slot of the table.
 #[derive(Default)]
 struct Slot {
-    /// Generation: how often the slot was used, this time included.
+    /// Generation: how often the slot has been used, the present use included.
     count: usize,
     object: Option<Shared>,
 }
@@ -94,7 +94,7 @@ pub(super) fn remove<T: Handled>(handle: usize) -> Outcome {
 }
 
 /// Runs `work` on the object of a handle. Errors: the handle stands for no such object, another thread uses the object,
-/// it is lent, or an earlier call panicked in it.
+/// the object is lent, or an earlier call panicked while it used the object.
 pub(super) fn with<T: Handled, R>(handle: usize, work: impl FnOnce(&mut T) -> Outcome<R>) -> Outcome<R> {
     let held = find::<T>(&table(), handle)?.1;
     let mut object = held.try_lock()?;
@@ -115,7 +115,7 @@ pub(super) fn lend<T: Handled>(handle: usize, why: &'static str) -> Outcome<Lent
 /// Returns the companion of the object of a handle.
 pub(super) fn beside<T: Handled, B: Any + Send + Sync>(handle: usize) -> Outcome<Arc<B>> {
     let held = find::<T>(&table(), handle)?.1;
-    let other = || Failure::new(palpate_status::Handle, format!("internal error: the {} has no such part", T::NAME));
+    let other = || Failure::new(palpate_status::Handle, format!("internal error: wrong companion of the {}", T::NAME));
     Arc::clone(&held.beside).downcast().map_err(|_| other())
 }
 
@@ -142,10 +142,10 @@ impl<T: Handled> Owned<T> {
         match (self.object.try_lock(), *self.lent()) {
             (Err(TryLockError::Poisoned(_)), _) => Err(Failure::new(
                 palpate_status::Fault,
-                format!("an earlier call panicked in the {0}; destroy the {0}", T::NAME),
+                format!("an earlier call that used the {0} panicked; destroy the {0}", T::NAME),
             )),
             (_, Some(why)) => Err(busy(why)),
-            (Err(TryLockError::WouldBlock), None) => Err(busy("another call; wait for that, one thread at a time")),
+            (Err(TryLockError::WouldBlock), None) => Err(busy("another call; wait until that returns")),
             (Ok(object), None) => Ok(object),
         }
     }

@@ -1,5 +1,5 @@
-//! A haptic device that the calling program supplies as callbacks: their interface, and the [`Device`] that the haptic
-//! loop makes of them.
+//! A haptic device that the calling program supplies as callbacks: the structs of these callbacks, and the [`Device`]
+//! as which the haptic loop uses them. Once per tick, at the loop's rate, the loop reads the device and plays a force.
 
 use std::cell::Cell;
 use std::ffi::{c_char, c_void};
@@ -16,8 +16,8 @@ use super::simulation::palpate_pose;
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
 
-/// Assumed steps of a coarse encoder, m and rad: bounds on the error of a pose, for estimating velocities that a device
-/// does not measure.
+/// Assumed resolution of a coarse encoder, m and rad. It bounds the error of a pose, which is needed to estimate
+/// velocities that a device does not measure.
 const QUANTA: [f64; 2] = [2e-5, 5e-4];
 
 /// State of a haptic device in world axes, as the callback `read` reports it. Before each call the library fills every
@@ -41,25 +41,25 @@ pub struct palpate_reading {
 }
 
 /// Force and torque that a haptic device is to play until the next call of `write`, world axes: always finite, and
-/// within the limits of the device's profile.
+/// within the limits of the device's profile (the limits of its model).
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_play {
-    /// Size of this struct in the library, bytes: fields beyond it are not there.
+    /// Size of this struct in the library, bytes: the callback must not read beyond it.
     pub size: u32,
     /// Reserved: always 0.
     pub reserved: u32,
     /// Force on the user's hand, N.
     pub force: [f64; 3],
-    /// Torque on the user's hand about the device's position, N m; zero where the profile has none.
+    /// Torque on the user's hand about the device's position, N m; zero where the profile allows no torque.
     pub torque: [f64; 3],
 }
 
 /// A haptic device made of the caller's callbacks. They run on threads of the loop, never two at a time. They return 0
-/// on success; any other value says that the device is lost for now: nothing is played, and the device is tried again
-/// at the next tick. A device that is lost for 5 s ends the loop.
-/// No callback may wait for longer than a small part of a tick, or let an exception or a longjmp out.
-/// `palpate_loop_stop` and `palpate_loop_destroy` called from within a callback only ask the loop to end.
+/// on success; any other value means that the device is lost for now: nothing is played, and the device is tried again
+/// at the next tick. A device that is lost for 5 s ends the loop. No callback may wait for longer than a small part of
+/// a tick, or let an exception or a longjmp out. `palpate_loop_stop` and `palpate_loop_destroy` called from within a
+/// callback only ask the loop to end.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_haptic_device {
@@ -67,14 +67,15 @@ pub struct palpate_haptic_device {
     pub size: u32,
     /// Reserved: must be 0.
     pub reserved: u32,
-    /// Pointer that is passed to each callback; the library does not look at it. What it points to must stay valid
-    /// until the loop has ended.
+    /// Pointer that is passed to each callback; the library does not use it otherwise. What it points to must stay
+    /// valid until the loop has ended.
     pub user: *mut c_void,
     /// Prepares the device; called once, before the other callbacks. Null: there is nothing to prepare. If it returns
     /// other than 0, the loop does not begin, and `close` is not called.
     pub open: Option<unsafe extern "C" fn(user: *mut c_void) -> i32>,
-    /// Reads the state of the device at `time`, s on the loop's clock; called once per tick. The loop does not believe
-    /// readings that are not finite, are no rotation, or moved faster than a hand can.
+    /// Reads the state of the device at `time`, s on the loop's clock; called once per tick. The loop rejects a reading
+    /// that has numbers that are not finite, an orientation that is no rotation, or a pose that a hand cannot have
+    /// reached since the last reading.
     pub read: Option<unsafe extern "C" fn(user: *mut c_void, time: f64, reading: *mut palpate_reading) -> i32>,
     /// Plays force and torque until the next call; called once per tick, and with zero after `open` and before `close`.
     pub write: Option<unsafe extern "C" fn(user: *mut c_void, play: *const palpate_play) -> i32>,
@@ -88,7 +89,7 @@ pub struct palpate_haptic_device {
 }
 
 // SAFETY: it is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and pointers; a
-// pointer is followed only under the rules of the header's preface.
+// pointer is followed only under the rules of the comment at the top of palpate.h.
 unsafe impl Sized32 for palpate_haptic_device {
     const NAME: &str = "palpate_haptic_device";
     const LEAST: usize = 2 * size_of::<u32>() + 6 * size_of::<*const c_void>();
@@ -106,7 +107,7 @@ thread_local! {
     static IS_CALLED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Tells whether this thread runs inside a callback; then it must not wait for the end of a loop.
+/// Returns whether this thread runs inside a callback; if it does, it must not wait for the end of a loop.
 pub(super) fn is_in_callback() -> bool {
     IS_CALLED.get()
 }
@@ -120,7 +121,8 @@ pub(super) struct Callbacks {
     motion: Motion,
 }
 
-// SAFETY: only the callbacks use what `user` points to, and the header says that they run on the loop's threads.
+// SAFETY: only the callbacks use the data to which `user` points, and the header states that they run on the loop's
+// threads.
 unsafe impl Send for Callbacks {}
 
 impl Callbacks {
@@ -129,7 +131,7 @@ impl Callbacks {
     /// # Safety
     /// The conditions of the header for a `palpate_haptic_device` hold for `device`.
     pub unsafe fn new(device: *const palpate_haptic_device, default: Option<&Profile>) -> Outcome<Callbacks> {
-        let null = |name: &str| Failure::new(palpate_status::Null, format!("{name} is null; give one"));
+        let null = |name: &str| Failure::new(palpate_status::Null, format!("{name} is null, but it is required"));
         if device.is_null() {
             return Err(null("device"));
         }
@@ -165,8 +167,8 @@ impl Callbacks {
     }
 }
 
-/// Turns the status of a callback into a result. The fault has no message, for the loop only looks whether there is
-/// one, at every tick.
+/// Turns the status of a callback into a result. The fault has no message, because during ticks the loop only checks
+/// whether there is a fault.
 fn lost(status: i32) -> Result<(), Fault> {
     if status == 0 { Ok(()) } else { Err(Fault::Lost(String::new())) }
 }
@@ -175,7 +177,8 @@ impl Device for Callbacks {
     fn open(&mut self) -> Result<(), Fault> {
         let said = |name: &str, status: i32| Fault::Lost(format!("its callback {name} returned {status}"));
         if let Some(open) = self.calls.open {
-            // SAFETY (all callbacks): the header demands functions that may be called with the `user` beside them.
+            // SAFETY (all callbacks): the header demands functions that may be called with the `user` of the same
+            // struct.
             let status = self.call(|user| unsafe { open(user) });
             if status != 0 {
                 return Err(said("open", status));
@@ -216,7 +219,7 @@ impl Device for Callbacks {
     }
 
     fn close(&mut self) {
-        // The result is ignored: a lost device cannot take the zero force, and is closed all the same.
+        // The result is ignored: a device that is lost cannot play the zero force, and is closed nevertheless.
         let _ = self.write(&Wrench::ZERO);
         if let Some(close) = self.calls.close {
             // SAFETY: see `open`.
@@ -228,7 +231,8 @@ impl Device for Callbacks {
 /// Estimates the velocities of a device that does not measure them from its poses.
 struct Motion {
     positions: AdaptiveWindow,
-    /// Window over `turned`: its slope is the angular velocity.
+    /// Window over `turned`, the sum of the rotation vectors between successive readings; its slope is the angular
+    /// velocity.
     turns: AdaptiveWindow,
     turned: DVec3,
     last: DQuat,
@@ -240,8 +244,8 @@ impl Motion {
         Motion { positions, turns, turned: DVec3::ZERO, last: DQuat::IDENTITY }
     }
 
-    /// Turns the caller's reading into the loop's, with estimates where velocities were left out. Impossible values are
-    /// passed on, because the loop rejects them.
+    /// Converts the caller's reading to a [`Reading`], with estimates of velocities that the caller left out.
+    /// Impossible values are passed on, because the loop rejects them.
     fn completed(&mut self, reading: &palpate_reading, now: f64) -> Reading {
         let time = if reading.time.is_finite() { reading.time } else { now };
         let position = DVec3::from_array(reading.pose.position);
@@ -288,8 +292,8 @@ mod tests {
             let t = f64::from(k) * 1e-3;
             last = motion.completed(&reading(0.1 * t, 2.0 * t), t);
         }
-        assert!((last.state.velocity - DVec3::X * 0.1).length() < 1e-9, "{last:?}");
-        assert!((last.state.angular_velocity - DVec3::Z * 2.0).length() < 1e-9, "{last:?}");
+        assert!((last.state.velocity - DVec3::X * 0.1).length() < 1e-9, "expected 0.1 m/s along x: {last:?}");
+        assert!((last.state.angular_velocity - DVec3::Z * 2.0).length() < 1e-9, "expected 2 rad/s about z: {last:?}");
         let measured = palpate_reading { velocity: [1.0, f64::NAN, 0.0], ..reading(0.0, 0.0) };
         let kept = motion.completed(&measured, 0.05).state;
         assert!(kept.velocity.x == 1.0 && kept.velocity.y.is_nan() && !kept.is_valid());
@@ -305,6 +309,6 @@ mod tests {
         bad.pose.orientation = [0.0; 4];
         assert!(!motion.completed(&bad, 2e-3).state.is_valid());
         let good = motion.completed(&reading(3e-4, 0.0), 3e-3);
-        assert!((good.state.velocity.x - 0.1).abs() < 1e-9, "{good:?}");
+        assert!((good.state.velocity.x - 0.1).abs() < 1e-9, "expected 0.1 m/s along x: {good:?}");
     }
 }

@@ -1,5 +1,6 @@
-//! The haptic loop of the C ABI: starts, watches and stops a session on a thread of its own, in which the caller's
-//! haptic device holds the tool and the simulation steps along.
+//! The haptic loop of the C ABI: functions that start, watch and stop it. A loop is one run of the engine's haptic
+//! session on a thread of its own: at a fixed rate it reads the caller's haptic device, which leads the tool through
+//! the virtual coupling, and plays the contact force on it, while the simulation does steps.
 
 use std::ffi::c_char;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -23,10 +24,11 @@ use super::sized;
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::steps::{self, Newest, SimulationSteps, Stepped};
 
-const HELD: &str = "a loop; stop that first";
+/// Completes the error "the simulation is in use by ..." of other calls while a loop runs.
+const HELD: &str = "a loop; stop that loop first";
 
-/// A haptic loop: a haptic device that is read and played at the loop's rate (1000 Hz unless the scene or the options
-/// say otherwise), and a simulation that steps along with it.
+/// A haptic loop: at the loop's rate (1000 Hz unless the scene or the options set another) a haptic device is read and
+/// a force is played on it, and meanwhile a simulation does steps.
 pub struct palpate_loop {
     _opaque: [u8; 0],
 }
@@ -55,8 +57,8 @@ struct Work {
     options: Options,
 }
 
-/// The simulation as the environment that the tool touches; the wrench of each step is stored for callers that ask for
-/// it.
+/// The simulation as the environment that the tool touches. It also stores the wrench of each step, for callers that
+/// read the newest one.
 struct Felt<'a> {
     object: &'a mut SimulationObject,
     steps: &'a SimulationSteps,
@@ -77,7 +79,7 @@ impl Environment for Felt<'_> {
 }
 
 impl Work {
-    /// Runs the session until it ends. The simulation is given back before the end is announced.
+    /// Runs the loop until it ends. The simulation is released for other calls before the end of the loop is published.
     fn run(self, told: &Told) -> Outcome<Report> {
         let Work { lent, steps, device, tool, haptics, options } = self;
         let hold = || {
@@ -91,7 +93,7 @@ impl Work {
             object.simulation.couple(tool.coupling);
             report
         };
-        // Unwind safety: a panic poisons the lock of the simulation, so nobody uses what it leaves behind; its
+        // Unwind safety: a panic poisons the lock of the simulation, so no other call uses a half-changed simulation;
         // unwinding also stops the device.
         match catch_unwind(AssertUnwindSafe(hold)) {
             Ok(came) => came.map_err(Failure::from),
@@ -147,16 +149,17 @@ fn of(the_loop: *mut palpate_loop) -> Outcome<Arc<Loop>> {
     handles::beside::<LoopObject, Loop>(the_loop as usize)
 }
 
-/// Starts a haptic loop. At the loop's rate `device` is read and told what to play; meanwhile the simulation, which
-/// must have a tool, steps in real time, each step with the device's newest pose. Both happen on threads of the loop.
-/// `device` and `options` are copied; `options` may be null: then all is as in the scene's `[haptics]`. The call waits
-/// for five steps, which measure how long a step takes, and for the device to open; PALPATE_STATUS_NO_DEVICE: it did
-/// not. `the_loop` is set before the first callback is called, and is set to null where no loop starts.
+/// Starts a haptic loop. At the loop's rate `device` is read and receives the force to play; meanwhile the simulation,
+/// which must have a tool, steps in real time, each step with the device's newest pose. Both happen on threads of the
+/// loop. `device` and `options` are copied; `options` may be null: then the scene's `[haptics]` holds for all options.
+/// The call waits for five steps, which measure how long a step takes, and for the device to open;
+/// PALPATE_STATUS_NO_DEVICE: the device did not open. `the_loop` is set before the first callback is called, and is set
+/// to null if no loop starts.
 ///
 /// The loop owns the simulation until it has ended: calls on it give PALPATE_STATUS_BUSY, except
-/// `palpate_wrench_newest`, `palpate_step_poll` and `palpate_step_wait`. Its handle may be destroyed meanwhile.
-/// Afterwards the simulation goes on from where the loop left tool, device and time. A loop that is not stopped goes on
-/// running; stop it before the program ends.
+/// `palpate_wrench_newest`, `palpate_step_poll` and `palpate_step_wait`. The simulation's handle may be destroyed while
+/// the loop runs. After the loop has ended, the simulation continues from the tool, device pose and time that the loop
+/// reached. Stop a loop that still runs before the program ends.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_loop_start(
     simulation: *mut palpate_simulation,
@@ -165,7 +168,7 @@ pub unsafe extern "C" fn palpate_loop_start(
     the_loop: *mut *mut palpate_loop,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY (this block and the next two): the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY (this block and the next two): the C caller keeps the rules for pointers at the top of palpate.h.
         let the_loop = unsafe { sized::answer(the_loop, "the_loop")? };
         *the_loop = std::ptr::null_mut();
         let options = unsafe { sized::read(options)? };
@@ -207,7 +210,7 @@ pub unsafe extern "C" fn palpate_loop_read(
         if state.is_null() {
             return Err(Failure::new(palpate_status::Null, "state is null; pass the address for the answer"));
         }
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         unsafe { sized::write(state, &told) }
     })
 }
@@ -223,16 +226,16 @@ pub unsafe extern "C" fn palpate_loop_wrench(
 ) -> palpate_status {
     guarded(|| {
         let newest = of(the_loop)?.told.lock().newest;
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         unsafe { newest.tell(wrench, age_seconds) }
     })
 }
 
-/// Reads a note about a loop, one line of text: which virtual coupling was chosen and why, a limit that was asked for
-/// but is above that of the device's profile, or that the loop's thread has no raised priority. `note`: number of the
-/// note, from 0; `palpate_loop_state` has their count. `count` receives the length of the text in bytes, with its
-/// terminating zero; up to `capacity` bytes are written to `text`, which may be null where `capacity` is 0.
-/// PALPATE_STATUS_TOO_SMALL: the text is longer, and none of it was written.
+/// Reads a note about a loop, one line of text. A note reports the virtual coupling that was chosen and why, a limit in
+/// the options that exceeds that of the device's profile, or that the loop's thread has no raised priority. `note`:
+/// number of the note, from 0; `palpate_loop_state` has the number of notes. `count` receives the length of the text in
+/// bytes, with its terminating zero; up to `capacity` bytes are written to `text`, which may be null where `capacity`
+/// is 0. PALPATE_STATUS_TOO_SMALL: the text is longer, and none of it was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_loop_note(
     the_loop: *mut palpate_loop,
@@ -248,7 +251,7 @@ pub unsafe extern "C" fn palpate_loop_note(
             let problem = format!("note is {note}; the loop has {} notes, counted from 0", facts.notes.len());
             return Err(Failure::new(palpate_status::Argument, problem));
         };
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         unsafe { tell(line, text, capacity, count) }
     })
 }
@@ -265,7 +268,7 @@ pub unsafe extern "C" fn palpate_loop_ended(
     guarded(|| {
         let own = of(the_loop)?;
         let facts = own.told.lock();
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         unsafe { tell(&facts.ended, text, capacity, count) }
     })
 }
@@ -286,9 +289,9 @@ unsafe fn tell(line: &str, text: *mut c_char, capacity: usize, count: *mut usize
     unsafe { sized::copy(&bytes, text, capacity, "text") }
 }
 
-/// Ends a loop. When the call returns, the device plays nothing and is closed, and the simulation can be used again.
-/// State, notes and newest wrench of the loop can still be read. Returns the status with which the loop failed, if it
-/// did. From within a callback the loop is only asked to end, and the call gives PALPATE_STATUS_BUSY.
+/// Ends a loop. When the call returns, the device plays no force and is closed, and the simulation can be used again.
+/// State, notes and newest wrench of the loop can still be read. If the loop had failed, the call returns the status of
+/// that failure. From within a callback the loop is only asked to end, and the call gives PALPATE_STATUS_BUSY.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_loop_stop(the_loop: *mut palpate_loop) -> palpate_status {
     guarded(|| {

@@ -14,9 +14,11 @@ use super::status::{Failure, Outcome, guarded, palpate_status};
 
 /// Feature of a lent device, for palpate_vulkan: shaderInt64 and shaderBufferInt64Atomics are enabled.
 pub const PALPATE_VULKAN_INT64_ATOMICS: u32 = 1;
-/// Feature of a lent device: fragmentStoresAndAtomics is enabled, so that the depth stage may use the rasterizer.
+/// Feature of a lent device: fragmentStoresAndAtomics is enabled, so that the library may use the rasterizer to compute
+/// penetration depths.
 pub const PALPATE_VULKAN_FRAGMENT_STORES: u32 = 2;
-/// Feature of a lent device: VK_KHR_external_memory_fd is enabled, so that skins can be exported.
+/// Feature of a lent device: VK_KHR_external_memory_fd is enabled, so that skins (surface meshes of bodies) can be
+/// exported.
 pub const PALPATE_VULKAN_EXTERNAL_MEMORY_FD: u32 = 4;
 
 /// Callback that takes or releases the calling program's lock around its queue.
@@ -30,7 +32,8 @@ pub type palpate_queue_lock = Option<unsafe extern "C" fn(user: *mut c_void)>;
 pub struct palpate_vulkan {
     /// Size of the struct in bytes: sizeof(palpate_vulkan).
     pub size: u32,
-    /// Further features that the device was created with: PALPATE_VULKAN_*, added up. Name none that is not enabled.
+    /// Further features that the device was created with: a sum of PALPATE_VULKAN_*. Do not add a feature that is not
+    /// enabled.
     pub enabled: u32,
     /// vkGetInstanceProcAddr of the Vulkan loader that the handles come from; null: the system's loader is opened.
     pub get_instance_proc_addr: Option<unsafe extern "C" fn()>,
@@ -47,9 +50,9 @@ pub struct palpate_vulkan {
     /// Reserved: must be 0.
     pub reserved: u32,
     /// Takes the program's lock before each use of the queue; `unlock` releases it afterwards on the same thread, which
-    /// may be any thread. The time between is short. Neither may call the library, and the program must not hold the
-    /// lock when it calls the library, unless the lock is recursive. Both null: the program itself makes sure that it
-    /// does not use the queue during any call of the library, and creates at most one context on the queue.
+    /// may be any thread. The lock is held only briefly. Neither callback may call the library, and the program must
+    /// not hold the lock when it calls the library, unless the lock is recursive. If both are null, the program must
+    /// not use the queue during any call of the library, and must create at most one context on the queue.
     pub lock: palpate_queue_lock,
     /// Releases the program's lock; see `lock`.
     pub unlock: palpate_queue_lock,
@@ -66,7 +69,7 @@ pub struct palpate_vulkan {
 }
 
 // SAFETY: it is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and pointers; a
-// pointer is followed only under the rules of the header's preface.
+// pointer is followed only under the rules of the comment at the top of palpate.h.
 unsafe impl Sized32 for palpate_vulkan {
     const NAME: &str = "palpate_vulkan";
     const LEAST: usize = 4 * size_of::<u32>() + 10 * size_of::<*const c_void>();
@@ -121,17 +124,17 @@ pub unsafe extern "C" fn palpate_context_create_on(
     context: *mut *mut palpate_context,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let (given, context) = unsafe { (sized::read(vulkan)?, sized::answer(context, "context")?) };
         *context = std::ptr::null_mut();
         if vulkan.is_null() {
             return Err(Failure::new(palpate_status::Null, "vulkan is null; pass a palpate_vulkan"));
         }
         let measure = truth("palpate_vulkan.measure", given.measure)?;
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let cache = unsafe { cache_folder(given.cache)? };
         let options = Options { log: log::to(given.log, given.log_user), cache, measure, ..Options::default() };
-        // SAFETY: the C caller keeps what the header says of the handles and the lock of a palpate_vulkan.
+        // SAFETY: the C caller fulfils the header's conditions for the handles and the lock of a palpate_vulkan.
         let opened = unsafe { Context::on_host(host_of(&given)?, &options)? };
         *context = handles::insert(ContextObject(opened)) as *mut palpate_context;
         Ok(())

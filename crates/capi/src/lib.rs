@@ -9,7 +9,7 @@
 //! cbindgen generates the header from this crate (`cbindgen.toml`); `tests/ffi.rs` fails where the committed header
 //! differs.
 #![allow(unsafe_code, non_camel_case_types)]
-// The conditions that a C caller must keep are written once for all functions, in the header's preface
+// The conditions that a C caller must keep are written once for all functions, at the top of palpate.h
 // (`cbindgen.toml`).
 #![allow(clippy::missing_safety_doc)]
 
@@ -40,8 +40,8 @@ use std::ffi::c_char;
 /// meaning or is removed. Compare it with `palpate_abi()`.
 pub const PALPATE_ABI: u32 = 1;
 
-/// Returns the `PALPATE_ABI` that the library was built with. It differs from the header's where header and library do
-/// not belong together.
+/// Returns the `PALPATE_ABI` that the library was built with. It differs from the value in the header if the header is
+/// not that of the library.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_abi() -> u32 {
     PALPATE_ABI

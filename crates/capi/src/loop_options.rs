@@ -1,4 +1,6 @@
-//! Options of a haptic loop, which replace values of the scene's `[haptics]` table.
+//! Options of a haptic loop, which replace values of the scene's `[haptics]` table. Once per tick the loop reads the
+//! haptic device and plays a force on it; its simulation returns one wrench (contact force and torque on the tool) per
+//! step.
 
 use palpate::scene::{HAPTIC_RATES, Haptics};
 
@@ -13,9 +15,10 @@ pub struct palpate_loop_options {
     /// Size of the struct in bytes: sizeof(palpate_loop_options).
     pub size: u32,
     /// 1: between two wrenches of the simulation the contact force follows the tool's motion by a local model (force,
-    /// stiffness and damping of the newest wrench); -1: it stays that of the newest wrench.
+    /// stiffness and damping of the newest wrench); -1: the contact force stays that of the newest wrench.
     pub local_model: i32,
-    /// 1: the passivity controller acts; -1: it does not.
+    /// 1: the passivity controller is on (it damps the force when the loop has given out more energy than it absorbed);
+    /// -1: it is off.
     pub passivity: i32,
     /// Reserved: must be 0.
     pub reserved: u32,
@@ -23,8 +26,8 @@ pub struct palpate_loop_options {
     pub rate: f64,
     /// Duration of the loop, s; 0: until it is stopped.
     pub seconds: f64,
-    /// Greatest force, N. This field and the next four can only lower the limits of the device's profile; where one is
-    /// higher, the profile's limit holds, and a note says so.
+    /// Greatest force, N. This field and the next four can only lower the limits of the device's profile; if a value is
+    /// higher than the profile's limit, the profile's limit holds, and a note of the loop reports it.
     pub max_force: f64,
     /// Greatest torque, N m.
     pub max_torque: f64,
@@ -34,9 +37,9 @@ pub struct palpate_loop_options {
     pub workspace: f64,
     /// Latency of the newest wrench (time since its inputs were taken) above which the force fades out, s.
     pub watchdog: f64,
-    /// Longest time step of the simulation, s. The loop chooses the shortest time step that is as long as its
-    /// computation takes, from the scene's dt up to this; where even this is too short, bodies move slower than in real
-    /// time.
+    /// Longest time step of the simulation, s. The loop chooses the shortest time step that is no shorter than its
+    /// computation takes, between the scene's dt and this value; if the computation takes longer than this value,
+    /// bodies move slower than in real time.
     pub longest_step: f64,
 }
 
@@ -138,7 +141,11 @@ mod tests {
         ];
         for (name, options) in bad {
             let refused = chosen(&options, &scene).unwrap_err();
-            assert!(refused.message.starts_with(&format!("options.{name} is ")), "{}", refused.message);
+            assert!(
+                refused.message.starts_with(&format!("options.{name} is ")),
+                "unexpected error: {}",
+                refused.message
+            );
         }
     }
 

@@ -1,4 +1,6 @@
-//! State of a haptic loop, published by its thread for other threads to read, while it runs and afterwards.
+//! State of a haptic loop, published by its thread for other threads to read, while the loop runs and afterwards. At
+//! each tick the loop reads the haptic device and plays a force on it; the simulation does its steps meanwhile, and
+//! each step gives a new wrench (contact force and torque on the tool).
 
 use std::sync::{Condvar, Mutex, MutexGuard};
 
@@ -46,21 +48,22 @@ pub const PALPATE_EVENT_BAD_FORCE: u32 = 16384;
 /// Event of a tick: ticks before it were not reported, because a step of the simulation took so long that the buffer of
 /// ticks overflowed.
 pub const PALPATE_EVENT_RECORD_LOST: u32 = 32768;
-/// Event of a tick: the loop goes over to the newest wrench more slowly, because that wrench's contact stores more
-/// energy than the hand has put in.
+/// Event of a tick: the loop blends from the last wrench to the newest one more slowly than otherwise, because the
+/// contact of the newest wrench stores more energy than the hand has put in.
 pub const PALPATE_EVENT_UNPAID: u32 = 65536;
 
-/// Number of ticks between two updates of `late_p99`, which searches a whole histogram.
+/// Number of ticks between two updates of `late_p99`, each of which searches a whole histogram.
 const QUANTILE_EVERY: u64 = 1000;
 
-/// State of a haptic loop after its simulation's last step: what it says about ticks is at most one step old. Before
-/// the first tick all fields are zero, except `steps`, `is_running` and the identity orientations of the poses.
+/// State of a haptic loop. It is updated after each step of the simulation, so its values about ticks are at most one
+/// step old. Before the first tick all fields are zero, except `steps`, `is_running` and the identity orientations of
+/// the poses.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_loop_state {
     /// Size of the struct in bytes: sizeof(palpate_loop_state).
     pub size: u32,
-    /// 1: the loop runs; 0: it has ended, and the haptic device is closed.
+    /// 1: the loop runs; 0: the loop has ended, and the haptic device is closed.
     pub is_running: u32,
     /// Status with which the loop failed; PALPATE_STATUS_OK where it did not fail. A haptic device that stays lost ends
     /// the loop after 5 s, which is no failure.
@@ -79,13 +82,13 @@ pub struct palpate_loop_state {
     pub ticks: u64,
     /// Number of steps of the simulation done, those before the first tick included.
     pub steps: u64,
-    /// Number of the simulation step whose wrench the newest tick plays; 0: there is none yet.
+    /// Number of the simulation step whose wrench the newest tick plays; 0: there is no wrench yet.
     pub wrench_step: u64,
     /// Number of deadlines that were missed by more than 2 ms.
     pub missed: u64,
     /// Time at which the newest tick began, s since the loop began.
     pub time: f64,
-    /// Latency of the wrench at the newest tick: time since the inputs of its step were taken, s.
+    /// Latency of the wrench at the newest tick: time since the inputs of the wrench's step were taken, s.
     pub wrench_age: f64,
     /// Pose of the haptic device as the loop uses it, that is, checked and smoothed.
     pub device: palpate_pose,
@@ -95,9 +98,9 @@ pub struct palpate_loop_state {
     pub contact_force: [f64; 3],
     /// Contact torque on the tool about its centre at the newest tick, from the local model, N m.
     pub contact_torque: [f64; 3],
-    /// Force that the haptic device was last told to play, N.
+    /// Force that the haptic device was last commanded to play, N.
     pub played_force: [f64; 3],
-    /// Torque that the haptic device was last told to play, N m.
+    /// Torque that the haptic device was last commanded to play, N m.
     pub played_torque: [f64; 3],
     /// Share of the force that is played, from 0 (faded out) to 1 (all of it).
     pub gain: f64,
@@ -172,7 +175,7 @@ unsafe impl Sized32 for palpate_loop_state {
     }
 }
 
-/// State of a loop that its thread shares with the threads that ask; only the loop's thread writes it.
+/// State of a loop that its thread shares with the threads that read it; only the loop's thread writes it.
 pub(super) struct Told {
     told: Mutex<Facts>,
     changed: Condvar,
@@ -214,7 +217,7 @@ impl Told {
         self.told.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Takes in what the session reports: a step, a tick or a note.
+    /// Updates the state by what the running loop (a session of the engine) reports: a step, a tick or a note.
     pub fn hear(&self, moment: Moment) {
         let mut facts = self.lock();
         match moment {
@@ -236,7 +239,7 @@ impl Told {
         self.lock().newest = newest;
     }
 
-    /// Records how the loop ended, and wakes those that wait.
+    /// Records how the loop ended, and wakes the threads that wait for its beginning.
     pub fn end(&self, came: Outcome<Report>) {
         let mut facts = self.lock();
         facts.state.is_running = 0;

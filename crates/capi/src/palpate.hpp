@@ -1,5 +1,5 @@
 // palpate.hpp: palpate.h for C++17, header only. Each handle is owned by an object that destroys it, and a failed call
-// throws palpate::Error. What a function does in detail stands in palpate.h.
+// throws palpate::Error. palpate.h describes each function in detail.
 #ifndef PALPATE_HPP
 #define PALPATE_HPP
 
@@ -167,7 +167,7 @@ private:
     template <typename T>
     static size_t rows(const std::vector<T> &numbers, size_t width, const char *name) {
         if (numbers.size() % width != 0) {
-            throw std::invalid_argument(std::string(name) + ": the number of values is no multiple of the row width");
+            throw std::invalid_argument(std::string(name) + ": the number of values is no multiple of the number per row");
         }
         return numbers.size() / width;
     }
@@ -179,15 +179,14 @@ public:
     Simulation(const Context &context, const Scene &scene) {
         check(palpate_simulation_create(context.get(), scene.get(), &handle_));
     }
-    /// Does one step, with the haptic device where the scene has it.
+    /// Does one step, with the haptic device on the scene's trajectory, or at the last pose given.
     Wrench step() { return step_to(nullptr); }
     /// Does one step, at the end of which the haptic device has this pose.
     Wrench step(const Pose &device) { return step_to(&device); }
-    /// Begins a step without waiting for it, with the haptic device where the scene has it, or with this pose at its
-    /// end.
+    /// Begins a step without waiting for it, with the haptic device as for step() and step(device).
     void submit() { check(palpate_step_submit(get(), nullptr)); }
     void submit(const Pose &device) { check(palpate_step_submit(get(), &device)); }
-    /// Returns whether no submitted step is under way; throws the error of a failed step.
+    /// Returns true if no submitted step is under way; throws the error of a failed step.
     bool is_done() const {
         int32_t is_done = 0;
         check(palpate_step_poll(get(), &is_done));
@@ -205,16 +204,16 @@ public:
     }
     /// World positions of a soft body's nodes, m.
     std::vector<std::array<double, 3>> nodes(uint32_t body) const {
-        static_assert(sizeof(std::array<double, 3>) == sizeof(double[3]), "an array is its elements");
+        static_assert(sizeof(std::array<double, 3>) == sizeof(double[3]), "std::array must have the layout of a C array");
         size_t count = 0;
         check(palpate_nodes(get(), body, nullptr, 0, &count));
         std::vector<std::array<double, 3>> positions(count);
         check(palpate_nodes(get(), body, reinterpret_cast<double(*)[3]>(positions.data()), count, &count));
         return positions;
     }
-    /// World positions of the vertices of a body's skin, m; the tool comes after the bodies.
+    /// World positions of the vertices of a body's skin (surface mesh), m; the tool comes after the bodies.
     std::vector<std::array<float, 3>> skin(uint32_t body) const {
-        static_assert(sizeof(std::array<float, 3>) == sizeof(float[3]), "an array is its elements");
+        static_assert(sizeof(std::array<float, 3>) == sizeof(float[3]), "std::array must have the layout of a C array");
         size_t count = 0;
         check(palpate_skin(get(), body, nullptr, nullptr, nullptr, 0, &count));
         std::vector<std::array<float, 3>> positions(count);
@@ -240,7 +239,7 @@ public:
     }
     /// Restores a saved state; later steps give the same bits as they did after it was saved.
     void restore(const std::vector<uint8_t> &state) { check(palpate_state_restore(get(), state.data(), state.size())); }
-    /// A soft body's material: its own at index 0, then those of its material regions.
+    /// Material of a soft body: at index 0 that of the body itself, then those of its material regions.
     Material material(uint32_t body, uint32_t index = 0) const {
         Material material{};
         material.size = sizeof material;
@@ -258,12 +257,13 @@ public:
         return law;
     }
     void set_contact_law(const ContactLaw &law) { check(palpate_contact_set(get(), &law)); }
-    /// Pose of a core; and a driven core moved to a pose within so many seconds of simulated time.
+    /// Pose of a rigid core (see palpate_core_pose).
     Pose core(uint32_t body, uint32_t core) const {
         Pose pose{};
         check(palpate_core_pose(get(), body, core, &pose));
         return pose;
     }
+    /// Moves a driven (kinematic) rigid core to a pose within this number of seconds of simulated time.
     void move_core(uint32_t body, uint32_t core, const Pose &pose, double seconds = 0.0) {
         check(palpate_core_move(get(), body, core, &pose, seconds));
     }

@@ -1,4 +1,5 @@
-//! Scenes made from a file or a text; `build.rs` adds to them by calls.
+//! Scenes made from a file or a text; `build.rs` adds to them by calls. The bodies of a scene are prepared before it is
+//! simulated: their simulation meshes and collision proxies are made, which takes seconds.
 
 use std::ffi::c_char;
 use std::path::Path;
@@ -18,7 +19,7 @@ pub struct palpate_scene {
 }
 
 /// The object behind a scene's handle: the scene with the meshes that it may name, those of its bodies that are
-/// prepared, and where prepared bodies are kept.
+/// prepared, and the cache of prepared bodies.
 pub(super) struct SceneObject {
     builder: SceneBuilder,
     bodies: Bodies,
@@ -46,7 +47,7 @@ impl SceneObject {
         work(&mut self.builder)
     }
 
-    /// Prepares what is not prepared yet; `watch` is called as each stage begins.
+    /// Prepares the bodies that are not prepared yet; `watch` is called as each stage begins.
     pub fn prepare(&mut self, watch: &mut dyn FnMut(Progress) -> Result<()>) -> Result<()> {
         self.bodies.complete(self.builder.scene(), &self.cache, watch)
     }
@@ -65,7 +66,7 @@ impl Handled for SceneObject {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_load(file: *const c_char, scene: *mut *mut palpate_scene) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let (file, scene) = unsafe { (sized::string(file, "file")?, sized::answer(scene, "scene")?) };
         *scene = std::ptr::null_mut();
         given(scene, SceneObject::new(Scene::load(Path::new(file))?))
@@ -81,12 +82,12 @@ pub unsafe extern "C" fn palpate_scene_parse(
     scene: *mut *mut palpate_scene,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let (text, scene) = unsafe { (sized::string(text, "text")?, sized::answer(scene, "scene")?) };
         *scene = std::ptr::null_mut();
         let folder = match folder.is_null() {
             true => "",
-            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             false => unsafe { sized::string(folder, "folder")? },
         };
         given(scene, SceneObject::new(Scene::parse(&Path::new(folder).join("scene"), text)?))

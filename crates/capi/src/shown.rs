@@ -13,7 +13,8 @@ use super::status::{Failure, Outcome, guarded, palpate_status};
 /// The skins as arrays on the Vulkan device: the vertices of all bodies one after another, the tool's last. On a device
 /// that the program itself opened, the buffers can be bound directly (usages: storage, texel and transfer; positions
 /// and normals also vertex). They live as long as the simulation, except that they are replaced when
-/// palpate_contact_set switches friction on in a scene that had none: then ask for them again, and export them again.
+/// palpate_contact_set switches friction on in a scene that had none: after that, get them again, and export them
+/// again.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_skins {
@@ -51,8 +52,8 @@ unsafe impl Sized32 for palpate_skins {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default)]
 pub struct palpate_contact {
-    /// The body whose vertex it is, and the body that it touches, as positions in the scene; the tool comes after the
-    /// bodies.
+    /// The body to which the vertex belongs, and the body that it touches, by their positions in the scene; the tool
+    /// comes after the bodies.
     pub body: [u32; 2],
     /// Index of the vertex in its body's skin.
     pub vertex: u32,
@@ -64,11 +65,11 @@ pub struct palpate_contact {
     pub normal: [f64; 3],
     /// Penetration depth along the normal, m.
     pub depth: f64,
-    /// Area of the skin that the vertex stands for, projected along the normal, m^2.
+    /// Area of the part of the skin that belongs to the vertex, projected along the normal, m^2.
     pub area: f64,
-    /// Contact pressure along the normal at the end of the step, Pa. Times `area` it is the share of this contact in
-    /// the wrench, without friction. If a state was restored since the last step, it is the pressure at that step's
-    /// start instead.
+    /// Contact pressure along the normal at the end of the step, Pa. `pressure` times `area` is the normal force of
+    /// this contact on the tool, a part of the wrench's force. If a state was restored since the last step, this is the
+    /// pressure at the start of that step instead.
     pub pressure: f64,
 }
 
@@ -95,7 +96,7 @@ pub unsafe extern "C" fn palpate_skin(
     count: *mut usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let (count, origin) = unsafe { (sized::answer(count, "count")?, origin_at(origin)?) };
         with(simulation, |simulation| {
             let ranges = simulation.skin_ranges();
@@ -109,7 +110,7 @@ pub unsafe extern "C" fn palpate_skin(
                 if !to.is_null() {
                     let all = array.read::<[f32; 4]>()?;
                     let own: Vec<[f32; 3]> = all[range.clone()].iter().map(|[x, y, z, _]| [*x, *y, *z]).collect();
-                    // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+                    // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
                     unsafe { sized::copy(&own, to, capacity, name)? };
                 }
             }
@@ -118,9 +119,9 @@ pub unsafe extern "C" fn palpate_skin(
     })
 }
 
-/// Copies the triangles of a body's skin: three indices of its vertices each, counter-clockwise seen from outside. They
-/// never change. `count` receives their number; `triangles` has room for `capacity` of them, and may be null where that
-/// is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
+/// Copies the triangles of a body's skin: three vertex indices per triangle, counter-clockwise seen from outside. They
+/// never change. `count` receives their number; `triangles` has room for `capacity` of them, and may be null where
+/// `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin_triangles(
     simulation: *mut palpate_simulation,
@@ -130,7 +131,7 @@ pub unsafe extern "C" fn palpate_skin_triangles(
     count: *mut usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let count = unsafe { sized::answer(count, "count")? };
         with(simulation, |simulation| {
             let bodies = simulation.skin_ranges().len();
@@ -139,7 +140,7 @@ pub unsafe extern "C" fn palpate_skin_triangles(
             }
             let all = simulation.skin_triangles(body as usize);
             *count = all.len();
-            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             if capacity == 0 { Ok(()) } else { unsafe { sized::copy(all, triangles, capacity, "triangles") } }
         })
     })
@@ -147,9 +148,9 @@ pub unsafe extern "C" fn palpate_skin_triangles(
 
 /// Computes the skins on the Vulkan device as they are now, relative to `origin` (three coordinates, m; null: the
 /// world's origin), and returns their buffers; nothing is copied. The arrays are filled when this returns, and keep
-/// their contents until the next call of this function or of `palpate_skin`; no other call writes to them. Work of the
-/// program that reads them must be submitted to the same queue, or be finished before such a call. The first call makes
-/// the arrays.
+/// their contents until the next call of this function or of `palpate_skin`; no other call writes to them. GPU work of
+/// the program that reads the arrays must be submitted to the same queue, or be finished before such a call. The first
+/// call makes the arrays.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin_buffers(
     simulation: *mut palpate_simulation,
@@ -157,7 +158,7 @@ pub unsafe extern "C" fn palpate_skin_buffers(
     skins: *mut palpate_skins,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let origin = unsafe { origin_at(origin)? };
         with(simulation, |simulation| {
             let vertices = simulation.skin_ranges().last().map_or(0, |last| last.end);
@@ -170,7 +171,7 @@ pub unsafe extern "C" fn palpate_skin_buffers(
                 triangles: triangles.raw(),
                 ..palpate_skins::unset()
             };
-            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             unsafe { sized::tell(skins, &told, "skins") }
         })
     })
@@ -189,7 +190,7 @@ pub unsafe extern "C" fn palpate_skin_range(
         with(simulation, |simulation| {
             let ranges = simulation.skin_ranges();
             let range = ranges.get(body as usize).ok_or_else(|| no_body(body, ranges.len()))?;
-            // SAFETY (both blocks): the C caller keeps the rules for pointers of the header's preface.
+            // SAFETY (both blocks): the C caller keeps the rules for pointers at the top of palpate.h.
             *unsafe { sized::answer(first, "first")? } = range.start as u32;
             *unsafe { sized::answer(count, "count")? } = range.len() as u32;
             Ok(())
@@ -199,9 +200,9 @@ pub unsafe extern "C" fn palpate_skin_range(
 
 /// Exports the memory of one of the arrays of `palpate_skin_buffers` (PALPATE_SKIN_*) as a file descriptor that another
 /// API can import (VK_KHR_external_memory_fd, an opaque descriptor of a dedicated allocation, at the start of which the
-/// array lies), with the size of that memory in bytes. The caller owns the descriptor: an import takes it over,
-/// otherwise close it. Call `palpate_skin_buffers` to update the array. PALPATE_STATUS_VULKAN: the device cannot
-/// export.
+/// array lies), with the size of that memory in bytes. The caller owns the descriptor: a successful import takes it
+/// over, otherwise the caller must close it. Call `palpate_skin_buffers` to update the array. PALPATE_STATUS_VULKAN:
+/// the device cannot export.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin_export(
     simulation: *mut palpate_simulation,
@@ -210,7 +211,7 @@ pub unsafe extern "C" fn palpate_skin_export(
     bytes: *mut u64,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let (descriptor, bytes) = unsafe { (sized::answer(descriptor, "descriptor")?, sized::answer(bytes, "bytes")?) };
         (*descriptor, *bytes) = (-1, 0);
         if which > PALPATE_SKIN_NORMALS {
@@ -231,9 +232,9 @@ pub unsafe extern "C" fn palpate_skin_export(
     })
 }
 
-/// Copies the contacts of the last step, as many as its wrench counts. `count` receives their number; `contacts` has
-/// room for `capacity` of them, and may be null where that is 0. PALPATE_STATUS_TOO_SMALL: there are more than
-/// `capacity`, and none was written.
+/// Copies the contacts of the last step, as many as the field `contacts` of that step's wrench. `count` receives their
+/// number; `contacts` has room for `capacity` of them, and may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL:
+/// there are more than `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_contacts(
     simulation: *mut palpate_simulation,
@@ -242,12 +243,12 @@ pub unsafe extern "C" fn palpate_contacts(
     count: *mut usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let count = unsafe { sized::answer(count, "count")? };
         with(simulation, |simulation| {
             let all: Vec<palpate_contact> = simulation.contacts()?.iter().map(contact_of).collect();
             *count = all.len();
-            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             if capacity == 0 { Ok(()) } else { unsafe { sized::copy(&all, contacts, capacity, "contacts") } }
         })
     })
@@ -271,7 +272,7 @@ fn with<R>(simulation: *mut palpate_simulation, work: impl FnOnce(&mut Simulatio
 }
 
 fn no_body(body: u32, bodies: usize) -> Failure {
-    let problem = format!("body is {body}; the scene has {bodies} bodies, counted from 0, the tool's own last");
+    let problem = format!("body is {body}; the scene has {bodies} bodies, counted from 0, with the tool as the last");
     Failure::new(palpate_status::Argument, problem)
 }
 

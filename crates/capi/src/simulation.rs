@@ -1,4 +1,4 @@
-//! Simulations: made from a scene on a context, stepped, and read.
+//! Simulations: functions that make one from a scene on a context (an open Vulkan device), step it, and read it.
 
 use std::sync::Arc;
 
@@ -53,7 +53,7 @@ pub struct palpate_wrench {
     pub max_depth: f64,
     /// Relative residual at the end of the solve.
     pub residual: f64,
-    /// Number of contacts (colliding skin vertices), those of both touching skins counted.
+    /// Number of contacts (colliding vertices of the bodies' surface meshes), counted on both bodies of each pair.
     pub contacts: u32,
     /// Conjugate gradient iterations of all solves of the step.
     pub iterations: u32,
@@ -101,23 +101,25 @@ unsafe impl Sized32 for palpate_wrench {
 pub const PALPATE_FLAG_NOT_CONVERGED: u32 = 1;
 /// Flag of a step: there were more contact patches (parts of a contact with one normal each) than fit the arrays.
 pub const PALPATE_FLAG_REGION_OVERFLOW: u32 = 2;
-/// Flag of a step: there were more contacts, or more ray hits on skins, than fit the arrays.
+/// Flag of a step: there were more contacts, or more hits of the rays that search for them, than fit the arrays.
 pub const PALPATE_FLAG_CONTACT_OVERFLOW: u32 = 4;
 /// Flag of a step: a contact was deeper than the scene's `depth_limit`.
 pub const PALPATE_FLAG_DEPTH_BEYOND_LIMIT: u32 = 8;
-/// Flag of a step: a skin folds over itself along the normal of a contact patch, so that its depth is not unique there.
+/// Flag of a step: a skin (surface mesh) folds over itself along the normal of a contact patch, so that the penetration
+/// depth is not unique there.
 pub const PALPATE_FLAG_NOT_A_HEIGHT_FIELD: u32 = 16;
 /// Flag of a step: a number was not finite, and the step was recovered.
 pub const PALPATE_FLAG_NON_FINITE: u32 = 32;
-/// Flag of a step: it failed and was repeated with smaller time steps.
+/// Flag of a step: the step failed and was repeated with smaller time steps.
 pub const PALPATE_FLAG_STEP_RETRIED: u32 = 64;
-/// Flag of a step: it failed with smaller time steps too, so everything that forces move was held still.
+/// Flag of a step: the step failed with smaller time steps too, so all that forces move was stopped where it was.
 pub const PALPATE_FLAG_FROZEN: u32 = 128;
-/// Flag of a step: contacts under tension were released and the solve was repeated, but others were under tension then.
+/// Flag of a step: contacts under tension were released and the solve was repeated, but in it other contacts came under
+/// tension.
 pub const PALPATE_FLAG_ADHESIVE_DROPPED_TWICE: u32 = 256;
-/// Flag of a step: a rigid frame of a body turned so far that the body may gain energy.
+/// Flag of a step: a rigid coordinate frame of a body turned so far within the step that the body may gain energy.
 pub const PALPATE_FLAG_TURNS_TOO_FAR: u32 = 512;
-/// Flag of a step: a tetrahedron was inverted, or pressed so thin that its rotation was not found.
+/// Flag of a step: a tetrahedron was inverted, or pressed so flat that its rotation was not found.
 pub const PALPATE_FLAG_INVERTED: u32 = 1024;
 
 pub(super) struct SimulationObject {
@@ -131,7 +133,7 @@ impl Handled for SimulationObject {
 }
 
 /// Makes a simulation of a scene on a context: prepares the bodies that palpate_scene_prepare has not prepared, and
-/// records the passes of a step. The scene may be destroyed afterwards.
+/// records the GPU commands of a step. The scene may be destroyed afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_simulation_create(
     context: *mut palpate_context,
@@ -139,7 +141,7 @@ pub unsafe extern "C" fn palpate_simulation_create(
     simulation: *mut *mut palpate_simulation,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let simulation = unsafe { sized::answer(simulation, "simulation")? };
         *simulation = std::ptr::null_mut();
         let context = opened(context)?;
@@ -162,10 +164,10 @@ pub extern "C" fn palpate_simulation_destroy(simulation: *mut palpate_simulation
 }
 
 /// Does one step of the scene's `dt` and waits for it: pose in, wrench out. `device`: pose of the haptic device at the
-/// end of the step, to which it moves at constant speed from its last one; null: where the scene's `[drive]` has it,
-/// or, once a pose was given, the last pose given. `wrench` may be null. After a step that fails in Vulkan or in the
-/// solver, the simulation can be read and destroyed, and further steps give PALPATE_STATUS_SIMULATION until a state is
-/// restored.
+/// end of the step, to which it moves at constant speed from its last one; null: the pose on the scene's trajectory
+/// (`[drive]`), or, once a pose was given, the last pose given. `wrench` may be null. After a step that fails in Vulkan
+/// or in the solver, the simulation can be read and destroyed, and further steps give PALPATE_STATUS_SIMULATION until a
+/// state is restored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_step(
     simulation: *mut palpate_simulation,
@@ -173,15 +175,15 @@ pub unsafe extern "C" fn palpate_step(
     wrench: *mut palpate_wrench,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY (this block and the next): the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY (this block and the next): the C caller keeps the rules for pointers at the top of palpate.h.
         let device = unsafe { sized::given(device, "device")? }.map(|pose| pose_of(pose, "device")).transpose()?;
-        // The struct for the answer is checked before anything moves.
+        // The caller's output struct is checked before the step changes anything.
         if !wrench.is_null() {
             unsafe { sized::read(wrench.cast_const())? };
         }
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             let told = steps::of(simulation)?.step_now(object, device)?;
-            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             if wrench.is_null() { Ok(()) } else { unsafe { sized::write(wrench, &told) } }
         })
     })
@@ -253,12 +255,12 @@ pub unsafe extern "C" fn palpate_nodes(
     count: *mut usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let count = unsafe { sized::answer(count, "count")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             let bodies = object.simulation.bodies().len();
             if body as usize >= bodies {
-                let problem = format!("body is {body}; the scene has {bodies}, counted from 0");
+                let problem = format!("body is {body}; the scene has {bodies} bodies, counted from 0");
                 return Err(Failure::new(palpate_status::Argument, problem));
             }
             let all = object.simulation.node_positions(body as usize)?;
@@ -267,7 +269,7 @@ pub unsafe extern "C" fn palpate_nodes(
                 return Ok(());
             }
             let all: Vec<[f64; 3]> = all.iter().map(|x| x.to_array()).collect();
-            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             unsafe { sized::copy(&all, positions, capacity, "positions") }
         })
     })

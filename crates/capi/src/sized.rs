@@ -1,6 +1,6 @@
-//! Reads and writes memory of the C caller: structs that grow from version to version, strings, arrays, and places for
-//! answers. A caller that was compiled with an older or newer header has smaller or larger structs; the size in their
-//! first field says so.
+//! Reads and writes memory of the C caller: structs that grow from version to version, strings, arrays, and variables
+//! that receive results. A caller that was compiled with an older or newer header has smaller or larger structs; the
+//! first field of a struct holds its size.
 
 use std::ffi::{CStr, c_char};
 
@@ -17,7 +17,7 @@ pub(super) unsafe trait Sized32: Copy {
     const LEAST: usize;
     /// All fields in order, as [`fields!`] lists them.
     const FIELDS: &'static [Field];
-    /// Returns the struct with default values, which stay in fields that an older caller does not know.
+    /// Returns the struct with default values. They remain in the fields that an older caller does not know.
     fn unset() -> Self;
 }
 
@@ -35,8 +35,8 @@ impl Field {
     }
 }
 
-/// Makes the [`Sized32::FIELDS`] of a struct. It does not compile where a field is missing or is no field of the
-/// struct.
+/// Makes the [`Sized32::FIELDS`] of a struct. It does not compile if the list lacks a field of the struct, or names a
+/// field that the struct lacks.
 macro_rules! fields {
     ($name:ident { $($field:ident),+ $(,)? }) => {{
         const _: fn(&$name) = |whole| {
@@ -47,9 +47,9 @@ macro_rules! fields {
 }
 pub(super) use fields;
 
-/// Tells whether a caller's struct may have this size, that is, whether it cuts no field, whichever version of the
-/// header the caller was compiled with. Such a size is the end of a field; or the end of the padding behind a field,
-/// which sizeof includes in a version that ended with the field; or the present size of the struct, or more.
+/// Returns whether a caller's struct may have this size, that is, whether the size cuts no field in two. Some version
+/// of the header must give the struct this size: it is the end of a field; or the end of the padding after a field,
+/// which sizeof includes in a version that ended with this field; or the present size of the struct, or more.
 fn ends_whole<T: Sized32>(size: usize) -> bool {
     let starts = T::FIELDS.iter().skip(1).map(|field| field.start).chain([size_of::<T>()]);
     let padded =
@@ -62,7 +62,7 @@ fn ends_whole<T: Sized32>(size: usize) -> bool {
 /// Reads a caller's struct of any version; null: all defaults.
 ///
 /// # Safety
-/// `from` is null, or as many bytes can be read there as its first field says.
+/// `from` is null, or as many bytes can be read there as its first field states.
 pub(super) unsafe fn read<T: Sized32>(from: *const T) -> Outcome<T> {
     let mut value = T::unset();
     if from.is_null() {
@@ -83,10 +83,10 @@ pub(super) unsafe fn read<T: Sized32>(from: *const T) -> Outcome<T> {
     Ok(value)
 }
 
-/// Writes as much of a struct as its caller knows; the caller's size field stays as it is.
+/// Writes as many bytes of a struct as the caller's version of it has; the caller's size field stays as it is.
 ///
 /// # Safety
-/// As many bytes can be written at `to` as its first field says.
+/// As many bytes can be written at `to` as its first field states.
 pub(super) unsafe fn write<T: Sized32>(to: *mut T, value: &T) -> Outcome {
     // SAFETY: the caller keeps the conditions under `# Safety`.
     let size = unsafe { size_of_struct(to.cast_const())? };
@@ -100,10 +100,10 @@ pub(super) unsafe fn write<T: Sized32>(to: *mut T, value: &T) -> Outcome {
     Ok(())
 }
 
-/// Writes an answer to the caller's struct as [`write`] does; null is refused.
+/// Writes a result to the caller's struct as [`write`] does; null is refused.
 ///
 /// # Safety
-/// `to` is null, or as many bytes can be written there as its first field says.
+/// `to` is null, or as many bytes can be written there as its first field states.
 pub(super) unsafe fn tell<T: Sized32>(to: *mut T, value: &T, name: &str) -> Outcome {
     if to.is_null() {
         return Err(Failure::new(palpate_status::Null, format!("{name} is null; pass the address for the answer")));
@@ -177,7 +177,8 @@ pub(super) unsafe fn rows<'a, T, const N: usize>(from: *const T, count: usize, n
     unsafe { array(from.cast::<[T; N]>(), count, name) }
 }
 
-/// Copies an array of structs that may grow; all have the size that the first says.
+/// Copies an array of structs whose size depends on the caller's version; all must have the size that the first one
+/// states.
 ///
 /// # Safety
 /// `from` is null or leads to `count` structs of that size.
@@ -210,7 +211,7 @@ pub(super) unsafe fn structs<T: Sized32>(from: *const T, count: usize, name: &st
     (0..count).map(one).collect()
 }
 
-/// Borrows the place of an answer; null is refused.
+/// Borrows the caller's variable that receives a result; null is refused.
 ///
 /// # Safety
 /// `to` is null, or can be written for as long as the result is used.
@@ -223,7 +224,7 @@ pub(super) unsafe fn answer<'a, T>(to: *mut T, name: &str) -> Outcome<&'a mut T>
     to.ok_or_else(|| Failure::new(palpate_status::Null, format!("{name} is null; pass the address for the answer")))
 }
 
-/// Borrows what the caller passes by a pointer; `None` if that is null.
+/// Borrows a value that the caller passes by a pointer; `None` if the pointer is null.
 ///
 /// # Safety
 /// `from` is null, or can be read for as long as the result is used.
@@ -247,7 +248,7 @@ pub(super) unsafe fn copy<T: Copy>(from: &[T], to: *mut T, capacity: usize, name
         return Err(Failure::new(palpate_status::Argument, format!("{name} is not aligned")));
     }
     if capacity < from.len() {
-        let problem = format!("{name} has room for {capacity} of {}", from.len());
+        let problem = format!("{name} has room for {capacity} of {} elements", from.len());
         return Err(Failure::new(palpate_status::TooSmall, problem));
     }
     if !from.is_empty() {
@@ -293,7 +294,7 @@ mod tests {
     #[test]
     fn what_an_older_program_does_not_know_is_neither_read_nor_written() {
         let mut given = Grown { size: 8, old: 5, new: 77 };
-        // SAFETY (all in this test): the struct has at least the bytes that its size field says.
+        // SAFETY (all in this test): the struct has at least as many bytes as its size field states.
         assert_eq!(unsafe { read(&given) }.unwrap(), Grown { size: 8, old: 5, new: 2 });
         unsafe { write(&mut given, &Grown { size: 12, old: 6, new: 9 }) }.unwrap();
         assert_eq!(given, Grown { size: 8, old: 6, new: 77 });
@@ -301,8 +302,8 @@ mod tests {
         assert!(unsafe { read(&given) }.unwrap_err().message.contains("grown.size is 7"));
     }
 
-    /// A struct with padding: `large` begins behind padding, and `bytes` begins where the version that ended with
-    /// `half` had padding.
+    /// A struct with padding: `large` begins after padding, and `bytes` begins where the version that ended with `half`
+    /// had padding.
     #[repr(C, align(8))]
     #[derive(Debug, Clone, Copy, PartialEq)]
     struct Padded {
@@ -339,43 +340,56 @@ mod tests {
         }
     }
 
-    /// Tries to read and write a struct of every size from 0 to more than its own, checks which sizes are accepted, and
-    /// returns the name of the struct.
+    /// Tries to read and write a struct with every stated size from 0 to beyond its true size, checks which sizes are
+    /// accepted, and returns the name of the struct.
     fn try_every_size<T: Sized32>() -> &'static str {
         let (name, whole) = (T::NAME, size_of::<T>());
         let fields = T::FIELDS;
         // `FIELDS` covers the struct: it begins with the size, leaves no gap but padding, and ends where the struct
         // does.
-        assert_eq!(fields[0], Field { start: 0, end: 4 }, "{name}");
+        assert_eq!(fields[0], Field { start: 0, end: 4 }, "first field of {name}");
         for pair in fields.windows(2) {
-            assert!(pair[0].end <= pair[1].start && pair[1].start - pair[0].end < align_of::<T>(), "{name}: {pair:?}");
+            assert!(
+                pair[0].end <= pair[1].start && pair[1].start - pair[0].end < align_of::<T>(),
+                "gap between fields of {name}: {pair:?}"
+            );
         }
-        assert_eq!(fields[fields.len() - 1].end.next_multiple_of(align_of::<T>()), whole, "{name}");
+        assert_eq!(
+            fields[fields.len() - 1].end.next_multiple_of(align_of::<T>()),
+            whole,
+            "end of the last field of {name}"
+        );
         let mut taken = 0;
         for size in 0..=whole + 16 {
             // Memory for the struct, aligned for any field, and zero except for the size.
             let mut place = vec![0u64; (whole + 16).div_ceil(8)];
             let pointer = place.as_mut_ptr().cast::<T>();
-            // SAFETY (all in this loop): `place` has as many bytes as the size says; zero is a value of every field.
+            // SAFETY (all in this loop): `place` has as many bytes as the size states; zero is a value of every field.
             unsafe { pointer.cast::<u32>().write(size as u32) };
             let is_cut = fields.iter().any(|field| field.start < size && size < field.end);
             match unsafe { read(pointer.cast_const()) } {
                 Ok(_) => {
-                    assert!(size >= T::LEAST && !is_cut, "{name} of {size}");
+                    assert!(size >= T::LEAST && !is_cut, "{name} was accepted with a size of {size} bytes");
                     unsafe { write(pointer, &T::unset()) }.unwrap();
                     taken += 1;
                 }
                 Err(failure) => {
                     let message = failure.message;
-                    assert!(message.starts_with(&format!("{name}.size is {size}")), "{message}");
+                    assert!(message.starts_with(&format!("{name}.size is {size}")), "unexpected error: {message}");
                     assert!(message.ends_with(&format!("set it to sizeof({name})")) && !message.contains('\n'));
                     let is_end = fields.iter().any(|field| field.end == size);
-                    assert!(size < T::LEAST || !is_end && size < whole, "{name} of {size}: {message}");
-                    assert!(unsafe { write(pointer, &T::unset()) }.is_err(), "{name} of {size}");
+                    assert!(
+                        size < T::LEAST || !is_end && size < whole,
+                        "{name} was refused with a size of {size} bytes: {message}"
+                    );
+                    assert!(
+                        unsafe { write(pointer, &T::unset()) }.is_err(),
+                        "{name} was written with a wrong size of {size} bytes"
+                    );
                 }
             }
         }
-        assert!(taken >= 17, "{name}: {taken}");
+        assert!(taken >= 17, "number of accepted sizes of {name}: {taken}");
         name
     }
 
@@ -397,8 +411,8 @@ mod tests {
             try_every_size::<palpate_loop_options>(),
             try_every_size::<palpate_loop_state>(),
         ];
-        // Every struct of the header whose size the caller sets is among them; their doc of `size` says "sizeof". In
-        // other structs the library itself writes the size.
+        // `tried` must name every struct of the header whose size the caller sets. In the header, the comment on the
+        // field `size` of these structs contains "sizeof("; in other structs the library itself writes the size.
         let header = include_str!("palpate.h");
         let sized = header.split("typedef struct ").skip(1).filter(|text| {
             let body = text.split_once('}').map_or("", |(body, _)| body);
@@ -415,7 +429,7 @@ mod tests {
     fn what_a_newer_program_sets_is_refused_and_its_zeros_are_not() {
         let mut given = [16u32, 5, 6, 0];
         let pointer = (&raw const given).cast::<Grown>();
-        // SAFETY (both reads): the size field says sixteen bytes, and the array has them.
+        // SAFETY (both reads): the size field states sixteen bytes, and the array has sixteen.
         assert_eq!(unsafe { read(pointer) }.unwrap(), Grown { size: 16, old: 5, new: 6 });
         given[3] = 1;
         let pointer = (&raw const given).cast::<Grown>();
@@ -426,7 +440,8 @@ mod tests {
     fn arrays_of_structs_go_by_the_size_that_the_first_says() {
         let old = [8u32, 5, 8, 6, 8, 7];
         let pointer = (&raw const old).cast::<Grown>();
-        // SAFETY (all in this test): wherever the library reads structs, there are as many bytes as count and size say.
+        // SAFETY (all in this test): wherever the library reads structs, there are as many bytes as count and size
+        // state.
         let all = unsafe { structs(pointer, 3, "all") }.unwrap();
         assert_eq!(all, [5, 6, 7].map(|old| Grown { size: 8, old, new: 2 }));
         let mixed = [8u32, 5, 12, 6, 1];
@@ -441,7 +456,7 @@ mod tests {
     #[test]
     fn arrays_that_cannot_be_are_told_and_not_looked_at() {
         let numbers = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
-        // SAFETY (all in this test): wherever the library reads elements, there are as many as the count says.
+        // SAFETY (all in this test): wherever the library reads elements, there are as many as the count states.
         let rows = |count| unsafe { rows::<f64, 3>(numbers.as_ptr(), count, "rows") };
         assert_eq!(rows(2).unwrap(), [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
         assert!(rows(0).unwrap().is_empty());

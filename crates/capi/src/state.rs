@@ -4,11 +4,11 @@ use super::simulation::{SimulationObject, palpate_simulation};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::{handles, sized, steps};
 
-/// Saves everything that the next step starts from: positions and velocities of all that moves, and what the solver and
-/// the broad phase carry over from step to step. Settings (materials, contact law, coupling) are not part of it. Call
-/// it between two steps; it copies arrays from the GPU.
-/// `size` receives the number of bytes, which differs by some hundreds from step to step: ask for it just before
-/// saving. The bytes are written to `bytes`, which has room for `capacity` of them and may be null if that is 0.
+/// Saves everything that the next step starts from: positions and velocities of all bodies and the tool, and the data
+/// that the solver and the broad phase carry over from step to step. Settings (materials, contact law, coupling) are
+/// not part of the state. Call the function between two steps; it copies arrays from the GPU. `size` receives the
+/// number of bytes, which differs by some hundreds from step to step: ask for it just before saving. The bytes are
+/// written to `bytes`, which has room for `capacity` of them and may be null if `capacity` is 0.
 /// PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_state_save(
@@ -18,7 +18,7 @@ pub unsafe extern "C" fn palpate_state_save(
     size: *mut usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let size = unsafe { sized::answer(size, "size")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             let state = object.simulation.save()?;
@@ -26,16 +26,16 @@ pub unsafe extern "C" fn palpate_state_save(
             if capacity == 0 {
                 return Ok(());
             }
-            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             unsafe { sized::copy(&state, bytes, capacity, "bytes") }
         })
     })
 }
 
 /// Restores a saved state, of this simulation or of another with the same bodies, tool and Vulkan device, in this
-/// process or another: from then on both give the same bits, if they have the same settings. PALPATE_STATUS_ARGUMENT:
-/// the bytes were not saved by this version, are damaged, or belong to other bodies; nothing changed. A simulation
-/// whose step had failed continues from the restored state.
+/// process or another: from then on both simulations compute the same bits, if they have the same settings.
+/// PALPATE_STATUS_ARGUMENT: the bytes were not saved by this version, are damaged, or belong to other bodies; nothing
+/// changed. A simulation whose step had failed continues from the restored state.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_state_restore(
     simulation: *mut palpate_simulation,
@@ -43,7 +43,7 @@ pub unsafe extern "C" fn palpate_state_restore(
     size: usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let state = unsafe { sized::array(bytes, size, "bytes")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             object.simulation.restore(state).map_err(argument)?;
@@ -54,7 +54,8 @@ pub unsafe extern "C" fn palpate_state_restore(
     })
 }
 
-/// Turns a refused value into an argument error, for here it comes from an argument and not from a scene.
+/// Turns the engine's error about a wrong value into an argument error, because here the value is an argument of the
+/// call and not part of a scene.
 pub(super) fn argument(error: palpate::Error) -> Failure {
     match error {
         palpate::Error::Usage(message) => Failure::new(palpate_status::Argument, message),
@@ -62,7 +63,7 @@ pub(super) fn argument(error: palpate::Error) -> Failure {
     }
 }
 
-/// Changes a simulation by `work`; refused values are argument errors.
+/// Changes a simulation by `work`; a value that the engine refuses becomes an argument error.
 pub(super) fn change(
     simulation: *mut palpate_simulation,
     work: impl FnOnce(&mut palpate::Simulation) -> palpate::Result<()>,

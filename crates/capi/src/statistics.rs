@@ -1,4 +1,4 @@
-//! Costs of a step by stage: times on the GPU, and numbers of passes.
+//! Costs of a step by stage: times on the GPU, and numbers of passes (dispatches, draws, fills and copies).
 
 use std::ffi::c_char;
 
@@ -12,7 +12,7 @@ use super::{handles, sized};
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_stage {
     /// Name of the stage, as in the README: "pose", "cull", "skin", "depth", "contact", "elastic", "solve", "wrench"
-    /// and so on. In every second timed step the first five are timed as one, "pose to contact".
+    /// and so on. In every second timed step the first five stages are timed together, as one stage "pose to contact".
     pub name: [c_char; 32],
     /// Time on the GPU in the last step, microseconds; 0 where that step was not timed.
     pub microseconds: f64,
@@ -22,8 +22,8 @@ pub struct palpate_stage {
     pub reserved: u32,
 }
 
-/// Times every `steps`-th step from now on; 0, the default: none. A timed step is up to a millisecond slower with some
-/// drivers.
+/// Times every `steps`-th step from now on; 0, which is the default: no step is timed. A timed step is up to a
+/// millisecond slower with some drivers.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_time_every(simulation: *mut palpate_simulation, steps: u64) -> palpate_status {
     guarded(|| {
@@ -32,8 +32,8 @@ pub extern "C" fn palpate_time_every(simulation: *mut palpate_simulation, steps:
 }
 
 /// Lists the stages of the step in order, with the cost of each. `count` receives their number; `stages` has room for
-/// `capacity` of them, and may be null if that is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none
-/// was written.
+/// `capacity` of them, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`,
+/// and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_stages(
     simulation: *mut palpate_simulation,
@@ -42,7 +42,7 @@ pub unsafe extern "C" fn palpate_stages(
     count: *mut usize,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let count = unsafe { sized::answer(count, "count")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             let simulation = &object.simulation;
@@ -60,7 +60,7 @@ pub unsafe extern "C" fn palpate_stages(
                 None => passes.iter().map(|(name, passes)| stage(name, 0.0, *passes)).collect(),
             };
             *count = all.len();
-            // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             if capacity == 0 { Ok(()) } else { unsafe { sized::copy(&all, stages, capacity, "stages") } }
         })
     })

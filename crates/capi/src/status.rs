@@ -1,4 +1,4 @@
-//! The status that every function returns, the message of the last failure, and the guard that keeps panics in.
+//! The status that every function returns, the message of the last failure, and the guard that catches panics.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -8,7 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use palpate::Error;
 
 /// Result of a call. With any status but PALPATE_STATUS_OK the call changed nothing, unless its description says
-/// otherwise, and `palpate_last_error` returns one line that says what is wrong and what to do.
+/// otherwise, and `palpate_last_error` returns one line that describes the error and what to do about it.
 #[repr(i32)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum palpate_status {
@@ -42,7 +42,7 @@ pub enum palpate_status {
     Cancelled = 13,
 }
 
-/// Why a call failed: its status, and the message for `palpate_last_error`.
+/// Why a call failed: the status that it returns, and the message for `palpate_last_error`.
 #[derive(Debug, Clone)]
 pub(super) struct Failure {
     pub status: palpate_status,
@@ -78,7 +78,7 @@ thread_local! {
 }
 
 /// Returns the message of the last call on this thread that did not return PALPATE_STATUS_OK, in one line; "" if there
-/// was none. The string is never null, and is valid until the next such call on this thread.
+/// was none. The string is never null, and is valid until the next call on this thread that fails.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_last_error() -> *const c_char {
     LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())

@@ -2,8 +2,8 @@
 //! step needs the CPU between its parts on the GPU. The thread starts with the first submitted step and ends with the
 //! simulation.
 //!
-//! Results of steps are kept beside the simulation, as the companion of its handle (`handles.rs`), so that they can be
-//! read while a step is under way.
+//! Results of steps are stored in the companion of the simulation's handle (`handles.rs`: data that any thread may use
+//! while another thread uses the simulation), so that they can be read while a step is under way.
 
 #[cfg(test)]
 mod tests;
@@ -20,13 +20,14 @@ use super::simulation::{SimulationObject, palpate_pose, palpate_simulation, palp
 use super::sized::{self, Sized32};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 
+/// Completes the error "the simulation is in use by ..." of other calls during a submitted step.
 const UNDER_WAY: &str = "a submitted step that is under way; poll until it is done";
 
-/// An object that can be stepped: a simulation, or what stands for one in tests.
+/// An object that can be stepped: a simulation, or a substitute for one in tests.
 pub(super) trait Stepped: Handled {
     /// Checks whether a step is possible. Errors: why it is not.
     fn is_fit(&self) -> Outcome;
-    /// Does one step, with the haptic device at this pose at its end; `None`: where the scene has it.
+    /// Does one step, at the end of which the haptic device has this pose; `None`: the pose on the scene's trajectory.
     fn step_to(&mut self, device: Option<Pose>) -> Outcome<palpate_wrench>;
 }
 
@@ -46,7 +47,7 @@ pub(super) fn remove<T: Stepped>(handle: usize) -> Outcome {
     Ok(())
 }
 
-/// The wrench of the newest step, and the time at which that step received the pose of the haptic device.
+/// The wrench of the newest step, and the time at which that step received the pose of the haptic device (`given`).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Newest(Option<(palpate_wrench, Instant)>);
 
@@ -58,10 +59,11 @@ impl Newest {
         Newest(Some((wrench, given)))
     }
 
-    /// Writes the wrench, and the time since its step received its pose (s), for the caller; `age` may be null.
+    /// Writes the wrench, and the time since its step received the pose of the haptic device (s), to the caller's
+    /// variables; `age` may be null.
     ///
     /// # Safety
-    /// `wrench` is null or has as many bytes as its first field says, and `age` is null or can be written.
+    /// `wrench` is null or has as many bytes as its first field states, and `age` is null or can be written.
     pub unsafe fn tell(&self, wrench: *mut palpate_wrench, age: *mut f64) -> Outcome {
         let (told, seconds) = match &self.0 {
             Some((wrench, given)) => (*wrench, given.elapsed().as_secs_f64()),
@@ -125,17 +127,17 @@ impl<T: Stepped> Shared<T> {
         self.changed.wait(state).unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Loop of the worker: does submitted steps until it is told to end.
+    /// Loop of the worker thread: does submitted steps until `ends` is set.
     fn work(&self) {
         while let Some(Job { lent, device, given }) = self.next() {
-            // Unwind safety: a panic poisons the lock of the object, so nobody uses what it leaves behind.
+            // Unwind safety: a panic poisons the lock of the object, so no other call uses a half-changed object.
             let done = catch_unwind(AssertUnwindSafe(|| lent.lock().step_to(device)));
             match done.unwrap_or_else(|panic| Err(Failure::of_panic(&*panic))) {
                 Ok(wrench) => self.lock().newest = Newest::new(wrench, given),
                 Err(failure) => self.lock().failure = Some(failure),
             }
-            // The object is given back before the step is reported as done. This thread may be its last owner; then
-            // these steps, its companion, are dropped here as well.
+            // The object is released before the step is reported as done. This thread may be the last owner of the
+            // object; if so, its companion, to which this worker belongs, is dropped here as well.
             drop(lent);
             let mut state = self.lock();
             state.is_under_way = false;
@@ -175,7 +177,8 @@ impl<T: Stepped> Steps<T> {
         if worker.is_none() {
             let shared = Arc::clone(&self.shared);
             let thread = std::thread::Builder::new().name("palpate-step".into()).spawn(move || shared.work());
-            let none = |error| Failure::new(palpate_status::Memory, format!("cannot start the steps' thread: {error}"));
+            let none =
+                |error| Failure::new(palpate_status::Memory, format!("cannot start the thread of steps: {error}"));
             *worker = Some(thread.map_err(none)?);
         }
         Ok(())
@@ -234,9 +237,9 @@ impl<T: Stepped> Drop for Steps<T> {
     }
 }
 
-/// Begins a step without waiting for it: a thread of the simulation does it, which starts with the first such call.
-/// `device`: as in `palpate_step`; it may be null, and is copied. Until the step is done, calls that read or change the
-/// simulation give PALPATE_STATUS_BUSY, this one too; `palpate_step_poll`, `palpate_step_wait` and
+/// Begins a step without waiting for it: a worker thread of the simulation does the step. The first such call starts
+/// the thread. `device`: as in `palpate_step`; it may be null, and is copied. Until the step is done, calls that read
+/// or change the simulation give PALPATE_STATUS_BUSY, this one too; `palpate_step_poll`, `palpate_step_wait` and
 /// `palpate_wrench_newest` do not. Submitted steps give the same bits as those of `palpate_step`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_step_submit(
@@ -245,7 +248,7 @@ pub unsafe extern "C" fn palpate_step_submit(
 ) -> palpate_status {
     guarded(|| {
         let given = Instant::now();
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let device = unsafe { sized::given(device, "device")? }.map(|pose| pose_of(pose, "device")).transpose()?;
         of(simulation)?.submit(simulation as usize, device, given)
     })
@@ -253,11 +256,11 @@ pub unsafe extern "C" fn palpate_step_submit(
 
 /// Reads whether the submitted step is done; never waits. `is_done` receives 0 while a submitted step is under way, and
 /// 1 otherwise. If a submitted step failed, the call returns the status of that step, as `palpate_step` would have
-/// done; so do all later calls until a state is restored, for no step is possible before.
+/// done; so do all later calls until a state is restored, because no further step is possible before that.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_step_poll(simulation: *mut palpate_simulation, is_done: *mut i32) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let is_done = unsafe { sized::answer(is_done, "is_done")? };
         let (rests, told) = of(simulation)?.poll();
         *is_done = i32::from(rests);
@@ -271,11 +274,11 @@ pub extern "C" fn palpate_step_wait(simulation: *mut palpate_simulation) -> palp
     guarded(|| of(simulation)?.wait())
 }
 
-/// Reads the wrench of the newest step that is done, by `palpate_step_submit`, by `palpate_step` or by a loop. Never
+/// Reads the wrench of the newest finished step, be it of `palpate_step_submit`, of `palpate_step` or of a loop. Never
 /// waits; any thread may call it at any time. `age_seconds` receives the time since that step received the pose of the
-/// haptic device (when it was submitted, or called for, or begun by the loop), s; it may be null. Before the first
-/// step, and after a state was restored, the wrench has `step` 0, and its age is infinite. If a submitted step failed,
-/// both are written nevertheless, and the call returns the status of that step.
+/// haptic device (when `palpate_step_submit` or `palpate_step` was called, or when the loop began the step), s; it may
+/// be null. Before the first step, and after a state was restored, the wrench has `step` 0, and its age is infinite. If
+/// a submitted step failed, both are written nevertheless, and the call returns the status of that step.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_wrench_newest(
     simulation: *mut palpate_simulation,
@@ -285,7 +288,7 @@ pub unsafe extern "C" fn palpate_wrench_newest(
     guarded(|| {
         let steps = of(simulation)?;
         let newest = steps.shared.lock().newest;
-        // SAFETY: the C caller keeps the rules for pointers of the header's preface.
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         unsafe { newest.tell(wrench, age_seconds)? };
         steps.poll().1
     })

@@ -18,7 +18,9 @@ pub(super) fn of_settings(given: &palpate_settings) -> Outcome<Table> {
     count(&mut step, "newton", given.newton);
     if truth::<palpate_settings>("weightless", given.weightless)? {
         if given.gravity != [0.0; 3] {
-            return Err(wrong::<palpate_settings>("weightless is 1, but there is a gravity; set one of them to zero"));
+            return Err(wrong::<palpate_settings>(
+                "weightless is 1, but gravity is not zero; set weightless or gravity to zero",
+            ));
         }
         step.insert("gravity".into(), vec![0.0; 3].into());
     }
@@ -39,7 +41,7 @@ pub(super) fn of_settings(given: &palpate_settings) -> Outcome<Table> {
 /// Makes a table `[[body]]`.
 ///
 /// # Safety
-/// The pointers in the struct are null, or lead to what the header says.
+/// The pointers in the struct are null, or fulfil the header's conditions.
 pub(super) unsafe fn of_body(given: &palpate_body) -> Outcome<Table> {
     let mut body = Table::new();
     if given.reserved != 0 {
@@ -102,7 +104,7 @@ unsafe fn layer(body: &mut Table, given: &palpate_body) -> Outcome {
     Ok(())
 }
 
-/// Makes a table `[[body.core]]`.
+/// Makes a table `[[body.core]]`, which describes a rigid core.
 ///
 /// # Safety
 /// The conditions of [`of_body`].
@@ -136,7 +138,7 @@ unsafe fn of_core(given: &palpate_core) -> Outcome<Table> {
 /// Makes the tables `[tool]` and `[coupling]`.
 ///
 /// # Safety
-/// The pointers in the struct are null, or lead to what the header says.
+/// The pointers in the struct are null, or fulfil the header's conditions.
 pub(super) unsafe fn of_tool(given: &palpate_tool) -> Outcome<Table> {
     let mut tool = Table::new();
     number(&mut tool, "sphere", given.sphere);
@@ -167,10 +169,10 @@ pub(super) unsafe fn of_tool(given: &palpate_tool) -> Outcome<Table> {
     Ok(tables)
 }
 
-/// Inserts `motion`, `mass` and `keys`.
+/// Inserts the keys `motion`, `mass` and `keys` (keyframes of the motion) of a body or of a rigid core.
 ///
 /// # Safety
-/// `keys` is null or leads to `many` keys.
+/// `keys` is null or leads to `many` keyframes.
 unsafe fn moves<T: Sized32>(
     table: &mut Table,
     motion: u32,
@@ -197,7 +199,7 @@ fn wrong<T: Sized32>(what: impl AsRef<str>) -> Failure {
     Failure::new(palpate_status::Argument, format!("{}.{}", T::NAME, what.as_ref()))
 }
 
-/// Inserts the name of a choice by its number; 0 is the default and is left out.
+/// Inserts one of `names`, chosen by its index `given`; index 0 is the default and is left out.
 fn choice<T: Sized32>(table: &mut Table, key: &str, given: u32, names: &[&str]) -> Outcome {
     let name = names.get(given as usize).ok_or_else(|| {
         wrong::<T>(format!("{key} is {given}; give a PALPATE_{}_* of 0 to {}", key.to_uppercase(), names.len() - 1))

@@ -1,5 +1,5 @@
-//! Tests of the C ABI from C, C++ and Python: the committed header is the one that cbindgen makes, the example programs
-//! compile without a warning, and they compute the same forces, bit for bit, as `palpate run`.
+//! Tests of the C ABI from C, C++ and Python: the committed header is the one that cbindgen generates, the example
+//! programs compile without a warning, and their forces are, bit for bit, those of `palpate run`.
 
 mod ffi_help;
 
@@ -37,7 +37,7 @@ keys = [[0.0, 0.0, 0.0502, 0.0], [0.02, 0.003, 0.046, 0.0]]
 fn output(program: &mut Command) -> String {
     // The search path that cargo sets may find an older library before the one that the program was linked with.
     let done = program.env_remove("LD_LIBRARY_PATH").output().unwrap();
-    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert!(done.status.success(), "the program failed: {}", String::from_utf8_lossy(&done.stderr));
     String::from_utf8(done.stdout).unwrap()
 }
 
@@ -55,13 +55,13 @@ fn the_header_is_the_one_that_the_sources_make() {
     let committed = std::fs::read_to_string(&file).unwrap_or_default();
     assert!(
         committed == made,
-        "crates/capi/src/palpate.h is not what crates/capi/src makes; make it: \
+        "crates/capi/src/palpate.h differs from what cbindgen generates from crates/capi/src; update it by: \
         PALPATE_WRITE_HEADER=1 cargo test --release -p palpate-capi --test ffi header"
     );
 }
 
-/// Writes the scene to a file and runs it by the engine itself, as `palpate run` does. Returns the file, and per step
-/// its number, the force on the tool (x, y, z, N) and the flags.
+/// Writes the scene to a file and steps it in Rust, without the C ABI, as `palpate run` does. Returns the file, and for
+/// each step its number, the force on the tool (x, y, z, N) and the flags.
 fn run(folder: &Path) -> (PathBuf, Vec<[f64; 5]>) {
     let scene = folder.join("scene.toml");
     std::fs::write(&scene, SCENE).unwrap();
@@ -73,7 +73,7 @@ fn run(folder: &Path) -> (PathBuf, Vec<[f64; 5]>) {
             [row.step as f64, force.x, force.y, force.z, f64::from(row.flags.0)]
         })
         .collect();
-    assert!(told[STEPS - 1][2] > 0.1, "{told:?}");
+    assert!(told[STEPS - 1][2] > 0.1, "number, force (N) and flags of each step: {told:?}");
     (scene, told)
 }
 
@@ -97,19 +97,21 @@ fn programs_in_c_and_python_feel_the_forces_of_palpate_run() {
     for compiler in ["gcc", "clang"] {
         let program = compiled(compiler, "c11", "examples/c/touch.c", folder.path());
         let said = output(Command::new(program).arg(&scene).arg(STEPS.to_string()));
-        assert_eq!(bits(&felt(&said)), bits(&told), "{compiler}");
+        assert_eq!(bits(&felt(&said)), bits(&told), "bits of the steps: program of {compiler}, and Rust");
     }
     let mut python = Command::new("python3");
     python.arg(root().join("examples/python/touch.py")).arg(&scene).arg(STEPS.to_string());
     let said = output(python.arg(library().join("libpalpate_capi.so")));
-    assert_eq!(bits(&felt(&said)), bits(&told), "python");
+    assert_eq!(bits(&felt(&said)), bits(&told), "bits of the steps: program in Python, and Rust");
 }
 
 /// A Python interpreter that has NumPy: the first one on the path, or the system's.
 fn with_numpy() -> Command {
     let knows =
         |python: &&&str| Command::new(**python).args(["-c", "import numpy"]).status().is_ok_and(|s| s.success());
-    Command::new(["python3", "/usr/bin/python3"].iter().find(knows).expect("NumPy: ./setup.sh installs it"))
+    Command::new(
+        ["python3", "/usr/bin/python3"].iter().find(knows).expect("no Python has NumPy; ./setup.sh installs it"),
+    )
 }
 
 #[test]
@@ -120,16 +122,20 @@ fn a_program_shares_its_device_and_one_in_python_looks_on() {
         let program = compiled(compiler, "c11", "examples/c/host.c", folder.path());
         let said = output(Command::new(program).arg(&scene));
         let force: f64 = said.split(' ').nth(1).unwrap().parse().unwrap();
-        assert_eq!(force.to_bits(), told[STEPS - 1][2].to_bits(), "{compiler}: {said}");
-        assert!(said.contains("vertices shared") && !said.contains("locked 0 times"), "{said}");
+        assert_eq!(
+            force.to_bits(),
+            told[STEPS - 1][2].to_bits(),
+            "bits of the last force; program of {compiler} printed: {said}"
+        );
+        assert!(said.contains("vertices shared") && !said.contains("locked 0 times"), "the program printed: {said}");
     }
     let mut python = with_numpy();
     python.arg(root().join("examples/python/watch.py")).arg(&scene).arg(STEPS.to_string());
     let said = output(python.arg(library().join("libpalpate_capi.so")));
     let size = (1..4).map(|k| told[STEPS - 1][k].powi(2)).sum::<f64>().sqrt();
-    assert!(said.starts_with(&format!("{size:.6} N; of 170 vertices")), "{said}");
+    assert!(said.starts_with(&format!("{size:.6} N; of 170 vertices")), "the program printed: {said}");
     let depth: f64 = said.split(' ').rev().nth(1).unwrap().parse().unwrap();
-    assert!(depth > 1.0 && depth < 5.0, "{said}");
+    assert!(depth > 1.0 && depth < 5.0, "depth of 1 to 5 mm expected; the program printed: {said}");
 }
 
 #[test]
@@ -139,16 +145,19 @@ fn programs_that_build_their_scenes_feel_them() {
     for compiler in ["gcc", "clang"] {
         let program = compiled(compiler, "c11", "examples/c/build.c", folder.path());
         let told = felt(&output(Command::new(program).arg("100")));
-        assert!(told.len() == 100 && told[0][2] == 0.0 && told.iter().all(|row| row[4] == 0.0), "{told:?}");
-        // The coupling of 500 N/m is pushed 9 mm into the block (4.5 N if the block were rigid); the block takes a part
-        // of the way.
-        assert!(told[99][2] > 0.5 && told[99][2] < 4.5, "{:?}", told[99]);
+        assert!(
+            told.len() == 100 && told[0][2] == 0.0 && told.iter().all(|row| row[4] == 0.0),
+            "number, force (N), flags of each step: {told:?}"
+        );
+        // The device moves 9 mm into the block. The coupling of 500 N/m would give 4.5 N on a rigid block; this block
+        // yields, so the force is smaller.
+        assert!(told[99][2] > 0.5 && told[99][2] < 4.5, "number, force (N) and flags of the last step: {:?}", told[99]);
     }
     for compiler in ["g++", "clang++"] {
         let program = compiled(compiler, "c++17", "examples/cpp/build.cpp", folder.path());
         let said = output(Command::new(program).arg("200"));
         let force: f64 = said.split(' ').next().unwrap().parse().unwrap();
-        assert!(force > 0.2 && force < 4.5, "{said}");
+        assert!(force > 0.2 && force < 4.5, "force of 0.2 to 4.5 N expected; the program printed: {said}");
     }
 }
 
@@ -162,9 +171,12 @@ fn a_program_in_cpp_leads_the_device_itself_and_says_what_is_wrong() {
         // The device moves down by 7.5 mm, the sphere starting 0.2 mm above the block.
         let said = output(Command::new(&program).arg(&scene).arg("1500"));
         let force: f64 = said.split(' ').next().unwrap().parse().unwrap();
-        assert!(force > 0.5 && force < 3.0, "{said}");
+        assert!(force > 0.5 && force < 3.0, "force of 0.5 to 3 N expected; the program printed: {said}");
         let wrong = Command::new(&program).args(["nowhere.toml", "10"]).output().unwrap();
         let said = String::from_utf8(wrong.stderr).unwrap();
-        assert!(wrong.status.code() == Some(1) && said.contains("nowhere.toml") && said.lines().count() == 1, "{said}");
+        assert!(
+            wrong.status.code() == Some(1) && said.contains("nowhere.toml") && said.lines().count() == 1,
+            "the program reported: {said}"
+        );
     }
 }

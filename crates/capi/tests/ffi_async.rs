@@ -1,5 +1,6 @@
 //! Tests of submitted (asynchronous) steps through the C ABI: they give the same bits as steps that are waited for,
-//! their wrench can be read at any time, and wrong or hasty use is refused without harm.
+//! their wrench (contact force and torque on the tool) can be read at any time, and wrong calls, or calls during a
+//! step, are refused without harm.
 #![allow(unsafe_code)]
 
 mod ffi_help;
@@ -58,22 +59,22 @@ fn device(step: usize) -> Option<palpate_pose> {
 }
 
 fn submit(simulation: *mut palpate_simulation, device: Option<palpate_pose>) -> palpate_status {
-    // SAFETY: the pose is null or live during the call; handles are checked by the library.
+    // SAFETY: the pose is null or live during the call; the library checks handles.
     unsafe { palpate_step_submit(simulation, device.as_ref().map_or(null(), |pose| pose)) }
 }
 
 fn is_done(simulation: *mut palpate_simulation) -> bool {
     let mut is_done = 7;
-    // SAFETY: the place of the answer is a live local; handles are checked by the library.
+    // SAFETY: the output pointer leads to a live local variable; the library checks handles.
     ok(unsafe { palpate_step_poll(simulation, &mut is_done) });
     assert!(is_done == 0 || is_done == 1);
     is_done == 1
 }
 
-/// The newest wrench, and the time since its step received its pose, s.
+/// The newest wrench, and the time since its step received the pose of the haptic device, s.
 fn newest(simulation: *mut palpate_simulation) -> (palpate_wrench, f64) {
     let (mut told, mut age) = (wrench(), f64::NAN);
-    // SAFETY: the places of the answers are live locals; handles are checked by the library.
+    // SAFETY: the output pointers lead to live local variables; the library checks handles.
     ok(unsafe { palpate_wrench_newest(simulation, &mut told, &mut age) });
     (told, age)
 }
@@ -95,7 +96,8 @@ fn submitted_steps_have_the_bits_of_those_that_are_waited_for() {
     for step in 0..STEPS {
         let mut told = wrench();
         let pose = device(step);
-        // SAFETY: the pose is null or live, and the place of the answer is live; handles are checked by the library.
+        // SAFETY: the pose is null or live, and the output pointer leads to a live variable; the library checks
+        // handles.
         ok(unsafe { palpate_step(plain, pose.as_ref().map_or(null(), |pose| pose), &mut told) });
         ok(submit(waited, pose));
         ok(submit(polled, pose));
@@ -103,10 +105,13 @@ fn submitted_steps_have_the_bits_of_those_that_are_waited_for() {
         wait_for(|| is_done(polled));
         for simulation in [plain, waited, polled] {
             let (newest, age) = newest(simulation);
-            assert_eq!(bits(&newest), bits(&told), "step {step}");
+            assert_eq!(bits(&newest), bits(&told), "newest wrench of step {step}");
             assert!(age >= 0.0 && age.is_finite());
         }
-        assert!(told.step == step as u64 + 1 && (step < STEPS - 1 || told.force[1] > 0.1), "{told:?}");
+        assert!(
+            told.step == step as u64 + 1 && (step < STEPS - 1 || told.force[1] > 0.1),
+            "wrench of the step: {told:?}"
+        );
     }
     let nodes = [plain, waited, polled].map(nodes).map(|nodes| nodes.concat().iter().map(|x| x.to_bits()).collect());
     let nodes: [Vec<u64>; 3] = nodes;
@@ -114,7 +119,8 @@ fn submitted_steps_have_the_bits_of_those_that_are_waited_for() {
     // One simulation may do submitted and plain steps in turn.
     for step in STEPS..STEPS + 6 {
         let (mut told, pose) = (wrench(), device(step));
-        // SAFETY: the pose is null or live, and the place of the answer is live; handles are checked by the library.
+        // SAFETY: the pose is null or live, and the output pointer leads to a live variable; the library checks
+        // handles.
         unsafe {
             ok(palpate_step(plain, pose.as_ref().map_or(null(), |pose| pose), &mut told));
             match step % 2 {
@@ -125,7 +131,7 @@ fn submitted_steps_have_the_bits_of_those_that_are_waited_for() {
                 }
             }
         }
-        assert_eq!(bits(&newest(waited).0), bits(&told), "step {step}");
+        assert_eq!(bits(&newest(waited).0), bits(&told), "newest wrench of step {step}");
     }
     for simulation in [plain, waited, polled] {
         ok(palpate_simulation_destroy(simulation));
@@ -146,7 +152,7 @@ fn submitted_steps_allocate_nothing_on_any_thread_once_they_run() {
                 std::thread::yield_now();
             }
             let mut age = 0.0;
-            // SAFETY: the places of the answers are live locals; handles are checked by the library.
+            // SAFETY: the output pointers lead to live local variables; the library checks handles.
             ok(unsafe { palpate_wrench_newest(simulation, &mut told, &mut age) });
         }
     };
@@ -158,9 +164,12 @@ fn submitted_steps_allocate_nothing_on_any_thread_once_they_run() {
         COUNT.load(Ordering::Relaxed) - before
     };
     let rounds: Vec<usize> = (0..5).map(made).collect();
-    assert!(rounds.contains(&0), "allocations in 20 steps: {rounds:?}");
-    assert!(told.force[1] > 0.1 && told.step == 120, "{told:?}");
-    // Check of the check: the counter counts, also for other threads.
+    assert!(
+        rounds.contains(&0),
+        "none of the rounds of 20 steps was without allocation; numbers of allocations: {rounds:?}"
+    );
+    assert!(told.force[1] > 0.1 && told.step == 120, "wrench of the last step: {told:?}");
+    // Proof that this test can fail: the counter counts an allocation on another thread.
     let before = COUNT.load(Ordering::Relaxed);
     std::thread::spawn(|| drop(std::hint::black_box(Box::new(1)))).join().unwrap();
     assert!(COUNT.load(Ordering::Relaxed) > before);
@@ -177,10 +186,12 @@ fn while_a_step_is_under_way_all_else_is_busy_at_once_and_the_last_wrench_is_tol
     let (before, age) = newest(simulation);
     assert!(before.step == 0 && before.force == [0.0; 3] && age == f64::INFINITY);
     let mut count = 0;
-    // SAFETY (both calls): null is passed only where the header allows it, and the place of the answer is a live local.
+    // SAFETY (both calls): null is passed only where the header allows it, and the output pointer leads to a live local
+    // variable.
     let step = || unsafe { palpate_step(simulation, &DEEP, null_mut()) };
     let nodes = |count: &mut usize| unsafe { palpate_nodes(simulation, 0, null_mut(), 0, count) };
-    // If this thread is suspended for too long, the step is done before it looks: then it tries again.
+    // If this thread is suspended for too long, the submitted step is done before the other calls are made; then the
+    // loop tries again.
     let (mut seen, mut was_told) = ([false; 3], false);
     let mut done = 0;
     wait_for(|| {
@@ -191,7 +202,11 @@ fn while_a_step_is_under_way_all_else_is_busy_at_once_and_the_last_wrench_is_tol
         for (call, seen) in calls.into_iter().zip(&mut seen) {
             match call() {
                 palpate_status::Busy => {
-                    assert!(last_error().contains("a submitted step that is under way"), "{}", last_error());
+                    assert!(
+                        last_error().contains("a submitted step that is under way"),
+                        "wrong error: {}",
+                        last_error()
+                    );
                     *seen = true;
                 }
                 status => ok(status),
@@ -204,7 +219,7 @@ fn while_a_step_is_under_way_all_else_is_busy_at_once_and_the_last_wrench_is_tol
     });
     ok(step());
     let last = newest(simulation).0.step;
-    assert!(last > done, "{last} steps after {done} that were submitted");
+    assert!(last > done, "only {last} steps were done, after {done} submitted ones and one that was waited for");
     ok(palpate_simulation_destroy(simulation));
     ok(palpate_context_destroy(context));
 }
@@ -247,7 +262,7 @@ fn any_thread_may_ask_for_the_newest_wrench_at_any_time() {
         for step in 0..40 {
             ok(submit(simulation, device(step)));
             ok(palpate_step_wait(simulation));
-            // SAFETY: null is passed only where the header allows it; handles are checked by the library.
+            // SAFETY: null is passed only where the header allows it; the library checks handles.
             ok(unsafe { palpate_step(simulation, null(), null_mut()) });
         }
         ends.store(true, Ordering::Relaxed);
@@ -266,7 +281,7 @@ fn wrong_use_is_told_and_is_no_step() {
     let simulation = simulation(context, &scene());
     let bad = palpate_pose { position: [0.0, f64::INFINITY, 0.0], ..DEEP };
     refused(submit(null_mut(), None), Null, "simulation is null");
-    refused(submit(context.cast(), None), Handle, "no simulation");
+    refused(submit(context.cast(), None), Handle, "not that of a simulation");
     refused(submit(simulation, Some(bad)), Argument, "device.position[1] is inf");
     refused(palpate_step_wait(null_mut()), Null, "simulation is null");
     // SAFETY: each pointer is null, where the test tries that, or leads to a live local of the right type.

@@ -1,5 +1,5 @@
-//! Long tests of the C ABI: memory does not grow over many rounds and steps, valgrind finds no error, and a step
-//! through the ABI takes no longer than one in Rust.
+//! Long tests of the C ABI: memory does not grow over many rounds (each creates, steps and destroys a simulation) nor
+//! over many steps, valgrind finds no error, and a step through the ABI takes no longer than one in Rust.
 #![allow(unsafe_code)]
 
 mod ffi_help;
@@ -15,14 +15,16 @@ use palpate_capi::simulation::{palpate_simulation_destroy, palpate_step};
 use ffi_help::{BLOCK, DEEP, SPHERE, compiled, context, ok, simulation, wrench};
 
 /// Greatest allowed growth of allocated memory over all steps after the first 1000, bytes: the driver's threads may
-/// have something allocated at either moment. A leak of one byte per step exceeds it even in the shorter run.
+/// hold some memory at either of the two moments that are compared. A leak of one byte per step exceeds it even in the
+/// shorter run.
 const STEPS_ALLOCATED: f64 = 16384.0;
-/// Greatest allowed growth of allocated memory over all rounds, bytes: glibc counts remainders that it cannot split off
-/// a block, some 150 bytes per round (valgrind, which counts exactly, sees no growth). A leak of an object of 440 bytes
-/// per round exceeds it.
+/// Greatest allowed growth of allocated memory over all rounds, bytes: glibc counts the unused ends of blocks as
+/// allocated, some 150 bytes per round (valgrind, which counts exactly, sees no growth). A leak of an object of 440
+/// bytes per round exceeds it.
 const ROUNDS_ALLOCATED: f64 = 131_072.0;
-/// Greatest allowed growth of resident memory, bytes. It changes by pages, and with the threads that free memory: once
-/// it grew by a megabyte without a byte more allocated. The two bounds above are those that detect leaks.
+/// Greatest allowed growth of resident memory, bytes. Resident memory changes by whole pages, and depends on which
+/// threads free memory: once it grew by a megabyte although allocated memory did not grow. Leaks are detected by the
+/// two bounds above.
 const IN_USE: f64 = 4_194_304.0;
 
 /// Scene text: the sphere starts half a millimetre inside a block of eight cells.
@@ -42,16 +44,18 @@ fn program(source: &str, folder: &Path) -> (PathBuf, PathBuf) {
 /// takes most of a round.
 const COMPILE_FAST: (&str, &str) = ("GALLIVM_PERF", "no_opt");
 
-/// Runs a program that prints how much memory it uses at two moments, and checks that it is no more at the second.
+/// Runs a program that prints how much memory it uses at two moments, and checks that memory did not grow between them.
 fn holds_memory_flat(what: &str, command: &mut Command, allocated: f64) {
     let done = command.output().unwrap();
     let said = String::from_utf8_lossy(&done.stdout);
     let numbers: Vec<f64> = said.split_whitespace().map(|word| word.parse().unwrap()).collect();
     let [force, bytes, bytes_after, pages, pages_after] = numbers[..] else { panic!("{done:?} {said}") };
     let (grown, more) = (bytes_after - bytes, 4096.0 * (pages_after - pages));
-    println!("{what}: {grown} of {bytes} bytes allocated more, {more} in use; greatest force {force} N");
-    assert!(grown < allocated && more < IN_USE, "{what}: {said}");
-    assert!(force > 0.01 && force < 10.0, "{what}: {said}");
+    println!(
+        "{what}: allocated memory grew by {grown} from {bytes} bytes, resident memory by {more} bytes; force {force} N"
+    );
+    assert!(grown < allocated && more < IN_USE, "{what}: memory grew; the program printed: {said}");
+    assert!(force > 0.01 && force < 10.0, "{what}: wrong force; the program printed: {said}");
 }
 
 #[test]
@@ -82,8 +86,9 @@ fn lasting_a_million_steps_hold_memory_flat() {
     soak("1000000");
 }
 
-/// Number of steps through the ABI, or in Rust, in a row; and how often the two take turns.
+/// Number of steps in a row through the ABI, and then in Rust.
 const ROW: usize = 40;
+/// Number of such pairs of rows.
 const TURNS: usize = 25;
 
 /// Compares steps of the same scene through the ABI and in Rust, on two contexts that take turns: returns the ratio of
@@ -99,7 +104,7 @@ fn overhead(text: &str) -> (f64, f64) {
     for _ in 0..TURNS {
         for _ in 0..ROW {
             let begun = Instant::now();
-            // SAFETY: the pose and the place of the answer are live locals; handles are checked by the library.
+            // SAFETY: the pose and the output are live local variables; the library checks handles.
             let status = unsafe { palpate_step(simulation, &DEEP, &mut told) };
             times[0].push(begun.elapsed().as_secs_f64());
             ok(status);
@@ -128,13 +133,16 @@ fn lasting_the_abi_adds_nothing_that_one_feels() {
     let mut best = f64::INFINITY;
     for _ in 0..6 {
         let (ratio, difference) = overhead(&format!("{BLOCK}{SPHERE}"));
-        println!("a step through the ABI takes {ratio:.4} of one in Rust: {:+.1} us", 1e6 * difference);
+        println!(
+            "a step through the ABI takes {ratio:.4} times as long as one in Rust, a difference of {:+.1} us",
+            1e6 * difference
+        );
         best = best.min(ratio);
         if best < 1.02 {
             return;
         }
     }
-    panic!("a step through the ABI takes {best} of one in Rust");
+    panic!("a step through the ABI takes {best} times as long as one in Rust, which is too long");
 }
 
 #[test]
@@ -151,7 +159,7 @@ fn lasting_valgrind_finds_nothing_in_ten_rounds() {
     valgrind.env(COMPILE_FAST.0, COMPILE_FAST.1).env("LP_NUM_THREADS", "0");
     let done = valgrind.arg(&program).arg(&scene).args(["0", "10", "2"]).output();
     let done = done.unwrap_or_else(|error| panic!("valgrind: {error}; ./setup.sh installs it"));
-    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert!(done.status.success(), "valgrind reported: {}", String::from_utf8_lossy(&done.stderr));
     let force = String::from_utf8_lossy(&done.stdout).split(' ').next().map(|word| word.parse::<f64>());
-    assert!(force.is_some_and(|force| force.is_ok_and(|force| force > 0.01)), "{done:?}");
+    assert!(force.is_some_and(|force| force.is_ok_and(|force| force > 0.01)), "no force: {done:?}");
 }

@@ -1,5 +1,6 @@
-//! Tests of the haptic loop through the C ABI, with a haptic device made of callbacks: it presses and is watched, is
-//! stopped from the test or from a callback, and everything is released in order.
+//! Tests of the haptic loop through the C ABI, with a haptic device made of callbacks: the device presses the tool into
+//! a block while the test reads the loop's state, the loop is stopped from the test or from a callback, and everything
+//! is released in order.
 #![allow(unsafe_code)]
 
 mod ffi_help;
@@ -23,7 +24,7 @@ use palpate_capi::steps::{palpate_step_submit, palpate_step_wait, palpate_wrench
 
 use ffi_help::*;
 
-/// Record of the calls of the device callbacks, and how they are to behave (`wish`).
+/// Record of the calls of the device callbacks, and how the callbacks are to behave (`wish`).
 #[derive(Debug, Default, Clone, PartialEq)]
 struct Facts {
     opened: u32,
@@ -53,7 +54,8 @@ enum Wish {
     Destroy,
 }
 
-/// The data of the device callbacks, to which their `user` points: facts behind a lock that they share with the test.
+/// The data of the device callbacks, to which their pointer `user` leads: facts behind a lock, which callbacks and test
+/// share.
 #[derive(Default)]
 struct Hand(Mutex<Facts>);
 
@@ -122,7 +124,7 @@ unsafe extern "C" fn read(user: *mut c_void, time: f64, reading: *mut palpate_re
 fn ask(facts: &mut Facts) {
     let the_loop = facts.the_loop as *mut palpate_loop;
     let mut state: palpate_loop_state = zeroed();
-    // SAFETY: the place of the answer is a live local; handles are checked by the library.
+    // SAFETY: the output pointer leads to a live local variable; the library checks handles.
     facts.said.push((unsafe { palpate_loop_read(the_loop, &mut state) }, String::new()));
     let status = match facts.wish {
         Wish::Stop => palpate_loop_stop(the_loop),
@@ -157,21 +159,21 @@ fn start(simulation: *mut palpate_simulation, hand: &Hand) -> *mut palpate_loop 
 
 fn start_with(simulation: *mut palpate_simulation, hand: &Hand, options: palpate_loop_options) -> *mut palpate_loop {
     let mut the_loop = null_mut();
-    // SAFETY: the structs and the place of the answer outlive the call; handles are checked by the library.
+    // SAFETY: the structs and the output variable outlive the call; the library checks handles.
     ok(unsafe { palpate_loop_start(simulation, &hand.device(), &options, &mut the_loop) });
     the_loop
 }
 
 fn state(the_loop: *mut palpate_loop) -> palpate_loop_state {
     let mut state = zeroed();
-    // SAFETY: the place of the answer is a live local; handles are checked by the library.
+    // SAFETY: the output pointer leads to a live local variable; the library checks handles.
     ok(unsafe { palpate_loop_read(the_loop, &mut state) });
     state
 }
 
 fn ended(the_loop: *mut palpate_loop) -> String {
     let (mut text, mut count) = ([1; 256], 0);
-    // SAFETY: the array has the length that is passed, and the place of the answer is a live local.
+    // SAFETY: the array has the length that is passed, and the output pointer leads to a live local variable.
     ok(unsafe { palpate_loop_ended(the_loop, text.as_mut_ptr(), text.len(), &mut count) });
     // SAFETY: the library terminates the text by a zero.
     let text = unsafe { CStr::from_ptr(text.as_ptr()) }.to_str().unwrap().to_owned();
@@ -180,7 +182,7 @@ fn ended(the_loop: *mut palpate_loop) -> String {
 }
 
 fn step(simulation: *mut palpate_simulation) -> palpate_status {
-    // SAFETY: null is passed only where the header allows it; handles are checked by the library.
+    // SAFETY: null is passed only where the header allows it; the library checks handles.
     unsafe { palpate_step(simulation, null(), null_mut()) }
 }
 
@@ -189,14 +191,14 @@ type Newest = (palpate_wrench, f64);
 
 fn newest(simulation: *mut palpate_simulation) -> Newest {
     let (mut told, mut age) = (wrench(), f64::NAN);
-    // SAFETY: the places of the answers are live locals; handles are checked by the library.
+    // SAFETY: the output pointers lead to live local variables; the library checks handles.
     ok(unsafe { palpate_wrench_newest(simulation, &mut told, &mut age) });
     (told, age)
 }
 
 fn loop_wrench(the_loop: *mut palpate_loop) -> Newest {
     let (mut told, mut age) = (wrench(), f64::NAN);
-    // SAFETY: the places of the answers are live locals; handles are checked by the library.
+    // SAFETY: the output pointers lead to live local variables; the library checks handles.
     ok(unsafe { palpate_loop_wrench(the_loop, &mut told, &mut age) });
     (told, age)
 }
@@ -213,39 +215,52 @@ fn a_loop_presses_is_watched_and_gives_the_simulation_back() {
         state(the_loop).peak_force > 0.05 && loop_wrench(the_loop).0.force[1] > 0.05
     });
     let (told, age) = loop_wrench(the_loop);
-    assert!(told.step > 5 && age >= 0.0 && age.is_finite() && told.force[1] > 0.0, "{told:?} {age}");
+    assert!(told.step > 5 && age >= 0.0 && age.is_finite() && told.force[1] > 0.0, "wrench {told:?} of age {age} s");
     assert!(newest(simulation).0.step >= told.step);
-    // SAFETY: null is passed only where the header allows it; handles are checked by the library.
+    // SAFETY: null is passed only where the header allows it; the library checks handles.
     refused(unsafe { palpate_step_submit(simulation, null()) }, palpate_status::Busy, "in use by a loop");
     ok(palpate_loop_stop(the_loop));
     let (last, facts) = (state(the_loop), hand.facts());
-    assert_eq!((facts.opened, facts.closed, facts.after_close, facts.last_force), (1, 1, 0, [0.0; 3]), "{facts:?}");
-    // There is one write per tick, and one with zero before and after.
-    assert!(facts.reads > 10 && facts.writes == facts.reads + 2, "{facts:?}");
+    assert_eq!(
+        (facts.opened, facts.closed, facts.after_close, facts.last_force),
+        (1, 1, 0, [0.0; 3]),
+        "calls of the device: {facts:?}"
+    );
+    // There is one write per tick, and one write of a zero force before the first tick and after the last.
+    assert!(facts.reads > 10 && facts.writes == facts.reads + 2, "calls of the device: {facts:?}");
     assert!(
         last.is_running == 0 && last.status == palpate_status::Ok && last.ticks == facts.reads,
-        "{last:?} {facts:?}"
+        "state after the end {last:?}; calls of the device {facts:?}"
     );
-    assert!((last.peak_force - facts.peak).abs() < 1e-12 && facts.peak > 0.05 && facts.peak <= 3.3, "{last:?}");
+    assert!(
+        (last.peak_force - facts.peak).abs() < 1e-12 && facts.peak > 0.05 && facts.peak <= 3.3,
+        "state after the end: {last:?}"
+    );
     assert!(
         last.buttons == 5 && last.gain > 0.0 && last.wrench_step > 1 && last.late_worst >= last.late_p99,
-        "{last:?}"
+        "state after the end: {last:?}"
     );
     assert!(last.events_so_far & PALPATE_EVENT_ENGAGING != 0 && last.events_so_far & PALPATE_EVENT_BAD_READING == 0);
-    assert!(last.device.position[1] < 0.0502 && last.tool.position[1] > last.device.position[1], "{last:?}");
+    assert!(
+        last.device.position[1] < 0.0502 && last.tool.position[1] > last.device.position[1],
+        "state after the end: {last:?}"
+    );
     assert_eq!(ended(the_loop), "it was stopped");
     // The simulation continues from where the loop left it, by steps of the scene's length.
     let (left, _) = newest(simulation);
     let mut steps = [wrench(); 2];
     for told in &mut steps {
-        // SAFETY: the place of the answer is a live local; handles are checked by the library.
+        // SAFETY: the output pointer leads to a live local variable; the library checks handles.
         ok(unsafe { palpate_step(simulation, null(), told) });
     }
     assert_eq!([steps[0].step, steps[1].step], [left.step + 1, left.step + 2]);
     let lengths = [steps[0].time - left.time, steps[1].time - steps[0].time];
-    assert!(lengths.iter().all(|h| (h - 1e-3).abs() < 1e-9), "{lengths:?}");
+    assert!(lengths.iter().all(|h| (h - 1e-3).abs() < 1e-9), "lengths of the steps after the loop, s: {lengths:?}");
     assert!(steps[1].force[1] > 0.0 && (steps[0].device.position[1] - left.device.position[1]).abs() < 1e-9);
-    assert!((steps[0].tool.position[1] - left.tool.position[1]).abs() < 1e-3, "{left:?} {steps:?}");
+    assert!(
+        (steps[0].tool.position[1] - left.tool.position[1]).abs() < 1e-3,
+        "last wrench of the loop {left:?}; steps after it {steps:?}"
+    );
     ok(palpate_loop_destroy(the_loop));
     refused(palpate_loop_stop(the_loop), palpate_status::Handle, "was destroyed");
     ok(palpate_simulation_destroy(simulation));
@@ -261,12 +276,12 @@ fn a_device_that_does_not_open_leaves_the_simulation_as_it_can_be_used() {
         [(Wish::FailToOpen, "its callback open returned 7", 0), (Wish::FailToWrite, "failed for a force of zero", 1)]
     {
         let (hand, mut the_loop) = (Hand::wishes(wish), usize::MAX as *mut palpate_loop);
-        // SAFETY: the struct and the place of the answer outlive the call; handles are checked by the library.
+        // SAFETY: the struct and the output variable outlive the call; the library checks handles.
         let status = unsafe { palpate_loop_start(simulation, &hand.device(), null(), &mut the_loop) };
         refused(status, palpate_status::NoDevice, words);
         assert!(the_loop.is_null());
         let facts = hand.facts();
-        assert_eq!((facts.opened, facts.closed, facts.reads), (1, closed, 0), "{facts:?}");
+        assert_eq!((facts.opened, facts.closed, facts.reads), (1, closed, 0), "calls of the device: {facts:?}");
         ok(step(simulation));
     }
     ok(palpate_simulation_destroy(simulation));
@@ -309,7 +324,10 @@ fn a_callback_that_stops_or_destroys_its_own_loop_only_asks() {
         wait_for(|| state(the_loop).is_running == 0);
         let said = hand.facts().said;
         assert_eq!(said[0].0, palpate_status::Ok);
-        assert!(said[1].0 == palpate_status::Busy && said[1].1.contains("asked to end"), "{said:?}");
+        assert!(
+            said[1].0 == palpate_status::Busy && said[1].1.contains("asked to end"),
+            "results of the callback's calls: {said:?}"
+        );
         assert_eq!(hand.facts().closed, 1);
         assert_eq!(ended(the_loop), "it was stopped");
         ok(palpate_loop_stop(the_loop));
@@ -355,15 +373,16 @@ fn options_lower_what_the_scene_says_and_a_loop_ends_by_itself() {
     wait_for(|| state(first).is_running == 0);
     assert_eq!(ended(first), "its duration is over");
     let (told, facts) = (state(first), hand.facts());
-    assert!(facts.peak > 0.0 && facts.peak <= 0.05 + 1e-12, "{facts:?}");
+    assert!(facts.peak > 0.0 && facts.peak <= 0.05 + 1e-12, "calls of the device: {facts:?}");
     assert!(
         told.ticks > 10
             && told.ticks as f64 <= 400.0 * told.time + 2.0
             && told.events_so_far & PALPATE_EVENT_DAMPED == 0,
-        "{told:?}"
+        "state after the end: {told:?}"
     );
     let (mut text, mut count) = ([1; 512], 0);
-    // SAFETY (all below): the array has the length that is passed, and the place of the answer is a live local.
+    // SAFETY (all below): the array has the length that is passed, and the output pointer leads to a live local
+    // variable.
     let mut note = |k: u32, room: usize| unsafe {
         let status = palpate_loop_note(first, k, text.as_mut_ptr(), room, &mut count);
         (status, count, CStr::from_ptr(text.as_ptr()).to_string_lossy().into_owned())
@@ -384,15 +403,15 @@ fn text_of_notes(note: &mut dyn FnMut(u32, usize) -> (palpate_status, usize, Str
     let all: Vec<String> = (0..notes).map(|k| note(k, 512).2).collect();
     assert!(
         all.iter().any(|line| line.starts_with("haptics.max_torque exceeds the limit of profile touch")),
-        "{all:?}"
+        "notes of the loop: {all:?}"
     );
-    assert!(all.iter().any(|line| line.starts_with("coupling ")), "{all:?}");
+    assert!(all.iter().any(|line| line.starts_with("coupling ")), "notes of the loop: {all:?}");
     let (status, length, _) = note(0, 0);
     assert_eq!((status, length), (palpate_status::Ok, all[0].len() + 1));
     let (status, count, before) = note(0, length - 1);
     refused(status, palpate_status::TooSmall, "text has room for");
     assert_eq!(count, length);
-    assert_eq!(before, *all.last().unwrap(), "nothing was written");
+    assert_eq!(before, *all.last().unwrap(), "text in an array that is too small, and text of the last call");
     assert_eq!(note(0, length).2, all[0]);
     refused(note(notes, 512).0, palpate_status::Argument, "counted from 0");
 }
@@ -406,7 +425,7 @@ fn wrong_use_is_told_and_nothing_begins() {
     let good = hand.device();
     let mut the_loop = null_mut();
     let mut start = |simulation, device: *const palpate_haptic_device, options: palpate_loop_options| {
-        // SAFETY: the structs and the place of the answer outlive the call; handles are checked by the library.
+        // SAFETY: the structs and the output variable outlive the call; the library checks handles.
         unsafe { palpate_loop_start(simulation, device, &options, &mut the_loop) }
     };
     let none: palpate_loop_options = zeroed();
@@ -431,7 +450,7 @@ fn wrong_use_is_told_and_nothing_begins() {
     unsafe {
         refused(palpate_loop_start(able, &good, null(), null_mut()), Null, "the_loop is null");
         refused(palpate_loop_read(null_mut(), &mut zeroed()), Null, "loop is null");
-        refused(palpate_loop_read(able.cast(), &mut zeroed()), palpate_status::Handle, "no loop");
+        refused(palpate_loop_read(able.cast(), &mut zeroed()), palpate_status::Handle, "not that of a loop");
     }
     refused(palpate_loop_stop(null_mut()), Null, "loop is null");
     ok(palpate_step_wait(able));
@@ -448,9 +467,9 @@ fn programs_in_c_and_cpp_hold_a_device_of_their_own() {
     let arguments: [&Path; 1] = [&file];
     for compiler in ["gcc", "clang"] {
         let said = output(compiler, "c11", "examples/c/hold.c", &arguments);
-        assert!(said.contains(" ticks, ") && said.contains("its duration is over"), "{said}");
+        assert!(said.contains(" ticks, ") && said.contains("its duration is over"), "the program printed: {said}");
         let force: f64 = said.lines().last().unwrap().split(' ').next().unwrap().parse().unwrap();
-        assert!(force > 0.05 && force <= 3.3, "{said}");
+        assert!(force > 0.05 && force <= 3.3, "force of 0.05 to 3.3 N expected; the program printed: {said}");
     }
     for compiler in ["g++", "clang++"] {
         assert_eq!(output(compiler, "c++17", "crates/capi/tests/ffi_help/both.cpp", &arguments), "right\n");

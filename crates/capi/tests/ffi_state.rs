@@ -1,5 +1,6 @@
-//! Tests of what the C ABI offers between two steps: states, changes, skins and contacts, stage costs, log messages;
-//! and of checks of a Vulkan device that the program lends.
+//! Tests of calls of the C ABI between two steps: they save and restore states, change materials, contact law, coupling
+//! and rigid cores, and read skins (surface meshes), contacts, costs of stages and log messages. Also tests the checks
+//! of a Vulkan device that the program lends to the library.
 #![allow(unsafe_code)]
 
 mod ffi_help;
@@ -43,7 +44,7 @@ fn end(context: *mut palpate_context, simulation: *mut palpate_simulation) {
 fn steps(simulation: *mut palpate_simulation, count: usize) -> Vec<u64> {
     let mut told = wrench();
     let mut step = || {
-        // SAFETY: the pose and the place of the answer are live locals; handles are checked by the library.
+        // SAFETY: the pose and the output are live local variables; the library checks handles.
         ok(unsafe { palpate_step(simulation, &DEEP, &mut told) });
         told.force.map(f64::to_bits)
     };
@@ -54,7 +55,8 @@ fn steps(simulation: *mut palpate_simulation, count: usize) -> Vec<u64> {
 
 fn saved(simulation: *mut palpate_simulation) -> Vec<u8> {
     let mut size = 0;
-    // SAFETY (both calls): the array has the length that is passed, and the place of the answer is a live local.
+    // SAFETY (both calls): the array has the length that is passed, and the output pointer leads to a live local
+    // variable.
     ok(unsafe { palpate_state_save(simulation, null_mut(), 0, &mut size) });
     let mut bytes = vec![0; size];
     ok(unsafe { palpate_state_save(simulation, bytes.as_mut_ptr(), size, &mut size) });
@@ -65,7 +67,8 @@ fn saved(simulation: *mut palpate_simulation) -> Vec<u8> {
 /// The contacts of the last step: vertex, bits of the depth and of the position of each.
 fn contacts(simulation: *mut palpate_simulation) -> Vec<(u32, u64, [u64; 3])> {
     let mut count = 0;
-    // SAFETY (both calls): the array has the length that is passed, and the place of the answer is a live local.
+    // SAFETY (both calls): the array has the length that is passed, and the output pointer leads to a live local
+    // variable.
     ok(unsafe { palpate_contacts(simulation, null_mut(), 0, &mut count) });
     let mut contacts = vec![palpate_contact::default(); count];
     ok(unsafe { palpate_contacts(simulation, contacts.as_mut_ptr(), count, &mut count) });
@@ -82,13 +85,13 @@ fn a_state_is_taken_up_bit_for_bit() {
     let on = steps(first, 20);
     steps(second, 3);
     assert_ne!(contacts(second), touched);
-    // SAFETY (all below): byte arrays have the lengths that are passed; handles are checked by the library.
+    // SAFETY (all below): byte arrays have the lengths that are passed; the library checks handles.
     unsafe {
         ok(palpate_state_restore(second, state.as_ptr(), state.len()));
         assert_eq!(contacts(second), touched);
         let (mut newest, mut age) = (wrench(), 0.0);
         ok(palpate_wrench_newest(second, &mut newest, &mut age));
-        assert!(newest.step == 0 && age.is_infinite(), "after a restore there is no newest wrench");
+        assert!(newest.step == 0 && age.is_infinite(), "after a restore there must be no newest wrench");
         assert_eq!(steps(second, 20), on);
         ok(palpate_state_restore(first, state.as_ptr(), state.len()));
         assert_eq!(steps(first, 20), on);
@@ -111,9 +114,10 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
     let (context, simulation) = pressed();
     let rest = || {
         let mut told = wrench();
-        // Steps until the block is at rest, for a block that becomes stiffer under load throws the tool first.
+        // Steps until the block is at rest, because a block that becomes stiffer under load throws the tool up at
+        // first.
         (0..400).for_each(|_| {
-            // SAFETY: the pose and the place of the answer are live locals; handles are checked by the library.
+            // SAFETY: the pose and the output are live local variables; the library checks handles.
             ok(unsafe { palpate_step(simulation, &DEEP, &mut told) });
         });
         assert_eq!(told.flags, 0);
@@ -121,7 +125,7 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
     };
     let force = || rest().force[1];
     let soft = force();
-    // SAFETY (all below): structs are live and say their true size; handles are checked by the library.
+    // SAFETY (all below): structs are live and state their true size; the library checks handles.
     unsafe {
         let mut material = zeroed::<palpate_material>();
         ok(palpate_material_get(simulation, 0, 0, &mut material));
@@ -129,8 +133,8 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
         material.young = 8e4;
         ok(palpate_material_set(simulation, 0, 0, &material));
         let stiff = force();
-        assert!(stiff > 1.3 * soft, "{stiff} {soft}");
-        refused(palpate_material_set(simulation, 0, 1, &material), Argument, "body 0 has 1 materials, and none at 1");
+        assert!(stiff > 1.3 * soft, "force {stiff} N on the stiffer block, {soft} N on the softer one");
+        refused(palpate_material_set(simulation, 0, 1, &material), Argument, "counted from 0, and none at 1");
         refused(palpate_material_set(simulation, 9, 0, &material), Argument, "body 9 has 0 materials");
         refused(palpate_material_set(simulation, 0, 0, null()), Null, "material is null");
         refused(palpate_material_get(simulation, 0, 0, null_mut()), Null, "material is null");
@@ -158,7 +162,7 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
         ok(palpate_skin_buffers(simulation, null(), &mut again));
         assert_eq!((again.positions, again.normals), (shown.positions, shown.normals));
         let yielding = force();
-        assert!(yielding < 0.9 * stiff, "{yielding} {stiff}");
+        assert!(yielding < 0.9 * stiff, "force {yielding} N by the softer contact law, {stiff} N before");
         let wrong = palpate_contact_law { stiffness: f64::NAN, ..law };
         refused(palpate_contact_set(simulation, &wrong), Argument, "contact.stiffness is NaN");
         let wrong = palpate_contact_law { friction: -0.5, ..law };
@@ -170,7 +174,10 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
         // In balance, contact carries the tool's weight and the force of the coupling's spring.
         let told = rest();
         let held = 0.05 * 9.81 + coupling.stiffness * (told.tool.position[1] - DEEP.position[1]);
-        assert!((told.force[1] / held - 1.0).abs() < 0.01 && held < 0.9 * yielding, "{held} {told:?} {yielding}");
+        assert!(
+            (told.force[1] / held - 1.0).abs() < 0.01 && held < 0.9 * yielding,
+            "expected force {held} N; step {told:?}; force before {yielding} N"
+        );
         coupling.damping = f64::INFINITY;
         refused(palpate_coupling_set(simulation, &coupling), Argument, "coupling.damping is inf");
         ok(palpate_coupling_set(simulation, null()));
@@ -184,7 +191,7 @@ fn a_kinematic_core_is_taken_along_and_others_stay() {
     let driven = BLOCK.replace("motion = \"fixed\"", "motion = \"driven\"\nkeys = [[0.0, 0.0, 0.0, 0.0]]");
     let simulation = simulation(context, &driven);
     let mut pose = palpate_pose { position: [1.0; 3], orientation: [0.0; 4] };
-    // SAFETY (all below): poses and places of answers are live locals; handles are checked by the library.
+    // SAFETY (all below): poses and outputs are live local variables; the library checks handles.
     unsafe {
         ok(palpate_core_pose(simulation, 0, 0, &mut pose));
         assert_eq!((pose.position, pose.orientation), ([0.0; 3], [0.0, 0.0, 0.0, 1.0]));
@@ -195,10 +202,10 @@ fn a_kinematic_core_is_taken_along_and_others_stay() {
             ok(palpate_step(simulation, null(), null_mut()));
             let mut now = pose;
             ok(palpate_core_pose(simulation, 0, 0, &mut now));
-            assert!((now.position[0] - pose.position[0]).abs() < 1e-12, "{now:?}");
+            assert!((now.position[0] - pose.position[0]).abs() < 1e-12, "pose of the rigid core: {now:?}");
         }
         let bottom = nodes(simulation)[0];
-        assert!((bottom[0] - (1e-3 - 0.05)).abs() < 1e-6, "{bottom:?}");
+        assert!((bottom[0] - (1e-3 - 0.05)).abs() < 1e-6, "position of the first node, m: {bottom:?}");
         refused(palpate_core_pose(simulation, 0, 1, &mut pose), Argument, "body 0 has no core 1");
         refused(palpate_core_move(simulation, 0, 0, null(), 0.0), Null, "pose is null");
         refused(palpate_core_move(simulation, 0, 0, &pose, -1.0), Argument, "seconds is -1");
@@ -208,7 +215,7 @@ fn a_kinematic_core_is_taken_along_and_others_stay() {
     }
     end(context, simulation);
     let (context, simulation) = pressed();
-    // SAFETY: the pose is a constant; the handle is checked by the library.
+    // SAFETY: the pose is a constant; the library checks the handle.
     unsafe { refused(palpate_core_move(simulation, 0, 0, &DEEP, 0.0), Argument, "core 0 of body 0 is not driven") };
     end(context, simulation);
 }
@@ -219,17 +226,18 @@ fn skins_and_contacts_are_told_as_they_are() {
     steps(simulation, 30);
     let origin = [0.01, 0.02, 0.03];
     let mut count = 0;
-    // SAFETY (all below): arrays have the lengths that are passed, and answers have places; handles are checked.
+    // SAFETY (all below): arrays have the lengths that are passed, and output pointers lead to live variables; the
+    // library checks handles.
     unsafe {
         ok(palpate_skin(simulation, 0, null(), null_mut(), null_mut(), 0, &mut count));
         let (mut places, mut normals) = (vec![[0.0f32; 3]; count], vec![[0.0f32; 3]; count]);
         ok(palpate_skin(simulation, 0, origin.as_ptr(), places.as_mut_ptr(), normals.as_mut_ptr(), count, &mut count));
-        // Here the boundary of the layer is the skin, so every skin vertex lies on a node.
+        // This body's skin is the boundary of its layer (the tetrahedral mesh), so every skin vertex lies on a node.
         let nodes = nodes(simulation);
         for place in &places {
             let at: [f64; 3] = std::array::from_fn(|k| f64::from(place[k]) + origin[k]);
             let near = |x: &[f64; 3]| (0..3).all(|k| (x[k] - at[k]).abs() < 1e-7);
-            assert!(nodes.iter().any(near), "{at:?}");
+            assert!(nodes.iter().any(near), "a skin vertex at {at:?} m lies on no node");
         }
         let up = places.iter().zip(&normals).filter(|(x, n)| x[1] > 0.005 && n[1] > 0.9).count();
         assert!(up > 10, "too few skin normals on the top face point up: {up}");
@@ -271,29 +279,33 @@ fn skins_and_contacts_are_told_as_they_are() {
         let mut told = wrench();
         ok(palpate_step(simulation, &DEEP, &mut told));
         ok(palpate_contacts(simulation, null_mut(), 0, &mut count));
-        assert!(count == told.contacts as usize && count > 4, "{count}");
+        assert!(count == told.contacts as usize && count > 4, "number of contacts copied: {count}");
         let mut contacts = vec![palpate_contact::default(); count];
         ok(palpate_contacts(simulation, contacts.as_mut_ptr(), count, &mut count));
         let mut push = 0.0;
         for contact in &contacts {
             let [own, other] = contact.body;
-            assert!((own, other) == (0, 1) || (own, other) == (1, 0), "{contact:?}");
+            assert!((own, other) == (0, 1) || (own, other) == (1, 0), "wrong bodies: {contact:?}");
             // The normal points out of the touched body: up for the sphere's vertices, down for the block's.
             let up = contact.normal[1] * if own == 1 { 1.0 } else { -1.0 };
             let size = contact.normal.iter().map(|x| x * x).sum::<f64>();
-            assert!(up > 0.5 && (size - 1.0).abs() < 1e-4, "{contact:?}");
+            assert!(up > 0.5 && (size - 1.0).abs() < 1e-4, "wrong normal: {contact:?}");
             assert!(
                 contact.depth > 0.0 && contact.depth <= told.max_depth * 1.001 && contact.area > 0.0,
-                "{contact:?}"
+                "wrong depth or area: {contact:?}"
             );
-            assert!(contact.position[0].hypot(contact.position[2]) < 0.02, "{contact:?}");
+            assert!(contact.position[0].hypot(contact.position[2]) < 0.02, "wrong position: {contact:?}");
             push += contact.area * contact.pressure * up;
         }
         // At rest, the pressures times areas add up to the force on the tool.
-        assert!((push / told.force[1] - 1.0).abs() < 0.05, "{push} {:?}", told.force);
+        assert!(
+            (push / told.force[1] - 1.0).abs() < 0.05,
+            "sum of pressure times area {push} N, force on the tool {:?} N",
+            told.force
+        );
         let mut one = vec![palpate_contact::default(); 1];
         refused(palpate_contacts(simulation, one.as_mut_ptr(), 1, &mut count), TooSmall, "contacts has room for 1");
-        refused(palpate_contacts(context.cast(), null_mut(), 0, &mut count), Handle, "no simulation");
+        refused(palpate_contacts(context.cast(), null_mut(), 0, &mut count), Handle, "not that of a simulation");
     }
     end(context, simulation);
 }
@@ -315,7 +327,8 @@ fn stages_are_told_with_passes_and_times() {
     let (context, simulation) = pressed();
     let stages = || {
         let mut count = 0;
-        // SAFETY (all below): the array has the length that is passed, and the place of the answer is a live local.
+        // SAFETY (all below): the array has the length that is passed, and the output pointer leads to a live local
+        // variable.
         ok(unsafe { palpate_stages(simulation, null_mut(), 0, &mut count) });
         let empty = palpate_stage { name: [0; 32], microseconds: -1.0, passes: 0, reserved: 0 };
         let mut stages = vec![empty; count];
@@ -334,7 +347,7 @@ fn stages_are_told_with_passes_and_times() {
     ok(palpate_time_every(simulation, 1));
     steps(simulation, 2);
     let timed = stages();
-    assert!(timed.iter().map(|stage| stage.1).sum::<f64>() > 0.0, "{timed:?}");
+    assert!(timed.iter().map(|stage| stage.1).sum::<f64>() > 0.0, "no stage has a time: {timed:?}");
     end(context, simulation);
 }
 
@@ -342,7 +355,7 @@ fn stages_are_told_with_passes_and_times() {
 static HEARD: Mutex<Vec<(u32, String)>> = Mutex::new(Vec::new());
 
 unsafe extern "C" fn hear(user: *mut c_void, level: u32, message: *const c_char) {
-    // SAFETY: `user` leads to the mark that the test passed, and the message is terminated by a zero.
+    // SAFETY: `user` leads to the number (77) that the test passed, and the message is terminated by a zero.
     let (mark, message) = unsafe { (*user.cast::<u32>(), CStr::from_ptr(message)) };
     assert_eq!(mark, 77);
     HEARD.lock().unwrap().push((level, message.to_str().unwrap().into()));
@@ -354,23 +367,29 @@ fn a_log_hears_what_is_chosen_and_found() {
     let mut options = zeroed::<palpate_context_options>();
     options.log = Some(hear);
     (options.log_user, options.validation) = ((&raw mut mark).cast(), 1);
-    // SAFETY: the options say their true size; they and the place of the answer are live locals.
+    // SAFETY: the options state their true size; they and the output are live local variables.
     ok(unsafe { palpate_context_create(&options, &mut context) });
     let simulation = simulation(context, &format!("{BLOCK}{SPHERE}"));
     steps(simulation, 3);
     end(context, simulation);
     let heard = HEARD.lock().unwrap().clone();
-    assert!(heard.iter().any(|(level, line)| *level == 0 && line.starts_with("device: ")), "{heard:?}");
-    assert!(heard.iter().any(|(level, line)| *level == 0 && line.starts_with("depth stage: ")), "{heard:?}");
-    assert!(heard.iter().all(|(level, line)| *level == 0 && !line.contains('\n')), "validation reports: {heard:?}");
+    assert!(heard.iter().any(|(level, line)| *level == 0 && line.starts_with("device: ")), "log messages: {heard:?}");
+    assert!(
+        heard.iter().any(|(level, line)| *level == 0 && line.starts_with("depth stage: ")),
+        "log messages: {heard:?}"
+    );
+    assert!(
+        heard.iter().all(|(level, line)| *level == 0 && !line.contains('\n')),
+        "a log message is no note, or has several lines: {heard:?}"
+    );
 }
 
 #[test]
 fn what_a_host_says_of_its_device_is_checked_as_far_as_it_can_be() {
     let mut vulkan = zeroed::<palpate_vulkan>();
     let mut context = null_mut();
-    // SAFETY (all below): structs say their true size, and answers have places; the library follows no made-up
-    // Vulkan handle, for each call is refused before it would.
+    // SAFETY (all below): structs state their true size, and output pointers lead to live variables; the library uses
+    // no made-up Vulkan handle, because it refuses each call before that.
     let mut make = |vulkan: &palpate_vulkan| unsafe { palpate_context_create_on(vulkan, &mut context) };
     refused(make(&vulkan), NoDevice, "the host's instance is null");
     vulkan.enabled = 64;

@@ -65,14 +65,14 @@ fn scene_text(cells: &str) -> CString {
 
 fn scene(cells: &str) -> *mut palpate_scene {
     let mut scene = null_mut();
-    // SAFETY: the text is terminated by a zero, and the place of the answer is a live local.
+    // SAFETY: the text is terminated by a zero, and the output pointer leads to a live local variable.
     ok(unsafe { palpate_scene_parse(scene_text(cells).as_ptr(), null(), &mut scene) });
     scene
 }
 
 fn simulation(context: *mut palpate_context, cells: &str) -> *mut palpate_simulation {
     let (scene, mut simulation) = (scene(cells), null_mut());
-    // SAFETY: the place of the answer is a live local; handles are checked by the library.
+    // SAFETY: the output pointer leads to a live local variable; the library checks handles.
     ok(unsafe { palpate_simulation_create(context, scene, &mut simulation) });
     ok(palpate_scene_destroy(scene));
     simulation
@@ -85,7 +85,7 @@ fn a_step_allocates_nothing_once_it_runs() {
     let mut wrench = wrench();
     let mut steps = |count: usize| {
         for _ in 0..count {
-            // SAFETY: the pose and the place of the answer are live locals; handles are checked by the library.
+            // SAFETY: the pose and the output are live local variables; the library checks handles.
             ok(unsafe { palpate_step(simulation, &DEEP, &mut wrench) });
         }
     };
@@ -94,8 +94,8 @@ fn a_step_allocates_nothing_once_it_runs() {
     steps(50);
     let made = allocations() - before;
     assert_eq!(made, 0, "allocations in 50 steps");
-    assert!(wrench.force[1] > 0.1 && wrench.step == 70, "{wrench:?}");
-    // Check of the check: the counter counts.
+    assert!(wrench.force[1] > 0.1 && wrench.step == 70, "wrench of the last step: {wrench:?}");
+    // Proof that this test can fail: the counter counts an allocation.
     drop(std::hint::black_box(Box::new(1)));
     assert!(allocations() > before);
     ok(palpate_simulation_destroy(simulation));
@@ -111,12 +111,12 @@ fn wrong_use_is_told_and_harms_nothing() {
     let mut told = wrench();
     let step = |simulation, pose: &palpate_pose| {
         let mut wrench = wrench();
-        // SAFETY: the pose and the place of the answer are live locals; wrong handles are what the test tries.
+        // SAFETY: the pose and the output are live local variables; wrong handles are what the test tries.
         unsafe { palpate_step(simulation, pose, &mut wrench) }
     };
     let bad = |position, orientation| palpate_pose { position, orientation };
     refused(step(null_mut(), &DEEP), Null, "simulation is null");
-    refused(step(context.cast(), &DEEP), Handle, "no simulation");
+    refused(step(context.cast(), &DEEP), Handle, "not that of a simulation");
     refused(step(simulation, &bad([0.0, f64::NAN, 0.0], DEEP.orientation)), Argument, "device.position[1] is NaN");
     refused(step(simulation, &bad(DEEP.position, [0.0; 4])), Argument, "unit quaternion");
     // SAFETY (all below): each pointer is null, where the test tries that, or leads to a live local of the right type.
@@ -149,22 +149,23 @@ fn wrong_use_is_told_and_harms_nothing() {
         refused(palpate_context_create(&options, &mut none), palpate_status::NoDevice, "nobody's");
         (options.validation, options.device) = (2, null());
         refused(palpate_context_create(&options, &mut none), Argument, "validation is 2");
-        // A size that cuts the field `log`: the library must not call the address that its first three bytes and five
-        // zeros make.
+        // A size that cuts the field `log`: the library must not call the address that consists of the field's first
+        // three bytes and five zero bytes.
         unsafe extern "C" fn log(_: *mut c_void, _: u32, _: *const c_char) {}
         options = palpate_context_options { size: 19, log: Some(log), ..ffi_help::zeroed() };
         let cut =
             "palpate_context_options.size is 19, which cuts a field in two; set it to sizeof(palpate_context_options)";
         refused(palpate_context_create(&options, &mut none), Argument, cut);
         assert!(none.is_null());
-        // A size that ends with a field is that of an older program.
+        // A size at which a field ends is accepted, because it may be that of an older program.
         options.size = std::mem::offset_of!(palpate_context_options, log) as u32;
         ok(palpate_context_create(&options, &mut none));
         ok(palpate_context_destroy(none));
     }
     // None of these calls did a step.
     told.size = size_of::<palpate_wrench>() as u32;
-    // SAFETY: a null pose is allowed, and the place of the answer is a live local; handles are checked by the library.
+    // SAFETY: a null pose is allowed, and the output pointer leads to a live local variable; the library checks
+    // handles.
     ok(unsafe { palpate_step(simulation, null(), &mut told) });
     assert_eq!(told.step, 1);
     ok(palpate_simulation_destroy(simulation));
@@ -181,7 +182,7 @@ fn a_simulation_outlives_its_context_and_leaves_no_memory_on_one_that_stays() {
     ok(palpate_context_destroy(goes));
     let memory = || {
         let mut bytes = 0;
-        // SAFETY: the place of the answer is a live local; handles are checked by the library.
+        // SAFETY: the output pointer leads to a live local variable; the library checks handles.
         ok(unsafe { palpate_context_memory(stays, &mut bytes) });
         bytes
     };
@@ -193,7 +194,7 @@ fn a_simulation_outlives_its_context_and_leaves_no_memory_on_one_that_stays() {
         assert_eq!(memory(), 0);
     }
     let mut told = wrench();
-    // SAFETY: the pose and the place of the answer are live locals; handles are checked by the library.
+    // SAFETY: the pose and the output are live local variables; the library checks handles.
     ok(unsafe { palpate_step(survivor, &DEEP, &mut told) });
     ok(palpate_simulation_destroy(survivor));
     ok(palpate_context_destroy(stays));
@@ -213,7 +214,7 @@ fn forces() -> Vec<[u64; 3]> {
     let simulation = simulation(context, "[6, 4, 6]");
     let mut told = wrench();
     let mut step = || {
-        // SAFETY: the pose and the place of the answer are live locals; handles are checked by the library.
+        // SAFETY: the pose and the output are live local variables; the library checks handles.
         ok(unsafe { palpate_step(simulation, &DEEP, &mut told) });
         told.force.map(f64::to_bits)
     };

@@ -1,4 +1,5 @@
-//! Tests of the worker thread with an object that steps as the test orders it to, without a GPU.
+//! Tests of the worker thread that does submitted steps, without a GPU: a substitute for the simulation ends each step
+//! as the test orders it to.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 
@@ -82,7 +83,10 @@ fn while_a_step_is_under_way_the_last_wrench_is_told_and_all_else_is_busy() {
         assert!(!is_done(&steps));
         assert_eq!(submit(&steps, handle), palpate_status::Busy);
         let refused = handles::with::<Told, ()>(handle, |_| Ok(())).unwrap_err();
-        assert!(refused.status == palpate_status::Busy && refused.message.contains("a submitted step"), "{refused:?}");
+        assert!(
+            refused.status == palpate_status::Busy && refused.message.contains("a submitted step"),
+            "wrong error: {refused:?}"
+        );
         assert_eq!(newest(&steps).0, step - 1);
         order.send(Order::Go).unwrap();
         steps.wait().unwrap();
@@ -122,7 +126,7 @@ fn a_step_that_panics_is_told_and_its_object_can_only_go() {
     order.send(Order::Panic).unwrap();
     assert_eq!(submit(&steps, handle), palpate_status::Ok);
     let told = steps.wait().unwrap_err();
-    assert!(told.status == palpate_status::Fault && told.message.contains("on purpose"), "{told:?}");
+    assert!(told.status == palpate_status::Fault && told.message.contains("on purpose"), "wrong error: {told:?}");
     assert_eq!(submit(&steps, handle), palpate_status::Fault);
     assert_eq!(handles::with::<Told, ()>(handle, |_| Ok(())).unwrap_err().status, palpate_status::Fault);
     remove::<Told>(handle).unwrap();

@@ -1,5 +1,5 @@
-//! Tests of scenes that are built by calls of the C ABI: they give the same bits as the equal scene file, and wrong
-//! values are refused by name and change nothing.
+//! Tests of scenes that are built by calls of the C ABI: a simulation of such a scene computes the same bits as one of
+//! the equal scene file, and wrong values are refused by name and change nothing.
 #![allow(unsafe_code)]
 
 mod prepare;
@@ -36,14 +36,14 @@ fn last_error() -> String {
 
 #[track_caller]
 fn ok(status: palpate_status) {
-    assert_eq!(status, palpate_status::Ok, "{}", last_error());
+    assert_eq!(status, palpate_status::Ok, "last error: {}", last_error());
 }
 
 #[track_caller]
 fn refused(status: palpate_status, expected: palpate_status, words: &str) {
     let error = last_error();
-    assert_eq!(status, expected, "{error}");
-    assert!(error.contains(words) && error.lines().count() == 1, "{error}");
+    assert_eq!(status, expected, "last error: {error}");
+    assert!(error.contains(words) && error.lines().count() == 1, "wrong error: {error}");
 }
 
 /// A struct of the interface, all zero but its size.
@@ -59,7 +59,7 @@ fn zeros<T: Copy>() -> T {
 /// An empty scene with default settings.
 fn empty() -> *mut palpate_scene {
     let mut scene = null_mut();
-    // SAFETY: null settings are allowed, and the place of the answer is a live local.
+    // SAFETY: null settings are allowed, and the output pointer leads to a live local variable.
     ok(unsafe { palpate_scene_create(null(), &mut scene) });
     scene
 }
@@ -87,25 +87,25 @@ fn set_tool(scene: *mut palpate_scene, tool: &palpate_tool) -> palpate_status {
 fn parsed(text: &str, folder: &Path) -> *mut palpate_scene {
     let (text, folder) = (CString::new(text).unwrap(), CString::new(folder.to_str().unwrap()).unwrap());
     let mut scene = null_mut();
-    // SAFETY: the strings are terminated by a zero, and the place of the answer is a live local.
+    // SAFETY: the strings are terminated by a zero, and the output pointer leads to a live local variable.
     ok(unsafe { palpate_scene_parse(text.as_ptr(), folder.as_ptr(), &mut scene) });
     scene
 }
 
-/// Destroys the scene, after stepping a simulation of it: returns the bits of the force and torque of each step, and at
-/// the end those of the nodes of all `bodies`. There must be a force at the end.
+/// Makes a simulation of the scene, steps it, and destroys both. Returns the bits of the force and torque of each step,
+/// and of the node positions of the first `bodies` bodies at the end. Fails if there is no force at the end.
 fn felt(scene: *mut palpate_scene, bodies: u32) -> Vec<u64> {
     let (bits, has_force) = stepped(scene, bodies);
     assert!(has_force, "the tool felt no force at the end");
     bits
 }
 
-/// Does what [`felt`] does, and returns as well whether there is a force at the end.
+/// Does the same as [`felt`], but returns whether there is a force at the end instead of failing.
 fn stepped(scene: *mut palpate_scene, bodies: u32) -> (Vec<u64>, bool) {
     let (mut context, mut simulation): (*mut palpate_context, _) = (null_mut(), null_mut());
     let mut wrench: palpate_wrench = zeros::<palpate_wrench>();
     let mut bits = Vec::new();
-    // SAFETY: the places of the answers are live and large enough; handles are checked by the library.
+    // SAFETY: the output pointers lead to live memory of sufficient size; the library checks handles.
     unsafe {
         ok(palpate_context_create(null(), &mut context));
         ok(palpate_simulation_create(context, scene, &mut simulation));
@@ -129,7 +129,7 @@ fn stepped(scene: *mut palpate_scene, bodies: u32) -> (Vec<u64>, bool) {
     (bits, wrench.force.iter().any(|x| x.abs() > 1e-3))
 }
 
-/// The tool: a sphere above the middle of the bodies, which the device presses down.
+/// The tool: a sphere above the middle of the bodies, which the haptic device presses down.
 fn presser() -> palpate_tool {
     palpate_tool {
         sphere: 0.02,
@@ -147,14 +147,14 @@ const COUPLING: &str =
     "[coupling]\nstiffness = 500.0\ndamping = 2.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n";
 const SPHERE: &str = "[tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.0702, 0.0]\n";
 
-/// A body of soft material, still without name and shape.
+/// A body of soft material, to which the caller adds name and shape.
 fn soft() -> palpate_body {
     palpate_body { young: 2e4, poisson: 0.45, density: 1000.0, damping_stiffness: 1e-3, ..zeros() }
 }
 
 const SOFT: &str = "material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 1e-3 }\n";
 
-/// A block with these cores.
+/// A soft block with these rigid cores (rigid bodies to which its nodes are attached).
 fn block(cores: &[palpate_core]) -> palpate_body {
     palpate_body {
         name: c"block".as_ptr(),
@@ -189,7 +189,7 @@ fn a_box_built_by_calls_is_the_box_of_the_text() {
         let keys = [palpate_key { time: 0.0, pose: start }, palpate_key { time: 0.5, pose: turned(end) }];
         let core = palpate_core { motion: PALPATE_MOTION_DRIVEN, keys: keys.as_ptr(), key_count: 2, ..bottom() };
         let mut scene = null_mut();
-        // SAFETY: the settings and the place of the answer are live locals.
+        // SAFETY: the settings and the output are live local variables.
         ok(unsafe { palpate_scene_create(&settings, &mut scene) });
         ok(set_tool(scene, &presser()));
         ok(add_body(scene, &block(&[core])));
@@ -268,15 +268,15 @@ fn bodies_from_arrays_are_those_from_files() {
     for (keys, body) in &bodies {
         let text = format!("[[body]]\nname = \"ball\"\n{keys}\n{SOFT}{held}{tool}{COUPLING}");
         let told = felt(parsed(&text, folder.path()), 1);
-        assert_eq!(built(&skin, &hand, &inside, body), told, "{keys}");
+        assert_eq!(built(&skin, &hand, &inside, body), told, "bits of the built scene, and of the file with {keys}");
         // The comparison can fail: a coordinate that is off by a micrometre in any of the arrays changes the bits.
         let mut spoiled = hand.clone();
         spoiled.0[0] += DVec3::splat(1e-6);
-        assert_ne!(built(&skin, &spoiled, &inside, body), told, "{keys}");
+        assert_ne!(built(&skin, &spoiled, &inside, body), told, "changed tool, body with {keys}");
         let mut spoiled = (skin.clone(), inside.clone());
         spoiled.0.0[0] += DVec3::splat(1e-6);
         spoiled.1.0[0] += DVec3::splat(1e-6);
-        assert_ne!(built(&spoiled.0, &hand, &spoiled.1, body), told, "{keys}");
+        assert_ne!(built(&spoiled.0, &hand, &spoiled.1, body), told, "changed body with {keys}");
     }
 }
 
@@ -302,7 +302,7 @@ fn a_rigid_body_from_arrays_and_tables_from_a_text_go_together() {
             ..zeros()
         };
         ok(add_body(scene, &body));
-        // SAFETY: the string is terminated by a zero; the handle is checked by the library.
+        // SAFETY: the string is terminated by a zero; the library checks the handle.
         ok(unsafe { palpate_scene_add(scene, CString::new(rest).unwrap().as_ptr()) });
         ok(set_tool(scene, &presser()));
         felt(scene, 1)
@@ -319,7 +319,7 @@ fn a_body_with_a_list_of_none_is_not_felt() {
         ok(add_body(scene, &block(&cores)));
         ok(set_tool(scene, &presser()));
         if with_list {
-            // SAFETY: the list is not null, and the library reads none of it, for the count is 0.
+            // SAFETY: the list is not null, and the library reads none of its elements, because the count is 0.
             ok(unsafe { palpate_scene_set_collides(scene, 0, [null()].as_ptr(), 0) });
         }
         stepped(scene, 1).1
@@ -333,11 +333,11 @@ fn a_scene_from_a_file_takes_more() {
     let file = folder.path().join("scene.toml");
     std::fs::write(&file, format!("{SPHERE}{COUPLING}")).unwrap();
     let mut scene = null_mut();
-    // SAFETY: the string is terminated by a zero, and the place of the answer is a live local.
+    // SAFETY: the string is terminated by a zero, and the output pointer leads to a live local variable.
     ok(unsafe { palpate_scene_load(CString::new(file.to_str().unwrap()).unwrap().as_ptr(), &mut scene) });
     let mut index = 7;
     let cores = [bottom()];
-    // SAFETY: the struct and the place of the answer are live during the call.
+    // SAFETY: the struct and the output variable are live during the call.
     ok(unsafe { palpate_scene_add_body(scene, &block(&cores), &mut index) });
     assert_eq!(index, 0);
     let built = empty();

@@ -1,8 +1,10 @@
-//! Tests of preparing bodies with a progress callback, which may cancel it.
+//! Tests of preparing bodies (making their simulation meshes and collision proxies) with a progress callback, which may
+//! cancel the preparation.
 
 use super::*;
 
-/// Record of the calls of the progress callback (body, stage, done, total), and after how many it cancels.
+/// Record of the calls of the progress callback (body, stage, done, total), and the number of calls (`most`) after
+/// which it cancels.
 struct Watcher {
     scene: *mut palpate_scene,
     seen: Vec<(String, String, u32, u32)>,
@@ -25,7 +27,7 @@ fn preparing_tells_its_stages_and_ends_where_the_callback_wants() {
     let scene = empty();
     let (home, radius) = (tempfile::tempdir().unwrap(), 0.05);
     let folder = CString::new(home.path().to_str().unwrap()).unwrap();
-    // SAFETY: the string is terminated by a zero; the handle is checked by the library.
+    // SAFETY: the string is terminated by a zero; the library checks the handle.
     ok(unsafe { palpate_scene_cache(scene, folder.as_ptr()) });
     ok(add_surface(scene, c"skin", &ball(radius)));
     let cores = [palpate_core { name: c"held".as_ptr(), sphere_radius: 0.02, ..zeros() }];
@@ -59,7 +61,10 @@ fn preparing_tells_its_stages_and_ends_where_the_callback_wants() {
     ok(add_body(scene, &palpate_body { name: c"other".as_ptr(), ..body }));
     let (status, seen) = prepare(usize::MAX);
     ok(status);
-    assert!(seen.iter().all(|s| s.0 == "other" || s.0 == "tool") && seen.iter().any(|s| s.0 == "other"), "{seen:?}");
+    assert!(
+        seen.iter().all(|s| s.0 == "other" || s.0 == "tool") && seen.iter().any(|s| s.0 == "other"),
+        "calls of the callback: {seen:?}"
+    );
     // A scene that was prepared in pieces gives the same simulation as one prepared at once; a null callback is
     // allowed.
     let again = empty();
@@ -68,7 +73,7 @@ fn preparing_tells_its_stages_and_ends_where_the_callback_wants() {
     ok(add_body(again, &body));
     ok(add_body(again, &palpate_body { name: c"other".as_ptr(), ..body }));
     ok(set_tool(again, &palpate_tool { sphere: 0.0, surface: c"skin".as_ptr(), ..presser() }));
-    // SAFETY: a null callback is allowed; the handle is checked by the library.
+    // SAFETY: a null callback is allowed; the library checks the handle.
     ok(unsafe { palpate_scene_prepare(again, None, null_mut()) });
     assert_eq!(felt(scene, 3), felt(again, 3));
 }
@@ -111,7 +116,7 @@ fn a_context_refuses_what_it_cannot_be_told() {
         (palpate_context_options { validation: 7, ..zeros() }, "palpate_context_options.validation is 7; give 0 or 1"),
     ] {
         let mut none = null_mut();
-        // SAFETY: the options and the place of the answer are live locals.
+        // SAFETY: the options and the output are live local variables.
         refused(unsafe { palpate_context_create(&wrong, &mut none) }, Argument, words);
         assert!(none.is_null());
     }

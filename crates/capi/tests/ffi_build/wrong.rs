@@ -27,7 +27,7 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
         (palpate_body { box_low: [1.0; 3], ..good }, "`body.block.layer.box`"),
         (palpate_body { box_cells: [0, 1, 1], ..good }, "`body.block.layer.cells[0]`: is 0"),
         (palpate_body { box_cells: [u32::MAX; 3], ..good }, "`body.block.layer.cells[0]`: is 4294967295"),
-        (palpate_body { cell: 0.1, ..good }, "`body.block.layer.box`: given beside `cell`"),
+        (palpate_body { cell: 0.1, ..good }, "`body.block.layer.box`: given together with `cell`"),
         (palpate_body { layer: c"inside".as_ptr(), ..good }, "`body.block.layer.box`"),
         (
             palpate_body {
@@ -71,7 +71,7 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
         (palpate_core { motion: 0, ..led }, "belongs to motion = \"driven\""),
         (palpate_core { motion: 9, ..bottom() }, "palpate_core.motion is 9"),
         (palpate_core { all: 2, ..bottom() }, "palpate_core.all is 2"),
-        (palpate_core { all: 1, ..bottom() }, "`body.block.core.bottom.bind.all`: given beside `box`"),
+        (palpate_core { all: 1, ..bottom() }, "`body.block.core.bottom.bind.all`: given together with `box`"),
         (palpate_core { box_low: [0.0; 3], box_high: [0.0; 3], ..bottom() }, "`body.block.core.bottom.bind`: missing"),
         (palpate_core { mass: 1.0, ..bottom() }, "belongs to motion = \"dynamic\""),
         (
@@ -86,7 +86,7 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
     for (wrong, words) in [
         (palpate_tool { sphere: nan, ..tool }, "`tool.sphere`: is NaN"),
         (palpate_tool { sphere: 0.0, ..tool }, "`tool.sphere`: missing; give exactly one of"),
-        (palpate_tool { surface: c"skin".as_ptr(), ..tool }, "given beside `sphere`"),
+        (palpate_tool { surface: c"skin".as_ptr(), ..tool }, "given together with `sphere`"),
         (palpate_tool { mass: 0.0, ..tool }, "`tool.mass`: missing"),
         (palpate_tool { stiffness: -1.0, ..tool }, "`coupling.stiffness`: is -1.0"),
         (palpate_tool { strict: 7, ..tool }, "palpate_tool.strict is 7"),
@@ -94,7 +94,7 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
         refused(set_tool(scene, &wrong), Argument, words);
     }
     wrong_arrays(scene, &skin, &inside);
-    // SAFETY (all calls): pointers are null, where that is tried, or live; handles are checked by the library.
+    // SAFETY (all calls): pointers are null, where that is tried, or live; the library checks handles.
     unsafe {
         refused(palpate_scene_add_body(scene, null(), null_mut()), Null, "body is null; give a palpate_body");
         refused(palpate_scene_set_tool(scene, null()), Null, "tool is null");
@@ -105,10 +105,10 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
         refused(add_body(scene.cast::<u8>().wrapping_add(1 << 40).cast(), &good), Handle, "scene was destroyed");
     }
     wrong_settings();
-    // The refused calls left nothing: the scene is still empty, and equals a scene with only this tool and body
-    // afterwards.
+    // The refused calls left nothing behind: the scene is still empty, and after one tool and one body are added, it
+    // equals a new scene with only these two.
     let mut context = null_mut();
-    // SAFETY: the places of the answers are live locals.
+    // SAFETY: the output pointers lead to live local variables.
     unsafe {
         ok(palpate_context_create(null(), &mut context));
         let mut none = null_mut();
@@ -126,7 +126,7 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
     assert_eq!(felt(scene, 1), felt(alone, 1));
 }
 
-/// Tries wrong lists of collision partners in a scene of one body and a tool, which stays as it is.
+/// Tries wrong lists of collision partners in a scene of one body and a tool. The scene must stay as it is.
 fn wrong_partners(scene: *mut palpate_scene) {
     let names = [c"tool".as_ptr(), c"nobody".as_ptr(), null()];
     let collides = |body, first: usize, count| {
@@ -136,7 +136,7 @@ fn wrong_partners(scene: *mut palpate_scene) {
     refused(collides(0, 0, 2), Argument, "`body.block.collides`: there is no body \"nobody\"");
     refused(collides(0, 2, 1), Null, "names[..] is null");
     refused(collides(1, 0, 1), Argument, "`body`: is 1; the scene has 1");
-    // SAFETY: null is what is tried; the library looks at no name.
+    // SAFETY: null is what the test tries; the library reads no name.
     refused(unsafe { palpate_scene_set_collides(scene, 0, null(), 1) }, Null, "names is null");
     ok(collides(0, 0, 1));
 }
@@ -150,7 +150,7 @@ fn wrong_arrays(scene: *mut palpate_scene, skin: &(Vec<DVec3>, Vec<[u32; 3]>), i
     refused(surface(f64::NAN, 0), Argument, "surface \"wrong\": vertex 3 has the coordinate NaN");
     refused(surface(1e31, 0), Argument, "vertex 3 has the coordinate 1e31");
     let count = skin.0.len();
-    refused(surface(0.0, count as u32), Argument, &format!("triangle 5 names point {count}, and there are {count}"));
+    refused(surface(0.0, count as u32), Argument, &format!("triangle 5 names point {count}, but there are {count}"));
     refused(surface(0.0, u32::MAX), Argument, "triangle 5 names point 4294967295");
     refused(add_surface(scene, c"wrong", &(Vec::new(), skin.1.clone())), Argument, "vertex count is 0");
     refused(add_surface(scene, c"wrong", &(skin.0.clone(), Vec::new())), Argument, "triangle count is 0");
@@ -198,10 +198,10 @@ fn wrong_settings() {
         (palpate_settings { size: 0, ..good }, "palpate_settings.size is 0"),
     ] {
         let mut none = std::ptr::dangling_mut();
-        // SAFETY: the settings and the place of the answer are live locals.
+        // SAFETY: the settings and the output are live local variables.
         refused(unsafe { palpate_scene_create(&wrong, &mut none) }, Argument, words);
         assert!(none.is_null() || words.contains("size"));
     }
-    // SAFETY: the settings are a live local; null is what is tried.
+    // SAFETY: the settings are a live local; null is what the test tries.
     refused(unsafe { palpate_scene_create(&good, null_mut()) }, Null, "scene is null");
 }

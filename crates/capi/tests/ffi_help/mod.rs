@@ -49,14 +49,14 @@ pub fn last_error() -> String {
 
 #[track_caller]
 pub fn ok(status: palpate_status) {
-    assert_eq!(status, palpate_status::Ok, "{}", last_error());
+    assert_eq!(status, palpate_status::Ok, "last error: {}", last_error());
 }
 
 #[track_caller]
 pub fn refused(status: palpate_status, expected: palpate_status, words: &str) {
     let error = last_error();
-    assert_eq!(status, expected, "{error}");
-    assert!(error.contains(words) && error.lines().count() == 1, "{error}");
+    assert_eq!(status, expected, "last error: {error}");
+    assert!(error.contains(words) && error.lines().count() == 1, "wrong error: {error}");
 }
 
 /// Waits until `done` is true, for two minutes at most.
@@ -71,7 +71,7 @@ pub fn wait_for(mut done: impl FnMut() -> bool) {
 
 pub fn context() -> *mut palpate_context {
     let mut context = null_mut();
-    // SAFETY: null options are allowed, and the place of the answer is a live local.
+    // SAFETY: null options are allowed, and the output pointer leads to a live local variable.
     ok(unsafe { palpate_context_create(null(), &mut context) });
     context
 }
@@ -79,7 +79,7 @@ pub fn context() -> *mut palpate_context {
 pub fn simulation(context: *mut palpate_context, text: &str) -> *mut palpate_simulation {
     let (mut scene, mut simulation) = (null_mut(), null_mut());
     let text = CString::new(text).unwrap();
-    // SAFETY: the text is terminated by a zero, and the places of the answers are live locals.
+    // SAFETY: the text is terminated by a zero, and the output pointers lead to live local variables.
     unsafe {
         ok(palpate_scene_parse(text.as_ptr(), null(), &mut scene));
         ok(palpate_simulation_create(context, scene, &mut simulation));
@@ -105,7 +105,7 @@ pub fn wrench() -> palpate_wrench {
 /// Bytes of GPU memory that the simulations of a context occupy.
 pub fn memory(context: *mut palpate_context) -> u64 {
     let mut bytes = 0;
-    // SAFETY: the place of the answer is a live local; handles are checked by the library.
+    // SAFETY: the output pointer leads to a live local variable; the library checks handles.
     ok(unsafe { palpate_context_memory(context, &mut bytes) });
     bytes
 }
@@ -113,10 +113,10 @@ pub fn memory(context: *mut palpate_context) -> u64 {
 /// World positions of the nodes of the first body, m.
 pub fn nodes(simulation: *mut palpate_simulation) -> Vec<[f64; 3]> {
     let mut count = 0;
-    // SAFETY: a null array is allowed where the capacity is 0, and the place of the answer is a live local.
+    // SAFETY: a null array is allowed where the capacity is 0, and the output pointer leads to a live local variable.
     ok(unsafe { palpate_nodes(simulation, 0, null_mut(), 0, &mut count) });
     let mut nodes = vec![[0.0; 3]; count];
-    // SAFETY: the array has the length that is passed, and the place of the answer is a live local.
+    // SAFETY: the array has the length that is passed, and the output pointer leads to a live local variable.
     ok(unsafe { palpate_nodes(simulation, 0, nodes.as_mut_ptr(), count, &mut count) });
     nodes
 }
@@ -147,13 +147,13 @@ pub fn compiled(compiler: &str, standard: &str, source: &str, folder: &Path) -> 
         .arg(&program)
         .arg("-L")
         .arg(&library)
-        // With the old dynamic tags the program's own path goes before LD_LIBRARY_PATH, which cargo sets to folders
-        // where other builds may lie.
+        // With the old dynamic tags (DT_RPATH) the loader searches the path in the program before LD_LIBRARY_PATH,
+        // which cargo sets to folders that may hold other builds of the library.
         .args(["-lpalpate_capi", "-lvulkan", "-lm", "-pthread", "-Wl,--disable-new-dtags"])
         .arg(format!("-Wl,-rpath,{}", library.display()))
         .output()
         .unwrap_or_else(|error| panic!("{compiler}: {error}; ./setup.sh installs it"));
-    assert!(done.status.success(), "{compiler}: {}", String::from_utf8_lossy(&done.stderr));
+    assert!(done.status.success(), "{compiler} reported: {}", String::from_utf8_lossy(&done.stderr));
     program
 }
 
@@ -162,6 +162,6 @@ pub fn output(compiler: &str, standard: &str, source: &str, arguments: &[&Path])
     let folder = tempfile::tempdir().unwrap();
     let done = Command::new(compiled(compiler, standard, source, folder.path())).args(arguments).output().unwrap();
     let said = String::from_utf8(done.stdout).unwrap();
-    assert!(done.status.success(), "{said}{}", String::from_utf8_lossy(&done.stderr));
+    assert!(done.status.success(), "the program failed: {said}{}", String::from_utf8_lossy(&done.stderr));
     said
 }
