@@ -15,7 +15,7 @@ pub use explanation::{Array, Explanation, KernelUse, StageUse};
 pub use features::Feature;
 pub(crate) use kernels::{stage_of, why_not};
 
-/// The ten stages of the step, needed by the scene or not.
+/// The stages of the step, whether the scene needs them or not.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Plan {
     /// One entry per stage: whether it is recorded, and why.
