@@ -1,8 +1,8 @@
 //! Build script. It sets `PALPATE_COMMIT`, which the reports print: the git commit, with `-changed` appended where the
 //! measured sources have changes that are not committed.
 //!
-//! Cargo runs this script again when a measured source changes. A commit alone does not make it run again, so that the
-//! printed commit is then still the earlier one with `-changed`.
+//! Cargo runs this script again only when a measured source file changes. Committing changes no file, so that the
+//! reports then still print the earlier commit with `-changed`.
 
 use std::process::Command;
 

@@ -15,8 +15,9 @@
 // however many patches contain it. With depths d_r and shares w_r of the patches r, the patch of the greatest w_r /
 // d_r^2 gives the triangle. Other patches contribute to depth and normal from half of that value on, with full weight
 // where the values are equal, so that the contact does not jump when another patch becomes the strongest. A half-space
-// needs no ray: depth = offset - N.x, N its normal. Only vertices that face the other body take part; the contact's
-// area is the rest area projected along the normal, halved where vertices of both bodies are tested.
+// needs no ray: depth = offset - N.x for a vertex at x, with N its normal. Only vertices that face the other body take
+// part; the contact's area is the rest area projected along the normal, halved where vertices of both bodies are
+// tested.
 //
 // The result for a vertex, a candidate, is stored at the vertex's place in its chunk. The last workgroup to finish
 // lists all candidates that collide, in an order that is the same on every device; where they exceed CAPACITY,
@@ -36,7 +37,7 @@ layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
 READ_ONLY(uvec4, chunk_vertices);      // skin vertices of chunks, four per texel
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
-layout(scalar) readonly buffer Shares { float shares[]; };  // patch weights of each slot (a proxy in a pair)
+layout(scalar) readonly buffer Shares { float shares[]; };  // patch weights of each proxy in each pair
 READ_ONLY(uvec4, triangles);           // three skin vertices
 READ_ONLY(vec4, skin);
 layout(scalar) readonly buffer FanFirst { uint fan_first[]; };     // first entry of each vertex in fans, then the end
@@ -47,7 +48,7 @@ READ_ONLY(uvec4, hits);               // triangle, next hit on the ray, bits of 
 layout(scalar) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // depth (m), two barycentrics, area (m^2)
 layout(scalar) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
 layout(scalar) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // unit, from a to b
-layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; };  // depth x area x normal, bits; proxies
+layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; };  // depth x area x normal; proxy pair
 layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };  // active chunk and contact patch of each work item
 layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };         // candidate of each contact
 layout(scalar) writeonly buffer Args { uint args[]; };
@@ -68,9 +69,9 @@ vec3 outward_normal(uint vertex) {
 // A number above every index of a hit; shared/ray_hit.glsl explains why loops test against it.
 const uint ALL_HITS = 0x80000000u;
 
-// The nearest hit on a ray, and of equally near hits that of the lowest triangle: triangle, 2 * work item + (1: a
-// front), bits of the depth; NONE where there is no hit. `through`: the ray also meets the back of a triangle within
-// depth_limit.
+// The nearest hit on a ray, and of equally near hits that of the triangle with the lowest index: triangle, 2 * work
+// item + (1: a front), bits of the depth; NONE where there is no hit. `through`: the ray also meets the back of a
+// triangle within depth_limit.
 uvec3 nearest_ray_hit(uint hash_entry, out bool through) {
     uvec3 best = uvec3(NONE, 0, 0);
     float depth = 3.0e38, back = 3.0e38;
@@ -112,7 +113,8 @@ shared uint colliding[2];
 shared uint totals[SIZE];
 shared bool is_last;
 
-// Lists the vertices of a chunk that have hits (with `all` every vertex), so that all lanes work on listed vertices.
+// Lists the vertices of a chunk that have hits (with `all` every vertex), so that no lane is idle for a vertex without
+// hits.
 void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
     uint lane = gl_LocalInvocationID.x;
     if (lane == 0) listed_count = colliding[0] = colliding[1] = 0;

@@ -64,8 +64,8 @@ void count_digits(uint i, uint prefix, uint shift) {
     count_digit(i + 3, prefix, shift);
 }
 
-// The greatest depth at which not all candidates as deep fit any more, found digit by digit of its bits, as in a radix
-// sort.
+// The greatest depth for which there is no room for all candidates that are at least as deep, found digit by digit of
+// its bits, as in a radix sort.
 float first_beyond_capacity() {
     uint lane = gl_LocalInvocationID.x;
     uint prefix = 0, above = 0;

@@ -37,7 +37,7 @@ layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) writeonly buffer Contacts { Contact contacts[]; };
 layout(scalar) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };      // four quads (groups of four nodes) a contact
 layout(scalar) writeonly buffer EntryWeights { vec4 entry_weights[]; };
-layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };        // lists in use of each node, zero at first
+layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };  // number of lists of each node in use, at first 0
 layout(scalar) buffer NodeLists { uint node_lists[]; };  // LISTS heads per node: last entry put on each, or NONE
 layout(scalar) writeonly buffer NextEntries { uint next_entries[]; };     // the entry after each in its list
 layout(scalar) writeonly buffer TouchedNodes { uint touched_nodes[]; };   // every node with entries

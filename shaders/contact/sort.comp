@@ -14,7 +14,7 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
 layout(scalar) readonly buffer TouchedNodes { uint touched_nodes[]; };
-layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };      // lists in use of each node
+layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };      // number of lists of each node in use
 layout(scalar) buffer NodeLists { uint node_lists[]; };  // head of each list, SIZE per node; see response.comp
 layout(scalar) readonly buffer NextEntries { uint next_entries[]; };    // the entry after each in its list
 layout(scalar) readonly buffer EntryWeights { float entry_weights[]; };

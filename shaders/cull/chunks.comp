@@ -6,16 +6,18 @@
 #include "shared/rotation.glsl"
 #include "shared/depth_grid.glsl"
 
-// Cull, broad phase: tests the chunks (groups of at most 64 skin vertices) of an active slot (a collision proxy in one
-// pair of bodies a and b) against the opposing slots, along the axes of each of its contact patches (`ContactPatch`: a
-// column of space with one contact normal). With frame rotation R, embedding weights w_i, rest positions r_i and
-// displacements d_i of nodes, a skin vertex is at x = c + R sum w_i (r_i + d_i). So a chunk's skin lies in its rest
-// box, moved by the middle of its nodes' displacements and grown by (sum |w|) times half their spread.
+// Cull, broad phase: tests the chunks (groups of at most 64 skin vertices) of an active pair proxy (a collision proxy
+// in one pair of bodies a and b) against the pair proxies of the other body, along the axes of each of its contact
+// patches (`ContactPatch`: a column of space with one contact normal). With frame rotation R, embedding weights w_i,
+// rest positions r_i and displacements d_i of nodes, a skin vertex is at x = c + R sum w_i (r_i + d_i). So a chunk's
+// skin lies in its rest box, moved by the middle of its nodes' displacements and grown by (sum |w|) times half their
+// spread.
 //
-// A chunk stays in a patch if that box overlaps the box of an opposing slot along the tangents and does not lie wholly
-// in front of it. Its heights then enter the min-max depth grid of its side (shared/depth_grid.glsl), against which
-// cull/meet tests chunks of the other side. One workgroup runs for each active slot. The f64 reference is
-// oracle::contact_patches::chunk_box. A frame is a rigid coordinate frame, a link the relative placement of two frames.
+// A chunk stays in a patch if that box overlaps the box of a pair proxy of the other body along the tangents and does
+// not lie wholly in front of it. Its heights then enter the min-max depth grid of its side (shared/depth_grid.glsl),
+// against which cull/meet tests chunks of the other side. One workgroup runs for each active pair proxy. The f64
+// reference is oracle::contact_patches::chunk_box. A frame is a rigid coordinate frame, a link the relative placement
+// of two frames.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -32,10 +34,10 @@ READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer Links { Link links[]; };
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
-layout(scalar) readonly buffer Boxes { vec3 boxes[]; };  // least and greatest corner, PAIR_PATCHES per slot
-layout(scalar) readonly buffer ProxyPatches { uint proxy_patches[]; };    // bit mask of each slot's patches
+layout(scalar) readonly buffer Boxes { vec3 boxes[]; };  // least and greatest corner, PAIR_PATCHES per pair proxy
+layout(scalar) readonly buffer ProxyPatches { uint proxy_patches[]; };    // bit mask of each pair proxy's patches
 layout(scalar) writeonly buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };    // patch mask of each chunk, in x
-layout(scalar) writeonly buffer Slabs { Slab slabs[]; };     // bounds of chunks, PAIR_PATCHES per chunk of a slot
+layout(scalar) writeonly buffer Slabs { Slab slabs[]; };     // bounds of chunks, PAIR_PATCHES per chunk of a pair proxy
 layout(scalar) buffer DepthGrids { uint depth_grids[]; };             // min-max depth grids, see shared/depth_grid.glsl
 
 #include "shared/link.glsl"
@@ -84,7 +86,7 @@ vec3 plane_of(vec3 centre, vec3 normal, float thickness, uint side, float extrem
     return plane + vec3(0.0, 0.0, side == 0 ? above : -above);
 }
 
-// Whether a box of `side` may touch the box of an opposing slot in patch r.
+// Whether a box of `side` may touch the box of a pair proxy of the other side in patch r.
 bool meets(Pair pair, uint side, uint r, vec3 least, vec3 greatest) {
     uint begin = pair.first_pair_proxy[1 - side], count = pair.proxy_count[1 - side];
     for (uint pair_proxy = begin; pair_proxy < begin + count; pair_proxy++) {

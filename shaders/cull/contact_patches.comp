@@ -17,8 +17,8 @@
 // among the patches of its pairs.
 //
 // The column of a patch is what its member proxies of both bodies cover in common. All proxies of both bodies that lie
-// in the column, and whose skin may reach beyond the other side's, become active slots (a slot is a proxy in one pair
-// of bodies). A chunk is a group of at most 64 skin vertices.
+// in the column, and whose skin may reach beyond the other side's, become active pair proxies (a pair proxy is one
+// proxy in one pair of bodies). A chunk is a group of at most 64 skin vertices.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -33,11 +33,11 @@ layout(scalar) readonly buffer Bounds { ProxyBounds bounds[]; };
 READ_ONLY(vec4, hull);
 READ_ONLY(vec4, directions);  // two per proxy pair: unit normal, weight; push of the last step's contacts, its length
 layout(scalar) buffer ContactPatches { ContactPatch contact_patches[]; };
-layout(scalar) writeonly buffer Shares { float shares[]; };  // patch weights of each slot (a proxy in a pair)
-layout(scalar) buffer Boxes { vec3 boxes[]; };                     // least and greatest corner, PAIR_PATCHES per slot
+layout(scalar) writeonly buffer Shares { float shares[]; };  // patch weights of each pair proxy
+layout(scalar) buffer Boxes { vec3 boxes[]; };        // least and greatest corner, PAIR_PATCHES per pair proxy
 layout(scalar) coherent buffer ProxyPatches { uint proxy_patches[]; };  // low bits: columns it is in; upper: membership
 layout(scalar) writeonly buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };
-layout(scalar) writeonly buffer ActivePairProxies { uint active_pair_proxies[]; };  // slots in a patch's column
+layout(scalar) writeonly buffer ActivePairProxies { uint active_pair_proxies[]; };  // those in a patch's column
 layout(scalar) writeonly buffer DepthGrids { uint depth_grids[]; };  // min-max depth grids, cleared here
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) buffer Args { uint args[]; };
@@ -49,19 +49,20 @@ layout(scalar) writeonly buffer Buckets { uint buckets[]; };  // hash lists and 
 
 // Cosine of the angle between two directions above which they are fully similar.
 const float ALIKE = 0.7071;
-// Cosine below which they are not similar at all.
+// Cosine of the angle between two directions below which they are not similar at all.
 const float UNLIKE = 0.2588;
 const uint SHIFTS = 4;          // rounds of mean shift for each patch
 // Share of the whole strength below which a patch does not exist.
 const float LEAST_STRENGTH = 1.0e-3;
 // Least weight of a patch at the vertices of its members.
 const float LEAST_SHARE = 1.0e-4;
-// Weight of a patch that has all strength at the vertices of proxies that are not its members.
+// Weight of a patch at the vertices of proxies that are not its members, for each unit of its share of all strength
+// above GUESTS_FROM.
 const float GUEST_SHARE = 0.05;
 // Share of all strength up to which a patch has no weight at the vertices of proxies that are not its members, because
 // a weaker patch may rest on directions estimated from proxies alone, which are too uncertain for that.
 const float GUESTS_FROM = 0.1;
-// Least share of a proxy pair's direction that makes its proxies members of a patch.
+// Share of a proxy pair's direction that must belong to a patch for the pair's two proxies to be its members.
 const float LEAST_PART = 0.01;
 
 // Strength above which a patch's normal was found from contacts, not from proxies alone.
@@ -213,8 +214,8 @@ void find_normals(Pair pair) {
     if (left > LEAST_STRENGTH && lane == 0) atomicOr(counts.flags, FLAG_PATCH_OVERFLOW);
 }
 
-// Writes for each slot the weight of each patch at its vertices, and in the upper bits of `proxy_patches` the patches
-// of which it is a member.
+// Writes for each pair proxy the weight of each patch at its vertices, and in the upper bits of `proxy_patches` the
+// patches of which it is a member.
 void share_out(Pair pair) {
     uint a_count = pair.proxy_count[0], b_count = pair.proxy_count[1];
     for (uint s = gl_LocalInvocationID.x; s < a_count + b_count; s += SIZE) {
@@ -311,7 +312,7 @@ mat3 axes_of(vec3 n) {
     return mat3(vec3(1.0 + s * n.x * n.x * a, s * b, -s * n.x), vec3(b, s + n.y * n.y * a, -n.y), n);
 }
 
-// Writes patch r: the boxes of its slots, its column, and which slots are in the column.
+// Writes patch r: the boxes of its pair proxies, its column, and which pair proxies are in the column.
 void open_contact_patch(Pair pair, uint r, uint first_patch) {
     uint lane = gl_LocalInvocationID.x;
     uint member = 1u << PAIR_PATCHES + r;
@@ -381,7 +382,8 @@ void open_contact_patch(Pair pair, uint r, uint first_patch) {
         ContactPatch(normals[r], axes[0], axes[1], column_low, column_high, cell, touches ? strength[r] : 0.0, turn);
 }
 
-// Writes the one patch of a skin and a half-space, and activates the slots that may lie below its plane.
+// Writes the one patch of a skin and a half-space, and activates the pair proxies that may reach below the half-space's
+// plane.
 void open_plane(Pair pair, uint first_patch) {
     uint lane = gl_LocalInvocationID.x;
     mat3 axes = axes_of(-pair.plane.xyz);

@@ -8,11 +8,12 @@
 // push of their contacts in the last step. One workgroup runs for each pair. The f64 reference is
 // oracle::proximity::direction.
 //
-// Over all face normals n of both hulls (oriented from a to b) the separation is s(n) = min over b of n.y - max over a
-// of n.x. Directions near the greatest separation s_max are blended, n = sum max(0, 1 - (s_max - s) / blend)^2 n, so
-// that the normal turns smoothly where the best face changes, for separate and for overlapping hulls alike; the
-// direction of least penetration would jump from face to face, and the force with it. The weight of the pair is max(0,
-// reach - max(s_max, distance))^2, which vanishes at the distance `reach` beyond which the pair is culled.
+// Over all face normals n of both hulls (oriented from a to b) the separation is s(n) = min n.y - max n.x, over the
+// vertices y of hull b and x of hull a. Directions near the greatest separation s_max are blended, n = sum max(0, 1 -
+// (s_max - s) / blend)^2 n, so that the normal turns smoothly where the best face changes, for separate and for
+// overlapping hulls alike; the direction of least penetration would jump from face to face, and the force with it. The
+// weight of the pair is max(0, reach - max(s_max, distance))^2, which vanishes at the distance `reach` beyond which the
+// pair is culled.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

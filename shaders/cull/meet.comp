@@ -5,13 +5,13 @@
 #include "shared/depth_grid.glsl"
 #include "shared/args.glsl"
 
-// Cull, broad phase: lists those chunks (groups of at most 64 skin vertices) of an active slot (a collision proxy in
-// one pair of bodies) that, in some cell of the depth grid of a contact patch (`ContactPatch`), may reach beyond what
-// the chunks of the other side reach. One workgroup runs for each active slot.
+// Cull, broad phase: lists those chunks (groups of at most 64 skin vertices) of an active pair proxy (a collision proxy
+// in one pair of bodies) that, in some cell of the depth grid of a contact patch (`ContactPatch`), may reach beyond
+// what the chunks of the other side reach. One workgroup runs for each active pair proxy.
 //
-// The last workgroup to finish joins the lists of all slots, in the order of slots: active chunks, a work item for each
-// active chunk and patch, and the indirect arguments of all later stages. Slots whose vertices are tested for contact
-// come first, so that arrays of vertices need no room for the others. More work items than MAX_WORK_ITEMS raise
+// The last workgroup to finish joins the lists of all pair proxies, in their order: active chunks, a work item for each
+// active chunk and patch, and the indirect arguments of all later stages. Pair proxies whose vertices are tested for
+// contact come first, so that arrays of vertices need no room for the others. More work items than MAX_WORK_ITEMS raise
 // FLAG_PATCH_OVERFLOW. The test compares with a CPU loop over every chunk and every opposing chunk. A contact patch is
 // a column of space in which two bodies may touch.
 
@@ -19,14 +19,14 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint PAIR_PROXIES = 1;
 layout(constant_id = 2) const uint MAX_WORK_ITEMS = 1;
-layout(constant_id = 3) const uint GATHERING = 1;  // number of slots whose vertices gather contacts; they come first
+layout(constant_id = 3) const uint GATHERING = 1;  // pair proxies whose vertices are tested for contact; they are first
 
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer PairProxies { PairProxy pair_proxies[]; };
 layout(scalar) readonly buffer ActivePairProxies { uint active_pair_proxies[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
-layout(scalar) readonly buffer Slabs { Slab slabs[]; };  // bounds of chunks, PAIR_PATCHES per chunk of a slot
+layout(scalar) readonly buffer Slabs { Slab slabs[]; };  // bounds of chunks, PAIR_PATCHES per chunk of a pair proxy
 layout(scalar) readonly buffer DepthGrids { uint depth_grids[]; };               // see shared/depth_grid.glsl
 layout(scalar) coherent buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };  // patch mask; then chunk, mask + items
 layout(scalar) coherent buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };  // chunks, items; then running totals
@@ -54,7 +54,8 @@ bool meets_grid(uint patch_index, uint side, Slab slab) {
     return false;
 }
 
-// Lists the chunks of a slot that are kept, in their order, with the number of work items before each.
+// Lists the chunks of a pair proxy that are kept, in their order: the chunk, and its patch mask together with the
+// number of work items before it, shifted left by PAIR_PATCHES.
 void list_pair_proxy(uint pair_proxy_index) {
     uint lane = gl_LocalInvocationID.x;
     PairProxy pair_proxy = pair_proxies[pair_proxy_index];
@@ -93,7 +94,7 @@ void list_pair_proxy(uint pair_proxy_index) {
     if (lane == 0) pair_proxy_counts[pair_proxy_index] = uvec2(listed, work_items_listed);
 }
 
-// Joins the lists of all slots; each lane takes a contiguous run of slots.
+// Joins the lists of all pair proxies; each lane takes a contiguous run of them.
 void list_all() {
     uint lane = gl_LocalInvocationID.x;
     uint run = (PAIR_PROXIES + SIZE - 1) / SIZE;
@@ -117,7 +118,7 @@ void list_all() {
     uint listed = min(all.y, MAX_WORK_ITEMS), used = min(all.x, MAX_WORK_ITEMS), done = 0;
     for (uint e = lane; e < used; e += SIZE) {
         done++;
-        // Binary search for the last slot whose running total does not exceed e.
+        // Binary search for the last pair proxy whose running total of chunks does not exceed e.
         uint low = 0, high = PAIR_PROXIES;
         while (high - low > 1) {
             uint middle = (low + high) / 2;
@@ -137,7 +138,7 @@ void list_all() {
         uint side = 2 * pair_proxies[low].pair + pair_proxies[low].side;
         active_chunks[e] = ActiveChunk(found.x, low, side, mask, first_work_item);
     }
-    // There are more work items than fit, or the driver ended the loop early.
+    // The flag is raised if there are more work items than fit, or if the driver ended the loop early.
     if (all.y > MAX_WORK_ITEMS || done != (used + SIZE - 1 - lane) / SIZE) atomicOr(counts.flags, FLAG_PATCH_OVERFLOW);
     if (lane != 0) return;
     uint gathering = min(GATHERING < PAIR_PROXIES ? pair_proxy_counts[GATHERING].x : all.x, used);

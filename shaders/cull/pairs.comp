@@ -7,10 +7,11 @@
 
 // Cull, broad phase: finds which pairs of collision proxies (convex hulls) may touch. First their boxes are tested,
 // then the distance of the hulls: a pair stays if it is at most `reach`, the sum of both inflations (how far skin may
-// lie outside a hull) and a seam. The pairs of a workgroup are far apart in the list of pairs, so that near pairs,
-// which are adjacent there, are divided among workgroups. Pairs whose boxes meet are listed, so that all lanes work on
-// the hulls of such pairs. No result depends on the order in which pairs are appended. A workgroup tests SHARE pairs.
-// The f64 reference is oracle::proximity::pairs (distance by parry3d).
+// lie outside a hull) and a seam (a gap between hulls of one body, SEAM). The pairs of a workgroup are far apart in the
+// list of pairs, so that near pairs, which are adjacent there, are divided among workgroups. Pairs whose boxes meet are
+// listed first, so that no lane is idle while others compute the distance of hulls. No result depends on the order in
+// which pairs are appended. A workgroup tests SHARE pairs. The f64 reference is oracle::proximity::pairs (distance by
+// parry3d).
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

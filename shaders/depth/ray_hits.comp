@@ -65,7 +65,7 @@ void main() {
     Pair pair = pairs[entry.side / 2];
     uint triangle_count = pair.is_plane != 0 || !gathers(pair, other) ? 0 : chunk.triangle_count;
     uint due = turns_of(triangle_count), done = 0;
-    // Triangles that may be hit are listed, so that all lanes work on listed triangles.
+    // Triangles that may be hit are listed first, so that no lane is idle for a triangle that cannot be hit.
     if (lane == 0) listed_count = large_count = 0;
     barrier();
     for (uint t = lane; t < triangle_count; t += SIZE) {

@@ -9,9 +9,10 @@
 // contact counts at the vertex that collided and at the corners of the triangle that this vertex met, so that both
 // skins show it; where a vertex has several contacts, the greatest number counts. The pressure is what the solver
 // applied at the end of the step, max(0, k delta + (h k + d) delta') (shared/contact_law.glsl), or, where that is not
-// known because the state was loaded, the pressure at the start of the step. Released contacts give neither. The arrays
-// are cleared before. No number is negative, so bits sort like the floats. One invocation runs for each contact; it
-// writes by atomics whose order does not matter. The test compares with Simulation::touch.
+// known because the state was loaded, the pressure at the start of the step. A released contact counts for neither
+// depth nor pressure. The arrays are cleared before. No number is negative, so bits sort like the floats. One
+// invocation runs for each contact; it writes by atomics whose order does not matter. The test compares with
+// Simulation::touch.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint CAPACITY = 0;

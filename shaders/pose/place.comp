@@ -44,7 +44,7 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     if (gl_GlobalInvocationID.x == 0) {
         counts = Counts(0, 0, 0, 0, 0, 0, 0, 0, 0, 0, counts.contacts, 0);
-        for (uint k = 0; k < ARGS_LOOP_APPLY; k++) {
+        for (uint k = 0; k < ARGS_LOOP_ELEMENT_PRODUCT; k++) {
             args[3 * k] = 0;
             args[3 * k + 1] = 1;
             args[3 * k + 2] = 1;

@@ -1,16 +1,16 @@
 // Indirect arguments of the step's dispatches: each constant below is the index of a VkDispatchIndirectCommand (three
-// words) in the buffer `args`. An earlier kernel writes the numbers of workgroups. A slot is a collision proxy in one
-// pair of bodies; a chunk is a group of at most 64 skin vertices, culled as a whole.
+// words) in the buffer `args`. An earlier kernel writes the numbers of workgroups. A pair proxy is a collision proxy in
+// one pair of bodies; a chunk is a group of at most 64 skin vertices, culled as a whole.
 
 const uint ARGS_DIRECTION = 0;      // one workgroup for each active pair of collision proxies
-const uint ARGS_CHUNKS = 1;         // one workgroup for each active slot (a proxy in a pair of bodies)
+const uint ARGS_CHUNKS = 1;         // one workgroup for each active pair proxy
 const uint ARGS_ACTIVE = 2;         // one workgroup for each active chunk
 const uint ARGS_WORK_ITEMS = 3;          // one workgroup for each active chunk and each of its contact patches
 const uint ARGS_DEEPEST = 4;        // one workgroup of contact/deepest; none if all contacts fit into their arrays
 const uint ARGS_CONTACTS = 5;       // one invocation for each contact
 const uint ARGS_NODES = 6;          // one workgroup for each node with contacts
 const uint ARGS_GATHERING = 7;      // one workgroup for each active chunk whose vertices are tested for contact
-const uint ARGS_LOOP_APPLY = 8;     // one invocation for each tetrahedron; no workgroups once the solver has converged
+const uint ARGS_LOOP_ELEMENT_PRODUCT = 8;     // one invocation for each tetrahedron; no workgroups once the solver has converged
 const uint ARGS_LOOP_CONTACT_PRODUCT = 9;     // one invocation for each contact, in the solver's loop
 const uint ARGS_LOOP_PATCHES = 10;  // one invocation for each F-bar patch, in the solver's loop
 const uint ARGS_LOOP_FREE = 11;     // one workgroup for each block of free nodes, in the solver's loop

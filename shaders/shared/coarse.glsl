@@ -1,12 +1,12 @@
-// Coarse space of the two-level additive Schwarz preconditioner: A_c^-1, the inverse of the Galerkin matrix
-// A_c = P^T A P of a body at rest, over the modes (basis) of all its blocks of nodes (aggregates;
-// shared/coarse_vector.glsl). A_c^-1 is scaled to a unit diagonal and kept in half precision, eight numbers in a texel.
-// A block has twelve modes, hence twelve rows.
+// Coarse space of the two-level additive Schwarz preconditioner: A_c^-1, the inverse of the Galerkin matrix of a body
+// at rest, A_c = P^T A P (A the operator, P the prolongation from the modes), over the modes (basis) of all its blocks
+// of nodes (aggregates; shared/coarse_vector.glsl). A_c^-1 is scaled to a unit diagonal and kept in half precision,
+// eight numbers in a texel. A block has twelve modes, hence twelve rows.
 //
-// An including shader declares three arrays: `coarse_inverse` holds these rows. `coarse_scales` holds the square roots
-// of the diagonal of A_c^-1, three texels for each block. `coarse_blocks` holds for each block: first texel of its
-// rows, index of the body's first block, a quarter of the number of the body's modes (zero where it has no coarse
-// space), index of the block itself; the indices count all blocks that have modes.
+// An including shader declares three arrays: `coarse_inverse` holds the rows of A_c^-1. `coarse_scales` holds the
+// square roots of the diagonal of A_c^-1, three texels for each block. `coarse_blocks` holds for each block: first
+// texel of its rows, index of the body's first block, a quarter of the number of the body's modes (zero where it has no
+// coarse space), index of the block itself; the indices count all blocks that have modes.
 
 struct CoarseBlock {
     uint matrix;                // first texel of its rows

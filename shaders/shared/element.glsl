@@ -8,8 +8,8 @@ vec3 displacement_in(uint node, uint link) {
     return SPANS && link != 0 ? across(links[link], fetch(node_rest, node).xyz, d) : d;
 }
 
-// Displacement gradient G = sum d_i g_i^T, so that F = I + G; `g1` to `g3` are the rest gradients of the last three
-// nodes, 1/m.
+// Displacement gradient G = sum d_i g_i^T, over displacements d_i and rest gradients g_i of the four nodes, so that the
+// deformation gradient is F = I + G. `g1` to `g3` are the rest gradients of the last three nodes, 1/m.
 mat3 displacement_gradient(uvec4 nodes, uvec4 link, vec3 g1, vec3 g2, vec3 g3) {
     vec3 d0 = fetch(displacement, nodes.x).xyz;
     vec3 d1 = displacement_in(nodes.y, link.y) - d0;

@@ -8,9 +8,10 @@
 // A layered body is a skin (high-resolution surface mesh) embedded in a layer (tetrahedral simulation mesh), some of
 // whose nodes are attached to rigid cores. A core is dynamic if the solver finds its motion, kinematic if its motion is
 // prescribed. A frame is the rigid coordinate frame of a core or of a body. A proxy is a convex collision proxy that
-// covers part of a skin; a slot is one proxy in one pair of bodies. A chunk is a group of at most 64 skin vertices with
-// their triangles, which culling keeps or drops as a whole. A contact patch is a column of space in which two bodies a
-// and b may touch, with one contact normal. A side is body a or b of a pair.
+// covers part of a skin; a pair proxy is one proxy in one pair of bodies. A chunk is a group of at most 64 skin
+// vertices with their triangles, which culling keeps or drops as a whole. A contact patch is a column of space in which
+// two bodies a and b may touch, with one contact normal. A side is body a or b of a pair. A, b and x are the linear
+// solver's operator, right-hand side and solution (changes of velocity), M its preconditioner.
 
 const uint NONE = 0xffffffffu;  // index that stands for nothing
 
@@ -55,14 +56,14 @@ struct Frame {
 struct Rigid {
     uint frame;                 // frame of a core
     uint node_first, node_count;            // attached nodes, a range of block_nodes
-    uint block_first, block_count;          // blocks of those nodes
-    uint first_coarse_index;            // index of the first of those blocks' modes among the modes of all blocks
+    uint block_first, block_count;          // blocks of its attached nodes
+    uint first_coarse_index;            // place of its first block's modes among those of all blocks
     vec3 hinge;                 // unit axis, in world axes, of a hinge through the centre, about which alone the body
                                 // turns; zero: no hinge
     uint joint_first, joint_count;          // its ends of joints, a range of joint_sides
     uint group_first, group_count;          // range of its group: the rigid bodies that joints connect, itself included
     uint parent;                // its parent in the tree that the joints of this group form, or NONE
-    uint inverse_first;         // where its group's inverse begins in rigid_inverses
+    uint inverse_first;         // where the inverse of its group's part of A begins in rigid_inverses
     float rounding;             // e . M^-1 e, where e sums the magnitudes of the terms of b
     float b[6];                 // right-hand side of its six rows, N s and N m s
     float operator_product[6];             // operator product A x before the iterations, residual b - A x after them
@@ -99,9 +100,9 @@ struct ElasticMaterial {
     float more[4];              // parameters of a law that needs others than mu and lambda
 };
 
-// Placement of one frame relative to another: a node at rest position r (from the centre at rest) with displacement d
-// in its own frame is at x_to = r + offset + (Q - I) r + Q d in the other, a form in which nothing cancels. Written by
-// the host each step.
+// Placement of one frame relative to another. A node that lies at r from its own frame's centre at rest, displaced by
+// d, has the displacement offset + (Q - I) r + Q d from its rest place in the other frame: only small terms are added.
+// Written by the host each step.
 struct Link {
     vec4 turn;                  // Q, quaternion x y z w
     vec3 offset;                // m; zero while both frames are where the scene placed them
@@ -123,7 +124,7 @@ struct Pair {
     uint proxy_pair_count;
     uint first_proxy[2];        // first collision proxy of a and of b
     uint proxy_count[2];
-    uint first_pair_proxy[2];         // first slot of a and of b; each proxy has one
+    uint first_pair_proxy[2];         // first pair proxy of a and of b; each proxy has one
     float stiffness;            // penalty stiffness k, N/m^3
     float damping;              // penalty damping d, N s/m^3
     float tool_sign;            // 1: a is the tool or the soft body that the haptic device holds, -1: b is, 0: neither
@@ -135,7 +136,7 @@ struct Pair {
     vec4 plane;                 // unit normal and offset of the half-space
 };
 
-// Index of the slot of the s-th proxy of a pair, a's proxies before b's.
+// Index of the pair proxy of the s-th proxy of a pair, a's proxies before b's.
 uint pair_proxy_of(Pair pair, uint s) {
     uint a_count = pair.proxy_count[0];
     return s < a_count ? pair.first_pair_proxy[0] + s : pair.first_pair_proxy[1] + s - a_count;
@@ -180,12 +181,12 @@ const uint CHUNK_VERTICES = 64;     // most skin vertices of a chunk
 const uint CHUNK_TRIANGLES = 128;   // most triangles of a chunk
 const uint PAIR_PATCHES = 4;        // most contact patches of a pair of bodies
 
-// A slot: one collision proxy as a member of one pair of bodies.
+// A pair proxy: one collision proxy as a member of one pair of bodies.
 struct PairProxy {
     uint pair;
     uint side;                  // the side of the pair to which the proxy belongs; 0: a, 1: b
     uint proxy;
-    uint chunk_first;           // first of the entries that are reserved for its chunks
+    uint chunk_first;           // first of its chunks' entries in the arrays of active chunks
 };
 
 // A contact patch of a pair of bodies: a column of space in which they may touch, and the contact normal there.
@@ -195,11 +196,11 @@ struct ContactPatch {
     vec3 bitangent;
     vec2 low, high;             // rectangle along the tangents that the skins of both sides cover, m
     float cell[2];              // cell size of the spatial hash of a's and of b's vertices, m
-    float weight;               // strength of the patch; 0: nothing can touch in it
+    float weight;               // how much its normal was favoured; 0: nothing can touch in it
     float turn;                 // angle by which the normal turned since the last step, rad
 };
 
-// A chunk that passed culling, in the order of slots.
+// A chunk that passed culling, in the order of pair proxies.
 struct ActiveChunk {
     uint chunk;
     uint pair_proxy;
@@ -229,7 +230,7 @@ struct Contact {
     vec3 normal;                // unit, from a to b
     float area;                 // area projected along the normal, halved where vertices of both sides are tested, m^2
     vec3 arm;                   // from the tool's centre to the point where the contact acts on the tool, m
-    float tool_sign;            // 1: a is the tool or the held body, -1: b is, 0: neither
+    float tool_sign;            // 1: a is the tool or the soft body that the haptic device holds, -1: b is, 0: neither
     float depth;                // penetration depth delta, m
     float rate;                 // delta' = normal . (v1 - v2) at the start, m/s
     float stiffness;            // k, N/m^3

@@ -34,7 +34,7 @@ READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
 READ_ONLY(uvec4, node_info);       // frame in z
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
-layout(scalar) readonly buffer Shares { float shares[]; };    // patch weights of each slot (a proxy in a pair)
+layout(scalar) readonly buffer Shares { float shares[]; };    // patch weights of each proxy in each pair
 layout(scalar) writeonly buffer Skin { vec4 skin[]; };
 layout(scalar) buffer Buckets { uint buckets[]; };  // hash lists and depth grids, cleared to NONE
 layout(scalar) writeonly buffer HashEntries { uvec4 hash_entries[]; };       // CHUNK_VERTICES for each work item

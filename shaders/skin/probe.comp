@@ -5,8 +5,8 @@
 
 // Skin: copies the displacements (each in its node's frame) of the nodes that move the probes, which are skin vertices
 // whose path the scene records. The host weights them and places them in the world in f64. Nodes of a rigid skin are
-// NONE and read as zero. One invocation runs for each node of a probe. The test compares with the displacements. A
-// frame is a rigid coordinate frame.
+// NONE and read as zero. One invocation runs for each node of a probe. The test compares with the displacements of
+// these nodes. A frame is a rigid coordinate frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PROBE_NODES = 0;

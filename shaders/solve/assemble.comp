@@ -11,8 +11,8 @@
 // whose motion is prescribed are in no block. The f64 reference is oracle::step. The kernel writes:
 // - the right-hand side b of each node: h m g - h alpha m v, plus the sum over its elements of h f - (h^2 + h beta) K
 //   v, minus the sum over its contacts of w ((h a k delta + (h^2 k + h d) a delta') n + h c v_t), plus the carried
-//   residual b - A x of the last solve. Without the latter its impulse would be lost step after step in the same smooth
-//   modes, since a warm start reduces these last.
+//   residual b - A x of the last solve. Without the carried residual its impulse would be lost step after step in the
+//   same smooth modes, since the iterations after a warm start reduce the residual of these modes last.
 // - the inverse of the 3x3 diagonal block of A of each free node; for an attached node the block itself, from which
 //   solve/cores sums its core's block.
 // - for each block of nodes, b . D^-1 b, with D the diagonal blocks, and (e . D^-1 e) eps^2, where e sums the

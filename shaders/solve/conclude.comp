@@ -9,12 +9,13 @@
 // Solve: decides whether a solve is accepted, repeated or rejected. There is one workgroup. The f64 reference is
 // oracle::step.
 //
-// The relative residual sqrt((b - A x) . M^-1 (b - A x) / b . M^-1 b) is recomputed; the recurrence's value is not
-// used. A contact is under tension if its pressure at the end of the step, k delta + (h k + d) delta'
-// (shared/contact_law.glsl), is negative. Contacts do not adhere, so such contacts are released, and the host has the
-// step solved again, MAX_RETRIES times at most (each solve starts from the last solution and is short). The pressure of
-// contacts still under tension after that counts as zero, and a flag reports them. Once solved, a further Newton
-// iteration may follow. A dynamic core is a rigid core inside a soft body whose motion the solver finds.
+// The relative residual sqrt((b - A x) . M^-1 (b - A x) / b . M^-1 b) is recomputed, with operator A, right-hand side b
+// and preconditioner M; the value that the iterations carry along by recurrence is not used. A contact is under tension
+// if its pressure at the end of the step, k delta + (h k + d) delta' (shared/contact_law.glsl), is negative. Contacts
+// do not adhere, so such contacts are released, and the host has the step solved again, MAX_RETRIES times at most (each
+// solve starts from the last solution and is short). The pressure of contacts still under tension after that counts as
+// zero, and a flag reports them. Once solved, a further Newton iteration may follow. A dynamic core is a rigid core
+// inside a soft body whose motion the solver finds.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

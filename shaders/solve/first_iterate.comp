@@ -6,10 +6,10 @@
 #include "shared/rotation.glsl"
 
 // Solve: the first iterate of conjugate gradients, from the last solution x' times the factor `warm_start` (warm) of
-// solve/first_residual: x = warm x', r = b - warm A x', u = M^-1 r (shared/preconditioner.glsl), search direction zero.
-// Nodes attached to a rigid core take their values from the core's iterate. One workgroup runs for each block of nodes.
-// The f64 reference is oracle::step. A block is a set of nodes that one workgroup works on, a frame a rigid coordinate
-// frame.
+// solve/first_residual: x = warm x', r = b - warm A x', u = M^-1 r, search direction zero, with operator A, right-hand
+// side b and preconditioner M (shared/preconditioner.glsl). Nodes attached to a rigid core take their values from the
+// core's iterate. One workgroup runs for each block of nodes. The f64 reference is oracle::step. A block is a set of
+// nodes that one workgroup works on, a frame a rigid coordinate frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

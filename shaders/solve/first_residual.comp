@@ -174,13 +174,13 @@ void main() {
     iterations[0] = Iteration(0.0, 0.0, 0);
     iterations[1] = Iteration(0.0, 0.0, 0);
     uint on = at_rest ? 0 : 1, contact_count = CONTACT ? counts.contacts : 0;
-    args[3 * ARGS_LOOP_APPLY] = on * groups_of(TETRAHEDRA);
+    args[3 * ARGS_LOOP_ELEMENT_PRODUCT] = on * groups_of(TETRAHEDRA);
     args[3 * ARGS_LOOP_CONTACT_PRODUCT] = on * groups_of(contact_count);
     args[3 * ARGS_LOOP_PATCHES] = on * groups_of(PATCHES);
     args[3 * ARGS_LOOP_FREE] = on * FREE_BLOCKS;
     args[3 * ARGS_LOOP_ATTACHED] = on * (BLOCKS - FREE_BLOCKS);
     args[3 * ARGS_LOOP_TOOL] = TOOL ? on : 0;
-    for (uint k = ARGS_LOOP_APPLY; k <= ARGS_GAP; k++) {
+    for (uint k = ARGS_LOOP_ELEMENT_PRODUCT; k <= ARGS_GAP; k++) {
         args[3 * k + 1] = 1;
         args[3 * k + 2] = 1;
     }

@@ -28,7 +28,7 @@ layout(constant_id = 4) const uint MODE = 1;            // GATHER_* of shared/ro
 layout(constant_id = 6) const uint RIGIDS = 0;          // rigid bodies: dynamic cores and the tool
 layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const uint ROLE = 0;            // FREE_NODES, ATTACHED_NODES or TOOL_ROWS of shared/roles.glsl
-layout(constant_id = 9) const uint FIRST = 0;           // first block of the role
+layout(constant_id = 9) const uint FIRST = 0;           // first of the blocks that this ROLE works on
 layout(constant_id = 10) const bool JOINTS = false;
 layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
 

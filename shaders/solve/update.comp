@@ -7,9 +7,10 @@
 #include "shared/rotation.glsl"
 
 // Solve: vectors of one iteration of preconditioned conjugate gradients with a single reduction (Chronopoulos and Gear
-// 1989). With iterate x, residual r, u = M^-1 r, w = A u, search direction p, s = A p, gamma = r.u, delta = w.u, and
-// gamma' and alpha' of the last iteration: beta = gamma / gamma', alpha = gamma / (delta - beta gamma / alpha'),
-// p = u + beta p, s = w + beta s, x += alpha p, r -= alpha s, u = M^-1 r.
+// 1989). With operator A, preconditioner M, iterate x, residual r, u = M^-1 r, w = A u, search direction p, s = A p,
+// gamma = r.u, delta = w.u, and gamma' and alpha' of the last iteration: beta = gamma / gamma',
+// alpha = gamma / (delta - beta gamma / alpha'), p = u + beta p, s = w + beta s, x += alpha p, r -= alpha s,
+// u = M^-1 r.
 //
 // Every workgroup sums the inner products, and the modes of its body, by itself and in the same order, so no workgroup
 // waits for another's result. There are two sets of iterates: one is read, the other written. After convergence or
@@ -26,7 +27,7 @@ layout(constant_id = 3) const bool COARSE = false;
 layout(constant_id = 5) const uint PARTIALS = 1;        // workgroups of solve/gather: blocks and the tool
 layout(constant_id = 6) const uint RIGIDS = 0;          // rigid bodies: dynamic cores and the tool, which is the last
 layout(constant_id = 8) const uint ROLE = 0;            // FREE_NODES, ATTACHED_NODES or TOOL_ROWS of shared/roles.glsl
-layout(constant_id = 9) const uint FIRST = 0;           // first block of the role
+layout(constant_id = 9) const uint FIRST = 0;           // first of the blocks that this ROLE works on
 layout(constant_id = 11) const bool LEADS = true;       // whether this variant writes the scalars; exactly one does
 layout(constant_id = 12) const uint WIDEST = 1;         // rigid bodies of the largest group
 
@@ -89,7 +90,7 @@ struct Scalars {
 void stop(uint status) {
     if (!LEADS || gl_WorkGroupID.x != 0 || gl_LocalInvocationID.x != 0) return;
     solve.status = status;
-    for (uint k = ARGS_LOOP_APPLY; k <= ARGS_LOOP_TOOL; k++) args[3 * k] = 0;
+    for (uint k = ARGS_LOOP_ELEMENT_PRODUCT; k <= ARGS_LOOP_TOOL; k++) args[3 * k] = 0;
 }
 
 // Computes the step lengths of this iteration; false where the loop has ended.

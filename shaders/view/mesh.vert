@@ -15,7 +15,7 @@ READ_ONLY(vec4, positions);    // m, relative to the origin
 READ_ONLY(vec4, normals);      // unit, outward
 READ_ONLY(vec4, values);       // four vertices a texel
 READ_ONLY(vec4, shadow);       // shadow map: depths from the sun, four per texel
-READ_ONLY(vec4, colours);      // linear colours of the scale, then of whole numbers
+READ_ONLY(vec4, colours);      // linear: colour scale, then one for each whole number
 layout(scalar) readonly buffer Materials { Material materials[]; };
 layout(push_constant) uniform Push { uint material_index; };
 

@@ -11,9 +11,10 @@
 // vertices, of one collision proxy); it writes one SkinGap. The f64 reference is oracle::gap.
 //
 // For a spherical tool the way runs from its centre to a triangle. For any other tool it is the shortest way between a
-// vertex of one skin and a triangle of the other, tested for vertices of both skins, as contact is. For triangles that
-// face away only the least distance is kept: where that is less than the length of the way, the tool is within a body.
-// Among equally long ways the one with the lower triangle counts, then that with the lower vertex.
+// vertex of one skin and a triangle of the other, tested for vertices of both skins, as contacts are. For triangles
+// that face away only the least distance is kept: where that is less than the length of the way, the tool is within a
+// body. Among equally long ways the one with the lower index of its triangle counts, then the one with the lower index
+// of its vertex.
 //
 // The chunks of a part are visited in the order of lower bounds of their distance, until no bound is below the length
 // of the shortest way found. The bound is the distance to the chunk's rest box, moved by the middle of its nodes'

@@ -49,7 +49,7 @@ pub(super) struct Hazards {
 }
 
 impl Hazards {
-    /// Notes a command with its uses. Returns the barrier that must be recorded before the command, or `None`.
+    /// Adds the uses of the next command. Returns the barrier that must be recorded before the command, or `None`.
     pub fn before(&mut self, uses: &[Use]) -> Option<MemoryBarrier2<'static>> {
         let waits = |u: &Use| self.written.contains(&u.id) || (u.writes && self.read.contains(&u.id));
         let mut needed = uses.iter().any(waits);

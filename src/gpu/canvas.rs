@@ -60,7 +60,7 @@ impl Canvas {
 }
 
 impl Recorder {
-    /// Draws all of `all` in order, as one pass of the recording.
+    /// Records the draws `all`, in order, as one pass.
     pub fn paint(&mut self, canvas: &Canvas, before: Before, all: &[Drawn]) {
         let ready = self.try_paint(canvas, before, all);
         self.note(ready);
@@ -202,8 +202,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// Copies all pixels of an image to an array, row by row from the top, four bytes per pixel. The image has been
-    /// drawn onto and has one sample per pixel.
+    /// Copies all pixels of an image to an array, row by row from the top, four bytes per pixel. The image must have
+    /// been drawn onto before and have one sample per pixel.
     pub fn copy_out(&mut self, image: &Image, array: &Buffer) {
         if array.bytes() < image.bytes() || image.0.samples > 1 {
             let what =

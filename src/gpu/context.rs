@@ -56,8 +56,8 @@ pub struct Options {
     /// `None`: the environment stays as it is, and lavapipe uses all cores.
     pub threads: Option<Threads>,
     /// Folder in which prepared bodies, compiled pipelines and measurements of devices are kept for later runs. It is
-    /// created where it is missing, and ignored where it cannot be written. `None`: nothing is kept.
-    /// [`Options::user_cache`] is the usual folder.
+    /// created where it is missing, and ignored where it cannot be written. `None`: nothing is kept. The `palpate`
+    /// program uses the folder [`Options::user_cache`].
     pub cache: Option<PathBuf>,
     /// Whether to measure, in a fraction of a second, which of two alternatives is faster on the device, where no
     /// option decides: texel or storage buffers for arrays, and compute or graphics for the depth stage. This is done
@@ -68,7 +68,7 @@ pub struct Options {
     /// must declare the same buffers as the library's own shader; an unknown name is an error. For tests which show
     /// that a check can fail.
     pub replaced: Vec<(String, Vec<u8>)>,
-    /// How kernels reach arrays of vectors that they only read; `None`: as [`Context::arrays`] says.
+    /// How kernels reach arrays of vectors that they only read; `None`: chosen as [`Context::arrays`] describes.
     pub arrays: Option<Arrays>,
     /// Upper limit for the number of elements of a texel buffer, below the device's own. For tests.
     pub texel_elements: Option<u32>,
@@ -437,8 +437,8 @@ impl Context {
 impl Drop for Context {
     fn drop(&mut self) {
         // SAFETY: buffers, kernels and recordings hold an Arc of this context, so none of them is left, and each
-        // recording waited for its own work. Objects are destroyed before those they were made from, and not used
-        // afterwards.
+        // recording waited for its own work. Each object is destroyed before the one that it was made from, and is not
+        // used afterwards.
         unsafe {
             self.wait_idle();
             self.save_pipeline_cache();

@@ -15,7 +15,8 @@ pub enum Level {
 
 type Hear = dyn Fn(Level, &str) + Send + Sync;
 
-/// Receives messages of one or several lines, on the thread that causes them; without a receiver they are discarded.
+/// Receives messages, each of one or several lines, on the thread that causes them; without a receiver they are
+/// discarded.
 #[derive(Clone, Default)]
 pub struct Log(Option<Arc<Hear>>);
 

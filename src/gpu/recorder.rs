@@ -326,7 +326,7 @@ impl Recorder {
         Ok(set)
     }
 
-    /// Notes a pass, and records a barrier before it if it must wait. `verb` names a pass that does not run the kernel
+    /// Counts a pass, and records a barrier before it if it must wait. `verb` names a pass that does not run the kernel
     /// `name` as a dispatch: "fill", "copy" or "draw"; it is empty for a dispatch.
     pub(super) fn pass(&mut self, verb: &str, name: &str, uses: &[Use]) {
         let barrier = self.hazards.before(uses);
@@ -437,7 +437,10 @@ mod tests {
         for second in [b_to_a, texels] {
             assert_eq!(said([a_to_b, second], false), Vec::<String>::new());
             let said = said([a_to_b, second], true);
-            assert!(said.iter().any(|m| m.contains("READ-AFTER-WRITE") || m.contains("READ_AFTER_WRITE")), "{said:?}");
+            assert!(
+                said.iter().any(|m| m.contains("READ-AFTER-WRITE") || m.contains("READ_AFTER_WRITE")),
+                "messages of the validation layer, none of which reports the missing barrier: {said:?}"
+            );
         }
     }
 }

@@ -33,7 +33,7 @@ pub struct StagePasses {
 pub struct Pass {
     /// Name of its stage.
     pub stage: String,
-    /// Name of the kernel; for a fill or a copy, that verb and the name of the array that is written.
+    /// Name of the kernel; for a fill or a copy, the word "fill" or "copy" and the name of the array that is written.
     pub what: String,
     /// Whether the pass runs a kernel; false for a fill, a copy or a draw onto images.
     pub is_kernel: bool,

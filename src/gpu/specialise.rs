@@ -34,7 +34,7 @@ struct Flow<'a> {
     sampled_images: HashSet<u32>,
     /// Ids of the functions that are called.
     called: HashSet<u32>,
-    /// Labels of the blocks that run.
+    /// Labels of the basic blocks that run.
     running: HashSet<u32>,
     /// Edges (from block, to block) of the control flow that are taken; `true` for an edge from a branch straight to
     /// its merge block, taken because the branch depends on a [`Value::Open`].

@@ -58,7 +58,7 @@ pub struct Window {
     swapchains: ash::khr::swapchain::Device,
     format: vk::SurfaceFormatKHR,
     mode: vk::PresentModeKHR,
-    /// Index of the swapchain image that is shown next.
+    /// Index of the swapchain image that was acquired and is shown next; `None` where there is none.
     acquired: Option<u32>,
     context: Arc<Context>,
     /// Keeps the window alive as long as its surface.

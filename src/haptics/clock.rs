@@ -170,7 +170,7 @@ mod tests {
                 let told = lateness.quantile(share);
                 assert!(
                     (told - exact).abs() <= 0.01 * exact,
-                    "quantile {share} with a least lateness of {late} s: {told} s, expected {exact} s"
+                    "quantile {share} of ticks that are {late} s late or more: {told} s, expected {exact} s"
                 );
             }
             assert_eq!(lateness.worst(), 30.0 * late);
@@ -186,7 +186,7 @@ mod tests {
             let last = lateness.quantile(1.0);
             assert!(
                 last <= lateness.worst() + 5e-7 && last >= 0.99 * late,
-                "after a tick {late} s late: the greatest quantile is {last} s"
+                "the latest tick is {late} s late, but the greatest quantile is {last} s"
             );
         }
         let before = lateness.ticks();
@@ -206,7 +206,7 @@ mod tests {
         let after = metronome.wait();
         assert!(
             after.time >= 0.02 && after.late > 0.015,
-            "first wake-up: {first:?}; wake-up after 20 ms of sleep: {after:?}"
+            "the metronome's first wake-up: {first:?}; its wake-up after 20 ms of sleep: {after:?}"
         );
         let next = metronome.wait();
         // The deadline is a whole multiple of the period, and the first one after the last wake-up.

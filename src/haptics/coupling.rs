@@ -19,8 +19,8 @@ const MARGIN: f64 = 0.8;
 pub struct Gains {
     /// The coupling's gains.
     pub coupling: Coupling,
-    /// Damping that passivity control may inject in addition to the coupling's own: linear, N s/m, and angular, N m
-    /// s/rad. See [`injectable`].
+    /// Damping that passivity control (`passivity.rs`) may inject in addition to the coupling's own: linear, N s/m,
+    /// and angular, N m s/rad. See [`injectable`].
     pub most_damping: [f64; 2],
     /// One line of text: the gains, and the limits from which they follow.
     pub reason: String,

@@ -33,7 +33,7 @@ pub struct Wall {
     pub damping: f64,
     /// Whether a wrench without contact reports the gap to the wall.
     pub tells_gap: bool,
-    /// The tool, with the same constants as the loop's.
+    /// The tool, with the same mass, inertia and coupling as the tool of the haptic loop.
     pub tool: Tool,
     /// Number of steps done.
     pub steps: u64,
@@ -98,7 +98,7 @@ pub struct Cushion {
     pub tells_kinematic_motion: bool,
     /// Whether a wrench without contact reports the gap to the surface.
     pub tells_gap: bool,
-    /// The tool, with the same constants as the loop's.
+    /// The tool, with the same mass, inertia and coupling as the tool of the haptic loop.
     pub tool: Tool,
     /// Height (m) and velocity (m/s) of the surface.
     pub surface: [f64; 2],

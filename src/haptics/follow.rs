@@ -14,7 +14,7 @@ use crate::step::{ContactWrench, RigidState, Wrench};
 /// Power that a kinematic body (one whose motion is prescribed) may supply to the hand, W.
 const KINEMATIC_POWER: f64 = 0.1;
 
-/// Number of wrenches at the beginning of a contact that may understate its stiffness, because it is still shallow.
+/// Number of wrenches at the beginning of a contact that may understate its stiffness, as contact is still shallow.
 const SHALLOW: u32 = 3;
 
 /// How local models are made and blended.
@@ -91,7 +91,7 @@ impl Followed {
         if self.share >= 1.0 { to } else { self.from.evaluate(tool).blend(&to, self.share) }
     }
 
-    /// Takes a new, finite wrench at `time` (s), with the tool in this state. `lent` is the energy on loan already, J.
+    /// Takes a new, finite wrench at `time` (s), when the tool is in this state. `lent` is the energy on loan, J.
     pub fn take(&mut self, wrench: &ContactWrench, time: f64, tool: &RigidState, lent: f64) {
         let Rules { local_model, arm, trust, longest } = self.rules;
         if wrench.wrench == Wrench::ZERO {

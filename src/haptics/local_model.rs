@@ -241,8 +241,8 @@ pub fn vector(linear: DVec3, angular: DVec3) -> Vector6<f64> {
     Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
 }
 
-/// The nearest symmetric positive semi-definite matrix in the Frobenius norm, with rotations measured as displacements
-/// at the lever `arm` (m); its pseudo-inverse; and its greatest eigenvalue with rotations so measured.
+/// The symmetric positive semi-definite matrix nearest to `rows` in the Frobenius norm, its pseudo-inverse, and its
+/// greatest eigenvalue. Norm and eigenvalue measure rotations as displacements at the lever `arm` (m).
 fn project(rows: &[[f64; 6]; 6], arm: f64) -> (Matrix6<f64>, Matrix6<f64>, f64) {
     let unit = |k: usize| if k < 3 { 1.0 } else { arm };
     let scaled = Matrix6::from_fn(|i, k| 0.5 * (rows[i][k] + rows[k][i]) / (unit(i) * unit(k)));
@@ -354,7 +354,7 @@ mod tests {
             }
             assert!(work.abs() < 1e-9, "work {work} J around a closed path, expected 0");
         }
-        assert!(beyond > 10_000, "only {beyond} steps lie beyond the trusted distance");
+        assert!(beyond > 10_000, "only {beyond} steps lie beyond the trusted distance, expected more than 10,000");
     }
 
     #[test]

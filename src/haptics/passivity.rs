@@ -347,7 +347,8 @@ mod tests {
     fn a_late_spring_gives_energy_and_the_controller_takes_it() {
         let mut without = Passivity::new(false, false, [10.0, 0.0]);
         let free = press(&mut without, 1000.0, 0.01, 100);
-        // By hand: the played force is 1.5 ticks old on average and so generates about 2 x 1.5 x k x depth x step, J.
+        // Calculated by hand: the played force is 1.5 ticks old on average and so generates about 2 x 1.5 x k x depth x
+        // step, J, where step is the displacement in a tick.
         assert!(free > 1e-3, "generated energy {free} J, expected more than 1 mJ");
         assert_eq!(without.energy().damped, 0.0);
         let mut with = Passivity::new(true, false, [10.0, 0.0]);
@@ -355,7 +356,7 @@ mod tests {
         // The force varies by 10 N up and 10 N down, at a quantum of 20 um.
         assert!(
             held < 2e-5 * (10.0 + 10.0) && with.variation > 15.0,
-            "the hand received {held} J with a force variation of {} N",
+            "the hand received too much energy, {held} J, or the force varied too little, by {} N",
             with.variation
         );
         assert!(with.energy().damped > 0.7 * free, "too little energy was damped: {:?}", with.energy());

@@ -119,7 +119,7 @@ impl Guard {
             torque: self.last.torque + change.torque.clamp_length_max(most_angular),
         };
         let is_slow = change.force.length() > most || change.torque.length() > most_angular;
-        // Rounding may leave the sum of two vectors within a ball a bit outside of it.
+        // By rounding, last wrench plus change may exceed the limit slightly, so the sum is shortened once more.
         self.last = Wrench { force: within(slow.force, force), torque: within(slow.torque, torque) };
         for (event, is_raised) in [(Event::Clamped, is_clamped), (Event::SlewLimited, is_slow)] {
             if is_raised {
@@ -176,7 +176,7 @@ mod tests {
             let (limits, _) = Limits::new(profile, &ask(odd));
             assert!(
                 limits.force <= whole.force && limits.force >= 0.0 && limits.watchdog <= whole.watchdog,
-                "a request of {odd} led to limits outside the profile's"
+                "scene limits of {odd} led to limits beyond those of the profile, or below zero"
             );
         }
     }

@@ -2,7 +2,7 @@
 //! commanded to the device: it uses no clock, no thread and no allocation, and gives the same bits for the same inputs.
 //!
 //! The tool, a rigid body simulated here, follows the device by virtual coupling and feels contact by the local model
-//! of the newest contact wrench that the simulation gave (`local_model.rs`). The hand feels the reaction of the
+//! (linear force law, `local_model.rs`) of the newest contact wrench that the simulation gave. The hand feels the reaction of the
 //! coupling's pull on the tool, after passivity control (`passivity.rs`) and safety limits (`safety.rs`), times the
 //! *gain*: a share (0 to 1) that falls when the force must fade and rises again after that.
 

@@ -348,12 +348,12 @@ mod tests {
         thread.join().unwrap();
         let indices: Vec<u64> = taken.iter().map(|tick| tick.index).collect();
         assert_eq!(indices[..4], [0, 1, 2, 3]);
-        assert!(indices[4] > 4, "no tick was lost: {indices:?}");
+        assert!(indices[4] > 4, "no tick was lost although the queue was full; recorded ticks: {indices:?}");
         for (last, tick) in taken.iter().zip(&taken[1..]) {
             assert_eq!(
                 tick.events.has(Event::RecordLost),
                 tick.index != last.index + 1,
-                "a gap is not marked: {indices:?}"
+                "`RecordLost` must mark exactly the ticks after a gap; recorded ticks: {indices:?}"
             );
         }
     }

@@ -92,7 +92,7 @@ mod tests {
             assert_eq!(found[0], 0.0);
             assert!(
                 found[1..].iter().all(|&v| v == rate * QUANTUM / TICK),
-                "{rate} quanta a tick: estimates {found:?} m/s"
+                "speed {rate} quanta a tick: estimates {found:?} m/s"
             );
         }
     }
@@ -106,7 +106,7 @@ mod tests {
             for (i, v) in estimates(&quanta).into_iter().enumerate().skip(KEPT) {
                 assert!(
                     (v - rate * QUANTUM / TICK).abs() <= QUANTUM / worst,
-                    "{rate} quanta a tick, tick {i}: estimate {v} m/s"
+                    "speed {rate} quanta a tick, tick {i}: estimate {v} m/s"
                 );
             }
         }
@@ -121,7 +121,7 @@ mod tests {
         let bound = QUANTUM / ((KEPT - 1) as f64 * TICK);
         assert!(flicker.contains(&0.0) && flicker.contains(&1.0));
         for (i, v) in estimates(&flicker).into_iter().enumerate().skip(KEPT) {
-            assert!(v.abs() <= bound, "tick {i}: estimate {v} m/s");
+            assert!(v.abs() <= bound, "device at rest, tick {i}: estimate {v} m/s exceeds the bound");
         }
     }
 
@@ -130,7 +130,7 @@ mod tests {
         let quanta: Vec<f64> = (0..60).map(|i: i32| 50.0 * f64::from(i.min(40))).collect();
         let found = estimates(&quanta);
         assert_eq!(found[40], 50.0 * QUANTUM / TICK);
-        assert!(found[41..].iter().all(|&v| v == 0.0), "estimates {found:?} m/s");
+        assert!(found[41..].iter().all(|&v| v == 0.0), "not zero after the stop: estimates {found:?} m/s");
     }
 
     /// Calculated by hand: the motion stops from two quanta a tick. One tick later, the line over two ticks still

@@ -59,8 +59,8 @@ pub struct StageUse {
 /// A kernel, a fill or a copy, and how often a step runs it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct KernelUse {
-    /// Name of the kernel (for a draw its two shaders, with a comma between them); for a fill or a copy that verb and
-    /// the name of the array that is written.
+    /// Name of the kernel (for a draw its two shaders, with a comma between them); for a fill or a copy, the word
+    /// "fill" or "copy" and the name of the array that is written.
     pub kernel: String,
     /// Whether it is recorded.
     pub recorded: bool,

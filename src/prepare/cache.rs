@@ -298,7 +298,7 @@ mod tests {
         fs::write(folder.path().join("file"), "").unwrap();
         let cache = Cache::at(&folder.path().join("file/under"));
         let note = cache.store(&key("a"), &value(0.0)).unwrap_err();
-        assert!(note.contains("file/under") && note.contains("cannot be written"), "error text: {note}");
+        assert!(note.contains("file/under") && note.contains("cannot be written"), "unexpected error text: {note}");
         assert_ne!(cache.load(&key("a")), Entry::Found(value(0.0)));
     }
 

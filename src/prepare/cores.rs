@@ -24,7 +24,7 @@ const ENLARGE: &str = "enlarge the region, or leave the core out for a free body
 /// [`bind::nearer_bones`] decides. A free node follows the core whose attached nodes are nearest along the edges of the
 /// layer, so that a hand near a thigh follows the arm's core and not the leg's. In a body without cores all indices are
 /// 0. `skin` and `layer` are in file coordinates; `numbers` holds the number of each node in the layer's file,
-///    ascending. `error` makes an error of a key (`core.NAME.bind` or `layer`), a problem and a remedy.
+/// ascending. `error` makes an error of a key (`core.NAME.bind` or `layer`), a problem and a remedy.
 ///
 /// Errors: a core has no attached node, or a connected part of the layer has none.
 pub fn bind(

@@ -263,7 +263,11 @@ mod tests {
         let nodes = layer.tetrahedra[e[0].tetrahedron as usize].map(|i| layer.nodes[i as usize]);
         assert_eq!(nodes.iter().filter(|n| n.y == 1.0).count(), 3);
         // The point is 0.03 above a cell of height 0.25, and 0.03 / 0.25 = 0.12.
-        assert!((extrapolation(&e) - 0.12).abs() < 1e-12, "extrapolation {}", extrapolation(&e));
+        assert!(
+            (extrapolation(&e) - 0.12).abs() < 1e-12,
+            "greatest extrapolation {}, expected 0.12",
+            extrapolation(&e)
+        );
     }
 
     #[test]

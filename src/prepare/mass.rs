@@ -57,7 +57,11 @@ mod tests {
         assert!(p.centroid.distance(low + size / 2.0) < 1e-10);
         let s = size * size;
         let want = DMat3::from_diagonal(volume / 12.0 * DVec3::new(s.y + s.z, s.x + s.z, s.x + s.y));
-        assert!((p.inertia - want).to_cols_array().iter().all(|e| e.abs() < 1e-9 * volume), "inertia {:?}", p.inertia);
+        assert!(
+            (p.inertia - want).to_cols_array().iter().all(|e| e.abs() < 1e-9 * volume),
+            "wrong inertia tensor {:?} m^5",
+            p.inertia
+        );
     }
 
     #[test]

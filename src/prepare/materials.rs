@@ -142,7 +142,10 @@ mod tests {
         assert_eq!(second, Material { damping_mass: 7.0, poisson: 0.1, ..base });
         assert_eq!(third, Material { damping_stiffness: 0.5, ..base });
         // The volumes are 1/6, 1/3 and 1/3 m^3 before the scale of a tenth.
-        assert!((mass - (900.0 + 2.0 * 1000.0 + 2.0 * 1000.0) / 6000.0).abs() < 1e-12, "mass {mass} kg");
+        assert!(
+            (mass - (900.0 + 2.0 * 1000.0 + 2.0 * 1000.0) / 6000.0).abs() < 1e-12,
+            "wrong mass {mass} kg of the body"
+        );
         assert_eq!(soft(&region("group = 4", "density = 1")).0.which, [0, 1, 0]);
     }
 

@@ -303,7 +303,7 @@ pub(crate) mod tests {
         let proxies = super::proxies(&ball).unwrap();
         check(&ball, &proxies);
         assert_eq!(proxies.len(), 1);
-        assert!(proxies[0].margin < 0.001, "margin {} m", proxies[0].margin);
+        assert!(proxies[0].margin < 0.001, "margin {} m, expected below 0.001 m", proxies[0].margin);
         let (v, t, _) = layer::boundary(&layer::kuhn_box(DVec3::ZERO, DVec3::ONE, [4, 4, 4]));
         let cube = skin::build(v, t);
         let proxies = super::proxies(&cube).unwrap();
@@ -335,7 +335,7 @@ pub(crate) mod tests {
         let skin = skin::build(v, t);
         let proxies = super::proxies(&skin).unwrap();
         check(&skin, &proxies);
-        assert!((2..=12).contains(&proxies.len()), "{} proxies", proxies.len());
+        assert!((2..=12).contains(&proxies.len()), "{} proxies, expected 2 to 12", proxies.len());
         // The point in the open corner of the L lies in no hull, which shows that the cut follows the concavity.
         let open = DVec3::new(0.5, 0.5, 0.1);
         let inside = |p: &Proxy| p.faces.iter().all(|(n, d)| n.dot(open) <= *d);
@@ -353,9 +353,12 @@ pub(crate) mod tests {
             assert!(count <= hulls as usize, "{count} proxies, allowed {hulls}");
             assert!(
                 count == hulls as usize || busiest <= FEW,
-                "{count} proxies of {hulls}: one owns {busiest} triangles"
+                "{count} proxies, at most {hulls} allowed: one owns {busiest} triangles, which is too many"
             );
-            assert!(busiest <= 3 * 11_996 / count + FEW, "{count} proxies of {hulls}: one owns {busiest} triangles");
+            assert!(
+                busiest <= 3 * 11_996 / count + FEW,
+                "{count} proxies, at most {hulls} allowed: one owns {busiest} triangles, which is too many"
+            );
             let triangles: usize = proxies.iter().map(|p| 2 * p.hull.len() - 4).sum();
             assert!(triangles <= HULL_TRIANGLES + 2, "the hulls have {triangles} triangles in all");
         }

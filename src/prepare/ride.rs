@@ -111,7 +111,11 @@ mod tests {
         assert_eq!(parted.iter().map(|p| p.frame).collect::<Vec<_>>(), [0, 1]);
         for p in &parted {
             let (low, high) = if p.frame == 0 { (0.0, 2.8) } else { (2.4, 4.0) };
-            assert!(p.hull.iter().all(|v| v.x >= low && v.x <= high), "hull {:?}", p.hull);
+            assert!(
+                p.hull.iter().all(|v| v.x >= low && v.x <= high),
+                "the hull reaches beyond the part of the bar that its frame moves: {:?}",
+                p.hull
+            );
         }
         // A few triangles that follow another frame stay with their proxy; with a single frame nothing changes.
         let few: Vec<u32> = bar.nodes.iter().map(|n| u32::from(n.x > 3.6)).collect();

@@ -73,6 +73,6 @@ mod tests {
         let ball = 4.0 / 3.0 * std::f64::consts::PI * 1e-6;
         let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
         // An inscribed polyhedron with edge e and radius r is smaller by about (e / r)^2 / 4; here e is 0.07 r.
-        assert!(volume < ball && volume > 0.995 * ball, "volume {volume} m^3");
+        assert!(volume < ball && volume > 0.995 * ball, "volume {volume} m^3, expected 0.995 to 1 of the ball's");
     }
 }

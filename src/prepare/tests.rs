@@ -42,7 +42,10 @@ fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
         check_layer(&layer, mass::properties(&mesh.vertices, &mesh.triangles).volume);
         let embeddings = embed(&mesh.vertices, &layer).unwrap();
         let worst = embed::extrapolation(&embeddings);
-        assert!(worst < EXTRAPOLATION, "{name}: extrapolation {worst} with cells of {cell} m");
+        assert!(
+            worst < EXTRAPOLATION,
+            "{name}: greatest extrapolation of a skin vertex {worst} with cells of {cell} m"
+        );
         let embed_time = start.elapsed() - layer_time;
         let skin = skin::build(mesh.vertices, mesh.triangles);
         assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
@@ -61,7 +64,7 @@ fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
         );
         // Skin sticks out of greedy hulls of 64 corners by a few per cent of a part's size; with a missed corner it
         // would stick out far more.
-        assert!(margin < 0.02 * (high - low).length(), "{name}: margin {margin} m");
+        assert!(margin < 0.02 * (high - low).length(), "{name}: greatest margin of a proxy {margin} m");
     }
 }
 
@@ -205,7 +208,7 @@ fn nodes_of_no_tetrahedron_are_left_out_and_cores_count_as_the_file_does() {
     assert_eq!((&layer.tetrahedra[..], &layer.attached[..]), (&[[0, 1, 2, 3]][..], &[false, true, false, true][..]));
     assert!(
         body.report.notes[0].contains("spare.node: 2 nodes that belong to no tetrahedron were left out"),
-        "{:?}",
+        "the note on unused nodes is missing: {:?}",
         body.report
     );
     for (node, words) in [(3, "node 3 belongs to no tetrahedron"), (6, "node 6 does not exist")] {
@@ -245,7 +248,7 @@ fn the_real_head_is_prepared_with_a_core() {
     let bound = layer.attached.iter().filter(|&&b| b).count();
     assert!(
         bound > layer.nodes.len() / 10 && bound < layer.nodes.len() / 2,
-        "{bound} nodes are attached, of {}",
+        "{bound} nodes are attached to the core, expected a tenth to a half of {}",
         layer.nodes.len()
     );
     assert_eq!(embedding.len(), skin.vertices.len());
@@ -264,7 +267,7 @@ fn the_real_human_sticks_out_of_its_file_layer_a_little() {
     // The file's mesh was made by fTetWild, which keeps within a tolerance of the surface, so some vertices lie
     // outside. A weight below -1 would mean that a sliver was chosen.
     let worst = embed::extrapolation(&embedding);
-    assert!(worst > 0.0 && worst < 1.0, "extrapolation {worst}");
+    assert!(worst > 0.0 && worst < 1.0, "greatest extrapolation of a skin vertex {worst}, expected 0 to 1");
     for (e, &v) in embedding.iter().zip(&skin.vertices) {
         let nodes = layer.tetrahedra[e.tetrahedron as usize].map(|i| layer.nodes[i as usize]);
         let back: DVec3 = nodes.iter().zip(e.weights).map(|(&n, w)| n * w).sum();

@@ -1,5 +1,6 @@
 //! [`SceneBuilder`]: makes a scene piece by piece, from Rust values, from tables in the format of scene files, and from
 //! meshes in memory. The reader of scene files (`load.rs`) uses it too; the rules for values are in `check.rs`.
+//! A soft body has a skin (surface mesh), a layer (tetrahedral mesh) and rigid cores, to which nodes are attached.
 
 use std::path::PathBuf;
 
@@ -116,14 +117,14 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// Sets the haptic device and its loop; [`Haptics::is_held`] is set according to the kind of device.
+    /// Sets the haptic device and its loop; [`Haptics::has_device`] follows from the kind of device.
     pub fn haptics(&mut self, haptics: Haptics) -> Result<&mut Self> {
         haptics.check().map_err(|problem| self.wrong("haptics", problem))?;
         self.scene.haptics = Haptics { has_device: haptics.device != DeviceKind::Scripted, ..haptics };
         Ok(self)
     }
 
-    /// Adds a probe: a skin vertex whose position is recorded.
+    /// Adds a probe: a vertex of a body's skin (surface mesh) whose position is recorded.
     pub fn probe(&mut self, probe: Probe) -> Result<&mut Self> {
         let key = format!("probe.{}", probe.name);
         probe.check(&self.scene.probes).map_err(|problem| self.wrong(&key, problem))?;
@@ -280,7 +281,7 @@ mod tests {
     fn refused(builder: &mut SceneBuilder, text: &str, words: &str) {
         let before = format!("{:?}", builder.scene());
         let error = builder.toml(text).unwrap_err().to_string();
-        assert!(error.contains(words), "{error}");
+        assert!(error.contains(words), "unexpected error: {error}");
         assert_eq!(format!("{:?}", builder.scene()), before);
     }
 
@@ -330,7 +331,7 @@ mod tests {
             [(0, "a", "names the body itself"), (1, "c", "no body \"c\""), (2, "a", "`body`: is 2")]
         {
             let error = builder.collides(body, Some(vec![name.into()])).unwrap_err().to_string();
-            assert!(error.contains(words), "{error}");
+            assert!(error.contains(words), "unexpected error: {error}");
         }
         builder.collides(1, None).unwrap();
         builder.toml("[tool]\nbody = \"b\"").unwrap_err();
@@ -515,7 +516,10 @@ mod tests {
         assert!(refused(loop_of_three).starts_with("`body.a.joint[2]`: \"e\" and \"c\" are already connected"));
         let swing = Resistance { swing: Some(4.0), ..Resistance::default() };
         let said = refused(vec![Joint { resistance: swing, ..joint([0, 1]) }]);
-        assert!(said.starts_with("`body.a.joint[0].swing`: is 4.0; give an angle below pi"), "{said}");
+        assert!(
+            said.starts_with("`body.a.joint[0].swing`: is 4.0; give an angle below pi"),
+            "unexpected error: {said}"
+        );
         SceneBuilder::new("s").body(body(vec![joint([0, 1]), joint([1, 2])])).unwrap();
     }
 

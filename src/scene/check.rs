@@ -1,5 +1,7 @@
 //! The rules for the values of a scene. [`super::SceneBuilder`] checks whole structs, whatever made them; the reader of
 //! scene files (`keys.rs`) also checks single numbers, so that it can report their line.
+//!
+//! A soft body has a skin (surface mesh), a layer (tetrahedral mesh) and rigid cores, to which nodes are attached.
 
 use std::fmt::Debug;
 use std::ops::RangeInclusive;
@@ -24,7 +26,7 @@ const UNIT_TOLERANCE: f64 = 1e-3;
 /// How far the length of a normal or an axis that a program gives may be from one; the reader of files normalises its
 /// own vectors.
 const NORMAL_TOLERANCE: f64 = 1e-6;
-/// Greatest number of solver iterations: they are recorded beforehand, with four passes each.
+/// Greatest number of solver iterations: all are recorded in command buffers beforehand, with four passes each.
 pub const MOST_ITERATIONS: u32 = 10_000;
 /// Greatest number of Newton iterations in a step.
 pub const MOST_LINEARISATIONS: u32 = 100;

@@ -306,7 +306,7 @@ mod tests {
         ];
         for (elements, words) in cases {
             let message = v2(elements).unwrap_err().to_string();
-            assert!(message.contains(words), "{elements:?}: {message}");
+            assert!(message.contains(words), "elements {elements:?} give the error: {message}");
         }
         for (text, words) in [
             (NODES.replace("2.2 0", "2.2 1"), "instead of the binary 1 for the byte order"),
@@ -317,7 +317,7 @@ mod tests {
             (String::new(), "ends early"),
         ] {
             let message = parse(text.as_bytes(), Path::new("t.msh")).unwrap_err().to_string();
-            assert!(message.contains(words), "{words}: {message}");
+            assert!(message.contains(words), "expected `{words}` in the error: {message}");
         }
     }
 }

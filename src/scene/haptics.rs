@@ -1,6 +1,6 @@
-//! Reads `[haptics]`: the haptic device, the loop that plays its force, and limits below those of the device. Called by
-//! `load.rs`. In this file "device" is always the haptic device, and a wrench is the force and torque on the tool that
-//! a step of the simulation reports.
+//! Reads `[haptics]`: the haptic device, the loop that *plays* (commands) its force, and limits below those of the
+//! device. Called by `load.rs`. In this file "device" is always the haptic device, and a wrench is the force and torque
+//! on the tool that a step of the simulation reports.
 
 use std::path::PathBuf;
 

@@ -1,5 +1,6 @@
 //! Ball joints between the rigid cores of a soft body: those of `[[body.joint]]`, and those between a skeleton's bones
-//! and their parents. Called by `body.rs`.
+//! and their parents. A core is a rigid part to which nodes of the body's layer (tetrahedral mesh) are attached; a bone
+//! is a core that a skeleton file defines. Called by `body.rs`.
 
 use glam::DVec3;
 
@@ -188,7 +189,7 @@ mod tests {
             (of(1, 2).replace("point", "points"), "did you mean `point`"),
         ] {
             let error = with(&text).unwrap_err().to_string();
-            assert!(error.contains(problem) && error.contains("scene.toml:"), "{text}: {error}");
+            assert!(error.contains(problem) && error.contains("scene.toml:"), "tables {text} give the error: {error}");
         }
         // A loop is allowed if one of its cores is not dynamic.
         assert_eq!(with(&(of(1, 2) + &of(0, 1) + &of(0, 2))).unwrap().len(), 3);
@@ -220,7 +221,7 @@ mod tests {
         assert_eq!((body.joints.len(), body.joints[0].point), (2, DVec3::new(0.4, 1.4, 0.0)));
         let loops = "[[body.joint]]\ncores = [\"left_hand\", \"head\"]\npoint = [0, 0, 0]\n";
         let error = joints(&format!("bones = \"dynamic\"\n{loops}")).unwrap_err().to_string();
-        assert!(error.contains("bone \"") && error.contains("also connected"), "{error}");
+        assert!(error.contains("bone \"") && error.contains("also connected"), "unexpected error: {error}");
         assert!(
             scene(&(CORES.to_owned() + "bones = \"dynamic\"\n")).unwrap_err().to_string().contains("has no `skeleton`")
         );

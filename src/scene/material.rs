@@ -1,5 +1,5 @@
 //! Reads the elastic material of a soft body, `material`, and its material regions, `[[body.region]]`, parts of the
-//! body that have another material. Called by `body.rs`.
+//! body that have another material. A layer is the tetrahedral mesh of a soft body. Called by `body.rs`.
 
 use glam::DVec3;
 

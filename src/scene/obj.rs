@@ -1,4 +1,5 @@
-//! Reads and writes Wavefront OBJ files: skins and tools are read, deformed skins are written.
+//! Reads and writes Wavefront OBJ files: skins (surface meshes of bodies) and tools are read, deformed skins
+//! are written.
 //!
 //! The parser is our own: the tobj crate drops unused vertices, orders the others by first use, does not support
 //! continuation lines and reports no line numbers; a scene needs the opposite in all four. The format is Wavefront's
@@ -202,7 +203,7 @@ mod tests {
         ];
         for (line, place, words) in cases {
             let message = mesh(&format!("{head}{line}")).unwrap_err().to_string();
-            assert!(message.contains(place) && message.contains(words), "`{line}`: {message}");
+            assert!(message.contains(place) && message.contains(words), "line `{line}` gives the error: {message}");
         }
         assert!(mesh("# nothing").unwrap_err().to_string().contains("no vertices"));
     }

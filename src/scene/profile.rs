@@ -154,8 +154,12 @@ mod tests {
     fn profiles_hold_the_published_figures() {
         for (name, figures) in PUBLISHED {
             let p = Profile::named(name).unwrap();
-            assert_eq!([p.max_force, p.max_torque, p.stiffness, p.damping], figures, "{name}");
-            assert_eq!(p.plays_torque(), figures[1] > 0.0, "{name}");
+            assert_eq!(
+                [p.max_force, p.max_torque, p.stiffness, p.damping],
+                figures,
+                "force, torque, stiffness and damping of {name}"
+            );
+            assert_eq!(p.plays_torque(), figures[1] > 0.0, "whether {name} plays torque");
         }
         assert_eq!(Profile::named("omni"), None);
     }
@@ -185,7 +189,7 @@ mod tests {
             ("workspace", |p, x| p.workspace = x),
         ];
         for profile in PROFILES {
-            assert_eq!(profile.check(), Ok(()), "{}", profile.name);
+            assert_eq!(profile.check(), Ok(()), "limits of the profile {}", profile.name);
             for (name, change) in changes {
                 for (figure, fits) in
                     [(0.0, name != "workspace"), (-1.0, false), (f64::NAN, false), (f64::INFINITY, false)]
@@ -193,7 +197,7 @@ mod tests {
                     let mut changed = profile.clone();
                     change(&mut changed, figure);
                     let said = changed.check();
-                    assert_eq!(said.is_ok(), fits, "{name} {figure}");
+                    assert_eq!(said.is_ok(), fits, "whether `check` accepts {name} = {figure}");
                     assert!(said.err().is_none_or(|line| line.contains(name) && !line.contains('\n')));
                 }
             }

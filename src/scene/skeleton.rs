@@ -166,7 +166,7 @@ mod tests {
             println!("{}: {count} attached nodes", bone.name);
             least = least.min(count);
         }
-        assert!(least >= HELD, "{least}");
+        assert!(least >= HELD, "a bone has only {least} attached nodes");
     }
 
     const TWO: &str = "[[bone]]\nname = \"hip\"\njoint = [0, 0, 0]\nends = [[0, 0, 0], [1, 0, 0]]\nradius = 0.1\n\n\
@@ -205,7 +205,7 @@ mod tests {
         ] {
             assert!(TWO.contains(old));
             let message = skeleton(&TWO.replacen(old, new, 1)).unwrap_err().to_string();
-            assert!(message.contains(words), "`{new}`: {message}");
+            assert!(message.contains(words), "the text `{new}` gives the error: {message}");
         }
         assert!(skeleton("").unwrap_err().to_string().contains("`bone`: missing"));
         assert!(skeleton("bone = []").unwrap_err().to_string().contains("there is none"));

@@ -1,4 +1,5 @@
-//! Tests of scene files: how each table is read, and the message for each mistake.
+//! Tests of scene files: how each table is read, and the message for each mistake. A core is a rigid part of a body; a
+//! bone is a core from a skeleton file.
 
 use std::fs;
 
@@ -158,7 +159,10 @@ fn other_ways_to_say_it() {
     let across = soft("layer = { across = 40, grade = 2 }\nhulls = 7");
     assert!(matches!(across, Shape::Soft { layer: Layer::Across { cells: 40, grade: 2, thickness: None }, .. }));
     let error = folder.load(&with("layer = { cell = 0.01 }", "layer = { cell = 0.01, grade = 3 }")).unwrap_err();
-    assert!(error.to_string().contains("grade") && error.to_string().contains("1, 2, 4 or 8"), "{error}");
+    assert!(
+        error.to_string().contains("grade") && error.to_string().contains("1, 2, 4 or 8"),
+        "unexpected error: {error}"
+    );
     let cube = "layer = { box = [[0, 0, 0], [1.0, 1, 1]], cells = [12, 12, 3] }";
     assert!(matches!(soft(cube), Shape::Soft { layer: Layer::Box { cells: [12, 12, 3], high: DVec3::ONE, .. }, .. }));
     let model = with("\"head.obj\"  ", "{ model = \"head\", vertices = 44000 }");
@@ -188,7 +192,10 @@ fn drives_come_from_keys_or_from_a_file() {
     let tool = "[tool]\nsphere = 1\nmass = 1\n[drive]\n";
     let turned =
         folder.load(&format!("{tool}keys = [[0, 0, 0, 0, 0, 0, 0.6, 0.8004]]")).unwrap().trajectory[0].orientation;
-    assert!((turned.length() - 1.0).abs() < 1e-15 && (turned.z - 0.6).abs() < 1e-3, "normalised");
+    assert!(
+        (turned.length() - 1.0).abs() < 1e-15 && (turned.z - 0.6).abs() < 1e-3,
+        "the quaternion must be normalised"
+    );
     let file = |text: &str| {
         fs::write(folder.0.path().join("press.csv"), text).unwrap();
         folder.load(&format!("{tool}path = \"press.csv\""))
@@ -203,7 +210,7 @@ fn drives_come_from_keys_or_from_a_file() {
         assert_eq!(
             read.iter().map(|key| key.position).collect::<Vec<_>>(),
             [keys[0].position, keys[1].position],
-            "{same}"
+            "positions read from the file `{same}`"
         );
     }
     for (text, words) in [
@@ -217,7 +224,7 @@ fn drives_come_from_keys_or_from_a_file() {
         ("t,x,y,z\n", "press.csv: contains no keys"),
     ] {
         let message = file(text).unwrap_err().to_string();
-        assert!(message.contains(words), "{text}: {message}");
+        assert!(message.contains(words), "the file `{text}` gives the error: {message}");
     }
 }
 
@@ -234,8 +241,8 @@ fn unknown_keys_are_answered_with_the_nearest() {
         let message = folder.message(&with(old, new));
         // Errors call an element of an array of tables by its index until its keys have been checked, not by its name.
         let place = place.replace("body.head.core.skull", "body.head.core[0]");
-        assert!(message.contains(&place), "{message}");
-        assert!(message.contains(&format!("did you mean {nearest}?")), "{message}");
+        assert!(message.contains(&place), "unexpected error: {message}");
+        assert!(message.contains(&format!("did you mean {nearest}?")), "unexpected error: {message}");
     }
 }
 
@@ -282,7 +289,7 @@ fn values_out_of_range_are_refused_by_key_and_line() {
         ("scale = 1.0", "dilatation = \"nodal\"", "`body.head.dilatation`: there is no dilatation \"nodal\""),
     ] {
         let message = folder.message(&with(old, new));
-        assert!(message.contains(words), "`{new}`: {message}");
+        assert!(message.contains(words), "the text `{new}` gives the error: {message}");
         assert!(!message.contains('\n'), "the message must be one line: {message}");
     }
 }
@@ -311,7 +318,7 @@ fn what_does_not_fit_together_is_refused() {
         ("motion = \"fixed\"", "motion = \"driven\"", "`body.head.core.skull.keys`: missing"),
     ] {
         let message = folder.message(&with(old, new));
-        assert!(message.contains(words), "`{new}`: {message}");
+        assert!(message.contains(words), "the text `{new}` gives the error: {message}");
     }
 }
 
@@ -336,11 +343,14 @@ fn models_have_defaults_and_ranges() {
         let few = surface(&format!("{{ model = {name:?}, vertices = {} }}", least - 1)).unwrap_err().to_string();
         let words =
             format!("`body.head.surface.vertices`: is {}; give a whole number from {least} to {most}", least - 1);
-        assert!(few.contains(&words), "{few}");
+        assert!(few.contains(&words), "unexpected error: {few}");
     }
     let message = surface("{ model = \"pumkin\" }").unwrap_err().to_string();
-    assert!(message.contains("`body.head.surface.model`: there is no model \"pumkin\""), "{message}");
-    assert!(message.contains("did you mean \"pumpkin\"? known: head, pumpkin, gear, human"), "{message}");
+    assert!(message.contains("`body.head.surface.model`: there is no model \"pumkin\""), "unexpected error: {message}");
+    assert!(
+        message.contains("did you mean \"pumpkin\"? known: head, pumpkin, gear, human"),
+        "unexpected error: {message}"
+    );
 }
 
 #[test]
@@ -359,7 +369,7 @@ fn a_hinge_belongs_to_a_dynamic_core_and_has_an_axis() {
         (core("hinge = { point = [0, 0, 0], axis = [0, 0, 1] }"), "`: belongs to motion = \"dynamic\"; remove it"),
     ] {
         let message = folder.message(&said);
-        assert!(message.contains(&format!("{key}{words}")), "{message}");
+        assert!(message.contains(&format!("{key}{words}")), "unexpected error: {message}");
     }
 }
 
@@ -379,7 +389,7 @@ fn a_skeleton_gives_a_core_a_bone() {
         ("name = \"fore\"\nmotion = \"driven\"", "`body.head.core.fore.keys`: missing"),
     ] {
         let message = folder.message(&core(said));
-        assert!(message.contains(words), "{said}: {message}");
+        assert!(message.contains(words), "the core `{said}` gives the error: {message}");
     }
     // The cores of bones come first, in the skeleton's order; a core with a bone's name gives the bone's motion.
     let said = "name = \"ball\"\nbind = { all = true }\n[[body.core]]\nname = \"fore\"\nmotion = \"driven\"\n\
@@ -393,7 +403,7 @@ fn a_skeleton_gives_a_core_a_bone() {
     let mass = |said: &str| folder.load(&core(said)).unwrap().bodies[0].cores[1].mass;
     assert_eq!(mass("name = \"fore\"\nmotion = \"dynamic\"\nmass = 2"), Some(2.0));
     let idle = folder.message(&core("name = \"fore\"\nmass = 2"));
-    assert!(idle.contains("`body.head.core.fore.mass`: belongs to motion"), "{idle}");
+    assert!(idle.contains("`body.head.core.fore.mass`: belongs to motion"), "unexpected error: {idle}");
     assert_eq!(body.skeleton.unwrap().bones[1].parent, Some(0));
     assert_eq!(folder.load(&text("")).unwrap().bodies[0].cores.len(), 2);
 
@@ -419,10 +429,10 @@ fn haptics_are_read_and_what_no_device_has_is_refused() {
         ("device = \"haply\"\nprofile = \"touch\"", "`haptics.profile`: is not that of a Haply"),
     ] {
         let said = folder.message(&haptics(line));
-        assert!(said.contains(message), "{line}: {said}");
+        assert!(said.contains(message), "the line `{line}` gives the error: {said}");
     }
     let fast = folder.message(&with("rate = 1000 ", "rate = 9000 "));
-    assert!(fast.contains("`haptics.rate`: is 9000.0; give 50.0 to 4000.0 Hz"), "{fast}");
+    assert!(fast.contains("`haptics.rate`: is 9000.0; give 50.0 to 4000.0 Hz"), "unexpected error: {fast}");
 }
 
 #[test]
@@ -441,7 +451,7 @@ fn a_held_body_has_a_dynamic_core_and_no_keys_of_its_own() {
         let name = key.split(' ').next().unwrap();
         assert!(
             message(dynamic, key).contains(&format!("`tool.{name}`: has no meaning together with `body`")),
-            "{key}"
+            "the error does not refuse `{key}` together with `body`"
         );
     }
     let other = "[[body]]\nname = \"b\"\nsurface = \"head.obj\"\ncollides = [\"tool\"]";
@@ -465,5 +475,8 @@ fn a_preset_decides_what_the_file_leaves_open() {
     assert_eq!((accurate.solver.tolerance, accurate.step.dt), (1e-2, 1e-3));
     assert_eq!(of("preset = \"fast\"").unwrap().step.dt, 8e-3);
     let message = of("preset = \"fats\"").unwrap_err().to_string();
-    assert!(message.contains("s.toml:1: `preset`: there is no preset \"fats\"; did you mean \"fast\"?"), "{message}");
+    assert!(
+        message.contains("s.toml:1: `preset`: there is no preset \"fats\"; did you mean \"fast\"?"),
+        "unexpected error: {message}"
+    );
 }

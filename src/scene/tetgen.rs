@@ -175,7 +175,7 @@ mod tests {
         ];
         for (nodes, elements, words) in cases {
             let message = mesh(nodes, elements).unwrap_err().to_string();
-            assert!(message.contains(words), "{words}: {message}");
+            assert!(message.contains(words), "expected `{words}` in the error: {message}");
         }
         assert!(read(Path::new("nowhere/a.node")).unwrap_err().to_string().contains("its companion file"));
     }

@@ -1,5 +1,6 @@
 //! Reads trajectories (poses over time): `[drive]`, the reference trajectory of the haptic device, and the keys of a
-//! kinematic rigid core (motion = "driven"). Called by `load.rs` and `body.rs`.
+//! kinematic rigid core (a rigid body, or a rigid part of a soft one, with motion = "driven"). Called by `load.rs` and
+//! `body.rs`.
 //!
 //! A key is a time, a position and optionally a quaternion: 4 or 8 numbers. A file is CSV with the same columns; a
 //! first row without any number is a heading.

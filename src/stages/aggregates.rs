@@ -1,10 +1,11 @@
 //! Clusters of neighbouring mesh nodes: the aggregates of the solver's coarse space.
 //!
 //! The method is Lloyd's iteration (1982) on the mesh graph, as Bell (2008) uses it for algebraic multigrid. A cluster
-//! grows from the node nearest to its centre and always takes the nearest of all nodes adjacent to it, so that parts of
-//! the body which nearly meet, such as fingers, stay apart; then its centre moves to the mean of its nodes. The first
-//! centres are chosen far from each other (Gonzalez 1985), with distances in units of the local element size: small
-//! tetrahedra are stiff, and a cluster of many of them would leave too much to the Jacobi part of the preconditioner.
+//! grows from the node nearest to its centre and always takes the nearest of all nodes adjacent to it, so that no
+//! cluster jumps across the gap between parts of the body which nearly meet, such as fingers; then its centre moves to
+//! the mean of its nodes. The first centres are chosen far from each other (Gonzalez 1985), with distances in units of
+//! the local element size: small tetrahedra are stiff, and a cluster of many of them would leave too much to the Jacobi
+//! part of the preconditioner.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -13,8 +14,8 @@ use glam::DVec3;
 
 /// Number of Lloyd iterations; further ones hardly change the clusters.
 const ROUNDS: usize = 5;
-/// How often element sizes are averaged over adjacent nodes, so that clusters follow the local fineness of a mesh and
-/// not the sizes of single tetrahedra, such as small ones at its surface.
+/// How many times element sizes are averaged over adjacent nodes, so that clusters follow the local fineness of a mesh
+/// and not the sizes of single tetrahedra, such as small ones at its surface.
 const EVENED: usize = 4;
 
 /// The nodes of a mesh and their adjacency.

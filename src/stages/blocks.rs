@@ -1,7 +1,7 @@
 //! Partition of the nodes into blocks: each workgroup of the solver's passes works on one block. A block holds either
-//! free nodes of one rigid coordinate frame that lie together, and is then also an aggregate of the solver's coarse
-//! space, or nodes attached to one dynamic core (a rigid body inside a soft one that forces move). A mode is a coarse
-//! basis function of a block (see `coarse.rs`).
+//! free nodes (nodes attached to no rigid body) that lie together in one rigid coordinate frame, and is then also an
+//! aggregate of the solver's coarse space, or nodes attached to one dynamic core (a rigid body inside a soft one that
+//! forces move). A mode is a coarse basis function of a block (see `coarse.rs`).
 
 use crate::shaders;
 use std::ops::Range;

@@ -271,6 +271,6 @@ mod tests {
         }
         assert!(owned.iter().chain(&drawn).all(|n| *n == 1));
         // Halving leaves chunks at least about half full, which bounds their number.
-        assert!(parts < 3 * head.vertices.len() / CHUNK_VERTICES, "{parts} chunks");
+        assert!(parts < 3 * head.vertices.len() / CHUNK_VERTICES, "{parts} chunks are too many");
     }
 }

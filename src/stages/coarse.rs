@@ -1,4 +1,4 @@
-//! The coarse level of the solver's preconditioner: the matrix A of the step's linear system at rest, restricted to a
+//! The coarse space of the solver's preconditioner: the matrix A of the step's linear system at rest, restricted to a
 //! few motions (modes) of each block of nodes, and inverted once. A block holds free nodes that lie together, or nodes
 //! attached to a core (a rigid body inside a soft one).
 //!
@@ -23,8 +23,8 @@ use crate::shaders::NONE;
 /// Modes per block: the twelve affine ones of free nodes, or for nodes attached to a core the six of the core's twist
 /// and six that are unused.
 pub const BLOCK_UNKNOWNS: usize = 12;
-/// Stiffness number from which the coarse level saves time for a body with one node per aggregate; see
-/// [`least_number`].
+/// Stiffness number (of a node's stiffness over its inertia) from which the coarse space saves time for a body with one
+/// node per aggregate (block of free nodes); see [`least_number`].
 const STIFF: f64 = 2.4;
 /// Number of aggregates of a body that has enough nodes for them, at least.
 const LEAST_AGGREGATES: usize = 64;
@@ -36,24 +36,24 @@ const LEAST_NODES: usize = 8;
 /// motion counts as independent. Where nodes lie in a plane or a row, some affine motions are combinations of others.
 const LEAST_MOTION: f64 = 1e-4;
 
-/// The coarse level of all bodies that have one, as arrays for the solver's kernels. A slot is a block's place in the
+/// The coarse space of all bodies that have one, as arrays for the solver's kernels. A slot is a block's place in the
 /// vectors that hold the modes of all blocks; a texel is an element of four 32-bit words.
 #[derive(Debug, Clone, Default)]
 pub struct Coarse {
     /// Per block: first texel of its rows in `inverse`, first slot of its body, number of the body's modes divided by
-    /// four (0 without a coarse level), its own slot.
+    /// four (0 without a coarse space), its own slot.
     pub blocks: Vec<[u32; 4]>,
     /// Rows of the inverses A_c^-1, scaled to a unit diagonal, in half precision: eight numbers per texel.
     pub inverse: Vec<[u32; 4]>,
     /// Square roots of the diagonals of the inverses; three texels per slot.
     pub scales: Vec<[f32; 4]>,
-    /// The bodies that have a coarse level: body index, stiffness number, number of aggregates.
+    /// The bodies that have a coarse space: body index, stiffness number, number of aggregates.
     pub bodies: Vec<(usize, f64, usize)>,
 }
 
 impl Model {
-    /// Makes the blocks of all bodies, and the coarse level of some. `asked` is the preconditioner that the scene sets:
-    /// with `Auto`, bodies that are stiff enough at steps of `dt` seconds have a coarse level; with `Coarse`, all
+    /// Makes the blocks of all bodies, and the coarse space of some. `asked` is the preconditioner that the scene sets:
+    /// with `Auto`, bodies that are stiff enough at steps of `dt` seconds have a coarse space; with `Coarse`, all
     /// bodies that deform; with `Jacobi`, none.
     pub(super) fn add_coarse(&mut self, dt: f64, asked: Preconditioner) {
         let wanted = |index: usize| {
@@ -71,7 +71,7 @@ impl Model {
     }
 
     /// Like [`Model::add_coarse`] for a model that differs from `before` in materials alone: it takes over the blocks,
-    /// and the choice of the bodies that have a coarse level.
+    /// and the choice of the bodies that have a coarse space.
     pub(super) fn add_coarse_like(&mut self, dt: f64, before: &Model) {
         self.add_blocks_of(before);
         let kept = |soft: &SoftRange| before.coarse.bodies.iter().find(|(body, ..)| *body == soft.body);
@@ -83,7 +83,7 @@ impl Model {
         self.invert(dt, &wanted);
     }
 
-    /// Makes the coarse level of the bodies for which `wanted` has a stiffness number and a number of aggregates.
+    /// Makes the coarse space of the bodies for which `wanted` has a stiffness number and a number of aggregates.
     fn invert(&mut self, dt: f64, wanted: &[Option<(f64, usize)>]) {
         let blocks: Vec<_> = self.blocks.coarse_indices.iter().map(|coarse_index| [0, 0, 0, *coarse_index]).collect();
         let scales = vec![[0.0; 4]; if wanted.iter().any(Option::is_some) { 3 * blocks.len() } else { 0 }];
@@ -244,9 +244,9 @@ fn aggregates(nodes: usize) -> usize {
     wanted.clamp(LEAST_AGGREGATES, MOST_AGGREGATES).min(nodes.div_ceil(LEAST_NODES)).max(1)
 }
 
-/// Stiffness number from which the coarse level saves time for a body with this many free nodes. The square root of the
+/// Stiffness number from which the coarse space saves time for a body with this many free nodes. The square root of the
 /// number is the distance, in nodes, that an elastic wave travels in a step, and so how far iterations with Jacobi
-/// alone must carry information. With the coarse level iterations only need to carry it across an aggregate, but each
+/// alone must carry information. With the coarse space iterations only need to carry it across an aggregate, but each
 /// costs about as much as three without.
 fn least_number(nodes: usize) -> f64 {
     STIFF * (nodes as f64 / aggregates(nodes) as f64).powf(2.0 / 3.0)

@@ -18,10 +18,10 @@ use crate::shaders;
 use crate::shaders::NONE;
 use crate::stages::CHUNK_VERTICES;
 
-/// Largest number of contacts per step; more raise the contact overflow flag, and the deepest are kept.
+/// Largest number of contacts per step; with more, the flag `CONTACT_OVERFLOW` is raised and the deepest are kept.
 const CAPACITY: usize = 32_768;
-/// Largest number of nodes that a contact acts on: those of a skin vertex and of three corners of a triangle, four
-/// each.
+/// Largest number of nodes that a contact acts on: four nodes for each of a skin vertex and the three corners of a
+/// triangle.
 const ENTRIES: usize = 16;
 
 /// The contact arrays that the solver reads. An entry is a contact's action on one node.

@@ -43,9 +43,9 @@ pub struct Cull {
     directions: Buffer,
     /// [`PAIR_PATCHES`] contact patches per pair of bodies, a [`ContactPatch`] each.
     pub contact_patches: Buffer,
-    /// One [`crate::shaders::PairProxy`] per slot; a slot is one proxy in one pair of bodies.
+    /// One [`crate::shaders::PairProxy`] per pair proxy, which is one collision proxy in one pair of bodies.
     pub pair_proxies: Buffer,
-    /// Per slot: the share that each of the pair's contact patches has in the proxy's vertices.
+    /// Per pair proxy: the weight of each of the pair's contact patches at the proxy's vertices, 0 to 1.
     pub shares: Buffer,
     boxes: Buffer,
     proxy_patches: Buffer,

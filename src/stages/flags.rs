@@ -11,8 +11,9 @@ impl Flags {
     /// The residual at the end of the solve is above ten times the solver's tolerance, and above ten times what single
     /// precision can reach.
     pub const NOT_CONVERGED: Flags = Flags(shaders::FLAG_NOT_CONVERGED);
-    /// There are more contact patches, or more active chunks (groups of skin vertices that may touch), than there is
-    /// room for.
+    /// There are more contact patches, or more work items (an active chunk, that is a group of skin vertices that may
+    /// touch, in one contact patch), than there is room for; or the scene's `contact.texel` is too small for the size
+    /// of a patch.
     pub const PATCH_OVERFLOW: Flags = Flags(shaders::FLAG_PATCH_OVERFLOW);
     /// There are more contacts, or more ray hits, than there is room for.
     pub const CONTACT_OVERFLOW: Flags = Flags(shaders::FLAG_CONTACT_OVERFLOW);

@@ -26,7 +26,7 @@ pub struct Joint {
     pub arms: [DVec3; 2],
     /// Springs, damping and limits that resist turning; their axis is in frame axes.
     pub resistance: Resistance,
-    /// Stiffness of the spring that holds the two sides together, N/m.
+    /// Stiffness of the spring that holds the two cores together at the joint, N/m.
     pub stiffness: f64,
     /// Stiffness of the springs that push the second frame back within its limits of swing and of twist, N m/rad.
     pub limit_stiffness: [f64; 2],
@@ -88,8 +88,9 @@ impl Model {
             return;
         }
         let blocks: Vec<Mat<f64>> = self.cores.iter().map(|core| self.core_block(core, dt)).collect();
-        // Compliance of the two cores of a joint: the relative velocity that a unit impulse between them makes at the
-        // joint along a direction, 1/kg, or a unit angular impulse about one, 1/(kg m^2).
+        // Compliance of the two cores of a joint: the relative velocity along a direction that a unit impulse between
+        // them causes at the joint (1/kg), or the relative angular velocity about an axis that a unit angular impulse
+        // causes (1/(kg m^2)).
         let readiness = |joint: &Joint, along: DVec3, about: DVec3| -> f64 {
             let side = |(core, arm): (&Option<usize>, &DVec3)| {
                 let Some(core) = *core else { return 0.0 };

@@ -11,8 +11,8 @@ use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{FrameMotion, Layer, Materials, Skin};
 use crate::shaders::NONE;
 
-/// Marks an entry of `node_elements` as one of an F-bar patch (tetrahedra that share one volumetric strain), until the
-/// number of all tetrahedra is known.
+/// Marks an entry of `node_elements` that belongs to an F-bar patch (tetrahedra that share one volumetric strain); its
+/// index on the GPU follows once the number of all tetrahedra is known.
 pub(super) const OF_PATCH: u32 = 1 << 31;
 
 impl Model {

@@ -4,9 +4,9 @@
 //!
 //! The terms are those of layered bodies: a soft body is a tetrahedral mesh (layer) with an embedded surface mesh
 //! (skin), and some nodes are attached to rigid bodies inside it (cores), each with a rigid coordinate frame. Convex
-//! hulls (proxies) cover the skin, which is divided into chunks, groups of at most 64 vertices. A slot is one proxy in
-//! one pair of bodies. A vertex gathers contacts if it is tested for contact with the other body, which a scene may
-//! restrict to one side of each pair.
+//! hulls (proxies) cover the skin, which is divided into chunks, groups of at most 64 vertices. A pair proxy is one
+//! proxy in one pair of bodies. A vertex gathers contacts if it is tested for contact with the other body, which a
+//! scene may restrict to one side of each pair.
 
 use crate::shaders;
 use std::ops::Range;
@@ -26,7 +26,8 @@ use crate::shaders::{Chunk, ElasticMaterial, NONE, Pair, PairProxy, Proxy};
 use crate::stages::PAIR_PATCHES;
 
 /// Largest number of work items (an active chunk in one contact patch each). Any GPU can run that many workgroups, one
-/// per work item, and so many chunks have up to four million vertices. More work items raise the region overflow flag.
+/// per work item, and that many chunks have up to four million vertices. More work items raise the flag
+/// `PATCH_OVERFLOW`.
 const MAX_WORK_ITEMS: usize = (1 << 16) - 1;
 
 /// A rigid coordinate frame of a body, as placed in the scene.
@@ -124,7 +125,7 @@ pub struct Model {
     pub joints: Vec<Joint>,
     /// The division of the nodes into blocks, one workgroup each.
     pub blocks: Blocks,
-    /// The coarse level of the preconditioner, for the bodies that have one.
+    /// The coarse space of the preconditioner, for the bodies that have one.
     pub coarse: Coarse,
     /// The floating frames.
     pub floating: Vec<Floating>,
@@ -203,13 +204,13 @@ pub struct Model {
     pub pair_planes: Vec<Option<Plane>>,
     /// Pairs of collision proxies: proxy of a, proxy of b, 0, 0.
     pub proxy_pairs: Vec<[u32; 4]>,
-    /// The slots of all pairs of bodies.
+    /// The pair proxies of all pairs of bodies.
     pub pair_proxies: Vec<PairProxy>,
-    /// Number of chunks of all slots.
+    /// Number of chunks of all pair proxies.
     pub pair_proxy_chunks: usize,
-    /// Number of slots whose vertices gather contacts; they come first.
+    /// Number of pair proxies whose vertices gather contacts; they come first.
     pub gathering_pair_proxies: usize,
-    /// Number of chunks of the slots whose vertices gather contacts.
+    /// Number of chunks of the pair proxies whose vertices gather contacts.
     pub gathering_chunks: usize,
 }
 
@@ -220,7 +221,7 @@ impl Model {
     }
 
     /// A model of the same bodies with other materials or another contact law: its arrays have the same sizes, its
-    /// blocks of nodes are the same, and the same bodies have a coarse level.
+    /// blocks of nodes are the same, and the same bodies have a coarse space.
     pub fn with_materials_of(&self, scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
         Model::made(scene, bodies, tool, Some(self))
     }

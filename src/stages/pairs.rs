@@ -1,6 +1,7 @@
 //! Pairs of bodies: fills the model's arrays of which bodies may touch, how stiff their contact is, and which pairs of
-//! collision proxies (convex hulls that cover a body's skin, its surface mesh) culling tests. A slot is one proxy in
-//! one pair of bodies. A skin vertex gathers contacts if it is tested for contact with the other body.
+//! collision proxies (convex hulls that cover a body's skin, its surface mesh) culling tests. A pair proxy is one
+//! collision proxy in one pair of bodies. A skin vertex gathers contacts if it is tested for contact with the other
+//! body.
 
 use std::ops::Range;
 
@@ -39,8 +40,8 @@ impl Model {
         self.add_pair_proxies();
     }
 
-    /// Adds the slots of all pairs, in the order of the pairs: first those whose vertices gather contacts, then the
-    /// others.
+    /// Adds the pair proxies of all pairs of bodies, in the order of the pairs: first those whose vertices gather
+    /// contacts, then the others.
     pub(super) fn add_pair_proxies(&mut self) {
         for gathering in [true, false] {
             for (index, pair) in self.pairs.iter_mut().enumerate() {
@@ -118,7 +119,7 @@ impl Model {
             proxy_pair_count: self.proxy_pairs.len() as u32 - first_proxy_pair,
             first_proxy: [a_proxies.start as u32, b_proxies.start as u32],
             proxy_count: [a_proxies.len() as u32, b_proxies.len() as u32],
-            // The slots are added once all pairs are known.
+            // The pair proxies are added once all pairs are known.
             first_pair_proxy: [0; 2],
             stiffness: law[0] as f32,
             damping: law[1] as f32,

@@ -24,7 +24,7 @@ pub struct Pose {
     pub proxy_nodes: Buffer,
     /// The collision proxies of all bodies.
     pub proxies: Buffer,
-    /// Hull vertices of all proxies, world axes, relative to the step's origin, m.
+    /// Hull vertices of all proxies, in world axes, from an origin that each step chooses near the tool (for f32), m.
     pub hull: Buffer,
     /// Face planes of all proxies in the world: unit normal, and offset (m).
     pub faces: Buffer,

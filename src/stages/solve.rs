@@ -35,7 +35,7 @@ pub struct Solve {
     cores: Option<Kernel>,
     first_residual: Kernel,
     first_iterate: Kernel,
-    /// One variant per role; the first one also writes the scalars of the iteration.
+    /// One variant per role (see [`Variant`]); the first one also writes the scalars of the iteration.
     update: Vec<Variant>,
     conclude: Kernel,
     commit: Kernel,
@@ -68,7 +68,7 @@ pub struct Solve {
     rigid_blocks: Buffer,
     /// Per group, and for the tool: the inverse of the diagonal block of A for its twists, row by row.
     rigid_inverses: Buffer,
-    /// Per dynamic core: its sides of joints, each as twice the joint's index plus the side.
+    /// Per dynamic core: the sides of joints that are on it, each as twice the joint's index plus the side.
     joint_sides: Buffer,
     iterations: Buffer,
     /// Six numbers per dynamic core, read by the host: the change of its twist.
@@ -118,7 +118,7 @@ struct Variant {
     args_index: u32,
 }
 
-/// The kernel of the coarse level, which multiplies restricted vectors by A_c^-1, as it runs outside the solver's loop:
+/// The kernel of the coarse space, which multiplies restricted vectors by A_c^-1, as it runs outside the solver's loop:
 /// before the loop, for the warm start, and after it.
 struct CoarseKernels {
     warm_start: Kernel,
@@ -262,7 +262,7 @@ impl Solve {
 }
 
 impl Solve {
-    /// Writes the damping and the coarse level of a model of the same bodies to the GPU.
+    /// Writes the damping and the coarse space of a model of the same bodies to the GPU.
     pub fn refresh(&self, model: &Model) -> Result<()> {
         self.block_nodes.write(&model.blocks.nodes)?;
         self.coarse_inverse.write(&model.coarse.inverse)?;
@@ -312,7 +312,7 @@ fn rigids_of(model: &Model) -> (Vec<shaders::Rigid>, usize) {
     (rigids, numbers)
 }
 
-/// Per dynamic core: its sides of joints, each as twice the joint's index plus the side.
+/// Per dynamic core: the sides of joints that are on it, each as twice the joint's index plus the side.
 fn sides_of(model: &Model) -> Vec<Vec<u32>> {
     let mut sides = vec![Vec::new(); model.cores.len()];
     for (index, joint) in model.joints.iter().enumerate() {

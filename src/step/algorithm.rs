@@ -223,7 +223,7 @@ impl Simulation {
         let (mut again, mut times) = (&set.resolve, Vec::new());
         // The part to submit before the iterations, if any.
         let mut first = Some(&set.begin);
-        // Iterations of all solves before the last one, and of the longest solve so far.
+        // Number of iterations of all solves before the current one together, and of the longest solve so far.
         let (mut earlier, mut longest) = (0, 0);
         for _ in 0..MOST_SUBMITS * self.scene.step.newton {
             let all = [first.unwrap_or(&set.end), set.plan(wanted), &set.end];

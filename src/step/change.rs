@@ -37,7 +37,7 @@ impl Simulation {
     }
 
     /// Gives a soft body another material from the next step on: the one at `index` of [`Simulation::materials`].
-    /// Whether the body has a coarse level in the preconditioner stays as it was chosen. Errors: there is no such
+    /// Whether the body has a coarse space in the preconditioner stays as it was chosen. Errors: there is no such
     /// material; or the new one is not valid, has another material law, or has a density that would move a centre of
     /// mass.
     pub fn set_material(&mut self, body: usize, index: usize, material: Material) -> Result<()> {

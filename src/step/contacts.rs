@@ -1,4 +1,5 @@
-//! The contacts of the last step, as a user sees them.
+//! The contacts of the last step, as [`Simulation::contacts`] returns them: position, depth, pressure and friction of
+//! each.
 
 use glam::DVec3;
 

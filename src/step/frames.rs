@@ -20,18 +20,18 @@ pub use saved::SavedFrame;
 
 /// Rotation per step, rad, beyond which a frame turns too far. The elements of its nodes keep the rotations of the
 /// step's start and the nodes move along tangents, so that a body that turns by x rad is stretched by the factor 1 +
-/// x^2 / 2 without resistance; below this limit the stretch is less than a hundredth. Free blocks that spin then gain
-/// up to a thousandth of their energy (`palpate stability --only spin`).
+/// x^2 / 2 without resistance; below this limit the stretch is less than a hundredth. Free box-shaped bodies that spin
+/// then gain up to a thousandth of their energy (`palpate stability --only spin`).
 const MOST_TURN: f64 = 0.12;
 /// A second limit, for stiff bodies that spin freely, on the number q = turn x step / crossing time, of the turn per
 /// step (rad), the length of the step (s), and the time that a pressure wave takes across the body (s). The stretch
 /// described at [`MOST_TURN`] adds to the energy of such a spin a fraction of the order of q^2. At this limit that is
-/// an estimated 0.4 % in the first step, for blocks from 1 MPa to 10 GPa; smaller gains are not flagged. A limit of
-/// 0.0079 (a gain of some 0.03 %) also flagged bodies of 2 MPa that roll, rub or are struck; whether those gain any
-/// energy is not known.
+/// an estimated 0.4 % in the first step, for box-shaped bodies with a Young's modulus from 1 MPa to 10 GPa; smaller
+/// gains are not flagged. A limit of 0.0079 (a gain of some 0.03 %) also flagged bodies with a modulus of 2 MPa that
+/// roll, rub or are struck; whether those gain any energy is not known.
 const MOST_STIFF_TURN: f64 = 0.03;
-/// The limit on q (see [`MOST_STIFF_TURN`]) for steps with several Newton iterations. With those, a stiff block that
-/// spins loses energy instead, up to 10 GPa.
+/// The limit on q (see [`MOST_STIFF_TURN`]) for steps with several Newton iterations. With those, a stiff box-shaped
+/// body that spins loses energy instead, up to a modulus of 10 GPa.
 const MOST_STIFF_TURN_TWICE: f64 = 1.0;
 
 /// Pose of a frame.

@@ -19,7 +19,7 @@ const ROUNDING: f64 = 1e-5;
 impl Simulation {
     /// Adds the gap to the last step's wrench, where a haptic loop holds the tool and the tool touches nothing.
     pub(super) fn add_gap(&mut self, report: &Report) -> Result<()> {
-        // In a frozen step the GPU found no gap.
+        // In a frozen step (no attempt succeeded) the GPU found no gap.
         let is_known = !self.has_weight && !Flags(report.flags).contains(Flags::FROZEN);
         let touches = self.last_wrench.is_some_and(|w| w.pressing > 0.0 || w.wrench.force != DVec3::ZERO);
         if is_known && !touches {

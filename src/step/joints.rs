@@ -1,5 +1,6 @@
 //! Ball joints between cores (rigid bodies to which nodes are attached) on the host, in f64: how far the two ends of
-//! each joint are apart, how far its sides are turned, and what its springs add to the solver's rows of the two cores.
+//! each joint are apart, how far its sides (the two cores) are turned against each other, and what its springs add to
+//! the solver's rows of the two cores.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -10,7 +11,7 @@ use crate::step::trajectory::rotation_vector;
 
 /// Least value of the divisor 1 + cos(swing) in the axis of the twist's spring. The swing is the angle between the
 /// joint's axis on the first side and on the second. Beyond 155 degrees the twist is hardly defined, and with this
-/// limit its spring becomes softer.
+/// limit the spring becomes softer.
 const LEAST_ALONG: f64 = 0.1;
 
 /// Writes the GPU's joints for a step of `h` seconds.

@@ -25,8 +25,8 @@ fn bump_of(cells: &Buffer, amount: u32) -> Bump<'_> {
     Bump { cells, amount, count: CELLS }
 }
 
-/// The cells expected after these amounts: a pass of `test/bump` sets `cells = 3 cells + amount`, so that the result
-/// depends on the order of the passes.
+/// The expected contents of an array of cells that starts at `start` after passes of `test/bump` with these amounts.
+/// Each pass sets `cells = 3 cells + amount`, so that the result depends on the order of the passes.
 fn folded(start: u32, amounts: impl IntoIterator<Item = u32>) -> Vec<u32> {
     let value = amounts.into_iter().fold(start, |v, amount| v.wrapping_mul(3).wrapping_add(amount));
     vec![value; CELLS as usize]
@@ -60,7 +60,7 @@ fn dependent_passes_run_in_order_and_independent_ones_do_not_wait() {
     );
     let times = recording.stage_times();
     assert_eq!(times.iter().map(|t| t.0.as_str()).collect::<Vec<_>>(), ["first", "second"]);
-    assert!(times[0].1 > 0.0 && times[0].1 < 1e6, "time of each stage, microseconds: {times:?}");
+    assert!(times[0].1 > 0.0 && times[0].1 < 1e6, "first stage not in 0 to 1e6; times, us: {times:?}");
     assert_clean(context, "passes");
 }
 

@@ -48,8 +48,8 @@ pub fn context() -> &'static Arc<Context> {
     })
 }
 
-/// The kind of arrays for tests that do not compare both: `PALPATE_TEST_ARRAYS` (`texel` or `storage`), or `None` for
-/// the kind that the GPU device prefers.
+/// Through which kind of buffers kernels read their arrays in tests that do not compare both kinds: the environment
+/// variable `PALPATE_TEST_ARRAYS` (`texel` or `storage`), or `None` for the kind that the GPU device prefers.
 pub fn arrays() -> Option<Arrays> {
     match std::env::var("PALPATE_TEST_ARRAYS").as_deref() {
         Err(_) => None,
@@ -201,7 +201,7 @@ impl Case {
             if let Some(i) = (0..after.len()).find(differ).filter(|_| !UNORDERED.contains(&self.kernel.as_str())) {
                 let (kernel, name) = (&self.kernel, &given.name);
                 panic!(
-                    "{kernel}: word {i} of {name} is {:#x} with {first:?} arrays, otherwise {:#x}",
+                    "{kernel}: word {i} of {name} is {:#x} with {first:?} arrays, {:#x} with the other kind",
                     after[i], other[i]
                 );
             }

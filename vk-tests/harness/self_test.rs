@@ -72,7 +72,7 @@ fn a_changed_input_fails() {
     let said = message(|| drop(copy(100, 2, true)));
     assert!(said.contains("input marked was changed: word 0 was 0x5, is 0x6"), "wrong panic: {said}");
     let (outcome, _) = copy(100, 2, false);
-    assert_eq!(outcome.get::<u32>("marked"), [6, 6], "`marked`, which may change where it is declared as in-out");
+    assert_eq!(outcome.get::<u32>("marked"), [6, 6], "contents of `marked`, declared as in-out, may change");
 }
 
 #[test]

@@ -34,8 +34,8 @@ struct Sweep {
     depth: f64,
     /// Limits of `jump`, `kink` and `sudden` of [`Felt`]. The aim is 3; where the engine does not reach it yet, the
     /// limit lies just above the value that it reaches. A discontinuity of the force makes all three values large; a
-    /// steep but smooth slope of the skin only the first; a vertex that enters contact at the steep rim of the tool the
-    /// first two.
+    /// steep but smooth slope of the skin makes only `jump` large; a vertex that enters contact at the steep rim of the
+    /// tool makes `jump` and `kink` large.
     limits: [f64; 3],
 }
 
@@ -141,7 +141,7 @@ fn run(sweep: &Sweep) -> Felt {
         felt.sudden,
         felt.turn
     );
-    assert!(flags == 0 && force.iter().all(|f| f.is_finite()), "{}: flags {flags}", sweep.name);
+    assert!(flags == 0 && force.iter().all(|f| f.is_finite()), "{}: force not finite, or flags {flags}", sweep.name);
     felt
 }
 

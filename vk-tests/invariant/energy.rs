@@ -30,8 +30,9 @@ fn penalties(contacts: &[Contact]) -> BTreeMap<(u32, u32), f64> {
 
 /// Runs a drop and checks its energy at the start of each step, with the contacts found there. The sum of kinetic,
 /// elastic and gravitational energy must never exceed its start. With the penalty energy of the contacts, the sum may
-/// rise from one step to the next by two amounts only: the energy of contacts that entered since the last step (they
-/// are found up to one step's way inside), and the work of a spinning sphere's facets that slide under the contacts.
+/// rise from one step to the next by two amounts only: the energy of contacts that are new since the last step (their
+/// vertices have moved inside for up to one step when they are found), and the work of a spinning sphere's facets that
+/// slide under the contacts.
 /// Depth is measured, and force acts, along the normal of the contact patch and not of the facet, so that sliding on a
 /// sloped facet changes the depth and meets no resistance. On a plane there is no such work.
 fn judge(name: &str, text: &str, steps: usize, height: impl Fn(&State) -> f64) {
@@ -69,7 +70,7 @@ fn judge(name: &str, text: &str, steps: usize, height: impl Fn(&State) -> f64) {
         rise / scale,
         heights[0]
     );
-    assert!(gain < GAIN * scale && rise < GAIN * scale, "{name}: energy was gained");
+    assert!(gain < GAIN * scale && rise < GAIN * scale, "{name}: energy was gained beyond the tolerance");
     assert!(
         most > 0.0 && rebound > lowest && rebound < heights[0],
         "{name}: no contact, no rebound, or a rebound above the start"

@@ -215,7 +215,7 @@ fn a_tool_dragged_over_a_block_rubs_as_the_oracles() {
              over normal force at most {most:.3}"
         );
         assert!(most > 0.2 * friction);
-        assert!(errors.force < FORCE && errors.place < PLACE && errors.shape < SHAPE, "engine and oracle: {errors:?}");
+        assert!(errors.force < FORCE && errors.place < PLACE && errors.shape < SHAPE, "engine errors: {errors:?}");
     }
 }
 
@@ -245,7 +245,7 @@ fn a_thrown_block_slides_and_stops_as_the_oracles() {
             "{name} block: differences from the oracle {errors:?}; friction over normal force at most {most:.3}, \
              speed at the end {speed:.3} m/s"
         );
-        assert!(most > 0.2 && speed < 0.45 && errors.shape < SHAPE, "engine and oracle: {errors:?}");
+        assert!(most > 0.2 && speed < 0.45 && errors.shape < SHAPE, "differences from the oracle: {errors:?}");
     }
 }
 
@@ -286,7 +286,7 @@ fn a_rigid_cube_sticks_to_a_slope_or_slides_as_coulomb_says() {
             (velocity[399] - creep).abs() < 2e-3 * creep,
             "the cube must only creep, at the speed of the regularised law"
         );
-        assert!(errors.force < FORCE && errors.place < PLACE, "engine and oracle: {errors:?}");
+        assert!(errors.force < FORCE && errors.place < PLACE, "differences from the oracle: {errors:?}");
     }
     for tangent in [0.5, 0.9] {
         let (velocity, errors) = slide(tangent, 400);
@@ -302,7 +302,7 @@ fn a_rigid_cube_sticks_to_a_slope_or_slides_as_coulomb_says() {
              {late:.4} m/s^2 for the lag of the speed; differences from the oracle {errors:?}"
         );
         assert!((got - want + late).abs() < 3e-3 * want, "acceleration {got} m/s^2, by Coulomb's law {want} m/s^2");
-        assert!(errors.force < FORCE && errors.place < PLACE, "engine and oracle: {errors:?}");
+        assert!(errors.force < FORCE && errors.place < PLACE, "differences from the oracle: {errors:?}");
     }
 }
 

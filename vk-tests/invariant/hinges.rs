@@ -49,11 +49,11 @@ fn a_bar_on_a_hinge_swings_as_the_oracles() {
         assert!(rows.iter().all(|row| row.flags == Flags::default()));
         assert!(
             shape < SHAPE && speed < SPEED && turned.length() > 0.05,
-            "differences from the oracle: {shape:e}, {speed:e}"
+            "relative differences from the oracle: displacements {shape:e}, velocities {speed:e}"
         );
         assert!(
             end.centre == start.centre && aside < 1e-12,
-            "core moved by {} m, turned {aside:e} rad off its axis",
+            "rigid core moved by {} m, turned {aside:e} rad off its axis",
             end.centre - start.centre
         );
     }
@@ -126,7 +126,7 @@ fn a_hinged_slab_is_a_pendulum() {
     );
     assert!(
         (period / want - 1.0).abs() < PERIOD && most < 1.05 * 0.5 * h * TAU / want,
-        "period {period} s, expected {want} s; gain {most:e}"
+        "period {period} s, expected {want} s; relative gain of energy {most:e}"
     );
     assert!(simulation.frames(0)[0].centre == hinge, "the slab's point on the hinge moved");
 }
@@ -166,7 +166,7 @@ fn a_hinged_slab_that_is_struck_turns_about_its_hinge_and_keeps_its_spin() {
     );
     assert!(
         touched > 2 && spin.abs() > 1.0 && (later / spin - 1.0).abs() < 1e-9 && kept.abs() < 1e-4,
-        "change of angular momentum {kept:e}"
+        "relative change of angular momentum {kept:e}"
     );
     assert!(
         end.centre == start.centre && end.rotation.x == 0.0 && end.rotation.y == 0.0,

@@ -195,8 +195,8 @@ fn a_scene_records_and_allocates_only_what_it_needs() {
 }
 
 /// Greatest error of the force one kilometre away, relative to the largest force. Positions are f64 on the host and
-/// relative to the tool on the GPU. There remain the rounding of a kilometre in f64 (1e-13 m, for depths of
-/// millimetres) and a last bit of f32 where that rounding changes it.
+/// relative to the tool on the GPU. There remain the rounding of a kilometre in f64 (1e-13 m, while depths
+/// are millimetres) and the last bit of an f32 number where that rounding changes it.
 const FAR: f64 = 1.0e-5;
 
 #[test]

@@ -49,7 +49,7 @@ const GEAR: &str = "surface = { model = \"gear\", vertices = 4000 }\nlayer = { c
 const STRIKE: usize = 300;
 /// Number of steps without contact after which the ball counts as gone.
 const GONE: usize = 20;
-/// Number of steps of free flight after that.
+/// Number of steps of free flight, counted from when the ball counts as gone.
 const FLIGHT: usize = 500;
 /// Number of first steps of the flight that are compared with the oracle.
 const BESIDE: usize = 60;
@@ -58,8 +58,8 @@ const MOMENTUM: f64 = 1.0e-6;
 /// Greatest change of angular momentum in a step, apart from that by the torque of the method itself (see
 /// vk-tests/invariant/invariants.rs), relative to the linear momentum times half the body's extent.
 const SPIN: f64 = 1.0e-7;
-/// Greatest difference of angular momentum from the oracle's, relative to the same product; larger than `SPIN`, because
-/// the errors of single steps add up.
+/// Greatest difference of angular momentum from the oracle's, relative to the product that `SPIN` uses; larger than
+/// `SPIN`, because the errors of single steps add up.
 const SPIN_BESIDE: f64 = 1.0e-6;
 /// Greatest difference of displacements from the oracle's, relative to the largest.
 const SHAPE: f64 = 1.0e-6;
@@ -143,7 +143,7 @@ fn toss(what: &str, text: &str, half: f64) {
     assert!(linear < MOMENTUM * size, "{what}: relative change of linear momentum {:e}", linear / size);
     assert!(
         angular < SPIN * size * half && apart < SPIN_BESIDE * size * half && shape < SHAPE,
-        "{what}: angular momentum or displacements differ too much"
+        "{what}: angular momentum or displacements differ too much from the oracle's"
     );
 }
 
@@ -198,10 +198,10 @@ fn probe(name: &str, body: &str, nearest: DVec3) -> String {
 /// Radius of the ball, m.
 const RADIUS: f64 = 0.03;
 /// Greatest relative difference from a rigid body's accelerations. Contact pressure acts on points of the ball where
-/// they were at the start of the step h, so that at speed v its centre lies h v ahead of the ball's; the damping of
-/// contact (the stiffness times the step) shifts it by up to another h v. The shift of up to 2 h v brakes the ball by
-/// the fraction 2 h v / r (r: radius) of its weight normal to the slope. The rest of the tolerance is for the
-/// unevenness of the skin (surface mesh).
+/// they were at the start of the step h, so that at speed v the pressure's centre lies h v ahead of the ball's
+/// centre. The damping of contact (its coefficient is the stiffness times the step) shifts the pressure's centre by up
+/// to another h v. The shift of up to 2 h v brakes the ball by the fraction 2 h v / r (r: radius) of its weight normal
+/// to the slope. The rest of the tolerance is for the unevenness of the skin (surface mesh).
 const RIGID: f64 = 0.05;
 
 /// The motion of a ball on a slope, and the moment of inertia with which a rigid ball would move.

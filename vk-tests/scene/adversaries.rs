@@ -110,7 +110,7 @@ fn judge(name: &str, mut simulation: Simulation, first: u32, later: u32) -> Vec<
         }
         assert!(
             row.flags.0 & !(first | later) == 0,
-            "{name}: flags not allowed among {} in step {}",
+            "{name}: some of the flags {} are not allowed in step {}",
             row.flags.0,
             row.step
         );
@@ -223,7 +223,7 @@ fn many_pairs(cells: [u32; 3]) {
         );
     }
     let mut simulation = open(&scene(&text), Some(Path::Compute));
-    // Contacts are read after the first step, while cubes and slab still overlap as the scene places them: later the
+    // Contacts are those of the first step, in which cubes and slab still overlap as the scene places them: later the
     // slab has moved away from the cubes.
     let mut rows = run(&mut simulation, 1);
     let (contact_patches, contacts) = simulation.touch().unwrap();
@@ -241,7 +241,7 @@ fn many_pairs(cells: [u32; 3]) {
     );
     let (moved, _) = simulation.nodes(0).unwrap().unwrap();
     assert!(moved.iter().all(|d| d.is_finite()) && moved.iter().any(|d| d.y < -1e-4));
-    assert!(flags == 0 && pushed.iter().all(|p| *p), "flags {flags}, expected 0, and contacts in every pair");
+    assert!(flags == 0 && pushed.iter().all(|p| *p), "flags {flags}, expected 0; every pair must have contacts");
 }
 
 #[test]
@@ -272,5 +272,5 @@ fn triangles_without_area_in_single_precision_do_no_harm() {
     let rows = judge("slivers", slivers, 0, 0);
     let plain = judge("no slivers", press(""), 0, 0);
     let (got, want) = (rows[STEPS - 1].tool.unwrap().force.y, plain[STEPS - 1].tool.unwrap().force.y);
-    assert!((got / want - 1.0).abs() < 0.05, "force {got} N with slivers, {want} N without");
+    assert!((got / want - 1.0).abs() < 0.05, "force {got} N with sliver triangles, expected {want} N, as without them");
 }

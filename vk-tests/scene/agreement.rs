@@ -65,8 +65,8 @@ fn light(random: &mut Random, subjects: [&Subject; 2]) -> ([Pose; 2], DVec3) {
     }
 }
 
-/// Depth along the normal divided by the distance to the other surface, for every contact of an answer whose distance
-/// is greater than rounding errors.
+/// For every contact of an answer, the depth along the normal divided by the vertex's distance to the other surface.
+/// Contacts whose distance is within rounding errors are left out.
 fn ratios(subjects: [&Subject; 2], poses: [Pose; 2], trees: &[TriMesh; 2], answer: &Answer) -> Vec<f64> {
     let of = |contact: &QueryContact| {
         let (own, other) = (contact.body, 1 - contact.body);
@@ -77,8 +77,8 @@ fn ratios(subjects: [&Subject; 2], poses: [Pose; 2], trees: &[TriMesh; 2], answe
         let corners = subjects[other].skin().triangles[contact.triangle as usize];
         let met: DVec3 =
             (0..3).map(|k| contact.barycentric[k] * subjects[other].skin().vertices[corners[k] as usize]).sum();
-        // The query also returns the point of the other surface that the vertex's ray hits. Its distance is the depth
-        // without the f32 rounding of the depth that the query reports.
+        // The contact also has the point of the other surface that the vertex's ray hits. The distance of vertex and
+        // point is the depth, without the f32 rounding of the depth that the query reports.
         (local.distance(met), local.distance(DVec3::new(near.x, near.y, near.z)))
     };
     let size = subjects[0].size.min(subjects[1].size);
@@ -139,7 +139,7 @@ fn real_meshes_in_light_contact_agree_with_f64_rays() {
     assert!(all.contacts > 10 * POSES && at(0.0) > LEAST_RATIO);
     assert!(
         all.worst <= DEPTH,
-        "depth error, relative to the smaller body's size: {} in {}",
+        "greatest depth error, relative to the smaller body's size: {}, of {}",
         all.worst,
         all.where_worst
     );

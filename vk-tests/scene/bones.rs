@@ -231,7 +231,7 @@ fn a_dynamic_rigid_body_falls_on_a_block_as_a_tool_that_nobody_holds() {
     );
     assert!(
         touched > 30 && away < 1e-7 && turned < 1e-5 && error < SHAPE,
-        "ball and tool differ by {away:e} m and {turned:e} rad, the block by {error:e}"
+        "ball and tool differ by {away:e} m and {turned:e} rad, displacements of the block by {error:e} of the largest"
     );
 }
 
@@ -246,7 +246,7 @@ pub fn cube(half: f64) -> String {
 #[test]
 fn a_kinematic_body_presses_as_if_the_other_came_to_it() {
     // Either a rigid cube comes down on a block, or the cube rests while the block's core moves up. Relative to the
-    // core both motions are the same.
+    // core, the cube moves alike in both cases.
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("cube.obj");
     std::fs::write(&file, cube(0.02)).unwrap();

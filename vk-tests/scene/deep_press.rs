@@ -102,19 +102,22 @@ fn press(deep: &Deep) {
         "{name}: the sphere was pressed in by only {} m",
         travel - at_touch
     );
-    assert!(others.is_empty(), "{name}: steps and their other flags {others:?}");
+    assert!(
+        others.is_empty(),
+        "{name}: steps with flags other than those of a folded skin, and their flags: {others:?}"
+    );
     assert!(
         folds == 0 || travel - at_touch > sphere,
-        "{name}: {folds} steps with flags of folded skin before the sphere was in by its radius"
+        "{name}: {folds} steps with flags of a folded skin, though the sphere is not pressed in deeper than its radius"
     );
-    println!("{name}: {folds} steps with flags of folded skin");
+    println!("{name}: {folds} steps with flags of a folded skin");
     assert!(least > 0.0, "{name}: a tetrahedron is inverted: least ratio of volumes {least}");
     // Skin that comes into contact or leaves it above the sphere's widest circle changes the force by a few
     // thousandths. Without such skin the force must not fall at all.
     let allowed = if folds > 0 { 0.005 * force[PHASES[0] - 1] } else { 0.0 };
     assert!(fall <= allowed, "{name}: the force falls by {fall} N on the way in");
     assert!(force[PHASES[..3].iter().sum::<usize>()..].iter().all(|f| *f == 0.0), "{name}: still in contact");
-    assert!(left < 0.01, "{name}: {left} of the greatest displacement is left at the end");
+    assert!(left < 0.01, "{name}: displacement at the end is {left} of the greatest");
 }
 
 #[test]

@@ -58,7 +58,7 @@ fn check(name: &str, simulation: &Simulation) -> Explanation {
         assert_eq!(
             stage.recorded,
             stage.passes > 0,
-            "{name}: a stage is recorded if it has passes, stage {}",
+            "{name}: a stage must be recorded exactly if it has passes; stage {}",
             stage.stage
         );
     }
@@ -71,7 +71,11 @@ fn check(name: &str, simulation: &Simulation) -> Explanation {
         known,
         "{name}: kernels in the list, and all kernels of the engine"
     );
-    assert_eq!(all.len(), known.len(), "{name}: number of kernels in the list; one is in two stages");
+    assert_eq!(
+        all.len(),
+        known.len(),
+        "{name}: number of kernels in the list, and of different kernels: no kernel may be in two stages"
+    );
     let (stages, dependent) = simulation.passes(ITERATIONS);
     assert_eq!(explanation.passes, stages.iter().map(|(_, n)| n).sum::<u32>(), "{name}: number of passes");
     assert_eq!(explanation.dependent_passes, dependent, "{name}: number of dependent passes");
@@ -109,7 +113,7 @@ fn every_kernel_of_made_scenes_is_recorded_or_left_out_for_a_reason() {
         ("one-sided, friction", block("[contact]\nfriction = 0.3\nsides = \"one\"", "", "", TOOL)),
         ("patches, three Newton iterations", block("[step]\nnewton = 3", "", "dilatation = \"patch\"", TOOL)),
         ("neo-Hookean with a probe", block("", ", law = \"neo-hookean\"", "", probe)),
-        ("a coarse level", block("[solver]\npreconditioner = \"coarse\"", "", "", TOOL)),
+        ("a coarse space", block("[solver]\npreconditioner = \"coarse\"", "", "", TOOL)),
         ("joined cores", joined),
         ("half-space", format!("{BAR}{floor}")),
         ("a tool alone", TOOL.into()),
@@ -163,7 +167,7 @@ fn a_feature_that_is_not_used_costs_nothing() {
         ),
         ("Newton", plain(), block("[step]\nnewton = 1", "", "", TOOL), block("[step]\nnewton = 2", "", "", TOOL)),
         (
-            "coarse level",
+            "coarse space",
             plain(),
             block("[solver]\npreconditioner = \"jacobi\"", "", "", TOOL),
             block("[solver]\npreconditioner = \"coarse\"", "", "", TOOL),

@@ -40,7 +40,7 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
     );
     let flagged: Vec<(u64, Flags)> =
         rows.iter().map(|r| (r.step, r.flags)).filter(|f| f.1 != Flags::default()).collect();
-    assert!(flagged.is_empty(), "{name}: steps and their flags {flagged:?}");
+    assert!(flagged.is_empty(), "{name}: steps with flags, and their flags: {flagged:?}");
     assert!(
         force[..touch].iter().all(|f| *f == 0.0) && force[steps - 1] > 1.0,
         "{name}: force before the first contact, or at most 1 N at the end"

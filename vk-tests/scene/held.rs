@@ -65,8 +65,8 @@ fn a_held_pad_presses_and_rubs_as_the_oracles() {
     }
 }
 
-/// Upper bound of the energy after 100 ms, relative to the energy at 100 ms. The pad goes straight down: if it were
-/// tilted, the contact normal would change with the contacts and turn the force, which does work.
+/// Upper bound of the energy after 100 ms, relative to the energy at 100 ms. The pad goes straight down, since the
+/// contact normal of a tilted pad would change from step to step, and a contact force that turns does work.
 const GROWTH: f64 = 1.005;
 /// Upper bound of the nodes' last speed, relative to their highest speed.
 const REST: f64 = 0.02;

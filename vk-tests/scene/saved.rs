@@ -58,7 +58,7 @@ fn a_pressed_block_goes_on_as_before() {
     let rubbed = press(2e4, 1e-3, place, "tolerance = 1e-4\n[contact]\nfriction = 0.5");
     goes_on_as_before("rubbed", &rubbed);
     let stiff = press(1e6, 1e-3, place, "preconditioner = \"coarse\"");
-    goes_on_as_before("with a coarse level", &stiff);
+    goes_on_as_before("with a coarse space", &stiff);
 }
 
 #[test]

@@ -201,7 +201,11 @@ fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Step
     );
     assert!(peak > 0.05 && rows.iter().all(|row| row.flags == Flags::default()));
     let gathers = |side: u32| found.iter().flatten().any(|(s, _)| *s == side);
-    assert_eq!(gathers(0) && gathers(1), twin.sides == Sides::Both, "whether vertices of both bodies become contacts");
+    assert_eq!(
+        gathers(0) && gathers(1),
+        twin.sides == Sides::Both,
+        "vertices of both bodies must become contacts exactly if `sides` is \"both\""
+    );
     assert!(lone.0 < LONE_DEPTH && force < FORCE && pose < POSE && shapes < DISPLACEMENT);
     (rows, found)
 }

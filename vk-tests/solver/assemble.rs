@@ -116,7 +116,7 @@ fn a_tetrahedron_at_rest_by_hand() {
     let mass = (1.0 + h * 0.5) * m;
     let (along, across) = (mass + scale * (2.0 * mu + lambda), mass + scale * mu);
     let want = [1.0 / along, 1.0 / across, 1.0 / across, 0.0, 0.0, 0.0];
-    expect_close("inverse of node 1", &triples(&passes.inverse[2..4]), &want, rounding);
+    expect_close("inverse block of node 1", &triples(&passes.inverse[2..4]), &want, rounding);
     assert_eq!(passes.inverse[4..6], [[0.0; 4]; 2], "inverse block of node 2, which is attached");
     let z = [weight[0] / along, weight[1] / across, weight[2] / across];
     expect_close("M^-1 b of node 1", &triples(&passes.preconditioned[1..2]), &z, rounding);

@@ -1,4 +1,4 @@
-//! Number of iterations of conjugate gradients that stiff bodies take with the coarse level of the preconditioner
+//! Number of iterations of conjugate gradients that stiff bodies take with the coarse space of the preconditioner
 //! (whose unknowns are motions of aggregates, that is, blocks of nodes), from zero until the 2-norm of the recurrence's
 //! residual is 1e-4 of that of the right-hand side, under gravity and a load on ten nodes.
 
@@ -59,7 +59,7 @@ fn iterations(layer: Layer, dt: f32) -> usize {
     let (law, damping_mass, damping_stiffness) = (MaterialLaw::Corotational, 0.0, 0.0);
     let material = Material { law, young: 2e6, poisson: 0.45, density: 1e3, damping_mass, damping_stiffness };
     let body = layered(layer, material, DQuat::IDENTITY);
-    // The preconditioner is the default of scenes: these bodies are stiff enough to get a coarse level.
+    // The preconditioner is the default of scenes: these bodies are stiff enough to get a coarse space.
     let mut passes = Passes::new(System::at_rest(&[body], dt, Preconditioner::Auto));
     assert!(passes.coarse);
     load(&mut passes);

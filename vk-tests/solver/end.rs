@@ -91,7 +91,7 @@ fn verdicts_by_hand() {
     assert_eq!(
         (passes.state.newton_iterations, passes.state.retries),
         (2, 0),
-        "Newton iterations, and retries, which are counted anew"
+        "Newton iterations done, and retries, which are counted from zero in each iteration"
     );
     passes.conclude();
     assert_eq!((passes.report.verdict, granted(&passes)), (DONE, [groups, 1]));
@@ -119,7 +119,7 @@ fn the_gap_is_looked_for_where_a_loop_holds_the_tool() {
         assert_eq!(
             passes.args[3 * shaders::ARGS_GAP as usize],
             want,
-            "workgroups of wrench/gap; haptic loop {is_held}, inner product {worth}"
+            "workgroups requested for wrench/gap; haptic loop holds the tool (1: yes) {is_held}, inner product {worth}"
         );
     }
 }

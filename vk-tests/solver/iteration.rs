@@ -64,7 +64,7 @@ fn it_stops_where_it_should() {
         let (before, iterations) = (passes.state, passes.iterations);
         passes.update();
         let (status, state) = (passes.state.status, passes.state);
-        let words: Vec<usize> = (shaders::ARGS_LOOP_APPLY..=shaders::ARGS_LOOP_TOOL)
+        let words: Vec<usize> = (shaders::ARGS_LOOP_ELEMENT_PRODUCT..=shaders::ARGS_LOOP_TOOL)
             .map(|coarse_index| 3 * coarse_index as usize)
             .collect();
         for (i, word) in passes.args.iter().enumerate() {

@@ -210,8 +210,9 @@ fn cores_that_are_joined_are_inverted_as_one() {
     passes.assemble();
     passes.cores();
     let count = passes.rigids.len();
-    // For each core the sum of P^T D P over its attached nodes, with the nodes' blocks D as the kernel reads them and P
-    // from the core's twist to a node's velocity; ones stand in for motions that a hinge prevents.
+    // For each core the sum of P^T D P over its attached nodes. D is a node's diagonal block, which `inverse` holds for
+    // attached nodes, and P maps the core's twist to the node's velocity. Ones stand in for motions that a hinge
+    // prevents.
     let mut dense = Mat::<f64>::zeros(6 * count, 6 * count);
     for (index, rigid) in passes.rigids.iter().enumerate() {
         let turn = DQuat::from_array(passes.system.frames[rigid.frame as usize].rotation.map(f64::from));

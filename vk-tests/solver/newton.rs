@@ -185,7 +185,7 @@ fn contacts_push_or_are_dropped_between_linearisations_as_the_oracles() {
     let pressed = press(2e4, 0.01, place, &solver);
     let stone = "[[body.core]]\nname = \"stone\"\nmotion = \"dynamic\"\n\
                  bind = { box = [[-0.06, -0.04, -0.06], [0.0, 0.001, 0.06]] }\n";
-    // The preconditioner is Jacobi: with a coarse level, the residual's norm says less about errors of sliding parts.
+    // The preconditioner is Jacobi: with a coarse space, the residual's norm says less about errors of sliding parts.
     let thrown = |friction: f64, core: &str| {
         let text = crate::invariant::friction::thrown(5e4, friction, core);
         format!("[step]\ndt = 0.01\n{text}").replace("[solver]", "[solver]\npreconditioner = \"jacobi\"")
@@ -202,10 +202,12 @@ fn contacts_push_or_are_dropped_between_linearisations_as_the_oracles() {
         let errors = beside(&scene, steps, |_, _, _, report| {
             released += report.contacts.iter().filter(|c| !c.active).count();
         });
-        println!("{name}: errors {errors:?}; {released} contacts released");
+        println!(
+            "{name}: errors of force, torque, tool position and displacements {errors:?}; {released} contacts released"
+        );
         assert!(
             (released > 0) == releases && errors.shape < TOUCHED && errors.force < TOUCHED,
-            "{name}: errors {errors:?}; {released} contacts released"
+            "{name}: errors of force, torque, tool position and displacements {errors:?}; {released} contacts released"
         );
     }
 }
@@ -214,8 +216,8 @@ fn contacts_push_or_are_dropped_between_linearisations_as_the_oracles() {
 fn one_linearisation_records_what_it_did_before() {
     let passes = |newton: u32| open(&scene(&bar(newton, "", "dilatation = \"patch\"\n")), None).passes(10);
     let stages = |elastic: u32, solve: u32| vec![("elastic".to_string(), elastic), ("solve".to_string(), solve)];
-    // Elastic: one pass clears the flags, one is for elements, one for patches (F-bar). Solve: seven passes before ten
-    // iterations of four passes each, five after, and two for the coarse level.
+    // Stage elastic: one pass clears the flags, one is for elements, one for F-bar patches. Stage solve: seven passes
+    // come before ten iterations of four passes each, five come after, and two are for the coarse space.
     assert_eq!(passes(1), (stages(3, 54), 44));
     assert_eq!(passes(3), (stages(9, 80), 72));
 }

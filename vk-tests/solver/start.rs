@@ -1,5 +1,7 @@
 //! Kernels solve/first_residual, which inverts the tool's block, chooses the factor of the warm start and writes the
-//! loop's indirect arguments, and solve/first_iterate, which makes the first iterate.
+//! indirect arguments of the iteration loop, and solve/first_iterate, which makes the first iterate. The tool's block
+//! is the 6x6 diagonal block of the operator A for the motion of the tool; in "blocks of nodes", a block is the nodes
+//! that one workgroup owns.
 
 use palpate::internal::shaders;
 use palpate::internal::shaders::Iteration;
@@ -22,9 +24,9 @@ const INVERSE: f64 = 1.0e-4;
 /// Relative error of factors and norms: inner products through blocks inverted in f32.
 const FACTOR: f64 = 1.0e-4;
 
-/// Numbers of workgroups in x of the indirect dispatches from `ARGS_LOOP_APPLY` to `ARGS_GAP`.
+/// Numbers of workgroups in x of the indirect dispatches from `ARGS_LOOP_ELEMENT_PRODUCT` to `ARGS_GAP`.
 fn loop_groups(args: &[u32]) -> Vec<u32> {
-    (shaders::ARGS_LOOP_APPLY..=shaders::ARGS_GAP).map(|coarse_index| args[3 * coarse_index as usize]).collect()
+    (shaders::ARGS_LOOP_ELEMENT_PRODUCT..=shaders::ARGS_GAP).map(|args_index| args[3 * args_index as usize]).collect()
 }
 
 #[test]
@@ -43,16 +45,18 @@ fn the_warm_factor_and_the_arguments_by_hand() {
     assert_eq!(passes.iterations, [Iteration { gamma: 0.0, alpha: 0.0, count: 0 }; 2]);
     let tetrahedra = passes.tetrahedra().div_ceil(context().group_size() as usize) as u32;
     assert_eq!(loop_groups(&passes.args), [tetrahedra, 0, 0, 2, 0, 0, 0, 0, 0]);
-    for coarse_index in shaders::ARGS_LOOP_APPLY..=shaders::ARGS_GAP {
+    for args_index in shaders::ARGS_LOOP_ELEMENT_PRODUCT..=shaders::ARGS_GAP {
         assert_eq!(
-            passes.args[3 * coarse_index as usize + 1..][..2],
+            passes.args[3 * args_index as usize + 1..][..2],
             [1, 1],
-            "workgroups in y and z of dispatch {coarse_index}"
+            "workgroups in y and z of dispatch {args_index}"
         );
     }
-    let others =
-        [&passes.args[..3 * shaders::ARGS_LOOP_APPLY as usize], &passes.args[3 * shaders::ARGS_GAP as usize + 3..]]
-            .concat();
+    let others = [
+        &passes.args[..3 * shaders::ARGS_LOOP_ELEMENT_PRODUCT as usize],
+        &passes.args[3 * shaders::ARGS_GAP as usize + 3..],
+    ]
+    .concat();
     assert!(others.iter().all(|word| *word == UNTOUCHED), "indirect arguments of other stages must stay as they were");
 }
 
@@ -91,7 +95,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// M^-1 r over the oracle's unknowns, with the kernel's blocks of nodes and the oracle's block of the tool.
+/// M^-1 r over the oracle's unknowns, with the kernel's 3x3 blocks of nodes and the oracle's 6x6 block of the tool.
 fn preconditioned(passes: &Passes, inverse: &[Vec<f64>; 6], r: &[f64]) -> Vec<f64> {
     let places = passes.system.twin.unknowns();
     let mut z = vec![0.0; r.len()];
@@ -167,7 +171,7 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
             expect_close("tool's u", &tool_now.u[i..=i], &u[i..=i], Tolerance { abs: SUM * size, rel: 0.0 });
         }
         assert_eq!((tool_now.p, tool_now.s), ([0.0; 6], [0.0; 6]));
-        // The purpose of the factor: the first residual is never greater than without a warm start.
+        // The factor must make sure that the first residual is never greater than without a warm start.
         assert!(dot(&r, &preconditioned(&passes, &inverse, &r)) <= dot(&b, &zb) * (1.0 + FACTOR));
     }
 }
@@ -188,9 +192,9 @@ fn the_first_iterate_at_every_size() {
             passes.inverse = [field(), field()].concat();
             passes.state.warm_start = warm_start;
             if warm_start == 0.0 {
-                // Attached nodes, which are in no block, keep their zeros.
+                // Attached nodes are in no block and keep their zeros.
                 for (i, role) in passes.roles().iter().enumerate().filter(|(_, role)| role.is_some()) {
-                    assert_eq!(*role, Some(0), "role of the block of node {i}");
+                    assert_eq!(*role, Some(0), "role of the block that owns node {i} (0: block of free nodes)");
                     (passes.operator_product[i], passes.solution[i]) = ([f32::NAN; 4], [f32::NAN; 4]);
                 }
             }

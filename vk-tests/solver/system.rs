@@ -154,7 +154,7 @@ impl System {
         System::preconditioned(bodies, amplitude, seed, Preconditioner::Jacobi)
     }
 
-    /// A system like that of [`System::new`], with a coarse level for the bodies to which `preconditioner` gives one.
+    /// A system like that of [`System::new`], with a coarse space for the bodies to which `preconditioner` gives one.
     pub fn preconditioned(bodies: &[Body], amplitude: f64, seed: u64, preconditioner: Preconditioner) -> System {
         System::stepping(bodies, DT, amplitude, seed, preconditioner)
     }

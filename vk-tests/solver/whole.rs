@@ -35,7 +35,7 @@ fn expect_direct(what: &str, passes: &Passes) {
     }
 }
 
-/// Preconditioners without and with the coarse level.
+/// Preconditioners without and with the coarse space.
 const BOTH: [Preconditioner; 2] = [Preconditioner::Jacobi, Preconditioner::Coarse];
 
 fn system(bodies: &[Body], seed: u64, preconditioner: Preconditioner) -> System {
@@ -108,7 +108,7 @@ fn a_dynamic_core_and_what_hangs_on_it_are_one_system() {
 #[test]
 #[ignore = "long: 13 s"]
 fn bodies_of_every_kind_are_solved_with_a_coarse_level() {
-    // Among them are flat bodies and a body with two frames; last come two bodies of which one has a coarse level.
+    // The bodies include flat ones and one with two frames; last come two bodies of which one has a coarse space.
     for (what, bodies) in kinds() {
         let passes = solved(what, system(&bodies, 7, Preconditioner::Coarse));
         println!("{what}: {} iterations", passes.iterations_done());
@@ -179,7 +179,7 @@ fn pulled(with: Preconditioner) {
         let released: Vec<usize> = released.filter(|c| s.twin_contacts[*c].stiffness > 0.0).collect();
         assert!(
             released.is_empty(),
-            "kernels and oracle release contacts {released:?} differently; {} push",
+            "contacts {released:?} are released by the kernels or by the oracle alone; {} contacts push",
             (0..12).filter(active).count()
         );
         passes.commit();
@@ -198,5 +198,5 @@ fn pulled(with: Preconditioner) {
         expect_of_largest("force", &passes.report.force, &wrench.force.to_array(), 10.0 * SOLUTION);
         expect_of_largest("torque", &passes.report.torque, &wrench.torque.to_array(), 10.0 * SOLUTION);
     }
-    assert!(compared >= 4, "only {compared} steps were solved twice and compared");
+    assert!(compared >= 4, "only {compared} steps that were solved twice are compared, expected at least 4");
 }

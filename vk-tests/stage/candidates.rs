@@ -1,7 +1,7 @@
 //! Kernel contact/candidates, which decides for each skin vertex whether it collides and how deep, on made-up lists of
 //! ray hits. The nearest hit on a vertex's ray decides, depths in several contact patches of a pair of bodies (places
-//! that touch along one normal) are blended, and flags and pushes (for the next step's normals) are written. Results
-//! are compared with f64.
+//! that touch along one normal) are blended, and flags and pushes (depth times area times normal, from which the next
+//! step's normals are found) are written. Results are compared with f64.
 
 use glam::{DMat3, DVec3};
 use palpate::internal::shaders;
@@ -29,7 +29,8 @@ const FIRST_PROXY_PAIR: u32 = 10;
 /// A ray hit: its depth, m, and whether it is on the front of a triangle.
 type RayHit = (f64, bool);
 
-/// A ray hit with its triangle: triangle, depth, front, and slot (place in the pair) of the opposing collision proxy.
+/// A ray hit with its triangle: triangle, depth, front, and index of the opposing collision proxy in the pair of
+/// bodies.
 type Made = (u32, f64, bool, u32);
 
 /// Skin vertices of one side of the pair (0: body a, 1: body b) with the hits on their rays in each contact patch, and
@@ -51,8 +52,9 @@ fn wide(x: &[f32]) -> DVec3 {
 }
 
 impl Given {
-    /// A pair of bodies with contact patches of these normals, and no vertices yet. The pair has two slots (collision
-    /// proxies that take part in it) of body a, then two of b; vertices will lie in the second slot of their side.
+    /// A pair of bodies with contact patches of these normals, and no vertices yet. The pair has two pair proxies
+    /// (collision proxies that take part in it) of body a, then two of b; vertices will lie in the second one of their
+    /// side.
     fn new(side: u32, normals: &[DVec3]) -> Given {
         let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, glam::DQuat::IDENTITY);
         let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
@@ -157,7 +159,7 @@ impl Given {
         };
         flow.active_chunks = (0..chunks).map(entry).collect();
         flow.work_items = (0..chunks * each).map(|i| [i / each, i % each]).collect();
-        // Chunks of the other side, one for each slot, are listed behind those that the kernel works on.
+        // Chunks of the other side, one for each pair proxy, are listed behind those that the kernel works on.
         let opposing = flow.work_items.len() as u32;
         for other in 0..4 {
             flow.work_items.push([flow.active_chunks.len() as u32, 0]);
@@ -230,7 +232,7 @@ impl Given {
             assert_eq!(
                 flow.pushes[v][3].to_bits(),
                 FIRST_PROXY_PAIR + 2 * pair_proxies[0] + pair_proxies[1],
-                "{what}: pair of collision proxies"
+                "{what}: index of the pair of collision proxies"
             );
             found += 1;
             blended += usize::from(seen.len() > 1 && (normal - strongest.2).length() > 1e-3);

@@ -1,8 +1,8 @@
 //! Kernel cull/chunks, which finds the box of each chunk (group of at most 64 skin vertices) along the axes of a
 //! contact patch (place where a pair of bodies may touch along one normal) and writes the min-max depth grid, and
 //! cull/meet, which lists the chunks that may reach the other body. No chunk that may touch may be lost, and chunks
-//! that cannot touch must be left out. A slot is a collision proxy in a pair of bodies; a side is body a or b of the
-//! pair.
+//! that cannot touch must be left out. A pair proxy is a collision proxy in a pair of bodies; a side is body a or b of
+//! the pair.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::Size;
@@ -47,8 +47,8 @@ fn contact_patch(normal: DVec3, half: f32) -> ContactPatch {
     }
 }
 
-/// Two soft balls whose nodes are displaced by up to `size` (m) along each axis. Every slot takes part in each of the
-/// patches, and the slots' boxes are so large that all chunks may meet the other side.
+/// Two soft balls whose nodes are displaced by up to `size` (m) along each axis. Every pair proxy takes part in each of
+/// the patches, and their boxes are so large that all chunks may meet the other side.
 fn shaken(size: f64, contact_patches: &[ContactPatch], random: &mut Random) -> Flow {
     let mut place = || (0.1 * random.vector(), random.turn(3.0));
     let ((x, q), (y, p)) = (place(), place());
@@ -187,7 +187,8 @@ fn no_skin_leaves_its_chunk_s_slab_or_passes_the_field() {
 fn chunks_beside_the_column_or_in_front_of_all_boxes_are_left_out() {
     let mut random = Random(82);
     let mut flow = shaken(0.003, &[contact_patch(DVec3::Z, 0.05)], &mut random);
-    // All slots of a have boxes between heights 0 and 0.1; of b only the first slot takes part, with a box above 0.02.
+    // All pair proxies of a have boxes between heights 0 and 0.1; of b only the first takes part, with a box above
+    // 0.02.
     let pair_proxies = flow.model.pair_proxies.clone();
     for (pair_proxy, given) in pair_proxies.iter().zip(flow.boxes.chunks_mut(PAIR_PATCHES)) {
         let (low, high) = if pair_proxy.side == 0 { (0.0, 0.1) } else { (0.02, 9.0) };
@@ -212,7 +213,7 @@ fn chunks_beside_the_column_or_in_front_of_all_boxes_are_left_out() {
             // Each chunk that might touch must be kept.
             assert!(
                 !is_open || beside || in_front || found == 1,
-                "slot {s}, chunk {k} may touch but is left out: box from {low} to {high} m"
+                "pair proxy {s}, chunk {k} may touch but is left out: box from {low} to {high} m"
             );
             let side = pair_proxy.side as usize;
             kept[side] += usize::from(found == 1);
@@ -261,7 +262,7 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
     assert!(totals[0] > 0 && totals[0] < totals[1], "chunks kept, and all chunks: {totals:?}");
 }
 
-/// Kernel cull/meet on chunks of three slots with random flat slabs, against random min-max depth grids.
+/// Kernel cull/meet on chunks of three pair proxies with random flat slabs, against random min-max depth grids.
 #[test]
 fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
     let mut random = Random(84);
@@ -334,17 +335,17 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
             assert_eq!(
                 counts[s],
                 [want.len() as u32, work_items],
-                "{count} chunks, slot {s}: numbers of chunks and of work items"
+                "{count} chunks, pair proxy {s}: numbers of chunks and of work items"
             );
             assert_eq!(
                 listed[pair_proxy.chunk_first as usize..][..want.len()],
                 want,
-                "{count} chunks, slot {s}: listed chunks"
+                "{count} chunks, pair proxy {s}: listed chunks"
             );
         }
         assert!(
             count < 300 || (dropped > 300 && counts[0][0] > 50),
-            "{dropped} chunks dropped; chunks and work items left by slot: {counts:?}"
+            "{dropped} chunks dropped; chunks and work items left by pair proxy: {counts:?}"
         );
     }
 }

@@ -322,13 +322,16 @@ fn more_contacts_than_fit_are_flagged() {
     let all = run(None);
     let found = all.counts.contacts as usize;
     let colliding: Vec<u32> = (0..all.hits.len()).filter(|i| all.hits[*i][0] > 0.0).map(|i| i as u32).collect();
-    assert!(found > 200 && all.source[..found] == colliding, "{found} contacts");
+    assert!(
+        found > 200 && all.source[..found] == colliding,
+        "{found} contacts, expected more than 200 and exactly the colliding vertices"
+    );
     let group = context().group_size() as usize;
     for capacity in [1, 64, found - 1, found, found + 1] {
         let mut flow = run(Some(capacity));
         let (kept, fits) = (found.min(capacity), found <= capacity);
         let words = [shaders::ARGS_CONTACTS, shaders::ARGS_DEEPEST]
-            .map(|pair_proxy| flow.args[3 * pair_proxy as usize] as usize);
+            .map(|args_index| flow.args[3 * args_index as usize] as usize);
         assert_eq!(flow.counts.contacts as usize, kept);
         assert_eq!(words, [kept.div_ceil(group), usize::from(!fits)]);
         assert_eq!(

@@ -1,6 +1,6 @@
 //! Kernel cull/contact_patches, which finds the contact patches of a pair of bodies (places that may touch along one
-//! normal), their rectangles, and the slots (a collision proxy in a pair) that take part. A side is body a or b of the
-//! pair.
+//! normal), their rectangles, and the pair proxies (collision proxies of the two bodies) that take part. A side is body
+//! a or b of the pair.
 
 use bytemuck::Zeroable;
 use glam::DVec3;
@@ -24,8 +24,8 @@ const REGION_OVERFLOW: u32 = 2;
 const INFLATION: f32 = 0.03;
 const HALF: f64 = 0.2;
 
-/// Cubes as collision proxies, those of body a before those of b; for each pair of proxies the direction with its
-/// weight, and the push.
+/// Cubes as collision proxies, those of body a before those of b. Each pair of proxies has a direction with its weight,
+/// and a push: the sum of depth times area times normal over its contacts in the last step.
 struct Given {
     places: Vec<DVec3>,
     pair: Pair,
@@ -107,8 +107,8 @@ impl Given {
 }
 
 /// Checks what holds for any answer: axes are orthonormal, boxes hold the inflated hulls, a patch's rectangle is what
-/// its members (slots that belong to the patch) of both sides cover in common, shares sum to one, min-max depth grids
-/// are cleared, and the slots in a rectangle are active. Returns the number of patches.
+/// its members (pair proxies that belong to the patch) of both sides cover in common, shares sum to one, min-max depth
+/// grids are cleared, and the pair proxies in a rectangle are active. Returns the number of patches.
 fn check(given: &Given, out: &Outcome) -> usize {
     let (contact_patches, boxes): (Vec<ContactPatch>, Vec<Box3>) = (out.get("contact_patches"), out.get("boxes"));
     let (shares, bits): (Vec<f32>, Vec<u32>) = (out.get("shares"), out.get("proxy_patches"));
@@ -139,7 +139,7 @@ fn check(given: &Given, out: &Outcome) -> usize {
                 let got = boxes[p * PAIR_PATCHES + r].map(wide);
                 assert!(
                     (low - got[0]).min_element() > -2e-6 && (got[1] - high).min_element() > -2e-6,
-                    "box of slot {p}"
+                    "box of pair proxy {p}"
                 );
                 if members.contains(&p) {
                     expect_close("box", &boxes[p * PAIR_PATCHES + r][0], &low.to_array(), PLACED);
@@ -163,15 +163,18 @@ fn check(given: &Given, out: &Outcome) -> usize {
         let own = &shares[PAIR_PATCHES * s..][..PAIR_PATCHES];
         let sum: f32 = own.iter().sum();
         let member = bits[s] >> PAIR_PATCHES != 0;
-        // In a patch of which it is no member, the slot's share is at most (s - 0.1) / 20, where s is the patch's share
-        // of the strength of all patches.
+        // In a patch of which it is no member, the pair proxy's share is at most (s - 0.1) / 20, where s is the patch's
+        // share of the strength of all patches.
         for r in (0..live).filter(|r| bits[s] >> (PAIR_PATCHES + r) & 1 == 0) {
             let strength = contact_patches[r].weight
                 / contact_patches.iter().map(|contact_patch| contact_patch.weight).sum::<f32>();
-            assert!(own[r] <= 0.05 * (strength - 0.1).max(0.0) + 1e-6, "slot {s}, contact patch {r}: shares {own:?}");
+            assert!(
+                own[r] <= 0.05 * (strength - 0.1).max(0.0) + 1e-6,
+                "pair proxy {s}, contact patch {r}: shares {own:?}"
+            );
         }
         // A member's shares in its own patches sum to one; its shares in other patches come on top.
-        assert!(if member { sum > 0.998 && sum < 1.052 } else { sum <= 0.05 }, "slot {s}: shares {own:?}");
+        assert!(if member { sum > 0.998 && sum < 1.052 } else { sum <= 0.05 }, "pair proxy {s}: shares {own:?}");
         assert!(own[live..].iter().all(|share| *share == 0.0));
     }
     let mut active: Vec<u32> = out.get("active_pair_proxies");

@@ -1,5 +1,6 @@
 //! Kernels cull/pairs, which lists the pairs of collision proxies (convex hulls) that may touch, and cull/direction,
-//! which finds the normal that separates a pair best and sums the pushes of the pair's contacts in the last step.
+//! which finds the normal that separates a pair best and sums the pushes (depth times area times normal) of the pair's
+//! contacts in the last step.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};

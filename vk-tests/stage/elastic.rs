@@ -14,14 +14,16 @@ use crate::harness::random::Random;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
 use crate::solver::system::{DT, System, layered, material};
 
-/// Error of a rotation, rad. The deformation gradient F is known to 1e-7 in f32, the polar rotation magnifies that by
-/// one over the sum of the two least singular values (above 0.2 here), and the iteration ends within 1e-7 of its limit.
+/// Error of a rotation, rad. The deformation gradient F is known to 1e-7 in f32, the polar rotation magnifies this
+/// error by one over the sum of the two least singular values (above 0.2 here), and the iteration ends within 1e-7 of
+/// its limit.
 const ANGLE: f64 = 2.0e-6;
-/// Error of an inverted tetrahedron's rotation from a cold start, rad: each of 40 rounds leaves up to 0.85 of the
-/// error, and in tetrahedra that start nearly half a turn away the error hardly falls in the first rounds.
+/// Error of an inverted tetrahedron's rotation from a cold start, rad: each of 40 iterations leaves up to 0.85 of the
+/// error, and in tetrahedra that start nearly half a turn away the error hardly falls in the first iterations.
 const INVERTED_FROM_AFAR: f64 = 5.0e-2;
-/// Error up to which a rotation counts as found, rad: the turn in a round below which the kernel counts as converged,
-/// divided by the share of the error that the slowest rounds here remove.
+/// Error up to which a rotation counts as found, rad. The kernel counts a rotation as converged where an iteration
+/// turns it by less than a bound; this is that bound, divided by the share of the error that the slowest iterations
+/// here remove.
 const FOUND: f64 = 2.0e-3;
 /// Error of gradients relative to the largest value: they are a dozen roundings away from the input.
 const GRADIENT: f64 = 1.0e-6;
@@ -259,8 +261,8 @@ fn far_rotations_are_found_from_a_cold_and_a_warm_start() {
 #[test]
 fn inverted_tetrahedra_keep_proper_rotations() {
     // elastic/element_forces where det F < 0: the rotation is the proper one, which flips the direction of least
-    // stretch. With singular values s1 >= s2 >= s3 a round leaves s1 / (s1 + s2 + s3) of the error, here up to 0.85:
-    // the first step comes near the rotation, and a few more steps reach it.
+    // stretch. With singular values s1 >= s2 >= s3 an iteration leaves s1 / (s1 + s2 + s3) of the error, here up to
+    // 0.85: the first step comes near the rotation, and a few more steps reach it.
     let mut system = deformed(500, 13, |random| {
         let turn = random.turn(2.5);
         stretched(turn, -0.35 + 0.25 * random.next(), random)
@@ -301,8 +303,8 @@ fn one_that_is_inside_out_raises_a_flag_beside_others() {
 
 #[test]
 fn a_rotation_that_is_not_found_raises_a_flag_until_it_is() {
-    // elastic/element_forces on tetrahedra pressed to needles and turned: a round leaves 0.987 of the error of the turn
-    // about the needle.
+    // elastic/element_forces on tetrahedra pressed to needles and turned: an iteration leaves 0.987 of the error of the
+    // turn about the needle.
     let mut system = deformed(100, 29, |random| {
         let axes = DMat3::from_quat(random.turn(2.5));
         let turn = DMat3::from_quat(DQuat::from_scaled_axis(0.5 * random.vector()));

@@ -1,5 +1,6 @@
-//! Kernel wrench/gap, which finds the shortest vector (a way) from the tool to the skins (surface meshes) at the end of
-//! a step, against every point and triangle in f64, and the gap that is reported to the haptic loop.
+//! Tests of kernel wrench/gap and of the gap that the haptic loop is given. The kernel finds the shortest vector (a way)
+//! from the tool to the skins (surface meshes) at the end of a step; it is compared with a search over every point and
+//! triangle in f64.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -19,16 +20,17 @@ use crate::stage::flow::{Flow, fours, some};
 const RADIUS: f64 = 0.01;
 /// Error of a way, m: positions of a tenth of a metre after some ten operations in f32.
 const CLOSE: f64 = 2.0e-7;
-/// The length that stands for no way, m.
+/// The length that the kernel reports where it met no way, m.
 const FAR: f32 = 3.0e38;
 /// Greatest number of chunks (groups of skin vertices and triangles) in a part of a skin, which one workgroup handles.
 const SHARE: u32 = 8;
 
-/// Inputs of wrench/gap besides the flow's arrays; the tool is the flow's last body.
+/// Inputs of wrench/gap. [`Flow`] holds the arrays of the stages before it for some bodies; the last body is the tool.
 struct Given {
     flow: Flow,
     parts: Vec<SkinPart>,
-    /// Changes of the twists of the cores, then of the tool, in the second set of iterates, which is the newest.
+    /// Changes of the twists of the rigid cores, then of the tool. They are put into the second of the solver's two sets
+    /// of iterates, which the test marks as the newest.
     changes: Vec<[f32; 6]>,
     is_round: bool,
     /// Radius of a ball about the tool's centre that holds the tool, m.
@@ -503,7 +505,7 @@ mod told {
             tool.position
         );
         assert!(gap.normal.distance(normal.normalize()) < 1e-5, "{gap:?}, expected a normal along {normal}");
-        // The stiffness is that of the ring along which the sphere touches in its first millimetre.
+        // The expected stiffness is that of the area over which the sphere overlaps a plane by its first millimetre.
         let stiffness = STIFFNESS * 2.0 * std::f64::consts::PI * RADIUS * 1e-3;
         assert!((gap.stiffness / stiffness - 1.0).abs() < 1e-6, "wrong stiffness: {gap:?}");
         assert_eq!((wrench.wrench.force, wrench.pressing), (DVec3::ZERO, 0.0));
@@ -514,7 +516,7 @@ mod told {
         let sphere = format!("sphere = {RADIUS:?}");
         let mut simulation = opened(&block("motion = \"fixed\""), &sphere);
         expect(&mut simulation, at(0.0, 0.015, 0.0), DVec3::Y, 0.005);
-        // Next to an edge and next to a corner, the nearest point lies on it.
+        // Where the sphere is next to an edge or a corner of the block, the nearest point lies on that edge or corner.
         expect(&mut simulation, at(0.05, 0.012, 0.001), DVec3::new(0.01, 0.012, 0.0), 0.01f64.hypot(0.012) - RADIUS);
         let corner = DVec3::new(0.01, 0.012, -0.008);
         expect(&mut simulation, at(0.05, 0.012, -0.048), corner, corner.length() - RADIUS);
@@ -542,7 +544,7 @@ mod told {
         let normal = DVec3::new(0.0, 0.8, 0.6);
         expect(&mut simulation, at(0.3, 0.01, 0.005), normal, 0.8 * 0.01 + 0.6 * 0.005 + 0.02 - RADIUS);
         assert_eq!(step(&mut simulation, at(0.0, 0.1, 0.0)).gap, None);
-        // Of two bodies, the nearer one counts.
+        // If there are two bodies, the gap is that to the nearer one.
         let mut simulation = opened(&format!("{}{FLOOR}", block("motion = \"fixed\"")), &sphere);
         expect(&mut simulation, at(0.0, 0.012, 0.0), DVec3::Y, 0.002);
         expect(&mut simulation, at(0.0, 0.015, -0.03), normal, 0.8 * 0.015 - 0.6 * 0.03 + 0.02 - RADIUS);

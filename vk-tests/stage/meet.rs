@@ -1,6 +1,6 @@
-//! Kernel cull/meet, which joins the lists of chunks (groups of up to 64 skin vertices) of all slots (a collision proxy
-//! in a pair of bodies) into one, in the order of slots, and flags what does not fit. A work item is a chunk in a
-//! contact patch.
+//! Kernel cull/meet, which joins the lists of chunks (groups of up to 64 skin vertices) of all pair proxies (a pair
+//! proxy is a collision proxy in a pair of bodies) into one, in the order of pair proxies, and flags what does not fit.
+//! A work item is a chunk in a contact patch.
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
@@ -29,7 +29,7 @@ fn lists_of_slots_are_joined_in_order() {
                 chunks.push([mask, NONE]);
                 work_items += mask.count_ones();
             }
-            // Each slot has room in the list that is not used.
+            // Each pair proxy has room for one more chunk than it lists.
             chunks.push([NONE; 2]);
             proxies.push(Proxy {
                 chunk_first: random.below(5000) as u32,

@@ -63,7 +63,10 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
         );
     }
     println!("{name}: up to {contacts} contacts and {force:.2} N, identical on both paths");
-    assert!(contacts > 20 && force > 0.1, "{name}: {contacts} contacts, {force} N");
+    assert!(
+        contacts > 20 && force > 0.1,
+        "{name}: {contacts} contacts, expected more than 20; force {force} N, expected more than 0.1 N"
+    );
 }
 
 #[test]

@@ -135,14 +135,14 @@ fn a_quarter_turn_by_hand() {
     expect_close("inflation", &[bounds[0].inflation, bounds[1].inflation], &[1.01, 0.01], BOUND);
     assert_eq!(out.get::<Counts>("counts"), [Counts { last_contacts: LAST.contacts, ..Counts::default() }]);
     assert_eq!(out.get::<u32>("buckets"), [NONE; BUCKETS as usize]);
-    let pair_proxies: Vec<u32> = out.get("args");
-    for pair_proxy in 0..shaders::ARGS_LOOP_APPLY {
-        assert_eq!(pair_proxies[3 * pair_proxy as usize..][..3], [0, 1, 1], "indirect argument {pair_proxy}");
+    let args: Vec<u32> = out.get("args");
+    for args_index in 0..shaders::ARGS_LOOP_ELEMENT_PRODUCT {
+        assert_eq!(args[3 * args_index as usize..][..3], [0, 1, 1], "indirect argument {args_index}");
     }
     let instances = 3 * shaders::ARGS_DRAW as usize + 1;
-    assert_eq!(pair_proxies[instances], 0, "number of instances to draw");
-    let mut others = (3 * shaders::ARGS_LOOP_APPLY as usize..ARGS_WORDS).filter(|word| *word != instances);
-    assert!(others.all(|word| pair_proxies[word] == 77), "the solver's indirect arguments must not be cleared");
+    assert_eq!(args[instances], 0, "number of instances to draw");
+    let mut others = (3 * shaders::ARGS_LOOP_ELEMENT_PRODUCT as usize..ARGS_WORDS).filter(|word| *word != instances);
+    assert!(others.all(|word| args[word] == 77), "the solver's indirect arguments must not be cleared");
 }
 
 /// The displacement, in another frame, of a node that is displaced by `d` from its place at rest `r` in its own frame.

@@ -181,7 +181,10 @@ fn check_hash_entries(flow: &Flow) -> usize {
     );
     let buckets: BTreeSet<_> = listed.values().collect();
     let (squares, lists) = (cells.len(), buckets.len());
-    assert!(lists * 2 > squares.min(flow.bucket_count as usize), "{squares} cells, {lists} lists");
+    assert!(
+        lists * 2 > squares.min(flow.bucket_count as usize),
+        "{squares} cells have vertices, in {lists} lists: expected more than half of the cells, or of all buckets"
+    );
     listed.len()
 }
 

@@ -124,10 +124,10 @@ fn friction_of_soft_rigid_and_kinematic_skins() {
         rubbing += usize::from(got.friction > 0.0);
         let pair = &flow.pairs[got.side as usize / 2];
         kinematic += usize::from(pair.kinematic_frame != [NONE; 2]);
-        // Without friction these two are zero, and the rest is the same.
+        // Without friction, coefficient and slip are zero, and all else is equal.
         assert_eq!((was.friction, was.slip), (0.0, [0.0; 3]));
         assert_eq!((was.normal, was.area, was.depth, was.quads), (got.normal, got.area, got.depth, got.quads));
     }
-    println!("contacts with friction: {rubbing}, of them {tool} on the tool, {kinematic} on kinematic frames");
+    println!("{rubbing} contacts with friction; {tool} contacts on the tool, {kinematic} on kinematic frames");
     assert!(rubbing > 40 && rubbing < frictionless.len() && tool > 20 && kinematic > 20);
 }

@@ -1,5 +1,6 @@
-//! Kernel contact/sort: from lists of contact entries at each node, in any order, it makes an index with each node's
-//! entries in a fixed order.
+//! Tests of kernel contact/sort. An entry is a pair (node, weight) of a contact; a contact has up to four groups of four
+//! entries. The kernel is given, for each node, linked lists of the entries that name it, in any order, and writes them
+//! node after node into one array, where each node's entries are in a fixed order.
 
 use std::collections::BTreeMap;
 
@@ -67,7 +68,7 @@ fn made_up(n: usize, nodes: u32, random: &mut Random) -> Flow {
     flow.contacts = (0..n).map(|_| Contact { quads: pick(5), ..Contact::zeroed() }).collect();
     flow.entry_nodes = (0..4 * n).map(|_| [(); 4].map(|()| pick(nodes))).collect();
     flow.entry_weights = (0..4 * n).map(|_| [(); 4].map(|()| pick(5) as f32 * 0.25)).collect();
-    // Quads that a contact does not use are left from an earlier step.
+    // Groups of four entries that a contact does not use hold values of an earlier step.
     for (c, contact) in flow.contacts.iter().enumerate() {
         for quad in 4 * c + contact.quads as usize..4 * c + 4 {
             (flow.entry_nodes[quad], flow.entry_weights[quad]) = ([NONE; 4], [9.0; 4]);
@@ -78,7 +79,7 @@ fn made_up(n: usize, nodes: u32, random: &mut Random) -> Flow {
     flow
 }
 
-/// Puts entries on the lists of their nodes, with the contacts, and the touched nodes, in random order.
+/// Makes the linked lists of each node's entries, taking the contacts in random order, and shuffles the touched nodes.
 fn list(flow: &mut Flow, nodes: usize, random: &mut Random) {
     flow.forget_entries(nodes);
     let lists = context().reduce_size() as usize;
@@ -142,8 +143,8 @@ fn the_crowd_s_contacts_are_indexed_whole() {
     assert!(check(&flow) > 800, "only {} entries", flow.counts.entries);
 }
 
-/// The entries of a node lie as far apart as the capacity allows: in more than one of the windows of 65,536 entries
-/// that contact/sort looks at. Where a driver leaves loops early, that must be flagged.
+/// The entries of one node are spread over the whole array of entries, so that they lie in more than one of the windows
+/// of 65,536 entries that contact/sort treats at a time. A driver that ends loops early must cause a flag.
 #[test]
 fn runs_longer_than_a_window_are_in_order() {
     for (n, stride) in [(10_000, 1), (10_000, 2_500), (4_097, 4_096), (32_768, 1)] {

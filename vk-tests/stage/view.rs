@@ -243,7 +243,7 @@ fn expect_shaded(what: &str, view: &View, material: &Material, depths: &[f32], f
             let share = face.shares(at);
             let x = mix(share, face.positions);
             let value: f64 = (0..3).map(|k| share[k] * face.values[k]).sum();
-            // Pixels at which rounding decides between two colours of the scale are not compared.
+            // Pixels at which rounding decides between two colours of the colour scale are not compared.
             let step = 255.0 * (value - f64::from(material.low)) / f64::from(material.high - material.low) + 0.5;
             if !at_vertices && face.values[0] != face.values[1] && (step - step.round()).abs() < 0.01 {
                 continue;
@@ -271,7 +271,7 @@ fn surfaces_are_shaded_as_in_f64() {
     let mut random = Random(23);
     for case in 0..6 {
         let plain = Material { low: 2.0, high: 12.0, ..Material::body(case) };
-        // Values below the scale, low and high on it, and above it; none is half-way between two colours.
+        // Values below the colour scale, low and high on it, and above it; none is half-way between two colours.
         for (what, value) in [("below", 1.0), ("a little", 2.1), ("some", 5.3), ("much", 10.7), ("beyond", 20.0)] {
             for more in [0, flags::EVEN] {
                 let face = Face::new(&mut random, [value; 3]);
@@ -284,7 +284,7 @@ fn surfaces_are_shaded_as_in_f64() {
         let face = Face::new(&mut random, [7.0; 3]);
         for number in [0.0, 3.0, 255.0, 258.0] {
             let face = Face { values: [number; 3], ..Face::new(&mut random, [0.0; 3]) };
-            expect_shaded("coloured by number", &view(&mut random), &plain.with(flags::NUMBERED), &OPEN, &face);
+            expect_shaded("coloured by a whole number", &view(&mut random), &plain.with(flags::NUMBERED), &OPEN, &face);
         }
         for (what, material) in [
             ("plain", plain),

@@ -18,7 +18,7 @@ use series::{Series, series_of};
 /// A time may grow by this share beyond the spread of both results: on a busy machine the times of one program differ
 /// by as much.
 const ALLOWED: f64 = 0.10;
-/// An error may grow by this share: it is the same bit for bit on one GPU device, but not on another.
+/// An error may grow by this share: on one GPU device it is the same in every run, bit for bit, but devices differ.
 const ALLOWED_ERROR: f64 = 0.10;
 /// Errors below this are rounding.
 const ROUNDING: f64 = 1e-6;
@@ -56,7 +56,7 @@ pub struct Comparison {
     /// New value over old. For a time these are three ratios, divided by the machine's own change of speed: the fastest
     /// new round over the slowest old one, the medians, the slowest new round over the fastest old one.
     pub ratio: [f64; 3],
-    /// The verdict on the ratio: worse only if even its first entry exceeds 1 by more than is allowed.
+    /// The verdict on the ratio: worse only if even the least of the three ratios exceeds 1 by more than is allowed.
     pub verdict: Verdict,
 }
 

@@ -4,15 +4,15 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Length of the array: 4 MB, more than a core's own cache holds.
+/// Length of the array: 4 MB, more than the own cache of a CPU core holds.
 const NUMBERS: usize = 1 << 19;
 /// Number of passes over the array in one sample.
 const ROUNDS: usize = 4;
 /// Number of samples.
 const SAMPLES: usize = 15;
 
-/// Times of the fixed work, us, one for each sample: multiplications and additions along an array that is larger than a
-/// core's own cache.
+/// Times of the fixed work, us, one for each sample: multiplications and additions along an array that is larger than
+/// the own cache of a CPU core.
 pub fn gauge() -> Vec<f64> {
     let mut numbers = vec![1.0f64; NUMBERS];
     let mut sample = || {

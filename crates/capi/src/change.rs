@@ -129,10 +129,10 @@ pub unsafe extern "C" fn palpate_material_get(
 }
 
 /// Replaces a material of a soft body from the next step on; `index` counts as in `palpate_material_get`. No body is
-/// prepared again, and no GPU commands are recorded again. The choice whether the solver's preconditioner has a coarse
-/// space (second level) for the body stays as the simulation was made. PALPATE_STATUS_ARGUMENT: there is no such
-/// material, a value is out of range, or the body has several materials and the new density would move its centre of
-/// mass.
+/// prepared again, and no GPU commands are recorded again. Whether the solver's preconditioner has a coarse space
+/// (second level) for the body stays as it was decided when the simulation was made. PALPATE_STATUS_ARGUMENT: there is
+/// no such material, a value is out of range, or the body has several materials and the new density would move its
+/// centre of mass.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_material_set(
     simulation: *mut palpate_simulation,

@@ -28,8 +28,8 @@ pub struct Press {
 }
 
 impl Press {
-    /// A press along z towards the deepest node, where there is most body behind the skin; `depths` are the nodes'
-    /// depths below the skin, m.
+    /// A press along z towards the node that lies deepest below the skin, where the body is thickest; `depths` are the
+    /// nodes' depths below the skin, m.
     pub fn into(skin: &Skin, layer: &Layer, depths: &[f64]) -> Press {
         let points = || skin.vertices.iter().copied();
         let low = points().fold(DVec3::INFINITY, DVec3::min);

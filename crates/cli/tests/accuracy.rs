@@ -24,9 +24,9 @@ fn measure(name: &str, settings: &Settings) -> Curve {
     let mut told = Vec::new();
     let curve = accuracy::measure(name, settings, &mut |what: &str| told.push(what.to_string())).unwrap();
     assert!(told.iter().all(|what| what.starts_with(&format!("{name}: "))) && !told.is_empty(), "progress: {told:?}");
-    assert!(curve.name == name && curve.points.len() >= 6, "{curve:?}");
+    assert!(curve.name == name && curve.points.len() >= 6, "curve: {curve:?}");
     for point in &curve.points {
-        assert!(point.step_us.len() == settings.rounds && point.step_ms() > 0.0, "{point:?}");
+        assert!(point.step_us.len() == settings.rounds && point.step_ms() > 0.0, "point of the curve: {point:?}");
     }
     let text = accuracy::section(&curve).unwrap();
     assert!(text.plot.is_some() && !text.finding.is_empty() && text.table.rows.len() == curve.points.len());
@@ -46,12 +46,12 @@ fn forces_of_tight_solves_are_the_references_and_of_loose_ones_are_not() {
     assert!(curve.decades() > 2.0, "errors span only {} powers of ten", curve.decades());
     for line in curve.lines() {
         let [loose, .., tight] = &line.points[..] else { panic!("{line:?}") };
-        assert!(loose.error().unwrap() > 20.0 * tight.error().unwrap(), "{line:?}");
-        assert!(tight.iterations > loose.iterations && tight.flags.is_empty(), "{line:?}");
+        assert!(loose.error().unwrap() > 20.0 * tight.error().unwrap(), "line of the curve: {line:?}");
+        assert!(tight.iterations > loose.iterations && tight.flags.is_empty(), "line of the curve: {line:?}");
     }
     let curve = measure("iterations", &tiny());
     let [first, .., last] = &curve.lines()[1].points[..] else { panic!("{curve:?}") };
-    assert!(first.flags == ["not_converged"] && last.flags.is_empty() && curve.is_within(), "{curve:?}");
+    assert!(first.flags == ["not_converged"] && last.flags.is_empty() && curve.is_within(), "curve: {curve:?}");
 }
 
 #[test]
@@ -61,7 +61,7 @@ fn shorter_steps_and_more_linearisations_are_more_accurate() {
     let errors: Vec<f64> = curve.points.iter().map(|point| point.error().unwrap()).collect();
     assert!(errors.len() == 6 && errors[0] > 5.0 * errors[5], "errors, longest time step first: {errors:?}");
     let curve = measure("newton", &tiny());
-    assert!(curve.is_within() && curve.decades() > 2.0, "{curve:?}");
+    assert!(curve.is_within() && curve.decades() > 2.0, "curve: {curve:?}");
     for line in curve.lines() {
         let (share, _) = line.share().unwrap();
         assert!(share > 0.02 && share < 0.5, "{}: an iteration leaves the share {share} of the error", line.title());
@@ -73,8 +73,8 @@ fn shorter_steps_and_more_linearisations_are_more_accurate() {
 fn single_precision_loses_little_of_the_force_wherever_it_is() {
     // With fewer steps the shortest run would touch nothing.
     let curve = measure("precision", &Settings { steps: 50, ..tiny() });
-    assert!(curve.is_within() && curve.lines().len() == 2, "{curve:?}");
-    assert!(curve.points.iter().all(|point| point.error().is_some()), "{curve:?}");
+    assert!(curve.is_within() && curve.lines().len() == 2, "curve: {curve:?}");
+    assert!(curve.points.iter().all(|point| point.error().is_some()), "curve: {curve:?}");
 }
 
 #[test]
@@ -101,13 +101,13 @@ fn a_wrong_sign_in_a_kernel_turns_the_verdict_red() {
     let bytes = spoil::spoiled("solve/assemble", "b -= f * n;", "b += f * n;");
     let curve = measure("tolerance", &Settings { replaced: vec![("solve/assemble".into(), bytes)], ..tiny() });
     let finding = accuracy::section(&curve).unwrap().finding;
-    assert!(!curve.is_within() && finding.contains("NOT within"), "{finding}");
+    assert!(!curve.is_within() && finding.contains("NOT within"), "finding of the curve: {finding}");
 }
 
 #[test]
 fn curves_of_no_such_name_are_refused() {
     let error = accuracy::measure("speed", &tiny(), &mut |_| ()).unwrap_err().to_string();
-    assert!(error.contains("`speed`"), "{error}");
+    assert!(error.contains("`speed`"), "wrong error: {error}");
     let run = std::process::Command::new(env!("CARGO_BIN_EXE_palpate"))
         .args(["bench", "accuracy/tolerance", "accuracy/speed"])
         .output()

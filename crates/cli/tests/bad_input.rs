@@ -34,10 +34,10 @@ fn refusal(folder: &Path, scene: &str) -> String {
     let output = palpate(&["run", file.to_str().unwrap(), "--steps", "1", "--out", out.to_str().unwrap()]);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{scene}\n{message}");
-    assert_eq!(message.lines().count(), 1, "{message}");
-    assert!(message.starts_with("error: ") && !message.contains("panicked"), "{message}");
-    assert!(output.stdout.is_empty(), "nothing on standard output");
-    assert!(!folder.join("made").exists(), "the output directory is not made");
+    assert_eq!(message.lines().count(), 1, "wrong error: {message}");
+    assert!(message.starts_with("error: ") && !message.contains("panicked"), "wrong error: {message}");
+    assert!(output.stdout.is_empty(), "standard output must be empty");
+    assert!(!folder.join("made").exists(), "the output directory must not be made");
     message
 }
 
@@ -129,16 +129,16 @@ fn mistakes_on_the_command_line() {
         &["walk"],
     ] {
         let output = palpate(arguments);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert_eq!(output.status.code(), Some(2), "arguments: {arguments:?}");
         let message = String::from_utf8(output.stderr).unwrap();
-        assert!(message.starts_with("error: ") && message.lines().count() == 1, "{message}");
+        assert!(message.starts_with("error: ") && message.lines().count() == 1, "wrong error: {message}");
     }
     let file = folder.path().join("good.toml");
     fs::write(&file, soft("surface = \"cube.obj\"", "{ cell = 0.5 }")).unwrap();
     let output = palpate(&["run", file.to_str().unwrap(), "--seconds", "1e300"]);
     assert_eq!(output.status.code(), Some(2));
     let message = String::from_utf8(output.stderr).unwrap();
-    assert!(message.contains("1e300 s are more than 100000000 steps"), "{message}");
+    assert!(message.contains("1e300 s are more than 100000000 steps"), "wrong error: {message}");
 }
 
 /// Expected outcome of a mesh in `bad/`, the folder of defective files.
@@ -239,7 +239,7 @@ fn prepared(folder: &Path, scene: &str) -> palpate::Result<prepare::Body> {
 fn assert_prepared(name: &str, path: &Path, body: &prepare::Body, notes: &[&str]) {
     let (skin, proxies) = match &body.shape {
         prepare::Shape::Soft { layer, embedding, skin, proxies, .. } => {
-            assert_eq!(embedding.len(), skin.vertices.len(), "{name}: embedded vertices and skin vertices");
+            assert_eq!(embedding.len(), skin.vertices.len(), "{name}: numbers of embedded and skin vertices");
             assert!(embedding.iter().flat_map(|e| e.weights).all(f64::is_finite), "{name}: an embedding is not finite");
             assert!(layer.nodes.iter().all(|node| node.is_finite()), "{name}: a node is not finite");
             (skin, proxies)
@@ -257,12 +257,12 @@ fn assert_prepared(name: &str, path: &Path, body: &prepare::Body, notes: &[&str]
     assert_eq!(
         proxies.iter().map(|proxy| proxy.vertices.len()).sum::<usize>(),
         skin.vertices.len(),
-        "{name}: vertices of all proxies and of the skin"
+        "{name}: numbers of vertices of all proxies and of the skin"
     );
     assert_eq!(
         proxies.iter().map(|proxy| proxy.triangles.len()).sum::<usize>(),
         skin.triangles.len(),
-        "{name}: triangles of all proxies and of the skin"
+        "{name}: numbers of triangles of all proxies and of the skin"
     );
     // Other notes, which do not begin with the file's path, name details that cells of this size cannot resolve.
     let of_file = body.report.notes.iter().filter(|note| note.starts_with(&path.display().to_string()));
@@ -321,7 +321,7 @@ fn every_good_mesh_is_read() {
         assert_eq!(
             (mesh.vertices.len(), mesh.triangles.len()),
             (vertices, triangles),
-            "vertices and triangles of {name}"
+            "numbers of vertices and triangles of {name}"
         );
     }
     for (name, nodes, tetrahedra) in [
@@ -336,7 +336,7 @@ fn every_good_mesh_is_read() {
         ("bad_slivers.v41", 729, 3575),
     ] {
         let mesh = gmsh::read(&meshes.join(format!("tet/{name}.msh"))).unwrap();
-        assert_eq!((mesh.nodes.len(), mesh.tetrahedra.len()), (nodes, tetrahedra), "nodes and tetrahedra of {name}");
+        assert_eq!((mesh.nodes.len(), mesh.tetrahedra.len()), (nodes, tetrahedra), "size of {name}");
     }
 }
 
@@ -374,7 +374,7 @@ fn layers_with_slivers_are_prepared_and_name_the_worst() {
         let body = prepared(folder.path(), &soft("", &format!("{path:?}"))).unwrap();
         println!("{}", body.report.notes.join("\n"));
         let notes: Vec<&str> = body.report.notes.iter().map(|note| note.split_once(": ").unwrap().1).collect();
-        assert!(notes.iter().any(|note| note.starts_with(words) && note.contains("the worst is")), "{notes:?}");
+        assert!(notes.iter().any(|note| note.starts_with(words) && note.contains("the worst is")), "notes: {notes:?}");
         assert_prepared(name, &path, &body, &notes);
     }
 }
@@ -399,5 +399,5 @@ fn a_run_says_what_was_repaired() {
         (&told["repair"]["turned_triangles"], &told["repair"]["clashing_edges"]["count"]),
         (&2.into(), &4.into())
     );
-    assert!(told["notes"][0].as_str().unwrap().contains(note), "{told}");
+    assert!(told["notes"][0].as_str().unwrap().contains(note), "summary.json: {told}");
 }

@@ -24,7 +24,7 @@ fn measure(benchmark: Box<dyn Benchmark>) -> (Map<String, Value>, Vec<String>, S
     let document: Document = suite::document(&benchmarks, &results).unwrap();
     let parts = results.benchmarks[benchmarks[0].name()]["parts"].as_object().unwrap().clone();
     let text = document.markdown();
-    assert!(text.contains("quick run") && text.contains("**Found:**"), "{text}");
+    assert!(text.contains("quick run") && text.contains("**Found:**"), "report: {text}");
     let page = document.html();
     assert_eq!(page.matches("<h3>").count(), text.matches("\n### ").count());
     (parts, told, page)
@@ -49,7 +49,7 @@ fn a_tiny_run_answers_every_question_of_the_query() {
     let [few, many] = &results.sensitivity[..] else { panic!("{:?}", results.sensitivity) };
     assert!(
         few.place.contacts > 100 && few.place.contacts == many.place.contacts,
-        "few vertices: {few:?}; many vertices: {many:?}"
+        "results with few vertices: {few:?}; with many vertices: {many:?}"
     );
     assert!(few.vertices < many.vertices && few.place.samples_us.total_ms() > 0.0);
     let samples = serde_json::to_value(&few.place.samples_us).unwrap();
@@ -61,11 +61,11 @@ fn a_tiny_run_answers_every_question_of_the_query() {
     // a little away from the pole.
     assert!(
         (areas[1] - 1.0).abs() < 0.15 && (areas[2] - 2.0).abs() < 0.2,
-        "contact areas for 0, 1 and 2 cm^2: {areas:?} cm^2"
+        "contact areas, requested 0, 1 and 2 cm^2, measured {areas:?} cm^2"
     );
     let peers = results.peers.as_ref().unwrap();
-    assert!(peers.inside.abs_diff(20) <= 3 && peers.colliding.iter().all(|&n| n > 0), "{peers:?}");
-    assert_eq!(page.matches("<figure>").count(), 3, "{page}");
+    assert!(peers.inside.abs_diff(20) <= 3 && peers.colliding.iter().all(|&n| n > 0), "peers: {peers:?}");
+    assert_eq!(page.matches("<figure>").count(), 3, "report: {page}");
     let depths = |series: &str| json[series][1]["samples_us"]["depth"].as_array().unwrap().len();
     assert_eq!((depths("sensitivity"), depths("area")), (3, 2));
 }
@@ -89,12 +89,12 @@ fn a_tiny_run_answers_every_question_of_the_solver() {
     for case in &results.cases {
         assert!(case.tetrahedra == 162 && case.nodes == 64 && case.largest_displacement > 0.0);
         let by_preconditioner: Vec<_> = case.runs.chunk_by(|a, b| a.preconditioner == b.preconditioner).collect();
-        assert_eq!(by_preconditioner.len(), 2, "{case:?}");
+        assert_eq!(by_preconditioner.len(), 2, "case: {case:?}");
         for runs in by_preconditioner {
             let [loose, tight] = runs else { panic!("{runs:?}") };
             assert_eq!((loose.tolerance, tight.tolerance), (1e-1, 1e-6));
             // Single precision cannot guarantee a residual of 1e-6 on the stiff block with long steps.
-            assert!(case.case.young > 2e4 || tight.flagged == 0, "{tight:?}");
+            assert!(case.case.young > 2e4 || tight.flagged == 0, "tight tolerance: {tight:?}");
             // The bound covers the solver's tolerance and the rounding of f32 displacements.
             assert!(tight.error < 1e-5 && tight.error > 0.0 && tight.error < loose.error, "{runs:?}");
             assert!(tight.iterations.iter().zip(&loose.iterations).all(|(many, few)| many > few), "{runs:?}");
@@ -106,7 +106,7 @@ fn a_tiny_run_answers_every_question_of_the_solver() {
     assert_eq!(large.iterations[0].iterations, [32, 8]);
     assert!(large.iterations[0].bytes_device > 750 * 100 && large.iterations[0].short_us.len() == 2);
 
-    assert!(page.matches("<figure>").count() == 2 && page.contains("1 ms at"), "{page}");
+    assert!(page.matches("<figure>").count() == 2 && page.contains("1 ms at"), "report: {page}");
     let stiff = &json["block0k-2MPa-10ms"];
     assert_eq!((stiff["runs"][0]["step_us"][1].as_array().unwrap().len(), &stiff["young"]), (4, &2e6.into()));
 }
@@ -136,11 +136,11 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
     let [prompt, late] = &results.delays[..] else { panic!("{:?}", results.delays) };
     assert!(
         prompt.local > late.local && late.local > late.gil && prompt.delay == 0.0,
-        "without delay {prompt:?}, with a delay of 20 ms {late:?}"
+        "results without delay: {prompt:?}; with a delay of 20 ms: {late:?}"
     );
     let [slow] = &results.rates[..] else { panic!("{:?}", results.rates) };
     // With a slow simulation the raw force oscillates at walls at which the force of the local model is steady.
-    assert!(slow.rate == 50.0 && slow.local > 10.0 * slow.raw, "{slow:?}");
+    assert!(slow.rate == 50.0 && slow.local > 10.0 * slow.raw, "slow simulation: {slow:?}");
 
     use haptics::{Met, Mode};
     assert_eq!(results.holds.len(), 2 * Mode::ALL.len());
@@ -156,7 +156,7 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
     let [idle, loaded] = &results.jitter[..] else { panic!("{:?}", results.jitter) };
     assert!(loaded.is_loaded && !idle.is_loaded && loaded.servo.ticks > 0 && loaded.steps > 0);
 
-    assert_eq!(page.matches("<figure>").count(), 6, "{page}");
+    assert_eq!(page.matches("<figure>").count(), 6, "report: {page}");
     assert_eq!((&json["hold"][0]["met"]["wall"], &json["hold"][2]["mode"]), (&2000.0.into(), &"raw".into()));
 }
 
@@ -186,25 +186,25 @@ fn a_tiny_run_answers_every_question_of_the_papers_scenes() {
     assert_eq!(results.scenes.len(), 5);
     for ran in &results.scenes {
         let paper::Times { touching, query_us, step_us, stages_us, areas, .. } = &ran.times;
-        assert!(ran.vertices == 4000 && ran.tetrahedra > 100 && *touching > 3 && areas[0] > 1e-6, "{ran:?}");
-        assert!(query_us.len() + step_us.len() + stages_us["solve"].len() == *touching, "{ran:?}");
+        assert!(ran.vertices == 4000 && ran.tetrahedra > 100 && *touching > 3 && areas[0] > 1e-6, "scene: {ran:?}");
+        assert!(query_us.len() + step_us.len() + stages_us["solve"].len() == *touching, "scene: {ran:?}");
         assert!(ran.times.query_ms() > 0.0 && ran.times.step_ms() > ran.times.query_ms());
     }
     for (by, rows) in &results.growth {
         let [small, large] = &rows[..] else { panic!("{rows:?}") };
-        assert!(small.times.contacts() > 0.0 && large.times.contacts() > 0.0, "growth by {by:?}: {rows:?}");
+        assert!(small.times.contacts() > 0.0 && large.times.contacts() > 0.0, "scenes that grow by {by:?}: {rows:?}");
         let is_larger = match by {
             paper::By::Area => small.times.area() < large.times.area(),
             paper::By::Skin => 2 * small.vertices == large.vertices,
             paper::By::Layer => small.tetrahedra < large.tetrahedra,
             paper::By::Bodies => 2.0 * small.times.contacts() == large.times.contacts(),
         };
-        assert!(is_larger, "growth by {by:?}: {rows:?}");
+        assert!(is_larger, "scenes that grow by {by:?}: {rows:?}");
     }
-    assert_eq!(page.matches("<figure>").count(), 5, "{page}");
+    assert_eq!(page.matches("<figure>").count(), 5, "report: {page}");
     let nowhere = paper::Settings { scenes: "no such folder".into(), ..settings };
     let error = Paper(nowhere).measure("gears", &mut |_| ()).unwrap_err().to_string();
-    assert!(error.contains("no such folder/gears.toml") && error.contains("--scenes"), "{error}");
+    assert!(error.contains("no such folder/gears.toml") && error.contains("--scenes"), "wrong error: {error}");
 }
 
 fn palpate(arguments: &[&str]) -> Output {
@@ -226,7 +226,7 @@ fn two_shards_joined_give_the_report_of_the_whole_and_every_part_is_in_one() {
     assert_eq!(with(&["--list"]), "haptics/damping\nhaptics/delay\nhaptics/rate\n");
     let whole = with(&["--out", &dir("whole")]);
     let first = with(&["--shard", "1/2", "--out", &dir("1")]);
-    assert!(first.contains("not merged yet: delay"), "{first}");
+    assert!(first.contains("not merged yet: delay"), "the program printed: {first}");
     with(&["--shard", "2/2", "--out", &dir("2")]);
     assert_eq!(ok(&["bench", "--merge", &dir("2"), &dir("1"), "--out", &dir("both")]), whole);
     let read = |name: &str, file: &str| std::fs::read_to_string(folder.path().join(name).join(file)).unwrap();
@@ -260,8 +260,8 @@ fn what_is_slower_than_before_ends_with_status_4() {
     std::fs::write(&old, json.to_string()).unwrap();
     let slower = palpate(&["bench", "--merge", &dir("new"), "--compare", old.to_str().unwrap()]);
     let text = String::from_utf8_lossy(&slower.stdout);
-    assert!(slower.status.code() == Some(4) && text.contains("samples_us/contact"), "{text}");
-    assert!(text.contains(" slower |") && text.contains("1 of"), "{text}");
+    assert!(slower.status.code() == Some(4) && text.contains("samples_us/contact"), "report: {text}");
+    assert!(text.contains(" slower |") && text.contains("1 of"), "report: {text}");
 }
 
 #[test]
@@ -275,7 +275,7 @@ fn what_is_not_there_is_refused_before_anything_is_measured() {
     ] {
         let run = palpate(arguments);
         let error = String::from_utf8(run.stderr).unwrap();
-        assert_eq!(run.status.code(), Some(2), "{error}");
+        assert_eq!(run.status.code(), Some(2), "wrong error: {error}");
         assert!(error.contains(mistake) && error.contains(remedy) && error.lines().count() == 1, "{error}");
     }
 }

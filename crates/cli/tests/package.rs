@@ -37,7 +37,7 @@ fn installed(folder: &Path) -> (PathBuf, PathBuf) {
 /// Runs the example in C, which must print a line per step.
 fn runs(program: &Path, scene: &Path) {
     let said = output(Command::new(program).arg(scene).arg("3"));
-    assert_eq!(said.lines().count(), 3, "{said}");
+    assert_eq!(said.lines().count(), 3, "the command printed: {said}");
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn cmake_and_pkg_config_find_what_was_installed() {
         format!("gcc '{}' {flags} '-Wl,-rpath,{}/lib' -o '{}'", source.display(), prefix.display(), program.display());
     output(Command::new("sh").args(["-c", &line]));
     runs(&program, &scene);
-    assert!(libraries.contains("-lpalpate") && libraries.contains("-lpthread"), "{libraries}");
+    assert!(libraries.contains("-lpalpate") && libraries.contains("-lpthread"), "flags of pkg-config: {libraries}");
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn the_shared_library_gives_away_its_interface_alone_and_needs_no_vulkan_to_be_l
     let shared = library().join("libpalpate_capi.so");
     let symbols = output(Command::new("nm").args(["-D", "--defined-only"]).arg(&shared));
     let names: Vec<&str> = symbols.lines().filter_map(|line| line.split(' ').next_back()).collect();
-    assert!(names.len() > 20 && names.iter().all(|name| name.starts_with("palpate_")), "{names:?}");
+    assert!(names.len() > 20 && names.iter().all(|name| name.starts_with("palpate_")), "exported names: {names:?}");
     let header = std::fs::read_to_string(root().join("crates/capi/src/palpate.h")).unwrap();
     for name in names {
         assert!(header.contains(&format!("{name}(")), "{name} is not in palpate.h");

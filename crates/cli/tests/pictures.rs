@@ -357,9 +357,9 @@ fn films_are_the_same_every_time() {
     let bytes = |name: &str| fs::read(folder.path().join(name)).unwrap();
     assert!(bytes("one.apng") == bytes("two.png"), "two runs made different films");
     let animated = frames(&folder.path().join("one.apng"));
-    assert_eq!(animated.len(), 5, "images at 0, 10, 20, 30 and 40 ms");
+    assert_eq!(animated.len(), 5, "number of images, at 0, 10, 20, 30 and 40 ms");
     assert!(animated.iter().all(|(frame, delay)| frame.dimensions() == (96, 54) && (delay - 0.01).abs() < 1e-12));
-    assert!(animated[0].0 != animated[4].0, "something moves");
+    assert!(animated[0].0 != animated[4].0, "the first and the last image must differ");
     let expected: Vec<String> = (0..5).map(|k| format!("frame-{k:05}.png")).collect();
     assert_eq!(names(&folder.path().join("frames")), expected);
     for (name, (frame, _)) in expected.iter().zip(&animated) {
@@ -430,9 +430,9 @@ fn refusal(folder: &Path, arguments: &[&str]) -> String {
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
     assert_eq!(message.lines().count(), 1, "{arguments:?}: {message}");
-    assert!(message.starts_with("error: ") && !message.contains("panicked"), "{message}");
-    assert!(output.stdout.is_empty(), "nothing on standard output");
-    assert_eq!(names(folder), before, "{arguments:?}: nothing is left");
+    assert!(message.starts_with("error: ") && !message.contains("panicked"), "wrong error: {message}");
+    assert!(output.stdout.is_empty(), "standard output must be empty");
+    assert_eq!(names(folder), before, "{arguments:?}: no file may be left");
     message
 }
 
@@ -480,9 +480,9 @@ fn what_cannot_be_pictured_is_refused_in_one_line() {
     }
     assert_eq!(names(&folder.join("taken.apng")), ["mine"]);
     let message = refusal(folder, &["film", "missing.toml", "--out", "out.apng"]);
-    assert!(message.contains("missing.toml: cannot be read"), "{message}");
+    assert!(message.contains("missing.toml: cannot be read"), "wrong error: {message}");
     let message = refusal(folder, &["film", "scene.toml"]);
-    assert!(message.contains("--out"), "{message}");
+    assert!(message.contains("--out"), "wrong error: {message}");
     for (more, words) in [
         (&["--snapshot", "5"][..], "--out"),
         (&["--snapshot", "0", "--out", "out"], "give a whole number from 1"),
@@ -494,8 +494,8 @@ fn what_cannot_be_pictured_is_refused_in_one_line() {
         assert!(message.contains(words), "options {more:?}: {message}");
     }
     let message = refusal(folder, &["figures", "--out", "out", "--only", "3"]);
-    assert!(message.contains("give some of [1, 2, 4, 5, 6, 7]"), "{message}");
+    assert!(message.contains("give some of [1, 2, 4, 5, 6, 7]"), "wrong error: {message}");
     let message = refusal(folder, &["figures", "--out", "out", "--only", "1", "--scenes", "nowhere"]);
-    assert!(message.contains("touch-head.toml"), "{message}");
+    assert!(message.contains("touch-head.toml"), "wrong error: {message}");
     assert_eq!(fs::read_to_string(folder.join("file")).unwrap(), "mine");
 }

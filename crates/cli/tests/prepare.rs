@@ -139,7 +139,7 @@ fn a_cache_that_cannot_be_written_is_a_note() {
     fs::write(folder.path().join("file"), "").unwrap();
     let report = prepared(&folder.path().join("file/under"), &folder.path().join("a"), &SMALL);
     let notes = report["notes"].to_string();
-    assert!(notes.contains("cannot be written") && notes.contains("file/under"), "{notes}");
+    assert!(notes.contains("cannot be written") && notes.contains("file/under"), "notes printed: {notes}");
 }
 
 #[test]

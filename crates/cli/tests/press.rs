@@ -69,7 +69,7 @@ fn the_path_of_depth_is_said_and_the_command_line_wins() {
     assert_eq!(run("scene", &[]), "graphics path: asked for");
     assert_eq!(run("asked", &["--depth", "compute"]), "compute path: asked for");
     let measured = run("auto", &["--depth", "auto"]);
-    assert!(measured.contains(" path: measured "), "{measured}");
+    assert!(measured.contains(" path: measured "), "reason for the path: {measured}");
     assert_eq!(
         run("again", &["--depth", "auto"]),
         measured,

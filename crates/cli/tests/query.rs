@@ -105,7 +105,7 @@ impl Case {
                 point.distance(expected) < EXACT * size,
                 "{row:?}: the point {point} m of the triangle is not the expected {expected} m"
             );
-            assert!((row.normal.length() - 1.0).abs() < 1e-12 && row.depth > 0.0, "{row:?}");
+            assert!((row.normal.length() - 1.0).abs() < 1e-12 && row.depth > 0.0, "row of contacts.csv: {row:?}");
             let sum: f64 = row.barycentric.iter().sum();
             assert!((sum - 1.0).abs() < 1e-12 && row.barycentric.iter().all(|w| *w > -1e-6), "{row:?}");
         }
@@ -146,7 +146,7 @@ fn two_cubes_in_a_known_overlap() {
     );
     for row in &rows {
         assert!((row.depth - 0.04).abs() < EXACT && row.normal.distance(DVec3::Z) < EXACT, "{row:?}");
-        assert!([2, 3].contains(&row.triangle), "{row:?}");
+        assert!([2, 3].contains(&row.triangle), "row of contacts.csv: {row:?}");
     }
     assert!(said.contains("4 contacts") && said.contains("flags: none") && said.contains("deepest: "), "{said}");
 
@@ -181,11 +181,11 @@ fn a_pose_a_direction_and_a_limit_are_obeyed() {
     // Along a slanted direction depth is greater.
     let (rows, said) = case.ask(&["--direction", "0,3,4", "--depth-limit", "0.01"]).unwrap();
     case.check(&rows, (DVec3::ZERO, DQuat::IDENTITY), 1.0);
-    assert!(rows.len() == 4 && rows.iter().all(|r| (r.depth - 0.125).abs() < EXACT), "{rows:?}");
+    assert!(rows.len() == 4 && rows.iter().all(|r| (r.depth - 0.125).abs() < EXACT), "rows of contacts.csv: {rows:?}");
     assert!(rows.iter().all(|r| r.normal.distance(DVec3::new(0.0, 0.6, 0.8)) < 1e-6));
-    assert!(said.contains("flags: depth_beyond_limit"), "{said}");
+    assert!(said.contains("flags: depth_beyond_limit"), "the program printed: {said}");
     let (rows, said) = case.ask(&["--pose-b", "5,0,0,0,0,0,1"]).unwrap();
-    assert!(rows.is_empty() && said.contains("flags: none"), "{said}");
+    assert!(rows.is_empty() && said.contains("flags: none"), "the program printed: {said}");
 }
 
 /// An OBJ file of a sphere with quads and two caps of n-gons, `rings` from pole to pole.
@@ -222,7 +222,7 @@ fn spheres_of_any_unit_with_polygons() {
         let Some((rows, said)) = case.ask(&[]) else { return };
         case.check(&rows, (DVec3::ZERO, DQuat::IDENTITY), radius);
         let of = |body: &str| rows.iter().filter(|row| row.body == body).count();
-        assert!(of("a") > 5 && of("b") > 5 && said.contains("flags: none"), "{said}");
+        assert!(of("a") > 5 && of("b") > 5 && said.contains("flags: none"), "the program printed: {said}");
         let deepest = rows.iter().map(|row| row.depth).fold(0.0, f64::max);
         // The exact spheres overlap by a tenth of the radius, the meshes by a little less.
         assert!(deepest < 0.1 * radius && deepest > 0.08 * radius, "greatest depth {deepest} m");
@@ -309,7 +309,7 @@ fn bad_input_is_one_line_and_leaves_nothing() {
     let output = palpate(&["query", &a, &b, "--out", under.to_str().unwrap()]);
     if output.status.code() != Some(3) {
         let message = refused(&["query", &a, &b, "--out", under.to_str().unwrap()]);
-        assert!(message.contains("cannot write") && message.contains("under"), "{message}");
+        assert!(message.contains("cannot write") && message.contains("under"), "wrong error: {message}");
         // If a folder is in the place of the last file, none of the other files is written either.
         fs::create_dir_all(case.path("taken/query.json")).unwrap();
         refused(&["query", &a, &b, "--runs", "1", "--out", &case.path("taken")]);

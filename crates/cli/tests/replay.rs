@@ -87,20 +87,20 @@ fn a_session_is_replayed_to_the_same_bits_and_written_as_a_table() {
     fs::write(&elsewhere, format!("# The same.\n{SCENE}")).unwrap();
     let (status, out, notes) = palpate(&["replay", file, "--scene", elsewhere.to_str().unwrap()]);
     assert_eq!((status, out), (0, same));
-    assert!(notes.starts_with("note: ") && notes.contains("has changed since the recording"), "{notes}");
+    assert!(notes.starts_with("note: ") && notes.contains("has changed since the recording"), "notes printed: {notes}");
 
     fs::write(&scene, SCENE.replace("2e4", "3e4")).unwrap();
     let (status, _, error) = palpate(&["replay", file]);
     assert_eq!(status, 2);
-    assert!(error.contains("scene.toml: has changed since the recording; restore it"), "{error}");
+    assert!(error.contains("scene.toml: has changed since the recording; restore it"), "wrong error: {error}");
     let (status, _, error) = palpate(&["replay", file, "--scene", scene.to_str().unwrap()]);
     assert_eq!(status, 4);
-    assert!(error.contains("step ") && error.contains(" differs first in "), "{error}");
+    assert!(error.contains("step ") && error.contains(" differs first in "), "wrong error: {error}");
 
     fs::remove_file(&scene).unwrap();
     let (status, _, error) = palpate(&["replay", file]);
     assert_eq!(status, 2);
-    assert!(error.contains("scene.toml does not exist; give the scene by --scene"), "{error}");
+    assert!(error.contains("scene.toml does not exist; give the scene by --scene"), "wrong error: {error}");
 }
 
 #[test]
@@ -117,8 +117,8 @@ fn what_differs_is_named_and_what_was_cut_short_is_said() {
         }
     });
     let (status, out, error) = palpate(&["replay", file.to_str().unwrap()]);
-    assert_eq!((status, out.as_str(), error.lines().count()), (4, "", 1), "{error}");
-    assert!(error.contains("tick 77 differs first in played_force_y: "), "{error}");
+    assert_eq!((status, out.as_str(), error.lines().count()), (4, "", 1), "wrong error: {error}");
+    assert!(error.contains("tick 77 differs first in played_force_y: "), "wrong error: {error}");
 }
 
 #[test]
@@ -128,14 +128,14 @@ fn what_is_no_recording_is_refused_before_anything_is_written() {
     fs::write(&file, "tick,time_s\n").unwrap();
     for arguments in [vec![], vec!["--csv", table.to_str().unwrap()]] {
         let (status, _, error) = palpate(&[&["replay", file.to_str().unwrap()], arguments.as_slice()].concat());
-        assert_eq!((status, error.lines().count()), (2, 1), "{error}");
-        assert!(error.contains("session: is not a recording"), "{error}");
+        assert_eq!((status, error.lines().count()), (2, 1), "wrong error: {error}");
+        assert!(error.contains("session: is not a recording"), "wrong error: {error}");
     }
     assert!(!folder.path().join("made").exists());
     let missing = folder.path().join("missing");
     let (status, _, error) = palpate(&["replay", missing.to_str().unwrap()]);
     assert_eq!(status, 2);
-    assert!(error.contains("missing: cannot be read"), "{error}");
+    assert!(error.contains("missing: cannot be read"), "wrong error: {error}");
     let (status, _, error) = palpate(&["replay", folder.path().to_str().unwrap()]);
-    assert_eq!((status, error.lines().count()), (2, 1), "{error}");
+    assert_eq!((status, error.lines().count()), (2, 1), "wrong error: {error}");
 }

@@ -43,7 +43,7 @@ fn hold(folder: &Path, more: &str) -> Value {
     let [scene, out_name, record] = [&scene, &out, &record].map(|path| path.to_str().unwrap());
     let arguments = ["run", scene, "--seconds", "1.5", "--out", out_name, "--record", record];
     let (status, _, stderr) = palpate(&arguments);
-    assert_eq!(status, 0, "{stderr}");
+    assert_eq!(status, 0, "standard error: {stderr}");
     assert!(stderr.contains("coupling "), "the gains of the virtual coupling must be printed: {stderr}");
     let summary: Value = serde_json::from_str(&fs::read_to_string(out.join("summary.json")).unwrap()).unwrap();
     summary["haptics"].clone()
@@ -56,15 +56,15 @@ fn a_session_is_held_recorded_and_replayed() {
     let record = folder.path().join("session.palpate");
     let (status, text, stderr) = palpate(&["replay", record.to_str().unwrap()]);
     let (ticks, steps) = (report["ticks"].as_u64().unwrap(), report["steps"].as_u64().unwrap());
-    assert!(ticks > 100 && steps > 10, "{report}");
+    assert!(ticks > 100 && steps > 10, "summary: {report}");
     // Steps before the first tick are recorded as well.
-    assert!(text.starts_with(&format!("replayed {ticks} ticks and ")), "{text} {stderr} {report}");
-    assert_eq!((status, text.contains("the same bits")), (0, true), "{text} {stderr}");
+    assert!(text.starts_with(&format!("replayed {ticks} ticks and ")), "output {text}, errors {stderr}, {report}");
+    assert_eq!((status, text.contains("the same bits")), (0, true), "output {text}, errors {stderr}");
     let peak = report["peak_force_n"].as_f64().unwrap();
-    assert!(peak > 0.05 && peak <= 3.3, "{report}");
+    assert!(peak > 0.05 && peak <= 3.3, "summary: {report}");
     assert_eq!(report["profile"], "touch");
     assert!(report["age_ms"]["p99"].as_f64().unwrap() > 0.0 && report["bare_timer"]["p99_us"].is_number(), "{report}");
-    assert!(report["energy_j"]["net_given"].as_f64().unwrap() <= 3.3 * 2e-5, "{report}");
+    assert!(report["energy_j"]["net_given"].as_f64().unwrap() <= 3.3 * 2e-5, "summary: {report}");
 }
 
 #[test]
@@ -73,12 +73,12 @@ fn a_scene_lowers_limits_and_is_told_where_it_would_raise_them() {
     let haptics = |more: &str| format!("[haptics]\ndevice = \"hand\"\nprofile = \"touch\"\n{more}");
     let low = hold(folder.path(), &haptics("max_force = 0.03\n"));
     let peak = low["peak_force_n"].as_f64().unwrap();
-    assert!(peak > 0.0 && peak <= 0.03, "{low}");
+    assert!(peak > 0.0 && peak <= 0.03, "summary: {low}");
     let high = hold(folder.path(), &haptics("max_force = 300.0\nmax_torque = 5.0\nworkspace = 9.0\n"));
-    assert!(high["peak_force_n"].as_f64().unwrap() <= 3.3, "{high}");
+    assert!(high["peak_force_n"].as_f64().unwrap() <= 3.3, "summary: {high}");
     let notes = high["notes"].to_string();
     for key in ["haptics.max_force", "haptics.max_torque", "haptics.workspace"] {
-        assert!(notes.contains(&format!("{key} exceeds the limit of profile touch")), "{notes}");
+        assert!(notes.contains(&format!("{key} exceeds the limit of profile touch")), "notes printed: {notes}");
     }
 }
 
@@ -91,7 +91,7 @@ fn a_profile_of_the_command_line_takes_the_place_of_the_scenes() {
     for more in [&[][..], &["--haptics", "scripted"]] {
         let arguments = ["run", file, "--seconds", "0.3", "--profile", "touch", "--out", out.to_str().unwrap()];
         let (status, _, stderr) = palpate(&[&arguments, more].concat());
-        assert_eq!(status, 0, "{stderr}");
+        assert_eq!(status, 0, "standard error: {stderr}");
         let summary: Value = serde_json::from_str(&fs::read_to_string(out.join("summary.json")).unwrap()).unwrap();
         assert_eq!(summary["haptics"]["profile"], "touch");
     }
@@ -169,7 +169,7 @@ fn a_haply_is_held_with_the_profile_of_the_type_that_its_service_reports() {
             "device type {kind}: greatest force sent {played} N, report {report}"
         );
         let (status, text, _) = palpate(&["replay", record]);
-        assert_eq!((status, text.contains("the same bits")), (0, true), "{text}");
+        assert_eq!((status, text.contains("the same bits")), (0, true), "the program printed: {text}");
     }
 }
 
@@ -191,9 +191,9 @@ fn a_signal_ends_a_session_in_order() {
     let output = child.wait_with_output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
     assert_eq!(output.status.code(), Some(0), "{text} {}", String::from_utf8_lossy(&output.stderr));
-    assert!(text.contains("ended early: it was stopped"), "{text}");
+    assert!(text.contains("ended early: it was stopped"), "the program printed: {text}");
     let (status, text, notes) = palpate(&["replay", file]);
-    assert!(status == 0 && text.contains("the same bits") && notes.is_empty(), "{text} {notes}");
+    assert!(status == 0 && text.contains("the same bits") && notes.is_empty(), "output {text}, errors {notes}");
 }
 
 #[test]
@@ -222,11 +222,11 @@ fn what_cannot_be_held_is_refused() {
         fs::write(&bare, &SCENE[..SCENE.find("[tool]").unwrap()]).unwrap();
         palpate(&["run", bare.to_str().unwrap(), "--haptics", "hand"])
     };
-    assert!(status == 2 && stderr.contains("`tool`") && stderr.contains("add a [tool]"), "{stderr}");
+    assert!(status == 2 && stderr.contains("`tool`") && stderr.contains("add a [tool]"), "standard error: {stderr}");
     let (status, _, stderr) = {
         let haply =
             scene(folder.path(), "[haptics]\ndevice = \"haply\"\nhaply = { address = \"ws://192.0.2.1:10001\" }\n");
         palpate(&["run", haply.to_str().unwrap(), "--seconds", "1"])
     };
-    assert!(status != 0 && stderr.contains("192.0.2.1") && !stderr.contains("panicked"), "{stderr}");
+    assert!(status != 0 && stderr.contains("192.0.2.1") && !stderr.contains("panicked"), "standard error: {stderr}");
 }

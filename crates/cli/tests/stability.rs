@@ -36,7 +36,7 @@ fn a_part_of_the_matrix_passes_and_its_report_has_a_letter_for_every_cell() {
     let document = document(&results);
     let svg = document.chapters[0].sections[0].plot.as_ref().unwrap();
     // The letter P (pass) is in four cells and in the legend.
-    assert_eq!(svg.matches(">P</text>").count(), 5, "{svg}");
+    assert_eq!(svg.matches(">P</text>").count(), 5, "SVG: {svg}");
     let html = document.html();
     assert!(html.contains("all but one") && html.contains("<svg"));
     assert_eq!(serde_json::to_value(&results).unwrap()["axes"][1]["cells"][0]["cases"][0]["verdict"], "pass");
@@ -138,7 +138,7 @@ fn a_name_that_is_no_axis_is_refused_with_those_there_are() {
     let output =
         Command::new(env!("CARGO_BIN_EXE_palpate")).args(["stability", "--only", "young,poison"]).output().unwrap();
     let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert_eq!(output.status.code(), Some(2), "wrong error: {message}");
     assert!(
         message.contains("poison") && message.contains("poisson-neo-hookean") && message.lines().count() == 1,
         "{message}"

@@ -167,12 +167,12 @@ fn the_mouse_presses_a_body_in_a_window_that_is_resized_hidden_and_closed() {
     // The window closes at any moment of a step.
     display.xdotool(&["key", "Escape"]);
     let (status, text, stderr) = end(program);
-    assert_eq!(status, Some(0), "{stderr}");
+    assert_eq!(status, Some(0), "standard error: {stderr}");
     let trace = fs::read_to_string(out.join("trace.csv")).unwrap();
     let (contacts, force) = (column(&trace, "contacts"), column(&trace, "force_y"));
-    assert_eq!(contacts[0], 0.0, "nothing touches in the first step");
+    assert_eq!(contacts[0], 0.0, "nothing may touch in the first step");
     assert!(contacts.iter().any(|count| *count > 0.0) && force.iter().any(|newton| *newton > 0.01), "{text}{stderr}");
-    assert!(text.contains("image: "), "{text}{stderr}");
+    assert!(text.contains("image: "), "the program printed: {text}{stderr}");
     let picture = out.join("scene-1.png");
     let reader = png::Decoder::new(std::io::BufReader::new(fs::File::open(picture).unwrap())).read_info().unwrap();
     assert_eq!((reader.info().width, reader.info().height), (800, 600));
@@ -213,7 +213,7 @@ fn a_signal_closes_it_in_order() {
     let sent = Command::new("kill").args(["-TERM", &program.id().to_string()]).status().unwrap();
     assert!(sent.success());
     let (status, _, stderr) = end(program);
-    assert_eq!(status, Some(0), "{stderr}");
+    assert_eq!(status, Some(0), "standard error: {stderr}");
 }
 
 #[test]
@@ -224,9 +224,9 @@ fn without_a_display_one_line_names_the_film() {
     command.args(["view", file.to_str().unwrap()]).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
     let output = command.env_remove("WAYLAND_SOCKET").output().unwrap();
     let stderr = String::from_utf8(output.stderr).unwrap();
-    assert_eq!((output.status.code(), stderr.lines().count()), (Some(3), 1), "{stderr}");
+    assert_eq!((output.status.code(), stderr.lines().count()), (Some(3), 1), "standard error: {stderr}");
     let film = format!("palpate film {} --out film.apng", file.display());
-    assert!(stderr.contains("no display") && stderr.contains(&film), "{stderr}");
+    assert!(stderr.contains("no display") && stderr.contains(&film), "standard error: {stderr}");
 }
 
 #[test]
@@ -244,7 +244,7 @@ fn a_profile_is_refused_where_no_haptic_device_could_have_it() {
         command.args(["view", file.to_str().unwrap(), "--device", device, "--profile", profile]);
         let output = command.output().unwrap();
         let stderr = String::from_utf8(output.stderr).unwrap();
-        assert_eq!((output.status.code(), stderr.lines().count()), (Some(2), 1), "{stderr}");
+        assert_eq!((output.status.code(), stderr.lines().count()), (Some(2), 1), "standard error: {stderr}");
         assert!(stderr.contains(words), "device {device}, profile {profile}: {stderr}");
     }
 }

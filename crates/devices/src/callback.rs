@@ -89,6 +89,6 @@ mod tests {
     fn the_hosts_own_figures_are_checked() {
         let own = Profile { name: "own", max_force: f64::NAN, ..PROFILES[0].clone() };
         let refused = Callback::new(own, Box::new(still), Box::new(|_| Ok(()))).err().unwrap();
-        assert!(refused.contains("own") && refused.contains("max_force"), "{refused}");
+        assert!(refused.contains("own") && refused.contains("max_force"), "wrong error: {refused}");
     }
 }

@@ -112,7 +112,7 @@ fn one_session(making: Making, mut fault: impl FnMut(u64, &mut Inputs)) -> Vec<T
 
 fn check(limits: &Limits, last: Option<&Tick>, tick: &Tick) {
     let (force, torque) = (tick.played.force.length(), tick.played.torque.length());
-    assert!(tick.played.is_finite() && tick.device.is_valid() && tick.tool.is_valid(), "{tick:?}");
+    assert!(tick.played.is_finite() && tick.device.is_valid() && tick.tool.is_valid(), "tick: {tick:?}");
     assert!(
         force <= limits.force && torque <= limits.torque,
         "tick {}: the force {force} N or the torque {torque} N m is above its limit",
@@ -147,7 +147,7 @@ fn nothing_is_told_of_a_session_without_fault() {
     assert!(force(&ticks, TICKS - 1) > 1.0);
     for (event, name) in Event::ALL {
         let expected = matches!(event, Event::Engaging | Event::Damped | Event::BeyondTrust);
-        assert!(expected || with(&ticks, event).is_empty(), "event {name} in ticks {:?}", with(&ticks, event));
+        assert!(expected || with(&ticks, event).is_empty(), "wrong event {name} in ticks {:?}", with(&ticks, event));
     }
     assert!(*with(&ticks, Event::Engaging).last().unwrap() < 250);
 }
@@ -263,13 +263,13 @@ fn a_pose_that_jumps_is_taken_only_once_the_force_has_gone() {
             }
         });
         let jumped = with(&ticks, Event::PoseJump);
-        assert_eq!(jumped[0], FAULT, "pose jump along {jump}");
+        assert_eq!(jumped[0], FAULT, "first tick with the event PoseJump, jump along {jump}");
         assert!(jumped.len() > 40 && jumped.len() < 60, "pose jump along {jump} in {} ticks", jumped.len());
         let last = *jumped.last().unwrap();
         assert!(force(&ticks, last) < 1e-9, "pose jump along {jump}: force {} N", force(&ticks, last));
         let device = ticks[last as usize].device.position;
         let before = ticks[FAULT as usize - 1].device.position;
-        assert!((device - before - 0.1 * jump).length() < 0.01, "pose jump along {jump}");
+        assert!((device - before - 0.1 * jump).length() < 0.01, "displacement after the jump along {jump}");
     }
     // A single reading that jumps there and back is ignored.
     let ticks = session(making("premium"), |k, inputs| {
@@ -289,7 +289,7 @@ fn a_clock_that_jumps_starts_the_force_again() {
                 inputs.time += jump;
             }
         });
-        assert_eq!(with(&ticks, Event::ClockJump), [FAULT], "clock jump of {jump} s");
+        assert_eq!(with(&ticks, Event::ClockJump), [FAULT], "ticks with the event ClockJump, jump of {jump} s");
         assert_eq!(force(&ticks, FAULT), 0.0, "force at a clock jump of {jump} s");
         assert!(has_recovered(&ticks), "clock jump of {jump} s: force at the end {} N", force(&ticks, TICKS - 1));
     }
@@ -321,7 +321,7 @@ fn gains_ten_times_too_high_stay_within_the_limits() {
             events.iter().zip(&mut told).for_each(|(event, count)| *count += with(&ticks, *event).len());
         }
     }
-    assert!(told.iter().sum::<usize>() > 0, "ticks with clamped, slew-limited and damped force: {told:?}");
+    assert!(told.iter().sum::<usize>() > 0, "no limit acted; ticks with clamped, slewed, damped force: {told:?}");
 }
 
 #[test]

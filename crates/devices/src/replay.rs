@@ -202,7 +202,7 @@ impl Replay<'_> {
             self.wrenches.pop_front();
         }
         if tick.events.has(Event::BadWrench) {
-            // The servo refuses such a wrench and keeps the one that it had.
+            // The servo refuses a wrench that is not finite, and keeps the one that it had.
             let bad = self.wrenches.iter().find(|wrench| wrench.step > tick.step && !wrench.is_finite());
             return Ok(Some(bad.copied().unwrap_or(servo.newest())));
         }

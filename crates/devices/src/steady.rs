@@ -27,7 +27,8 @@ const BEGIN: f64 = 0.3;
 /// Greatest relative difference, at rest, of the played force from the static force and from the simulation step's
 /// force.
 const WITHIN: f64 = 0.03;
-/// Greatest standard deviation of the force at rest: as a share of the force, or in N, whichever is greater.
+/// The greater of two bounds holds for the standard deviation of the force at rest: the first is a share of the mean
+/// force, the second is in N.
 const STILL: [f64; 2] = [0.01, 0.01];
 /// Greatest share of the ticks of a slow press, hold and release in which the passivity controller may act.
 const ACTING: f64 = 0.01;

@@ -31,8 +31,8 @@ pub struct Block {
 
 /// The matrix P of modes, with a row for each unknown and a column for each mode. A free node moves as R (c0 + c1 x +
 /// c2 y + c3 z), with R the block's rotation and (x, y, z) the node's rest position relative to the middle of its
-/// block, divided by the greatest such distance in the block. A core moves by its twist in rotated axes, in the modes
-/// of its first block.
+/// block, divided by the greatest such distance in the block. A rigid core has one set of modes, in the columns of its
+/// first block: its linear and angular velocity along the axes of R.
 pub fn prolongation(simulation: &Simulation, blocks: &[Block]) -> Mat<f64> {
     let unknowns = simulation.unknowns();
     let mut p = Mat::zeros(unknowns.count, BLOCK_UNKNOWNS * blocks.len());

@@ -156,8 +156,8 @@ pub fn gather(normal: DVec3, a: &Surface, b: &Surface, law: &ContactLaw) -> Vec<
     contacts
 }
 
-/// Contacts of two skins if only the finer one gathers, with its whole area: the skin with less area per vertex, or
-/// A's.
+/// Contacts of two skins if only the finer one gathers, with its whole area: the skin with less area per vertex, or A's
+/// where these areas are equal.
 pub fn gather_finer(normal: DVec3, a: &Surface, b: &Surface, law: &ContactLaw) -> Vec<Contact> {
     let mean_area = |surface: &Surface| surface.areas.iter().sum::<f64>() / surface.areas.len() as f64;
     if mean_area(b) < mean_area(a) {

@@ -33,9 +33,10 @@ pub fn along(axes: [DVec3; 3], x: DVec3) -> DVec3 {
     DVec3::from_array(axes.map(|axis| axis.dot(x)))
 }
 
-/// Depth and normal of a vertex that lies in several contact patches, each given by its share, depth and normal. The
-/// patch with the greatest strength, share / depth^2, has full weight. The weight of another patch rises smoothly from
-/// zero at half of that strength to full weight at equal strength. The normal is `None` where the normals cancel.
+/// Depth and normal of a vertex that lies in several contact patches, each given by the weight of the patch at the
+/// vertex (share), the depth along its normal, and its normal. The patch with the greatest strength, share / depth^2,
+/// has full weight. The weight of another patch rises smoothly from zero at half of that strength to full weight at
+/// equal strength. The normal is `None` where the normals cancel.
 pub fn blend(seen: &[(f64, f64, DVec3)]) -> Option<(f64, Option<DVec3>)> {
     let strength = |(share, depth, _): &(f64, f64, DVec3)| share / (depth * depth);
     let strongest = seen.iter().map(strength).fold(0.0, f64::max);

@@ -31,7 +31,7 @@ impl Drag {
         self.speeds[0] * self.along[0] + self.speeds[1] * self.along[1]
     }
 
-    /// Friction on the first body at the end of the step, N.
+    /// Friction on body A at the end of the step, N; its opposite acts on body B.
     pub(super) fn force(&self, change: &[f64]) -> DVec3 {
         let of = |k: usize| -self.viscosity * (self.speeds[k] + dot(&self.rows[k], change)) * self.along[k];
         of(0) + of(1)
@@ -40,8 +40,8 @@ impl Drag {
 
 impl Simulation {
     /// Friction of a contact, with the coefficient c = mu f / sqrt(|v|^2 + speed^2) at the start of the step:
-    /// coefficient of friction mu, normal force f, tangential velocity v. On the tool friction acts at the other body's
-    /// point.
+    /// coefficient of friction mu, normal force f, tangential velocity v. Friction on the tool acts at the contact's
+    /// point on the other body, so that both forces act at one point.
     pub fn drag(&self, unknowns: &Unknowns, start: &[f64], contact: &Contact) -> Drag {
         let Some(friction) = self.friction else { return Drag::default() };
         let mut at_one = contact.clone();

@@ -61,7 +61,8 @@ pub fn from_surface<'a>(tool: Mesh<'a>, skin: Mesh<'a>) -> impl Iterator<Item = 
     to_triangles.chain(skin.0.iter().flat_map(back))
 }
 
-/// The shortest of the ways whose triangle faces the vertex (with `faces`), or faces away from it; `None` without any.
+/// The shortest of the ways whose triangle faces the vertex; if `faces` is false, of those whose triangle faces away
+/// from it. `None` if there is no such way.
 pub fn shortest(ways: impl Iterator<Item = Way>, faces: bool) -> Option<Way> {
     ways.filter(|way| way.faces == faces).min_by(|a, b| a.along.length().total_cmp(&b.along.length()))
 }

@@ -1,5 +1,6 @@
 //! Ball joints between two dynamic cores (rigid cores of soft bodies), or between a dynamic core and a body of
-//! prescribed motion, as implicit springs.
+//! prescribed motion, as implicit springs. A side is one of the two bodies that a joint connects; its end is the point
+//! of it that the joint holds.
 
 use glam::{DQuat, DVec3};
 use palpate::scene::Resistance;
@@ -37,8 +38,8 @@ pub struct Joint {
 }
 
 impl Joint {
-    /// Adds the joint's springs to A and b of a step of `h` seconds: h^2 k to A, and -h k times the stretch that the
-    /// springs would have at the end of the step if no velocity changed to b.
+    /// Adds the joint's springs to A and b of a step of `h` seconds: h^2 k to A, and to b -h k times the stretch that
+    /// the springs would have at the end of the step if no velocity changed.
     pub fn add_terms(&self, cores: &[Core], firsts: &[usize], a: &mut Entries, b: &mut [f64], h: f64) {
         let [first, second] = &self.sides;
         let middle = 0.5 * (first.end + second.end);
@@ -51,7 +52,8 @@ impl Joint {
         let (ways, apart) = ([way(first), way(second)], first.end - second.end);
         let turned = (second.turn * first.turn.inverse()).to_scaled_axis();
         for axis in DVec3::AXES {
-            // Displacement of the first side relative to the second along the axis, then rotation about it.
+            // First the spring along the axis between the two ends, then the spring and damper of rotation about the
+            // axis.
             let stretch = axis.dot(apart + ways[0].0 - ways[1].0);
             let row = self.row(cores, firsts, [axis, -axis], [0, 1].map(|k| arm(&self.sides[k]).cross(axis)));
             add_spring(a, b, &row, h * h * self.stiffness, -h * self.stiffness * stretch);
@@ -75,7 +77,7 @@ impl Joint {
             let of = |turn: DVec3| angle(self.resistance.axis, first.turn, DQuat::from_scaled_axis(turn) * second.turn);
             let slope = |axis: DVec3| (of(DIFFERENCE * axis) - of(-DIFFERENCE * axis)) / (2.0 * DIFFERENCE);
             let about = DVec3::from(DVec3::AXES.map(slope));
-            // The excess over the limit at the end of the step, if no velocity changes.
+            // The angle by which swing or twist would exceed its limit at the end of the step if no velocity changed.
             let beyond = of(DVec3::ZERO) - limit + about.dot(ways[1].1 - ways[0].1);
             if beyond > 0.0 {
                 let row = self.row(cores, firsts, [DVec3::ZERO; 2], [-about, -about]);

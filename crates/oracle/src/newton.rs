@@ -1,7 +1,7 @@
 //! Newton iterations of a step: elasticity is linearised again at the trial state that results from the last solve.
-//! Each solve is for the whole change of velocity from the start of the step, so that the last solution is that of the
-//! step. Terms that do not depend on displacement here (inertia, contacts, arms of rigid cores) keep their values from
-//! the start. Apart from these terms, implicit Euler is solved exactly at the fixed point.
+//! Each solve is for the whole change of velocity from the start of the step, so the solution of the last solve is the
+//! result of the step. Terms that do not depend on displacement here (inertia, contacts, arms of rigid cores) keep
+//! their values from the start. Apart from these terms, implicit Euler is solved exactly at the fixed point.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::scene::Material;

@@ -11,7 +11,7 @@ use crate::skin;
 pub struct RayHit {
     /// Distance from the ray's start, m, positive.
     pub depth: f64,
-    /// The triangle that is hit; the lower one where the ray hits two at once (on an edge or a vertex).
+    /// The triangle that is hit; the one of lower index where the ray hits two at once (on an edge or a vertex).
     pub triangle: u32,
     /// Barycentric coordinates of the hit on the triangle.
     pub barycentric: [f64; 3],

@@ -1,5 +1,5 @@
 //! The whole step in f64: implicit Euler of soft bodies, dynamic cores (rigid cores inside soft bodies), contacts and
-//! the tool, solved directly (DESIGN.md section 2). The unknowns are changes of velocity over the step.
+//! the tool, solved directly (README.md, "The step in detail"). The unknowns are changes of velocity over the step.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -26,7 +26,7 @@ pub struct Resolved {
     pub contact: Contact,
     /// Normal force that pushes the two bodies apart, N; never negative.
     pub force: f64,
-    /// Friction on the first body, N; its opposite acts on the second.
+    /// Friction on body A, N; its opposite acts on body B.
     pub friction: DVec3,
     /// Ratio of friction to the tangential velocity at the end of the step, N s/m.
     pub viscosity: f64,
@@ -199,8 +199,8 @@ impl Simulation {
             });
             let (linear, angular) = core.freedom();
             if core.hinge.is_some() {
-                // Spin about a fixed axis causes no gyroscopic torque about it. Diagonal ones keep unused unknowns at
-                // zero.
+                // Spin about a fixed axis causes no gyroscopic torque about that axis. Ones on the diagonal of A keep
+                // the changes of velocity that the hinge prevents at zero.
                 a.add_block(*first, *first, &(DMat3::IDENTITY - linear));
                 a.add_block(first + 3, first + 3, &(DMat3::IDENTITY - angular));
                 continue;

@@ -24,7 +24,8 @@ pub struct Wrench {
     pub damping: [[f64; 6]; 6],
 }
 
-/// Sums the contacts on the tool; `centre` is the tool's centre at the start. Friction acts at the other body's point.
+/// Sums the contacts on the tool; `centre` is the tool's centre at the start of the step. Friction acts at the
+/// contact's point on the other body.
 pub fn on_tool(contacts: &[Resolved], centre: DVec3) -> Wrench {
     sum(contacts, centre, |carrier| matches!(carrier, Carrier::Tool), false)
 }

@@ -23,7 +23,7 @@ use super::turns::Turns;
 pub use snapshot::{LoopState, Sample, Settings, Snapshot, State};
 use worker::Worker;
 
-/// Capacity of the queue of samples; where it is full, new samples are dropped.
+/// Capacity of the queue of samples (time, force and torque of a step); where it is full, new samples are dropped.
 const SAMPLES: usize = 1 << 14;
 
 /// Makes the haptic device for a session (one run of the haptic loop) that begins at a pose.

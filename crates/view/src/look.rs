@@ -50,7 +50,8 @@ impl Look for Material {
     }
 }
 
-/// Number of colours of a field's scale, and of the colours for whole numbers that follow them in [`colours`].
+/// Number of colours of a field's scale. As many others follow in [`colours`], by which numbered things are
+/// distinguished.
 pub const SCALE_COLOURS: usize = shaders::SCALE_COLOURS as usize;
 
 /// The colour map of a field: perceptually uniform, and legible for the colour-blind.

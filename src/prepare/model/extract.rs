@@ -169,6 +169,9 @@ mod tests {
         assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
         let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
         let whole = 4.0 / 3.0 * std::f64::consts::PI * 1e-3;
-        assert!(volume > 0.97 * whole && volume < whole, "volume {volume} m^3, of the ball {whole}");
+        assert!(
+            volume > 0.97 * whole && volume < whole,
+            "volume of the extracted ball {volume} m^3, of the exact ball {whole} m^3"
+        );
     }
 }

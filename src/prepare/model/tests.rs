@@ -24,7 +24,11 @@ fn ring(skin: &Skin, start: u32, k: usize) -> usize {
 /// Checks that the skin has the exact number of vertices and the right genus, and is closed, manifold and in one piece.
 fn check_topology(skin: &Skin, count: usize, genus: usize) {
     assert_eq!(skin.vertices.len(), count);
-    assert_eq!(skin.triangles.len() + 4, 2 * count + 4 * genus, "Euler's formula for closed surfaces");
+    assert_eq!(
+        skin.triangles.len() + 4,
+        2 * count + 4 * genus,
+        "number of triangles plus 4, against 2 x vertices + 4 x genus (Euler's formula)"
+    );
     assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
     assert_eq!(skin::parts(count, &skin.triangles).1, 1);
     // The triangles around each vertex form one ring, so that no two sheets meet in a point.
@@ -73,9 +77,15 @@ fn models_of_any_count_are_closed_outward_and_whole() {
             let (low, high, volume) = measures(model);
             let near = |a: DVec3, b: DVec3| (a - b).abs().max_element() < EXTENT + LOST * edge;
             let corners = skin.vertices.iter().fold((low, high), |(l, h), &v| (l.min(v), h.max(v)));
-            assert!(near(corners.0, low) && near(corners.1, high), "{model:?}: extents {corners:?} m");
+            assert!(
+                near(corners.0, low) && near(corners.1, high),
+                "{model:?}: wrong corners of the bounding box, {corners:?} m"
+            );
             let found = mass::properties(&skin.vertices, &skin.triangles).volume;
-            assert!((found / volume - 1.0).abs() < 0.01 + 0.2 * edge * area / volume, "{model:?}: volume {found} m^3");
+            assert!(
+                (found / volume - 1.0).abs() < 0.01 + 0.2 * edge * area / volume,
+                "{model:?}: wrong volume {found} m^3"
+            );
         }
     }
 }
@@ -122,12 +132,15 @@ fn flanks_of_the_gear_are_involutes_and_its_bore_is_open() {
         let unrolled = start - from_middle + (string / gear::BASE).atan();
         assert!(
             (string - gear::BASE * unrolled).abs() < INVOLUTE,
-            "vertex {v}: string {string} m, arc {} m",
+            "vertex {v}: the taut string is {string} m long, the arc that it unwound from {} m",
             gear::BASE * unrolled
         );
         flank += 1;
     }
-    assert!(flank > 2_000 && tips > 1_000, "{flank} vertices on flanks, {tips} on tips");
+    assert!(
+        flank > 2_000 && tips > 1_000,
+        "{flank} vertices on flanks, expected over 2000; {tips} on tips, expected over 1000"
+    );
     let inside = |x: f64, y: f64| winding_number(&vertices, &triangles, DVec3::new(x, y, 0.0)) > 0.5;
     assert!(!inside(0.0, 0.0) && !inside(BORE - 1e-4, 0.0) && inside(BORE + 1e-4, 0.0));
     // The first point lies in a tooth, the second in the gap next to it.

@@ -39,7 +39,7 @@ pub struct RepairReport {
     pub vertices: usize,
     /// Number of triangles of the file, after polygons are triangulated.
     pub triangles: usize,
-    /// Number of triangles of the skin.
+    /// Number of triangles of the skin, which is the repaired surface.
     pub triangles_kept: usize,
     /// Number of vertices that no triangle of the file uses.
     pub unused_vertices: usize,

@@ -2,7 +2,8 @@
 //!
 //! If a cut is nearer to a node than the share [`LONG`] or [`SHORT`] of its edge, the node is *warped*: moved onto the
 //! cut, and so onto the surface. The remaining cuts lie between these shares of their edges, and that alone bounds the
-//! angles of every stencil.
+//! angles of every stencil (the tetrahedra that fill the inside part of a lattice tetrahedron). The surface is drawn at
+//! a *level*, a signed distance slightly off zero. The method follows F. Labelle and J. Shewchuk 2007 ("the paper").
 //!
 //! An edge that leaves the solid between two inside nodes has two cuts, one for each end, and connects nothing: its
 //! ends belong to different *limbs* (parts of the solid with a narrow gap between them), unless two other edges of a

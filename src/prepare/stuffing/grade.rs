@@ -1,10 +1,11 @@
 //! Larger cells inside the solid: an octree over the cells of the background lattice, and the tetrahedra between its
 //! octants. An *octant* of level l is a cube of 2^l cells along each side.
 //!
-//! As in the paper, two octants of one size share four tetrahedra on their common face; one of these is bisected if a
-//! smaller octant touches its outer edge. An octant with four smaller ones on a face gets eight tetrahedra there, and
-//! each smaller one gets a pyramid, cut into two halves. Octants larger than a cell stay away from the surface, so that
-//! their tetrahedra are never cut or warped, and have angles of 35 degrees and more.
+//! As in the paper (F. Labelle and J. Shewchuk 2007), two octants of one size share four tetrahedra on their common
+//! face; one of these is bisected if a smaller octant touches its outer edge. An octant with four smaller ones on a
+//! face gets eight tetrahedra there, and each smaller one gets a pyramid, cut into two halves. Octants larger than a
+//! cell stay away from the surface, so that their tetrahedra are never cut or warped, and have angles of 35 degrees and
+//! more.
 
 use super::sample::Field;
 use crate::prepare::distance::Solid;

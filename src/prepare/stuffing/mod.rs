@@ -70,7 +70,7 @@ impl Options {
 }
 
 /// Fills a surface (vertices in m, triangles counter-clockwise seen from outside) with tetrahedra; no node is attached
-/// to a core.
+/// to a rigid core.
 ///
 /// The surface may be open, folded over or partly oriented inwards: a point is inside if its winding number is above
 /// one half. Errors, each with its remedy: a surface smaller than a cell, more than [`MAX_TETRAHEDRA`], nothing inside,

@@ -5,7 +5,8 @@
 //! A face with two inside corners and two cuts (points where its edges leave the solid) leaves a quadrilateral inside,
 //! which two tetrahedra share, so both must choose the same diagonal. If one cut is on a long lattice edge, the
 //! diagonal ends at it. If both are on short edges, the diagonal starts at the inside node with the lower or the higher
-//! index, alternately around the long edge between the inside nodes, which is the parity rule of the paper.
+//! index, alternately around the long edge between the inside nodes, which is the parity rule of F. Labelle
+//! and J. Shewchuk (2007).
 
 use super::cut::Side;
 use crate::prepare::lattice::Lattice;

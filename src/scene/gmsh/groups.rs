@@ -172,7 +172,7 @@ mod tests {
             ("2\n3 7 \"fat\"", "t.msh:7: \"$EndPhysicalNames\" is not valid for a physical name"),
         ] {
             let message = v2(names, tetrahedra).unwrap_err().to_string();
-            assert!(message.contains(words), "{words}: {message}");
+            assert!(message.contains(words), "expected `{words}` in the error: {message}");
         }
         for (entities, words) in [
             ("0 0 0 1\n1 0 0 0 1 1 1", "t.msh:11: 7 numbers are too few for an entity"),
@@ -182,7 +182,7 @@ mod tests {
             ("0 0 0 -1", "t.msh:10: -1 is not valid for a count"),
         ] {
             let message = v4(entities).unwrap_err().to_string();
-            assert!(message.contains(words), "{words}: {message}");
+            assert!(message.contains(words), "expected `{words}` in the error: {message}");
         }
     }
 }

@@ -183,7 +183,12 @@ mod tests {
             (String::new(), [None, None]),
         ] {
             let mesh = parse(format!("{GRID}{data}").as_bytes(), Path::new("t.vtk")).unwrap();
-            assert_eq!((&mesh.groups.of[..], mesh.notes.len()), (&wanted[..], 1), "{data}: {:?}", mesh.notes);
+            assert_eq!(
+                (&mesh.groups.of[..], mesh.notes.len()),
+                (&wanted[..], 1),
+                "groups, and number of notes, of a file with {data}; notes: {:?}",
+                mesh.notes
+            );
         }
     }
 
@@ -197,7 +202,11 @@ mod tests {
         ] {
             let mesh = parse(format!("{GRID}{data}").as_bytes(), Path::new("t.vtk")).unwrap();
             assert_eq!(mesh.groups.of, [None, None]);
-            assert!(mesh.notes.iter().any(|note| note.contains(words)), "{words}: {:?}", mesh.notes);
+            assert!(
+                mesh.notes.iter().any(|note| note.contains(words)),
+                "expected `{words}` in the notes: {:?}",
+                mesh.notes
+            );
         }
     }
 
@@ -219,7 +228,7 @@ mod tests {
                 "unsigned_int" => (1 << 32) - 5,
                 _ => -5,
             };
-            assert_eq!(numbers, [9, 4, last], "{kind}");
+            assert_eq!(numbers, [9, 4, last], "numbers read as type {kind}");
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The Galerkin coarse matrix A_c = P^T A P of a soft body at rest: A is the matrix of implicit Euler with step h =
-//! `dt`, (1 + h alpha) M + (h^2 + h beta) K, and P maps the modes of blocks of nodes to node velocities (see
-//! `coarse.rs`). A core is a rigid body inside the soft one, to which nodes are attached.
+//! `dt`, (1 + h alpha) M + (h^2 + h beta) K, with M the mass and K the stiffness matrix, alpha and beta the mass and
+//! stiffness damping; P maps the modes of blocks of nodes to node velocities (see `coarse.rs`). A core is a rigid body
+//! inside the soft one, to which nodes are attached.
 
 use std::collections::BTreeMap;
 
@@ -81,7 +82,8 @@ impl Model {
     }
 
     /// Adds the part c c^T of an F-bar patch (tetrahedra e that share one volumetric strain), c_j = sqrt((h^2 + h beta)
-    /// lambda / V) sum_e V_e g_ej for node j, with V_e volumes, V their sum and g rest gradients.
+    /// lambda / V) sum_e V_e g_ej for node j, with V_e volumes, V their sum, g rest gradients and lambda the Lame
+    /// parameter.
     fn add_patch<'a>(
         &self,
         matrix: &mut Mat<f64>,

@@ -31,9 +31,9 @@ pub enum Field {
     /// tetrahedron's material: averaged by volume around each node, and interpolated to the skin by its embedding
     /// weights. Zero on rigid bodies.
     StrainEnergy,
-    /// How far deformation has moved a vertex, m, from where it would be if its nodes were attached rigidly to their
-    /// frames (those of the body's cores, or the floating frame of a body without cores). Rigid motion of the whole
-    /// body is no part of it; with fixed cores it is the distance from where the vertex was placed. Zero on rigid
+    /// Distance, m, by which deformation has moved a vertex from where it would be if its nodes were attached rigidly
+    /// to their frames (those of the body's cores, or the floating frame of a body without cores). Rigid motion of the
+    /// whole body is no part of it; with fixed cores it is the distance from where the vertex was placed. Zero on rigid
     /// bodies.
     Displacement,
 }

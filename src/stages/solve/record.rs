@@ -285,7 +285,12 @@ impl Solve {
         };
         recorder.together(|recorder| {
             if in_loop {
-                recorder.dispatch_indirect(&self.element_product, &of_elements, &common.args, shaders::ARGS_LOOP_APPLY);
+                recorder.dispatch_indirect(
+                    &self.element_product,
+                    &of_elements,
+                    &common.args,
+                    shaders::ARGS_LOOP_ELEMENT_PRODUCT,
+                );
             } else {
                 recorder.dispatch(&self.element_product, &of_elements, elastic.tetrahedron_count as u32);
             }
@@ -331,7 +336,7 @@ impl Solve {
         kernels: &[Variant],
         set: Option<u32>,
     ) {
-        // The mode of solve/gather determines with which vectors the inner products are taken.
+        // The constant MODE of the kernel solve/gather determines between which vectors it takes inner products.
         let (change, preconditioned, residual_or_rhs) = match set {
             Some(set) => {
                 let now = self.preconditioned.now(set);

@@ -1,4 +1,4 @@
-//! The kernels that apply the coarse level of the preconditioner (solve/coarse, and parts of solve/assemble, gather,
+//! The kernels that apply the coarse space of the preconditioner (solve/coarse, and parts of solve/assemble, gather,
 //! first_residual, first_iterate and update) against f64 sums. The sums use the oracle's prolongation P and the coarse
 //! inverse A_c^-1 that the kernels read. The preconditioner is M^-1 = D^-1 + P A_c^-1 P^T, with the diagonal blocks D
 //! of the operator A. A block is the nodes of one workgroup and has twelve modes, its affine motions, which are columns
@@ -66,7 +66,7 @@ fn expect_within(what: &str, got: &[f64], want: &[f64], sizes: &[f64], share: f6
 }
 
 impl Twin {
-    /// The coarse level of a system, with its blocks rotated as solve/assemble found.
+    /// The coarse space of a system, with its blocks rotated as solve/assemble found.
     pub fn new(passes: &Passes) -> Twin {
         let p = coarse_vector_of(&passes.system, &passes.block_turns);
         Twin { p, inverse: host_inverse(&passes.system.model, false) }
@@ -175,7 +175,7 @@ pub fn only_free(passes: &Passes, mut nodes: Vec<[f32; 4]>) -> Vec<[f32; 4]> {
 /// pass with the oracle's result from the same inputs. Returns the largest error relative to the size of a value.
 fn follow(what: &str, system: System) -> f64 {
     let mut passes = Passes::new(system);
-    assert!(passes.coarse, "{what}: no coarse level");
+    assert!(passes.coarse, "{what}: no coarse space");
     let mut random = Random(7);
     let left = random_unknowns(&passes.system, &mut random, 1.0)
         .iter()
@@ -373,7 +373,7 @@ fn passes_follow_the_oracle_on_bodies_of_every_kind() {
     for (what, bodies) in kinds() {
         worst = worst.max(follow(what, coarse(&bodies, 5)));
     }
-    println!("coarse level: errors of up to {worst:.1e} of the sums of the terms' magnitudes");
+    println!("coarse space: errors of up to {worst:.1e} of the sums of the terms' magnitudes");
 }
 
 #[test]
@@ -398,7 +398,8 @@ fn one_of_two_bodies_has_a_coarse_level() {
     assert_eq!(
         bodies,
         [1],
-        "bodies with a coarse level; (body, stiffness number, aggregates): {:?}",
+        "bodies with a coarse space; (body, stiffness number: stiffness over inertia of a node, number of \
+         aggregates): {:?}",
         system.model.coarse.bodies
     );
     follow("one of two bodies", system);
@@ -416,7 +417,7 @@ fn passes_follow_the_oracle_at_every_size() {
         assert_eq!(
             system.model.coarse.bodies.is_empty(),
             free == 0,
-            "{nodes} nodes: whether no body has a coarse level"
+            "{nodes} nodes: a body with free nodes must have a coarse space, and no other body"
         );
         println!("{nodes} nodes, {free} of them free: {} blocks", system.model.blocks.free);
         if free > 0 {

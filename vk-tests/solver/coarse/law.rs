@@ -1,5 +1,5 @@
-//! Test of the purpose of the preconditioner's coarse level: with it, conjugate gradients must take far fewer
-//! iterations on stiff bodies.
+//! The coarse space of the preconditioner, whose unknowns are affine motions of blocks of nodes (see mod.rs), must
+//! serve its purpose: with it, conjugate gradients must take far fewer iterations on stiff bodies.
 
 use glam::DQuat;
 use palpate::scene::Preconditioner;
@@ -27,6 +27,6 @@ fn a_stiff_block_takes_a_third_of_the_iterations() {
         assert!(passes.report.residual < 1e-3, "residual {:e}", passes.report.residual);
         passes.iterations_done()
     });
-    println!("stiff block: {} iterations without the coarse level, {} with it", iterations[0], iterations[1]);
-    assert!(3 * iterations[1] <= iterations[0], "iterations without and with the coarse level: {iterations:?}");
+    println!("stiff block: {} iterations without the coarse space, {} with it", iterations[0], iterations[1]);
+    assert!(3 * iterations[1] <= iterations[0], "iterations without and with the coarse space: {iterations:?}");
 }

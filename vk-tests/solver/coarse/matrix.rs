@@ -1,5 +1,5 @@
 //! The inverse of the coarse matrix A_c = P^T A P that the host computes, against that of the f64 oracle (P:
-//! prolongation, A: operator; mod.rs explains the coarse level).
+//! prolongation, A: operator; mod.rs explains the coarse space).
 
 use faer::{Mat, Side};
 use glam::DQuat;
@@ -22,7 +22,7 @@ fn absolute(matrix: &Mat<f64>) -> Mat<f64> {
 
 #[test]
 fn the_host_s_inverse_is_the_oracle_s() {
-    // The product P A_c^-1 P^T, which the coarse level applies to any residual, is compared: it is unique even where
+    // The product P A_c^-1 P^T, which maps a residual to its correction, is compared: it is unique even where
     // modes are linearly dependent.
     for (what, bodies) in kinds() {
         let system = System::preconditioned(&bodies, 0.0, 1, Preconditioner::Coarse);
@@ -126,13 +126,13 @@ fn half_precision_leaves_the_preconditioner_positive() {
         let grown = (0..p.nrows()).map(|i| coarse[(i, i)] / exact[(i, i)]).fold(1.0, f64::max);
         let number = system.model.coarse.bodies[0].1;
         println!(
-            "{what}, stiffness number {number:.1e}: eigenvalues from {:.1e} to {:.1e}, of the coarse part alone from \
-             {:.1e}; its diagonal greater by up to {:.1e}",
+            "{what}, stiffness over inertia of a node {number:.1e}: eigenvalues from {:.1e} to {:.1e}, of the coarse \
+             part alone from {:.1e}; diagonal of the coarse part greater than the exact one by up to {:.1e}",
             values[0],
             values[values.len() - 1],
             alone[0],
             grown - 1.0
         );
-        assert!(values[0] > 0.0, "{what}: least eigenvalue {:e}", values[0]);
+        assert!(values[0] > 0.0, "{what}: the preconditioner is not positive: least eigenvalue {:e}", values[0]);
     }
 }

@@ -1,7 +1,7 @@
-//! The coarse level of the two-level additive Schwarz preconditioner: its matrix, made on the host, and the passes that
+//! The coarse space of the two-level additive Schwarz preconditioner: its matrix, made on the host, and the passes that
 //! apply it. A block is the nodes that one workgroup of the solver owns; each block of free nodes is an aggregate of
 //! the coarse space. A block has twelve modes, affine motions of all its nodes, which are columns of the prolongation
-//! P; its slot is the place of its modes in the kernels' arrays.
+//! P; its coarse index is the place of its modes in the kernels' arrays.
 
 mod kernels;
 mod law;
@@ -22,7 +22,7 @@ use crate::solver::system::{
     System, layer, layered, material, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge,
 };
 
-/// The model's blocks in the order of their slots, as the oracle represents them.
+/// The model's blocks in the order of their coarse indices, as the oracle represents them.
 fn blocks_of(system: &System, turns: &[[f32; 4]]) -> Vec<Block> {
     let (model, blocks) = (&system.model, &system.model.blocks);
     let mut order: Vec<usize> = (0..blocks.blocks.len()).collect();
@@ -46,7 +46,7 @@ fn blocks_of(system: &System, turns: &[[f32; 4]]) -> Vec<Block> {
 /// which its block lies, relative to the block's size.
 const NOTHING: f64 = 1.0e-12;
 
-/// The prolongation P, its modes in the order of slots.
+/// The prolongation P, its modes in the order of the blocks' coarse indices.
 fn coarse_vector_of(system: &System, turns: &[[f32; 4]]) -> Mat<f64> {
     let mut all = prolongation(&system.twin, &blocks_of(system, turns));
     all.col_iter_mut().flat_map(|column| column.iter_mut()).filter(|x| x.abs() < NOTHING).for_each(|x| *x = 0.0);
@@ -58,7 +58,7 @@ fn rest_turns(system: &System) -> Vec<[f32; 4]> {
     system.model.blocks.blocks.iter().map(|block| system.frames[block[2] as usize].rotation).collect()
 }
 
-/// The coarse inverses that the kernels read, as one matrix over the modes of all slots; if `scaled`, with ones on the
+/// The coarse inverses that the kernels read, as one matrix over the modes of all blocks; if `scaled`, with ones on the
 /// diagonal as they are stored.
 fn host_inverse(model: &Model, scaled: bool) -> Mat<f64> {
     let (coarse, count) = (&model.coarse, BLOCK_UNKNOWNS * model.blocks.blocks.len());
@@ -131,14 +131,14 @@ pub fn large_core(hinged: bool) -> Body {
     body
 }
 
-/// Two bodies, of which the first is soft enough to go without a coarse level and the second has one.
+/// Two bodies, of which the first is soft enough to go without a coarse space and the second has one.
 pub fn soft_and_stiff() -> Vec<Body> {
     let mut second = layer(60);
     second.attached[..9].fill(true);
     vec![layered(layer(100), material(2e3), DQuat::from_rotation_x(1.0)), turned(second)]
 }
 
-/// Bodies of every kind for which the coarse level must work.
+/// Bodies of every kind for which the coarse space must work.
 pub fn kinds() -> Vec<(&'static str, Vec<Body>)> {
     vec![
         ("one aggregate", vec![turned(layer(8))]),

@@ -1,4 +1,5 @@
-//! The preconditioner with a coarse level must be symmetric and positive definite, as conjugate gradients require.
+//! The preconditioner M^-1 with a coarse space (whose unknowns are affine motions of blocks of nodes, see mod.rs) must
+//! be symmetric and positive definite, as conjugate gradients require.
 
 use super::super::passes::{Change, Passes};
 use super::kernels::{SUM, Twin, coarse, dot, magnitudes, node_vectors, only_free, random_unknowns, six};

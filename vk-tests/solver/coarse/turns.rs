@@ -78,7 +78,7 @@ fn blocks_turn_with_their_nodes() {
                     "{what}: rotation {found}, expected {turn}, off by {:e} rad",
                     angle(found, turn)
                 );
-                assert!(angle(world, frame * turn) < ANGLE, "{what}: wrong rotation in the world {world}");
+                assert!(angle(world, frame * turn) < ANGLE, "{what}: wrong rotation {world} in the world");
             }
             // The next run starts from the rotations found and must find the same ones.
             let before = passes.block_rotations.clone();

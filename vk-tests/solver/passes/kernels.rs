@@ -150,7 +150,7 @@ impl Passes {
         self.dots = settled("dots", dots, |_| true);
         let modes = |name: &str| merged(name, &unwritten::<[f32; 4]>(3 * groups), &outcomes);
         self.restricted_product = settled("restricted_product", modes("restricted_product"), |i| {
-            self.coarse || self.role_of_args(i / 3) != FREE
+            self.coarse || self.role_of_coarse_index(i / 3) != FREE
         });
         self.restricted_residual = settled("restricted_residual", modes("restricted_residual"), |_| self.coarse);
     }

@@ -26,7 +26,7 @@ pub enum Change {
 /// A system and the solver's arrays, named as the kernels name them.
 pub struct Passes {
     pub system: System,
-    /// Variants of the kernels: with contacts, with a tool, with friction, with a coarse level of the preconditioner.
+    /// Variants of the kernels: with contacts, with a tool, with friction, with a coarse space of the preconditioner.
     pub contact: bool,
     pub tool: bool,
     pub friction: bool,
@@ -40,7 +40,7 @@ pub struct Passes {
     pub rhs: Vec<[f32; 4]>,
     pub inverse: Vec<[f32; 4]>,
     pub solution: Vec<[f32; 4]>,
-    /// The residual in the newer of the two sets of iterates, as are the next three vectors.
+    /// Residual of the newer of the two sets of iterates; the next three vectors are of the same set.
     pub residual: Vec<[f32; 4]>,
     pub preconditioned: Vec<[f32; 4]>,
     pub direction: Vec<[f32; 4]>,
@@ -198,8 +198,8 @@ impl Passes {
     /// Runs iterations until the kernels end the loop, at most `limit`.
     pub fn iterate(&mut self, limit: usize) {
         for _ in 0..limit {
-            let coarse_indices = [shaders::ARGS_LOOP_FREE, shaders::ARGS_LOOP_ATTACHED, shaders::ARGS_LOOP_TOOL];
-            if coarse_indices.iter().all(|coarse_index| self.args[3 * *coarse_index as usize] == 0) {
+            let args_indices = [shaders::ARGS_LOOP_FREE, shaders::ARGS_LOOP_ATTACHED, shaders::ARGS_LOOP_TOOL];
+            if args_indices.iter().all(|args_index| self.args[3 * *args_index as usize] == 0) {
                 return;
             }
             self.apply(Change::Preconditioned);
@@ -238,7 +238,8 @@ impl Passes {
         f64::from(self.rigid_inverses[self.rigids[index].inverse_first as usize + 6 * i + k])
     }
 
-    /// The inverse of a node's diagonal block times a vector, in f64.
+    /// The inverse of a free node's diagonal block times a vector, in f64; for a node attached to a dynamic core, the
+    /// block itself times the vector.
     pub fn precondition(&self, node: usize, b: [f64; 3]) -> [f64; 3] {
         let [d, o] = [0, 1].map(|k| self.inverse[2 * node + k].map(f64::from));
         let rows = [[d[0], o[0], o[1]], [o[0], d[1], o[2]], [o[1], o[2], d[2]]];

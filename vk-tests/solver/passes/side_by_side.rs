@@ -79,7 +79,7 @@ impl Passes {
 
     /// The role of the block whose modes (its affine motions, the coarse space) are stored at `coarse_index`, or the
     /// tool's role where there is no such block.
-    pub fn role_of_args(&self, coarse_index: usize) -> u32 {
+    pub fn role_of_coarse_index(&self, coarse_index: usize) -> u32 {
         let blocks = &self.system.model.blocks;
         match blocks.coarse_indices.iter().position(|own| *own as usize == coarse_index) {
             Some(b) if b < blocks.free => FREE,

@@ -1,8 +1,8 @@
 //! The kernels from pose to contact, which are the proximity query and the contact response. Each runs in the test
 //! harness on what the kernel before it wrote, so that tests can check the whole query while the harness guards each
-//! kernel. Words: a slot is a collision proxy in a pair of bodies; a side, body a or b of a pair; a chunk, up to 64
-//! skin vertices with their triangles; a contact patch, a place where a pair may touch along one normal; a work item, a
-//! chunk in a patch; a hash entry, one vertex of a work item in the spatial hash.
+//! kernel. Words: a pair proxy is a collision proxy in a pair of bodies; a side, body a or b of a pair; a chunk, up to
+//! 64 skin vertices with their triangles; a contact patch, a place where a pair may touch along one normal; a work
+//! item, a chunk in a patch; a hash entry, one vertex of a work item in the spatial hash.
 
 mod contact;
 mod query;
@@ -53,7 +53,7 @@ pub struct Flow {
     pub directions: Vec<[f32; 4]>,
     /// [`PAIR_PATCHES`] patches for each pair of bodies.
     pub contact_patches: Vec<ContactPatch>,
-    /// [`PAIR_PATCHES`] entries for each slot, as in `boxes`.
+    /// [`PAIR_PATCHES`] entries for each pair proxy, as in `boxes`.
     pub shares: Vec<f32>,
     pub boxes: Vec<Box3>,
     pub proxy_patches: Vec<u32>,
@@ -61,7 +61,7 @@ pub struct Flow {
     pub active_pair_proxies: Vec<u32>,
     pub depth_grids: Vec<u32>,
     pub pair_proxy_chunks: Vec<[u32; 2]>,
-    /// [`PAIR_PATCHES`] entries for each chunk of a slot: low, high, plane and extreme of its box in a patch.
+    /// [`PAIR_PATCHES`] entries for each chunk of a pair proxy: low, high, plane and extreme of its box in a patch.
     pub slabs: Vec<[f32; 8]>,
     pub active_chunks: Vec<ActiveChunk>,
     pub work_items: Vec<[u32; 2]>,
@@ -211,9 +211,9 @@ impl Flow {
         }
     }
 
-    /// Number of workgroups that earlier kernels requested for dispatch `pair_proxy` of the indirect arguments.
-    fn groups(&self, pair_proxy: u32) -> usize {
-        self.args[3 * pair_proxy as usize] as usize
+    /// Number of workgroups that earlier kernels requested for dispatch `args_index` of the indirect arguments.
+    fn groups(&self, args_index: u32) -> usize {
+        self.args[3 * args_index as usize] as usize
     }
 
     /// Runs everything up to the depths of skin vertices, on the depth path `path`.

@@ -14,15 +14,16 @@ use crate::{fit, median};
 /// The just noticeable difference of a force, as a share of the force: X. D. Pang, H. Z. Tan and N. I. Durlach, "Manual
 /// discrimination of force using active finger motion" (1991), found roughly 7 %.
 pub const JUST_NOTICEABLE: f64 = 0.07;
-/// A measured order of convergence agrees with theory's when they differ by at most this.
+/// A measured order of convergence agrees with the order that theory expects when they differ by at most this.
 pub const NEAR_ORDER: f64 = 0.25;
 /// The errors of a line should span at least so many powers of ten; where they span fewer, the report gives a reason.
 pub const DECADES: f64 = 2.0;
 /// Only points with relative errors below this belong to the asymptotic part, to which an order is fitted.
 const ASYMPTOTIC: f64 = 0.1;
-/// Least slope of ln(error) above the error floor, on which another source of error dominates. The slope is taken per
-/// unit of ln(knob) where an order is fitted, and per unit of the knob where a share of the error is fitted. The finest
-/// settings belong to the floor up to the first pair with a greater slope.
+/// Least slope of ln(error) between neighbouring points above the error floor (the part of a line where another source
+/// of error dominates). The slope is taken per unit of ln(knob) where an order is fitted, and per unit of the knob
+/// where a share of the error is fitted. From the finest setting on, points are left out as the floor until a slope
+/// exceeds this.
 const FLOOR: f64 = 0.3;
 /// An order is fitted to at most so many points: the finest ones above the floor.
 const MOST_POINTS: usize = 5;
@@ -49,14 +50,14 @@ pub struct Curve {
     pub question: String,
     /// Quantity that the knob sets, with its unit: `time step, ms`.
     pub knob: String,
-    /// Stage of the step that the knob affects most; the report shows its time beside the whole step's.
+    /// Stage of the step that the knob affects most; the report shows its time next to that of the whole step.
     pub stage: String,
     /// Points in the order of the knob; each line has its finest setting last.
     pub points: Vec<Point>,
     /// The order of convergence that theory expects, and why; `None` where theory gives no power law.
     pub expected: Option<Expected>,
-    /// Why, by theory, each further unit of the knob multiplies the error by a constant factor (its share), instead of
-    /// a power law; empty where theory says nothing of the kind.
+    /// Where theory expects that each further unit of the knob multiplies the error by a constant factor (the share
+    /// that remains) instead of a power law: the reason; else empty.
     pub share: String,
     /// Reason that the report gives where the measured order differs from theory's.
     pub order_reason: String,
@@ -77,7 +78,7 @@ pub enum Judged {
     /// The finest setting of each line; a coarser one may be near the reference by chance.
     #[default]
     Finest,
-    /// The finest setting of each panel, where the lines of a panel are one set of settings.
+    /// The finest setting of each panel, whose lines are judged together as one line.
     FinestOfPanel,
     /// Every setting, where none is finer than another.
     Every,
@@ -216,7 +217,7 @@ impl Curve {
         self.points.iter().map(|point| is_own(point) && point.is_best_of(&panel(&point.panel))).collect()
     }
 
-    /// Powers of ten that the errors of one line span; the greatest of all lines.
+    /// Powers of ten that the errors of a line span: the greatest number among all lines.
     pub fn decades(&self) -> f64 {
         self.lines().iter().map(Line::decades).fold(0.0, f64::max)
     }
@@ -276,9 +277,9 @@ impl Line<'_> {
     }
 
     /// The order of convergence (exponent of the knob) and the number of points that it was fitted to, by least squares
-    /// of the logarithms over the asymptotic part. It is that of the displacements' error if `is_of_shape`, else of the
-    /// force's. `None` where fewer than three points are asymptotic, or where neighbouring points have orders that are
-    /// far from the fitted one.
+    /// of the logarithms over the asymptotic part. The order is that of the displacements' error if `is_of_shape`, else
+    /// that of the force's error. `None` where fewer than three points are asymptotic, or where neighbouring points
+    /// have orders that are far from the fitted one.
     pub fn order(&self, is_of_shape: bool) -> Option<(f64, usize)> {
         let fitted = self.asymptotic(&|point| error_of(point, is_of_shape), f64::ln);
         let order = fit::exponent(&fitted)?;

@@ -99,10 +99,10 @@ fn orders_are_fitted_where_errors_fall_and_not_to_floor_or_ceiling() {
     let (order, count) = all.lines()[0].order(false).unwrap();
     // The fit takes the points from 0.4, the first with an error below a tenth, to 0.001, where the floor begins. The
     // error at 0.001 is above the power law, so that the fitted order is below 2.
-    assert!(count == 5 && order < 2.0, "order {order} fitted to {count} points");
+    assert!(count == 5 && order < 2.0, "order {order} fitted to {count} points, expected below 2, 5 points");
     let all = curve(points[..5].to_vec());
     let (order, count) = all.lines()[0].order(false).unwrap();
-    assert!((order - 2.0).abs() < 1e-9 && count == 4, "order {order} fitted to {count} points");
+    assert!((order - 2.0).abs() < 1e-9 && count == 4, "order {order} fitted to {count} points, expected 2, 4 points");
     assert!((all.decades() - (0.5f64 / 0.5 / 0.0025).log10()).abs() < 1e-9);
     // Points in reverse order have the same order. Errors of displacements, which these points lack, have no order.
     let turned = curve(points[..5].iter().rev().cloned().collect());
@@ -115,7 +115,7 @@ fn orders_are_fitted_where_errors_fall_and_not_to_floor_or_ceiling() {
 fn shares_are_what_a_unit_leaves() {
     let points = (1..=6).map(|n| point(f64::from(n), 1.0, Some(0.2f64.powi(n)))).collect();
     let (share, count) = curve(points).lines()[0].share().unwrap();
-    assert!((share - 0.2).abs() < 1e-9 && count == 5, "share {share} fitted to {count} points");
+    assert!((share - 0.2).abs() < 1e-9 && count == 5, "share {share} fitted to {count} points, expected 0.2, 5 points");
 }
 
 #[test]

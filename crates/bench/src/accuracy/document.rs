@@ -9,8 +9,8 @@ use super::{Curve, Judged, Point, front, presets};
 use crate::plot::{self, Logarithmic, Panel, panels};
 use crate::{Section, Table};
 
-/// The finding names the most accurate setting beside the cheapest only if its error is smaller by at least this
-/// factor.
+/// Besides the cheapest setting, the finding names the most accurate one, but only if its error is smaller by at least
+/// this factor.
 const WORTH_TELLING: f64 = 2.0;
 /// Text of the report where a curve lacks a reason that the report asks for; no shipped curve should lack one.
 const UNKNOWN: &str = "why is not known";

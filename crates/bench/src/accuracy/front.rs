@@ -28,7 +28,7 @@ const UNITS: usize = 3;
 const YOUNG: [f64; 2] = [2e4, 2e6];
 /// Solver tolerance and Newton iterations of the reference.
 const TIGHT: (f64, u32) = (1e-5, 3);
-/// Largest error of the force of the most accurate setting on each head, as a share of the reference's force.
+/// Largest allowed error of the force of the most accurate setting on each head, as a share of the reference's force.
 const BOUND: f64 = 0.05;
 
 /// The values of each knob that are combined; the finest is last.
@@ -36,8 +36,8 @@ struct Grid {
     tolerances: &'static [f64],
     newton: &'static [u32],
     sides: &'static [(&'static str, Sides)],
-    /// Number of the shortest time steps that are left out; the longest is halved [`Settings::halvings`] times for the
-    /// shortest.
+    /// Number of the shortest time steps that are left out: the longest time step is halved at most
+    /// [`Settings::halvings`] minus this many times.
     spared: u32,
 }
 

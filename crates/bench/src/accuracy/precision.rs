@@ -12,7 +12,7 @@ use super::{Curve, Judged, Point, Settings, factor};
 
 /// Solver tolerance; single precision gains nothing from a tighter one.
 const TIGHTEST: f64 = 1e-7;
-/// Cap on the solver iterations of a step; few tolerances need as many as this one.
+/// Cap on the solver iterations of a step; high, since so tight a tolerance needs many.
 const MANY: u32 = 2_000;
 /// Cells of the blocks along x, y and z; few, because the oracle solves each f64 step directly, which takes long.
 const CELLS: [u32; 3] = [6, 4, 6];
@@ -22,11 +22,11 @@ const YOUNG: [f64; 6] = [1e3, 1e4, 1e5, 1e6, 1e7, 1e8];
 const EDGES: [f64; 6] = [1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0];
 /// Offsets of the block from the world's origin, the same along x and z, m.
 const OFFSETS: [f64; 6] = [0.1, 1.0, 10.0, 1e2, 1e3, 1e4];
-/// Numbers of steps where they are varied, in tenths of the number on the other lines.
+/// Where the number of steps is varied: its values, in tenths of the number of steps on the other lines.
 const TENTHS: [usize; 6] = [5, 10, 20, 30, 40, 80];
 /// Edge of the block where its size is not varied, m.
 const EDGE: f64 = 0.1;
-/// Largest error of the force of any setting, as a share of the reference's largest force.
+/// Largest allowed error of the force of any setting, as a share of the reference's largest force.
 const BOUND: f64 = 1e-3;
 
 /// The error changes little along a line if its largest value is less than this factor times its smallest.

@@ -15,8 +15,8 @@ const RADIUS: f64 = 0.02;
 const MASS: f64 = 0.05;
 /// Gap between sphere and block at the start, m.
 const GAP: f64 = 0.0005;
-/// Nodes are attached to the fixed rigid core at the bottom if their height above it is below this share of half the
-/// block's height.
+/// Nodes at the block's bottom are attached to a fixed rigid core: those whose height above the bottom is below this
+/// share of half the block's height.
 const ON_FACE: f64 = 0.03;
 
 /// A press of a sphere into a block. All lengths, masses and coupling gains scale with `size`; where `dt`, `seconds`

@@ -10,8 +10,8 @@ use super::race::{Entrant, Run, race, relative_error, run};
 use super::twin::{Reference, reference};
 use super::{Curve, Expected, Point, SINGLE, Settings};
 
-/// The longest time step, s: 30 steps a second. Shorter ones are this one halved repeatedly, so that a step of each
-/// length ends wherever a longest step ends.
+/// The longest time step, s: 30 steps a second. Shorter ones are this one halved repeatedly, so that at the end of
+/// every longest step a step of each shorter length ends too.
 pub const LONGEST: f64 = 0.033;
 /// Numbers of Newton iterations of a step that are tried.
 const NEWTON: [u32; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
@@ -21,9 +21,9 @@ const CONVERGED: u32 = 14;
 const TIGHT: f64 = 1e-6;
 /// Cap on the solver iterations; solves at this tolerance need fewer.
 pub const MANY: u32 = 2_000;
-/// Largest relative error of the force with the shortest step.
+/// Largest allowed relative error of the force with the shortest step.
 const STEP_BOUND: f64 = 0.02;
-/// Largest relative error of the force with the most Newton iterations.
+/// Largest allowed relative error of the force with the most Newton iterations.
 const NEWTON_BOUND: f64 = 1e-3;
 
 /// Measures the force at the end of each longest step for ever shorter time steps, against its limit for vanishing
@@ -152,7 +152,7 @@ pub fn extrapolated(
     Ok(fine.iter().zip(&coarse).map(|(fine, coarse)| 2.0 * *fine - *coarse).collect())
 }
 
-/// The forces at the ends of the longest steps, each of which is `steps` steps of this run.
+/// The forces at the ends of the longest steps; one longest step takes as long as `steps` steps of this run.
 pub fn at_units(run: &Run, steps: usize) -> Vec<DVec3> {
     run.forces.chunks_exact(steps).filter_map(|unit| unit.last().copied()).collect()
 }

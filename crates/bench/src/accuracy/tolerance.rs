@@ -24,7 +24,7 @@ const CAPS: [u32; 8] = [1, 2, 4, 8, 16, 32, 64, 128];
 const MANY: u32 = 2_000;
 /// Solver tolerance where the cap is varied; few of the capped solves reach it.
 const TIGHT: f64 = 1e-5;
-/// Largest relative error of the force with the tightest setting.
+/// Largest allowed relative error of the force with the tightest setting.
 const BOUND: f64 = 1e-3;
 /// An error is much less than another if it is less by more than this factor.
 const MUCH: f64 = 2.0;

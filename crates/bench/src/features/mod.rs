@@ -245,7 +245,8 @@ fn cost(feature: Feature, settings: &Settings) -> Result<Cost> {
             let [off, never] = both.each_ref().map(|scene| open(scene, settings).map(|s| Plan::of(&s)));
             Some([off?, never?])
         }
-        // A feature that steps ask for, rather than the scene, was used before and is no longer asked for.
+        // The steps ask for the feature, not the scene. `with` has used it and now does a step without it; `never` has
+        // not used it at all.
         Some(scenes::Idle::Again(scene)) => {
             with.simulation.time_every(0)?;
             with.simulation.step()?;

@@ -9,7 +9,7 @@ use palpate::{Result, Scene};
 pub enum Feature {
     /// Coulomb friction at all contacts.
     Friction,
-    /// Coarse level of the two-level preconditioner.
+    /// Coarse space of the two-level preconditioner.
     CoarseLevel,
     /// Contacts found at the vertices of both bodies' skins (surface meshes) instead of those of the finer one alone.
     SecondSide,
@@ -66,8 +66,8 @@ impl Feature {
         }
     }
 
-    /// The scene with or without the feature. For the last two features both scenes are equal, and only the steps
-    /// differ.
+    /// The scene with or without the feature. For [`Feature::Stiffness`] and [`Feature::Timestamps`] both scenes are
+    /// equal, and only the steps differ.
     pub fn scene(self, with: bool) -> Result<Scene> {
         let pick = |yes: &'static str, no: &'static str| if with { yes } else { no };
         let text = match self {

@@ -69,7 +69,8 @@ pub struct Controlled {
     pub rate: f64,
     /// Whether wrenches report the gap to the body before there is contact.
     pub gap: bool,
-    /// Mean force played in the last second of the hold, over the force of body and coupling as springs in equilibrium.
+    /// Mean force played in the last second of the hold, over the force that body and coupling would exert as springs
+    /// in equilibrium.
     pub share: f64,
     /// Standard deviation of the force in the last second of the hold, N.
     pub deviation: f64,

@@ -44,8 +44,8 @@ pub struct HoldResult {
     pub mode: Mode,
     /// Force that was played, that is, commanded to the haptic device.
     pub force: Spread,
-    /// Force that was played when the haptic device has no friction in which the hand could rest; measured against
-    /// walls only.
+    /// Force that was played in a second run without friction of the haptic device, which could hold the hand still;
+    /// measured against walls only.
     pub no_friction: Option<Spread>,
     /// Position of the haptic device as it was read; its lengths are in m, not in N.
     pub reading: Spread,
@@ -54,12 +54,13 @@ pub struct HoldResult {
     pub quantum_forces: [f64; 2],
 }
 
-/// Whether there is a force whose standard deviation is at most `STILL_SHARE` of its mean or at most `STILL`.
+/// Whether there is a force (see [`is_there`]) and its standard deviation is at most `STILL_SHARE` of its mean or at
+/// most `STILL`.
 pub fn is_still(force: &Spread) -> bool {
     force.deviation <= (STILL_SHARE * force.mean).max(STILL) && is_there(force)
 }
 
-/// Whether there is a force at all.
+/// Whether the mean force exceeds `LEAST`, that is, has not vanished.
 pub fn is_there(force: &Spread) -> bool {
     force.mean > LEAST
 }

@@ -17,11 +17,11 @@ use super::head::{self, CHEEK, Skin};
 use super::rig::{PERIOD, key, tool, wall};
 use super::{Settings, profile};
 
-/// The loop may miss a greater share of all deadlines than the bare timer, by at most this.
+/// By how much the share of deadlines that the loop misses may exceed the share that the bare timer misses.
 pub const MORE: f64 = 1e-3;
 /// Profile of the haptic device, which follows a script and plays no force.
 const DEVICE: &str = "scripted";
-/// Height above the skin at the start, and depth below it at the end, m.
+/// Height of the tool above the first touch at the start, and depth below it at the end, m.
 const DEEP: f64 = 0.005;
 /// Shortest time step of the simulation, s.
 const SHORTEST_STEP: f64 = 1e-3;

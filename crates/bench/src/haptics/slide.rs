@@ -164,7 +164,7 @@ mod tests {
         let all = of(0.0);
         assert!(
             all.time == 0.3 && (all.newtons - 3.65).abs() < 1e-12 && all.excess > 17.0,
-            "worst change of all: {all:?}"
+            "worst change over the whole time: {all:?}"
         );
         let late = of(0.35);
         assert!(

@@ -57,7 +57,7 @@ fn ms(time: f64) -> String {
     if time < 10.0 { format!("{time:.2}") } else { format!("{time:.1}") }
 }
 
-/// The paper's figures for a scene.
+/// The time that the paper reports for a scene, and palpate's goal; `None`: the scene is not one of the paper.
 fn told(ran: &Ran) -> Option<&'static Told> {
     SCENES.iter().find(|told| told.name == ran.name)
 }

@@ -102,8 +102,8 @@ pub fn measure(by: By, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Resu
             order.reverse();
         }
         for (watched, row) in order {
-            // The first step finds caches cold and is not counted; of the next four, two are timed stage by stage and
-            // two as a whole.
+            // The first step finds caches cold and is not counted; of the next four, two are timed by GPU timestamps
+            // and two by the wall time of the whole step.
             watched.step(None)?;
             (0..4).try_for_each(|_| watched.step(Some(&mut row.times)).map(drop))?;
         }

@@ -11,8 +11,8 @@ use crate::{Section, Table};
 
 /// Greatest allowed ratio of the query's time for the largest skin to its time for the smallest.
 const ALLOWED_RATIO: f64 = 1.5;
-/// Quoted times of closest-point queries (ms), on one core of another machine: for 713 vertices in the intersection of
-/// the bounding boxes, and for all 30,000.
+/// Quoted times of closest-point queries (ms), on one CPU core of another machine: for the 713 vertices in the
+/// intersection of the bounding boxes, and for all 30,000.
 const QUOTED_MS: [f64; 2] = [2.3, 11.0];
 
 /// How the benchmark was measured.

@@ -1,7 +1,7 @@
 //! Part `peers` of `palpate bench proximity`: one pose solved by palpate's query and by closest points. Closest points
 //! are, for each vertex of one body, the nearest point of the other body's surface, and whether the vertex is inside,
-//! by a bounding volume hierarchy (parry3d, f64) on one core. Both bodies are rigid; a body that deforms would need its
-//! hierarchy refitted, and the time of a refit is measured too.
+//! by a bounding volume hierarchy (parry3d, f64) on one CPU core. Both bodies are rigid; a body that deforms would need
+//! its hierarchy refitted, and the time of a refit is measured too.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -20,9 +20,9 @@ use super::patches::{Place, measure_one};
 use super::{Settings, rigid};
 use crate::median;
 
-/// Scale of the pumpkin, at which the spacing of its vertices is about that of the head's.
+/// Scale of the pumpkin, at which its vertices are spaced about as those of the head.
 const SCALE: f64 = 0.5;
-/// Position of the pumpkin without its distance behind the head, m.
+/// Position of the pumpkin's centre, m, before it is moved along -z by the distance that is searched for.
 const BEHIND: DVec3 = DVec3::new(0.0, 0.03, 0.0);
 /// Range in which the search for the pose looks for the distance of the pumpkin's centre behind the head's, m.
 const DISTANCES: [f64; 2] = [0.11, 0.5];

@@ -221,8 +221,8 @@ fn growth(sizes: &[Size]) -> Result<Section> {
     })
 }
 
-/// Lines of times over the number of tetrahedra, each with whether it shows the time of an iteration (if not, that of a
-/// step).
+/// Lines of times over the number of tetrahedra. The flag with each is true if the line shows the time of an iteration,
+/// false if it shows that of a step.
 fn growth_lines(sizes: &[Size]) -> Vec<(Line, bool)> {
     let Some(first) = sizes.first() else { return Vec::new() };
     let points = |time: &dyn Fn(&Size) -> f64| sizes.iter().map(|size| (size.tetrahedra as f64, time(size))).collect();

@@ -37,7 +37,7 @@ pub struct Settings {
     /// Most runs of each case with each preconditioner and tolerance.
     pub repetitions: usize,
     /// Time budget, s: a setting is not run again if all its runs would take longer, and blocks of the part `scaling`
-    /// do no further steps after it.
+    /// do no further steps once this time has passed.
     pub seconds_each: f64,
     /// Cells along an edge of the blocks of several sizes (part `scaling`).
     pub scaling: Vec<u32>,

@@ -3,13 +3,13 @@
 
 use super::{Case, Measured, Mesh, Run};
 
-/// Largest relative displacement error of a setting that is compared with other software.
+/// Largest allowed relative displacement error of a setting that is compared with other software.
 pub const ALLOWED_ERROR: f64 = 1e-4;
 /// Time step of the cases that are compared with other software, s.
 const DT: f64 = 1e-3;
 
-/// Times that other software takes for a step of a case, measured on another machine with two cores of the kind that
-/// palpate is developed on, and the goal for palpate's speed.
+/// Times that other software takes for a step of a case, measured on another machine with two CPU cores of the kind
+/// that palpate is developed on, and the goal for palpate's speed.
 pub struct Peer {
     /// The body.
     pub mesh: Mesh,

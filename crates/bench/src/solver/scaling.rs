@@ -67,7 +67,7 @@ pub struct Steps {
 
 impl Iteration {
     /// Time of an iteration, ms: the difference of the median times over the difference of the numbers of iterations;
-    /// NaN if both are zero.
+    /// NaN if both differences are zero.
     pub fn ms(&self) -> f64 {
         let [long, short] = [&self.long_us, &self.short_us].map(|times| 1e-3 * median(times));
         (long - short) / (f64::from(self.iterations[0]) - f64::from(self.iterations[1]))

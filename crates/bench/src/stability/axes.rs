@@ -1,5 +1,5 @@
-//! The rows of the stability matrix: the axes (quantities that are varied) and their values. A cell of the matrix is
-//! one value of an axis.
+//! The rows of the stability matrix (many stiff and extreme simulations, each judged by invariants): the axes
+//! (quantities that are varied) and their values. A cell of the matrix is one value of an axis.
 
 use glam::DVec3;
 use palpate::Result;
@@ -363,7 +363,7 @@ mod tests {
                     let can_touch = case.setup.sphere.is_some() || case.setup.has_floor;
                     assert_eq!(
                         case.promise.touches, can_touch,
-                        "axis {name}, case {}: does it promise contact, and is there a sphere or a floor?",
+                        "axis {name}, case {}: contact must be promised exactly where there is a sphere or a floor",
                         case.scenario
                     );
                 }

@@ -1,6 +1,6 @@
-//! Cases of the stability matrix: what is done to the block (it is released, pressed, stretched or spun, or a sphere is
-//! thrown at it), and what each case promises. A promise is an invariant that must hold at the end of the case. Lengths
-//! are in block edges where so stated.
+//! Cases of the stability matrix (many stiff and extreme simulations of a soft block): what is done to the block (it is
+//! released, pressed, stretched or spun, or a sphere is thrown at it), and what each case promises. A promise is an
+//! invariant that must hold at the end of the case. Lengths are in block edges where so stated.
 
 use palpate::scene::MaterialLaw;
 
@@ -81,8 +81,8 @@ pub struct Case {
 /// How many steps a case has to come to rest, and how fast the tool's own oscillation decays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settling {
-    /// Number of steps, at least, in which the case comes to rest; `None`: the steps after the last one in which a
-    /// contact pressed.
+    /// Least number of steps that the case has to come to rest; `None`: those after the last step in which a contact
+    /// pressed.
     pub steps: Option<usize>,
     /// Factor by which the velocity of the tool's oscillation on its coupling decays in a step; 0 if there is no such
     /// tool.
@@ -113,8 +113,8 @@ pub fn pluck(setup: Setup) -> Case {
     let usual = Setup::default();
     let stiffer = setup.material.young / usual.material.young * usual.edge / setup.edge;
     let stretch = PLUCKED * stiffer.max(1.0).sqrt().recip();
-    // No node moves by more than the stretch in a step. The solver leaves a share of that motion unsolved, and the
-    // centre drifts by it.
+    // No node moves by more than the stretch in a step. The solver leaves a share of that motion unsolved, by which the
+    // centre drifts.
     let way = stretch * UNDAMPED;
     let solved = DRIFT * (1.0 + way);
     // The momentum that nodes of the block exchange in a step is rounded as well; it grows with the square of the

@@ -1,5 +1,5 @@
-//! The report of the stability matrix: the heat map, the ends of each axis's safe range, and every case that did not
-//! pass.
+//! The report of the stability matrix (many stiff and extreme simulations, each judged by invariants): the heat map,
+//! the ends of each axis's safe range, and every case that did not pass. An axis is a quantity that is varied.
 
 use palpate::Flags;
 

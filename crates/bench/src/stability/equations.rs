@@ -172,8 +172,8 @@ impl Before {
                 + lag * (greatest(nodes, start) + greatest(nodes, end));
             for i in nodes {
                 let at = &mut sizes[*i as usize];
-                // A node's own gradient is between a third of the steepest gradient of its tetrahedron and all of it;
-                // half of the term with the steepest one is taken for every node.
+                // The gradient of a node's shape function is between a third of the steepest one of its tetrahedron and
+                // all of it; for every node half of the term with the steepest gradient is taken.
                 *at = (at.0 + 0.5 * lag, at.1 + size);
             }
         }

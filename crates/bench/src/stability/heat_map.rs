@@ -1,5 +1,6 @@
-//! The stability matrix as an image (SVG): a row for each axis, and in it a cell for each value. A cell has a colour
-//! that colour-blind readers can distinguish, and a letter for its verdict.
+//! The stability matrix (many stiff and extreme simulations, each judged by invariants) as an image (SVG): a row for
+//! each axis (varied quantity), and in it a cell for each value. A cell has a colour that colour-blind readers can
+//! distinguish, and a letter for its verdict.
 
 use std::fmt::Write;
 

@@ -1,6 +1,7 @@
-//! The invariants (`Invariant`) that every step of a case must keep, judged from measured steps alone. Each finding
-//! names the first step that broke its invariant, and the verdict on a case follows from its findings. A flag of a step
-//! excuses a broken invariant only if it warns of that invariant; a break without such a flag is a silent failure.
+//! The invariants (`Invariant`) that every step of a case, which is one simulation of the stability matrix, must keep,
+//! judged from measured steps alone. Each finding names the first step that broke its invariant, and the verdict on a
+//! case follows from its findings. A flag of a step excuses a broken invariant only if it warns of that invariant; a
+//! break without such a flag is a silent failure.
 
 use glam::DVec3;
 use palpate::Flags;
@@ -8,14 +9,15 @@ use serde::Serialize;
 
 use super::trace::Sample;
 
-/// Energy may exceed the energy at the start plus the energy supplied by this share of the sum of all energies'
-/// magnitudes: the solver stops at 1e-5 of the right-hand side in its own norm, and the state is f32.
+/// The energy may exceed its value at the start plus the energy supplied. The excess may be at most this share of the
+/// sum of all energies' magnitudes: the solver stops at 1e-5 of the right-hand side in its own norm, and the state is
+/// f32.
 pub const ENERGY: f64 = 1e-3;
 /// A body is at rest when its kinetic energy is below this share of the greatest sum of kinetic and elastic energy that
 /// it had.
 pub const AT_REST: f64 = 1e-4;
 /// The wrench may differ from the sum of its contacts by this share of the sum of their pushes: sums are f32, and the
-/// terms of the contact law cancel as a contact parts.
+/// terms of the contact law cancel while a contact opens.
 pub const FORCE: f64 = 1e-3;
 /// Bound on the relative residual of a step's linear system. The engine raises a flag at ten times its tolerance of
 /// 1e-5 in its preconditioner's norm; the diagonal's norm, used here, may differ from that by a factor of ten.
@@ -95,9 +97,10 @@ impl Invariant {
             // The sum computed here leaves out pulling contacts as the wrench does, so that no flag explains a
             // difference.
             Invariant::Force | Invariant::Touch => Flags(0),
-            // The first flag means exactly this. The rotation of an inverted tetrahedron cannot be followed from
-            // outside the engine, so that the system computed here differs from the engine's. Blocks of 1 TPa that spin
-            // break the invariant while they gain energy, presumably by rounding of their large stress.
+            // `NOT_CONVERGED` means just that the system is not solved. The rotation of an inverted tetrahedron cannot
+            // be followed from outside the engine, so that the system computed here differs from the engine's. Blocks
+            // of 1 TPa that spin break the invariant while they gain energy, presumably by rounding of their large
+            // stress.
             Invariant::Residual => Flags::NOT_CONVERGED | Flags::INVERTED | Flags::TURNS_TOO_FAR,
             // The tool's equations share the solver's residual; contacts that pull move the tool but are left out of
             // the wrench; a step that was retried in parts reports the force of its last part; a frozen tool does not

@@ -1,4 +1,5 @@
-//! Labels for the values of the axes (varied quantities) of the stability matrix.
+//! Labels for the values of the axes (varied quantities) of the stability matrix (many stiff and extreme simulations,
+//! each judged by invariants).
 
 /// A factor of stretch along an edge, in words.
 pub fn stretched(factor: f64) -> String {

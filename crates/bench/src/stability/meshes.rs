@@ -1,5 +1,6 @@
-//! Mesh files of the stability matrix for bodies that a scene cannot describe by numbers: a block with a layer of
-//! slivers, and a single tetrahedron.
+//! Mesh files of the stability matrix (many stiff and extreme simulations, each judged by invariants) for bodies that a
+//! scene cannot describe by numbers: a block in which one row of cells is squeezed to slivers, and a single
+//! tetrahedron.
 
 use std::path::PathBuf;
 
@@ -9,10 +10,11 @@ use palpate::internal::prepare::layer::kuhn_box;
 
 use crate::meshes::MeshFolder;
 
-/// Number of layers of cells along y; one layer is thin.
+/// Number of cells along y, of which the second is thin.
 const CELLS: u32 = 4;
 
-/// A cube whose second layer of cells is so thin that the least dihedral angle of its tetrahedra is `angle` (degrees).
+/// A cube whose second row of cells along y is so thin that the least dihedral angle of its tetrahedra is `angle`
+/// (degrees).
 pub fn slivers(folder: &MeshFolder, angle: f64, edge: f64) -> Result<PathBuf> {
     let mut layer = kuhn_box(DVec3::ZERO, DVec3::splat(edge), [3, CELLS, 3]);
     let cell = edge / 3.0;

@@ -1,4 +1,5 @@
-//! Runs the cases of the stability matrix, several in parallel; each is a small simulation that runs on one thread.
+//! Runs the cases of the stability matrix (many stiff and extreme simulations, each judged by invariants), several in
+//! parallel; each is a small simulation that runs on one thread.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
@@ -16,7 +17,8 @@ use super::{AxisResult, CellResult, Judged, Results, Settings, Traced, modes};
 use crate::meshes::MeshFolder;
 
 /// A body that was released must be back in its shape only if the bound on its kinetic energy, which includes a safety
-/// factor of ten, is at most this share: then at most a twentieth of the displacement is left.
+/// factor of ten, is at most this share of the body's greatest energy: then at most a twentieth of the displacement is
+/// left.
 const SHAPED: f64 = 1e-2;
 /// About how many steps of a case are kept as its trace.
 const TRACED: usize = 200;

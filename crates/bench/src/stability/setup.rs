@@ -1,5 +1,5 @@
-//! Scenes of the stability matrix: a block that is attached at a face, floats freely or stands on a floor, and in some
-//! cases a sphere tool.
+//! Scenes of the stability matrix (many stiff and extreme simulations, each judged by invariants): a block that is
+//! attached at a face, floats freely or stands on a floor, and in some cases a sphere tool.
 
 use std::path::PathBuf;
 
@@ -152,7 +152,7 @@ impl Setup {
         let key =
             |(time, height): &(f64, f64)| Key { time: *time, position: at(*height), orientation: DQuat::IDENTITY };
         scene.trajectory = sphere.path.iter().map(key).collect();
-        // Angular gains are those of the linear gains at a lever arm of the sphere's radius.
+        // Each angular gain is the linear gain times the square of a lever arm, which is the sphere's radius.
         let arm2 = (RADIUS * self.edge).powi(2);
         scene.coupling = sphere.coupling.map(|(stiffness, damping)| Coupling {
             stiffness,

@@ -31,7 +31,7 @@ pub struct Motion<'a> {
 /// A contact that acts, that is, that the solver did not release.
 pub struct Pressing {
     normal: DVec3,
-    /// Weights of the nodes in the rate of depth along the normal; they include the signs of the two bodies.
+    /// Weights of the nodes in the rate of depth along the normal; weights of the pair's second body are negative.
     pub nodes: Vec<(usize, f64)>,
     /// Coefficients of the tool's velocity and angular velocity in the rate of depth; zero if the contact is not on the
     /// tool.
@@ -188,11 +188,11 @@ mod tests {
         let good = held(&[one()], 0.01, &motion, Some(&told), 0.02);
         assert!(
             good.missed < 1e-12 && good.tension <= 0.0 && (good.pressed - 26.6).abs() < 1e-12,
-            "contact sums: {good:?}"
+            "contact sums, expected a push of 26.6 N, no pull and no error: {good:?}"
         );
         let told = ToolReport { force: DVec3::Y * 1.2 * 26.6, torque: DVec3::X, ..ToolReport::default() };
         let bad = held(&[one()], 0.01, &motion, Some(&told), 0.5);
-        assert!((bad.missed - 0.2 * 26.6 - 2.0).abs() < 1e-9, "contact sums: {bad:?}");
+        assert!((bad.missed - 0.2 * 26.6 - 2.0).abs() < 1e-9, "contact sums, expected an error of 7.32 N: {bad:?}");
     }
 
     #[test]
@@ -203,7 +203,7 @@ mod tests {
         let pulling = held(&[one()], 0.01, &motion, Some(&ToolReport::default()), 0.02);
         assert!(
             (pulling.tension - 24.0).abs() < 1e-3 && pulling.missed == 0.0 && pulling.pressed == 0.0,
-            "contact sums: {pulling:?}"
+            "contact sums, expected a pull of 24 N, no push and no error: {pulling:?}"
         );
     }
 }

@@ -1,5 +1,5 @@
-//! Measures a step of the stability matrix from outside the engine in f64: energies, work, and the residuals of the
-//! equations of motion. It shares no code with the shaders.
+//! Measures a step of the stability matrix (many stiff and extreme simulations) from outside the engine in f64:
+//! energies, work, and the residuals of the equations of motion. It shares no code with the shaders.
 
 use std::collections::{HashMap, HashSet};
 
@@ -83,9 +83,10 @@ pub struct Observer {
     tool_carried_residual: DVec3,
     tool: Option<Tool>,
     device: Option<(DVec3, DQuat)>,
-    /// Contacts of the last step, by side and vertex.
+    /// Contacts of the last step, by vertex and side (twice the index of the pair of bodies, plus 1 for its second
+    /// body).
     touching: HashSet<(u32, u32)>,
-    /// Greatest energy that the contact at each vertex has had, J, by side and vertex.
+    /// Greatest energy that the contact at each vertex has had, J, by side and vertex as in `touching`.
     pressed: HashMap<(u32, u32), f64>,
     start: Option<DVec3>,
     tool_start: DVec3,
@@ -189,8 +190,8 @@ impl Observer {
             let (h, gravity) = (self.dt, self.gravity);
             let done = Done { h, gravity, end: &self.body.velocity, tool, contacts: &pressing };
             let left = before.left(&done);
-            // The residual includes the shares of this step and of the last. The last step's share is not subtracted,
-            // because over many steps that would add up errors that f32 rounds alike in every step of a body at rest.
+            // The residual includes the share that the last step carried over, which is not subtracted: f32 rounds
+            // alike in every step of a body at rest, and subtracting would add up these errors over many steps.
             let size = left.size2.sqrt();
             if let Some(all) = last.map(|last| size + last).filter(|all| *all > 0.0) {
                 (sample.residual, sample.residual_floor) = (left.left2.sqrt() / all, left.floor2.sqrt() / all);

@@ -138,7 +138,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         fs::write(root.path().join("file"), "").unwrap();
         let error = Output::create(&root.path().join("file/under")).err().unwrap().to_string();
-        assert!(error.contains("file/under"), "{error}");
+        assert!(error.contains("file/under"), "wrong error: {error}");
         assert_eq!(names(root.path()), ["file"]);
     }
 }

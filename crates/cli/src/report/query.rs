@@ -51,7 +51,7 @@ pub struct QueryReport {
     /// `median` and `p99`, microseconds: of each stage; of all stages timed as one (`pose to contact`, in every other
     /// run); and of the whole `query` (wall time, timestamps included).
     pub stage_us: Map<String, Value>,
-    /// Number of GPU passes by stage.
+    /// Number of GPU passes (dispatches, draws, fills and copies) by stage.
     pub passes: Map<String, Value>,
     /// Number of chunks (groups of at most 64 skin vertices, the unit of culling) that passed culling.
     pub chunks: u32,
@@ -182,8 +182,8 @@ mod tests {
         assert_eq!((&value["contacts"], &value["b"]["contacts"]), (&json!(3), &json!(2)));
         assert_eq!((&value["flags"], &value["max_depth_m"]), (&json!(["not_a_height_field"]), &json!(2.5e-3)));
         let text = report.to_string();
-        assert!(text.contains("deepest: 2.500000e-3 m at vertex 0 of b"), "{text}");
-        assert!(text.contains("query                 5          8.0          9.0"), "{text}");
+        assert!(text.contains("deepest: 2.500000e-3 m at vertex 0 of b"), "table: {text}");
+        assert!(text.contains("query                 5          8.0          9.0"), "table: {text}");
     }
 
     #[test]

@@ -20,7 +20,7 @@ pub struct Facts {
     pub arrays: String,
     /// Which stages the step records, and which it leaves out and why.
     pub plan: Vec<Plan>,
-    /// Number of GPU passes in a step.
+    /// Number of GPU passes (dispatches, draws, fills and copies) in a step.
     pub passes_per_step: u32,
     /// Memory allocated on the Vulkan device, bytes.
     pub bytes_device: u64,
@@ -78,7 +78,8 @@ pub struct Tally {
     pub steps: u64,
     /// Greatest contact force on the tool, N; `None` without a tool.
     pub peak_force: Option<f64>,
-    /// Greatest angle by which a contact patch's normal turned in a step, rad; `None` where nothing can collide.
+    /// Greatest angle by which the normal of a contact patch (area with one contact normal) turned in a step, rad;
+    /// `None` where nothing can collide.
     pub normal_turn: Option<f64>,
     /// Greatest such angle per distance that the tool moved in the step, rad/mm, over steps in which it moved at least
     /// [`SLIDING`].
@@ -305,8 +306,8 @@ mod tests {
     fn the_closing_table_names_stages_and_raised_flags() {
         let (facts, tally) = example();
         let text = ClosingTable { facts: &facts, tally: &tally }.to_string();
-        assert!(text.contains("pose                  3        100.0        198.0"), "{text}");
-        assert!(text.contains("frozen in 2 steps") && !text.contains("not_converged"), "{text}");
+        assert!(text.contains("pose                  3        100.0        198.0"), "table: {text}");
+        assert!(text.contains("frozen in 2 steps") && !text.contains("not_converged"), "table: {text}");
     }
 
     #[test]

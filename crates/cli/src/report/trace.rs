@@ -18,7 +18,8 @@ pub struct Trace<W: Write> {
 }
 
 impl<W: Write> Trace<W> {
-    /// Starts a trace and writes its heading; `probes` are the names of the scene's probes.
+    /// Starts a trace and writes its heading; `probes` are the names of the scene's probes (points of
+    /// skins, the bodies' surface meshes, whose paths are recorded).
     pub fn new(mut writer: W, probes: &[String]) -> std::io::Result<Self> {
         write!(writer, "{HEAD}")?;
         for name in probes {

@@ -96,10 +96,10 @@ fn torque_and_rotation_are_the_profiles() {
         let mut hand = Hand::new(IDEAL, Trajectory::new(&turning, turning[0]), profile).unwrap();
         hand.write(&Wrench { force: DVec3::ZERO, torque: DVec3::X * 0.1 }).unwrap();
         let reading = hand.read(0.05).unwrap();
-        assert_eq!(hand.state().angular_velocity.x != 0.0, plays, "{name}: the torque turns the hand");
-        assert_eq!(hand.energy().torque != 0.0, plays, "{name}: the torque does work");
-        assert_eq!(reading.state.orientation != DQuat::IDENTITY, senses, "{name}: orientation is sensed");
-        assert_eq!(reading.state.angular_velocity != DVec3::ZERO, senses, "{name}: angular velocity is sensed");
+        assert_eq!(hand.state().angular_velocity.x != 0.0, plays, "{name}: whether the torque turns the hand");
+        assert_eq!(hand.energy().torque != 0.0, plays, "{name}: whether the torque does work");
+        assert_eq!(reading.state.orientation != DQuat::IDENTITY, senses, "{name}: whether orientation is sensed");
+        assert_eq!(reading.state.angular_velocity != DVec3::ZERO, senses, "{name}: whether angular velocity is sensed");
     }
 }
 
@@ -248,7 +248,7 @@ fn readings_are_quantised() {
     for tick in 1..=1500 {
         let reading = hand.read(f64::from(tick) * TICK).unwrap();
         let steps = reading.state.position / quantum;
-        assert!((steps - steps.round()).abs().max_element() < 1e-9, "position in quanta {steps}");
+        assert!((steps - steps.round()).abs().max_element() < 1e-9, "position in units of the resolution: {steps}");
         let error = (reading.state.position - hand.state().position).abs().max_element();
         assert!(error <= 0.5 * quantum * (1.0 + 1e-9), "quantisation error {error} m");
     }
@@ -347,7 +347,7 @@ fn parameters_out_of_range_are_named() {
     let profile = Profile::named("scripted").unwrap();
     let refused = |parameters: HandParameters, name: &str| {
         let line = parameters.check().unwrap_err();
-        assert!(line.contains(name) && line.contains("give") && !line.contains('\n'), "{line}");
+        assert!(line.contains(name) && line.contains("give") && !line.contains('\n'), "wrong error: {line}");
         assert!(
             Hand::new(parameters, Trajectory::new(&[], key(0.0, DVec3::ZERO, DVec3::ZERO)), profile.clone()).is_err()
         );

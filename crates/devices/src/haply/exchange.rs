@@ -38,7 +38,7 @@ const LAST_WAIT: Duration = Duration::from_secs(2);
 /// a period.
 const MOST_OWED: u32 = 16;
 
-/// What the thread knows of the device; the haptic loop reads the newest.
+/// What the thread knows of the device at a moment; the haptic loop reads the newest one.
 #[derive(Debug, Clone, Default)]
 pub struct Shot {
     /// The newest usable state, and when it arrived.

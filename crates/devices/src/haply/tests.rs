@@ -85,7 +85,7 @@ fn a_push_up_arrives_as_a_push_up() {
         let reading = device.read(5.0).unwrap();
         let place = reading.state.position;
         assert_eq!((place.x, place.z, reading.state.velocity), (1.0, 3.0, DVec3::new(0.1, 0.3, -0.2)));
-        assert!(place.y >= last.max(2.0) && reading.time <= 5.0 && reading.state.is_valid(), "{reading:?}");
+        assert!(place.y >= last.max(2.0) && reading.time <= 5.0 && reading.state.is_valid(), "reading: {reading:?}");
         last = place.y;
         thread::sleep(ms(2));
     }

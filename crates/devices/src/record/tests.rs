@@ -175,7 +175,7 @@ fn error_of(path: &Path) -> String {
     };
     assert_eq!(error.exit_status(), 2);
     let message = error.to_string();
-    assert!(message.contains("session.palpate") && !message.contains('\n'), "{message}");
+    assert!(message.contains("session.palpate") && !message.contains('\n'), "wrong error: {message}");
     message
 }
 
@@ -280,7 +280,7 @@ fn a_name_that_ends_in_csv_gives_a_table_of_the_ticks_in_full_precision() {
     recording.finish().unwrap();
     let mut table = csv::Reader::from_path(&path).unwrap();
     let heads: Vec<String> = table.headers().unwrap().iter().map(String::from).collect();
-    assert_eq!(heads.iter().collect::<std::collections::BTreeSet<_>>().len(), heads.len(), "{heads:?}");
+    assert_eq!(heads.iter().collect::<std::collections::BTreeSet<_>>().len(), heads.len(), "headings: {heads:?}");
     let rows: Vec<csv::StringRecord> = table.records().map(|row| row.unwrap()).collect();
     let cell = |row: usize, head: &str| rows[row][heads.iter().position(|name| name == head).unwrap()].to_string();
     let number = |row: usize, head: &str| cell(row, head).parse::<f64>().unwrap();
@@ -306,5 +306,5 @@ fn a_name_that_ends_in_csv_gives_a_table_of_the_ticks_in_full_precision() {
 fn a_place_that_cannot_be_written_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let error = Recording::create(&folder.path().join("none/session"), &header()).err().unwrap();
-    assert!(matches!(&error, Error::Output { file, .. } if file.ends_with("none/session")), "{error}");
+    assert!(matches!(&error, Error::Output { file, .. } if file.ends_with("none/session")), "wrong error: {error}");
 }

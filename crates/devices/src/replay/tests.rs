@@ -101,7 +101,7 @@ fn what_is_no_session_is_refused() {
             tick.index += u64::from(tick.index > 60) * 2;
         }
     });
-    assert!(lost.contains("ticks 61 to 62 were lost"), "{lost}");
+    assert!(lost.contains("ticks 61 to 62 were lost"), "wrong error: {lost}");
     let never = refusal(tick(300, |tick| tick.step = 1000));
     assert!(never.contains("tick 300 uses the wrench of step 1000, which is missing or out of order"), "{never}");
     for h in [0.0, -1.0, f64::NAN, f64::INFINITY] {
@@ -116,7 +116,7 @@ fn what_is_no_session_is_refused() {
         assert!(refusal(spoil).contains("a limit of the haptic loop is "), "watchdog limit {watchdog} s");
     }
     let past = refusal(step(8, |step| step.input.ticks = 3));
-    assert!(past.contains("step 8 starts from tick 3"), "{past}");
+    assert!(past.contains("step 8 starts from tick 3"), "wrong error: {past}");
     let beyond = refusal(step(27, |step| step.input.ticks = 10_000));
     assert!(beyond.contains("tick 485 uses the wrench of step 27") || beyond.contains("after the last"), "{beyond}");
 }

@@ -61,7 +61,7 @@ fn rays_agree_with_trying_every_triangle() {
     let mut count = 0;
     for (i, x) in a.iter().enumerate() {
         let expected = if facing[i].dot(normal) > 0.0 { brute(normal, *x, &b, &bt) } else { None };
-        assert_eq!(hits[i].is_some(), expected.is_some(), "vertex {i}: hit by ray and by brute force");
+        assert_eq!(hits[i].is_some(), expected.is_some(), "vertex {i}: rays and brute force must agree on the hit");
         let (Some(hit), Some(expected)) = (hits[i], expected) else { continue };
         count += 1;
         assert!((hit.depth - expected).abs() < 1e-14, "depth {} m, expected {expected} m", hit.depth);
@@ -133,7 +133,7 @@ fn a_large_query_takes_under_a_second() {
     let hits = ray_depths(DVec3::Z, &a, &at, &b, &bt, 0.02);
     let back = ray_depths(DVec3::NEG_Z, &b, &bt, &a, &at, 0.02);
     let time = clock.elapsed().as_secs_f64();
-    println!("rays of {} against {} vertices: {time:.3} s", a.len(), b.len());
+    println!("ray depths between skins of {} and {} vertices take {time:.3} s", a.len(), b.len());
     assert!(hits.iter().flatten().count() > 100 && back.iter().flatten().count() > 10);
     assert!(time < 1.0);
 }
@@ -166,8 +166,8 @@ fn penetration_of_convex_pairs_is_bounded_by_parry() {
         apart += usize::from(distance > 0.0);
     }
     println!(
-        "convex pairs: largest difference from parry {worst:.1e} m; of 200 pairs face normals give the exact distance \
-         in {equal}, and {apart} are apart"
+        "convex pairs: greatest difference from parry's distance {worst:.1e} m; of 200 pairs, face normals give the \
+         exact distance for {equal}, and {apart} do not overlap"
     );
     assert!(equal > 50 && apart > 10 && apart < 190);
 }

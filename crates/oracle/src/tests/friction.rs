@@ -180,7 +180,7 @@ fn two_bodies_that_rub_keep_linear_momentum_and_gain_the_couple_of_the_depth() {
     let friction = report.contacts[0].friction;
     let couple = H * (contact.first.position - contact.second.position).cross(friction);
     println!(
-        "friction {friction} N, angular momentum changes by {angular} N m s, by the couple of friction {couple} N m s"
+        "friction {friction} N; angular momentum changes by {angular} N m s, expected {couple} N m s from friction"
     );
     assert!(linear.length() < SOLVE && couple.length() > 1e-7);
     assert!((angular - couple).length() < SOLVE);

@@ -198,7 +198,7 @@ fn no_mode_of_patches_is_softer_than_shear_alone() {
     let (d, unturned) = (vec![DVec3::ZERO; elements.node_count()], vec![DQuat::IDENTITY; elements.tetrahedra.len()]);
     let alone = eigenvalues(&without.linearised(&d, &unturned));
     println!(
-        "least eigenvalues, N/m: with patches {:.3?}, with shear alone {:.3?}, without patches {:.3?}",
+        "least nonzero eigenvalues, N/m: with patches {:.3?}, shear alone (no lambda) {:.3?}, no patches {:.3?}",
         &modes[6..9],
         &shear[6..9],
         &alone[6..9]

@@ -76,7 +76,7 @@ fn rigid_motion_gives_no_force_and_small_strain_that_of_the_other_law() {
         let error: Vec<DVec3> = a.iter().zip(&b).map(|(a, b)| *a - *b).collect();
         assert!(
             greatest(&error) < share * greatest(&b),
-            "displacement {size} m: force differs by {:e} N, of {:e} N",
+            "displacements of {size} m: the two laws' forces differ by {:e} N; greatest corotational force {:e} N",
             greatest(&error),
             greatest(&b)
         );
@@ -165,10 +165,10 @@ fn the_operator_is_exact_at_rest_and_enough_for_waves_at_any_stretch() {
         }
     }
     println!(
-        "stiffness for waves, over the true one: {least:.3} to {most:.3}; by the operator at rest at least {at_rest:.3}"
+        "stiffness over the true one, for waves: operator {least:.3} to {most:.3}, that at rest at least {at_rest:.3}"
     );
     assert!(at_rest < 0.4, "the operator at rest must be too soft for waves: {at_rest} of the true stiffness");
-    assert!(least > 0.5, "{least}");
+    assert!(least > 0.5, "stiffness for waves {least} of the true one, must exceed half");
 }
 
 /// Operators with which a step may be linearised.
@@ -349,12 +349,12 @@ fn a_step_in_deformed_gradients_is_near_a_converged_one() {
         let [rest, deformed, turning, full] = hows.map(|how| of(how, 1e-3));
         let finer = of(Linear::Newton, 2.5e-4);
         println!(
-            "{name}: error by the operator at rest {rest:.2e}, deformed {deformed:.2e}, with rotation {turning:.2e}, \
-             full {full:.2e}; change by a shorter step {finer:.2e}"
+            "{name}: relative error of position by the operator at rest {rest:.2e}, by the engine's {deformed:.2e}, by \
+             that with rotation {turning:.2e}, by the whole second derivative {full:.2e}; of 1 ms steps {finer:.2e}"
         );
         assert!(
             full < deformed && deformed < share * finer,
-            "{name}: the error of linearising must be below that of the step's length"
+            "{name}: the error of linearising must be below the error of the step's length"
         );
     }
 }
@@ -366,7 +366,7 @@ fn inverted_tetrahedra_come_back() {
     (0..400).for_each(|_| block.step(Linear::Deformed, 1e-3));
     for e in 0..block.elements.tetrahedra.len() {
         let f = DMat3::IDENTITY + block.elements.gradient(e, &block.d);
-        assert!(f.determinant() > 0.2, "tetrahedron {e}: det F is {}", f.determinant());
+        assert!(f.determinant() > 0.2, "tetrahedron {e}: det F is {}, must exceed 0.2", f.determinant());
         let q = polar_rotation(f);
         assert!(strain(q, block.elements.gradient(e, &block.d)).is_finite());
     }

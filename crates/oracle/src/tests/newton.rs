@@ -69,7 +69,7 @@ fn what_is_left_of_implicit_euler_falls_with_every_iteration() {
                 })
                 .collect();
             let text: Vec<String> = residuals.iter().map(|r| format!("{r:.1e}")).collect();
-            println!("{name}, step {h} s: residual by iterations {}", text.join(" "));
+            println!("{name}, step {h} s: relative residual after 1, 2, 3 .. Newton iterations: {}", text.join(" "));
             assert!(
                 residuals[0] > 0.05 && residuals[1] < 0.06 * residuals[0],
                 "{name}, step {h} s: the second iteration must reduce the residual"

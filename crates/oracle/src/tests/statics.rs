@@ -40,8 +40,8 @@ fn column_between_rollers_settles_as_in_the_closed_solution() {
     let pressed = column(8, 0.0, 500.0);
     let (coarse, fine) = (column(8, 9.81, 0.0), column(16, 9.81, 0.0));
     println!(
-        "column, error over the top's settlement: under pressure {pressed:.1e}, under its weight {coarse:.1e}, \
-         on a finer mesh {fine:.1e}"
+        "column, error relative to the settlement of its top: under pressure {pressed:.1e}, under its weight \
+         {coarse:.1e}, under its weight with a finer mesh {fine:.1e}"
     );
     assert!(pressed < 1e-11, "uniform strain must be exact");
     // The corners of a Kuhn cell (a cube of six tetrahedra) carry unequal shares of its weight, so a section does not

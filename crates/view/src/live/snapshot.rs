@@ -63,7 +63,7 @@ pub struct Snapshot {
     pub state: State,
     /// Report of the last step.
     pub row: Option<StepReport>,
-    /// Names of the probes in the step report.
+    /// Names of the probes (points of skins whose paths are recorded) in the step report.
     pub probes: Arc<Vec<String>>,
     /// Stages of the last step that was timed, with their times, microseconds.
     pub stages: Vec<(String, f64)>,

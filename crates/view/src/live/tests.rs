@@ -151,8 +151,8 @@ fn it_pauses_steps_by_hand_resets_and_changes_between_steps() {
     live.link().tell(Command::Record);
     live.link().ask(|_, _| ()).unwrap();
     let notes: Vec<String> = live.notes().collect();
-    assert!(notes.iter().any(|note| note.contains("material.young")), "{notes:?}");
-    assert!(notes.iter().any(|note| note.contains("nothing is recorded")), "{notes:?}");
+    assert!(notes.iter().any(|note| note.contains("material.young")), "notes: {notes:?}");
+    assert!(notes.iter().any(|note| note.contains("nothing is recorded")), "notes: {notes:?}");
     let first = bits(&rows.lock().unwrap()[0]);
     let before = rows.lock().unwrap().len();
     live.link().tell(Command::Reset);

@@ -12,7 +12,7 @@ use super::*;
 use crate::prepare::layer::{self, FACES};
 use crate::prepare::{embed, sphere};
 
-/// Least allowed dihedral angle, degrees: the tetrahedra of random cuts and warps all stay above it.
+/// Least allowed dihedral angle, degrees: all tetrahedra of the test with random cuts (`random.rs`) stay above it.
 const ANGLE: f64 = 10.0;
 /// Greatest allowed dihedral angle, degrees.
 const WIDEST: f64 = 165.0;
@@ -42,7 +42,7 @@ fn check(layer: &Layer, report: &LayerReport) {
     for group in faces.chunk_by(|a, b| a.0 == b.0) {
         assert!(
             group.len() == 1 || (group.len() == 2 && group[0].1 != group[1].1),
-            "tetrahedra at one face: {group:?}"
+            "not one tetrahedron in each orientation at an inner face: {group:?}"
         );
     }
     let (skin, triangles, _) = layer::boundary(layer);
@@ -129,14 +129,15 @@ fn spheres_boxes_and_tori_have_their_volume_and_their_surface() {
             let solid = Solid::new(&mesh.0, &mesh.1).unwrap();
             let (skin, ..) = layer::boundary(&layer);
             let off = skin.iter().map(|&p| solid.distance(p)).fold(0.0, f64::max);
-            // Cuts are accurate to a thousandth of an edge; the shift of the level moves them once more.
+            // Points where the surface cuts an edge are accurate to a thousandth of that edge; the whole surface is then
+            // shifted by `report.shift` along its normal, so that the volume is kept.
             assert!(
                 off < 2e-3 * cell + 1.001 * report.shift.abs(),
-                "a boundary node is {off} m off the surface, the shift is {} m",
+                "a boundary node is {off} m off the surface; the surface was shifted by {} m",
                 report.shift
             );
             let out = embed::extrapolation(&embed(&mesh.0, &layer).unwrap());
-            assert!(out < 1.0, "extrapolation {out}");
+            assert!(out < 1.0, "greatest extrapolation of a surface vertex {out}, expected below 1");
         }
     }
 }
@@ -198,7 +199,7 @@ fn prongs_of_a_fork_hang_together_at_its_base_only() {
         let mut used: Vec<u32> = layer.tetrahedra.iter().map(|t| labels[t[0] as usize]).collect();
         used.sort_unstable();
         used.dedup();
-        assert_eq!(used.len(), 2, "parts beyond the base of the fork with gap {gap}");
+        assert_eq!(used.len(), 2, "number of prongs that stay separate parts in a fork with gap {gap} m, expected 2");
     }
 }
 
@@ -209,7 +210,7 @@ fn a_plate_and_a_needle_thinner_than_a_cell_are_one_part_with_their_skin_near() 
         let (layer, report) = uniform(&(v.clone(), t), 0.1);
         assert!(report.parts == 1 && report.thickened.nodes > 0, "unexpected report: {report:?}");
         let out = embed::extrapolation(&embed(&v, &layer).unwrap());
-        assert!(out < 3.0, "extrapolation {out}");
+        assert!(out < 3.0, "greatest extrapolation of a surface vertex {out}, expected below 3");
     }
 }
 
@@ -223,7 +224,7 @@ fn shells_and_grades_keep_the_surface_and_thin_out_the_inside() {
         // The inside has no crack: all boundary nodes lie on the sphere.
         let (skin, ..) = layer::boundary(&layer);
         assert!(skin.iter().all(|p| (p.length() - 0.1).abs() < 0.1 * cell));
-        println!("grade {grade}: {} tetrahedra, {} without larger cells", report.tetrahedra, whole.tetrahedra);
+        println!("grade {grade} gives {} tetrahedra, equal cells give {}", report.tetrahedra, whole.tetrahedra);
         assert!(report.tetrahedra < 2 * whole.tetrahedra / 3 && (report.volume / whole.volume - 1.0).abs() < 1e-9);
     }
     for (grade, thickness) in [(1, 0.03), (2, 0.05), (1, 0.004)] {
@@ -232,7 +233,7 @@ fn shells_and_grades_keep_the_surface_and_thin_out_the_inside() {
         let deepest = layer.nodes.iter().map(|n| 0.1 - n.length()).fold(0.0, f64::max);
         assert!(
             deepest > thickness && deepest < thickness + grade as f64 * cell * 1.01,
-            "the deepest node is {deepest} m deep"
+            "the deepest node of the shell is {deepest} m below the surface"
         );
         let share = 1.0 - ((0.1 - thickness) / 0.1).powi(3);
         assert!(report.volume > share * whole.volume && report.volume < whole.volume);

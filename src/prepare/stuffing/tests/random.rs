@@ -1,5 +1,5 @@
-//! Test of isosurface stuffing with random cuts (points where lattice edges leave the solid): bounded angles and
-//! matching faces depend on the lattice alone, not on the surface.
+//! Test of isosurface stuffing with random cuts (points where lattice edges leave the solid) and warps (lattice nodes
+//! moved onto a cut): bounded angles and matching faces depend on the lattice alone, not on the surface.
 
 use glam::DVec3;
 

@@ -68,7 +68,7 @@ fn lasting_seconds_against_vertices() {
         let out = embed::extrapolation(&embed(&mesh.0, &layer).unwrap());
         let embedding = start.elapsed().as_secs_f64();
         println!(
-            "{count} vertices: {:.2} s, {} tetrahedra, embedding {embedding:.2} s, extrapolation {out:.2}",
+            "{count} vertices: filled in {:.2} s, {} tetrahedra, embedded in {embedding:.2} s, extrapolation {out:.2}",
             report.seconds, report.tetrahedra
         );
     }
@@ -127,7 +127,7 @@ fn the_real_meshes_keep_their_volume_and_their_angles() {
         assert!(report.volume_difference.abs() < 0.02);
         assert_eq!((report.parts, report.dropped.parts), (1, 0));
         // Every skin vertex has a filled node within one cell.
-        assert!(out < 1.5, "extrapolation {out}");
+        assert!(out < 1.5, "greatest extrapolation of a surface vertex {out}, expected below 1.5");
         what_lies_outside_is_reported(&mesh, &layer, &report, cell);
     }
 }

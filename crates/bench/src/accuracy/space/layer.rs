@@ -33,7 +33,7 @@ const DOME_SKIN: u32 = 48;
 const RADIUS: f64 = 0.1;
 /// Depth of the press, m.
 const DEPTH: f64 = 0.004;
-/// Largest error of the force with the finest layer, as a share of the limit.
+/// Largest allowed error of the force with the finest layer, as a share of the limit.
 const BOUND: f64 = 0.12;
 /// Stages whose times are summed.
 const STAGES: &[&str] = &["solve"];

@@ -54,7 +54,7 @@ pub struct Press {
     pub depth: f64,
     /// Contact stiffness, N/m^3; `None`: the engine chooses it.
     pub stiffness: Option<f64>,
-    /// Whose skin's vertices are tested for contact: both skins', or the finer one's alone.
+    /// Whether the vertices of both skins (surface meshes) are tested for contact, or those of the finer skin alone.
     pub sides: Sides,
     /// Relative residual at which the solver stops.
     pub tolerance: f64,

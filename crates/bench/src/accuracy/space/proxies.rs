@@ -16,7 +16,7 @@ const REFERENCE: u32 = 40;
 const VERTICES: [usize; 2] = [20_000, 8_000];
 /// Radius of the ball, m.
 const RADIUS: f64 = 0.02;
-/// Largest relative error of the force with any number of hulls; only rounding may differ.
+/// Largest allowed relative error of the force with any number of hulls; only rounding may differ.
 const BOUND: f64 = 1e-3;
 /// Stages whose times are summed.
 const STAGES: &[&str] = &["cull"];

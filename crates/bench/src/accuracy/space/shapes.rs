@@ -101,14 +101,17 @@ mod tests {
         let size = DVec3::new(0.04, 0.03, 0.05);
         let (vertices, triangles) = block_skin(size, [5, 4, 3], DVec3::new(2.0, 1.0, 0.0));
         let volume = properties(&vertices, &triangles).volume;
-        assert!((volume / (0.08 * 0.03 * 0.1) - 1.0).abs() < 1e-12, "volume {volume} m^3");
+        assert!((volume / (0.08 * 0.03 * 0.1) - 1.0).abs() < 1e-12, "volume {volume} m^3, expected 0.00024 m^3");
         let (vertices, triangles) = ball(0.02, 24, 3.0);
         let sphere = 4.0 / 3.0 * std::f64::consts::PI * 8e-6;
         let volume = properties(&vertices, &triangles).volume;
         assert!(volume < sphere && volume > 0.98 * sphere, "volume {volume} m^3, that of the sphere {sphere} m^3");
         let (vertices, triangles) = dome(0.02, 32);
         let volume = properties(&vertices, &triangles).volume;
-        assert!(volume < 0.5 * sphere && volume > 0.98 * 0.5 * sphere, "volume {volume} m^3");
+        assert!(
+            volume < 0.5 * sphere && volume > 0.98 * 0.5 * sphere,
+            "volume {volume} m^3, expected 98 to 100 % of half the ball"
+        );
         assert!(vertices.iter().any(|x| x.length() < 1e-12) && vertices.iter().all(|x| x.y <= 1e-12));
     }
 

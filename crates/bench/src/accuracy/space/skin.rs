@@ -31,7 +31,7 @@ const GRADE: f64 = 2.0;
 const LAYER: u32 = 8;
 /// Order of convergence of the force in the size of the skin's cells.
 const ORDER: f64 = 2.0;
-/// Largest error of the force with the finest skin, as a share of the limit.
+/// Largest allowed error of the force with the finest skin, as a share of the limit.
 const BOUND: f64 = 0.02;
 /// A line of the curve: whether the skin of the block and that of the ball are varied, and whose vertices are tested
 /// for contact.

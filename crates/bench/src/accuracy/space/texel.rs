@@ -27,8 +27,8 @@ const VERTICES: [usize; 2] = [20_000, 8_000];
 const RADIUS: f64 = 0.02;
 /// Stages whose times are summed.
 const STAGES: &[&str] = &["depth"];
-/// Largest relative error of the engine's forces: in every step they must equal, bit for bit, the forces with the cell
-/// size that the engine chooses.
+/// Largest allowed relative error of the engine's forces: in every step they must equal, bit for bit, the forces with
+/// the cell size that the engine chooses.
 const BOUND: f64 = 0.0;
 /// Title of the engine's panel; nothing is drawn there, since errors of zero have no logarithm.
 const ENGINE: &str = "the engine: exact rays, no error to draw";

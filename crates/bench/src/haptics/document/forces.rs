@@ -1,4 +1,5 @@
-//! The sections of the haptics report about held forces, and about forces while sliding.
+//! The sections of the haptics report about forces while a simulated person holds still, and about forces while
+//! sliding. A tick is one iteration of the haptic loop.
 
 use palpate::Result;
 
@@ -68,8 +69,8 @@ pub fn holds(holds: &[HoldResult]) -> Result<Section> {
     })
 }
 
-/// The noisiest held force of all haptic devices at each rate, with a line for each mode (use of wrenches); rates are
-/// in the order of the measurements.
+/// The noisiest held force of all haptic devices at each rate, with a line for each mode (the way in which the loop
+/// uses wrenches); rates are in the order of the measurements.
 fn noise(holds: &[HoldResult]) -> Panel {
     let short = [(Mode::Session, "session"), (Mode::Local, "local"), (Mode::Raw, "raw")];
     let line = |(mode, name)| {

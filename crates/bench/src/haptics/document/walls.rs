@@ -1,4 +1,6 @@
-//! The sections of the haptics report about the stiffest wall that the haptic loop renders without oscillating.
+//! The sections of the haptics report about the stiffest wall that the haptic loop renders without oscillating. The
+//! stiffness of that wall is called the limit; Gil's bound is the stiffest wall that is stable by the theory of Gil and
+//! others.
 
 use palpate::Result;
 

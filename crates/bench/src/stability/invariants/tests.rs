@@ -1,5 +1,5 @@
-//! Tests of the invariants of the stability matrix: each invariant is broken once, with a flag that excuses the break
-//! and without; a case that keeps all invariants passes.
+//! Tests of the invariants of the stability matrix (many stiff and extreme simulations): each invariant is broken once,
+//! with a flag that excuses the break and without; a case (one simulation) that keeps all invariants passes.
 
 use super::*;
 
