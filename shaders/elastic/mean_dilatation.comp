@@ -11,7 +11,8 @@
 // In the operator (h^2 + h beta) K, with the step h and stiffness-proportional damping beta, a patch is a matrix c c^T
 // over its nodes j, c_j = sqrt((h^2 + h beta) lambda / V) sum sqrt(V_e) g'_ej, with g' the scaled gradients of
 // elastic/element_forces. The right-hand side gets h f - (h^2 + h beta) K v = -(h theta sqrt(lambda V / (h^2 + h beta))
-// + c . v) c, with the velocity of shared/lag.glsl in place of v in later Newton iterations. The kernel runs after
+// + c . v) c, with another velocity (shared/lag.glsl) in place of the nodes' velocity v in
+// later Newton iterations. The kernel runs after
 // elastic/element_forces; solve/patch_product uses the rows c in every conjugate gradient iteration. One invocation
 // runs for each patch. After de Souza Neto, Andrade Pires and Owen (2005). The f64 reference is oracle::elastic.
 
@@ -25,7 +26,7 @@ READ_ONLY(uvec4, patch_nodes);         // three per patch: its nodes, padded wit
 READ_ONLY(uvec4, patch_members);  // six per patch, two members each: tetrahedron; indices of its nodes, four bits each
 READ_ONLY(vec4, patch_constants);      // V (m^3), lambda (Pa), beta (s)
 READ_ONLY(vec4, rest_gradients);       // three per tetrahedron; w of the first: sqrt(V_e)
-READ_ONLY(vec4, gradients);  // scaled gradients, three per tetrahedron, and three zeros; w of the third: tr(E)
+READ_ONLY(vec4, gradients);  // scaled gradients, three per tetrahedron, then three zero vectors; w of the third: tr(E)
 READ_ONLY(vec4, velocity);
 READ_ONLY(vec4, trial_change);
 layout(scalar) writeonly buffer PatchRows { vec4 patch_rows[]; };          // c, twelve nodes a patch

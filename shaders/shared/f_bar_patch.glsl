@@ -1,5 +1,7 @@
-// F-bar patches: groups of tetrahedra that share one volumetric strain (elastic/mean_dilatation). These functions give
-// the indices of a patch's nodes, rows and forces in their arrays, where the k-th entries of all patches are adjacent.
+// F-bar patches: groups of tetrahedra that share one volumetric strain (elastic/mean_dilatation). A patch adds c c^T to
+// the solver's operator; its row c is that strain's gradient with respect to its nodes, scaled, one vector for each
+// node. These functions give the indices of a patch's nodes, of the vectors of its row and of its forces in their
+// arrays, where the k-th entries of all patches are adjacent.
 // An including shader declares `patch_nodes` and the numbers PATCHES and TETRAHEDRA.
 
 const uint PATCH_NODES = 12;
@@ -10,12 +12,13 @@ uvec4 patch_quad(uint p, uint q) {
     return fetch(patch_nodes, PATCHES * q + p);
 }
 
-// Index of the row of a patch's k-th node.
+// Index of the vector of a patch's row that belongs to its k-th node.
 uint patch_row(uint p, uint k) {
     return PATCHES * k + p;
 }
 
-// Index of the force on a patch's k-th node in `element_forces`, after the forces of all tetrahedra and four zeros.
+// Index of the force on a patch's k-th node in `element_forces`, after four forces for each tetrahedron and four
+// zero vectors that stand for no tetrahedron.
 uint patch_entry(uint p, uint k) {
     return 4 * (TETRAHEDRA + 1) + patch_row(p, k);
 }

@@ -4,7 +4,8 @@
 #include "shared/arrays.glsl"
 
 // Solve: operator product of F-bar patches (groups of tetrahedra that share one volumetric strain,
-// elastic/mean_dilatation) with a change of velocity p: c (c . p), where c is a patch's row. It runs concurrently with
+// elastic/mean_dilatation) with a change of velocity p: c (c . p), where the row c of a patch is the gradient
+// of its shared strain with respect to its nodes, scaled (shared/f_bar_patch.glsl). It runs concurrently with
 // solve/element_product, and is a kernel of its own because some devices run the untaken branches of a shared kernel
 // with lanes masked: 350 instead of 130 us an iteration on lavapipe, for a block of 10,368 tetrahedra. One invocation
 // runs for each patch. The f64 reference is oracle::elastic::Elements::patch_rows.

@@ -1,7 +1,8 @@
 //! F-bar patches on the GPU: groups of tetrahedra that share one volumetric strain, against volumetric locking
-//! ([`crate::prepare::patch`]). One pass a step writes each patch's row of the operator and its part of the right-hand
-//! side. In the solver's loop a patch counts as one more element: its product with a vector is computed at the same
-//! time as those of the tetrahedra, and is summed at the nodes with them.
+//! ([`crate::prepare::patch`]). A patch adds c c^T to the operator; its row c is the scaled gradient of that strain
+//! with respect to its nodes. One pass a step writes the rows and the patches' part of the right-hand side. In the
+//! solver's loop a patch counts as one more element: its product with a vector is computed at the same time as those of
+//! the tetrahedra, and is summed at the nodes with them.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -84,7 +85,8 @@ impl Patches {
 
     /// Every node of every patch from `first` on, as the node, its patch, and its place in the patch's node list. On
     /// the GPU the patch's row at that node has the index place x [`Patches::count`] + patch. The patch's force on the
-    /// node has the same index, counted from the end of the forces of all tetrahedra and four zeros.
+    /// node has the same index in the part of the force array that follows the tetrahedra's forces and four zero
+    /// vectors.
     pub fn entries(&self, first: usize) -> impl Iterator<Item = (u32, [u32; 2])> {
         let lists = self.node_lists.iter().zip(0..).skip(first);
         lists.flat_map(|(nodes, p)| nodes.iter().zip(0..).map(move |(node, k)| (*node, [p, k])))

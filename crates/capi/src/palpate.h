@@ -1,28 +1,29 @@
 /*
  * palpate.h: feel soft bodies from any program.
  *
- * A context is a Vulkan device, a scene is what a scene file says (README, "A scene"), a simulation is a scene under way on a
- * context: pose in, wrench out, a step at a time. Scenes are read from files and texts, or built by calls, or both: what a call
- * adds is checked as a file is, and names (meshes, bodies, the tool) what is there already.
+ * A context is an opened Vulkan device. A scene is what a scene file describes (README, "A scene"). A simulation runs a scene on
+ * a context, a step at a time: the pose of the haptic device goes in, the net wrench on the tool comes out. Scenes are read from
+ * files or from text, or built by calls, or both. What a call adds is checked as strictly as a file, and may refer by name to
+ * meshes, bodies and the tool that the scene has already.
  *
- * Every function gives a status. What is not PALPATE_STATUS_OK has done nothing but what its description says, and left one
- * line about what is wrong and what to do in palpate_last_error().
+ * Every function returns a status. A function that does not return PALPATE_STATUS_OK has changed nothing, unless its description
+ * says otherwise, and palpate_last_error() gives one line: the problem and its remedy.
  *
  * Handles (palpate_context *, palpate_scene *, palpate_simulation *, palpate_loop *) are made by the functions that end in
- * _create, _create_on, _load, _parse or _start, and given back to the one that ends in _destroy, in any order: a simulation holds
- * on to its context. A handle that was destroyed is found out (PALPATE_STATUS_HANDLE), and so is null (PALPATE_STATUS_NULL). Where a handle was to be made and
- * was not, it is set to null, unless the arguments before it were wrong.
+ * _create, _create_on, _load, _parse or _start, and released by the one that ends in _destroy, in any order: a simulation keeps
+ * its context alive. Use of a destroyed handle is detected (PALPATE_STATUS_HANDLE), and so is null (PALPATE_STATUS_NULL). A
+ * function that fails to make a handle sets it to null, unless an argument before it was wrong.
  *
- * Arrays and structs are the caller's. The library copies what it is given, writes no further than `capacity` elements or
- * `size` bytes, and keeps no pointer after a call, but for callbacks and their `user`, which must stay as long as what they were
- * given to: a log and a queue's lock until the context and the last of its simulations are gone. Structs that begin with `size`
- * may grow: set it to sizeof the struct, and the rest to zero. A size that cuts a field in two is refused
- * (PALPATE_STATUS_ARGUMENT). Strings are UTF-8 and end in a zero.
+ * Arrays and structs belong to the caller. The library copies its inputs, writes at most `capacity` elements or `size` bytes,
+ * and keeps no pointer after a call. The exception are callbacks and their `user` pointer, which must stay valid as long as the
+ * object they were given to: a log and a queue lock until the context and the last of its simulations are gone. Structs that
+ * begin with `size` may grow in later versions: set `size` to sizeof the struct and all other fields to zero or to a value. A
+ * size that cuts a field in two is refused (PALPATE_STATUS_ARGUMENT). Strings are UTF-8 and end in a zero byte.
  *
- * Threads: any thread may use any handle, one at a time; a call on a handle that another is using gives PALPATE_STATUS_BUSY at
- * once. Simulations of different contexts run at the same time; those of one context take turns on its queue. The message of
- * palpate_last_error() is the thread's own. A simulation that is stepped by palpate_step_submit or held by a loop is in use
- * until that has ended; what may be asked meanwhile says so.
+ * Threads: any thread may use any handle, but only one thread at a time; a call on a handle that another thread is using returns
+ * PALPATE_STATUS_BUSY at once. Simulations of different contexts run at the same time; those of one context take turns on its
+ * queue. The message of palpate_last_error() belongs to the thread. A simulation that palpate_step_submit steps, or that a
+ * haptic loop uses, is busy until that has ended; functions that may be called meanwhile say so.
  *
  * Units: m, kg, s, N, Pa. y is up. Quaternions are x y z w. All numbers of a pose must be finite.
  */
@@ -35,155 +36,164 @@
 #include <stddef.h>
 #include <stdint.h>
 
-// Number of the binary interface: raised when something that a program was compiled against changes its meaning or goes.
-// Compare it with `palpate_abi()`.
+// Version number of the binary interface. It is raised when something that a compiled program relies on changes its
+// meaning or is removed. Compare it with `palpate_abi()`.
 #define PALPATE_ABI 1
 
-// It does not move. The kinds of motion: of a core, or of a rigid body.
+// Kind of motion of a rigid core or of a rigid body: it does not move.
 #define PALPATE_MOTION_FIXED 0
 
-// It follows `keys`.
+// Kind of motion: driven (kinematic), that is, it follows `keys`.
 #define PALPATE_MOTION_DRIVEN 1
 
-// Forces move it.
+// Kind of motion: dynamic, that is, forces move it.
 #define PALPATE_MOTION_DYNAMIC 2
 
-// Linear in the strain that a tetrahedron has beside its rotation. The laws of a material.
+// Material law: corotational, that is, linear in the strain that remains when the rotation of a tetrahedron is
+// removed.
 #define PALPATE_LAW_COROTATIONAL 0
 
-// Stable neo-Hookean.
+// Material law: stable neo-Hookean.
 #define PALPATE_LAW_NEO_HOOKEAN 1
 
-// A volumetric strain to each tetrahedron. Over what a soft body's volumetric strain is one number.
+// Volumetric strain of a soft body: each tetrahedron has its own.
 #define PALPATE_DILATATION_ELEMENT 0
 
-// One to each patch of neighbouring tetrahedra: for materials that keep their volume (Poisson's ratio near one half).
+// Volumetric strain of a soft body: averaged over patches of neighbouring tetrahedra (F-bar), against locking in
+// nearly incompressible materials (Poisson's ratio near one half).
 #define PALPATE_DILATATION_PATCH 1
 
-// shaderInt64 and shaderBufferInt64Atomics are enabled on the host's device.
+// Feature of a lent device, for palpate_vulkan: shaderInt64 and shaderBufferInt64Atomics are enabled.
 #define PALPATE_VULKAN_INT64_ATOMICS 1
 
-// fragmentStoresAndAtomics is enabled: the depth stage may then use the rasterizer.
+// Feature of a lent device: fragmentStoresAndAtomics is enabled, so that the library may use the rasterizer to compute
+// penetration depths.
 #define PALPATE_VULKAN_FRAGMENT_STORES 2
 
-// VK_KHR_external_memory_fd is enabled: skins can then be exported.
+// Feature of a lent device: VK_KHR_external_memory_fd is enabled, so that skins (surface meshes of bodies) can be
+// exported.
 #define PALPATE_VULKAN_EXTERNAL_MEMORY_FD 4
 
-// What was chosen, and what was found in files and mended.
+// Level of a message: a note about what was chosen, or about defects of files that were repaired.
 #define PALPATE_LOG_NOTE 0
 
-// The validation layer's warnings.
+// Level of a message: a warning of the Vulkan validation layer.
 #define PALPATE_LOG_WARNING 1
 
-// The validation layer's errors.
+// Level of a message: an error of the Vulkan validation layer.
 #define PALPATE_LOG_ERROR 2
 
-// The device could not be read or written; nothing is played.
+// Event of a tick: the haptic device could not be read or written; nothing is played.
 #define PALPATE_EVENT_DEVICE_LOST 1
 
-// The device's reading was not finite, or no rotation; the last one that was right is held.
+// Event of a tick: the device's reading was not finite, or no rotation; the last valid reading is used instead.
 #define PALPATE_EVENT_BAD_READING 2
 
-// The device leapt faster than a hand can move; its last pose is held until the force has faded.
+// Event of a tick: the device jumped faster than a hand can move; its last pose is used until the force has faded out.
 #define PALPATE_EVENT_POSE_JUMP 4
 
-// The device is beyond its workspace; the force fades.
+// Event of a tick: the device is outside its workspace; the force fades out.
 #define PALPATE_EVENT_OUTSIDE_WORKSPACE 8
 
-// The newest wrench is older than the watchdog allows; the force fades.
+// Event of a tick: the newest wrench is older than the watchdog allows; the force fades out.
 #define PALPATE_EVENT_STALE_WRENCH 16
 
-// A wrench was not finite, and was not taken.
+// Event of a tick: a wrench of the simulation was not finite, and was ignored.
 #define PALPATE_EVENT_BAD_WRENCH 32
 
-// The clock stood still, ran backwards or leapt; the force starts again from zero.
+// Event of a tick: the clock stood still, ran backwards or jumped ahead; the force rises again from zero.
 #define PALPATE_EVENT_CLOCK_JUMP 64
 
-// The tick came more than 2 ms after it was due.
+// Event of a tick: it began more than 2 ms after its deadline.
 #define PALPATE_EVENT_LATE_TICK 128
 
-// The force rises from zero: at the start, and after what made it fade.
+// Event of a tick: less than the full force is played, because it fades in (at the start, or after a fade-out) or out.
 #define PALPATE_EVENT_ENGAGING 256
 
-// The tool left the neighbourhood in which the local model is trusted; the force does not grow further.
+// Event of a tick: the tool left the neighbourhood in which the local model of contact is trusted; the contact force
+// does not grow further.
 #define PALPATE_EVENT_BEYOND_TRUST 512
 
-// Passivity control damped.
+// Event of a tick: the passivity controller damped the force.
 #define PALPATE_EVENT_DAMPED 1024
 
-// Passivity control wanted more damping than the device allows.
+// Event of a tick: the passivity controller wanted more damping than the device allows.
 #define PALPATE_EVENT_DAMPING_LIMITED 2048
 
-// The force or the torque was larger than the limit, and was shortened to it.
+// Event of a tick: force or torque was larger than its limit, and was shortened to it.
 #define PALPATE_EVENT_CLAMPED 4096
 
-// The force or the torque changed faster than the limit, and was held back.
+// Event of a tick: force or torque changed faster than its limit, and was held back.
 #define PALPATE_EVENT_SLEW_LIMITED 8192
 
-// What was to be played was not finite; nothing was.
+// Event of a tick: the force to be played was not finite; nothing was played.
 #define PALPATE_EVENT_BAD_FORCE 16384
 
-// Ticks before this one were not heard of: the simulation's step took longer than there was room for.
+// Event of a tick: ticks before it were not reported, because a step of the simulation took so long that the buffer of
+// ticks overflowed.
 #define PALPATE_EVENT_RECORD_LOST 32768
 
-// The newest wrench is followed more slowly: it holds more energy than the hand has given.
+// Event of a tick: the loop blends from the last wrench to the newest one more slowly than otherwise, because the
+// contact of the newest wrench stores more energy than the hand has put in.
 #define PALPATE_EVENT_UNPAID 65536
 
-// Which array is exported: where skin vertices are.
+// Array for palpate_skin_export: the positions of skin vertices.
 #define PALPATE_SKIN_POSITIONS 0
 
-// Which array is exported: their normals.
+// Array for palpate_skin_export: the normals of skin vertices.
 #define PALPATE_SKIN_NORMALS 1
 
-// The solver stopped at its iteration limit with a residual above what single precision allows.
+// Flag of a step: the solver stopped at its iteration limit with a residual above what single precision allows.
 #define PALPATE_FLAG_NOT_CONVERGED 1
 
-// More regions than there is room for.
+// Flag of a step: there were more contact patches (parts of a contact with one normal each) than fit the arrays.
 #define PALPATE_FLAG_REGION_OVERFLOW 2
 
-// More contacts than there is room for.
+// Flag of a step: there were more contacts, or more hits of the rays that search for them, than fit the arrays.
 #define PALPATE_FLAG_CONTACT_OVERFLOW 4
 
-// A contact deeper than the scene's `depth_limit`.
+// Flag of a step: a contact was deeper than the scene's `depth_limit`.
 #define PALPATE_FLAG_DEPTH_BEYOND_LIMIT 8
 
-// A skin folds over itself along the region's normal.
+// Flag of a step: a skin (surface mesh) folds over itself along the normal of a contact patch, so that the penetration
+// depth is not unique there.
 #define PALPATE_FLAG_NOT_A_HEIGHT_FIELD 16
 
-// A number was not finite, and the step was recovered.
+// Flag of a step: a number was not finite, and the step was recovered.
 #define PALPATE_FLAG_NON_FINITE 32
 
-// The step was repeated with a smaller time step.
+// Flag of a step: the step failed and was repeated with smaller time steps.
 #define PALPATE_FLAG_STEP_RETRIED 64
 
-// The state was held because no step succeeded.
+// Flag of a step: the step failed with smaller time steps too, so all that forces move was stopped where it was.
 #define PALPATE_FLAG_FROZEN 128
 
-// Contacts that pulled were dropped, and others pull after the repeated solve.
+// Flag of a step: contacts under tension were released and the solve was repeated, but in it other contacts came under
+// tension.
 #define PALPATE_FLAG_ADHESIVE_DROPPED_TWICE 256
 
-// Something turned so far within the step that it may gain energy.
+// Flag of a step: a rigid coordinate frame of a body turned so far within the step that the body may gain energy.
 #define PALPATE_FLAG_TURNS_TOO_FAR 512
 
-// A tetrahedron was inside out, or pressed so thin that its rotation was not found.
+// Flag of a step: a tetrahedron was inverted, or pressed so flat that its rotation was not found.
 #define PALPATE_FLAG_INVERTED 1024
 
-// What became of a call. Whatever it is but PALPATE_STATUS_OK, nothing was changed but what the function says, and
-// `palpate_last_error` has one line that says what is wrong and what to do.
+// Result of a call. With any status but PALPATE_STATUS_OK the call changed nothing, unless its description says
+// otherwise, and `palpate_last_error` returns one line that describes the error and what to do about it.
 enum palpate_status
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : int32_t
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
-    // Done.
+    // The call succeeded.
     PALPATE_STATUS_OK = 0,
     // A pointer or handle that must not be null is null.
     PALPATE_STATUS_NULL = 1,
-    // A handle that was destroyed, is of another kind, or never was.
+    // A handle was destroyed, is of another kind, or was never made.
     PALPATE_STATUS_HANDLE = 2,
-    // A value that cannot be: not finite, out of range, a struct of unknown size.
+    // A value is not allowed: it is not finite or out of range, or a struct has a wrong size.
     PALPATE_STATUS_ARGUMENT = 3,
-    // The caller's array is too small; how many elements there are was told.
+    // The caller's array is too small; the call returned how many elements there are.
     PALPATE_STATUS_TOO_SMALL = 4,
     // The handle is in use by another thread, or by the callback that makes this call.
     PALPATE_STATUS_BUSY = 5,
@@ -191,17 +201,17 @@ enum palpate_status
     PALPATE_STATUS_INPUT = 6,
     // A file could not be written.
     PALPATE_STATUS_OUTPUT = 7,
-    // No Vulkan device can be used, or not the haptic one.
+    // No Vulkan device can be used, or the haptic device does not open.
     PALPATE_STATUS_NO_DEVICE = 8,
-    // The device's memory does not suffice.
+    // The memory of the Vulkan device does not suffice, or a thread cannot be started.
     PALPATE_STATUS_MEMORY = 9,
     // A Vulkan call failed.
     PALPATE_STATUS_VULKAN = 10,
     // The simulation cannot go on.
     PALPATE_STATUS_SIMULATION = 11,
-    // A fault of the library's own. What it was at may only be destroyed.
+    // A fault of the library itself. The object that the call worked on may only be destroyed.
     PALPATE_STATUS_FAULT = 12,
-    // The caller's callback ended it.
+    // The caller's callback cancelled the call.
     PALPATE_STATUS_CANCELLED = 13,
 };
 #ifndef __cplusplus
@@ -212,13 +222,13 @@ typedef int32_t palpate_status;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// What sort of device it is.
+// Kind of a Vulkan device.
 enum palpate_device_kind
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : int32_t
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
-    // Anything else.
+    // None of the kinds below.
     PALPATE_DEVICE_KIND_OTHER = 0,
     // A GPU with memory of its own.
     PALPATE_DEVICE_KIND_DISCRETE = 1,
@@ -237,219 +247,230 @@ typedef int32_t palpate_device_kind;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// A Vulkan device under the library's hands. Simulations hold on to theirs: it goes with the last of them, whether it was
-// destroyed before or not.
+// A context: an open Vulkan device. A simulation holds on to its context, so the device stays open until the context
+// is destroyed and the last of its simulations is gone.
 typedef struct palpate_context palpate_context;
 
-// A haptic loop: a device held a thousand times a second, and a simulation that steps for it.
+// A haptic loop: at the loop's rate (1000 Hz unless the scene or the options set another) a haptic device is read and
+// a force is played on it, and meanwhile a simulation does steps.
 typedef struct palpate_loop palpate_loop;
 
-// What a simulation is made of, any number of times: read from a file or a text, or built by calls. Files that it names
-// (surfaces, layers) are opened when its bodies are prepared.
+// Description of bodies, tool and settings from which any number of simulations can be made: read from a file or a
+// text, or built by calls. The mesh files that it names are opened when its bodies are prepared.
 typedef struct palpate_scene palpate_scene;
 
-// A scene under way.
+// A simulation: bodies and tool of a scene, moved step by step.
 typedef struct palpate_simulation palpate_simulation;
 
-// What holds for a whole scene; its `[step]`, `[solver]` and `[contact]`. Zero is the usual value for all of it but the size.
+// Settings of a whole scene: the tables `[step]`, `[solver]` and `[contact]` of a scene file. Zero is the default of
+// all fields but `size`.
 typedef struct palpate_settings {
-    // sizeof(palpate_settings).
+    // Size of the struct in bytes: sizeof(palpate_settings).
     uint32_t size;
-    // Newton iterations a step; 0: 1.
+    // Number of Newton iterations per step; 0: 1 iteration.
     uint32_t newton;
     // Time step, s; 0: 0.001.
     double dt;
-    // Acceleration of gravity, m/s^2; zero: 0, -9.81, 0.
+    // Acceleration of gravity, m/s^2; all zero: 0, -9.81, 0.
     double gravity[3];
-    // 1: there is no gravity, and `gravity` is zero.
+    // 1: there is no gravity, and `gravity` must be zero. 0: there is.
     uint32_t weightless;
-    // Of the solver, at most; 0: 200.
+    // Greatest number of conjugate gradient iterations per solve; 0: 200.
     uint32_t max_iterations;
     // Relative residual at which the solver stops; 0: 1e-5.
     double tolerance;
-    // Penalty stiffness per projected area, N/m^3; 0: chosen.
+    // Penalty stiffness per projected area, N/m^3; 0: chosen from the bodies' materials.
     double contact_stiffness;
-    // Penalty damping per projected area, N s/m^3; 0: chosen.
+    // Penalty damping per projected area, N s/m^3; 0: chosen from the stiffness.
     double contact_damping;
-    // Coulomb's coefficient.
+    // Coulomb friction coefficient; 0: no friction.
     double friction;
-    // Speed below which friction is viscous, m/s; 0: 0.001.
+    // Sliding speed below which friction is viscous, m/s; 0: 0.001.
     double friction_speed;
     // Depth beyond which PALPATE_FLAG_DEPTH_BEYOND_LIMIT is raised, m; 0: 0.02.
     double depth_limit;
 } palpate_settings;
 
-// A position and an orientation, world.
+// A pose in world coordinates.
 typedef struct palpate_pose {
-    // m.
+    // Position, m.
     double position[3];
-    // Unit quaternion: x, y, z, w.
+    // Orientation, a unit quaternion: x, y, z, w.
     double orientation[4];
 } palpate_pose;
 
-// A pose at a time.
+// A keyframe: a pose at a time.
 typedef struct palpate_key {
-    // s; each after the one before.
+    // Time of the key, s; later than that of the key before.
     double time;
-    // World; an orientation of four zeros turns nothing.
+    // World pose at that time; an orientation of four zeros is no rotation.
     struct palpate_pose pose;
 } palpate_key;
 
-// A rigid core of a soft body: nodes that move as one. Exactly one of `inset`, the box, the sphere, `nodes` and `all` says
-// which; places are in the coordinates of the mesh, before scale and pose.
+// A rigid core of a soft body: the nodes of the body's layer that are attached to it move as one rigid body. Exactly
+// one of `inset`, the box, the sphere, `nodes` and `all` selects them; coordinates are those of the mesh, before scale
+// and pose.
 typedef struct palpate_core {
-    // sizeof(palpate_core).
+    // Size of the struct in bytes: sizeof(palpate_core).
     uint32_t size;
-    // PALPATE_MOTION_*.
+    // How the core moves: PALPATE_MOTION_*.
     uint32_t motion;
-    // Its name, unlike other cores' of the body.
+    // Name of the core, different from those of the body's other cores.
     const char *name;
-    // Of a driven core: where the centre of the mass that it carries is, `key_count` of them. Null for others.
+    // Keyframes of a driven core, `key_count` of them: poses of the centre of mass of the attached part of the body.
+    // Null for other cores.
     const struct palpate_key *keys;
-    // How many keys there are.
+    // Number of elements of `keys`.
     size_t key_count;
-    // Of a dynamic core, kg; 0: that of what it holds.
+    // Mass of a dynamic core, kg; 0: the mass of the attached part of the body.
     double mass;
-    // Nodes at least this deep below the skin, m, above 0.
+    // Selects nodes at least this deep below the skin, m; above 0.
     double inset;
-    // Nodes in a box: its least corner.
+    // Selects nodes in a box: its corner of least coordinates.
     double box_low[3];
-    // Its greatest corner.
+    // Corner of greatest coordinates of that box.
     double box_high[3];
-    // Nodes in a sphere: its centre.
+    // Selects nodes in a sphere: its centre.
     double sphere_centre[3];
-    // Its radius, m.
+    // Radius of that sphere, m.
     double sphere_radius;
-    // These nodes, by their places in the layer's array, `node_count` of them.
+    // Selects single nodes by their indices in the layer, `node_count` of them.
     const uint32_t *nodes;
-    // How many nodes there are.
+    // Number of elements of `nodes`.
     size_t node_count;
-    // 1: every node.
+    // 1: selects every node.
     uint32_t all;
-    // 0.
+    // Reserved: must be 0.
     uint32_t reserved;
 } palpate_core;
 
-// A body, of one of three kinds. Soft: it has a layer (a mesh, cells that fill the surface, or a box) and a material; without
-// a surface the layer's boundary is its skin. Rigid: it has a surface and no layer. A plane: it has `plane` and nothing else
-// but a name. What is zero or null is as where a scene file leaves the key out.
+// A body of one of three kinds. Soft: it has a material and a layer, the tetrahedral simulation mesh (handed over,
+// made of cells that fill the surface, or a box); its surface mesh, the skin, is `surface`, or else the layer's
+// boundary. Rigid: it has a surface and no layer. A plane: it has `plane` and nothing else but a name. A field that is
+// zero or null means what a missing key means in a scene file.
 typedef struct palpate_body {
-    // sizeof(palpate_body).
+    // Size of the struct in bytes: sizeof(palpate_body).
     uint32_t size;
-    // Of a rigid body: PALPATE_MOTION_*.
+    // How a rigid body moves: PALPATE_MOTION_*.
     uint32_t motion;
-    // Its name: letters, digits, '_', '-' and '.'; unlike other bodies', and not "tool".
+    // Name of the body: letters, digits, '_', '-' and '.'; different from other bodies' names and from "tool".
     const char *name;
-    // Its skin: the name of a surface that `palpate_scene_add_surface` took.
+    // Name of the surface that is its skin, as given to `palpate_scene_add_surface`.
     const char *surface;
-    // Its layer: the name of one that `palpate_scene_add_layer` took.
+    // Layer, first way: name of a mesh, as given to `palpate_scene_add_layer`.
     const char *layer;
-    // Or cells that fill the surface: their edge, m, in the surface's coordinates.
+    // Layer, second way: cells that fill the surface; their edge, m, in the surface's coordinates.
     double cell;
-    // Or so many cells along the surface's largest extent.
+    // Instead of `cell`: number of such cells along the surface's largest extent.
     uint32_t across;
-    // Of cells: how much larger they may be deep inside; 0, 1, 2, 4 or 8.
+    // How many times larger the filling cells may be deep inside: 0 (the default), 1, 2, 4 or 8.
     uint32_t grade;
-    // Of cells: depth of the shell that is filled, m; 0: all of it.
+    // Depth of the shell below the surface that cells fill, m; 0: the whole inside.
     double thickness;
-    // Or a box: its least corner.
+    // Layer, third way: a box cut into cells; its corner of least coordinates.
     double box_low[3];
-    // Its greatest corner.
+    // Corner of greatest coordinates of that box.
     double box_high[3];
-    // Its cells along each axis.
+    // Number of the box's cells along each axis.
     uint32_t box_cells[3];
-    // Of a soft body: PALPATE_LAW_*.
+    // Material law of a soft body: PALPATE_LAW_*.
     uint32_t law;
-    // Of a soft body: PALPATE_DILATATION_*.
+    // Volumetric strain of a soft body: PALPATE_DILATATION_*.
     uint32_t dilatation;
-    // 1: a surface that would need repair is refused.
+    // 1: a surface that would need repair is refused; 0: it is repaired.
     uint32_t strict;
-    // Young's modulus, Pa. This and the next four: the material of a soft body.
+    // Young's modulus, Pa. This field and the next four are the material of a soft body.
     double young;
     // Poisson's ratio, from -0.5 to below 0.5.
     double poisson;
-    // kg/m^3.
+    // Density, kg/m^3.
     double density;
     // Rayleigh damping by mass, 1/s.
     double damping_mass;
     // Rayleigh damping by stiffness, s.
     double damping_stiffness;
-    // A fixed half-space: outward normal n and offset d; it is where n . x <= d.
+    // A fixed half-space: outward normal n and offset d (m); it fills all x with n . x <= d.
     double plane[4];
-    // Of the mesh's coordinates; 0: 1.
+    // Factor on the mesh's coordinates; 0: 1.
     double scale;
-    // Where the mesh's origin is, world, m.
+    // World position of the mesh's origin, m.
     double position[3];
-    // World orientation, unit quaternion x, y, z, w; four zeros turn nothing.
+    // World orientation, unit quaternion x, y, z, w; four zeros are no rotation.
     double orientation[4];
-    // At the start, world, m/s.
+    // Velocity at the start, world axes, m/s.
     double velocity[3];
-    // Of a dynamic rigid body, kg.
+    // Mass of a dynamic rigid body, kg.
     double mass;
-    // Of a driven rigid body: where the centre of its volume is, `key_count` of them. Null for others.
+    // Keyframes of a driven rigid body, `key_count` of them: poses of the centroid of its volume. Null for other
+    // bodies.
     const struct palpate_key *keys;
-    // How many keys there are.
+    // Number of elements of `keys`.
     size_t key_count;
-    // Of a soft body: `core_count` of them, all of the size that the first says.
+    // Rigid cores of a soft body, `core_count` of them; all must have the same `size`.
     const struct palpate_core *cores;
-    // How many cores there are.
+    // Number of elements of `cores`.
     size_t core_count;
-    // Convex hulls that stand for it where bodies are far apart, at most; 0: the usual number.
+    // Greatest number of convex collision proxies that cover the body for the broad phase; 0: the default.
     uint32_t hulls;
-    // 0.
+    // Reserved: must be 0.
     uint32_t reserved;
 } palpate_body;
 
-// What the device holds: exactly one of a sphere, a surface and a body of the scene; and the spring that holds it. Without
-// one (all of it zero) the tool moves freely.
+// The tool that the haptic device moves: exactly one of a sphere, a surface and a body of the scene; and the virtual
+// coupling, a spring and damper between device and tool. Without a coupling (its four fields zero) the tool moves
+// freely.
 typedef struct palpate_tool {
-    // sizeof(palpate_tool).
+    // Size of the struct in bytes: sizeof(palpate_tool).
     uint32_t size;
-    // 1: a surface that would need repair is refused.
+    // 1: a surface that would need repair is refused; 0: it is repaired.
     uint32_t strict;
-    // Radius of a sphere, m.
+    // Radius of a spherical tool, m; 0: the tool is no sphere.
     double sphere;
-    // The name of a surface that `palpate_scene_add_surface` took.
+    // Name of the tool's surface, as given to `palpate_scene_add_surface`; null: none.
     const char *surface;
-    // The name of a body of the scene, held by its first core, which is dynamic. It has its own mass and pose.
+    // Name of a body of the scene that is the tool; null: none. The virtual coupling acts on that body's first core,
+    // which must be dynamic. Mass and pose are those of the body.
     const char *body;
-    // kg.
+    // Mass of the tool, kg.
     double mass;
-    // Where its centre is at the start, world, m.
+    // World position of the tool's centre at the start, m.
     double position[3];
-    // World orientation at the start; four zeros turn nothing.
+    // World orientation at the start; four zeros are no rotation.
     double orientation[4];
-    // At the start, world, m/s.
+    // Velocity at the start, world axes, m/s.
     double velocity[3];
-    // Of the surface's coordinates; 0: 1.
+    // Factor on the surface's coordinates; 0: 1.
     double scale;
-    // Of the spring between device and tool, N/m.
+    // Stiffness of the virtual coupling, N/m.
     double stiffness;
-    // N s/m.
+    // Damping of the virtual coupling, N s/m.
     double damping;
-    // N m/rad.
+    // Angular stiffness of the virtual coupling, N m/rad.
     double angular_stiffness;
-    // N m s/rad.
+    // Angular damping of the virtual coupling, N m s/rad.
     double angular_damping;
 } palpate_tool;
 
-// Is told what is being prepared: the body's name, or "tool"; the stage ("cache", "read", "repair", "layer", "embed",
-// "proxies", "bind"); how many bodies are ready, and how many there are, the tool counted as one. The strings live until it
-// returns. Give 0 to go on, anything else to end it there. Calls on the scene give PALPATE_STATUS_BUSY meanwhile. It must
-// return: no longjmp, and no exception.
+// Progress callback of `palpate_scene_prepare`, called as each stage begins. `body` is the body's name, or "tool".
+// `stage` is "cache" (the cache is searched for the prepared body), "read" or "repair" (of the surface), "layer"
+// (tetrahedra are made), "embed" (the skin is embedded in the tetrahedra), "proxies" (convex hulls are made) or "bind"
+// (nodes are attached to rigid cores). `done` is the number of bodies that are ready and `total` that of all bodies; a
+// tool that is not one of the bodies counts as one more body. The strings are valid until the callback returns. Return
+// 0 to continue, anything else to cancel. While it runs, calls on the scene give PALPATE_STATUS_BUSY. The callback
+// must return: no longjmp, and no exception.
 typedef int32_t (*palpate_progress)(void *user, const char *body, const char *stage, uint32_t done, uint32_t total);
 
-// An elastic material, without its law, which stays as it was made.
+// Parameters of an elastic material. The material law itself is chosen with the scene and cannot be changed.
 typedef struct palpate_material {
-    // sizeof(palpate_material).
+    // Size of the struct in bytes: sizeof(palpate_material).
     uint32_t size;
-    // 0.
+    // Reserved: must be 0.
     uint32_t reserved;
     // Young's modulus, Pa.
     double young;
     // Poisson's ratio, from -0.5 to below 0.5.
     double poisson;
-    // kg/m^3.
+    // Density, kg/m^3.
     double density;
     // Rayleigh damping by mass, 1/s.
     double damping_mass;
@@ -457,344 +478,369 @@ typedef struct palpate_material {
     double damping_stiffness;
 } palpate_material;
 
-// What holds touching bodies apart.
+// The contact law: penalty forces between touching bodies, with damping and friction.
 typedef struct palpate_contact_law {
-    // sizeof(palpate_contact_law).
+    // Size of the struct in bytes: sizeof(palpate_contact_law).
     uint32_t size;
-    // 0.
+    // Reserved: must be 0.
     uint32_t reserved;
-    // Penalty stiffness per projected area, N/m^3; below zero: from the bodies' materials.
+    // Penalty stiffness per projected area, N/m^3; below zero: chosen from the bodies' materials.
     double stiffness;
-    // Penalty damping per projected area, N s/m^3; below zero: from the stiffness.
+    // Penalty damping per projected area, N s/m^3; below zero: chosen from the stiffness.
     double damping;
-    // Coulomb's coefficient.
+    // Coulomb friction coefficient.
     double friction;
-    // Speed below which friction is viscous, m/s.
+    // Sliding speed below which friction is viscous, m/s.
     double friction_speed;
     // Depth beyond which PALPATE_FLAG_DEPTH_BEYOND_LIMIT is raised, m.
     double depth_limit;
 } palpate_contact_law;
 
-// What joins device and tool.
+// The virtual coupling: a spring and damper between haptic device and tool.
 typedef struct palpate_coupling {
-    // sizeof(palpate_coupling).
+    // Size of the struct in bytes: sizeof(palpate_coupling).
     uint32_t size;
-    // 0.
+    // Reserved: must be 0.
     uint32_t reserved;
-    // N/m.
+    // Stiffness of the coupling, N/m.
     double stiffness;
-    // N s/m.
+    // Damping of the coupling, N s/m.
     double damping;
-    // N m/rad.
+    // Angular stiffness of the coupling, N m/rad.
     double angular_stiffness;
-    // N m s/rad.
+    // Angular damping of the coupling, N m s/rad.
     double angular_damping;
 } palpate_coupling;
 
-// A Vulkan device of this machine. Strings that are longer than their room are cut, and end in a zero.
+// A Vulkan device of this machine. Strings that are too long for their arrays are cut off; all end with a zero byte.
 typedef struct palpate_device {
-    // What it is.
+    // Kind of the device.
     palpate_device_kind kind;
-    // 1: it can be used; 0: `reason` says why not.
+    // 1: palpate can use the device; 0: `reason` says why not.
     uint32_t usable;
-    // The driver's name for it. This, or a part of it, or the position in the list opens it.
+    // The driver's name for the device. `device` in palpate_context_options takes this name, a part of it, or the
+    // position of the device in this list.
     char name[256];
     // Name and version of the driver.
     char driver[256];
-    // Why it cannot be used; "" where it can.
+    // Why palpate cannot use the device; "" where it can.
     char reason[256];
 } palpate_device;
 
-// Hears messages: PALPATE_LOG_*, and one line that lives until it returns. It is called on whatever thread a message comes up,
-// within a call of this library or of the driver's; it must not call the library, and must return: no longjmp, no exception.
+// Log callback: receives a level (PALPATE_LOG_*) and a message of one line that is valid until the callback returns.
+// It is called on any thread, within a call of this library or of the Vulkan driver. It must not call the library, and
+// must return: no longjmp, no exception.
 typedef void (*palpate_log)(void *user, uint32_t level, const char *message);
 
-// How a context is opened. Zero is right for all of it but the size.
+// Options for opening a context. Zero is the default of all fields but `size`.
 typedef struct palpate_context_options {
-    // sizeof(palpate_context_options).
+    // Size of the struct in bytes: sizeof(palpate_context_options).
     uint32_t size;
-    // 1: the Khronos validation layer looks on, with synchronisation validation, and its messages go to `log`; slow. 0: not.
+    // 1: switches the Khronos validation layer on, with synchronisation validation; its messages go to `log`. This is
+    // slow. 0: off.
     uint32_t validation;
-    // Device: its position in `palpate_devices`, or part of its name; null: the best one.
+    // Device to open: its position in the list of `palpate_devices`, as a decimal number, or part of its name; null:
+    // the best one (discrete GPU before integrated GPU, virtual GPU and CPU).
     const char *device;
-    // Hears what there is to say; null: nobody.
+    // Callback that receives the library's messages; null: they are discarded.
     palpate_log log;
-    // Passed to `log`.
+    // Pointer that is passed to `log`.
     void *log_user;
-    // Folder where prepared bodies, compiled pipelines and what was measured of devices are kept for later runs; "": the
-    // user's (PALPATE_CACHE, else palpate in XDG_CACHE_HOME or ~/.cache). Null: nothing is kept.
+    // Folder where prepared bodies, compiled pipelines and measurements of devices are kept for later runs; "": the
+    // user's cache folder (PALPATE_CACHE, else palpate in XDG_CACHE_HOME or ~/.cache). Null: nothing is kept.
     const char *cache;
-    // 1: measures, once, which of two ways is faster on the device where the scene does not say (arrays, depth stage). 0: not.
+    // 1: the library measures which of two implementations is faster on the device, where the scene names neither:
+    // arrays read through texel or through storage buffers, and penetration depths computed by compute or by graphics
+    // pipelines. It measures once per context, or once per device if there is a cache. 0: it does not measure.
     uint32_t measure;
-    // With how many threads lavapipe works, by LP_NUM_THREADS in the environment unless that is set; -1: none but the calling
-    // one. 0: the environment stays as it is. Other drivers do not ask. Anything but 0 sets the variable in
-    // palpate_context_create: no other thread of the process may read or write the environment meanwhile.
+    // Number of threads that lavapipe (Mesa's Vulkan driver for CPUs) uses in addition to the calling one; -1: none.
+    // Any value but 0 sets LP_NUM_THREADS in palpate_context_create, unless the environment has it already; during
+    // that call no other thread of the process may read or write the environment. 0: the environment stays as it is.
+    // Other drivers ignore the variable.
     int32_t threads;
 } palpate_context_options;
 
-// What a device says of itself, world axes. The library fills it before each call of `read`, as described; a device writes
-// over what it knows.
+// State of a haptic device in world axes, as the callback `read` reports it. Before each call the library fills every
+// field as described below; the callback overwrites what it knows.
 typedef struct palpate_reading {
-    // As the library knows it: a device writes to no field beyond.
+    // Size of this struct in the library, bytes: the callback must not write beyond it.
     uint32_t size;
-    // A bit each, the first in the lowest; 1: pressed. Filled with 0.
+    // Buttons, one bit each, the first in the lowest bit; 1: pressed. Filled with 0.
     uint32_t buttons;
-    // When it was measured, s on the loop's clock. Filled with the time of the call.
+    // When the state was measured, s on the loop's clock. Filled with the time of the call.
     double time;
-    // Where the device is. Its position must be written; its orientation is filled with the one that turns nothing, and left
-    // so by a device that senses no rotation.
+    // Pose of the device. The callback must write the position. The orientation is filled with the identity, which a
+    // device that senses no rotation leaves as it is.
     struct palpate_pose pose;
-    // m/s. Filled with NaN; left so, it is taken from the positions.
+    // Velocity, m/s. Filled with NaN; if it is left so, the library estimates it from the positions.
     double velocity[3];
-    // rad/s. Filled with NaN; left so, it is taken from the orientations.
+    // Angular velocity, rad/s. Filled with NaN; if it is left so, the library estimates it from the orientations.
     double angular_velocity[3];
 } palpate_reading;
 
-// What a device plays until it is told the next, world axes: within the limits of its profile, always finite.
+// Force and torque that a haptic device is to play until the next call of `write`, world axes: always finite, and
+// within the limits of the device's profile (the limits of its model).
 typedef struct palpate_play {
-    // As the library knows it: fields beyond are not there.
+    // Size of this struct in the library, bytes: the callback must not read beyond it.
     uint32_t size;
-    // 0.
+    // Reserved: always 0.
     uint32_t reserved;
-    // What the hand is pushed with, N.
+    // Force on the user's hand, N.
     double force[3];
-    // About the device's position, N m; zero where the profile plays none.
+    // Torque on the user's hand about the device's position, N m; zero where the profile allows no torque.
     double torque[3];
 } palpate_play;
 
-// A haptic device that the caller's callbacks stand for. They run on threads of the loop, never two at a time, and give 0 if
-// all is well; anything else says that the device is lost for now: nothing is played, and it is asked again at the next tick,
-// until it has been lost for 5 s.
-// None may wait for longer than a small part of a tick, nor let an exception or a longjmp out. `palpate_loop_stop` and
-// `palpate_loop_destroy` from within one only ask the loop to end.
+// A haptic device made of the caller's callbacks. They run on threads of the loop, never two at a time. They return 0
+// on success; any other value means that the device is lost for now: nothing is played, and the device is tried again
+// at the next tick. A device that is lost for 5 s ends the loop. No callback may wait for longer than a small part of
+// a tick, or let an exception or a longjmp out. `palpate_loop_stop` and `palpate_loop_destroy` called from within a
+// callback only ask the loop to end.
 typedef struct palpate_haptic_device {
-    // sizeof(palpate_haptic_device).
+    // Size of the struct in bytes: sizeof(palpate_haptic_device).
     uint32_t size;
-    // 0.
+    // Reserved: must be 0.
     uint32_t reserved;
-    // Given to each callback; the library does not look at it. What it points to stays until the loop has ended.
+    // Pointer that is passed to each callback; the library does not use it otherwise. What it points to must stay
+    // valid until the loop has ended.
     void *user;
-    // Makes ready; called once, first of all. Null: there is nothing to do. Other than 0: the loop does not begin, and `close`
-    // is not called.
+    // Prepares the device; called once, before the other callbacks. Null: there is nothing to prepare. If it returns
+    // other than 0, the loop does not begin, and `close` is not called.
     int32_t (*open)(void *user);
-    // Where the device is at `time`, s on the loop's clock; called once a tick. Readings that cannot be (not finite, no
-    // rotation, too fast for a hand) are not believed.
+    // Reads the state of the device at `time`, s on the loop's clock; called once per tick. The loop rejects a reading
+    // that has numbers that are not finite, an orientation that is no rotation, or a pose that a hand cannot have
+    // reached since the last reading.
     int32_t (*read)(void *user, double time, struct palpate_reading *reading);
-    // Plays from now until the next; called once a tick, and with zero after `open` and before `close`.
+    // Plays force and torque until the next call; called once per tick, and with zero after `open` and before `close`.
     int32_t (*write)(void *user, const struct palpate_play *play);
-    // Lets go; called once at the end, whatever happened, if `open` gave 0. Null: there is nothing to do.
+    // Releases the device; called once at the end, whatever happened, if `open` returned 0. Null: there is nothing to
+    // release.
     void (*close)(void *user);
-    // What the device can do, by name: "scripted", "premium", "touch", "omega.x", "delta.6", "sigma.7", "falcon", "inverse3",
-    // "minverse" or "mouse" (README, "The hand"). Null: the scene's `haptics.profile`.
+    // Name of the profile, which holds the limits of the device: "scripted", "premium", "touch", "omega.x", "delta.6",
+    // "sigma.7", "falcon", "inverse3", "minverse" or "mouse" (README, "The hand"). Null: the scene's
+    // `haptics.profile`.
     const char *profile;
 } palpate_haptic_device;
 
-// How a loop is run. What is 0 is as in the scene's `[haptics]`, or as that table's default where there is none.
+// Options of a haptic loop. A field that is 0 keeps the value of the scene's `[haptics]`, or that table's default
+// where the scene has none.
 typedef struct palpate_loop_options {
-    // sizeof(palpate_loop_options).
+    // Size of the struct in bytes: sizeof(palpate_loop_options).
     uint32_t size;
-    // Whether contact is followed between wrenches: 1 yes, -1 no.
+    // 1: between two wrenches of the simulation the contact force follows the tool's motion by a local model (force,
+    // stiffness and damping of the newest wrench); -1: the contact force stays that of the newest wrench.
     int32_t local_model;
-    // Whether the passivity controller acts: 1 yes, -1 no.
+    // 1: the passivity controller is on (it damps the force when the loop has given out more energy than it absorbed);
+    // -1: it is off.
     int32_t passivity;
-    // 0.
+    // Reserved: must be 0.
     uint32_t reserved;
-    // Ticks a second, 50 to 4000.
+    // Rate of the loop, ticks per second, 50 to 4000.
     double rate;
-    // How long the loop lasts, s; 0: until it is stopped.
+    // Duration of the loop, s; 0: until it is stopped.
     double seconds;
-    // Greatest force, N. This and the next four can lower what the profile allows; where one would raise it, the profile's
-    // holds, and a note says so.
+    // Greatest force, N. This field and the next four can only lower the limits of the device's profile; if a value is
+    // higher than the profile's limit, the profile's limit holds, and a note of the loop reports it.
     double max_force;
     // Greatest torque, N m.
     double max_torque;
-    // Greatest change of the force, N/s.
+    // Greatest rate of change of the force, N/s.
     double max_slew;
     // Radius of the workspace about where the device was first read, m.
     double workspace;
-    // Age from which a wrench makes the force fade, s.
+    // Latency of the newest wrench (time since its inputs were taken) above which the force fades out, s.
     double watchdog;
-    // The longest step of the simulation, s: the loop takes the shortest that lasts as long as it costs, from the scene's dt up
-    // to this; where that is not enough, bodies move slower than in the world.
+    // Longest time step of the simulation, s. The loop chooses the shortest time step that is no shorter than its
+    // computation takes, between the scene's dt and this value; if the computation takes longer than this value,
+    // bodies move slower than in real time.
     double longest_step;
 } palpate_loop_options;
 
-// A loop as it was after the simulation's last step: what it says of ticks is no older than a step. Before the first tick
-// all of it is zero but `steps`, `is_running` and poses that turn nothing.
+// State of a haptic loop. It is updated after each step of the simulation, so its values about ticks are at most one
+// step old. Before the first tick all fields are zero, except `steps`, `is_running` and the identity orientations of
+// the poses.
 typedef struct palpate_loop_state {
-    // sizeof(palpate_loop_state).
+    // Size of the struct in bytes: sizeof(palpate_loop_state).
     uint32_t size;
-    // 1: it runs; 0: it has ended, and the device is closed.
+    // 1: the loop runs; 0: the loop has ended, and the haptic device is closed.
     uint32_t is_running;
-    // What it failed with; PALPATE_STATUS_OK where it did not, or has not yet. A device that stays lost ends
-    // the loop after 5 s, and is no failure.
+    // Status with which the loop failed; PALPATE_STATUS_OK where it did not fail. A haptic device that stays lost ends
+    // the loop after 5 s, which is no failure.
     palpate_status status;
-    // How many notes there are for `palpate_loop_note`.
+    // Number of notes that `palpate_loop_note` can read.
     uint32_t notes;
-    // What happened in the newest tick: a bit each, PALPATE_EVENT_*.
+    // Events of the newest tick: PALPATE_EVENT_*, one bit each.
     uint32_t events;
-    // What happened in any tick so far.
+    // Events of all ticks so far, one bit each.
     uint32_t events_so_far;
-    // Buttons of the device, a bit each.
+    // Buttons of the haptic device, one bit each; 1: pressed.
     uint32_t buttons;
-    // 0.
+    // Reserved: always 0.
     uint32_t reserved;
-    // Ticks done.
+    // Number of ticks done.
     uint64_t ticks;
-    // Steps of the simulation done, those before the first tick included.
+    // Number of steps of the simulation done, those before the first tick included.
     uint64_t steps;
-    // Steps done by the wrench that the newest tick plays; 0: it has none yet.
+    // Number of the simulation step whose wrench the newest tick plays; 0: there is no wrench yet.
     uint64_t wrench_step;
-    // Deadlines that were missed by more than 2 ms.
+    // Number of deadlines that were missed by more than 2 ms.
     uint64_t missed;
-    // When the newest tick began, s since the loop did.
+    // Time at which the newest tick began, s since the loop began.
     double time;
-    // At the newest tick: how long ago the inputs of its wrench were taken, s.
+    // Latency of the wrench at the newest tick: time since the inputs of the wrench's step were taken, s.
     double wrench_age;
-    // Where the device is taken to be.
+    // Pose of the haptic device as the loop uses it, that is, checked and smoothed.
     struct palpate_pose device;
-    // Where the tool is, which follows it.
+    // Pose of the tool, which follows the haptic device by the virtual coupling.
     struct palpate_pose tool;
-    // Of contact on the tool, as the local model has it at the newest tick, N.
+    // Contact force on the tool at the newest tick, from the local model, N.
     double contact_force[3];
-    // The same, N m.
+    // Contact torque on the tool about its centre at the newest tick, from the local model, N m.
     double contact_torque[3];
-    // What the device was last told to play, N.
+    // Force that the haptic device was last commanded to play, N.
     double played_force[3];
-    // The same, N m.
+    // Torque that the haptic device was last commanded to play, N m.
     double played_torque[3];
-    // Share of the force that is played, from 0 to 1.
+    // Share of the force that is played, from 0 (faded out) to 1 (all of it).
     double gain;
-    // Greatest force that was played, N.
+    // Greatest force that was played so far, N.
     double peak_force;
-    // How late ticks came, s: what 99 of 100 stay within, brought up to date every 1000 ticks and at the end.
+    // Lateness of ticks, s: the 99th percentile, updated every 1000 ticks and at the end.
     double late_p99;
-    // The latest, s.
+    // Lateness of ticks, s: the greatest so far.
     double late_worst;
 } palpate_loop_state;
 
-// What a step did to the tool. Of a scene without one, force, torque and positions are zero, and orientations turn nothing.
+// Result of a step. In a scene without a tool, force, torque and positions are zero, and orientations are the
+// identity.
 typedef struct palpate_wrench {
-    // sizeof(palpate_wrench).
+    // Size of the struct in bytes: sizeof(palpate_wrench).
     uint32_t size;
-    // What the step has to confess: a bit each, PALPATE_FLAG_*. 0: nothing.
+    // Warnings about the step: PALPATE_FLAG_*, one bit each; 0: none.
     uint32_t flags;
-    // Steps done.
+    // Number of steps done, this one included.
     uint64_t step;
-    // At the end of the step, s.
+    // Simulated time at the end of the step, s.
     double time;
-    // Of contacts on the tool, world axes, N.
+    // Net contact force on the tool, world axes, N.
     double force[3];
-    // The same about the tool's centre, N m.
+    // Net contact torque on the tool about its centre, world axes, N m.
     double torque[3];
-    // Where the tool is.
+    // Pose of the tool at the end of the step.
     struct palpate_pose tool;
-    // Where the device is, which holds it.
+    // Pose of the haptic device at the end of the step.
     struct palpate_pose device;
-    // Greatest depth of a contact, m.
+    // Greatest penetration depth of a contact, m.
     double max_depth;
-    // What the solver left, of the right-hand side.
+    // Relative residual at the end of the solve.
     double residual;
-    // Colliding vertices, of both sides.
+    // Number of contacts (colliding vertices of the bodies' surface meshes), counted on both bodies of each pair.
     uint32_t contacts;
-    // Of the solver.
+    // Conjugate gradient iterations of all solves of the step.
     uint32_t iterations;
 } palpate_wrench;
 
-// A lock of the host's around its queue.
+// Callback that takes or releases the calling program's lock around its queue.
 typedef void (*palpate_queue_lock)(void *user);
 
-// A Vulkan device of the host's. Its instance was created for Vulkan 1.3, and the device with the features
-// scalarBlockLayout, synchronization2, dynamicRendering and maintenance4. All of it stays alive until the context and the last
-// of its simulations are gone.
+// A Vulkan device that the calling program opened. Its instance must have been created for Vulkan 1.3, and the device
+// with the features scalarBlockLayout, synchronization2, dynamicRendering and maintenance4. All handles must stay
+// valid until the context and the last of its simulations are gone.
 typedef struct palpate_vulkan {
-    // sizeof(palpate_vulkan).
+    // Size of the struct in bytes: sizeof(palpate_vulkan).
     uint32_t size;
-    // What else the device was created with: PALPATE_VULKAN_*, added up. Say no more than is true.
+    // Further features that the device was created with: a sum of PALPATE_VULKAN_*. Do not add a feature that is not
+    // enabled.
     uint32_t enabled;
-    // vkGetInstanceProcAddr of the loader that the handles come from; null: the system's loader is opened.
+    // vkGetInstanceProcAddr of the Vulkan loader that the handles come from; null: the system's loader is opened.
     void (*get_instance_proc_addr)(void);
-    // VkInstance.
+    // The program's VkInstance.
     void *instance;
-    // VkPhysicalDevice.
+    // The VkPhysicalDevice of `device`.
     void *physical_device;
-    // VkDevice.
+    // The program's VkDevice.
     void *device;
-    // VkQueue. The library submits to it in every call that steps or copies, and waits for its own work.
+    // A VkQueue of `device`. The library submits to it in every call that steps or copies, and waits for that work.
     void *queue;
-    // The queue's family, which has graphics and compute.
+    // Index of the queue's family, which must have graphics and compute.
     uint32_t queue_family;
-    // 0.
+    // Reserved: must be 0.
     uint32_t reserved;
-    // Called before each use of the queue and after it, on the same thread, on any thread; the time between is short. They must
-    // not call the library, and the host must not hold the lock when it does, unless it can be taken twice. Null, both: the host
-    // itself sees to it that it uses the queue in none of the library's calls, and makes one context of it at most.
+    // Takes the program's lock before each use of the queue; `unlock` releases it afterwards on the same thread, which
+    // may be any thread. The lock is held only briefly. Neither callback may call the library, and the program must
+    // not hold the lock when it calls the library, unless the lock is recursive. If both are null, the program must
+    // not use the queue during any call of the library, and must create at most one context on the queue.
     palpate_queue_lock lock;
-    // As `lock`.
+    // Releases the program's lock; see `lock`.
     palpate_queue_lock unlock;
-    // Passed to both.
+    // Pointer that is passed to `lock` and `unlock`.
     void *lock_user;
-    // Hears what there is to say; null: nobody.
+    // Callback that receives the library's messages; null: they are discarded.
     palpate_log log;
-    // Passed to `log`.
+    // Pointer that is passed to `log`.
     void *log_user;
-    // As in palpate_context_options.
+    // Cache folder; see `cache` in palpate_context_options.
     const char *cache;
-    // As in palpate_context_options.
+    // 1: measures which implementations are faster; see `measure` in palpate_context_options.
     uint32_t measure;
 } palpate_vulkan;
 
-// The skins on the device: arrays over the vertices of all bodies, one body's after another's, the tool's last. On a device
-// of the host's the buffers can be bound at once (usage: storage, texel, transfer; positions and normals vertex as well); they
-// live as long as the simulation, unless friction comes into a scene that had none: ask again then, and export again.
+// The skins as arrays on the Vulkan device: the vertices of all bodies one after another, the tool's last. On a device
+// that the program itself opened, the buffers can be bound directly (usages: storage, texel and transfer; positions
+// and normals also vertex). They live as long as the simulation, except that they are replaced when
+// palpate_contact_set switches friction on in a scene that had none: after that, get them again, and export them
+// again.
 typedef struct palpate_skins {
-    // sizeof(palpate_skins).
+    // Size of the struct in bytes: sizeof(palpate_skins).
     uint32_t size;
-    // Vertices of all skins.
+    // Number of vertices of all skins.
     uint32_t vertex_count;
-    // Triangles of all skins.
+    // Number of triangles of all skins.
     uint32_t triangle_count;
-    // 0.
+    // Reserved: always 0.
     uint32_t reserved;
-    // VkBuffer: four floats a vertex, x y z 1, m from the origin.
+    // VkBuffer of the vertex positions: four floats per vertex, x y z 1, in m relative to the `origin` of the call.
     uint64_t positions;
-    // VkBuffer: four floats a vertex, unit and outward, and 0.
+    // VkBuffer of the vertex normals: four floats per vertex, a unit outward vector and 0.
     uint64_t normals;
-    // VkBuffer: four uint32_t a triangle, its vertices counter-clockwise from outside, and 0.
+    // VkBuffer of the triangles: four uint32_t per triangle, its three vertices counter-clockwise seen from outside,
+    // and 0.
     uint64_t triangles;
 } palpate_skins;
 
-// A colliding skin vertex of the last step.
+// A contact of the last step: a skin vertex of one body inside another.
 typedef struct palpate_contact {
-    // Whose vertex it is, and what it touches: positions in the scene; the tool comes after the bodies.
+    // The body to which the vertex belongs, and the body that it touches, by their positions in the scene; the tool
+    // comes after the bodies.
     uint32_t body[2];
-    // The vertex, of its body's skin.
+    // Index of the vertex in its body's skin.
     uint32_t vertex;
-    // 0.
+    // Reserved: always 0.
     uint32_t reserved;
-    // Where the vertex is now, world, m.
+    // World position of the vertex now, m.
     double position[3];
-    // Unit, world, out of what is touched.
+    // Contact normal: unit vector in world axes, outward from the touched body.
     double normal[3];
-    // m.
+    // Penetration depth along the normal, m.
     double depth;
-    // Skin that it stands for, as seen along the normal, m^2.
+    // Area of the part of the skin that belongs to the vertex, projected along the normal, m^2.
     double area;
-    // Along the normal at the end of the step, Pa: times the area, it is the contact's part of the wrench but for friction. Of
-    // the start of the step after a saved state was taken up.
+    // Contact pressure along the normal at the end of the step, Pa. `pressure` times `area` is the normal force of
+    // this contact on the tool, a part of the wrench's force. If a state was restored since the last step, this is the
+    // pressure at the start of that step instead.
     double pressure;
 } palpate_contact;
 
-// What a stage of the step costs.
+// Cost of a stage of the step.
 typedef struct palpate_stage {
-    // Its name, as in the README: "pose", "cull", "skin", "depth", "contact", "elastic", "solve", "wrench" and so on; in every
-    // second timed step the first five are one, "pose to contact".
+    // Name of the stage, as in the README: "pose", "cull", "skin", "depth", "contact", "elastic", "solve", "wrench"
+    // and so on. In every second timed step the first five stages are timed together, as one stage "pose to contact".
     char name[32];
-    // On the device in the last step, microseconds; 0 where that was not timed.
+    // Time on the GPU in the last step, microseconds; 0 where that step was not timed.
     double microseconds;
-    // Dispatches, draws, fills and copies in a step like the last; 0 of "pose to contact".
+    // Number of dispatches, draws, fills and copies in a step like the last; 0 for "pose to contact".
     uint32_t passes;
-    // 0.
+    // Reserved: always 0.
     uint32_t reserved;
 } palpate_stage;
 
@@ -804,29 +850,28 @@ typedef struct palpate_stage {
 extern "C" {
 #endif // __cplusplus
 
-// The interface's number that the library was built with; differs from `PALPATE_ABI` where header and library do not belong
-// together.
+// Returns the `PALPATE_ABI` that the library was built with. It differs from the value in the header if the header is
+// not that of the library.
 uint32_t palpate_abi(void);
 
-// The library's version, such as "0.1.0". Never null; lives as long as the program.
+// Returns the library's version, such as "0.1.0". The string is never null and is valid as long as the program runs.
 const char *palpate_version(void);
 
-// Makes a scene of nothing, for the functions below. `settings` may be null. Files that its texts name are relative to the
-// working directory.
-palpate_status palpate_scene_create(const struct palpate_settings *settings,
-                                    struct palpate_scene **scene);
+// Makes an empty scene, to which the functions below add. `settings` may be null. Relative paths in texts that are
+// added to it are relative to the working directory.
+palpate_status palpate_scene_create(const struct palpate_settings *settings, struct palpate_scene **scene);
 
-// Adds the tables of a text to a scene, as of a scene file: anything that the structs here have no fields for, such as joints,
-// regions, skeletons, probes and `[haptics]`. Bodies and probes come after those that there are; other tables and keys replace
-// what there is, and what the text leaves out stays. Bodies may name meshes that were handed over, `surface = { mesh = "name" }`
-// and `layer = { mesh = "name" }`.
-palpate_status palpate_scene_add(struct palpate_scene *scene,
-                                 const char *text);
+// Adds the tables of a text in the format of a scene file, for everything that has no field in the structs of this
+// header, such as joints, material regions, skeletons, probes and `[haptics]`. Bodies and probes are appended to the
+// existing ones; other tables and keys replace the existing ones, and those that the text leaves out stay. A body in
+// the text may name a mesh that was handed over by palpate_scene_add_surface, `surface = { mesh = "name" }`, or
+// palpate_scene_add_layer, `layer = { mesh = "name" }`.
+palpate_status palpate_scene_add(struct palpate_scene *scene, const char *text);
 
-// Hands a surface over, under a name by which bodies and the tool call it: what an OBJ file of the same vertices and faces
-// would be. `vertices`: 3 * `vertex_count` numbers, m before the body's scale. `triangles`: 3 * `triangle_count` vertices,
-// counted from 0, counter-clockwise seen from outside. What of it needs repair is repaired where bodies are prepared. The name
-// is no other surface's, and may be any text but "".
+// Hands over a triangle surface in place of an OBJ file, under a name by which bodies and the tool refer to it.
+// `vertices`: 3 * `vertex_count` coordinates, which times the body's `scale` are in m. `triangles`: 3 *
+// `triangle_count` vertex indices from 0, counter-clockwise seen from outside. Defects are repaired when bodies are
+// prepared. The name must differ from those of other surfaces, and may be any text but "".
 palpate_status palpate_scene_add_surface(struct palpate_scene *scene,
                                          const char *name,
                                          const double *vertices,
@@ -834,10 +879,10 @@ palpate_status palpate_scene_add_surface(struct palpate_scene *scene,
                                          const uint32_t *triangles,
                                          size_t triangle_count);
 
-// Hands the tetrahedra of a layer over, under a name by which bodies call it: what a mesh file of them would be. `nodes`:
-// 3 * `node_count` numbers, m before the body's scale. `tetrahedra`: 4 * `tetrahedron_count` nodes, counted from 0; those that
-// are inside out are turned, those without volume or given twice are refused. The name is no other layer's, and may be any text
-// but "".
+// Hands over the tetrahedra of a layer (the simulation mesh of a soft body) in place of a mesh file, under a name by
+// which bodies refer to it. `nodes`: 3 * `node_count` coordinates, which times the body's `scale` are in m.
+// `tetrahedra`: 4 * `tetrahedron_count` node indices from 0; inverted tetrahedra are reoriented, and those without
+// volume or given twice are refused. The name must differ from those of other layers, and may be any text but "".
 palpate_status palpate_scene_add_layer(struct palpate_scene *scene,
                                        const char *name,
                                        const double *nodes,
@@ -845,156 +890,159 @@ palpate_status palpate_scene_add_layer(struct palpate_scene *scene,
                                        const uint32_t *tetrahedra,
                                        size_t tetrahedron_count);
 
-// Adds a body. `index` receives its position in the scene, from 0, and may be null. What is wrong is named as in a scene file:
-// `body.NAME.material.young` is the field `young`.
-palpate_status palpate_scene_add_body(struct palpate_scene *scene,
-                                      const struct palpate_body *body,
-                                      uint32_t *index);
+// Adds a body. `index` receives its position in the scene, from 0, and may be null. Error messages name a wrong value
+// by its key in a scene file: `body.NAME.material.young` is the field `young`.
+palpate_status palpate_scene_add_body(struct palpate_scene *scene, const struct palpate_body *body, uint32_t *index);
 
-// Says with what a body of a scene collides: with `count` bodies of these names ("tool": the tool), all of which are there.
-// `names` null: with every other, as it is where nobody says. Two bodies collide where each has the other in its list or has
-// no list; a list of none is one.
+// Sets the bodies with which a body collides: `count` names of bodies that are in the scene, "tool" for the tool. With
+// `names` null it collides with every other body, which is the default. Two bodies collide if each of them has the
+// other in its list or has no list; with an empty list (`count` 0, `names` not null) a body collides with nothing.
 palpate_status palpate_scene_set_collides(struct palpate_scene *scene,
                                           uint32_t body,
                                           const char *const *names,
                                           size_t count);
 
-// Gives a scene this tool, held so, in place of any that it has.
+// Sets the scene's tool and its virtual coupling to the haptic device. They replace those that the scene has.
 palpate_status palpate_scene_set_tool(struct palpate_scene *scene, const struct palpate_tool *tool);
 
-// Says where palpate_scene_prepare keeps prepared bodies for later runs: in `folder`, or the user's where that is "" (as the
-// context's options say). Null, and without this call: nowhere.
-palpate_status palpate_scene_cache(struct palpate_scene *scene,
-                                   const char *folder);
+// Sets where palpate_scene_prepare keeps prepared bodies for later runs: in `folder`, or in the user's cache folder
+// where that is "" (see `cache` in palpate_context_options). Null, which is the default: nowhere.
+palpate_status palpate_scene_cache(struct palpate_scene *scene, const char *folder);
 
-// Prepares the bodies of a scene: repairs surfaces, fills them with cells, and so on: seconds, unless they were kept
-// (palpate_scene_cache).
-// palpate_simulation_create does it too where it is not done, with nobody watching. `progress` is called as each stage begins,
-// with `user`, on this thread; it may be null. Where it ends it (PALPATE_STATUS_CANCELLED), bodies that are ready stay so, and
-// the next call goes on.
-palpate_status palpate_scene_prepare(struct palpate_scene *scene,
-                                     palpate_progress progress,
-                                     void *user);
+// Prepares the bodies of a scene: repairs surfaces, fills them with tetrahedra, and does the other stages that
+// palpate_progress lists. This takes seconds, unless prepared bodies are found in the cache (palpate_scene_cache).
+// Bodies that were not prepared by this call are prepared by palpate_simulation_create, without a progress callback.
+// `progress` is called with `user` on this thread as each stage begins; it may be null. If it cancels
+// (PALPATE_STATUS_CANCELLED), bodies that are ready stay so, and the next call continues with the others.
+palpate_status palpate_scene_prepare(struct palpate_scene *scene, palpate_progress progress, void *user);
 
-// The material of a soft body: its own at `index` 0, then those of its regions in the order of the scene.
+// Reads a material of a soft body: `index` 0 is the material of the body itself, and 1 and above are the materials of
+// its regions (parts of the body with a material of their own) in the order of the scene.
 palpate_status palpate_material_get(struct palpate_simulation *simulation,
                                     uint32_t body,
                                     uint32_t index,
                                     struct palpate_material *material);
 
-// Gives a soft body another material from the next step on, `index` as for `palpate_material_get`. Nothing is prepared or
-// recorded again; whether the solver has a coarse level for the body stays as it was chosen. PALPATE_STATUS_ARGUMENT: there is
-// no such material, or it cannot be so; or the body has several and the density would move its centre of mass.
+// Replaces a material of a soft body from the next step on; `index` counts as in `palpate_material_get`. No body is
+// prepared again, and no GPU commands are recorded again. Whether the solver's preconditioner has a coarse space
+// (second level) for the body stays as it was decided when the simulation was made. PALPATE_STATUS_ARGUMENT: there is
+// no such material, a value is out of range, or the body has several materials and the new density would move its
+// centre of mass.
 palpate_status palpate_material_set(struct palpate_simulation *simulation,
                                     uint32_t body,
                                     uint32_t index,
                                     const struct palpate_material *material);
 
-// The contact law in force; numbers that are chosen from the materials are -1.
+// Reads the contact law in force; a stiffness or damping that is chosen automatically reads as -1.
 palpate_status palpate_contact_get(struct palpate_simulation *simulation, struct palpate_contact_law *law);
 
-// Another contact law from the next step on. Friction in a scene that had none is recorded first, which takes some time once.
-palpate_status palpate_contact_set(struct palpate_simulation *simulation,
-                                   const struct palpate_contact_law *law);
+// Replaces the contact law from the next step on. Switching friction on in a scene that had none records the GPU
+// commands of the step anew, which takes about as long as making the simulation did.
+palpate_status palpate_contact_set(struct palpate_simulation *simulation, const struct palpate_contact_law *law);
 
-// Another coupling between device and tool from the next step on; null: none, and the tool moves freely.
+// Replaces the virtual coupling between haptic device and tool from the next step on; null removes it, and the tool
+// moves freely.
 palpate_status palpate_coupling_set(struct palpate_simulation *simulation, const struct palpate_coupling *coupling);
 
-// Where a core of a body is: the pose of the origin of the body's file, carried along. Cores are counted from 0, bones first;
-// a rigid body has one.
+// Reads the pose of a rigid core of a body: the world pose of the coordinate frame of the body's mesh, as if that
+// frame were fixed to the core. Cores are counted from 0, the bones of a skeleton first; a rigid body counts as one
+// core.
 palpate_status palpate_core_pose(struct palpate_simulation *simulation,
                                  uint32_t body,
                                  uint32_t core,
                                  struct palpate_pose *pose);
 
-// Takes a driven core from where it is to a pose (as `palpate_core_pose` tells it), evenly, within `seconds` of simulated time
-// but a step at least, and leaves it there; keys that it had are forgotten. Call it before every step to animate it. A core
-// that is not driven gives PALPATE_STATUS_ARGUMENT.
+// Moves a driven (kinematic) core from its present pose to `pose` (defined as in `palpate_core_pose`) at constant
+// speed within `seconds` of simulated time, or within one step if a step is longer, and leaves it there; its remaining
+// keyframes are discarded. Call it before every step to animate a core. PALPATE_STATUS_ARGUMENT: the core is not
+// driven.
 palpate_status palpate_core_move(struct palpate_simulation *simulation,
                                  uint32_t body,
                                  uint32_t core,
                                  const struct palpate_pose *pose,
                                  double seconds);
 
-// Lists the devices of this machine, usable or not. `count` receives how many there are; up to `capacity` are written to
-// `devices`, which may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more, and none was written.
-palpate_status palpate_devices(struct palpate_device *devices,
-                               size_t capacity,
-                               size_t *count);
+// Lists the Vulkan devices of this machine, usable or not. `count` receives their number; up to `capacity` of them are
+// written to `devices`, which may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than
+// `capacity`, and none was written.
+palpate_status palpate_devices(struct palpate_device *devices, size_t capacity, size_t *count);
 
-// Opens a device. `options` may be null.
+// Opens a device as a context. `options` may be null: then all are defaults.
 palpate_status palpate_context_create(const struct palpate_context_options *options, struct palpate_context **context);
 
-// Lets go of a context. Null does nothing.
+// Destroys a context; its device is closed as soon as the last of its simulations is gone. Null does nothing.
 palpate_status palpate_context_destroy(struct palpate_context *context);
 
-// Bytes of the device's memory that arrays of a context's simulations hold.
+// Reads how many bytes of the device's memory the arrays of a context's simulations occupy.
 palpate_status palpate_context_memory(struct palpate_context *context, uint64_t *bytes);
 
-// Begins a loop: `device` is read and told what to play at the loop's rate, while the simulation, which must have a tool, steps
-// in the world's time from where the device is. Both happen on threads of the loop's. `device` and `options` are copied;
-// `options` may be null: all as in the scene's `[haptics]`. Waits for five first steps, which tell how long one takes, and for
-// the device to open; PALPATE_STATUS_NO_DEVICE where it did not. `the_loop` is set before the first callback is called, and to
-// null where there is no loop.
+// Starts a haptic loop. At the loop's rate `device` is read and receives the force to play; meanwhile the simulation,
+// which must have a tool, steps in real time, each step with the device's newest pose. Both happen on threads of the
+// loop. `device` and `options` are copied; `options` may be null: then the scene's `[haptics]` holds for all options.
+// The call waits for five steps, which measure how long a step takes, and for the device to open;
+// PALPATE_STATUS_NO_DEVICE: the device did not open. `the_loop` is set before the first callback is called, and is set
+// to null if no loop starts.
 //
-// The loop has the simulation until it has ended: calls on it give PALPATE_STATUS_BUSY, but `palpate_wrench_newest`,
-// `palpate_step_poll` and `palpate_step_wait`. It may be destroyed meanwhile. Afterwards it steps on from where the loop left
-// it, tool, device and time. A loop that is not stopped goes on; stop it before the program ends.
+// The loop owns the simulation until it has ended: calls on it give PALPATE_STATUS_BUSY, except
+// `palpate_wrench_newest`, `palpate_step_poll` and `palpate_step_wait`. The simulation's handle may be destroyed while
+// the loop runs. After the loop has ended, the simulation continues from the tool, device pose and time that the loop
+// reached. Stop a loop that still runs before the program ends.
 palpate_status palpate_loop_start(struct palpate_simulation *simulation,
                                   const struct palpate_haptic_device *device,
                                   const struct palpate_loop_options *options,
                                   struct palpate_loop **the_loop);
 
-// What a loop does and has done. Never waits; any thread may ask at any time, callbacks too.
+// Reads the state of a loop. Never waits; any thread may call it at any time, within callbacks too.
 palpate_status palpate_loop_read(struct palpate_loop *the_loop, struct palpate_loop_state *state);
 
-// The wrench of the newest step of a loop's simulation, with what that has to confess, as `palpate_wrench_newest` tells it; also
-// after the simulation's handle was destroyed. `age_seconds` receives how long ago the step began, s; it may be null.
-palpate_status palpate_loop_wrench(struct palpate_loop *the_loop,
-                                   struct palpate_wrench *wrench,
-                                   double *age_seconds);
+// Reads the wrench of the newest step of a loop's simulation, with the flags of that step, as `palpate_wrench_newest`
+// does; it works also after the simulation's handle was destroyed. `age_seconds` receives the time since that step
+// began, s; it may be null.
+palpate_status palpate_loop_wrench(struct palpate_loop *the_loop, struct palpate_wrench *wrench, double *age_seconds);
 
-// Something to know about a loop, in one line: what its coupling is and why, which limits were asked for that the profile does
-// not allow, whether it lacks priority. `note`: from 0; how many there are is in `palpate_loop_state`. `count` receives the
-// length of the text in bytes, with its ending zero; up to `capacity` bytes are written to `text`, which may be null where
-// `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more, and none was written.
+// Reads a note about a loop, one line of text. A note reports the virtual coupling that was chosen and why, a limit in
+// the options that exceeds that of the device's profile, or that the loop's thread has no raised priority. `note`:
+// number of the note, from 0; `palpate_loop_state` has the number of notes. `count` receives the length of the text in
+// bytes, with its terminating zero; up to `capacity` bytes are written to `text`, which may be null where `capacity`
+// is 0. PALPATE_STATUS_TOO_SMALL: the text is longer, and none of it was written.
 palpate_status palpate_loop_note(struct palpate_loop *the_loop,
                                  uint32_t note,
                                  char *text,
                                  size_t capacity,
                                  size_t *count);
 
-// Why a loop ended, in one line; "" while it runs. The text comes as from `palpate_loop_note`.
+// Reads why a loop ended, in one line; "" while it runs. `text`, `capacity` and `count` are those of
+// `palpate_loop_note`.
 palpate_status palpate_loop_ended(struct palpate_loop *the_loop, char *text, size_t capacity, size_t *count);
 
-// Ends a loop: the device plays nothing and is closed, and the simulation can be used again when this returns. What the loop
-// tells can still be read. Gives what the loop failed with, if it did. From within a callback the loop is only asked to end,
-// and the call gives PALPATE_STATUS_BUSY.
+// Ends a loop. When the call returns, the device plays no force and is closed, and the simulation can be used again.
+// State, notes and newest wrench of the loop can still be read. If the loop had failed, the call returns the status of
+// that failure. From within a callback the loop is only asked to end, and the call gives PALPATE_STATUS_BUSY.
 palpate_status palpate_loop_stop(struct palpate_loop *the_loop);
 
-// Stops a loop as `palpate_loop_stop` does, and lets go of it. From within a callback the loop is only asked to end, and its
-// handle stays. Null does nothing.
+// Stops a loop as `palpate_loop_stop` does, and destroys its handle. From within a callback the loop is only asked to
+// end, and its handle stays valid. Null does nothing.
 palpate_status palpate_loop_destroy(struct palpate_loop *the_loop);
 
-// Makes a context on a device of the host's, which is left open when the context goes. What is in reach is checked: that the
-// physical device is of the instance and can run palpate, and that the queue's family has graphics and compute; handles that are
-// none, and features that were not enabled, cannot be found out.
-palpate_status palpate_context_create_on(const struct palpate_vulkan *vulkan,
-                                         struct palpate_context **context);
+// Makes a context on a Vulkan device of the calling program, which stays open when the context is destroyed. The
+// library checks what it can: that the physical device belongs to the instance and can run palpate, and that the
+// queue's family has graphics and compute. It cannot detect invalid handles, or features that were not enabled.
+palpate_status palpate_context_create_on(const struct palpate_vulkan *vulkan, struct palpate_context **context);
 
-// Reads a scene file.
+// Makes a scene from a scene file.
 palpate_status palpate_scene_load(const char *file, struct palpate_scene **scene);
 
-// Reads a scene from the text of a scene file. `folder`: what files that it names are relative to; null: the working
-// directory.
+// Makes a scene from a text in the format of a scene file. Relative paths in it are relative to `folder`; null: to the
+// working directory.
 palpate_status palpate_scene_parse(const char *text, const char *folder, struct palpate_scene **scene);
 
-// Lets go of a scene. Null does nothing.
+// Destroys a scene; simulations that were made of it go on. Null does nothing.
 palpate_status palpate_scene_destroy(struct palpate_scene *scene);
 
-// Where the skin of a body is, whatever its kind; the tool comes after the bodies. `origin`: three numbers that positions are
-// relative to, m; null: the world's. `positions` and `normals` have room for `capacity` vertices, three floats each (m; unit and
-// outward); either may be null. `count` receives how many there are. PALPATE_STATUS_TOO_SMALL: none was written.
+// Copies the skin of a body of any kind; the tool comes after the bodies. `origin`: three coordinates to which
+// positions are relative, m; null: the world's origin. `positions` (m) and `normals` (unit, outward) have room for
+// `capacity` vertices, three floats each; either may be null. `count` receives the number of vertices.
+// PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
 palpate_status palpate_skin(struct palpate_simulation *simulation,
                             uint32_t body,
                             const double *origin,
@@ -1003,125 +1051,127 @@ palpate_status palpate_skin(struct palpate_simulation *simulation,
                             size_t capacity,
                             size_t *count);
 
-// The triangles of a body's skin: three of its vertices each, counter-clockwise from outside; they do not change. `count`
-// receives how many there are; `triangles` has room for `capacity` and may be null where that is 0. PALPATE_STATUS_TOO_SMALL:
-// none was written.
+// Copies the triangles of a body's skin: three vertex indices per triangle, counter-clockwise seen from outside. They
+// never change. `count` receives their number; `triangles` has room for `capacity` of them, and may be null where
+// `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
 palpate_status palpate_skin_triangles(struct palpate_simulation *simulation,
                                       uint32_t body,
                                       uint32_t (*triangles)[3],
                                       size_t capacity,
                                       size_t *count);
 
-// Brings the skins on the device up to date, relative to `origin` (three numbers, m; null: the world's), and tells where they
-// are: nothing is copied. The arrays are filled when this returns, and stay until the next call or `palpate_skin`; work of the
-// host's that reads them must be submitted to the same queue, or be done before that. No other call writes to them.
-// The first call makes the arrays.
+// Computes the skins on the Vulkan device as they are now, relative to `origin` (three coordinates, m; null: the
+// world's origin), and returns their buffers; nothing is copied. The arrays are filled when this returns, and keep
+// their contents until the next call of this function or of `palpate_skin`; no other call writes to them. GPU work of
+// the program that reads the arrays must be submitted to the same queue, or be finished before such a call. The first
+// call makes the arrays.
 palpate_status palpate_skin_buffers(struct palpate_simulation *simulation,
                                     const double *origin,
                                     struct palpate_skins *skins);
 
-// The vertices of a body among those of `palpate_skin_buffers`: the first, and how many. The tool comes after the bodies.
+// Reads which vertices in the arrays of `palpate_skin_buffers` are a body's: the index of the first, and their number.
+// The tool comes after the bodies.
 palpate_status palpate_skin_range(struct palpate_simulation *simulation,
                                   uint32_t body,
                                   uint32_t *first,
                                   uint32_t *count);
 
-// A file descriptor of the memory of one of the arrays of `palpate_skin_buffers` (PALPATE_SKIN_*), for another API to import
-// (VK_KHR_external_memory_fd, opaque; a dedicated allocation that begins with the array), and the size of that memory in
-// bytes. The descriptor is the caller's: what imports it owns it, else close it. Call `palpate_skin_buffers` to bring the
-// array up to date. PALPATE_STATUS_VULKAN: the device cannot.
+// Exports the memory of one of the arrays of `palpate_skin_buffers` (PALPATE_SKIN_*) as a file descriptor that another
+// API can import (VK_KHR_external_memory_fd, an opaque descriptor of a dedicated allocation, at the start of which the
+// array lies), with the size of that memory in bytes. The caller owns the descriptor: a successful import takes it
+// over, otherwise the caller must close it. Call `palpate_skin_buffers` to update the array. PALPATE_STATUS_VULKAN:
+// the device cannot export.
 palpate_status palpate_skin_export(struct palpate_simulation *simulation,
                                    uint32_t which,
                                    int32_t *descriptor,
                                    uint64_t *bytes);
 
-// The contacts of the last step, as many as its wrench says. `count` receives how many there are; `contacts` has room for `capacity` and may be null where
-// that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
+// Copies the contacts of the last step, as many as the field `contacts` of that step's wrench. `count` receives their
+// number; `contacts` has room for `capacity` of them, and may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL:
+// there are more than `capacity`, and none was written.
 palpate_status palpate_contacts(struct palpate_simulation *simulation,
                                 struct palpate_contact *contacts,
                                 size_t capacity,
                                 size_t *count);
 
-// Makes a simulation of a scene on a context: prepares the bodies where palpate_scene_prepare has not, and records the step.
-// The scene may be destroyed afterwards.
+// Makes a simulation of a scene on a context: prepares the bodies that palpate_scene_prepare has not prepared, and
+// records the GPU commands of a step. The scene may be destroyed afterwards.
 palpate_status palpate_simulation_create(struct palpate_context *context,
                                          struct palpate_scene *scene,
                                          struct palpate_simulation **simulation);
 
-// Lets go of a simulation; waits for a step that was submitted and is under way. One that a loop holds goes when the loop
-// ends. Null does nothing.
+// Destroys a simulation, after waiting for a submitted step that is under way. A simulation that a loop owns is
+// destroyed when the loop ends. Null does nothing.
 palpate_status palpate_simulation_destroy(struct palpate_simulation *simulation);
 
-// One step of the scene's `dt`: pose in, wrench out, when it is done. `device`: where the device is at the end of the step,
-// having moved evenly from where it was at the last; null: where the scene's `[drive]` has it, or once a pose was given, where
-// that left it. `wrench` may be null. A step that fails in Vulkan or the solver ends the simulation: it may be read and
-// destroyed, and gives PALPATE_STATUS_SIMULATION for further steps.
+// Does one step of the scene's `dt` and waits for it: pose in, wrench out. `device`: pose of the haptic device at the
+// end of the step, to which it moves at constant speed from its last one; null: the pose on the scene's trajectory
+// (`[drive]`), or, once a pose was given, the last pose given. `wrench` may be null. After a step that fails in Vulkan
+// or in the solver, the simulation can be read and destroyed, and further steps give PALPATE_STATUS_SIMULATION until a
+// state is restored.
 palpate_status palpate_step(struct palpate_simulation *simulation,
                             const struct palpate_pose *device,
                             struct palpate_wrench *wrench);
 
-// Where the nodes of a soft body are, world, m: `count` of them, three numbers each, in the order of its layer. `body` is
-// its position in the scene, from 0. `count` receives how many nodes it has, 0 where it is not soft; up to `capacity` nodes
-// are written to `positions`, which may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more, and none was
-// written.
+// Copies the world positions of the nodes of a soft body's layer (its tetrahedral mesh), m: three numbers per node, in
+// the order of the layer. `body` is the body's position in the scene, from 0. `count` receives the number of nodes,
+// which is 0 where the body is not soft; up to `capacity` nodes are written to `positions`, which may be null if
+// `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
 palpate_status palpate_nodes(struct palpate_simulation *simulation,
                              uint32_t body,
                              double (*positions)[3],
                              size_t capacity,
                              size_t *count);
 
-// Saves all that the next step starts from: where everything is and how it moves, and what the solver and culling remember.
-// What was set is not in it (material, contact, coupling). Between two steps; costs a copy from the device.
-// `size` receives how many bytes it takes, which differs by some hundreds from step to step: ask just before. They are written
-// to `bytes`, which has room for `capacity` and may be null where that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
-palpate_status palpate_state_save(struct palpate_simulation *simulation,
-                                  uint8_t *bytes,
-                                  size_t capacity,
-                                  size_t *size);
+// Saves everything that the next step starts from: positions and velocities of all bodies and the tool, and the data
+// that the solver and the broad phase carry over from step to step. Settings (materials, contact law, coupling) are
+// not part of the state. Call the function between two steps; it copies arrays from the GPU. `size` receives the
+// number of bytes, which differs by some hundreds from step to step: ask for it just before saving. The bytes are
+// written to `bytes`, which has room for `capacity` of them and may be null if `capacity` is 0.
+// PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
+palpate_status palpate_state_save(struct palpate_simulation *simulation, uint8_t *bytes, size_t capacity, size_t *size);
 
-// Takes up a state that was saved, of this simulation or of another of the same bodies, tool and device, in this process or
-// another: from there on both give the same bits, if the same was set. PALPATE_STATUS_ARGUMENT: the bytes are none that this
-// version saved, are damaged, or belong to other bodies; nothing changed. A simulation whose step failed goes on from the state.
-palpate_status palpate_state_restore(struct palpate_simulation *simulation,
-                                     const uint8_t *bytes,
-                                     size_t size);
+// Restores a saved state, of this simulation or of another with the same bodies, tool and Vulkan device, in this
+// process or another: from then on both simulations compute the same bits, if they have the same settings.
+// PALPATE_STATUS_ARGUMENT: the bytes were not saved by this version, are damaged, or belong to other bodies; nothing
+// changed. A simulation whose step had failed continues from the restored state.
+palpate_status palpate_state_restore(struct palpate_simulation *simulation, const uint8_t *bytes, size_t size);
 
-// Times every so many steps from now on; 0, as at the beginning: none. A timed step is up to a millisecond slower on some
-// drivers.
-palpate_status palpate_time_every(struct palpate_simulation *simulation,
-                                  uint64_t steps);
+// Times every `steps`-th step from now on; 0, which is the default: no step is timed. A timed step is up to a
+// millisecond slower with some drivers.
+palpate_status palpate_time_every(struct palpate_simulation *simulation, uint64_t steps);
 
-// The stages of the step, in their order, and what each costs. `count` receives how many there are; `stages` has room for
-// `capacity` and may be null where that is 0. PALPATE_STATUS_TOO_SMALL: none was written.
+// Lists the stages of the step in order, with the cost of each. `count` receives their number; `stages` has room for
+// `capacity` of them, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`,
+// and none was written.
 palpate_status palpate_stages(struct palpate_simulation *simulation,
                               struct palpate_stage *stages,
                               size_t capacity,
                               size_t *count);
 
-// What went wrong in the last call on this thread that did not give PALPATE_STATUS_OK, in one line; "" where none did. Never
-// null; lives until the next such call on this thread.
+// Returns the message of the last call on this thread that did not return PALPATE_STATUS_OK, in one line; "" if there
+// was none. The string is never null, and is valid until the next call on this thread that fails.
 const char *palpate_last_error(void);
 
-// Begins a step, and does not wait for it: a thread of the simulation's, which begins with the first of these calls, does it.
-// `device`: as for `palpate_step`; may be null, and is not needed after the call. Until the step is done, what reads or
-// changes the simulation gives PALPATE_STATUS_BUSY, this call too; `palpate_step_poll`, `palpate_step_wait` and
-// `palpate_wrench_newest` do not. The steps are those of `palpate_step`, bit for bit.
-palpate_status palpate_step_submit(struct palpate_simulation *simulation,
-                                   const struct palpate_pose *device);
+// Begins a step without waiting for it: a worker thread of the simulation does the step. The first such call starts
+// the thread. `device`: as in `palpate_step`; it may be null, and is copied. Until the step is done, calls that read
+// or change the simulation give PALPATE_STATUS_BUSY, this one too; `palpate_step_poll`, `palpate_step_wait` and
+// `palpate_wrench_newest` do not. Submitted steps give the same bits as those of `palpate_step`.
+palpate_status palpate_step_submit(struct palpate_simulation *simulation, const struct palpate_pose *device);
 
-// Whether the submitted step is done; never waits. `is_done` receives 1 where no submitted step is under way, else 0. Where a
-// submitted step failed it receives 1, and the call gives what the step failed with, as `palpate_step` would have; so does
-// every later one until a state is restored, for there is no step after that.
-palpate_status palpate_step_poll(struct palpate_simulation *simulation,
-                                 int32_t *is_done);
+// Reads whether the submitted step is done; never waits. `is_done` receives 0 while a submitted step is under way, and
+// 1 otherwise. If a submitted step failed, the call returns the status of that step, as `palpate_step` would have
+// done; so do all later calls until a state is restored, because no further step is possible before that.
+palpate_status palpate_step_poll(struct palpate_simulation *simulation, int32_t *is_done);
 
-// Waits until no submitted step is under way. Gives what it failed with, as `palpate_step_poll` does.
+// Waits until no submitted step is under way. Returns the status of a failed step, as `palpate_step_poll` does.
 palpate_status palpate_step_wait(struct palpate_simulation *simulation);
 
-// The wrench of the newest step that is done, whether it was submitted, a `palpate_step` or a loop's; never waits, and can be
-// asked by any thread at any time. `age_seconds` receives how long ago that step was given its pose (submitted, or called for,
-// or begun by the loop), s; it may be null. Before the first step the wrench has `step` 0, and its age is infinite. Where a
-// submitted step failed, both are still told, and the call gives what it failed with. A state that is restored has none.
+// Reads the wrench of the newest finished step, be it of `palpate_step_submit`, of `palpate_step` or of a loop. Never
+// waits; any thread may call it at any time. `age_seconds` receives the time since that step received the pose of the
+// haptic device (when `palpate_step_submit` or `palpate_step` was called, or when the loop began the step), s; it may
+// be null. Before the first step, and after a state was restored, the wrench has `step` 0, and its age is infinite. If
+// a submitted step failed, both are written nevertheless, and the call returns the status of that step.
 palpate_status palpate_wrench_newest(struct palpate_simulation *simulation,
                                      struct palpate_wrench *wrench,
                                      double *age_seconds);

@@ -95,7 +95,8 @@ pub enum Command {
     Replace(Box<(Scene, Bodies)>),
     /// End the thread.
     Quit,
-    /// Call a function with the simulation; meanwhile the turn at the GPU's queue belongs to drawing.
+    /// Call a function with the simulation between two steps. While it runs it has the turn at the GPU's queue that
+    /// belongs to drawing.
     Ask(Question),
 }
 

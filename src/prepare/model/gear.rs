@@ -100,8 +100,8 @@ impl Grid {
         let tip = 2.0 * TIP * half_angle(TIP);
         let across = count((foot + tip) / 2.0, 2);
         let between = count(TAU * ROOT / TEETH as f64 - foot, 1);
-        // On the inner rings points lie closer together, so edges along the section have the geometric mean of both
-        // lengths.
+        // On the inner rings points lie closer together, so edges along the section have the geometric mean of the
+        // wanted edge length and of the distance between points around the ring.
         let crowd = TAU / (TEETH * (across + between)) as f64;
         let mut rings = vec![SECTION[0]];
         let other_side = SECTION.iter().rev().map(|&(r, z)| (r, -z));

@@ -21,8 +21,8 @@ pub const DECADES: f64 = 2.0;
 /// Only points with relative errors below this belong to the asymptotic part, to which an order is fitted.
 const ASYMPTOTIC: f64 = 0.1;
 /// Least slope of ln(error) between neighbouring points above the error floor (the part of a line where another source
-/// of error dominates). The slope is taken per unit of ln(knob) where an order is fitted, and per unit of the knob
-/// where a share of the error is fitted. From the finest setting on, points are left out as the floor until a slope
+/// of error dominates). The slope is taken per unit of ln(knob) where a power of the knob is fitted, and per
+/// unit of the knob where a constant factor of the error per unit of the knob is fitted. From the finest setting on, points are left out as the floor until a slope
 /// exceeds this.
 const FLOOR: f64 = 0.3;
 /// An order is fitted to at most so many points: the finest ones above the floor.

@@ -67,7 +67,8 @@ pub struct Controlled {
     pub body: f64,
     /// Rate of the simulation, Hz.
     pub rate: f64,
-    /// Whether wrenches report the gap to the body before there is contact.
+    /// Whether the answer of a simulation step (wrench and local contact model) also gives the gap to the body before
+    /// there is contact.
     pub gap: bool,
     /// Mean force played in the last second of the hold, over the force that body and coupling would exert as springs
     /// in equilibrium.
