@@ -40,10 +40,10 @@ pub fn stiffest(dissipation: f64, damping: f64, period: f64, delay: f64) -> f64 
     colgate.min(delayed)
 }
 
-/// Damping that may be added at period T (s) to a coupling of this stiffness and damping: the slack in Colgate's rule b
-/// > K T / 2 + B, halved and times the safety factor. The half accounts for the velocity estimate, which is taken over
-/// one period and so adds a lag of t_d = T / 2 to that of the force, which is held for one period: by Gil's rule only 1
-/// / (1 + 2 t_d / T) of the slack is left.
+/// Damping that may be added at period T (s) to a coupling of this stiffness and damping: the slack in Colgate's rule
+/// `b > K T / 2 + B`, halved and times the safety factor. The half accounts for the velocity estimate, which is taken
+/// over one period and so adds a lag of `t_d = T / 2` to that of the force, which is held for one period: by Gil's rule
+/// only the share `1 / (1 + 2 t_d / T)` of the slack is left.
 pub fn injectable(dissipation: f64, stiffness: f64, damping: f64, period: f64) -> f64 {
     MARGIN * 0.5 * (dissipation - 0.5 * stiffness * period - damping).max(0.0)
 }

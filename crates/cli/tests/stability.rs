@@ -68,8 +68,7 @@ fn turning_too_far_and_being_inside_out_are_told_in_the_steps_concerned() {
 #[test]
 #[ignore = "long: 15 s"]
 fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
-    let invariant =
-        "contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping";
+    let made = "contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping";
     let faults = [
         // Fault: elastic forces accelerate the body away from its rest shape.
         (
@@ -101,16 +100,16 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
         // Fault: contacts are 5 % stiffer than the scene says.
         (
             "contact/response",
-            invariant,
-            &invariant.replace("pair.stiffness", "1.05 * pair.stiffness"),
+            made,
+            &made.replace("pair.stiffness", "1.05 * pair.stiffness"),
             "contact-stiffness",
             Invariant::Force,
         ),
         // Fault: a contact is released only if it pulls by more than a tenth of the pressure that its depth causes.
         (
             "solve/conclude",
-            "bool pulls = end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0;",
-            "bool pulls = end_pressure(contact, fetch(contact_forces, c), params.dt) < -0.1 * contact.stiffness * \
+            "bool is_under_tension = end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0;",
+            "bool is_under_tension = end_pressure(contact, fetch(contact_forces, c), params.dt) < -0.1 * contact.stiffness * \
              contact.depth;",
             "contact-stiffness",
             Invariant::Push,
