@@ -1,7 +1,9 @@
-// Six numbers (force and torque, in world axes) of a rigid core from the sums over the modes of its blocks of attached
-// nodes. An including shader includes shared/rotation.glsl.
+// Six numbers of a rigid body (force and torque about its centre, or what the operator makes of a twist, in world axes)
+// from those of its blocks. A block is a group of nodes that one workgroup treats; the first six numbers that a kernel
+// stores of it are the sums of its nodes' forces and of their torques, in the axes of the body. An including shader
+// includes shared/rotation.glsl.
 
-// twist_of_<array>(first, count, turn) sums the first six modes of `count` blocks from index `first` on in the buffer
+// twist_of_<array>(first, count, turn) sums these six numbers over `count` blocks from index `first` on in the buffer
 // <array>, and rotates the sums (linear, angular) to world axes by the body's rotation `turn`.
 #define TWIST_OF(array) \
     float[6] twist_of_##array(uint first, uint count, vec4 turn) { \
@@ -12,7 +14,7 @@
         return turned_twist(linear, angular, turn); \
     }
 
-// Adds the first six numbers of a block's modes, which are in the first two of its texels.
+// Adds the first six numbers of a block, which are in the first two of its texels (vec4).
 void add_modes(inout vec3 linear, inout vec3 angular, vec4 low, vec4 high) {
     linear += low.xyz;
     angular += vec3(low.w, high.xy);

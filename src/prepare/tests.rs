@@ -62,14 +62,14 @@ fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
             layer.tetrahedra.len(),
             proxies.len()
         );
-        // Skin sticks out of greedy hulls of 64 corners by a few per cent of a part's size; with a missed corner it
-        // would stick out far more.
+        // A proxy is a hull of at most 64 skin vertices, so the skin sticks out of it by a few per cent of its size. If
+        // the farthest vertex were left out of a hull, the skin would stick out far more.
         assert!(margin < 0.02 * (high - low).length(), "{name}: greatest margin of a proxy {margin} m");
     }
 }
 
-/// Greatest extrapolation of a skin vertex: the vertex lies within one cell of the layer, and no height of its
-/// tetrahedron is much below half a cell.
+/// Largest amount by which a weight of a skin vertex in its tetrahedron may be below zero. A vertex outside the layer
+/// lies within one cell of it, and no height of a tetrahedron is much below half a cell.
 const EXTRAPOLATION: f64 = 1.5;
 
 /// Checks that all volumes are positive, the layer is in one part, and its volume agrees with the volume that the

@@ -21,7 +21,7 @@ impl Flags {
     pub const DEPTH_BEYOND_LIMIT: Flags = Flags(shaders::FLAG_DEPTH_LIMIT);
     /// A skin (surface mesh) folds over itself along a contact patch's normal.
     pub const NOT_A_HEIGHT_FIELD: Flags = Flags(shaders::FLAG_NOT_HEIGHT_FIELD);
-    /// A number was not finite, and the step was recovered.
+    /// A number was not finite, so the step was not accepted: it was repeated (`STEP_RETRIED`) or given up (`FROZEN`).
     pub const NON_FINITE: Flags = Flags(shaders::FLAG_NON_FINITE);
     /// The step was repeated with a smaller time step.
     pub const STEP_RETRIED: Flags = Flags(64);

@@ -53,6 +53,13 @@ fn texels_and_paths_do_not_change_a_bit_and_sampled_depths_would() {
     let is_sampled = |setting: &str| setting.starts_with("at centres");
     let (sampled, own): (Vec<_>, Vec<_>) = curve.points.iter().partition(|point| is_sampled(&point.setting));
     assert!(own.len() >= 6 && own.iter().all(|point| point.error() == Some(0.0)), "points of the engine: {own:?}");
-    assert!(sampled.len() >= 6 && sampled[0].error() > sampled[6].error(), "points of sampled depths: {sampled:?}");
-    assert!(curve.span_reason.contains(" 0 differ in a bit"), "reason for the span: {}", curve.span_reason);
+    assert!(
+        sampled.len() >= 6 && sampled[0].error() > sampled[6].error(),
+        "curve of depths sampled at centres of texels: {sampled:?}"
+    );
+    assert!(
+        curve.span_reason.contains(" 0 differ in a bit"),
+        "reason given for a curve that spans few powers of ten: {}",
+        curve.span_reason
+    );
 }

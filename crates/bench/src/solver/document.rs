@@ -164,8 +164,7 @@ fn peers(compared: &[(Peer, &Measured)]) -> Section {
         question: format!(
             "How many times as fast as other software is palpate's fastest setting whose displacement error is at \
              most {ALLOWED_ERROR:.0e}? Vega FEM 4.0 ran in f64 with Jacobi-preconditioned conjugate gradients to \
-             1e-6, MuJoCo 4 in its fastest setting, both on another two-core machine of this kind: their times are \
-             quoted, not measured here."
+             1e-6, MuJoCo 4 in its fastest setting, both on another machine with two cores: their times are quoted, not measured here."
         ),
         table,
         plot: None,

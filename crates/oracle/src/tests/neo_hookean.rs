@@ -1,5 +1,6 @@
-//! Invariants of stable neo-Hookean elasticity: force as gradient of the energy, small strain, rigid motion, the
-//! operator; and the error of linearised steps against steps solved to convergence.
+//! Invariants of stable neo-Hookean elasticity: force as gradient of the energy, small strain, rigid motion, and the
+//! positive definite operator that stands for the second derivative of the energy; then the error of linearised steps
+//! against steps solved to convergence.
 
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
@@ -127,7 +128,7 @@ fn the_derivative_is_that_of_the_stress() {
 }
 
 /// Quadratic form of the engine's operator for dF, where R^T F = I + strain: 2 mu |sym W|^2 + lambda tr(W)^2 with W =
-/// dF fold.
+/// dF fold, where `fold` takes gradients at rest to those of the deformed tetrahedron.
 fn offered(lame: (f64, f64), strain: DMat3, df: DMat3) -> f64 {
     let operator = operator(lame, strain, crate::elastic::excess_compression(strain));
     let w = df * operator.fold;
@@ -350,7 +351,8 @@ fn a_step_in_deformed_gradients_is_near_a_converged_one() {
         let finer = of(Linear::Newton, 2.5e-4);
         println!(
             "{name}: relative error of position by the operator at rest {rest:.2e}, by the engine's {deformed:.2e}, by \
-             that with rotation {turning:.2e}, by the whole second derivative {full:.2e}; of 1 ms steps {finer:.2e}"
+             that with rotation {turning:.2e}, by the whole second derivative {full:.2e}; \
+             error of the step's length of 1 ms {finer:.2e}"
         );
         assert!(
             full < deformed && deformed < share * finer,

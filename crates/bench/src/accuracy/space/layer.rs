@@ -53,8 +53,8 @@ const LINES: [Line; 3] = [
 ];
 const PATCHED: Line =
     Line { name: "block, nu 0.49, patch", is_dome: false, poisson: 0.49, dilatation: Dilatation::Patch };
-/// The block whose elements lock (nearly incompressible, linear tetrahedra); the curve's question says how much too
-/// stiff it is.
+/// The block whose elements lock (nearly incompressible, linear tetrahedra); the report says by how much it is too
+/// stiff.
 const LOCKING: Line = Line { name: "block, nu 0.49", dilatation: Dilatation::Element, ..PATCHED };
 
 /// Writes the block of these presses as a mesh file; where the ball touches, its cells are finer than even ones by the
