@@ -9,12 +9,12 @@ pub const ITERATIONS: u32 = 16;
 /// Passes and memory of a step; steps with equal plans record the same passes and allocate the same memory.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
-    /// Recorded kernels, fills and copies in their order, and how often each runs in a step of [`ITERATIONS`] solver
+    /// Recorded kernels, fills and copies in their order, and how often each runs in a step of `ITERATIONS` solver
     /// iterations.
     pub kernels: Vec<(String, f64)>,
     /// GPU arrays by name, and their sizes, bytes.
     pub arrays: Vec<(String, u64)>,
-    /// Passes of a step of [`ITERATIONS`] solver iterations.
+    /// Passes of a step of `ITERATIONS` solver iterations.
     pub passes: u32,
     /// Passes of the same step that wait for an earlier pass.
     pub dependent_passes: u32,

@@ -54,7 +54,7 @@ pub struct HoldResult {
     pub quantum_forces: [f64; 2],
 }
 
-/// Whether there is a force (see [`is_there`]) and its standard deviation is at most `STILL_SHARE` of its mean or at
+/// Whether there is a force (see `is_there`) and its standard deviation is at most `STILL_SHARE` of its mean or at
 /// most `STILL`.
 pub fn is_still(force: &Spread) -> bool {
     force.deviation <= (STILL_SHARE * force.mean).max(STILL) && is_there(force)
