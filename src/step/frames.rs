@@ -381,7 +381,7 @@ impl Floating {
     }
 }
 
-/// The same rotation as a quaternion with w not negative, so that a small rotation is near the identity.
+/// Whichever of q and -q has w not negative: both are one rotation, and a small one is then near the identity.
 pub(super) fn unwound(q: DQuat) -> DQuat {
     if q.w < 0.0 { -q } else { q }
 }

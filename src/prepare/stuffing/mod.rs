@@ -63,7 +63,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// The same cell size throughout, and no shell.
+    /// Options of a full layer with one cell size (m) everywhere.
     pub fn uniform(cell: f64) -> Self {
         Options { cell, grade: 1, thickness: None }
     }
