@@ -10,36 +10,13 @@ use super::check;
 use super::keys::{Table, Value, suggest};
 use super::material::{material, regions};
 use super::meshes::Meshes;
+use super::reference;
 use super::tetrahedra::EXTENSIONS;
 use super::{
     Bind, Body, Core, Hinge, Layer, Model, Motion, SceneBuilder, Shape, Skeleton, Surface, joint, skeleton, trajectory,
 };
 use crate::Result;
 
-const BODY_KEYS: [&str; 22] = [
-    "name",
-    "surface",
-    "layer",
-    "plane",
-    "hulls",
-    "scale",
-    "position",
-    "orientation",
-    "velocity",
-    "material",
-    "region",
-    "dilatation",
-    "collides",
-    "core",
-    "joint",
-    "skeleton",
-    "bones",
-    "motion",
-    "keys",
-    "mass",
-    "hinge",
-    "repair",
-];
 /// Keys that a plane may have.
 const PLANE_KEYS: [&str; 3] = ["name", "plane", "collides"];
 /// Keys that describe the core of a rigid body, in the body's own table.
@@ -85,7 +62,7 @@ pub(super) fn read(root: &Table, builder: &mut SceneBuilder) -> Result<()> {
 
 fn body(value: &Value) -> Result<Body> {
     let unnamed = value.unchecked_table()?;
-    unnamed.only(&BODY_KEYS)?;
+    unnamed.only(&reference::BODY)?;
     let name = unnamed.need("name")?.name()?;
     let table = unnamed.renamed(format!("body.{name}"));
     let shape = shape(&table)?;
@@ -138,7 +115,7 @@ fn refuse(table: &Table, keys: &[&str], why: &str) -> Result<()> {
 
 fn shape(table: &Table) -> Result<Shape> {
     if let Some(plane) = table.get("plane") {
-        let others: Vec<&str> = BODY_KEYS.into_iter().filter(|key| !PLANE_KEYS.contains(key)).collect();
+        let others: Vec<&str> = reference::BODY.names().into_iter().filter(|key| !PLANE_KEYS.contains(key)).collect();
         refuse(table, &others, "has no meaning for a plane, which is rigid and fixed where `plane` puts it")?;
         let [x, y, z, d] = plane.array_of(Value::number)?;
         let normal = DVec3::new(x, y, z);
@@ -188,7 +165,7 @@ fn surface(value: &Value) -> Result<Surface> {
     if value.is_text() || names_mesh(value) {
         return given_surface(value);
     }
-    let table = value.table(&["model", "vertices"])?;
+    let table = value.table(&reference::MODEL)?;
     let model = table.need("model")?.one_of("model", &Model::ALL.map(|model| (model.name(), model)))?;
     let (least, most) = (*model.vertices().start() as u32, *model.vertices().end() as u32);
     let vertices = table.or("vertices", model.default_vertices() as u32, |value| value.whole(least, most))?;
@@ -200,7 +177,7 @@ pub(super) fn given_surface(value: &Value) -> Result<Surface> {
     if value.is_text() {
         return mesh_file(value, &["obj"]).map(Surface::File);
     }
-    value.table(&["mesh"])?.need("mesh")?.mesh(Meshes::surface).map(Surface::Mesh)
+    value.table(&reference::MESH)?.need("mesh")?.mesh(Meshes::surface).map(Surface::Mesh)
 }
 
 /// Whether the value is a table `{ mesh = ".." }`, which names a mesh passed in memory.
@@ -213,9 +190,9 @@ fn layer(value: &Value) -> Result<Layer> {
         return mesh_file(value, &EXTENSIONS).map(Layer::File);
     }
     if names_mesh(value) {
-        return value.table(&["mesh"])?.need("mesh")?.mesh(Meshes::layer).map(Layer::Mesh);
+        return value.table(&reference::MESH)?.need("mesh")?.mesh(Meshes::layer).map(Layer::Mesh);
     }
-    let table = value.table(&["cell", "across", "grade", "thickness", "box", "cells"])?;
+    let table = value.table(&reference::LAYER)?;
     let kind = table.exactly_one(&["cell", "across", "box"])?;
     if kind != "box" {
         refuse(&table, &["cells"], "belongs to a box")?;
@@ -271,7 +248,7 @@ fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
     let mut named: Vec<String> = Vec::new();
     let Some(array) = table.get("core") else { return Ok(cores) };
     for element in array.array()? {
-        let unnamed = element.table(&["name", "motion", "keys", "mass", "hinge", "bind"])?;
+        let unnamed = element.table(&reference::CORE)?;
         let name = unnamed.need("name")?.name()?;
         let core = unnamed.renamed(table.dotted(&format!("core.{name}")));
         if named.contains(&name) {
@@ -305,7 +282,7 @@ fn dynamic_keys(table: &Table, motion: &Motion) -> Result<(Option<f64>, Option<H
 }
 
 fn hinge(value: &Value) -> Result<Hinge> {
-    let table = value.table(&["point", "axis"])?;
+    let table = value.table(&reference::HINGE)?;
     let axis = table.need("axis")?;
     let direction = axis.vector()?;
     if direction.length() < SHORTEST_NORMAL {
@@ -343,9 +320,8 @@ fn motion(table: &Table) -> Result<Motion> {
 }
 
 fn bind(value: &Value) -> Result<Bind> {
-    let kinds = ["inset", "box", "sphere", "nodes", "all"];
-    let table = value.table(&kinds)?;
-    let kind = table.exactly_one(&kinds)?;
+    let table = value.table(&reference::BIND)?;
+    let kind = table.exactly_one(&reference::BIND.names())?;
     let value = table.need(kind)?;
     match kind {
         "inset" => value.not_negative().map(Bind::Inset),

@@ -10,6 +10,7 @@ use super::check;
 use super::hand::HandParameters;
 use super::keys::{Table, Value};
 use super::profile::{HAPLY, PROFILES, Profile};
+use super::reference;
 use crate::Result;
 
 /// Least and greatest rate of the haptic loop, Hz.
@@ -143,28 +144,12 @@ impl Default for Haptics {
     }
 }
 
-const KEYS: [&str; 15] = [
-    "device",
-    "profile",
-    "rate",
-    "max_force",
-    "max_torque",
-    "max_slew",
-    "workspace",
-    "watchdog",
-    "local_model",
-    "trust",
-    "passivity",
-    "longest_step",
-    "hand",
-    "haply",
-    "recording",
-];
-
 /// Reads the table; without one, returns the defaults.
 pub(super) fn read(root: &Table) -> Result<Haptics> {
     let default = Haptics::default();
-    let Some(table) = root.get("haptics").map(|value| value.table(&KEYS)).transpose()? else { return Ok(default) };
+    let Some(table) = root.get("haptics").map(|value| value.table(&reference::HAPTICS)).transpose()? else {
+        return Ok(default);
+    };
     let limit = |key: &str| table.option(key, Value::positive);
     let device = table.or("device", default.device, |value| value.one_of("device", &DeviceKind::CHOICES))?;
     let haptics = Haptics {
@@ -215,19 +200,7 @@ pub fn of_haply(profile: &Profile) -> std::result::Result<(), String> {
 
 /// Reads `hand = { mass = 0.15, .. }`.
 fn hand(value: &Value) -> Result<HandParameters> {
-    const KEYS: [&str; 10] = [
-        "mass",
-        "stiffness",
-        "damping",
-        "device_damping",
-        "friction",
-        "inertia",
-        "angular_stiffness",
-        "angular_damping",
-        "quantum",
-        "delay",
-    ];
-    let (table, mut hand) = (value.table(&KEYS)?, HandParameters::default());
+    let (table, mut hand) = (value.table(&reference::HAND)?, HandParameters::default());
     let places = [
         &mut hand.mass,
         &mut hand.stiffness,
@@ -240,7 +213,7 @@ fn hand(value: &Value) -> Result<HandParameters> {
         &mut hand.quantum,
         &mut hand.delay,
     ];
-    for (key, place) in KEYS.into_iter().zip(places) {
+    for (key, place) in reference::HAND.names().into_iter().zip(places) {
         *place = table.or(key, *place, Value::not_negative)?;
     }
     hand.check().map_err(|problem| value.error(problem, "give a number in that range"))?;
@@ -249,8 +222,7 @@ fn hand(value: &Value) -> Result<HandParameters> {
 
 /// Reads `haply = { address = "ws://localhost:10001", .. }`.
 fn haply(value: &Value) -> Result<HaplyService> {
-    let (table, default) =
-        (value.table(&["address", "trust_remote", "device_id", "force_key"])?, HaplyService::default());
+    let (table, default) = (value.table(&reference::HAPLY)?, HaplyService::default());
     let text = |value: &Value| value.text().map(String::from);
     let dialects = [("vector", Dialect::Vector), ("values", Dialect::Values)];
     Ok(HaplyService {

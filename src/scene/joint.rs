@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::check;
 use super::keys::{Table, Value, suggest};
+use super::reference;
 use super::{Core, Motion, Skeleton};
 use crate::Result;
 
@@ -92,7 +93,7 @@ pub(super) fn read(table: &Table, skeleton: Option<&Skeleton>, cores: &[Core]) -
 }
 
 fn joint(value: &Value, cores: &[Core]) -> Result<Joint> {
-    let table = value.table(&[&["cores", "point", "axis"][..], &KEYS[..]].concat())?;
+    let table = value.table(&reference::JOINT)?;
     let names = table.need("cores")?;
     let [a, b] = names.array()?.try_into().map_err(|_| names.error("is not two names", "name two cores"))?;
     let index = |name: &Value| {

@@ -12,6 +12,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::check::{self, Check, Problem};
 use super::meshes::Meshes;
+use super::reference::TableKeys;
 use crate::{Error, Result};
 
 /// Similarity (Jaro-Winkler, 0 to 1) above which a known key is suggested in place of an unknown one.
@@ -144,7 +145,7 @@ pub struct Table<'a> {
 
 impl<'a> Table<'a> {
     /// The root table of a document; fails if it has a key that is not in `known`.
-    pub fn root(source: &'a Source<'a>, document: &'a Node, known: &[&str]) -> Result<Self> {
+    pub fn root(source: &'a Source<'a>, document: &'a Node, known: &TableKeys) -> Result<Self> {
         Value { source, key: String::new(), value: document }.table(known)
     }
 
@@ -155,7 +156,8 @@ impl<'a> Table<'a> {
     }
 
     /// Fails if the table has a key that is not in `known`, and suggests the nearest.
-    pub fn only(&self, known: &[&str]) -> Result<()> {
+    pub fn only(&self, known: &TableKeys) -> Result<()> {
+        let known = &known.names()[..];
         let Some((key, offset, _)) = self.table.iter().find(|(key, ..)| !known.contains(&key.as_str())) else {
             return Ok(());
         };
@@ -416,7 +418,7 @@ impl<'a> Value<'a> {
     }
 
     /// Reads a table whose keys are all in `known`.
-    pub fn table(&self, known: &[&str]) -> Result<Table<'a>> {
+    pub fn table(&self, known: &TableKeys) -> Result<Table<'a>> {
         let table = self.unchecked_table()?;
         table.only(known)?;
         Ok(table)

@@ -9,6 +9,7 @@ use glam::{DQuat, DVec3};
 
 use super::keys::{Node, Source, Table, Value};
 use super::preset::{self, PRESETS, Preset};
+use super::reference::{self, TableKeys};
 use super::{
     Body, Contact, Coupling, DepthPath, Haptics, Preconditioner, Probe, Scene, SceneBuilder, Sides, Solver, Step, Tool,
     ToolShape, body, check, haptics, names, trajectory,
@@ -23,9 +24,6 @@ const DEFAULT_DURATION: f64 = 1.0;
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
 const FRICTION_SPEED: f64 = 0.001;
 const DEPTH_LIMIT: f64 = 0.02;
-
-const ROOT_KEYS: [&str; 10] =
-    ["preset", "step", "solver", "contact", "body", "tool", "coupling", "drive", "haptics", "probe"];
 
 impl Scene {
     /// Reads and checks a scene file: every number is finite and in range, every name resolves, every named file
@@ -133,7 +131,7 @@ impl Default for Contact {
 /// Adds tables to a scene: their bodies and probes come after the existing ones, their other tables and keys replace
 /// existing values, and values that they do not mention are kept. After an error the scene may be changed in part.
 pub(super) fn add(builder: &mut SceneBuilder, source: &Source, document: &Node) -> Result<()> {
-    let root = Table::root(source, document, &ROOT_KEYS)?;
+    let root = Table::root(source, document, &reference::ROOT)?;
     let tables = ["step", "solver", "contact"];
     let is_given = |table: &str, key: &str| {
         tables.contains(&table) && root.get(table).is_some_and(|t| t.unchecked_table().is_ok_and(|t| t.has(key)))
@@ -165,7 +163,7 @@ pub(super) fn add(builder: &mut SceneBuilder, source: &Source, document: &Node) 
 }
 
 /// A table of the root; `None` if the scene leaves it out.
-fn section<'a>(root: &Table<'a>, key: &str, known: &[&str]) -> Result<Option<Table<'a>>> {
+fn section<'a>(root: &Table<'a>, key: &str, known: &TableKeys) -> Result<Option<Table<'a>>> {
     root.option(key, |value| value.table(known))
 }
 
@@ -200,7 +198,7 @@ fn no_contact(defaults: &Preset) -> Contact {
 }
 
 fn step(root: &Table, none: &Step) -> Result<Step> {
-    let Some(table) = section(root, "step", &["dt", "gravity", "newton"])? else { return Ok(none.clone()) };
+    let Some(table) = section(root, "step", &reference::STEP)? else { return Ok(none.clone()) };
     Ok(Step {
         dt: table.or("dt", none.dt, Value::positive)?,
         gravity: table.or("gravity", none.gravity, Value::vector)?,
@@ -209,7 +207,7 @@ fn step(root: &Table, none: &Step) -> Result<Step> {
 }
 
 fn solver(root: &Table, none: &Solver) -> Result<Solver> {
-    let Some(table) = section(root, "solver", &["tolerance", "max_iterations", "preconditioner"])? else {
+    let Some(table) = section(root, "solver", &reference::SOLVER)? else {
         return Ok(none.clone());
     };
     Ok(Solver {
@@ -223,8 +221,7 @@ fn solver(root: &Table, none: &Solver) -> Result<Solver> {
 }
 
 fn contact(root: &Table, none: &Contact) -> Result<Contact> {
-    let known = ["stiffness", "damping", "friction", "friction_speed", "texel", "depth_limit", "depth", "sides"];
-    let Some(table) = section(root, "contact", &known)? else {
+    let Some(table) = section(root, "contact", &reference::CONTACT)? else {
         return Ok(none.clone());
     };
     Ok(Contact {
@@ -240,8 +237,7 @@ fn contact(root: &Table, none: &Contact) -> Result<Contact> {
 }
 
 fn tool(value: &Value) -> Result<Tool> {
-    let known = ["sphere", "surface", "body", "mass", "position", "orientation", "velocity", "scale", "repair"];
-    let table = value.table(&known)?;
+    let table = value.table(&reference::TOOL)?;
     let shape_key = table.exactly_one(&["sphere", "surface", "body"])?;
     let shape_value = table.need(shape_key)?;
     let shape = match shape_key {
@@ -271,7 +267,7 @@ fn tool(value: &Value) -> Result<Tool> {
 }
 
 fn coupling(value: &Value) -> Result<Coupling> {
-    let table = value.table(&["stiffness", "damping", "angular_stiffness", "angular_damping"])?;
+    let table = value.table(&reference::COUPLING)?;
     Ok(Coupling {
         stiffness: table.need("stiffness")?.not_negative()?,
         damping: table.need("damping")?.not_negative()?,
@@ -283,7 +279,7 @@ fn coupling(value: &Value) -> Result<Coupling> {
 fn probes(root: &Table, probes: &mut Vec<Probe>) -> Result<()> {
     let Some(array) = root.get("probe") else { return Ok(()) };
     for element in array.array()? {
-        let table = element.table(&["name", "body", "nearest"])?;
+        let table = element.table(&reference::PROBE)?;
         let name = table.need("name")?.name()?;
         let probe = Probe { name, body: table.need("body")?.name()?, nearest: table.need("nearest")?.vector()? };
         probe.check(probes).map_err(|problem| table.wrong(problem))?;

@@ -6,6 +6,7 @@ use glam::DVec3;
 use super::body::{corners, sphere};
 use super::check;
 use super::keys::{Table, Value};
+use super::reference;
 use crate::Result;
 
 /// An elastic material.
@@ -90,7 +91,7 @@ pub enum Group {
 
 /// Reads a material; values that the table leaves out are taken from `base`, if there is one.
 pub(super) fn material(value: &Value, base: Option<&Material>) -> Result<Material> {
-    let table = value.table(&["law", "young", "poisson", "density", "damping_mass", "damping_stiffness"])?;
+    let table = value.table(&reference::MATERIAL)?;
     let law = table.option("law", |value| value.one_of("law", &MaterialLaw::CHOICES))?;
     let (base_mass, base_stiffness) = base.map_or((0.0, 0.0), |base| (base.damping_mass, base.damping_stiffness));
     Ok(Material {
@@ -120,7 +121,7 @@ fn number<'a>(
 pub(super) fn regions(body: &Table, base: &Material, from_file: bool) -> Result<Vec<Region>> {
     let Some(array) = body.get("region") else { return Ok(Vec::new()) };
     let region = |element: &Value| {
-        let table = element.table(&["group", "box", "sphere", "material"])?;
+        let table = element.table(&reference::REGION)?;
         let place = match table.exactly_one(&["group", "box", "sphere"])? {
             "group" if !from_file => {
                 let problem = "the layer is generated and has no groups";

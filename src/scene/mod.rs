@@ -33,6 +33,8 @@ pub mod obj;
 pub mod preset;
 #[doc(hidden)]
 pub mod profile;
+#[doc(hidden)]
+pub mod reference;
 mod skeleton;
 #[cfg(test)]
 mod tests;

@@ -12,6 +12,7 @@ use glam::DVec3;
 use super::Capsule;
 use super::joint::{self, Resistance};
 use super::keys::{Source, Table, Value, suggest};
+use super::reference;
 use crate::{Error, Result};
 
 /// A skeleton, as its file describes it.
@@ -45,7 +46,7 @@ pub(super) fn read(value: &Value) -> Result<Skeleton> {
         .map_err(|error| Error::input(&file, None, format!("cannot be read: {error}"), "give a skeleton file"))?;
     let source = Source::of_file(&file, &text);
     let document = source.parse()?;
-    let root = Table::root(&source, &document, &["bone"])?;
+    let root = Table::root(&source, &document, &reference::SKELETON)?;
     let mut bones: Vec<Bone> = Vec::new();
     for element in root.need("bone")?.array()? {
         bones.push(bone(&element, &bones)?);
@@ -57,8 +58,7 @@ pub(super) fn read(value: &Value) -> Result<Skeleton> {
 }
 
 fn bone(value: &Value, before: &[Bone]) -> Result<Bone> {
-    let unnamed =
-        value.table(&[&["name", "parent", "joint", "ends", "radius", "radii"][..], &joint::KEYS[..]].concat())?;
+    let unnamed = value.table(&reference::BONE)?;
     let name = unnamed.need("name")?.name()?;
     let table = unnamed.renamed(format!("bone.{name}"));
     if before.iter().any(|other| other.name == name) {
@@ -112,7 +112,7 @@ mod tests {
         let text = format!("skeleton = {path:?}");
         let source = Source::of_file(scene, &text);
         let document = source.parse()?;
-        read(&Table::root(&source, &document, &["skeleton"])?.need("skeleton")?)
+        read(&Table::root(&source, &document, &reference::BODY)?.need("skeleton")?)
     }
 
     fn human() -> Vec<Bone> {

@@ -12,11 +12,12 @@ use glam::{DQuat, DVec3};
 use super::Key;
 use super::check::{self, KEY_REMEDY};
 use super::keys::Value;
+use super::reference;
 use crate::{Error, Result};
 
 /// Reads `[drive]`: `keys = [[..], ..]` or `path = "file.csv"`.
 pub(super) fn read(value: &Value) -> Result<Vec<Key>> {
-    let table = value.table(&["keys", "path"])?;
+    let table = value.table(&reference::DRIVE)?;
     if table.exactly_one(&["keys", "path"])? == "path" {
         return core_keys(&table.need("path")?);
     }

@@ -1,0 +1,758 @@
+//! The tables of a scene file and their keys. The reader refuses every key that is not listed here, and the page
+//! `docs/reference/scene.md` is written from these lists (`cargo test --test reference` compares the two).
+
+/// A table of a scene file or of a skeleton file.
+#[derive(Debug, Clone, Copy)]
+pub struct TableKeys {
+    /// The table as one writes it in TOML, for example `[[body]]` or `hinge = { .. }`.
+    pub heading: &'static str,
+    /// What the table describes.
+    pub meaning: &'static str,
+    /// All keys that the table may have.
+    pub keys: &'static [SceneKey],
+}
+
+/// A key of a table.
+#[derive(Debug, Clone, Copy)]
+pub struct SceneKey {
+    /// Name of the key.
+    pub name: &'static str,
+    /// What the key accepts, with its unit.
+    pub value: &'static str,
+    /// The value that a table without the key has, as one would write it in TOML; or, in brackets, what happens
+    /// without the key.
+    pub default: &'static str,
+    /// What the key means.
+    pub meaning: &'static str,
+}
+
+impl TableKeys {
+    /// Names of the keys.
+    pub fn names(&self) -> Vec<&'static str> {
+        self.keys.iter().map(|key| key.name).collect()
+    }
+}
+
+/// Default of a key that must be given.
+pub const REQUIRED: &str = "(required)";
+/// Default of a key of which a table must give exactly one of several.
+pub const ONE_OF: &str = "(one of these)";
+
+const fn key(name: &'static str, value: &'static str, default: &'static str, meaning: &'static str) -> SceneKey {
+    SceneKey { name, value, default, meaning }
+}
+
+/// All tables, in the order of the reference.
+pub const TABLES: [&TableKeys; 23] = [
+    &ROOT, &STEP, &SOLVER, &CONTACT, &BODY, &MODEL, &MESH, &LAYER, &MATERIAL, &REGION, &CORE, &HINGE, &BIND, &JOINT,
+    &TOOL, &COUPLING, &DRIVE, &HAPTICS, &HAND, &HAPLY, &PROBE, &SKELETON, &BONE,
+];
+
+/// The root of a scene file.
+pub const ROOT: TableKeys = TableKeys {
+    heading: "The scene file",
+    meaning: "A scene needs a body or a tool; everything else has defaults.",
+    keys: &[
+        key(
+            "preset",
+            "`\"fast\"`, `\"balanced\"` or `\"accurate\"`",
+            "(no preset)",
+            "Sets the time step, the solver's tolerance and iterations, Newton's iterations and the sides of contact \
+             to the cheapest settings that keep the error of the force below 7, 3.5 or 1.75 %. A key that the scene \
+             gives wins over the preset.",
+        ),
+        key("step", "table", "(its defaults)", "Time step, gravity and Newton iterations."),
+        key("solver", "table", "(its defaults)", "The linear solver."),
+        key("contact", "table", "(its defaults)", "The contact law and how contact is found."),
+        key("body", "array of tables", "(no bodies)", "The bodies: soft ones, rigid ones and planes."),
+        key("tool", "table", "(no tool)", "What the haptic device leads."),
+        key(
+            "coupling",
+            "table",
+            "(nothing holds the tool)",
+            "The virtual coupling, a spring and a damper between the haptic device and the tool.",
+        ),
+        key(
+            "drive",
+            "table",
+            "(the device rests where the tool starts)",
+            "The reference trajectory of the haptic device.",
+        ),
+        key("haptics", "table", "(its defaults)", "The haptic loop: device, limits and safety."),
+        key("probe", "array of tables", "(no probes)", "Skin vertices whose path is written into the trace."),
+    ],
+};
+
+/// Keys of `[step]`.
+pub const STEP: TableKeys = TableKeys {
+    heading: "[step]",
+    meaning: "Time stepping: implicit Euler.",
+    keys: &[
+        key("dt", "s, > 0", "0.001", "Length of a time step."),
+        key(
+            "gravity",
+            "[x, y, z], m/s^2",
+            "[0.0, -9.81, 0.0]",
+            "Acceleration of gravity. It pulls on the tool as well, except where a haptic device holds the tool.",
+        ),
+        key(
+            "newton",
+            "1 to 100",
+            "1",
+            "Linearisations of elasticity in a step (Newton iterations), each with a linear solve.",
+        ),
+    ],
+};
+
+/// Keys of `[solver]`.
+pub const SOLVER: TableKeys = TableKeys {
+    heading: "[solver]",
+    meaning: "The preconditioned conjugate gradient method that solves a step.",
+    keys: &[
+        key(
+            "tolerance",
+            "> 0, < 1",
+            "1e-5",
+            "The solver stops where the residual, relative to the right-hand side in the norm of the preconditioner, \
+             is below this.",
+        ),
+        key(
+            "max_iterations",
+            "1 to 10000",
+            "200",
+            "The solver stops after this many iterations; flag `not_converged` is raised if the residual is then \
+             above ten times the tolerance and above what single precision can reach.",
+        ),
+        key(
+            "preconditioner",
+            "`\"auto\"`, `\"jacobi\"` or `\"coarse\"`",
+            "\"auto\"",
+            "Block Jacobi alone, or with an additive coarse space (two-level additive Schwarz) on every soft body; \
+             `auto` decides for each body by its stiffness.",
+        ),
+    ],
+};
+
+/// Keys of `[contact]`.
+pub const CONTACT: TableKeys = TableKeys {
+    heading: "[contact]",
+    meaning: "Penalty contact: pressure grows with the depth of overlap.",
+    keys: &[
+        key(
+            "stiffness",
+            "`\"auto\"` or N/m^3, > 0",
+            "\"auto\"",
+            "Pressure per metre of depth. `auto` is 20 E / (1 - nu^2) / (mean edge of the layer) of the softer body.",
+        ),
+        key(
+            "damping",
+            "`\"auto\"` or N s/m^3, >= 0",
+            "\"auto\"",
+            "Pressure per speed of approach. `auto` is the stiffness times the time step.",
+        ),
+        key("friction", ">= 0", "0.0", "Coulomb's coefficient, for all contacts."),
+        key(
+            "friction_speed",
+            "m/s, >= 1e-6",
+            "0.001",
+            "Sliding speed below which friction is viscous, so that what sticks creeps.",
+        ),
+        key(
+            "texel",
+            "`\"auto\"` or m, > 0",
+            "\"auto\"",
+            "Edge of the cells of the depth stage's grid. It changes the time that the stage takes, not its result.",
+        ),
+        key(
+            "depth_limit",
+            "m, > 0",
+            "0.02",
+            "Depth beyond which contact is not looked for; flag `depth_beyond_limit` is raised where a contact is \
+             deeper.",
+        ),
+        key(
+            "depth",
+            "`\"auto\"`, `\"graphics\"` or `\"compute\"`",
+            "\"auto\"",
+            "How the depth stage finds where rays meet triangles. Both ways give the same result; `auto` is the \
+             faster one on the device. The option `--depth` wins.",
+        ),
+        key(
+            "sides",
+            "`\"both\"` or `\"one\"`",
+            "\"both\"",
+            "Whose skin vertices are tested for contact: those of both bodies, each side counting half, or those of \
+             the body with the finer skin, counting in full.",
+        ),
+    ],
+};
+
+/// Keys of `[[body]]`.
+pub const BODY: TableKeys = TableKeys {
+    heading: "[[body]]",
+    meaning: "A body: soft with a `layer`, rigid with a `surface` alone, or a `plane`. Lengths are in metres; boxes, \
+             spheres, nodes and probes are in the coordinates of the body's file, before scale and pose.",
+    keys: &[
+        key(
+            "name",
+            "a name",
+            REQUIRED,
+            "Name of the body, unique in the scene, of letters, digits, `_`, `-` and `.`. Output files are called \
+             after it.",
+        ),
+        key(
+            "surface",
+            "`\"FILE.obj\"`, `{ model = .. }` or, from a program, `{ mesh = \"..\" }`",
+            "(the layer's boundary)",
+            "The skin: the surface mesh that touches and is seen. A body with a surface and no layer is rigid.",
+        ),
+        key(
+            "layer",
+            "`{ cell = .. }`, `{ across = .. }`, `{ box = .. }`, `\"FILE\"` (.msh, .vtk, .node or .ele) or, from a \
+             program, `{ mesh = \"..\" }`",
+            "(none: the body is rigid)",
+            "The tetrahedral mesh of a soft body.",
+        ),
+        key(
+            "plane",
+            "[nx, ny, nz, d], m",
+            "(none)",
+            "A fixed half-space below the plane n . x = d; such a body has no other key but `name` and `collides`.",
+        ),
+        key(
+            "hulls",
+            "1 to 256",
+            "(40 at most)",
+            "Greatest number of collision proxies, convex hulls that cover the skin for the broad phase.",
+        ),
+        key(
+            "scale",
+            "> 0",
+            "1.0",
+            "Uniform scale of the file's coordinates, for example 0.001 for a file in millimetres.",
+        ),
+        key("position", "[x, y, z], m", "[0.0, 0.0, 0.0]", "Where the file's origin lies in the world."),
+        key("orientation", "[x, y, z, w], unit quaternion", "[0.0, 0.0, 0.0, 1.0]", "Orientation in the world."),
+        key("velocity", "[x, y, z], m/s", "[0.0, 0.0, 0.0]", "Initial velocity."),
+        key("material", "table", "(required of a soft body)", "The elastic material."),
+        key("region", "array of tables", "(none)", "Parts of the layer that have another material."),
+        key(
+            "dilatation",
+            "`\"element\"` or `\"patch\"`",
+            "\"element\"",
+            "Volume over which the volumetric strain is constant: each tetrahedron, or a patch of tetrahedra (F-bar), \
+             which prevents locking as Poisson's ratio nears 0.5.",
+        ),
+        key(
+            "collides",
+            "array of names",
+            "(every other body and the tool)",
+            "Bodies that this one may touch; `\"tool\"` names the tool.",
+        ),
+        key(
+            "core",
+            "array of tables",
+            "(none: a soft body is free)",
+            "Rigid parts of a soft body, with the nodes that are attached to them.",
+        ),
+        key("joint", "array of tables", "(none)", "Ball joints between cores."),
+        key("skeleton", "`\"FILE.toml\"`", "(none)", "Bones: each becomes a core."),
+        key("bones", "`\"fixed\"` or `\"dynamic\"`", "\"fixed\"", "Motion of the bones that no `[[body.core]]` names."),
+        key(
+            "motion",
+            "`\"fixed\"`, `\"driven\"` or `\"dynamic\"`",
+            "\"fixed\"",
+            "How a rigid body moves: not at all, kinematically by `keys`, or by forces.",
+        ),
+        key(
+            "keys",
+            "array of [t, x, y, z] or [t, x, y, z, qx, qy, qz, qw], or `\"FILE.csv\"`",
+            "(required of what is driven)",
+            "Poses of a driven rigid body's frame over time (s, m, unit quaternion).",
+        ),
+        key(
+            "mass",
+            "kg, > 0",
+            "(required of a dynamic rigid body)",
+            "Mass of a dynamic rigid body, spread evenly over its volume.",
+        ),
+        key(
+            "hinge",
+            "table",
+            "(none)",
+            "A line fixed in the world about which a dynamic rigid body turns, its only motion.",
+        ),
+        key(
+            "repair",
+            "true or false",
+            "true",
+            "Whether a faulty surface file is repaired (the notes say how); otherwise it is refused.",
+        ),
+    ],
+};
+
+/// Keys of `surface = { model = .. }`.
+pub const MODEL: TableKeys = TableKeys {
+    heading: "surface = { model = .. }",
+    meaning: "A surface that the program generates.",
+    keys: &[
+        key("model", "`\"head\"`, `\"gear\"`, `\"human\"` or `\"pumpkin\"`", REQUIRED, "Which surface."),
+        key(
+            "vertices",
+            "500 or 2000 (gear, human) to 400000",
+            "(44000, 29000, 13000, 30000)",
+            "Number of vertices, met exactly.",
+        ),
+    ],
+};
+
+/// Keys of `surface = { mesh = .. } and layer = { mesh = .. }`.
+pub const MESH: TableKeys = TableKeys {
+    heading: "surface = { mesh = .. } and layer = { mesh = .. }",
+    meaning: "A mesh in memory, which a program has added to the scene under a name.",
+    keys: &[key("mesh", "a name", REQUIRED, "Name of the mesh.")],
+};
+
+/// Keys of `layer = { .. }`.
+pub const LAYER: TableKeys = TableKeys {
+    heading: "layer = { .. }",
+    meaning: "A tetrahedral mesh that is generated: cells that fill the surface, or a box.",
+    keys: &[
+        key("cell", "m, > 0", ONE_OF, "Edge of the cells that fill the surface (isosurface stuffing)."),
+        key(
+            "across",
+            "1 to 1000",
+            ONE_OF,
+            "Number of cells along the largest extent of the surface, instead of `cell`.",
+        ),
+        key(
+            "grade",
+            "1, 2, 4 or 8",
+            "1",
+            "Edge of the largest cells deep inside, as a multiple of those at the surface.",
+        ),
+        key(
+            "thickness",
+            "m, > 0",
+            "(the whole inside)",
+            "Thickness of a shell below the surface; what is deeper stays empty.",
+        ),
+        key("box", "[[x, y, z], [x, y, z]], m", ONE_OF, "Least and greatest corner of a box."),
+        key(
+            "cells",
+            "[i, j, k]",
+            "(required of a box)",
+            "Number of cells of a box along each axis; six tetrahedra each.",
+        ),
+    ],
+};
+
+/// Keys of `material = { .. }`.
+pub const MATERIAL: TableKeys = TableKeys {
+    heading: "material = { .. }",
+    meaning: "An isotropic elastic material. In a region, what is left out is the body's.",
+    keys: &[
+        key(
+            "law",
+            "`\"corotational\"` or `\"neo-hookean\"`",
+            "\"corotational\"",
+            "The material law: corotational linear elasticity, or a stable neo-Hookean law for great stretches.",
+        ),
+        key("young", "Pa, > 0", REQUIRED, "Young's modulus."),
+        key("poisson", "-0.5 to below 0.5", REQUIRED, "Poisson's ratio."),
+        key("density", "kg/m^3, > 0", REQUIRED, "Density."),
+        key("damping_mass", "1/s, >= 0", "0.0", "Rayleigh damping by mass."),
+        key("damping_stiffness", "s, >= 0", "0.0", "Rayleigh damping by stiffness."),
+    ],
+};
+
+/// Keys of `[[body.region]]`.
+pub const REGION: TableKeys = TableKeys {
+    heading: "[[body.region]]",
+    meaning: "Tetrahedra with a material of their own. Of regions that name the same tetrahedron the first has it.",
+    keys: &[
+        key(
+            "group",
+            "a name or a number",
+            ONE_OF,
+            "A group of the layer's file: a physical group of volumes of Gmsh, the first attribute of TetGen, or the \
+             cell data `group` of VTK (else its first array of whole numbers).",
+        ),
+        key("box", "[[x, y, z], [x, y, z]], m", ONE_OF, "The tetrahedra whose centroid lies in a box."),
+        key("sphere", "[x, y, z, r], m", ONE_OF, "The tetrahedra whose centroid lies in a sphere."),
+        key("material", "table", REQUIRED, "The material of the region."),
+    ],
+};
+
+/// Keys of `[[body.core]]`.
+pub const CORE: TableKeys = TableKeys {
+    heading: "[[body.core]]",
+    meaning: "A rigid part of a soft body, with the nodes of the layer that are attached to it. Of cores that name the \
+             same node the first has it.",
+    keys: &[
+        key("name", "a name", REQUIRED, "Name of the core; with the name of a bone it says how that bone moves."),
+        key(
+            "motion",
+            "`\"fixed\"`, `\"driven\"` or `\"dynamic\"`",
+            "\"fixed\"",
+            "How the core moves: not at all, kinematically by `keys`, or by forces.",
+        ),
+        key(
+            "keys",
+            "array of [t, x, y, z] or [t, x, y, z, qx, qy, qz, qw], or `\"FILE.csv\"`",
+            "(required of what is driven)",
+            "Poses of the body's frame over time (s, m, unit quaternion): a key that equals the body's `position` and \
+             `orientation` is the core's place at rest.",
+        ),
+        key("mass", "kg, > 0", "(that of the attached nodes)", "Mass of a dynamic core."),
+        key("hinge", "table", "(none)", "A line fixed in the world about which a dynamic core turns, its only motion."),
+        key("bind", "table", "(required unless the core is a bone)", "Which nodes are attached."),
+    ],
+};
+
+/// Keys of `hinge = { .. }`.
+pub const HINGE: TableKeys = TableKeys {
+    heading: "hinge = { .. }",
+    meaning: "A line fixed in the world.",
+    keys: &[
+        key("point", "[x, y, z], m", REQUIRED, "A point of the line, in the coordinates of `bind`."),
+        key("axis", "[x, y, z]", REQUIRED, "Direction of the line, in the coordinates of `bind`."),
+    ],
+};
+
+/// Keys of `bind = { .. }`.
+pub const BIND: TableKeys = TableKeys {
+    heading: "bind = { .. }",
+    meaning: "The nodes that are attached to a core.",
+    keys: &[
+        key("inset", "m, >= 0", ONE_OF, "Nodes that lie at least so deep below the surface."),
+        key("box", "[[x, y, z], [x, y, z]], m", ONE_OF, "Nodes in a box."),
+        key("sphere", "[x, y, z, r], m", ONE_OF, "Nodes in a sphere."),
+        key("nodes", "array of numbers", ONE_OF, "Nodes by their number in the layer's file, from 0."),
+        key("all", "true", ONE_OF, "All nodes."),
+    ],
+};
+
+/// Keys of `[[body.joint]]`.
+pub const JOINT: TableKeys = TableKeys {
+    heading: "[[body.joint]]",
+    meaning: "A ball joint between two cores, one of them dynamic. Joints between dynamic cores must not form loops.",
+    keys: &[
+        key("cores", "two names", REQUIRED, "The two cores; the second turns about the first."),
+        key("point", "[x, y, z], m", REQUIRED, "Where they are joined, in the coordinates of `bind`."),
+        key(
+            "axis",
+            "[x, y, z]",
+            "(required with `swing` or `twist`)",
+            "Direction along the second core, in the coordinates of `bind`.",
+        ),
+        key("stiffness", "N m/rad, >= 0", "0.0", "Stiffness towards the pose at rest."),
+        key("damping", "N m s/rad, >= 0", "0.0", "Damping of the relative rotation."),
+        key("swing", "rad, > 0, < pi", "(no limit)", "How far the axis may turn from its direction at rest."),
+        key("twist", "rad, > 0, < pi", "(no limit)", "How far the second core may turn about the axis, either way."),
+    ],
+};
+
+/// Keys of `[tool]`.
+pub const TOOL: TableKeys = TableKeys {
+    heading: "[tool]",
+    meaning: "The rigid body that the haptic device leads, or a body of the scene that it holds.",
+    keys: &[
+        key("sphere", "m, > 0", ONE_OF, "Radius of a sphere."),
+        key("surface", "`\"FILE.obj\"` or, from a program, `{ mesh = \"..\" }`", ONE_OF, "A closed surface mesh."),
+        key(
+            "body",
+            "a name",
+            ONE_OF,
+            "A body of the scene, held by its first core, which must be dynamic; with this key the table has no \
+             other.",
+        ),
+        key("mass", "kg, > 0", "(required, except with `body`)", "Mass, spread evenly over the volume."),
+        key(
+            "position",
+            "[x, y, z], m",
+            "[0.0, 0.0, 0.0]",
+            "Where the centre of mass (of a sphere) or the file's origin (of a mesh) lies at the start.",
+        ),
+        key("orientation", "[x, y, z, w], unit quaternion", "[0.0, 0.0, 0.0, 1.0]", "Orientation at the start."),
+        key("velocity", "[x, y, z], m/s", "[0.0, 0.0, 0.0]", "Velocity at the start."),
+        key("scale", "> 0", "1.0", "Uniform scale of the file's coordinates."),
+        key("repair", "true or false", "true", "Whether a faulty surface file is repaired; otherwise it is refused."),
+    ],
+};
+
+/// Keys of `[coupling]`.
+pub const COUPLING: TableKeys = TableKeys {
+    heading: "[coupling]",
+    meaning: "The virtual coupling: a spring and a damper between the haptic device and the tool. In a session with a \
+             device these are upper bounds; the loop lowers them to what the device renders stably.",
+    keys: &[
+        key("stiffness", "N/m, >= 0", REQUIRED, "Stiffness of the spring."),
+        key("damping", "N s/m, >= 0", REQUIRED, "Damping."),
+        key("angular_stiffness", "N m/rad, >= 0", "0.0", "Stiffness of the relative rotation."),
+        key("angular_damping", "N m s/rad, >= 0", "0.0", "Damping of the relative rotation."),
+    ],
+};
+
+/// Keys of `[drive]`.
+pub const DRIVE: TableKeys = TableKeys {
+    heading: "[drive]",
+    meaning: "The reference trajectory: the pose of the haptic device over time, interpolated linearly (rotations \
+             spherically) and held at the ends. A run lasts until its last key.",
+    keys: &[
+        key("keys", "array of [t, x, y, z] or [t, x, y, z, qx, qy, qz, qw]", ONE_OF, "Poses (s, m, unit quaternion)."),
+        key("path", "`\"FILE.csv\"`", ONE_OF, "A CSV file of such rows; a first row without any number is a heading."),
+    ],
+};
+
+/// Keys of `[haptics]`.
+pub const HAPTICS: TableKeys = TableKeys {
+    heading: "[haptics]",
+    meaning: "The haptic loop, used where a device holds the tool in real time.",
+    keys: &[
+        key(
+            "device",
+            "`\"scripted\"`, `\"hand\"`, `\"replay\"` or `\"haply\"`",
+            "\"scripted\"",
+            "What holds the tool: the keys of `[drive]`, a simulated human who means to follow them, a recording, or \
+             an Inverse3 or Minverse of Haply. All but `scripted` start a session without `--haptics`.",
+        ),
+        key(
+            "profile",
+            "a name (see the profiles of devices)",
+            "(the device's own)",
+            "Limits and abilities of the device. For a Haply it may only lower the device's own.",
+        ),
+        key("rate", "Hz, 50 to 4000", "1000.0", "Force updates per second."),
+        key(
+            "max_force",
+            "N, > 0",
+            "(the profile's)",
+            "Greatest force; as the next four it may only lower what the profile allows.",
+        ),
+        key("max_torque", "N m, > 0", "(the profile's)", "Greatest torque."),
+        key(
+            "max_slew",
+            "N/s, > 0",
+            "(from zero to the greatest force in 4 ms)",
+            "Greatest rate of change of the force.",
+        ),
+        key(
+            "workspace",
+            "m, > 0",
+            "(the profile's)",
+            "Radius of the workspace about the place where the device was opened.",
+        ),
+        key("watchdog", "s, > 0", "(1 s)", "Age of the newest wrench beyond which the force fades to zero."),
+        key(
+            "local_model",
+            "true or false",
+            "true",
+            "Whether the force follows the local contact model of the newest wrench between two steps; otherwise the \
+             raw force is held.",
+        ),
+        key(
+            "trust",
+            "m, > 0",
+            "0.002",
+            "Distance from the tool's place in the newest wrench up to which the local model is followed.",
+        ),
+        key(
+            "passivity",
+            "true or false",
+            "true",
+            "Whether the passivity controller acts; otherwise energy is only observed.",
+        ),
+        key(
+            "longest_step",
+            "s, > 0",
+            "0.02",
+            "Longest time step of the simulation in a session. Steps are the shortest that last as long as they take \
+             to compute; where that is longer than this, bodies move slower than in real time.",
+        ),
+        key("hand", "table", "(its defaults)", "The simulated human, for `device = \"hand\"`."),
+        key("haply", "table", "(its defaults)", "The service of a Haply device, for `device = \"haply\"`."),
+        key("recording", "`\"FILE\"`", "(none)", "The recorded session, for `device = \"replay\"`."),
+    ],
+};
+
+/// Keys of `hand = { .. }`.
+pub const HAND: TableKeys = TableKeys {
+    heading: "hand = { .. }",
+    meaning: "The simulated human: a mass on a spring and a damper whose other end follows `[drive]`, and the \
+             mechanism that it holds.",
+    keys: &[
+        key("mass", "kg, 0.001 to 10", "0.15", "Mass of hand and mechanism."),
+        key("stiffness", "N/m, 0 to 1e5", "300.0", "Stiffness of the arm."),
+        key("damping", "N s/m, 0 to 1000", "5.0", "Damping of the arm."),
+        key("device_damping", "N s/m, 0 to 1000", "0.5", "Viscous friction of the mechanism."),
+        key("friction", "N, 0 to 100", "0.05", "Coulomb friction of the mechanism."),
+        key("inertia", "kg m^2, 1e-6 to 1", "0.001", "Moment of inertia of hand and mechanism."),
+        key("angular_stiffness", "N m/rad, 0 to 1000", "2.0", "Angular stiffness of the arm."),
+        key("angular_damping", "N m s/rad, 0 to 10", "0.04", "Angular damping of the arm."),
+        key("quantum", "m, 0 to 0.01", "2e-5", "Resolution of the encoder."),
+        key("delay", "s, 0 to 1", "0.0", "Delay of the readings, a whole number of 0.1 ms."),
+    ],
+};
+
+/// Keys of `haply = { .. }`.
+pub const HAPLY: TableKeys = TableKeys {
+    heading: "haply = { .. }",
+    meaning: "How to reach Haply's Inverse service.",
+    keys: &[
+        key(
+            "address",
+            "`\"ws://HOST:PORT\"`",
+            "\"ws://localhost:10001\"",
+            "Address of the service; it must be on this machine.",
+        ),
+        key("trust_remote", "true or false", "false", "Whether the service may be on another machine."),
+        key("device_id", "text", "(the first device)", "Id of the device."),
+        key(
+            "force_key",
+            "`\"vector\"` or `\"values\"`",
+            "(by the service's version)",
+            "Key under which forces are sent: `vector` from version 3.5 of the service on, `values` before.",
+        ),
+    ],
+};
+
+/// Keys of `[[probe]]`.
+pub const PROBE: TableKeys = TableKeys {
+    heading: "[[probe]]",
+    meaning: "A skin vertex whose path is written into the trace.",
+    keys: &[
+        key("name", "a name", REQUIRED, "Begins the names of its columns."),
+        key("body", "a name", REQUIRED, "The body whose skin it is on."),
+        key("nearest", "[x, y, z], m", REQUIRED, "The vertex nearest to this point."),
+    ],
+};
+
+/// Keys of `the skeleton file`.
+pub const SKELETON: TableKeys = TableKeys {
+    heading: "The skeleton file",
+    meaning: "The file that the key `skeleton` of a body names.",
+    keys: &[key("bone", "array of tables", REQUIRED, "The bones, parents before children.")],
+};
+
+/// Keys of `[[bone]]`.
+pub const BONE: TableKeys = TableKeys {
+    heading: "[[bone]]",
+    meaning: "A bone: a capsule in the coordinates of `bind`; the nodes in it are attached to it, and where capsules \
+             overlap to the bone whose axis is nearest, relative to its radius there. A dynamic bone and its parent \
+             share a ball joint.",
+    keys: &[
+        key("name", "a name", REQUIRED, "Name of the bone."),
+        key("parent", "a name", "(none: a root)", "A bone before this one."),
+        key("joint", "[x, y, z], m", REQUIRED, "Where the bone turns about its parent."),
+        key("ends", "[[x, y, z], [x, y, z]], m", REQUIRED, "Ends of the capsule's axis."),
+        key("radius", "m, > 0", ONE_OF, "Radius of the capsule."),
+        key("radii", "[r, r], m", ONE_OF, "Radii at the two ends."),
+        key("stiffness", "N m/rad, >= 0", "0.0", "Stiffness towards the pose at rest."),
+        key("damping", "N m s/rad, >= 0", "0.0", "Damping of the relative rotation."),
+        key("swing", "rad, > 0, < pi", "(no limit)", "How far the axis may turn from its direction at rest."),
+        key("twist", "rad, > 0, < pi", "(no limit)", "How far the second core may turn about the axis, either way."),
+    ],
+};
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+    use std::path::Path;
+
+    use super::*;
+    use crate::Scene;
+
+    /// Scenes in which `@` stands where the keys of a table go; a table may have several, since some keys exclude each
+    /// other. Inline tables have `, @` after another key.
+    const SCENES: [(&TableKeys, &[&str]); 13] = [
+        (&STEP, &["[step]\n@"]),
+        (&SOLVER, &["[solver]\n@"]),
+        (&CONTACT, &["[contact]\n@"]),
+        (
+            &BODY,
+            &[
+                "[[body]]\nname = \"b\"\nlayer = { box = [[0, 0, 0], [1, 1, 1]], cells = [1, 1, 1] }\n\
+                 material = { young = 1, poisson = 0, density = 1 }\nskeleton = \"bones.toml\"\n@",
+                "[[body]]\nname = \"b\"\nsurface = \"ball.obj\"\n@",
+            ],
+        ),
+        (
+            &LAYER,
+            &["[[body]]\nname = \"b\"\nsurface = { model = \"head\" }\nlayer = { cell = 0.1, @ }\n\
+              material = { young = 1, poisson = 0, density = 1 }"],
+        ),
+        (
+            &MATERIAL,
+            &["[[body]]\nname = \"b\"\nlayer = { box = [[0, 0, 0], [1, 1, 1]], cells = [1, 1, 1] }\n\
+              material = { young = 1, poisson = 0, density = 1, @ }"],
+        ),
+        (
+            &CORE,
+            &["[[body]]\nname = \"b\"\nlayer = { box = [[0, 0, 0], [1, 1, 1]], cells = [1, 1, 1] }\n\
+              material = { young = 1, poisson = 0, density = 1 }\n\
+              [[body.core]]\nname = \"c\"\nbind = { all = true }\n@"],
+        ),
+        (
+            &JOINT,
+            &["[[body]]\nname = \"b\"\nlayer = { box = [[0, 0, 0], [1, 1, 1]], cells = [1, 1, 1] }\n\
+              material = { young = 1, poisson = 0, density = 1 }\n\
+              [[body.core]]\nname = \"c\"\nmotion = \"dynamic\"\nbind = { all = true }\n\
+              [[body.core]]\nname = \"d\"\nmotion = \"dynamic\"\nbind = { all = true }\n\
+              [[body.joint]]\ncores = [\"c\", \"d\"]\npoint = [0, 0, 0]\n@"],
+        ),
+        (&TOOL, &["[tool]\nsphere = 1\nmass = 1\n@", "[tool]\nsurface = \"ball.obj\"\nmass = 1\n@"]),
+        (&COUPLING, &["[tool]\nsphere = 1\nmass = 1\n[coupling]\nstiffness = 1\ndamping = 1\n@"]),
+        (&HAPTICS, &["[haptics]\n@"]),
+        (
+            &HAND,
+            &["[haptics]\ndevice = \"hand\"\nhand = { mass = 0.15, @ }", "[haptics]\ndevice = \"hand\"\nhand = { @ }"],
+        ),
+        (&HAPLY, &["[haptics]\ndevice = \"haply\"\nhaply = { @ }"]),
+    ];
+
+    fn read(folder: &Path, template: &str, key: &str) -> Option<String> {
+        let ground = "\n[[body]]\nname = \"ground\"\nplane = [0, 1, 0, 0]\n";
+        let tool = "[tool]\nsphere = 1\nmass = 1\n[coupling]\nstiffness = 1\ndamping = 1\n";
+        let rest = format!("{ground}{}", if template.contains("[tool]") { "" } else { tool });
+        let text = if key.is_empty() { template.replace(", @", "") } else { template.to_owned() };
+        let scene = Scene::parse(&folder.join("scene.toml"), &(text.replace('@', key) + &rest));
+        scene.ok().map(|scene| format!("{scene:?}"))
+    }
+
+    #[test]
+    fn a_key_that_is_given_its_default_changes_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let skeleton = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/human-skeleton.toml");
+        std::fs::copy(skeleton, folder.path().join("bones.toml")).unwrap();
+        std::fs::write(folder.path().join("ball.obj"), "").unwrap();
+        let read = |template: &str, key: &str| read(folder.path(), template, key);
+        let mut checked = 0;
+        for (table, templates) in SCENES {
+            for key in table.keys.iter().filter(|key| !key.default.starts_with('(')) {
+                let line = format!("{} = {}", key.name, key.default);
+                let pairs = templates.iter().filter_map(|template| Some((read(template, "")?, read(template, &line)?)));
+                let pairs: Vec<_> = pairs.collect();
+                assert!(!pairs.is_empty(), "{}: `{line}` is refused", table.heading);
+                for (without, with) in pairs {
+                    assert_eq!(without, with, "{}: `{line}` changes the scene", table.heading);
+                }
+                checked += 1;
+            }
+        }
+        let defaults = TABLES.iter().flat_map(|table| table.keys).filter(|key| !key.default.starts_with('('));
+        // The limits of a bone are those of a joint: two keys with defaults; its scene is a file of its own.
+        assert_eq!(checked + 2, defaults.count());
+    }
+
+    #[test]
+    fn tables_and_keys_are_listed_once() {
+        let headings: HashSet<&str> = TABLES.iter().map(|table| table.heading).collect();
+        assert_eq!(headings.len(), TABLES.len());
+        for table in TABLES {
+            let names: HashSet<&str> = table.names().into_iter().collect();
+            assert_eq!(names.len(), table.keys.len(), "{}", table.heading);
+            assert!(table.keys.iter().all(|key| !key.meaning.is_empty() && !key.value.is_empty()), "{}", table.heading);
+        }
+    }
+}
