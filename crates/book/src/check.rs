@@ -108,7 +108,8 @@ pub fn problems(root: &Path) -> io::Result<Vec<String>> {
     let of_book = |name: &Path| name.starts_with("docs") && name != Path::new(SUMMARY);
     for (name, page) in pages.iter().filter(|(name, _)| of_book(name)) {
         if !page.paragraphs.first().is_some_and(|text| text.starts_with(AUDIENCE)) {
-            problems.push(format!("{}: does not begin with \"{AUDIENCE}..\": say whom the page is for", name.display()));
+            problems
+                .push(format!("{}: does not begin with \"{AUDIENCE}..\": say whom the page is for", name.display()));
         }
     }
     let front = pages.get(Path::new("README.md")).map(sentences).unwrap_or_default();

@@ -2,11 +2,16 @@
 //! is resized, hidden and closed.
 #![cfg(all(unix, feature = "view"))]
 
+#[allow(dead_code, reason = "shared with the test of the book")]
+#[path = "display/mod.rs"]
+mod display;
+
 use std::fs;
-use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Child, Command};
+use std::time::Duration;
+
+use display::Display;
 
 /// A scene with a ball of 50 g, the tool, close above a soft block.
 const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
@@ -16,90 +21,6 @@ const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block
     [tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.053, 0.0]\n\
     [coupling]\nstiffness = 500.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.005\n\
     [drive]\nkeys = [[0.0, 0.0, 0.053, 0.0], [0.1, 0.0, 0.043, 0.0]]\n";
-
-/// Longest wait of a test.
-const PATIENCE: Duration = Duration::from_secs(90);
-
-/// An X server without a screen, which ends when this is dropped.
-struct Display {
-    server: Child,
-    name: String,
-}
-
-impl Display {
-    fn start() -> Display {
-        // The server finds a free display number itself, and prints it.
-        let mut server = Command::new("Xvfb")
-            // Without -noreset the server restarts whenever its last client leaves, and refuses clients meanwhile.
-            .args(["-displayfd", "1", "-noreset", "-screen", "0", "1280x1024x24", "-nolisten", "tcp"])
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("Xvfb is installed by setup.sh");
-        let mut said = server.stdout.take().unwrap();
-        let mut number = String::new();
-        while !number.ends_with('\n') {
-            let mut byte = [0];
-            assert_eq!(said.read(&mut byte).unwrap(), 1, "Xvfb does not start");
-            number.push(byte[0].into());
-        }
-        let display = Display { server, name: format!(":{}", number.trim()) };
-        // The server prints its number a moment before it accepts clients.
-        let answers = || {
-            let asked = Command::new("xdotool").arg("getdisplaygeometry").env("DISPLAY", &display.name).output();
-            asked.expect("xdotool is installed by setup.sh").status.success()
-        };
-        let begun = Instant::now();
-        while !answers() {
-            assert!(begun.elapsed() < PATIENCE, "Xvfb accepts no clients");
-            std::thread::sleep(Duration::from_millis(20));
-        }
-        display
-    }
-
-    fn program(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
-        command.args(arguments).env("DISPLAY", &self.name).env_remove("WAYLAND_DISPLAY");
-        // The program uses no input method and no other display.
-        command.env("XMODIFIERS", "@im=none").stdout(Stdio::piped()).stderr(Stdio::piped());
-        command
-    }
-
-    fn xdotool(&self, arguments: &[&str]) -> String {
-        let output = Command::new("xdotool").args(arguments).env("DISPLAY", &self.name).output();
-        let output = output.expect("xdotool is installed by setup.sh");
-        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).unwrap().trim().into()
-    }
-
-    /// Waits for the window with this title; returns its id.
-    fn window(&self, title: &str, program: &mut Child) -> String {
-        let begun = Instant::now();
-        loop {
-            let found = Command::new("xdotool").args(["search", "--name", title]).env("DISPLAY", &self.name).output();
-            let ids = String::from_utf8(found.unwrap().stdout).unwrap();
-            if let Some(id) = ids.lines().next() {
-                return id.into();
-            }
-            if let Some(status) = program.try_wait().unwrap() {
-                let mut text = String::new();
-                program.stderr.take().unwrap().read_to_string(&mut text).unwrap();
-                panic!("the program ended with {status}: {text}");
-            }
-            assert!(begun.elapsed() < PATIENCE, "the window did not appear");
-            std::thread::sleep(Duration::from_millis(50));
-        }
-    }
-}
-
-impl Drop for Display {
-    fn drop(&mut self) {
-        // The server is asked to end and not killed, so that it removes its socket and lock, and its number is free
-        // again.
-        let _ = Command::new("kill").arg(self.server.id().to_string()).status();
-        let _ = self.server.wait();
-    }
-}
 
 fn scene(folder: &Path) -> PathBuf {
     let file = folder.join("scene.toml");

@@ -1,0 +1,283 @@
+//! Executes README.md and the book in docs/: every command of their `sh` blocks runs, every `toml` block is read, and
+//! every command in running text names subcommands and options that exist.
+//!
+//! The commands of a page run one block after the other in one folder that looks like the root of the repository. A
+//! block that begins with `# file: NAME` or `// file: NAME` becomes that file first. In blocks `sh,hardware` each command
+//! must fail because the haptic device is missing. What would build the repository again is replaced (see `stand_ins`):
+//! `.ci/run` executes these commands themselves.
+#![cfg(all(unix, feature = "view"))]
+
+#[allow(dead_code, reason = "shared with the tests of the window")]
+#[path = "../display/mod.rs"]
+mod display;
+#[allow(dead_code, reason = "shared with the tests of the C interface")]
+#[path = "../../../capi/tests/ffi_help/mod.rs"]
+mod ffi_help;
+
+use std::collections::HashMap;
+use std::fmt::Write;
+use std::fs;
+use std::os::unix::fs::{PermissionsExt, symlink};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use display::Display;
+use ffi_help::{library, root};
+use pulldown_cmark::{CodeBlockKind, Event, Parser, Tag, TagEnd};
+
+/// Parts of the repository that commands may name.
+const SEEN: [&str; 8] = ["assets", "examples", "docs", "crates", "src", "vk-tests", "Cargo.toml", "README.md"];
+/// Rings and sectors of the closed surface `my-organ.obj`, and its radius, m.
+const ORGAN: (u32, u32, f64) = (40, 50, 0.025);
+/// What the message about a missing haptic device contains.
+const NO_DEVICE: &str = "haptics.haply";
+
+/// A fenced block of code, or a command in running text.
+struct Code {
+    /// The words after the fence, such as `sh` or `sh,hardware`; empty for code in running text.
+    kind: String,
+    text: String,
+}
+
+struct Page {
+    name: String,
+    blocks: Vec<Code>,
+    spans: Vec<String>,
+}
+
+fn page(file: &Path) -> Page {
+    let text = fs::read_to_string(file).unwrap();
+    let name = file.strip_prefix(root()).unwrap_or(file).display().to_string();
+    let mut page = Page { name, blocks: Vec::new(), spans: Vec::new() };
+    let mut open: Option<Code> = None;
+    for event in Parser::new(&text) {
+        match event {
+            Event::Start(Tag::CodeBlock(kind)) => {
+                let kind = match kind {
+                    CodeBlockKind::Fenced(words) => words.to_string(),
+                    CodeBlockKind::Indented => String::new(),
+                };
+                open = Some(Code { kind, text: String::new() });
+            }
+            Event::End(TagEnd::CodeBlock) => page.blocks.extend(open.take()),
+            Event::Text(text) => open.iter_mut().for_each(|code| code.text.push_str(&text)),
+            Event::Code(span) => page.spans.push(span.to_string()),
+            _ => {}
+        }
+    }
+    page
+}
+
+fn markdown(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            markdown(&path, found);
+        } else if path.extension().is_some_and(|end| end == "md") {
+            found.push(path);
+        }
+    }
+}
+
+/// README.md, CONTRIBUTING.md and all pages of the book.
+fn pages() -> Vec<Page> {
+    let mut files: Vec<PathBuf> = ["README.md", "CONTRIBUTING.md"].map(|name| root().join(name)).into();
+    markdown(&root().join("docs"), &mut files);
+    files.sort();
+    files.iter().filter(|file| file.exists()).map(|file| page(file)).collect()
+}
+
+impl Code {
+    fn is(&self, kind: &str) -> bool {
+        self.kind.split([',', ' ']).next() == Some(kind)
+    }
+
+    /// The file that the block becomes, if its first line names one.
+    fn file(&self) -> Option<&str> {
+        let first = self.text.lines().next()?;
+        ["# file: ", "// file: "].iter().find_map(|start| first.strip_prefix(start)).map(str::trim)
+    }
+}
+
+fn executable(file: &Path, text: &str) {
+    fs::write(file, text).unwrap();
+    fs::set_permissions(file, fs::Permissions::from_mode(0o755)).unwrap();
+}
+
+fn organ() -> String {
+    let (rings, sectors, radius) = ORGAN;
+    let mut text = String::new();
+    let at = |ring: u32, sector: u32| {
+        let (polar, around) = (
+            std::f64::consts::PI * f64::from(ring) / f64::from(rings),
+            std::f64::consts::TAU * f64::from(sector) / f64::from(sectors),
+        );
+        [polar.sin() * around.cos(), polar.cos(), -polar.sin() * around.sin()].map(|x| x * radius)
+    };
+    for ring in 1..rings {
+        for sector in 0..sectors {
+            let [x, y, z] = at(ring, sector);
+            writeln!(text, "v {x:.6} {y:.6} {z:.6}").unwrap();
+        }
+    }
+    writeln!(text, "v 0 {radius} 0\nv 0 -{radius} 0").unwrap();
+    let index = |ring: u32, sector: u32| (ring - 1) * sectors + sector % sectors + 1;
+    let (top, bottom) = ((rings - 1) * sectors + 1, (rings - 1) * sectors + 2);
+    for sector in 0..sectors {
+        writeln!(text, "f {top} {} {}", index(1, sector), index(1, sector + 1)).unwrap();
+        writeln!(text, "f {bottom} {} {}", index(rings - 1, sector + 1), index(rings - 1, sector)).unwrap();
+        for ring in 1..rings - 1 {
+            let [a, b] = [index(ring, sector), index(ring, sector + 1)];
+            let [c, d] = [index(ring + 1, sector), index(ring + 1, sector + 1)];
+            writeln!(text, "f {a} {c} {d}\nf {a} {d} {b}").unwrap();
+        }
+    }
+    text
+}
+
+/// Scripts in `bin`, first on the path, and at the root of `folder`, that stand in for what commands name:
+/// - `palpate` is the program of this build; `view` shows two steps, since nobody closes its window;
+/// - `cargo run --release -- ..` is that program; other calls of cargo, which would build the repository again, only have
+///   their tests' and packages' names checked;
+/// - `setup.sh` does nothing, and `install.sh` installs what is built;
+/// - `sbatch` runs the tasks 1 and 2 of an array, one after the other.
+fn stand_ins(folder: &Path, bin: &Path) {
+    let program = env!("CARGO_BIN_EXE_palpate");
+    let repository = root().canonicalize().unwrap();
+    let repository = repository.display();
+    executable(
+        &bin.join("palpate"),
+        &format!(
+            "#!/bin/bash\nif [ \"${{1-}}\" = view ]; then\n  case \" $* \" in *' --steps '*) ;; *) set -- \"$@\" --steps 2 ;; esac\nfi\n\
+             exec {program} \"$@\"\n"
+        ),
+    );
+    executable(
+        &bin.join("cargo"),
+        &format!(
+            "#!/bin/bash\ncase \"$1 ${{2-}} ${{3-}}\" in\n  'run --release --') shift 3; exec palpate \"$@\" ;;\n  \
+             'run --release -p') [ -d \"{repository}/crates/${{4#palpate-}}\" ] || {{ echo \"cargo: no package $4\" >&2; exit 1; }} ;;\n  \
+             fmt*|test*|doc*|clippy*|build*|check*)\n    while [ $# -gt 0 ]; do\n      case $1 in\n        \
+             --test) ls {repository}/{{tests,crates/*/tests}}/\"$2\"{{.rs,/main.rs}} 2>/dev/null | grep -q . || [ \"$2\" = vk-tests ] \
+             || {{ echo \"cargo: no test $2\" >&2; exit 1; }} ;;\n        \
+             -p) [ \"$2\" = palpate ] || [ -d \"{repository}/crates/${{2#palpate-}}\" ] || {{ echo \"cargo: no package $2\" >&2; exit 1; }} ;;\n      \
+             esac\n      shift\n    done ;;\n  *) echo \"cargo $*: executed by nothing\" >&2; exit 1 ;;\nesac\n"
+        ),
+    );
+    executable(
+        &bin.join("sbatch"),
+        "#!/bin/bash\nfor last; do :; done\nfor task in 1 2; do SLURM_ARRAY_TASK_ID=$task bash -euc \"$last\"; done\n",
+    );
+    executable(&folder.join("setup.sh"), "#!/bin/bash\n");
+    let built = bin.join("built");
+    fs::create_dir(&built).unwrap();
+    for file in [PathBuf::from(program), library().join("libpalpate_capi.so"), library().join("libpalpate_capi.a")] {
+        symlink(&file, built.join(file.file_name().unwrap())).unwrap();
+    }
+    let install = format!(
+        "#!/bin/bash\nprefix=target/install\n[ \"${{1-}}\" = --prefix ] && prefix=$2\nmkdir -p \"$prefix\"\n\
+         exec {repository}/install.sh --prefix \"$(realpath \"$prefix\")\" --built {}\n",
+        built.display()
+    );
+    executable(&folder.join("install.sh"), &install);
+}
+
+/// Runs a page's blocks; returns what went wrong.
+fn run(page: &Page, display: &Display, cache: &Path) -> Result<(), String> {
+    let place = tempfile::tempdir().unwrap();
+    let (folder, bin) = (place.path().join("palpate"), place.path().join("bin"));
+    fs::create_dir(&folder).unwrap();
+    fs::create_dir(&bin).unwrap();
+    for name in SEEN {
+        symlink(root().canonicalize().unwrap().join(name), folder.join(name)).unwrap();
+    }
+    fs::write(folder.join("my-organ.obj"), organ()).unwrap();
+    stand_ins(&folder, &bin);
+    let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
+    for block in &page.blocks {
+        if let Some(file) = block.file() {
+            let file = folder.join(file);
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::write(file, &block.text).unwrap();
+            continue;
+        }
+        if !block.is("sh") {
+            continue;
+        }
+        let mut command = Command::new("bash");
+        command.args(["-e", "-u", "-o", "pipefail", "-c", &block.text]).current_dir(&folder);
+        command.env("PATH", &path).env("HOME", place.path()).env("PALPATE_CACHE", cache);
+        command.env("DISPLAY", display.name()).env_remove("WAYLAND_DISPLAY").env("XMODIFIERS", "@im=none");
+        let done = command.output().unwrap();
+        let said = [&done.stdout[..], &done.stderr[..]].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+        let said = said.join("\n");
+        let as_expected = match block.kind.contains("hardware") {
+            true => !done.status.success() && said.contains(NO_DEVICE),
+            false => done.status.success(),
+        };
+        if !as_expected {
+            return Err(format!("{}: {}\n{}\n{said}", page.name, done.status, block.text));
+        }
+    }
+    Ok(())
+}
+
+#[test]
+#[ignore = "long: it runs every command of the book"]
+fn every_command_of_readme_and_book_succeeds() {
+    let (display, cache) = (Display::start(), tempfile::tempdir().unwrap());
+    let only = std::env::var("PALPATE_PAGE").unwrap_or_default();
+    let mut failures = Vec::new();
+    for page in pages().iter().filter(|page| page.name.contains(&only)) {
+        let begun = Instant::now();
+        failures.extend(run(page, &display, cache.path()).err());
+        println!("{:5.1} s {}", begun.elapsed().as_secs_f64(), page.name);
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n\n"));
+}
+
+/// Subcommands and options that the program's help lists, for each subcommand.
+fn options(subcommand: &str, known: &mut HashMap<String, Option<String>>) -> Option<String> {
+    let ask = || {
+        let done = Command::new(env!("CARGO_BIN_EXE_palpate")).args([subcommand, "--help"]).output().unwrap();
+        done.status.success().then(|| String::from_utf8(done.stdout).unwrap())
+    };
+    known.entry(subcommand.into()).or_insert_with(ask).clone()
+}
+
+/// What is wrong with a command line: a subcommand or an option that does not exist.
+fn unknown(command: &str, known: &mut HashMap<String, Option<String>>) -> Option<String> {
+    let rest = command.strip_prefix("palpate ").or_else(|| command.strip_prefix("cargo run --release -- "))?;
+    let mut words = rest.split_whitespace();
+    let subcommand = words.next().filter(|word| word.starts_with(|c: char| c.is_ascii_lowercase()))?;
+    let Some(help) = options(subcommand, known) else { return Some(format!("there is no `palpate {subcommand}`")) };
+    let options = words.filter_map(|word| word.trim_matches(['[', ']']).strip_prefix("--"));
+    let name = |option: &str| option.split(['=', '[', '`', ',', ']']).next().unwrap_or_default().to_owned();
+    options
+        .map(name)
+        .find(|option| !option.is_empty() && !help.contains(&format!("--{option}")))
+        .map(|option| format!("`palpate {subcommand}` has no option --{option}"))
+}
+
+#[test]
+fn code_of_readme_and_book_is_sound() {
+    let mut known = HashMap::new();
+    let mut problems = Vec::new();
+    for page in pages() {
+        let mut wrong = |what: String| problems.push(format!("{}: {what}", page.name));
+        for block in &page.blocks {
+            if block.is("toml") {
+                if let Err(error) = block.text.parse::<toml::Table>() {
+                    wrong(format!("{error}\n{}", block.text));
+                }
+            } else if ["c", "cpp", "python"].iter().any(|kind| block.is(kind)) && block.file().is_none() {
+                wrong(format!("no command can use this block, since its first line names no file:\n{}", block.text));
+            } else if !["sh", "text", "c", "cpp", "python", "rust", "csv", "json"].iter().any(|kind| block.is(kind)) {
+                wrong(format!("a block of the unknown kind \"{}\":\n{}", block.kind, block.text));
+            }
+        }
+        page.spans.iter().filter_map(|span| unknown(span, &mut known)).for_each(&mut wrong);
+    }
+    assert!(problems.is_empty(), "{}", problems.join("\n"));
+}
