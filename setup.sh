@@ -1,13 +1,25 @@
 #!/usr/bin/env bash
-# Installs what a bare Debian or Ubuntu machine lacks to build, run and test palpate: a Vulkan loader with Mesa's
-# drivers (lavapipe among them), the validation layers, the GLSL compiler, what the tests of the C ABI compile and look
-# with, what a window is opened with, and a display for its tests. Silent when nothing is missing.
+# Installs what a bare Debian or Ubuntu machine lacks:
+#   ./setup.sh          to build and run palpate: a C++ compiler, the GLSL compiler shaderc, a Vulkan loader with Mesa's
+#                       drivers (lavapipe among them), and the libraries that a window needs; one to three minutes
+#   ./setup.sh --tests  and to run the tests: the validation layers, what the tests of the C interface compile and look
+#                       with, and a display without a screen; two minutes more
+# Silent when nothing is missing.
 set -euo pipefail
 cd "$(dirname "$0")"
 
-packages=(build-essential clang valgrind python3 python3-numpy pkg-config cmake libshaderc-dev glslang-dev spirv-tools libvulkan-dev
-    mesa-vulkan-drivers vulkan-validationlayers
-    libx11-6 libx11-xcb1 libxcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon0 libxkbcommon-x11-0 xvfb xdotool)
+packages=(build-essential pkg-config libshaderc-dev glslang-dev spirv-tools libvulkan1 mesa-vulkan-drivers
+    libx11-6 libx11-xcb1 libxcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon0 libxkbcommon-x11-0)
+tests=(clang valgrind cmake python3 python3-numpy libvulkan-dev vulkan-validationlayers xvfb xdotool)
+minutes="one to three minutes"
+case "${1-}" in
+    "") ;;
+    --tests)
+        packages+=("${tests[@]}")
+        minutes="two to five minutes"
+        ;;
+    *) echo "setup.sh: $1 is not known; give --tests, or nothing" >&2; exit 2 ;;
+esac
 
 elsewhere() {
     cat >&2 <<'TEXT'
@@ -28,7 +40,7 @@ for package in "${packages[@]}"; do
     dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || missing+=("$package")
 done
 if [ "${#missing[@]}" -gt 0 ]; then
-    echo "installing: ${missing[*]}"
+    echo "setup.sh: installing in $minutes: ${missing[*]}"
     root=()
     if [ "$(id -u)" -ne 0 ]; then
         command -v sudo >/dev/null || { echo "Not root, and no sudo: run as root: apt-get install ${missing[*]}" >&2; exit 1; }
@@ -36,4 +48,5 @@ if [ "${#missing[@]}" -gt 0 ]; then
     fi
     "${root[@]}" apt-get update -qq
     "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "${missing[@]}" >/dev/null
+    echo "setup.sh: done in $SECONDS s"
 fi

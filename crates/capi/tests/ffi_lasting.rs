@@ -158,7 +158,7 @@ fn lasting_valgrind_finds_nothing_in_ten_rounds() {
     // Lavapipe gets no threads of its own, because valgrind never runs two threads at once.
     valgrind.env(COMPILE_FAST.0, COMPILE_FAST.1).env("LP_NUM_THREADS", "0");
     let done = valgrind.arg(&program).arg(&scene).args(["0", "10", "2"]).output();
-    let done = done.unwrap_or_else(|error| panic!("valgrind: {error}; ./setup.sh installs it"));
+    let done = done.unwrap_or_else(|error| panic!("valgrind: {error}; ./setup.sh --tests installs it"));
     assert!(done.status.success(), "valgrind reported: {}", String::from_utf8_lossy(&done.stderr));
     let force = String::from_utf8_lossy(&done.stdout).split(' ').next().map(|word| word.parse::<f64>());
     assert!(force.is_some_and(|force| force.is_ok_and(|force| force > 0.01)), "no force: {done:?}");

@@ -10,7 +10,7 @@ use std::process::Command;
 use ffi_help::{BLOCK, SPHERE, library, root};
 
 fn output(command: &mut Command) -> String {
-    let done = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}; ./setup.sh installs it"));
+    let done = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}; ./setup.sh --tests installs it"));
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     assert!(done.status.success(), "{command:?}: {} {}", text(&done.stdout), text(&done.stderr));
     text(&done.stdout)

@@ -152,7 +152,7 @@ pub fn compiled(compiler: &str, standard: &str, source: &str, folder: &Path) -> 
         .args(["-lpalpate_capi", "-lvulkan", "-lm", "-pthread", "-Wl,--disable-new-dtags"])
         .arg(format!("-Wl,-rpath,{}", library.display()))
         .output()
-        .unwrap_or_else(|error| panic!("{compiler}: {error}; ./setup.sh installs it"));
+        .unwrap_or_else(|error| panic!("{compiler}: {error}; ./setup.sh --tests installs it"));
     assert!(done.status.success(), "{compiler} reported: {}", String::from_utf8_lossy(&done.stderr));
     program
 }

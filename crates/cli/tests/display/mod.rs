@@ -23,7 +23,7 @@ impl Display {
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
-            .expect("Xvfb is installed by setup.sh");
+            .expect("Xvfb is installed by setup.sh --tests");
         let mut said = server.stdout.take().unwrap();
         let mut number = String::new();
         while !number.ends_with('\n') {
@@ -35,7 +35,7 @@ impl Display {
         // The server prints its number a moment before it accepts clients.
         let answers = || {
             let asked = Command::new("xdotool").arg("getdisplaygeometry").env("DISPLAY", &display.name).output();
-            asked.expect("xdotool is installed by setup.sh").status.success()
+            asked.expect("xdotool is installed by setup.sh --tests").status.success()
         };
         let begun = Instant::now();
         while !answers() {
@@ -62,7 +62,7 @@ impl Display {
     /// Runs xdotool, and returns what it prints.
     pub fn xdotool(&self, arguments: &[&str]) -> String {
         let output = Command::new("xdotool").args(arguments).env("DISPLAY", &self.name).output();
-        let output = output.expect("xdotool is installed by setup.sh");
+        let output = output.expect("xdotool is installed by setup.sh --tests");
         assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap().trim().into()
     }
