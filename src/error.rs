@@ -72,6 +72,22 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
+    /// Every exit status of the program, with its meaning.
+    #[doc(hidden)]
+    pub const EXIT_STATUSES: [(u8, &str); 4] = [
+        (0, "success"),
+        (
+            2,
+            "bad input, or output that cannot be written: one line names the file, line, key or option, and the remedy",
+        ),
+        (3, "no usable Vulkan device"),
+        (
+            4,
+            "the simulation or its Vulkan device failed, memory did not suffice, a replay differs, a comparison is worse \
+             than before, or a case of `stability` fails silently",
+        ),
+    ];
+
     /// An error in the contents of a file.
     pub fn input(file: &Path, line: Option<usize>, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Error::Input { file: file.into(), line, problem: problem.into(), remedy: remedy.into() }
@@ -90,5 +106,31 @@ impl Error {
             Error::NoDevice(_) => 3,
             Error::Vulkan { .. } | Error::Memory(_) | Error::Simulation(_) | Error::Cancelled(_) => 4,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_error_has_a_listed_exit_status() {
+        let file = PathBuf::new;
+        let errors = [
+            Error::Input { file: file(), line: None, problem: String::new(), remedy: String::new() },
+            Error::Key { file: file(), key: String::new(), problem: String::new(), remedy: String::new() },
+            Error::Usage(String::new()),
+            Error::Output { file: file(), source: std::io::ErrorKind::Other.into() },
+            Error::NoDevice(String::new()),
+            Error::Vulkan { call: "", stage: String::new(), result: String::new() },
+            Error::Memory(String::new()),
+            Error::Simulation(String::new()),
+            Error::Cancelled(String::new()),
+        ];
+        let mut listed: Vec<u8> = Error::EXIT_STATUSES.iter().map(|(status, _)| *status).collect();
+        listed.retain(|status| *status != 0);
+        let mut raised: Vec<u8> = errors.iter().map(Error::exit_status).collect();
+        raised.dedup();
+        assert_eq!(raised, listed);
     }
 }

@@ -110,7 +110,10 @@ fn with_numpy() -> Command {
     let knows =
         |python: &&&str| Command::new(**python).args(["-c", "import numpy"]).status().is_ok_and(|s| s.success());
     Command::new(
-        ["python3", "/usr/bin/python3"].iter().find(knows).expect("no Python has NumPy; ./setup.sh --tests installs it"),
+        ["python3", "/usr/bin/python3"]
+            .iter()
+            .find(knows)
+            .expect("no Python has NumPy; ./setup.sh --tests installs it"),
     )
 }
 

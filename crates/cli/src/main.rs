@@ -12,6 +12,8 @@ mod hold;
 mod prepare;
 mod press;
 mod query;
+#[cfg(all(test, feature = "view"))]
+mod reference;
 mod replay;
 mod report;
 mod run;
