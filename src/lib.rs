@@ -84,3 +84,8 @@ pub mod internal {
         pub use crate::step::*;
     }
 }
+
+/// The Rust code of README.md, compiled and run with the examples of the documentation.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 
-WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 720, 400, 70, 20, 20, 50
+WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 720, 400, 70, 20, 40, 50
 COLOURS = ["#440154", "#21918c", "#d1742f", "#3b528b", "#5ec962", "#888888"]
 
 
@@ -45,7 +45,7 @@ def main(table, picture, label):
         else:
             path = " ".join(f"{a:.1f},{b:.1f}" for a, b in points)
             svg.append(f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="2"/>')
-        text(LEFT + 12, TOP + 18 + 18 * k, name, f'fill="{colour}"')
+        text(LEFT + k * (WIDTH - LEFT - RIGHT) / (len(names) - 1), TOP - 16, name, f'fill="{colour}"')
     with open(picture, "w") as file:
         file.write("\n".join(svg + ["</svg>\n"]))
 

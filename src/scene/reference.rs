@@ -167,8 +167,8 @@ pub const CONTACT: TableKeys = TableKeys {
             "depth_limit",
             "m, > 0",
             "0.02",
-            "Depth beyond which contact is not looked for; flag `depth_beyond_limit` is raised where a contact is \
-             deeper.",
+            "Greatest depth that is expected: flag `depth_beyond_limit` is raised where a contact is deeper, and \
+             `not_a_height_field` where a second layer of skin lies within it.",
         ),
         key(
             "depth",

@@ -140,6 +140,7 @@ fn organ() -> String {
 /// - `palpate` is the program of this build; `view` shows two steps, since nobody closes its window;
 /// - `cargo run --release -- ..` is that program; other calls of cargo, which would build the repository again, only have
 ///   their tests' and packages' names checked;
+/// - `python3` is one that has NumPy;
 /// - `setup.sh` does nothing, and `install.sh` installs what is built;
 /// - `sbatch` runs the tasks 1 and 2 of an array, one after the other.
 fn stand_ins(folder: &Path, bin: &Path) {
@@ -165,6 +166,12 @@ fn stand_ins(folder: &Path, bin: &Path) {
              esac\n      shift\n    done ;;\n  *) echo \"cargo $*: executed by nothing\" >&2; exit 1 ;;\nesac\n"
         ),
     );
+    let has_numpy =
+        |python: &&str| Command::new(python).args(["-c", "import numpy"]).output().is_ok_and(|o| o.status.success());
+    let python = ["python3", "/usr/bin/python3"].into_iter().find(has_numpy);
+    let python = python.expect("no Python has NumPy; ./setup.sh --tests installs it");
+    let python = Command::new("which").arg(python).output().unwrap().stdout;
+    symlink(String::from_utf8(python).unwrap().trim(), bin.join("python3")).unwrap();
     executable(
         &bin.join("sbatch"),
         "#!/bin/bash\nfor last; do :; done\nfor task in 1 2; do SLURM_ARRAY_TASK_ID=$task bash -euc \"$last\"; done\n",
