@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Installs what a bare Debian or Ubuntu machine lacks to build, run and test palpate: a Vulkan loader with Mesa's
-# drivers (lavapipe among them), the validation layers, the GLSL compiler, what the tests of the C ABI compile and look
-# with, what a window is opened with, and a display for its tests. Silent when nothing is missing.
+# drivers (lavapipe among them), the validation layers, the GLSL compiler; for the tests of the C ABI two C compilers,
+# valgrind and Python with NumPy; the X11 libraries that open a window, and for tests of this window a virtual display
+# (xvfb) and xdotool. Prints nothing if nothing is missing.
 set -euo pipefail
 cd "$(dirname "$0")"
 
