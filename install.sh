@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # Builds palpate and puts it where other programs find it:
 #   ./install.sh [--prefix DIR] [--built DIR]
-# DIR gets bin/palpate, include/palpate.h and palpate.hpp, lib/libpalpate (shared and static), lib/pkgconfig/palpate.pc and
-# lib/cmake/palpate; it can be moved as a whole. Without --prefix it is target/install. With --built nothing is built: the
-# libraries and the program are taken from there.
+# The folder after --prefix, by default target/install, gets bin/palpate, include/palpate.h and palpate.hpp,
+# lib/libpalpate (shared and static), lib/pkgconfig/palpate.pc and lib/cmake/palpate; this folder can be moved as a whole.
+# With --built nothing is built: the libraries and the program are taken from the folder after --built.
 set -euo pipefail
 cd "$(dirname "$0")"
 
@@ -32,7 +32,7 @@ fi
 case "$(uname -s)" in
     Linux) shared=libpalpate.so made=libpalpate_capi.so system="-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc" ;;
     Darwin) shared=libpalpate.dylib made=libpalpate_capi.dylib system="-framework CoreFoundation -liconv -lm" ;;
-    *) fail "only Linux and macOS are known; elsewhere link palpate.h with what cargo build --release makes" ;;
+    *) fail "only Linux and macOS are known; elsewhere link with the library that cargo build --release makes" ;;
 esac
 for file in "$made" libpalpate_capi.a palpate; do
     [ -s "$built/$file" ] || fail "$built has no $file; build with cargo build --release"

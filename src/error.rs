@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-/// What can go wrong: the user's input or output (`Input`, `Key`, `Usage`, `Output`), the machine (`NoDevice`,
-/// `Vulkan`, `Memory`), or the simulation (`Simulation`, `Cancelled`).
+/// What can go wrong. The cause may be the user's input or output (`Input`, `Key`, `Usage`, `Output`), the machine
+/// (`NoDevice`, `Vulkan`, `Memory`), or the simulation (`Simulation`, `Cancelled`).
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// A file the user named is missing, unreadable or malformed.
+    /// A file that the user named is missing, unreadable or malformed.
     #[error("{}{}: {problem}; {remedy}", .file.display(), .line.map(|l| format!(":{l}")).unwrap_or_default())]
     Input {
         /// The file.
@@ -18,12 +18,12 @@ pub enum Error {
         /// What the user can do.
         remedy: String,
     },
-    /// A key of a scene, or an option, has a value that cannot be used.
+    /// A key of a scene file, or an option, has a value that cannot be used.
     #[error("{}: `{key}`: {problem}; {remedy}", .file.display())]
     Key {
         /// The scene file.
         file: PathBuf,
-        /// Dotted path of the key: `body.head.material.young`.
+        /// Dotted path of the key, such as `body.head.material.young`.
         key: String,
         /// What is wrong.
         problem: String,
@@ -52,10 +52,11 @@ pub enum Error {
         call: &'static str,
         /// The stage of the step, or the part of the set-up, that made the call.
         stage: String,
-        /// The VkResult, as text.
+        /// The error code that the call returned (VkResult), as text.
         result: String,
     },
-    /// The GPU's memory, or the largest array it allows, is too small for the scene; the message includes the remedy.
+    /// The GPU's memory, or the largest array that the GPU allows, is too small for the scene; the message includes the
+    /// remedy.
     #[error(
         "{0}; leave out bodies, use coarser layers (a larger layer.cell) or smaller skins, or a device with more memory"
     )]
@@ -88,12 +89,12 @@ impl Error {
         ),
     ];
 
-    /// An error in the contents of a file.
+    /// An [`Error::Input`]: an error in the contents of a file.
     pub fn input(file: &Path, line: Option<usize>, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Error::Input { file: file.into(), line, problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// An error in the value of a scene's key.
+    /// An [`Error::Key`]: an error in the value of a scene's key or of an option.
     pub fn key(file: &Path, key: impl Into<String>, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
         Error::Key { file: file.into(), key: key.into(), problem: problem.into(), remedy: remedy.into() }
     }

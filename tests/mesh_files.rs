@@ -211,7 +211,7 @@ fn damage_is_named_with_its_place() {
         ("a.msh", msh_4(false, i64::MAX), "the file ends early, within a node id, at byte"),
         ("a.msh", msh_4(false, -4), "-4 is not valid for the number of nodes in a block, at byte"),
         ("a.msh", spoil(msh_4(false, 4), &third.to_le_bytes(), &nan(false)), "not a finite number in range, at byte"),
-        ("a.msh", spoil(msh_4(false, 4), &[1, 0, 0, 0], &[2, 0, 0, 0]), "2 instead of the binary 1 for the byte order"),
+        ("a.msh", spoil(msh_4(false, 4), &[1, 0, 0, 0], &[2, 0, 0, 0]), "2 instead of the 1 that shows the byte order"),
         ("a.msh", spoil(msh_4(false, 4), b"4.1 1 8", b"4.1 1 4"), "binary numbers of 4 bytes"),
         ("a.msh", spoil(msh_4(false, 4), b"4.1 1 8", b"3.0 1 8"), "MSH version 3.0 is not supported"),
         ("a.msh", spoil(msh_2(false), &[47, 0, 0, 0], &[1, 0, 0, 0]), "node 47, which does not exist, at byte"),

@@ -1,11 +1,14 @@
-"""Reference values for crates/oracle/src/laws/locking.rs: linear elastostatics, quadratic tetrahedra (scikit-fem's ElementTetP2).
+"""Reference values for crates/oracle/src/tests/locking.rs, which tests that tetrahedra do not lock (become much too stiff)
+near incompressibility: two bodies in linear elastostatics, meshed with quadratic tetrahedra (scikit-fem's ElementTetP2).
 
     python3 assets/reference/locking.py > assets/reference/locking.csv      (a few minutes; pip install scikit-fem==12.0.2)
 
-Young's modulus 1 Pa. By symmetry a part of each body stands for it; meshes are finer towards edges where what is held ends.
-cantilever: 1 x 0.2 x 0.2 m, x = 0 held, 1 N along -y spread evenly over x = 1. value: mean deflection of that face, m.
-block: 0.1 m cube, y = 0 held, y = 0.1 moved by -0.01 m, both without slip. force, N; bulge: mean outward displacement of the
-sides along x, m. coarser: the same value with 6 instead of 8 cells a side, which tells how far it still is from convergence.
+Young's modulus is 1 Pa. By symmetry a quarter of the cantilever and an eighth of the block are meshed, with smaller cells
+towards the edges of the faces whose displacement is prescribed. The cantilever is a bar of 1 x 0.2 x 0.2 m, held at x = 0,
+with 1 N along -y spread evenly over its end x = 1; quantity `cantilever`: mean deflection of this end along -y, m. The block
+is a cube of 0.1 m, held at y = 0, whose face y = 0.1 is moved by -0.01 m along y without slip; quantity `force`: force on
+the moved face, N; quantity `bulge`: mean outward displacement of the sides normal to x, m. Column `value`: the quantity with
+n = 8 cells a side; column `coarser`: the quantity with n = 6, which shows how far `value` is from convergence.
 """
 
 import numpy as np
@@ -19,14 +22,18 @@ def at(axis, value):
 
 
 def graded(cells, lengths):
-    """A box from the origin; a negative length is graded towards the origin, a positive one away from it."""
+    """A box with a corner at the origin. Along axes of negative length cells are smaller near the origin, else far from it."""
     mesh = MeshTet.init_tensor(*(np.linspace(0, 1, n + 1) for n in cells))
     place = lambda s, l: -l * s**2 if l < 0 else l * (1 - (1 - s) ** 2)
     return MeshTet(np.stack([place(s, l) for s, l in zip(mesh.p, lengths)]), mesh.t)
 
 
 def solve(mesh, poisson, held, load=None, moved=None, mean=None):
-    """Displacements' energy times two, and the integral of a component over a face."""
+    """Solves for the displacements u, m; returns twice the strain energy, J, and the integral asked for by `mean`, m^3.
+
+    held: pairs of a face and the axes along which u is zero there; load: face, axis and traction, Pa; moved: face, axis and
+    displacement, m; mean: the face to integrate over, and the axis of the component of u that is integrated.
+    """
     element = ElementVector(ElementTetP2())
     basis = Basis(mesh, element)
     k = linear_elasticity(*lame_parameters(1.0, poisson)).assemble(basis).tocsc()
@@ -49,14 +56,14 @@ def solve(mesh, poisson, held, load=None, moved=None, mean=None):
 
 
 def cantilever(poisson, n):
-    # A quarter: antisymmetric about y = 0, symmetric about z = 0.
+    # A quarter of the bar: u is antisymmetric about the plane y = 0 and symmetric about the plane z = 0.
     held = [(at(0, 0), [0, 1, 2]), (at(1, 0), [0, 2]), (at(2, 0), [2])]
     energy, _ = solve(graded((3 * n, n, n), (-1.0, 0.1, 0.1)), poisson, held, load=(at(0, 1), 1, -25.0))
     return {"cantilever": 4 * energy}
 
 
 def block(poisson, n):
-    # An eighth: symmetric about all three middle planes.
+    # An eighth of the cube: u is symmetric about all three middle planes.
     held = [(at(0, 0), [0]), (at(1, 0), [1]), (at(2, 0), [2]), (at(1, 0.05), [0, 2])]
     moved = (at(1, 0.05), 1, -0.005)
     energy, bulge = solve(graded((n, n, n), (0.05, 0.05, 0.05)), poisson, held, moved=moved, mean=(at(0, 0.05), 0))

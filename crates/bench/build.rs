@@ -1,8 +1,8 @@
 //! Build script. It sets `PALPATE_COMMIT`, which the reports print: the git commit, with `-changed` appended where the
 //! measured sources have changes that are not committed.
 //!
-//! Cargo runs this script again only when a measured source file changes. Committing changes no file, so that the
-//! reports then still print the earlier commit with `-changed`.
+//! Cargo runs this script again only when a measured source file changes. Committing changes none of these files, so
+//! the reports still print the earlier commit with `-changed` until the next change.
 
 use std::process::Command;
 

@@ -2,7 +2,7 @@
 //! programs that use palpate.
 //!
 //! Debian and Ubuntu divide shaderc into archives that do not refer to each other: `libshaderc_combined.a` lacks
-//! glslang and SPIRV-Tools. They are merged into one archive here, which is linked as a whole.
+//! glslang and SPIRV-Tools. This script merges the missing libraries into one archive, which is linked as a whole.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -36,7 +36,7 @@ fn main() -> ExitCode {
 }
 
 /// Links the missing libraries on Linux with the system's shaderc. On other systems, and where the user names a folder
-/// of shaderc or builds it from source, shaderc's own archive is complete.
+/// with shaderc or builds shaderc from source, shaderc's own archive is complete.
 fn link() -> Result<(), String> {
     let is_linux = env::var("CARGO_CFG_TARGET_OS").is_ok_and(|system| system == "linux");
     let is_given = env::var_os("SHADERC_LIB_DIR").is_some() || env::var_os("VULKAN_SDK").is_some();
@@ -61,7 +61,7 @@ fn link() -> Result<(), String> {
     Ok(())
 }
 
-/// Merges those of the libraries PARTS that exist in the folder `system` into one archive, and links it.
+/// Merges the libraries in [`PARTS`] that exist in the folder `system` into one archive, and links the archive.
 fn merge(system: &Path) -> Result<(), String> {
     let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo did not set OUT_DIR")?);
     let merged = out.join("libpalpate_glslang.a");

@@ -1,12 +1,14 @@
-/* Example: builds a scene without files, a soft block of tetrahedra that this program makes itself, presses a spherical
- * tool into it, and prints the force on the tool at each step. Compile by: cc build.c -lpalpate */
+/* Example: builds a scene without files, a soft block of tetrahedra that this program makes itself, and presses a
+ * spherical tool (the rigid body that the haptic device leads) into it. Prints for each step its number, the force on
+ * the tool (x, y, z; N) and the step's warning flags. Compile by: cc build.c -lpalpate */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 
 #include "palpate.h"
 
-/* Number of the block's cubic cells along each axis, and their edge, m. */
+/* CELLS: number of the block's cubic cells along each axis. SIDE: number of its nodes along each axis. EDGE: length of
+ * the edges of a cell, m. */
 enum { CELLS = 4, SIDE = CELLS + 1, NODES = SIDE * SIDE * SIDE, TETRAHEDRA = 6 * CELLS * CELLS * CELLS };
 static const double EDGE = 0.02;
 
@@ -17,11 +19,12 @@ static void check(palpate_status status, const char *what) {
     }
 }
 
-/* Index of the node at a corner, which is given by its position in the grid of nodes. */
+/* Returns the index of the node at a corner of a cell; `corner` holds its place in the grid of nodes along x, y, z. */
 static uint32_t node(const int corner[3]) { return (uint32_t)((corner[2] * SIDE + corner[1]) * SIDE + corner[0]); }
 
-/* Fills a block whose top is at y = 0, centred in x and z. Each cell is cut into six tetrahedra (Kuhn's subdivision):
- * one for each way to go along the three axes, in some order, from the cell's first corner to its last. */
+/* Fills the arrays with a block whose top is at y = 0, centred in x and z. Each cell is cut into six tetrahedra (Kuhn's
+ * subdivision), one for each order of the three axes: three edges, one along each axis, lead from the cell's first
+ * corner to its last, and the four corners on this way are those of the tetrahedron. */
 static void fill(double *nodes, uint32_t *tetrahedra) {
     static const int ways[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {1, 0, 2}, {2, 1, 0}};
     for (int k = 0; k < NODES; k++) {
@@ -41,10 +44,11 @@ static void fill(double *nodes, uint32_t *tetrahedra) {
     }
 }
 
-/* Progress callback: prints what is being prepared, and returns 0 to continue. */
+/* Progress callback: prints the body that is being prepared, the stage that begins, and how many bodies are ready.
+ * Returns 0 to continue. */
 static int32_t say(void *user, const char *body, const char *stage, uint32_t done, uint32_t total) {
     (void)user;
-    fprintf(stderr, "%s: %s (%" PRIu32 " of %" PRIu32 " ready)\n", body, stage, done, total);
+    fprintf(stderr, "%s: %s (%" PRIu32 " of %" PRIu32 " bodies ready)\n", body, stage, done, total);
     return 0;
 }
 
@@ -57,7 +61,7 @@ static palpate_scene *build(void) {
     fill(nodes, tetrahedra);
     check(palpate_scene_add_layer(scene, "block", nodes, NODES, tetrahedra, TETRAHEDRA), "layer");
 
-    /* The lowest nodes are attached to a rigid core, which is fixed. */
+    /* The lowest nodes are attached to a rigid core (a rigid body inside the soft one), which is fixed. */
     const palpate_core held = {
         .size = sizeof held,
         .name = "held",

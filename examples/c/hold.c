@@ -1,6 +1,7 @@
-/* Example: runs the haptic loop with a haptic device of its own, which holds the scene's tool, presses down and comes
- * up again within a second. Here the device is simulated; a program for real hardware does the same with callbacks that
- * call the hardware's driver. Compile by: cc hold.c -lpalpate -lm */
+/* Example: runs a haptic loop, which reads a haptic device and plays forces on it at each tick while the simulation
+ * steps. The device is this program's own: it leads the scene's tool (a rigid body) down and up again within a second.
+ * Here the device is simulated; a program for real hardware has callbacks that call the hardware's driver.
+ * Compile by: cc hold.c -lpalpate -lm */
 #define _POSIX_C_SOURCE 199309L
 #include <inttypes.h>
 #include <math.h>
@@ -10,15 +11,15 @@
 
 #include "palpate.h"
 
-#define SECONDS 1.0
-#define DEPTH 0.005 /* m */
+#define SECONDS 1.0 /* duration of the loop, s */
+#define DEPTH 0.005 /* way of the device down from its start, m */
 
 /* Data of the callbacks, which run on the loop's threads. The main thread reads the data only after the loop has
  * ended. */
 struct hand {
-    double start[3]; /* m */
-    double peak;     /* N */
-    uint64_t ticks;
+    double start[3]; /* position of the device at the start, m */
+    double peak;     /* greatest force played, N */
+    uint64_t ticks;  /* number of forces played */
 };
 
 static int32_t read_hand(void *user, double time, palpate_reading *reading) {
@@ -61,7 +62,7 @@ static void watch(palpate_loop *loop) {
         fprintf(stderr, "%s\n", line);
     }
     check(palpate_loop_ended(loop, line, sizeof line, &length), "end");
-    printf("%" PRIu64 " ticks, %" PRIu64 " steps, %s\n", state.ticks, state.steps, line);
+    printf("the loop did %" PRIu64 " ticks, %" PRIu64 " steps, and ended: %s\n", state.ticks, state.steps, line);
 }
 
 int main(int argc, char **argv) {

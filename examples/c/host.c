@@ -1,6 +1,6 @@
-/* Example: lends palpate a Vulkan device that this program opened. palpate steps on it, and the program reads the skin
- * (the surface mesh) from the buffer on the GPU, without a copy through the library. A renderer would bind that buffer
- * as vertices instead. Compile by: cc host.c -lpalpate -lvulkan */
+/* Example: lends palpate a Vulkan device that this program opened. palpate simulates on this device, and the program
+ * reads the skin (the bodies' surface meshes) from palpate's buffer on the GPU, without a copy through the library. A
+ * renderer would bind that buffer as vertices instead. Compile by: cc host.c -lpalpate -lvulkan */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,6 +10,7 @@
 
 enum { STEPS = 40 };
 
+/* How often palpate has locked the queue. */
 static int locked;
 
 static void check(palpate_status status, const char *what) {
@@ -26,7 +27,8 @@ static void vk(VkResult result, const char *what) {
     }
 }
 
-/* Called before each use of the queue. A program with several threads takes its mutex here; this one only counts. */
+/* palpate calls this before each use of the queue. A program with several threads takes its mutex here; this program
+ * only counts the calls. */
 static void lock(void *user) {
     *(int *)user += 1;
 }
@@ -104,7 +106,7 @@ static VkDeviceMemory create_readable(VkPhysicalDevice physical, VkDevice device
     return memory;
 }
 
-/* Copies the skin out of palpate's buffer by a command of this program on the same queue, and waits for it. */
+/* Copies the skin out of palpate's buffer by a command of this program on the lent queue, and waits for its end. */
 static void copy(VkDevice device, VkQueue queue, uint32_t family, VkBuffer from, VkBuffer to, VkDeviceSize bytes) {
     VkCommandPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, .queueFamilyIndex = family};
     VkCommandPool pool;
@@ -176,7 +178,8 @@ int main(int argc, char **argv) {
     vk(vkMapMemory(device, memory, 0, bytes, 0, &mapped), "vkMapMemory");
     const float *own = mapped;
 
-    /* The same skin read through the library: the first body's vertices come first in the buffer. */
+    /* Reads the skin of body 0 through the library, and compares it with the start of palpate's buffer, where the
+     * vertices of body 0 lie. */
     size_t vertices = 0;
     check(palpate_skin(simulation, 0, NULL, NULL, NULL, 0, &vertices), "skin");
     float(*told)[3] = malloc(vertices * sizeof *told);
@@ -189,8 +192,8 @@ int main(int argc, char **argv) {
         }
         highest = told[vertex][1] > highest ? told[vertex][1] : highest;
     }
-    printf("force %.17g N, %zu vertices shared, the highest at %.6f m, the queue locked %d times\n", wrench.force[1],
-           vertices, (double)highest, locked);
+    printf("force %.17g N upwards, %zu vertices shared, the highest at %.6f m, the queue locked %d times\n",
+           wrench.force[1], vertices, (double)highest, locked);
 
     free(told);
     check(palpate_simulation_destroy(simulation), "simulation");

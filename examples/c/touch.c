@@ -1,4 +1,5 @@
-/* Example: steps a scene file and prints the force on its tool at each step. Compile by: cc touch.c -lpalpate */
+/* Example: steps a scene file. Prints for each step its number, the force on the tool (x, y, z; N) and the step's
+ * warning flags. The tool is the rigid body that the haptic device leads. Compile by: cc touch.c -lpalpate */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -33,8 +34,8 @@ int main(int argc, char **argv) {
 
     palpate_wrench wrench = {.size = sizeof wrench};
     for (long steps = strtol(argv[2], NULL, 10); steps > 0; steps--) {
-        /* With a null pose the haptic device moves as the scene's [drive] says. Your program passes its device's
-         * pose. */
+        /* With a null pose the haptic device moves as the table [drive] of the scene file says. Your program passes the
+         * pose of its own device instead. */
         check(palpate_step(simulation, NULL, &wrench), "step");
         printf("%" PRIu64 " %.17g %.17g %.17g %" PRIu32 "\n", wrench.step, wrench.force[0], wrench.force[1],
                wrench.force[2], wrench.flags);

@@ -1,5 +1,6 @@
 // Example: builds a scene without files, a soft spike in the shape of a tetrahedron whose foot is fixed, presses a
-// spherical tool onto it, and prints the force. Compile by: c++ -std=c++17 build.cpp -lpalpate
+// spherical tool (the rigid body that the haptic device leads) onto it, and prints the force on the tool.
+// Compile by: c++ -std=c++17 build.cpp -lpalpate
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -19,7 +20,7 @@ int main(int argc, char **argv) {
         palpate::Scene scene;
         scene.add_surface("spike", vertices, triangles);
 
-        // The nodes near the ground are attached to a rigid core, which does not move.
+        // The nodes near the ground are attached to a rigid core (a rigid body inside the soft one), which is fixed.
         auto foot = palpate::sized<palpate::Core>();
         foot.name = "foot";
         foot.box_low[0] = foot.box_low[1] = foot.box_low[2] = -1.0;
@@ -42,11 +43,12 @@ int main(int argc, char **argv) {
         tool.stiffness = 500.0;
         tool.damping = 2.0;
         scene.set_tool(tool);
-        // A table for which the structs have no fields is added as text in the format of a scene file.
+        // A table of the scene that no struct describes, here a probe (a point of the surface whose path is recorded),
+        // is added as text in the format of a scene file.
         scene.add("[[probe]]\nname = \"tip\"\nbody = \"spike\"\nnearest = [0.0, 0.1, 0.0]\n");
         scene.cache("");
         scene.prepare([](const char *name, const char *stage, uint32_t done, uint32_t total) {
-            std::fprintf(stderr, "%s: %s (%u of %u ready)\n", name, stage, done, total);
+            std::fprintf(stderr, "%s: %s (%u of %u bodies ready)\n", name, stage, done, total);
             return true;
         });
 
@@ -55,10 +57,12 @@ int main(int argc, char **argv) {
         palpate::Pose device{{0.0, 0.121, 0.0}, {0.0, 0.0, 0.0, 1.0}};
         palpate::Wrench wrench{};
         for (long steps = std::atol(argv[1]); steps > 0; steps--) {
+            // The haptic device moves down by 1 cm, by 0.2 mm per step.
             device.position[1] -= device.position[1] > 0.111 ? 2e-4 : 0.0;
             wrench = simulation.step(device);
         }
-        std::printf("%.3f N upwards of %zu nodes\n", wrench.force[1], simulation.nodes(body).size());
+        std::printf("%.3f N upwards on the tool; the spike has %zu nodes\n", wrench.force[1],
+                    simulation.nodes(body).size());
     } catch (const std::exception &error) {
         std::fprintf(stderr, "%s\n", error.what());
         return EXIT_FAILURE;

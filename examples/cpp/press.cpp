@@ -1,5 +1,5 @@
 // Example: moves the haptic device of a scene down, instead of along the scene's own trajectory, and prints the force
-// on the tool. Compile by: c++ -std=c++17 press.cpp -lpalpate
+// on the tool, the rigid body that the device leads. Compile by: c++ -std=c++17 press.cpp -lpalpate
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -26,7 +26,7 @@ int main(int argc, char **argv) {
         for (const auto &node : simulation.nodes(0)) {
             lowest = node[1] < lowest ? node[1] : lowest;
         }
-        std::printf("%.3f N upwards after %.0f ms, %u contacts, lowest node at %.1f mm\n", wrench.force[1],
+        std::printf("%.3f N upwards on the tool after %.0f ms, %u contacts, lowest node at %.1f mm\n", wrench.force[1],
                     1e3 * wrench.time, wrench.contacts, 1e3 * lowest);
     } catch (const std::exception &error) {
         std::fprintf(stderr, "%s\n", error.what());

@@ -1,4 +1,5 @@
-"""Runs a scene and prints the force on the tool after each step. Needs nothing but Python: python3 touch.py SCENE STEPS"""
+"""Runs a scene and prints for each step its number, the force on the tool (x, y, z; N) and the step's warning flags.
+The tool is the rigid body that the haptic device leads. Needs only Python and palpate: python3 touch.py SCENE STEPS"""
 
 import ctypes
 import sys
@@ -40,7 +41,7 @@ class ContextOptions(ctypes.Structure):
 
 
 def kept():
-    """Options of a context that keeps prepared bodies and measurements in the user's cache."""
+    """Options of a context that keeps prepared bodies and measurements of the device in the user's cache folder."""
     return ContextOptions(size=ctypes.sizeof(ContextOptions), cache=b"", measure=1)
 
 

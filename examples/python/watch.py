@@ -1,6 +1,7 @@
-"""Runs a scene and reads the deformed skin of its first body into NumPy arrays: python3 watch.py SCENE STEPS
+"""Runs a scene, then reads the deformed skin (surface mesh) of its first body: python3 watch.py SCENE STEPS
 
-The library writes into arrays that NumPy owns; `force` is a view of the wrench and changes with every step."""
+The library writes into arrays that NumPy owns. The array `force` shares the memory of `wrench`, so it changes at each
+step."""
 
 import ctypes
 import sys
@@ -11,7 +12,8 @@ from touch import Wrench, kept, library
 
 
 def skin(palpate, simulation, body, positions=None, normals=None):
-    """Writes positions (m) and normals of a body's skin into arrays (float32, three a row); returns its vertex count."""
+    """Writes positions (m) and normals of a body's skin into the arrays given (float32, a row of three numbers for each
+    vertex); returns the skin's number of vertices."""
     pointer = lambda array: None if array is None else array.ctypes.data_as(c_void_p)
     count = c_size_t()
     capacity = 0 if positions is None else len(positions)
@@ -41,7 +43,7 @@ def main(scene_file, steps, path="libpalpate.so"):
     inward = -np.einsum("ij,ij->i", now - rest, normals)
     deepest = inward.argmax()
     print(f"{np.linalg.norm(force):.6f} N; of {len(rest)} vertices {(inward > 1e-4).sum()} are pressed in by more than 0.1 mm,")
-    print(f"vertex {deepest} by {1e3 * inward[deepest]:.3f} mm")
+    print(f"vertex {deepest} the deepest, by {1e3 * inward[deepest]:.3f} mm")
     palpate.palpate_simulation_destroy(simulation)
     palpate.palpate_context_destroy(context)
 

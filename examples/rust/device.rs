@@ -1,6 +1,6 @@
 //! Example: steps a simulation with a haptic device of the program's own. Each step takes the device's pose and returns
-//! force and torque on the tool; the contacts report where the tool presses. Here the device moves on a circle over the
-//! cheek of a head. Run it by `cargo run --release --example device`.
+//! force and torque on the tool, the rigid body that the device leads; the contacts report where the tool presses. Here
+//! the device moves on a circle over the cheek of a head. Run it by `cargo run --release --example device`.
 
 use std::path::Path;
 

@@ -1,5 +1,6 @@
-//! Example: finds a lump by touch. A spherical tool slides along a slab of gel that contains a stiffer sphere, and the
-//! force on the tool is printed along the way. Run it by `cargo run --release --example slide`.
+//! Example: finds a lump by touch. A spherical tool (the rigid body that a haptic device leads) slides along a slab of
+//! gel that contains a stiffer sphere, and the force on the tool is printed along the way. Run it by
+//! `cargo run --release --example slide`.
 
 use palpate::scene::{Bind, Body, Contact, Core, Coupling, Key, Material, Place, Region, Tool};
 use palpate::{Options, SceneBuilder, Simulation};
@@ -27,7 +28,7 @@ fn main() -> palpate::Result<()> {
         if report.step % 25 == 0 {
             let along = 1e3 * tool.tool.position.x;
             println!(
-                "at {along:6.1} mm: force {:.3} N upwards, {:+.3} N along the slab, flags {:?}",
+                "tool at x = {along:6.1} mm: force {:.3} N upwards, {:+.3} N along the slab; flags {:?}",
                 tool.force.y, tool.force.x, report.flags
             );
         }

@@ -1,5 +1,5 @@
-//! Generates, for each kernel, a Rust struct of its arguments: push constants and buffers under the names that the
-//! shader gives them. Part of the build script.
+//! Generates a Rust struct of the arguments of each kernel (compute shader, or graphics pipeline of a vertex and a
+//! fragment shader): push constants and buffers under the names that the shader gives them. Part of the build script.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -12,11 +12,11 @@ struct Buffer {
     name: String,
     /// Rust type of its contents.
     content: String,
-    /// The shader's comment on it, for documentation.
+    /// The shader's comment on the buffer, for documentation.
     comment: String,
-    /// How the shader accesses it: "read", "written" or "read and written".
+    /// How the shader accesses the buffer: "read", "written" or "read and written".
     access: &'static str,
-    /// Whether some values of the specialization constants leave it unused.
+    /// Whether the shader leaves the buffer unused at some values of its specialization constants.
     is_optional: bool,
 }
 
@@ -50,7 +50,7 @@ pub fn modules(headers: &[String], shaders: &[Shader]) -> Result<String, String>
     };
     let most = shaders.iter().map(storage).collect::<Result<Vec<_>, _>>()?.into_iter().max().unwrap_or(0);
     let mut out = format!(
-        "/// The most storage buffers that a shader declares, with storage arrays.\npub const MOST_STORAGE_BUFFERS: u32 = {most};\n"
+        "/// The most storage buffers of a shader that reads no texel buffers.\npub const MOST_STORAGE_BUFFERS: u32 = {most};\n"
     );
     for (stage, text) in stages {
         let own: String = structs.remove(stage).unwrap_or_default().into_values().collect();
@@ -63,7 +63,7 @@ pub fn modules(headers: &[String], shaders: &[Shader]) -> Result<String, String>
     Ok(out)
 }
 
-/// The Rust text of the struct of arguments for a shader or pipeline; `prefix` begins its name.
+/// The Rust text of the struct of arguments for a shader or pipeline; `prefix` begins the struct's name.
 fn arguments(name: &str, prefix: &str, shaders: &[&Shader]) -> Result<String, String> {
     let stem = name.rsplit('/').next().unwrap_or(name);
     let words: String = stem.split('_').map(|word| word[..1].to_uppercase() + &word[1..]).collect();

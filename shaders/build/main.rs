@@ -25,11 +25,13 @@ mod structs;
 
 /// A compiled shader.
 pub struct Shader {
-    /// Its name: `solve/element_product` for a compute shader, `depth/ray_hits.vert` for a stage of the graphics pipeline.
+    /// Its name: `solve/element_product` for a compute shader, `depth/ray_hits.vert` for a stage of the graphics
+    /// pipeline.
     name: String,
     /// Its GLSL text, without included files.
     text: String,
-    /// Files of its SPIR-V: with texel buffers and with storage buffers, or only the latter (see [`Arrays`]).
+    /// Files of its SPIR-V: one that reads arrays through texel buffers and one that reads arrays through storage
+    /// buffers; only the latter if the shader has no such arrays (see [`Arrays`]).
     files: Vec<PathBuf>,
     /// Its SPIR-V with storage buffers.
     words: Vec<u32>,
@@ -75,7 +77,7 @@ fn build() -> Result<(), String> {
 /// The Rust text of the table of binaries.
 fn table(shaders: &[Shader]) -> String {
     let mut text = String::from(
-        "/// Name of every shader, and its SPIR-V with texel and with storage arrays; sorted by name.\n\
+        "/// Name of every shader, and its SPIR-V that reads texel and that reads storage buffers; sorted by name.\n\
          pub static SHADERS: &[(&str, [&[u8]; 2])] = &[\n",
     );
     for Shader { name, files, .. } in shaders {
@@ -90,14 +92,15 @@ fn table(shaders: &[Shader]) -> String {
 fn refresh(root: &Path, source: &Path, out: &Path) -> Result<(Shader, bool), String> {
     let name = name(root, source);
     let (text, now) = (read(source)?, ingredients(root, source)?);
-    // Without read-only arrays both kinds of arrays give the same binary.
+    // A shader without read-only arrays has the same binary for texel buffers and for storage buffers.
     let kinds = if now.contains("READ_ONLY(") { &[Arrays::Texel, Arrays::Storage][..] } else { &[Arrays::Storage] };
     let stem = name.replace('/', "-");
     let files: Vec<_> = kinds.iter().map(|arrays| out.join(format!("{stem}.{arrays:?}.spv"))).collect();
     let made_of = out.join(format!("{stem}.made-of"));
     let is_new = !(files.iter().all(|f| f.exists()) && fs::read_to_string(&made_of).is_ok_and(|then| then == now));
     if is_new {
-        // The record is removed first, so that an interrupted build compiles this shader again.
+        // The file `made_of`, which holds the text that was compiled, is removed first, so that after an interrupted
+        // build the next one compiles this shader again.
         let _ = fs::remove_file(&made_of);
         for (arrays, file) in kinds.iter().zip(&files) {
             write(file, &compile(root, source, &text, *arrays)?)?;
@@ -130,7 +133,8 @@ fn entries(folder: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(paths)
 }
 
-/// Name of a shader: `solve/element_product` for a compute shader, `depth/ray_hits.vert` for a stage of the graphics pipeline.
+/// Name of a shader: `solve/element_product` for a compute shader, `depth/ray_hits.vert` for a stage of the graphics
+/// pipeline.
 fn name(root: &Path, source: &Path) -> String {
     let relative = source.strip_prefix(root).unwrap_or(source).to_string_lossy().replace('\\', "/");
     relative.strip_suffix(".comp").unwrap_or(&relative).to_string()

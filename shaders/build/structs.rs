@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use super::spirv::instructions;
 use super::{Shader, comments};
 
-/// The types, names and layouts of a SPIR-V module, by id.
+/// The types, names and layouts of a SPIR-V module, by the ids that the module gives them.
 #[derive(Default)]
 pub struct Types {
     names: HashMap<u32, String>,
@@ -75,7 +75,7 @@ impl Types {
         Ok(out)
     }
 
-    /// The Rust name of a type; `None` where a host buffer cannot hold it.
+    /// The Rust name of a type; `None` if a buffer cannot hold the type.
     fn rust(&self, id: u32) -> Option<String> {
         match self.types.get(&id)? {
             Type::Scalar(name) => Some((*name).into()),
@@ -143,7 +143,7 @@ pub fn shared(headers: &[String], shaders: &[Shader]) -> Result<String, String> 
     Ok(out + &known.into_values().collect::<String>())
 }
 
-/// The Rust text, by name, of structs that a shader defines itself.
+/// The Rust text of each struct that a shader defines itself, not a header; by the struct's name.
 pub fn own(headers: &[String], shader: &Shader) -> Result<BTreeMap<String, String>, String> {
     let types = Types::of(&shader.words)?;
     let own = types.held().filter(|(name, _)| !headers.iter().any(|header| comments::defines(header, name)));

@@ -5,54 +5,58 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
-// Contact, narrow phase: finds the penetration depth of skin vertices. One workgroup runs for each active chunk (a
-// group of at most 64 skin vertices that passed culling) whose vertices are tested for contact.
+// Contact stage (narrow phase) of a step: finds the penetration depth of vertices of a skin (a body's surface mesh).
+// One workgroup runs for each active chunk (a group of at most 64 skin vertices that passed culling) whose vertices are
+// tested for contact. A contact patch (`ContactPatch`) is a column of space where bodies a and b may touch, with a
+// normal from a to b; a work item is an active chunk in one contact patch. A collision proxy is a convex hull around
+// part of a skin.
 //
-// For each contact patch (`ContactPatch`: a column of space where bodies a and b may touch, with a normal from a to b)
-// that contains a vertex, one ray runs from the vertex along the normal, back through its own body, and the depth stage
-// has listed the triangles of the other body that the ray hits. The nearest hit decides: if the ray leaves the other
-// body there (front of a triangle), the vertex lies within that body, otherwise not. The vertex becomes one contact,
-// however many patches contain it. With depths d_r and shares w_r of the patches r, the patch of the greatest w_r /
-// d_r^2 gives the triangle. Other patches contribute to depth and normal from half of that value on, with full weight
-// where the values are equal, so that the contact does not jump when another patch becomes the strongest. A half-space
-// needs no ray: depth = offset - N.x for a vertex at x, with N its normal. Only vertices that face the other body take
-// part; the contact's area is the rest area projected along the normal, halved where vertices of both bodies are
-// tested.
+// In each contact patch that contains a vertex, one ray runs from the vertex, parallel to the normal, back through the
+// vertex's own body. The depth stage has listed the triangles of the other body that the ray hits. The nearest hit
+// decides: if the ray leaves the other body there (front of a triangle), the vertex lies within that body, otherwise
+// not. The vertex becomes one contact, however many patches contain it. With d_r the depth in patch r, and w_r the
+// weight of patch r at the vertices of the chunk's proxy (`shares`), the strongest patch is that of the greatest
+// w_r / d_r^2; it gives the triangle. Another patch contributes to depth and normal if its w_r / d_r^2 is more than
+// half the greatest, and fully if it equals the greatest, so that the contact does not jump when another patch becomes
+// the strongest. A half-space with unit normal N and an offset needs no ray: a vertex at x has the depth offset - N.x.
+// Only vertices that face the other body take part. A contact's area is the vertex's area at rest, projected along the
+// normal, and halved where vertices of both bodies are tested.
 //
-// The result for a vertex, a candidate, is stored at the vertex's place in its chunk. The last workgroup to finish
-// lists all candidates that collide, in an order that is the same on every device; where they exceed CAPACITY,
-// contact/deepest lists them instead, and a flag reports it. The f64 references are oracle::contact::ray_depths and
+// The result for a vertex, a candidate, is stored at the vertex's place in its chunk, with the vertex's side: 2 * pair
+// of bodies + (0: the vertex belongs to body a, 1: to body b). The last workgroup to finish lists all candidates that
+// collide, in an order that is the same on every device. If there are more than CAPACITY, a flag reports it, and
+// contact/deepest lists the deepest instead. The f64 reference implementations are oracle::contact::ray_depths and
 // oracle::contact_patches::blend.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const bool BLEND = true;  // false: the strongest patch alone counts, with the depth of its ray
 layout(constant_id = 2) const uint CAPACITY = 1;
-layout(constant_id = 3) const bool SKINS = true;  // whether skins may meet skins; false: there are half-spaces alone
+layout(constant_id = 3) const bool SKINS = true;  // whether skins may meet skins; false: they meet half-spaces only
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) coherent buffer CountsInOut { Counts counts; };
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, chunk_vertices);      // skin vertices of chunks, four per texel
+READ_ONLY(uvec4, chunk_vertices);      // skin vertices, chunk by chunk, four per texel
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
-layout(scalar) readonly buffer Shares { float shares[]; };  // patch weights of each proxy in each pair
-READ_ONLY(uvec4, triangles);           // three skin vertices
+layout(scalar) readonly buffer Shares { float shares[]; };  // weights of patches at each proxy's vertices, in each pair
+READ_ONLY(uvec4, triangles);           // three skin vertices of each triangle
 READ_ONLY(vec4, skin);
-layout(scalar) readonly buffer FanFirst { uint fan_first[]; };     // first entry of each vertex in fans, then the end
+layout(scalar) readonly buffer FanFirst { uint fan_first[]; };     // first entry of each vertex in `fans`, then the end
 layout(scalar) readonly buffer Fans { uint fans[]; };              // triangles around each vertex
 layout(scalar) readonly buffer Areas { float areas[]; };          // rest area of each vertex, m^2
 READ_ONLY(uvec4, entry_hits);           // first hit on the ray of each vertex in a work item, four per texel
-READ_ONLY(uvec4, hits);               // triangle, next hit on the ray, bits of the depth, 2 * work item + (1: a front)
-layout(scalar) writeonly buffer CandidateHits { vec4 candidate_hits[]; };     // depth (m), two barycentrics, area (m^2)
-layout(scalar) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, side, triangle
+READ_ONLY(uvec4, hits);  // triangle, next hit on the ray, bits of the depth, 2 * triangle's work item + (1: front)
+layout(scalar) writeonly buffer CandidateHits { vec4 candidate_hits[]; };  // depth (m), barycentric weights, area (m^2)
+layout(scalar) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, its side, triangle
 layout(scalar) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // unit, from a to b
-layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; };  // depth x area x normal; proxy pair
+layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; }; // depth x area x normal; pair of proxies
 layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };  // active chunk and contact patch of each work item
 layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };         // candidate of each contact
 layout(scalar) writeonly buffer Args { uint args[]; };
-layout(scalar) coherent buffer ChunkContacts { uvec2 chunk_contacts[]; };  // one bit per vertex: it collides
+layout(scalar) coherent buffer ChunkContacts { uvec2 chunk_contacts[]; };  // one bit per vertex of a chunk: it collides
 
 // Unit outward normal of a skin vertex, from the area vectors of the triangles around it.
 vec3 outward_normal(uint vertex) {
@@ -69,9 +73,9 @@ vec3 outward_normal(uint vertex) {
 // A number above every index of a hit; shared/ray_hit.glsl explains why loops test against it.
 const uint ALL_HITS = 0x80000000u;
 
-// The nearest hit on a ray, and of equally near hits that of the triangle with the lowest index: triangle, 2 * work
-// item + (1: a front), bits of the depth; NONE where there is no hit. `through`: the ray also meets the back of a
-// triangle within depth_limit.
+// Returns the nearest hit on the ray of the vertex with index `hash_entry` in the work items, and of equally near hits
+// that on the triangle with the lowest index: the triangle (NONE: no hit), 2 * its work item + (1: front face), bits of
+// the depth. `through`: whether the ray also meets the back of a triangle within depth_limit.
 uvec3 nearest_ray_hit(uint hash_entry, out bool through) {
     uvec3 best = uvec3(NONE, 0, 0);
     float depth = 3.0e38, back = 3.0e38;
@@ -91,8 +95,9 @@ uvec3 nearest_ray_hit(uint hash_entry, out bool through) {
     return best;
 }
 
-// Depth and barycentrics (second and third corner) where the line along the patch's normal through x meets a triangle.
-// Computed from differences, they keep their digits. `towards` is -1 for a vertex of a, 1 for one of b.
+// Depth (m), and barycentric weights of the second and third corner, where the line along the patch's normal through x
+// meets a triangle. The corners are taken relative to x, so that no digits are lost. `towards` is -1 if x is a vertex
+// of body a, 1 if of b.
 vec3 ray_hit(ContactPatch contact_patch, vec3 x, uint triangle, float towards) {
     uvec3 corners = fetch(triangles, triangle).xyz;
     vec3 p = fetch(skin, corners.x).xyz - x, q = fetch(skin, corners.y).xyz - x,
@@ -104,7 +109,8 @@ vec3 ray_hit(ContactPatch contact_patch, vec3 x, uint triangle, float towards) {
     return vec3(towards * (w.x * a.z + w.y * b.z + w.z * c.z), w.yz);
 }
 
-// Cosine between vertex normal and contact normal below which a vertex that is deeper than depth_limit is no contact.
+// Cosine of the angle between a vertex's and the contact's normal below which a vertex deeper than depth_limit is no
+// contact.
 const float GRAZING = 0.5;
 
 shared uint listed[CHUNK_VERTICES];
@@ -219,7 +225,7 @@ void find_candidates() {
         }
         candidate_pushes[at] = uvec4(floatBitsToUint(depth * areas[vertex] * outward), proxy_pair);
     }
-    // The driver ended the loop early.
+    // If these numbers differ, the driver ended the loop early.
     if (done != (listed_count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
 }
 
@@ -248,7 +254,7 @@ void list_all() {
             else left.y &= left.y - 1;
         }
     }
-    // The driver ended the loop early.
+    // If these numbers differ, the driver ended the loop early.
     if (fits && at != after) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
     if (lane != 0) return;
     if (!fits) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);

@@ -4,22 +4,24 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Contact: lists the deepest candidates where more collide than there is room for (CAPACITY), in the order of
-// candidates. A candidate is the result of contact/candidates for one skin vertex. There is one workgroup; each of its
-// lanes handles a contiguous range of candidates. The test compares with a list filtered on the CPU.
+// Contact stage of a step: if more candidates collide than there is room for (CAPACITY), lists the deepest of them, in
+// the order of candidates. A candidate is the result of contact/candidates for one skin vertex of an active chunk (a
+// group of at most 64 skin vertices that passed culling). There is one workgroup; each of its lanes handles a
+// contiguous range of candidates. The test compares with a list filtered on the CPU.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint CAPACITY = 1;
 
-READ_ONLY(vec4, candidate_hits);       // depth in x, m; CHUNK_VERTICES candidates an active chunk
+READ_ONLY(vec4, candidate_hits);       // depth in x, m; CHUNK_VERTICES candidates for each active chunk
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };  // candidate of each contact
 layout(scalar) readonly buffer ChunkContacts { uint chunk_contacts[]; };   // a bit for each candidate: it collides
 
-// Candidates that one round of a loop tests: Mesa's llvmpipe ends all loops of an invocation after 65,535 rounds.
+// Number of candidates that one round of a loop tests: Mesa's llvmpipe ends all loops of an invocation after 65,535
+// rounds.
 const uint BATCH = 16;
-const uint DIGITS = 256;      // values of a digit of eight bits
+const uint DIGITS = 256;      // number of values of a digit of eight bits
 
 shared uint totals[SIZE];
 shared uint histogram[DIGITS];
@@ -51,7 +53,8 @@ uvec2 count_deeper(float least) {
     return sums;
 }
 
-// Counts a candidate in the histogram of one digit of its depth's bits, if the higher digits equal those of `prefix`.
+// Counts candidate i in the histogram of the digit of its depth's bits that begins at bit `shift`, if all higher digits
+// equal those of `prefix`.
 void count_digit(uint i, uint prefix, uint shift) {
     uint bits = floatBitsToUint(depth_of(i));
     if (bits != 0 && ((bits ^ prefix) >> shift >> 8) == 0) atomicAdd(histogram[bits >> shift & (DIGITS - 1)], 1);
@@ -107,8 +110,8 @@ uint count_equal(float least) {
     return before;
 }
 
-// Lists a candidate if it is deeper than `least`, or equally deep and there is room. `ties` counts the equally deep
-// ones.
+// Lists candidate i if it is deeper than `least`, or if it is as deep as `least` and fewer than `room` candidates
+// before it are. `ties` counts the candidates that are as deep as `least`.
 void list_one(inout uint at, inout uint ties, uint i, float least, uint room) {
     float depth = depth_of(i);
     if (depth > least || (depth == least && ties < room)) contact_source[at++] = i;

@@ -6,39 +6,41 @@
 #include "shared/args.glsl"
 #include "shared/contact_law.glsl"
 
-// Contact: writes for each colliding vertex the record that the solver reads. A contact's relative velocity along its
-// normal n is J v = n.(v(s1) - v(s2)), with s1 and s2 its points on bodies a and b. The Jacobian J is kept as at most
-// sixteen weighted nodes (a skin vertex is embedded with four nodes; the opposing point lies in a triangle, whose
-// corners are embedded with four to twelve nodes) and the tool's twist. The kernel also writes J v and the friction
-// coefficient at the start of the step (shared/contact_law.glsl).
+// Contact stage of a step: writes for each contact (a skin vertex inside the other body) the record that the solver
+// reads. A contact's relative velocity along its normal n is J v = n.(v(s1) - v(s2)), with s1 and s2 its points on
+// bodies a and b. The Jacobian J is kept as at most sixteen weighted nodes and, where the tool (rigid body that the
+// haptic device leads) takes part, the tool's twist. A vertex of a soft body moves with the four nodes of its
+// tetrahedron; the point opposite to the vertex lies in a triangle of the other body, whose corners move with four to
+// twelve nodes. The kernel also writes J v and the friction coefficient at the start of the step
+// (shared/contact_law.glsl).
 //
-// Each entry (node, weight) of a contact goes onto one of its node's lists, from which contact/sort makes the
-// transposed index from nodes to contacts. One invocation runs for each contact. The f64 reference is
-// oracle::contact::gather; the test also follows the lists. A frame is a rigid coordinate frame.
+// Each entry (node, weight) of a contact goes onto one of the lists of that node, from which contact/sort makes the
+// transposed index from nodes to contacts. One invocation runs for each contact. The f64 reference implementation is
+// oracle::contact::gather; the test also follows the lists. A frame is the rigid coordinate frame of a body.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const bool FRICTION = false;
-layout(constant_id = 4) const bool TOOL = true;  // true: a rigid tool exists; else the device holds a soft body
-layout(constant_id = 3) const uint LISTS = 8;    // lists of a node, as many as a workgroup of sort.comp has lanes
+layout(constant_id = 4) const bool TOOL = true;  // true: a rigid tool exists; false: the device may hold a soft body
+layout(constant_id = 3) const uint LISTS = 8;    // lists of a node, as many as a workgroup of contact/sort has lanes
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 READ_ONLY(vec4, candidate_normals);
 layout(scalar) readonly buffer ContactSource { uint contact_source[]; };      // candidate of each contact
-READ_ONLY(vec4, candidate_hits);                                              // depth (m), two barycentrics, area (m^2)
-READ_ONLY(uvec4, candidate_what);                                             // vertex, side, triangle
+READ_ONLY(vec4, candidate_hits);        // depth (m), barycentric weights of second and third corner, area (m^2)
+READ_ONLY(uvec4, candidate_what);       // vertex, 2 * pair + (1: vertex of body b), triangle of the other body
 READ_ONLY(uvec4, triangles);
-READ_ONLY(uvec4, skin_nodes);  // four nodes of each skin vertex; NONE first: rigid
+READ_ONLY(uvec4, skin_nodes);  // four nodes of each skin vertex; NONE first: vertex of a rigid body
 READ_ONLY(vec4, skin_weights);
 READ_ONLY(vec4, skin);
 READ_ONLY(vec4, velocity);
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) writeonly buffer Contacts { Contact contacts[]; };
-layout(scalar) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };      // four quads (groups of four nodes) a contact
+layout(scalar) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };  // four quads (groups of four nodes) per contact
 layout(scalar) writeonly buffer EntryWeights { vec4 entry_weights[]; };
-layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };  // number of lists of each node in use, at first 0
-layout(scalar) buffer NodeLists { uint node_lists[]; };  // LISTS heads per node: last entry put on each, or NONE
+layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };  // number of each node's lists that are in use
+layout(scalar) buffer NodeLists { uint node_lists[]; };  // LISTS heads per node: last entry put on each list, or NONE
 layout(scalar) writeonly buffer NextEntries { uint next_entries[]; };     // the entry after each in its list
 layout(scalar) writeonly buffer TouchedNodes { uint touched_nodes[]; };   // every node with entries
 layout(scalar) buffer Args { uint args[]; };
@@ -64,7 +66,7 @@ void add(uint vertex, float share) {
     quads += 1;
 }
 
-// Puts an entry of contact c onto a list of its node; each list gets the entries of every LISTS-th contact.
+// Puts an entry of contact c onto a list of `node`; each list gets the entries of every LISTS-th contact.
 void list(uint entry, uint node, uint c) {
     uint before = atomicExchange(node_lists[node * LISTS + c % LISTS], entry);
     next_entries[entry] = before;
@@ -89,7 +91,7 @@ void main() {
         add(corners.z, -sign * found.z);
     }
     float rate = 0.0;
-    vec3 relative = vec3(0.0);      // v1 - v2, where there is friction
+    vec3 relative = vec3(0.0);      // v(s1) - v(s2), m/s; without friction, the part of the nodes is left out
     for (uint q = 0; q < quads; q++) {
         entry_nodes[4 * c + q] = nodes[q];
         entry_weights[4 * c + q] = weights[q];
@@ -100,9 +102,10 @@ void main() {
             if (weights[q][k] != 0.0) list(16 * c + 4 * q + k, nodes[q][k], c);
         }
     }
-    // The point where the contact acts on a rigid body. For the normal force s1 and s2 do equally well, since both are
-    // on one line along n. Friction acts on a rigid body at the other body's point, so that both forces of a contact
-    // act at one point. On a soft body that the device holds, it acts at that body's own point.
+    // `at` is the point where the contact acts on a rigid body. For the normal force s1 and s2 do equally well, since
+    // both lie on one line along n. Friction acts on a rigid body at the contact's point on the other body, so that
+    // both friction forces of a contact act at one point; on a soft body that the device holds, it acts at this body's
+    // point.
     vec3 at = fetch(skin, vertex).xyz;
     if (FRICTION) {
         float rigid = TOOL ? pair.tool_sign : -pair.tool_sign;
@@ -119,7 +122,7 @@ void main() {
         relative += pair.tool_sign * (linear + cross(angular, arm));
     }
     for (uint k = 0; k < 2; k++) {
-        // A kinematic rigid body contributes the velocity of its frame.
+        // A kinematic rigid body (one whose motion is prescribed) contributes the velocity of its frame.
         if (pair.kinematic_frame[k] == NONE) continue;
         Frame frame = frames[pair.kinematic_frame[k]];
         vec3 v = (k == 0 ? 1.0 : -1.0) * (frame.linear + cross(frame.angular, at - frame.centre));

@@ -3,26 +3,26 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
 
-// Contact: sorts the entries of each node (an entry is a contact and its weight on the node), which contact/response
-// put on lists, so that sums over them have a fixed order. A window of entries is marked in a bitmask in shared memory,
-// one bit for each entry, and the set bits are written in ascending order. Where a node's range of entries begins
-// depends on the order in which workgroups run; the contents of the range do not. The node's lists and their count are
-// cleared for the next step. One workgroup runs for each node with contacts, one lane for each list. The test compares
-// with an index sorted on the CPU.
+// Contact stage of a step: sorts the entries of each node (an entry is a contact and its weight on the node), which
+// contact/response put on lists, so that sums over entries have a fixed order. A window of entries is marked in a
+// bitmask in shared memory, one bit for each entry, and the entries of the set bits are written in ascending order.
+// Where a node's range of entries begins depends on the order in which workgroups run; the contents of the range do
+// not. The node's lists and their count are cleared for the next step. One workgroup runs for each node with contacts,
+// one lane for each list. The test compares with an index sorted on the CPU.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
 layout(scalar) readonly buffer TouchedNodes { uint touched_nodes[]; };
-layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };      // number of lists of each node in use
-layout(scalar) buffer NodeLists { uint node_lists[]; };  // head of each list, SIZE per node; see response.comp
+layout(scalar) buffer NodeListCounts { uint node_list_counts[]; };  // number of each node's lists that are in use
+layout(scalar) buffer NodeLists { uint node_lists[]; };  // head of each list, SIZE per node; see contact/response
 layout(scalar) readonly buffer NextEntries { uint next_entries[]; };    // the entry after each in its list
 layout(scalar) readonly buffer EntryWeights { float entry_weights[]; };
 layout(scalar) buffer CountsInOut { Counts counts; };
-layout(scalar) writeonly buffer NodeEntries { uvec2 node_entries[]; };  // a node's first entry in sorted, and how many
+layout(scalar) writeonly buffer NodeEntries { uvec2 node_entries[]; };  // range of each node in `sorted`: first, length
 layout(scalar) writeonly buffer Sorted { uvec2 sorted[]; };       // contact, bits of the weight
 
-const uint WORDS = 2048;        // words of the bitmask: a window of 32 WORDS entries, those of 4,096 contacts
+const uint WORDS = 2048;        // words of the bitmask: its window has 32 x WORDS bits, for entries of 4,096 contacts
 // A number above every index of an entry; shared/ray_hit.glsl explains why loops test against it.
 const uint ALL_ENTRIES = 0x80000000u;
 
@@ -91,6 +91,6 @@ void main() {
         }
         barrier();
     }
-    // The driver ended a loop early.
+    // If these numbers differ, the driver ended a loop early.
     if (at != run.x + run.y || done != due) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
 }

@@ -6,18 +6,19 @@
 #include "shared/rotation.glsl"
 #include "shared/depth_grid.glsl"
 
-// Cull, broad phase: tests the chunks (groups of at most 64 skin vertices) of an active pair proxy (a collision proxy
-// in one pair of bodies a and b) against the pair proxies of the other body, along the axes of each of its contact
-// patches (`ContactPatch`: a column of space with one contact normal). With frame rotation R, embedding weights w_i,
-// rest positions r_i and displacements d_i of nodes, a skin vertex is at x = c + R sum w_i (r_i + d_i). So a chunk's
-// skin lies in its rest box, moved by the middle of its nodes' displacements and grown by (sum |w|) times half their
-// spread.
+// Cull stage (broad phase) of a step: tests the chunks (groups of at most 64 vertices of a skin, a body's surface mesh)
+// of an active pair proxy against the pair proxies of the other body. A pair proxy is a collision proxy (convex hull
+// around part of a skin) in one pair of bodies a and b. The test uses the axes of each contact patch of the pair proxy
+// (`ContactPatch`: a column of space with one contact normal). A frame is a rigid coordinate frame, a link the relative
+// placement of two frames. With the frame's centre c and rotation R, embedding weights w_i, rest positions r_i and
+// displacements d_i of nodes, a skin vertex is at x = c + R sum w_i (r_i + d_i). So a chunk's skin lies in the chunk's
+// box at rest, moved by the middle of its nodes' displacements and grown by (sum |w_i|) times half their spread.
 //
-// A chunk stays in a patch if that box overlaps the box of a pair proxy of the other body along the tangents and does
-// not lie wholly in front of it. Its heights then enter the min-max depth grid of its side (shared/depth_grid.glsl),
-// against which cull/meet tests chunks of the other side. One workgroup runs for each active pair proxy. The f64
-// reference is oracle::contact_patches::chunk_box. A frame is a rigid coordinate frame, a link the relative placement
-// of two frames.
+// A chunk stays in a patch if that box overlaps the box of a pair proxy of the other body along both tangents, and is
+// not separated from it along the normal. The chunk's heights (coordinates along the normal) then enter the min-max
+// depth grid of its side, body a or b (shared/depth_grid.glsl), against which cull/meet tests chunks of the other side.
+// One workgroup runs for each active pair proxy. The f64 reference implementation is
+// oracle::contact_patches::chunk_box.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -29,14 +30,14 @@ layout(scalar) readonly buffer ActivePairProxies { uint active_pair_proxies[]; }
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, chunk_nodes);       // two per texel: node, link from the proxy's frame to the node's
+READ_ONLY(uvec4, chunk_nodes);       // two per texel: node, link from the proxy's frame to the node's frame
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer Links { Link links[]; };
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
-layout(scalar) readonly buffer Boxes { vec3 boxes[]; };  // least and greatest corner, PAIR_PATCHES per pair proxy
+layout(scalar) readonly buffer Boxes { vec3 boxes[]; };  // two corners of each box, PAIR_PATCHES boxes per pair proxy
 layout(scalar) readonly buffer ProxyPatches { uint proxy_patches[]; };    // bit mask of each pair proxy's patches
-layout(scalar) writeonly buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };    // patch mask of each chunk, in x
+layout(scalar) writeonly buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };  // x: bit mask of each chunk's patches
 layout(scalar) writeonly buffer Slabs { Slab slabs[]; };     // bounds of chunks, PAIR_PATCHES per chunk of a pair proxy
 layout(scalar) buffer DepthGrids { uint depth_grids[]; };             // min-max depth grids, see shared/depth_grid.glsl
 
@@ -47,7 +48,8 @@ layout(scalar) buffer DepthGrids { uint depth_grids[]; };             // min-max
 // to be a bound.
 const float STEEP = 0.2;
 
-// Middle of the displacements of a chunk's nodes, and bound on the skin's distance from it, in the proxy's frame.
+// Middle of the displacements of a chunk's nodes, and a bound, along each axis, on how far the displacement of a vertex
+// of the chunk differs from this middle; both in the proxy's frame, m.
 void spread_of(Chunk chunk, out vec3 middle, out vec3 spread) {
     middle = vec3(0.0);
     spread = vec3(0.0);
@@ -77,8 +79,9 @@ void raise_grid(uint patch_index, ContactPatch contact_patch, uint side, Slab sl
     }
 }
 
-// The plane over (for a chunk of b: under) a slab of half-thickness `thickness` along `normal` about `centre`, in the
-// patch's axes; where it is too steep, a flat plane at the height `extreme`.
+// The plane above (for a chunk of b: below) a slab that reaches from `centre` by `thickness` to both sides along
+// `normal`, in the patch's axes, as `Slab::plane` keeps it. If this plane is too steep, a level plane at the height
+// `extreme` instead.
 vec3 plane_of(vec3 centre, vec3 normal, float thickness, uint side, float extreme) {
     if (abs(normal.z) < STEEP) return vec3(0.0, 0.0, extreme);
     vec3 plane = vec3(-normal.xy / normal.z, dot(normal, centre) / normal.z);
@@ -86,7 +89,8 @@ vec3 plane_of(vec3 centre, vec3 normal, float thickness, uint side, float extrem
     return plane + vec3(0.0, 0.0, side == 0 ? above : -above);
 }
 
-// Whether a box of `side` may touch the box of a pair proxy of the other side in patch r.
+// Whether a chunk of `side`, with the box from `least` to `greatest`, may touch a pair proxy of the other side in patch
+// r.
 bool meets(Pair pair, uint side, uint r, vec3 least, vec3 greatest) {
     uint begin = pair.first_pair_proxy[1 - side], count = pair.proxy_count[1 - side];
     for (uint pair_proxy = begin; pair_proxy < begin + count; pair_proxy++) {

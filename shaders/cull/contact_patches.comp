@@ -5,26 +5,29 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
-// Cull, broad phase: forms the contact patches (`ContactPatch`) of a pair of bodies a and b: columns of space in which
-// they may touch, each with one contact normal. One workgroup runs for each pair of bodies. The f64 reference is
-// oracle::contact_patches.
+// Cull stage (broad phase) of a step: forms the contact patches (`ContactPatch`) of a pair of bodies a and b: columns
+// of space in which they may touch, each with one contact normal. One workgroup runs for each pair of bodies. The f64
+// reference implementation is oracle::contact_patches. A skin is the surface mesh of a body, a collision proxy a convex
+// hull around part of a skin. A proxy pair is a proxy of a with a proxy of b; a pair proxy is one proxy in one pair of
+// bodies. A chunk is a group of at most 64 skin vertices.
 //
-// A pair of collision proxies has a direction, estimated from the two hulls and, once they touch, from the push of
-// their contacts in the last step. These directions are clustered by similarity into at most PAIR_PATCHES clusters, by
-// mean shift that starts at the strongest direction left over (Fukunaga and Hostetler 1975). Each cluster is a patch,
-// whose normal is the weighted mean of its directions. Memberships are smooth in directions and weights, and a patch's
+// A proxy pair has a direction, estimated from its two hulls and, once they touch, from the push (sum of depth x area x
+// normal) of their contacts in the last step. These directions are clustered by similarity into at most PAIR_PATCHES
+// clusters, by mean shift that starts at the strongest direction that no cluster has yet (Fukunaga and Hostetler 1975).
+// Each cluster is a patch, whose normal is the weighted mean of the cluster's directions; the proxies of its proxy
+// pairs are the patch's members. The share of a direction in a patch is smooth in directions and weights, and a patch's
 // strength grows from zero, so that nothing jumps when a patch appears. A proxy divides the weight of its vertices
-// among the patches of its pairs.
+// among the patches of its proxy pairs.
 //
-// The column of a patch is what its member proxies of both bodies cover in common. All proxies of both bodies that lie
-// in the column, and whose skin may reach beyond the other side's, become active pair proxies (a pair proxy is one
-// proxy in one pair of bodies). A chunk is a group of at most 64 skin vertices.
+// The column of a patch is what its members of body a and its members of body b cover in common. All proxies of both
+// bodies that lie in the column, and whose skin may reach the other body's skin along the normal, become active pair
+// proxies.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 2) const float FOLLOW = 1.0;          // share of its rotation that a normal makes in one step
 layout(constant_id = 3) const uint BUCKETS = 1;
-layout(constant_id = 1) const uint MOST_CELLS = 128;      // hash cells along a side of a patch at most
+layout(constant_id = 1) const uint MOST_CELLS = 128;      // most cells of the spatial hash along a side of a patch
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
@@ -33,16 +36,16 @@ layout(scalar) readonly buffer Bounds { ProxyBounds bounds[]; };
 READ_ONLY(vec4, hull);
 READ_ONLY(vec4, directions);  // two per proxy pair: unit normal, weight; push of the last step's contacts, its length
 layout(scalar) buffer ContactPatches { ContactPatch contact_patches[]; };
-layout(scalar) writeonly buffer Shares { float shares[]; };  // patch weights of each pair proxy
-layout(scalar) buffer Boxes { vec3 boxes[]; };        // least and greatest corner, PAIR_PATCHES per pair proxy
-layout(scalar) coherent buffer ProxyPatches { uint proxy_patches[]; };  // low bits: columns it is in; upper: membership
+layout(scalar) writeonly buffer Shares { float shares[]; };  // weights of the patches at each pair proxy's vertices
+layout(scalar) buffer Boxes { vec3 boxes[]; };  // least and greatest corners of PAIR_PATCHES boxes per pair proxy
+layout(scalar) coherent buffer ProxyPatches { uint proxy_patches[]; };  // masks: in a patch's column, member of a patch
 layout(scalar) writeonly buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };
-layout(scalar) writeonly buffer ActivePairProxies { uint active_pair_proxies[]; };  // those in a patch's column
+layout(scalar) writeonly buffer ActivePairProxies { uint active_pair_proxies[]; };  // pair proxies in a column
 layout(scalar) writeonly buffer DepthGrids { uint depth_grids[]; };  // min-max depth grids, cleared here
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) buffer Args { uint args[]; };
 layout(scalar) coherent buffer NearPairs { uint near_pairs[]; };  // proxy pairs with a direction, in order
-layout(scalar) writeonly buffer Buckets { uint buckets[]; };  // hash lists and depth grids; the latter are cleared here
+layout(scalar) writeonly buffer Buckets { uint buckets[]; };  // hash lists, and depth grids of vertices, cleared here
 
 #include "shared/sum.glsl"
 #include "shared/depth_grid.glsl"
@@ -52,25 +55,26 @@ const float ALIKE = 0.7071;
 // Cosine of the angle between two directions below which they are not similar at all.
 const float UNLIKE = 0.2588;
 const uint SHIFTS = 4;          // rounds of mean shift for each patch
-// Share of the whole strength below which a patch does not exist.
+// A cluster whose directions have at most this weight forms no patch. The weights of all directions sum to at least 1
+// and less than 2.
 const float LEAST_STRENGTH = 1.0e-3;
 // Least weight of a patch at the vertices of its members.
 const float LEAST_SHARE = 1.0e-4;
-// Weight of a patch at the vertices of proxies that are not its members, for each unit of its share of all strength
-// above GUESTS_FROM.
+// A patch that has the share s of the strength of all patches has at least the weight GUEST_SHARE (s - GUESTS_FROM) at
+// the vertices of proxies that are not its members.
 const float GUEST_SHARE = 0.05;
-// Share of all strength up to which a patch has no weight at the vertices of proxies that are not its members, because
-// a weaker patch may rest on directions estimated from proxies alone, which are too uncertain for that.
+// Share of the strength of all patches up to which a patch has no weight at the vertices of proxies that are not its
+// members, because such a weak patch may rest on directions estimated from hulls alone, which are too uncertain.
 const float GUESTS_FROM = 0.1;
-// Share of a proxy pair's direction that must belong to a patch for the pair's two proxies to be its members.
+// Share of a proxy pair's direction that must belong to a patch for the pair's two proxies to be members of the patch.
 const float LEAST_PART = 0.01;
 
-// Strength above which a patch's normal was found from contacts, not from proxies alone.
+// Strength above which a patch's normal was found from contacts, not from hulls alone.
 const float TOLD = 0.1;
-// Weight of a direction that is estimated from proxies, relative to one found from contacts.
+// Weight in a patch's normal of a direction that is estimated from hulls, relative to one found from contacts.
 const float GUESS = 0.01;
-// Total push of contacts (depth x area, m^3), in units of the cubed edge length, at which contacts have half their full
-// weight.
+// Total push of contacts (depth x area, m^3) at which contacts have half their full weight, in units of e^3, with e the
+// greater of the mean edge lengths of both skins, m.
 const float LEAST_PUSH = 0.1;
 
 shared vec3 low[SIZE];
@@ -82,21 +86,22 @@ vec3 normals[PAIR_PATCHES];
 float strength[PAIR_PATCHES];
 uint patch_count = 0;
 vec4 before[PAIR_PATCHES];      // the last step's normals and strengths
-float all_weights, all_pushes, least_push;      // sums over the proxy pairs; LEAST_PUSH in m^3
+float all_weights, all_pushes, least_push;      // sums of weights and pushes of proxy pairs; LEAST_PUSH in m^3
 uint near_count = 0;
 
-// Direction of a pair of proxies.
+// Direction of a proxy pair.
 struct Direction {
     vec3 normal;      // unit, from a to b
     float push;       // weight in the mean normal of a patch
     float weight;     // weight in the decision whether a patch exists
 };
 
-// Combines the direction that a proxy pair's hulls estimate with its contacts' push; false where the hulls are apart.
+// Combines the direction that is estimated from the hulls of a proxy pair with the push of the pair's contacts. Returns
+// false if the hulls are too far apart to touch.
 bool direction_of(uint proxy_pair, out Direction direction) {
     vec4 guess = fetch(directions, 2 * proxy_pair);
     if (guess.w <= 0.0) return false;
-    // Weights are divided before they are combined, so that none is large enough to overflow.
+    // Weights are divided by their sums before they are combined, so that none is large enough to overflow.
     guess.w /= all_weights;
     vec4 push = fetch(directions, 2 * proxy_pair + 1) / (all_pushes + least_push);
     vec3 sum = push.xyz + GUESS * guess.w * guess.xyz;
@@ -105,7 +110,7 @@ bool direction_of(uint proxy_pair, out Direction direction) {
     return true;
 }
 
-// Lists the pairs of proxies that have a direction, in their order.
+// Lists the proxy pairs that have a direction, in the order of their indices.
 void list_near(Pair pair) {
     uint lane = gl_LocalInvocationID.x;
     for (uint first = 0; first < pair.proxy_pair_count; first += SIZE) {
@@ -163,8 +168,9 @@ vec4 strongest_remainder(Pair pair, uint count) {
     return best;
 }
 
-// A normal that came from contacts in the last step makes only the share FOLLOW of the rotation to its new direction:
-// contacts respond one step late, and with long steps the whole rotation would overshoot.
+// The normal of a patch whose directions have the mean n. If a normal near n was found from contacts in the last step,
+// it makes only the share FOLLOW of the rotation to n: contacts respond one step late, and with long steps the whole
+// rotation would overshoot.
 vec3 followed(vec3 n) {
     vec3 last = vec3(0.0);
     float cosine = ALIKE;
@@ -243,8 +249,8 @@ void share_out(Pair pair) {
         uint pair_proxy = pair_proxy_of(pair, s);
         for (uint r = 0; r < PAIR_PATCHES; r++) {
             float own = (members & (1u << r)) != 0 ? max(LEAST_SHARE, share[r] / sum) : 0.0;
-            // A strong patch also has weight at the vertices of other proxies: the shorter way out may be along its
-            // normal.
+            // A strong patch also has weight at the vertices of proxies that are not its members: their shortest way
+            // out of the other body may be along its normal.
             if (near && r < patch_count) own = max(own, GUEST_SHARE * max(0.0, strength[r] / all - GUESTS_FROM));
             shares[pair_proxy * PAIR_PATCHES + r] = own;
         }
@@ -255,8 +261,8 @@ void share_out(Pair pair) {
     barrier();
 }
 
-// Box of a proxy's inflated hull along the patch's axes; unless `exact`, the larger box around its bounds in world
-// axes.
+// Box, along the patch's axes, of a proxy's hull, inflated by how far skin may lie outside it; unless `exact`, a larger
+// box, around the proxy's bounds in world axes.
 void hull_box(uint id, mat3 axes, bool exact, out vec3 least, out vec3 greatest) {
     Proxy proxy = proxies[id];
     float inflation = bounds[id].inflation;
@@ -286,7 +292,7 @@ void clear_grids(uint contact_patch, uint lane) {
     }
 }
 
-// Replaces a box by the box around those of all lanes.
+// Replaces a lane's box by the box around the boxes of all lanes.
 void cover(inout vec3 least, inout vec3 greatest) {
     uint lane = gl_LocalInvocationID.x;
     low[lane] = least;
@@ -304,7 +310,8 @@ void cover(inout vec3 least, inout vec3 greatest) {
     barrier();
 }
 
-// Two tangents that turn smoothly with the normal (Duff et al. 2017, "Building an Orthonormal Basis, Revisited").
+// Two tangents that turn smoothly with the normal n, and n (Duff et al. 2017, "Building an Orthonormal Basis,
+// Revisited").
 mat3 axes_of(vec3 n) {
     float s = n.z >= 0.0 ? 1.0 : -1.0;
     float a = -1.0 / (s + n.z);
@@ -366,11 +373,12 @@ void open_contact_patch(Pair pair, uint r, uint first_patch) {
     if (params.texel > 0.0 && params.texel < finest) atomicOr(counts.flags, FLAG_PATCH_OVERFLOW);
     float cell[2];
     for (uint side = 0; side < 2; side++) {
-        // Two or three cells for each vertex, unless a triangle of the other side would then cover many cells.
+        // The hash gets two or three cells for each vertex, unless a triangle of the other side then covers many cells.
         float wanted = params.texel > 0.0 ? params.texel : max(0.6 * edge[side], edge[1 - side] / 6.0);
         cell[side] = max(wanted, finest);
     }
-    // The rotation since the last step is measured against the nearest of the last normals, as their order may change.
+    // The rotation since the last step is measured from the last step's normal nearest to this one, because the patches
+    // may have another order now.
     float turn = 0.0, cosine = -1.0;
     for (uint q = 0; q < PAIR_PATCHES; q++) {
         if (before[q].w > 0.0) cosine = max(cosine, dot(before[q].xyz, normals[r]));

@@ -4,9 +4,10 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Cull, broad phase: estimates the contact normal of a pair of collision proxies (convex hulls) a and b, and sums the
-// push of their contacts in the last step. One workgroup runs for each pair. The f64 reference is
-// oracle::proximity::direction.
+// Cull stage (broad phase) of a step: estimates the contact normal of a pair of collision proxies (convex hulls around
+// parts of skins, the bodies' surface meshes) a and b, and sums the push (depth x area x outward normal) of their
+// contacts in the last step. One workgroup runs for each pair. The f64 reference implementation is
+// oracle::proximity::direction. A candidate is the result of contact/candidates for one skin vertex.
 //
 // Over all face normals n of both hulls (oriented from a to b) the separation is s(n) = min n.y - max n.x, over the
 // vertices y of hull b and x of hull a. Directions near the greatest separation s_max are blended, n = sum max(0, 1 -
@@ -20,15 +21,15 @@ layout(constant_id = 0) const uint SIZE = 8;
 
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Bounds { ProxyBounds bounds[]; };
-READ_ONLY(uvec4, proxy_pairs);      // proxy of a, proxy of b
+READ_ONLY(uvec4, proxy_pairs);      // first proxy, second proxy
 READ_ONLY(vec4, hull);
 READ_ONLY(vec4, faces);             // face planes of all hulls: unit normal, offset
 layout(scalar) readonly buffer ActivePairs { uint active_pairs[]; };
 layout(scalar) readonly buffer Reach { vec2 reach_of[]; };     // reach and distance of the hulls of each pair, m
-layout(scalar) writeonly buffer Directions { vec4 directions[]; };  // two per pair: normal, weight; push, its length
+layout(scalar) writeonly buffer Directions { vec4 directions[]; };  // two per pair: normal, weight; push, |push|
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer ContactSource { uint contact_source[]; };   // candidate of each contact of the last step
-READ_ONLY(uvec4, candidate_pushes);  // depth x area x normal (bits) of the last step's candidates; proxy pair
+READ_ONLY(uvec4, candidate_pushes);  // bits of the push of each candidate of the last step; its pair of proxies
 
 // Most faces of both hulls together; a hull has at most 64 vertices.
 const uint MAX_FACES = 256;
@@ -92,7 +93,7 @@ void main() {
         }
         directions[2 * i] = vec4(normalize(sum.xyz), weight * weight);
     }
-    // Once skins touch, the contacts of the last step give a better direction: sum depth x area x outward normal.
+    // Once skins touch, the contacts of the last step give a better direction, the sum of their pushes.
     vec3 push = vec3(0.0);
     for (uint c = lane; c < counts.last_contacts; c += SIZE) {
         uvec4 found = fetch(candidate_pushes, contact_source[c]);

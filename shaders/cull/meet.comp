@@ -5,15 +5,16 @@
 #include "shared/depth_grid.glsl"
 #include "shared/args.glsl"
 
-// Cull, broad phase: lists those chunks (groups of at most 64 skin vertices) of an active pair proxy (a collision proxy
-// in one pair of bodies) that, in some cell of the depth grid of a contact patch (`ContactPatch`), may reach beyond
-// what the chunks of the other side reach. One workgroup runs for each active pair proxy.
+// Cull stage (broad phase) of a step: lists those chunks (groups of at most 64 vertices of a skin, a body's surface
+// mesh) that may reach the other body along the normal of a contact patch (`ContactPatch`: a column of space in which
+// two bodies may touch). A pair proxy is a collision proxy (convex hull around part of a skin) in one pair of bodies. A
+// chunk of an active pair proxy is listed if it may reach a chunk of the other side (body of the pair) in some cell of
+// the patch's depth grid (shared/depth_grid.glsl). One workgroup runs for each active pair proxy.
 //
 // The last workgroup to finish joins the lists of all pair proxies, in their order: active chunks, a work item for each
 // active chunk and patch, and the indirect arguments of all later stages. Pair proxies whose vertices are tested for
 // contact come first, so that arrays of vertices need no room for the others. More work items than MAX_WORK_ITEMS raise
-// FLAG_PATCH_OVERFLOW. The test compares with a CPU loop over every chunk and every opposing chunk. A contact patch is
-// a column of space in which two bodies may touch.
+// FLAG_PATCH_OVERFLOW. The test compares with a CPU loop over every chunk and every opposing chunk.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -28,8 +29,8 @@ layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 layout(scalar) readonly buffer Slabs { Slab slabs[]; };  // bounds of chunks, PAIR_PATCHES per chunk of a pair proxy
 layout(scalar) readonly buffer DepthGrids { uint depth_grids[]; };               // see shared/depth_grid.glsl
-layout(scalar) coherent buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };  // patch mask; then chunk, mask + items
-layout(scalar) coherent buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };  // chunks, items; then running totals
+layout(scalar) coherent buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };  // patch mask; later see list_pair_proxy
+layout(scalar) coherent buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };  // chunks, work items; later prefix sums
 layout(scalar) writeonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) writeonly buffer WorkItems { uvec2 work_items[]; };  // active chunk and contact patch of each work item
 layout(scalar) coherent buffer CountsInOut { Counts counts; };
@@ -39,7 +40,7 @@ shared uint masks[SIZE];
 shared uvec2 totals[SIZE];
 shared bool is_last;
 
-// Whether a chunk may reach beyond what the other side reaches, in some cell of a patch.
+// Whether a chunk of `side` may reach a chunk of the other side in some cell of a patch's depth grid.
 bool meets_grid(uint patch_index, uint side, Slab slab) {
     ContactPatch contact_patch = contact_patches[patch_index];
     uvec4 range = grid_cells(contact_patch, slab.low, slab.high);
@@ -54,8 +55,8 @@ bool meets_grid(uint patch_index, uint side, Slab slab) {
     return false;
 }
 
-// Lists the chunks of a pair proxy that are kept, in their order: the chunk, and its patch mask together with the
-// number of work items before it, shifted left by PAIR_PATCHES.
+// Lists the chunks of a pair proxy that are kept, in their order: the chunk, and the mask of its patches together with
+// the number of this pair proxy's work items before it, shifted left by PAIR_PATCHES.
 void list_pair_proxy(uint pair_proxy_index) {
     uint lane = gl_LocalInvocationID.x;
     PairProxy pair_proxy = pair_proxies[pair_proxy_index];
@@ -94,7 +95,7 @@ void list_pair_proxy(uint pair_proxy_index) {
     if (lane == 0) pair_proxy_counts[pair_proxy_index] = uvec2(listed, work_items_listed);
 }
 
-// Joins the lists of all pair proxies; each lane takes a contiguous run of them.
+// Joins the lists of all pair proxies; each lane takes a contiguous run of pair proxies.
 void list_all() {
     uint lane = gl_LocalInvocationID.x;
     uint run = (PAIR_PROXIES + SIZE - 1) / SIZE;

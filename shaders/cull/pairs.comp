@@ -5,22 +5,23 @@
 #include "shared/types.glsl"
 #include "shared/args.glsl"
 
-// Cull, broad phase: finds which pairs of collision proxies (convex hulls) may touch. First their boxes are tested,
-// then the distance of the hulls: a pair stays if it is at most `reach`, the sum of both inflations (how far skin may
-// lie outside a hull) and a seam (a gap between hulls of one body, SEAM). The pairs of a workgroup are far apart in the
-// list of pairs, so that near pairs, which are adjacent there, are divided among workgroups. Pairs whose boxes meet are
-// listed first, so that no lane is idle while others compute the distance of hulls. No result depends on the order in
-// which pairs are appended. A workgroup tests SHARE pairs. The f64 reference is oracle::proximity::pairs (distance by
-// parry3d).
+// Cull stage (broad phase) of a step: finds which pairs of collision proxies (convex hulls around parts of the bodies'
+// surface meshes, the skins) may touch. First their boxes are tested, then the distance of the hulls: a pair stays if
+// the distance is at most `reach`, the sum of both inflations (how far skin may lie outside a hull) and a seam (the gap
+// between hulls of one body, SEAM). The pairs of a workgroup are far apart in the list of pairs, so that pairs that may
+// touch, which are often adjacent there, are divided among workgroups. Pairs whose boxes meet are listed first, so that
+// no lane is idle while others compute the distance of hulls. No result depends on the order in which pairs are
+// appended. A workgroup tests SHARE pairs. The f64 reference implementation is oracle::proximity::pairs (distance by
+// the library parry3d).
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint PROXY_PAIRS = 1;
-layout(constant_id = 2) const uint SHARE = 64;      // pairs of a workgroup
+layout(constant_id = 2) const uint SHARE = 64;      // pairs that a workgroup tests
 
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 READ_ONLY(vec4, bounds);           // two texels per proxy: least corner and inflation, greatest corner and radius
-READ_ONLY(uvec4, proxy_pairs);     // proxy of a, proxy of b
+READ_ONLY(uvec4, proxy_pairs);     // first proxy, second proxy
 READ_ONLY(vec4, hull);
 layout(scalar) writeonly buffer ActivePairs { uint active_pairs[]; };
 layout(scalar) writeonly buffer Reach { vec2 reach_of[]; };   // reach and distance of the hulls of each pair, m
@@ -46,7 +47,7 @@ void main() {
         directions[2 * i] = vec4(0.0);
         uvec2 which = fetch(proxy_pairs, i).xy;
         vec4 a_low = fetch(bounds, 2 * which.x), b_low = fetch(bounds, 2 * which.y);
-        // Where a body is cut into several hulls these are shrunk; the seam covers the gaps between them.
+        // If a body has several hulls, these have been shrunk; the seam covers the gaps between them.
         vec4 a_top = fetch(bounds, 2 * which.x + 1), b_top = fetch(bounds, 2 * which.y + 1);
         float reach = a_low.w + b_low.w + SEAM * min(a_top.w, b_top.w);
         vec3 apart = max(a_low.xyz - b_top.xyz, b_low.xyz - a_top.xyz);

@@ -4,13 +4,14 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Depth, narrow phase, as a compute shader (ray_hits.vert and ray_hits.frag are the version that uses the rasterizer):
-// finds where the rays of skin vertices hit the triangles of the opposing skin. For each triangle of an active chunk (a
-// group of at most 64 skin vertices that passed culling), front and back faces alike, it visits the cells of the
-// contact patch's spatial hash that the triangle covers, and tests the vertices there (shared/ray_hit.glsl). Each hit
-// goes onto the list of its vertex. One workgroup runs for each work item (chunk, patch). The f64 reference is
-// oracle::contact::ray_depths; the test tries all pairs of vertex and triangle. A contact patch is a column of space in
-// which two bodies may touch.
+// Depth stage (narrow phase) of a step, as a compute shader (ray_hits.vert and ray_hits.frag are the version that uses
+// the rasterizer): finds where the rays of skin vertices hit the triangles of the other body's skin (surface mesh). A
+// contact patch is a column of space in which two bodies may touch, with one normal, along which the rays run. For each
+// triangle of an active chunk (a group of at most 64 skin vertices that passed culling), front and back faces alike,
+// this kernel visits the cells of the patch's spatial hash that the triangle covers, and tests the vertices there
+// (shared/ray_hit.glsl). Each hit goes onto the list of its vertex. One workgroup runs for each work item (an active
+// chunk in one patch). The f64 reference implementation is oracle::contact::ray_depths; the test tries all pairs of
+// vertex and triangle.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -29,7 +30,7 @@ READ_ONLY(uvec4, buckets);         // heads of the hash's lists, four per texel;
 READ_ONLY(uvec4, hash_entries);
 layout(scalar) readonly buffer EntryCells { uvec2 entry_cells[]; };      // cell of each vertex in the hash
 layout(scalar) buffer EntryHits { uint entry_hits[]; };                      // first hit of each vertex in the hash
-layout(scalar) writeonly buffer Hits { uvec4 hits[]; };  // triangle, next hit, bits of the depth, 2 * item + (1: front)
+layout(scalar) writeonly buffer Hits { uvec4 hits[]; };  // triangle, next hit, depth bits, 2 * work item + (1: front)
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 
 #include "shared/spatial_hash.glsl"

@@ -4,11 +4,11 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Depth, narrow phase, as a vertex shader: draws the cells of a contact patch's spatial hash that a triangle covers as
-// a rectangle, so that the rasterizer distributes the cells, one fragment for each (ray_hits.frag). One instance is
-// drawn for each work item (a chunk of skin in one contact patch), with six vertices for each triangle. It finds the
-// same hits as ray_hits.comp, bit for bit. A contact patch is a column of space in which two bodies may touch; a chunk
-// is a group of skin vertices.
+// Depth stage (narrow phase) of a step, as a vertex shader: draws the cells of a contact patch's spatial hash that a
+// triangle covers as a rectangle, so that the rasterizer distributes the cells, one fragment for each (ray_hits.frag).
+// A contact patch is a column of space in which two bodies may touch; a chunk is a group of vertices of a skin (a
+// body's surface mesh) with their triangles. One instance is drawn for each work item (a chunk in one contact patch),
+// with six vertices for each triangle. The graphics pipeline finds the same hits as ray_hits.comp, bit for bit.
 
 layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 3) const uint RASTER_CELLS = 1;      // cells along a side of the viewport, one pixel each
@@ -24,7 +24,7 @@ READ_ONLY(uvec4, buckets);         // hash lists and depth grids, four per texel
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 
 layout(location = 0) flat out vec3 corners[3];      // along the patch's axes, m
-layout(location = 3) flat out uvec3 triangle_at;    // triangle, 2 * patch + its side, work item
+layout(location = 3) flat out uvec3 triangle_at;    // triangle, 2 * patch + (1: triangle of body b), work item
 
 #include "shared/spatial_hash.glsl"
 #include "shared/depth_grid.glsl"

@@ -6,12 +6,12 @@
 #include "shared/rotation.glsl"
 #include "shared/polar.glsl"
 
-// Draw (for display, not part of the step): strain energy density of each tetrahedron at its present displacements, by
-// its material law (shared/material_law.glsl). draw/share adds the part of lambda that acts through F-bar patches
-// (groups of tetrahedra with one volumetric strain). The rotations of the last step only serve as the first guess of
-// the polar decomposition. One invocation runs for each tetrahedron. The f64 reference is
-// oracle::elastic::Elements::densities. A frame is a rigid coordinate frame, a link the relative placement of two
-// frames.
+// Draw stage (for display, not part of a step): strain energy density of each tetrahedron at its present displacements,
+// by its material law (shared/material_law.glsl). draw/share adds the part of Lame's first parameter lambda that acts
+// through F-bar patches (groups of tetrahedra with one volumetric strain). The rotations of the last step only serve as
+// the first guess of the polar decomposition of the deformation gradient. One invocation runs for each tetrahedron. The
+// f64 reference implementation is oracle::elastic::Elements::densities. A frame is a rigid coordinate frame, a link the
+// relative placement of two frames.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
@@ -21,15 +21,15 @@ layout(constant_id = 4) const uint LAWS = 1;            // a bit for each materi
 
 layout(scalar) readonly buffer Materials { ElasticMaterial materials[]; };
 READ_ONLY(uvec4, tetrahedra);
-READ_ONLY(vec4, rest_gradients);       // three per tetrahedron; w of the first: sqrt(V)
+READ_ONLY(vec4, rest_gradients);       // three per tetrahedron; w of the first: square root of the rest volume
 layout(scalar) readonly buffer ElementInfo { uvec2 element_info[]; };    // material and frame of each tetrahedron
 READ_ONLY(vec4, displacement);
-READ_ONLY(uvec4, tetrahedron_links);  // links from the first node's frame to each node's; 0: the same frame
+READ_ONLY(uvec4, tetrahedron_links);  // links from the first node's frame to each node's frame; 0: the same frame
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer Links { Link links[]; };            // between frames, as they are now
 layout(scalar) readonly buffer PatchOf { uint patch_of[]; };       // patch of each tetrahedron, or NONE
 READ_ONLY(vec4, rotations);
-layout(scalar) writeonly buffer Densities { vec4 densities[]; };   // J/m^3; volume (m^3); tr(E); lambda of a patch (Pa)
+layout(scalar) writeonly buffer Densities { vec4 densities[]; };  // J/m^3; volume, m^3; tr(strain); patch's lambda, Pa
 
 #include "shared/strain.glsl"
 #include "shared/material_law.glsl"

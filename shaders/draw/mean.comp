@@ -3,16 +3,16 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 
-// Draw (for display, not part of the step): energy density at each node, the mean over its tetrahedra weighted by
-// volume; zero at a node without tetrahedra. One invocation runs for each node. The test compares with the same sum in
-// f64.
+// Draw stage (for display, not part of a step): energy density at each node, which is the mean over the node's
+// tetrahedra weighted by volume; zero at a node without tetrahedra. One invocation runs for each node. The test
+// compares with this mean in f64.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;
 
-layout(scalar) readonly buffer NodeFirst { uint node_first[]; };            // first entry of each node, then the end
+layout(scalar) readonly buffer NodeFirst { uint node_first[]; };  // start of a node in `node_tetrahedra`, then the end
 layout(scalar) readonly buffer NodeTetrahedra { uint node_tetrahedra[]; };  // tetrahedra around each node
-READ_ONLY(vec4, densities);            // x: density; y: volume
+READ_ONLY(vec4, densities);            // x: energy density, J/m^3; y: volume, m^3; one for each tetrahedron
 layout(scalar) writeonly buffer NodeValues { float node_values[]; };
 
 void main() {

@@ -2,14 +2,14 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 
-// Draw (for display, not part of the step): the greatest number in each range of an array of non-negative numbers. It
-// is zero for an empty range; NaN is ignored. One workgroup runs for each range. The test compares with the greatest
-// number in f64.
+// Draw stage (for display, not part of a step): the greatest number in each range of an array of non-negative numbers;
+// zero for an empty range; NaN is ignored. One workgroup runs for each range. The test compares with the greatest
+// number, found on the CPU.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
-layout(scalar) readonly buffer Ranges { uvec2 ranges[]; };         // first index, and one after the last
+layout(scalar) readonly buffer Ranges { uvec2 ranges[]; };  // first index of each range, and one after its last index
 layout(scalar) readonly buffer Values { float values[]; };
 layout(scalar) writeonly buffer Most { float most[]; };
 

@@ -2,17 +2,18 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 
-// Draw (for display, not part of the step): adds lambda / 2 theta^2 to the energy density of each tetrahedron of an
-// F-bar patch (elastic/mean_dilatation), with the patch's mean dilatation theta = sum V tr(E) / sum V over the volumes
-// V and strains E of its tetrahedra. One invocation runs for each patch, and no other writes its tetrahedra. The f64
-// reference is oracle::elastic::Elements::densities.
+// Draw stage (for display, not part of a step): adds lambda / 2 theta^2 to the energy density of each tetrahedron of an
+// F-bar patch (group of tetrahedra that share one volumetric strain, elastic/mean_dilatation). Here lambda is Lame's
+// first parameter of the tetrahedron, and theta = sum V tr(E) / sum V is the patch's mean dilatation, over the volumes
+// V and strains E of its tetrahedra. One invocation runs for each patch; no two patches share a tetrahedron. The f64
+// reference implementation is oracle::elastic::Elements::densities.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PATCHES = 0;
 
-layout(scalar) readonly buffer PatchFirst { uint patch_first[]; };            // first entry of each patch, then the end
+layout(scalar) readonly buffer PatchFirst { uint patch_first[]; };  // start of a patch in `patch_members`, then the end
 layout(scalar) readonly buffer PatchMembers { uint patch_members[]; };        // tetrahedra of each patch
-layout(scalar) buffer Densities { vec4 densities[]; };             // as draw/energy leaves them; x: density, J/m^3
+layout(scalar) buffer Densities { vec4 densities[]; };  // J/m^3; volume V (m^3); tr(E); lambda (Pa), from draw/energy
 
 void main() {
     uint p = gl_GlobalInvocationID.x;

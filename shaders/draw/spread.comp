@@ -4,15 +4,16 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Draw (for display, not part of the step): interpolates a number from nodes to a skin vertex, max(0, sum w_i n_i),
-// with weight w_i and number n_i of each of its four nodes (weights may be negative where skin lies outside its
-// tetrahedron); zero on a rigid body. One invocation runs for each vertex. The test compares with the same sum in f64.
+// Draw stage (for display, not part of a step): interpolates a number from nodes to a skin vertex (vertex of a body's
+// surface mesh), max(0, sum w_i n_i), with weight w_i and number n_i of each of the vertex's four nodes; zero on a
+// rigid body. A weight may be negative where the vertex lies outside its tetrahedron. One invocation runs for each
+// vertex. The test compares with this sum in f64.
 
 layout(local_size_x_id = 0) in;
 
 layout(push_constant) uniform Points { uint vertices; };
 
-READ_ONLY(uvec4, skin_nodes);      // four nodes; NONE first: a rigid skin
+READ_ONLY(uvec4, skin_nodes);      // four nodes of each vertex; NONE first: vertex of a rigid body
 READ_ONLY(vec4, skin_weights);
 layout(scalar) readonly buffer NodeValues { float node_values[]; };
 layout(scalar) writeonly buffer Values { float values[]; };

@@ -6,22 +6,24 @@
 #include "shared/rotation.glsl"
 #include "shared/polar.glsl"
 
-// Elastic: rotation, stress and stiffness of each tetrahedron, computed once in each Newton iteration. With rest
-// gradients g_i (1/m) and displacements d_i of its nodes, and rest volume V, the deformation gradient is F = I + G, G =
-// sum d_i g_i^T. The rotation R is the polar part of F (shared/polar.glsl, from the last rotation), and the strain is E
-// = R^T G + (R^T - I).
+// Elastic stage of a step: rotation, stress and stiffness of each tetrahedron, computed once in each Newton iteration.
+// With rest gradients g_i (1/m) and displacements d_i of a tetrahedron's nodes, and its rest volume V, the deformation
+// gradient is F = I + G, G = sum d_i g_i^T. The rotation R is the polar part of F, found by shared/polar.glsl
+// from the last rotation, and the strain is E = R^T G + (R^T - I).
 //
-// The kernel writes R; the scaled gradients of the operator in world axes, g' = sqrt(V) R_frame R fold g, with their
-// moduli, where R_frame is the rotation of the tetrahedron's frame and `fold` a matrix of the material law
-// (shared/material_law.glsl); and the element's part of the right-hand side over a step h, h f - (h^2 + h beta) K v
-// with f_i = -V P g_i, stress P of the material law, stiffness K, velocity v and stiffness-proportional damping beta.
-// The corotational law has P = R (2 mu sym(E) + lambda tr(E) I). A tetrahedron with nodes in several frames is
-// evaluated in its first node's frame. A tetrahedron that is inside out, or whose rotation is not found, raises a flag.
+// A frame is a rigid coordinate frame, a link the relative placement of two frames. The kernel writes R, and the scaled
+// gradients of the solver's operator in world axes, g' = sqrt(V) R_frame R fold g, with the operator's moduli mu and
+// lambda; R_frame is the rotation of the tetrahedron's frame, and `fold` a matrix of the material law
+// (shared/material_law.glsl). It also writes the tetrahedron's part of the right-hand side over a step h, which is
+// h f - (h^2 + h beta) K v with f_i = -V P g_i, stress P of the material law, stiffness K, velocity v and
+// stiffness-proportional damping beta. The corotational law has P = R (2 mu sym(E) + lambda tr(E) I). A tetrahedron
+// with nodes in several frames is evaluated in its first node's frame. A tetrahedron that is inside out, or whose
+// rotation is not found, raises a flag.
 //
-// In later Newton iterations it reads the trial displacements of elastic/trial, which contain the trial change of
-// velocity x already, and writes h f + h^2 K x - h beta K v. One invocation runs for each tetrahedron. The f64
-// references are oracle::elastic and oracle::newton. A frame is a rigid coordinate frame, a link the relative placement
-// of two frames. An F-bar patch is a group of tetrahedra that share one volumetric strain.
+// In later Newton iterations the kernel reads the trial displacements of elastic/trial, which contain the trial change
+// of velocity x already, and writes h f + h^2 K x - h beta K v. One invocation runs for each tetrahedron. The f64
+// reference implementations are oracle::elastic and oracle::newton. An F-bar patch is a group of tetrahedra that share
+// one volumetric strain.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
@@ -38,7 +40,7 @@ READ_ONLY(vec4, rest_gradients);  // three per tetrahedron: g of nodes 2 to 4 (1
 layout(scalar) readonly buffer ElementInfo { uvec2 element_info[]; };    // material and frame of each tetrahedron
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, velocity);
-READ_ONLY(uvec4, tetrahedron_links);   // links from the first node's frame to each node's; 0: the same frame
+READ_ONLY(uvec4, tetrahedron_links);   // links from the first node's frame to each node's frame; 0: the same frame
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer Links { Link links[]; };
 layout(scalar) readonly buffer PatchOf { uint patch_of[]; };        // patch of each tetrahedron, or NONE
@@ -68,7 +70,7 @@ void main() {
     bool lost;
     vec4 q = polar(mat3(1.0) + g, rotations[t], lost);
     if (lost || determinant(mat3(1.0) + g) <= 0.0) atomicOr(counts.flags, FLAG_INVERTED);
-    // The next polar decomposition must start from a rotation, even if this state has overflowed.
+    // The next polar decomposition must start from a rotation, even if the displacements have overflowed.
     rotations[t] = dot(q, q) < 2.0 ? q : vec4(0.0, 0.0, 0.0, 1.0);
 
     mat3 e = strain(q, g);
@@ -79,7 +81,8 @@ void main() {
     vec4 world = compose(frames[frame].rotation, q);
     vec3 h1 = root * rotate(world, k1), h2 = root * rotate(world, k2), h3 = root * rotate(world, k3);
     float scale = params.dt * (params.dt + material.damping);
-    // In w: mu and lambda (zero where an F-bar patch applies it) times h^2 + h beta, and tr(E).
+    // The components w hold mu and lambda, each times h^2 + h beta, and tr(E); lambda counts as zero where an F-bar
+    // patch applies it.
     gradients[3 * t] = vec4(h1, scale * law.mu);
     gradients[3 * t + 1] = vec4(h2, scale * law.lambda);
     gradients[3 * t + 2] = vec4(h3, e[0][0] + e[1][1] + e[2][2]);

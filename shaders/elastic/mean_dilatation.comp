@@ -4,17 +4,17 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Elastic: F-bar patches, groups of tetrahedra that share one volumetric strain against volumetric locking. The shared
-// strain of the tetrahedra e of a patch is the mean dilatation theta = sum V_e tr(E_e) / V, with volumes V_e, V = sum
-// V_e, strains E_e.
+// Elastic stage of a step: F-bar patches, groups of tetrahedra that share one volumetric strain against volumetric
+// locking (de Souza Neto, Andrade Pires and Owen 2005). The shared strain of the tetrahedra e of a patch is the mean
+// dilatation theta = sum V_e tr(E_e) / V, with volumes V_e, their sum V, and strains E_e.
 //
-// In the operator (h^2 + h beta) K, with the step h and stiffness-proportional damping beta, a patch is a matrix c c^T
-// over its nodes j, c_j = sqrt((h^2 + h beta) lambda / V) sum sqrt(V_e) g'_ej, with g' the scaled gradients of
-// elastic/element_forces. The right-hand side gets h f - (h^2 + h beta) K v = -(h theta sqrt(lambda V / (h^2 + h beta))
-// + c . v) c, with another velocity (shared/lag.glsl) in place of the nodes' velocity v in
-// later Newton iterations. The kernel runs after
-// elastic/element_forces; solve/patch_product uses the rows c in every conjugate gradient iteration. One invocation
-// runs for each patch. After de Souza Neto, Andrade Pires and Owen (2005). The f64 reference is oracle::elastic.
+// In the operator (h^2 + h beta) K, with the step h, the stiffness K and stiffness-proportional damping beta, a patch
+// adds a matrix c c^T over its nodes j, c_j = sqrt((h^2 + h beta) lambda / V) sum sqrt(V_e) g'_ej, with Lame's first
+// parameter lambda, and the scaled gradient g'_ej of tetrahedron e at node j (elastic/element_forces). With elastic
+// forces f and node velocities v, the right-hand side gets h f - (h^2 + h beta) K v = -(h theta sqrt(lambda V / (h^2 +
+// h beta)) + c . v) c. In later Newton iterations another velocity takes the place of v (shared/lag.glsl). The kernel
+// runs after elastic/element_forces; solve/patch_product uses the rows c in every conjugate gradient iteration. One
+// invocation runs for each patch. The f64 reference implementation is oracle::elastic.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PATCHES = 0;
@@ -22,8 +22,8 @@ layout(constant_id = 2) const uint TETRAHEDRA = 0;
 layout(constant_id = 5) const bool NEWTON = false;       // whether this is a later Newton iteration
 
 layout(scalar) readonly buffer Params { StepParams params; };
-READ_ONLY(uvec4, patch_nodes);         // three per patch: its nodes, padded with the first (shared/f_bar_patch.glsl)
-READ_ONLY(uvec4, patch_members);  // six per patch, two members each: tetrahedron; indices of its nodes, four bits each
+READ_ONLY(uvec4, patch_nodes);         // three per patch: its nodes, padded with its first node
+READ_ONLY(uvec4, patch_members);  // six per patch, two tetrahedra in each: index; places of its nodes, four bits each
 READ_ONLY(vec4, patch_constants);      // V (m^3), lambda (Pa), beta (s)
 READ_ONLY(vec4, rest_gradients);       // three per tetrahedron; w of the first: sqrt(V_e)
 READ_ONLY(vec4, gradients);  // scaled gradients, three per tetrahedron, then three zero vectors; w of the third: tr(E)

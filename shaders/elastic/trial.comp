@@ -7,21 +7,22 @@
 #include "shared/link.glsl"
 #include "shared/node_motion.glsl"
 
-// Elastic: trial displacements for the next Newton iteration, at which elastic/element_forces linearises: where the
-// solution x of the last solve would take each node by the end of the step of h seconds, seen from its frame (rotation
-// R) at the start, so that the links between frames still apply. For a free node that is d + h R^T (v + x); for a node
-// attached to a dynamic core (rigid core inside a soft body) h R^T u + (Q - I) r, with the core's new twist (u, w), Q
-// the rotation by h R^T w, and r the rest position. Steps of one Newton iteration do not run this. One invocation runs
-// for each node. The f64 reference is oracle::newton. A frame is a rigid coordinate frame, a link the relative
-// placement of two frames.
+// Elastic stage of a step: trial displacements, at which elastic/element_forces linearises in the next Newton
+// iteration. They say where the solution x (changes of velocity) of the last solve would take each node by the end of
+// the step of h seconds, seen from the node's frame (rigid coordinate frame of rotation R) at the start, so that the
+// links (relative placements of two frames) still apply. For a free node with displacement d and velocity v the trial
+// displacement is d + h R^T (v + x). For a node attached to a dynamic core (rigid body inside a soft body, whose motion
+// the solver finds) it is h R^T u + (Q - I) r, with the core's new velocity u and angular velocity w, Q the rotation by
+// h R^T w, and r the node's rest position. Steps of one Newton iteration do not run this kernel. One invocation runs
+// for each node. The f64 reference implementation is oracle::newton.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;
-layout(constant_id = 6) const uint RIGIDS = 0;     // rigid bodies among the unknowns: dynamic cores and the tool
+layout(constant_id = 6) const uint RIGIDS = 0;  // rigid unknowns: dynamic cores, and the rigid tool that a user moves
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
-READ_ONLY(uvec4, node_info);      // frame in z; NODE_* of shared/node_motion.glsl in w
+READ_ONLY(uvec4, node_info);      // frame of each node in z; NODE_* of shared/node_motion.glsl in w
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, velocity);

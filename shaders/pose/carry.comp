@@ -6,25 +6,28 @@
 #include "shared/rotation.glsl"
 #include "shared/link.glsl"
 
-// Pose: velocities of the nodes attached to moving frames: to rigid cores that are kinematic (their motion is
-// prescribed) or dynamic (the solver finds it). One invocation runs for each attached node. The f64 reference is
-// oracle::step, where attached nodes may have any velocity.
+// Pose stage of a step: velocities of the nodes of soft bodies that are attached to rigid cores (rigid bodies inside
+// soft ones). A core is kinematic if its motion is prescribed, dynamic if the solver finds its motion; its frame is its
+// rigid coordinate frame. One invocation runs for each attached node. The f64 reference implementation is oracle::step,
+// where attached nodes may have any velocity.
 //
-// On a dynamic core the velocity is that at the start of the step, v = u + w x arm, with the core's twist (u, w). The
-// node's first guess of the change of velocity follows from the core's last solution with this step's arms, so that A x
-// can be computed from it. On a kinematic frame the velocity is the mean over the whole step, v = (x1 - x0) / h =
-// v_centre + R0 (R0^T R1 - I) r / h, with R0 and R1 the frame's rotations at start and end, and r the rest position.
-// The right-hand side, h f - (h^2 + h beta) K v, then contains the effect of these known velocities on the unknown
-// ones, and contacts use them. A frame is a rigid coordinate frame.
+// On a dynamic core a node gets the velocity at the start of the step, v = u + w x arm, with the core's velocity u and
+// angular velocity w, and the vector `arm` from the core's centre to the node. The node's first guess of the change of
+// velocity follows from the core's last solution with this step's arms, so that the solver can multiply its operator
+// with this guess. On a kinematic core a node gets its mean velocity over the whole step, from its position x0 to x1:
+// v = (x1 - x0) / h = v_centre + R0 (R0^T R1 - I) r / h, with the step h, the frame's rotations R0 at the start and R1
+// at the end, the velocity v_centre of the frame's centre, and the node's rest position r. The right-hand side of the
+// elastic stage then contains the effect of these known velocities on the unknown ones; contacts use the known
+// velocities too.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint ATTACHED_NODES = 0;
-layout(constant_id = 6) const uint RIGIDS = 0;  // rigid bodies among the unknowns: dynamic cores and the tool
+layout(constant_id = 6) const uint RIGIDS = 0;  // rigid unknowns: dynamic cores, and the rigid tool that a user moves
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer AttachedNodes { uint attached_nodes[]; };
-READ_ONLY(uvec4, node_info);       // frame in z
+READ_ONLY(uvec4, node_info);       // frame of each node in z
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };

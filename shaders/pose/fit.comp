@@ -5,11 +5,12 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Pose: computes the sums from which the host fits a floating frame (that of a soft body without cores) to its nodes,
-// at the end of the step: sum m d, sum m r x d, sum m v and sum m (x - centre) x v over its nodes of mass m, with rest
-// position r, displacement d, position x and velocity v. Where the first two vanish, the frame is the best fit (M.
-// Mueller and others 2005, "Meshless Deformations Based on Shape Matching"). One workgroup runs for each frame. The
-// test compares with sums in f64. A frame is a rigid coordinate frame.
+// Pose stage, at the end of a step: computes sums from which the host (CPU side) fits a floating frame to its nodes. A
+// frame is a rigid coordinate frame; a floating frame is that of a soft body without rigid cores. The sums are sum m d,
+// sum m r x d, sum m v and sum m (x - centre) x v over the frame's nodes of mass m, with rest position r, displacement
+// d, position x and velocity v. Where sum m d and sum m r x d vanish, the frame is the best fit (M. Mueller and others
+// 2005, "Meshless Deformations Based on Shape Matching"). One workgroup runs for each frame. The test compares with
+// these sums in f64.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -26,7 +27,7 @@ layout(scalar) writeonly buffer Fits { Fit fits[]; };
 void main() {
     uvec4 which = floating[gl_WorkGroupID.x];
     Frame frame = frames[which.x];
-    // Rotation at the end of the step, R1 = R0 (R1^T R0)^T.
+    // The frame's rotation R1 at the end of the step: R1 = R0 (R1^T R0)^T, with R0 at the start and `turn` = R1^T R0.
     vec4 rotation = compose(frame.rotation, vec4(-frame.turn.xyz, frame.turn.w));
     vec3 shift = vec3(0.0), twist = vec3(0.0), momentum = vec3(0.0), spin = vec3(0.0);
     for (uint i = which.y + gl_LocalInvocationID.x; i < which.y + which.z; i += SIZE) {

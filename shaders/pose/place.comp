@@ -6,12 +6,14 @@
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
 
-// Pose: places a collision proxy (convex hull) in the world. It writes the hull's vertices x = c + R r and face planes
-// n = R n_rest, offset = n_rest . r + n . c, with centre c and rotation R of its frame; the hull's box; and a bound on
-// how far skin lies outside the hull, margin + (sum |w|) max |d|, over embedding weights w and displacements d, in the
-// proxy's frame, of the nodes that move the skin. All workgroups together clear the spatial hash; the first invocation
-// clears the step's counters and indirect arguments. One workgroup runs for each proxy. The f64 reference is
-// oracle::proximity. A frame is a rigid coordinate frame, a link the relative placement of two frames.
+// Pose stage of a step: places a collision proxy (convex hull around part of a skin, a body's surface mesh) in the
+// world. A frame is a rigid coordinate frame, a link the relative placement of two frames. The kernel writes the hull's
+// vertices x = c + R r, with their rest positions r, and centre c and rotation R of the proxy's frame; the hull's face
+// planes, each with the normal n = R n_rest and the offset offset_rest + n . c; the hull's box; and a bound on how far
+// skin lies outside the hull: this distance at rest (margin) and (sum |w|) max |d|, over embedding weights w and
+// displacements d, in the proxy's frame, of the nodes that move the skin. All workgroups together clear the spatial
+// hash of the depth stage; the first invocation clears the step's counters and indirect arguments. One workgroup runs
+// for each proxy. The f64 reference implementation is oracle::proximity.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -22,7 +24,7 @@ layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 READ_ONLY(vec4, hull_rest);          // vertices of all hulls, from their frame's centre, m
 READ_ONLY(vec4, face_rest);          // face planes of all hulls: unit normal, offset
-READ_ONLY(uvec4, proxy_nodes);       // two per texel: node, link from the proxy's frame to the node's
+READ_ONLY(uvec4, proxy_nodes);       // two per texel: node, link from the proxy's frame to the node's frame
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer Links { Link links[]; };
@@ -31,7 +33,7 @@ layout(scalar) writeonly buffer Faces { vec4 faces[]; };    // face planes in th
 layout(scalar) writeonly buffer Bounds { ProxyBounds bounds[]; };
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) writeonly buffer Args { uint args[]; };
-layout(scalar) writeonly buffer Buckets { uint buckets[]; };      // heads of the lists, see shared/spatial_hash.glsl
+layout(scalar) writeonly buffer Buckets { uint buckets[]; };  // heads of the hash's lists, see shared/spatial_hash.glsl
 
 #include "shared/link.glsl"
 #include "shared/moved.glsl"

@@ -1,6 +1,10 @@
-// Indirect arguments of the step's dispatches: each constant below is the index of a VkDispatchIndirectCommand (three
-// words) in the buffer `args`. An earlier kernel writes the numbers of workgroups. A pair proxy is a collision proxy in
-// one pair of bodies; a chunk is a group of at most 64 skin vertices, culled as a whole.
+// Indirect arguments of the dispatches of a step: each constant below is the index of a VkDispatchIndirectCommand
+// (three words) in the buffer `args`. An earlier kernel writes the numbers of workgroups. A collision proxy is a convex
+// hull around part of a skin (a body's surface mesh), a pair proxy one proxy in one pair of bodies. A chunk is a group
+// of at most 64 skin vertices, culled as a whole; pairs, pair proxies and chunks that pass culling are active. A
+// contact patch is a column of space where two bodies may touch, an F-bar patch a group of tetrahedra that share one
+// volumetric strain. A block is a set of nodes of one soft body; a dynamic core is a rigid body inside a soft one,
+// whose motion the solver finds; the tool is the rigid body that the haptic device leads.
 
 const uint ARGS_DIRECTION = 0;      // one workgroup for each active pair of collision proxies
 const uint ARGS_CHUNKS = 1;         // one workgroup for each active pair proxy
@@ -17,9 +21,9 @@ const uint ARGS_LOOP_FREE = 11;     // one workgroup for each block of free node
 const uint ARGS_LOOP_ATTACHED = 12;  // one workgroup for each block of nodes attached to dynamic cores, in the loop
 const uint ARGS_LOOP_TOOL = 13;     // one workgroup for the six equations of the tool, in the solver's loop
 const uint ARGS_COMMIT = 14;        // one invocation for each node, once the step is accepted
-const uint ARGS_WRENCH = 15;        // one workgroup, once the step is accepted
-const uint ARGS_GAP = 16;           // one workgroup for each part of skin that a tool held by a haptic loop may touch
-const uint ARGS_DRAW = 20;          // a VkDrawIndirectCommand, four words at word 3 * 20, a multiple of 16 bytes
+const uint ARGS_WRENCH = 15;        // one workgroup of wrench/reduce, once the step is accepted
+const uint ARGS_GAP = 16;           // one workgroup for each part of skin that the tool may touch, in a haptic loop
+const uint ARGS_DRAW = 20;          // a VkDrawIndirectCommand of four words at word 60, so at a multiple of 16 bytes
 
 layout(constant_id = 10) const uint GROUP = 64;   // workgroup size of kernels with one invocation for each element
 

@@ -1,6 +1,6 @@
 // Declares read-only arrays of vec4 or uvec4; a texel is one element. A shader that has such arrays is compiled twice:
 // with texel buffers, which lavapipe (Mesa's software Vulkan driver) reads faster, and with storage buffers, for
-// devices whose texel buffers hold too few elements. The host picks one version for its device.
+// devices whose texel buffers hold too few elements. The host (CPU side) picks one version for its device.
 
 #ifdef TEXEL_ARRAYS
 #define READ_ONLY_vec4(array) uniform samplerBuffer array

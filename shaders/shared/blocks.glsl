@@ -1,5 +1,5 @@
 // A block is a set of nodes of soft bodies that one workgroup of the solver's kernels works on. Blocks of free nodes
-// come first: neighbours within one frame (rigid coordinate frame), which are also the aggregates of the
+// come first: sets of neighbours within one frame (rigid coordinate frame), which are also the aggregates of the
 // preconditioner's coarse space. Blocks of nodes attached to one dynamic core (rigid core inside a soft body) follow.
 // An including shader declares `blocks` and `block_nodes`.
 
@@ -14,8 +14,8 @@ Block block_of(uint b) {
     return Block(x.x, x.y, x.z, x.w);
 }
 
-// The k-th node of a block: node index, its first texel in `node_elements`, its number of texels there, damping (float
-// bits).
+// The k-th node of a block: node index; first texel and number of texels of the node in `node_elements`, the lists of
+// forces of elements on nodes; damping (bits of a float).
 uvec4 block_node(Block block, uint k) { return fetch(block_nodes, block.first + k); }
 
 // Mass-proportional damping alpha m of a node, kg/s.

@@ -1,8 +1,9 @@
 // Modes are the basis of the preconditioner's coarse space: twelve motions for each block (set of nodes that one
 // workgroup works on). Free nodes of a block move as R (c0 + c1 x + c2 y + c3 z), where (x, y, z) is a node's rest
 // position relative to the middle of the block, divided by the block's size, and R is the block's rotation
-// (solve/assemble). Nodes attached to a core (rigid core inside a soft body) move by its twist (R c0, R c1), with R the
-// core's rotation. A block's twelve numbers lie in three texels: c0 c1.x, c1.yz c2.xy, c2.z c3.
+// (solve/assemble). Nodes attached to a core (rigid body inside a soft body) move with the velocity R c0 and the
+// angular velocity R c1, with R the core's rotation. A block's twelve numbers lie in three texels: c0 c1.x, c1.yz
+// c2.xy, c2.z c3.
 
 struct CoarseVector {
     vec3 c0, c1, c2, c3;

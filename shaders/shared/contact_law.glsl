@@ -1,15 +1,16 @@
-// The contact law: the one place where the shaders compute pressure, its slope and friction of a contact. An including
-// shader includes shared/types.glsl first.
+// The contact law: the one place where the shaders compute pressure, its slope and friction of a contact (a vertex of
+// one body's surface inside the other body). An including shader includes shared/types.glsl first.
 //
 // Pressure p = k delta + d delta' (Kelvin-Voigt penalty, N/m^2), with penetration depth delta (m), its rate delta'
-// (m/s), stiffness k (N/m^3) and damping d (N s/m^3). The solver uses p at the end of a step of h seconds: k delta + (h
-// k + d) delta', with delta at the start and delta' at the end, which is linear in the change of velocity.
+// (m/s), stiffness k (N/m^3) and damping d (N s/m^3). The solver uses p at the end of a step of h seconds. It is
+// k delta + (h k + d) delta', with delta at the start and delta' at the end, and linear in the change of velocity.
 //
 // Friction is regularised Coulomb friction, -c v_t, with the tangential velocity v_t at the end of the step. Its
 // coefficient c = mu a max(0, p) / sqrt(|v_t|^2 + s^2) is computed at the start, with friction coefficient mu, contact
 // area a (m^2), and s the speed (m/s) below which friction is viscous.
 //
-// The f64 reference is oracle::contact_law; the host's version is in stages/contact_law.rs.
+// The f64 reference implementation is oracle::contact_law; the version of the host (CPU side) is in
+// stages/contact_law.rs.
 
 // Pressure p at the start of the step, N/m^2.
 float start_pressure(float depth, float rate, float stiffness, float damping) {
@@ -30,29 +31,30 @@ float normal_operator(Contact contact, float h) { return h * pressure_slope(cont
 // Tangential term of a contact in the solver's operator: h c, kg.
 float friction_operator(Contact contact, float h) { return h * contact.friction; }
 
-// Impulse along the normal if no velocity changed over the step: h a k delta + (h^2 k + h d) a delta', N s.
+// Normal impulse of a contact if no velocity changed over the step: h a k delta + (h^2 k + h d) a delta', N s.
 float normal_impulse(Contact contact, float h) {
     return h * contact.area * contact.stiffness * contact.depth + normal_operator(contact, h) * contact.rate;
 }
 
 // Pressure p at the end of the step, N/m^2, for a solution x of the system; `force` is the contact's output of
-// solve/contact_product for x. It is negative where the contact is under tension.
+// solve/contact_product for x. The pressure is negative where the contact is under tension.
 float end_pressure(Contact contact, vec4 force, float h) {
     float slope = pressure_slope(contact, h);
     float rate = contact.rate + force.w / (h * slope * contact.area);
     return contact.stiffness * contact.depth + slope * rate;
 }
 
-// Friction on body b at the end of the step, N; the opposite acts on body a.
+// Friction on body b at the end of the step, N; the opposite acts on body a. `force` is as for end_pressure.
 vec3 end_friction(Contact contact, vec4 force, float h) {
     return contact.friction * contact.slip + (force.xyz - force.w * contact.normal) / h;
 }
 
-// Stiffness (N/m) and damping (N s/m) of a contact along its normal, as the tool feels them.
+// Stiffness (N/m) and damping (N s/m) of a contact along its normal, as the tool (rigid body that the haptic device
+// leads) feels them.
 float normal_stiffness(Contact contact) { return contact.area * contact.stiffness; }
 float normal_damping(Contact contact) { return contact.area * contact.damping; }
 
-// Contacts do not adhere: one that is under tension after a solve is released, and has no effect from then on.
+// Contacts do not adhere: a contact that is under tension after a solve is released, and has no effect from then on.
 void release(inout Contact contact) {
     contact.stiffness = 0.0;
     contact.damping = 0.0;

@@ -1,12 +1,13 @@
-// A triangle of one side (0: body a, 1: body b) of a contact patch (`ContactPatch`) in the patch's axes, and the cells
-// that its box covers in the spatial hash of the other side's vertices. An including shader includes
-// shared/spatial_hash.glsl and shared/depth_grid.glsl, and declares `triangles`, `skin` and `buckets` as read-only
-// arrays.
+// A triangle of one side (0: body a, 1: body b) of a contact patch (`ContactPatch`: a column of space where two bodies
+// may touch) in the patch's axes, and the cells that the triangle's box covers in the spatial hash of the other side's
+// vertices. An including shader includes shared/spatial_hash.glsl and shared/depth_grid.glsl, and declares `triangles`,
+// `skin` and `buckets` as read-only arrays.
 
 // Whether the ray of some vertex of the other side may meet a triangle of `side`. The triangle's box runs from `least`
-// to `greatest`, and `height` is the height that it reaches towards the other body. The answer is true if in any
-// covered cell of the depth grid this height reaches the other side's vertex that lies farthest into the triangle's
-// body. It is also true where the driver ends the loops before all cells are tested.
+// to `greatest`; `height` is the coordinate along the normal up to which it reaches towards the other body, m. The
+// answer is true if, in any cell of the depth grid that the box covers, this height reaches the other side's vertex
+// that lies farthest into the triangle's body. The answer is also true where the driver ends the loops before all cells
+// are tested.
 bool seen(ContactPatch contact_patch, uint patch_index, uint side, vec2 least, vec2 greatest, float height) {
     // The margin covers the rounding of the exact test in shared/ray_hit.glsl.
     vec2 margin = 1.0e-3 * grid_cell_size(contact_patch);
@@ -40,8 +41,8 @@ void box_cells(ContactPatch contact_patch, uint side, uint triangle, out vec3 co
     last = cell_of(contact_patch, 1 - side, greatest);
 }
 
-// Corners of a triangle and the hash cells that it covers; false if no vertex in these cells can have a ray that meets
-// it.
+// Corners of a triangle, and the first and last hash cell that its box covers; returns false if no vertex in these
+// cells can have a ray that meets the triangle.
 bool covered_cells(
     ContactPatch contact_patch, uint patch_index, uint side, uint triangle, out vec3 corners[3], out ivec2 first,
     out ivec2 last) {

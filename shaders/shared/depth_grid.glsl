@@ -1,10 +1,11 @@
-// Min-max depth grids of a contact patch (`ContactPatch`), each of GRID x GRID cells over its rectangle. In each cell
-// the first grid holds the greatest height (coordinate along the normal) that skin of body a reaches, the second the
-// least height that skin of body b reaches. Skin enters by chunks (groups of at most 64 vertices). Heights are kept as
-// integers that sort like the floats. A shader that writes the grids declares `depth_grids`. A contact patch is a
-// column of space where two bodies may touch.
+// Min-max depth grids of a contact patch (`ContactPatch`: a column of space where two bodies a and b may touch, with a
+// normal from a to b), each of GRID x GRID cells over the patch's rectangle. In each cell the first grid holds the
+// greatest height (coordinate along the normal) that the skin (surface mesh) of body a reaches, the second the least
+// height that the skin of body b reaches. Skin enters by chunks (groups of at most 64 vertices). Heights are kept as
+// integers that sort like the floats. A side is body a (0) or b (1). A shader that writes the grids declares
+// `depth_grids`.
 
-const uint GRID = 16;
+const uint GRID = 16;  // number of cells of a depth grid along each side
 
 // An unsigned integer that sorts like the float.
 uint height_key(float height) {
@@ -12,8 +13,8 @@ uint height_key(float height) {
     return (bits & 0x80000000u) != 0 ? ~bits : bits | 0x80000000u;
 }
 
-// Sort key of a height in the direction in which `side` reaches towards the other body. The ray of a vertex of the
-// other side may meet a triangle of `side` only where the triangle's key is at least the vertex's key.
+// Sort key of a height, which grows in the direction in which `side` reaches towards the other body. The ray of a
+// vertex of the other side may meet a triangle of `side` only where the triangle's key is at least the vertex's key.
 uint depth_key(uint side, float height) { return side == 0 ? height_key(height) : ~height_key(height); }
 
 // Index of the first cell of a side's grid.
@@ -31,7 +32,7 @@ uvec4 grid_cells(ContactPatch contact_patch, vec2 low, vec2 high) {
     return uvec4(first, last);
 }
 
-// Bound on a chunk in a patch's axes: its box along the tangents, and a plane on the other body's side of it.
+// Bound on a chunk in a patch's axes: its box along the tangents, and a plane on the side towards the other body.
 struct Slab {
     vec2 low, high;             // the box along the tangents, m
     vec3 plane;                 // height of the plane at tangential coordinates u, v: plane.x u + plane.y v + plane.z

@@ -1,11 +1,11 @@
 // F-bar patches: groups of tetrahedra that share one volumetric strain (elastic/mean_dilatation). A patch adds c c^T to
-// the solver's operator; its row c is that strain's gradient with respect to its nodes, scaled, one vector for each
-// node. These functions give the indices of a patch's nodes, of the vectors of its row and of its forces in their
-// arrays, where the k-th entries of all patches are adjacent.
-// An including shader declares `patch_nodes` and the numbers PATCHES and TETRAHEDRA.
+// the solver's operator. Its row c has one vector for each node of the patch: the scaled gradient of the shared strain
+// with respect to the node's displacement. These functions give the places of a patch's nodes, of the vectors of its
+// row and of its forces in their arrays, where the k-th entries of all patches are adjacent. An including shader
+// declares `patch_nodes` and the numbers PATCHES and TETRAHEDRA.
 
-const uint PATCH_NODES = 12;
-const uint PATCH_TETRAHEDRA = 12;
+const uint PATCH_NODES = 12;  // most nodes of a patch
+const uint PATCH_TETRAHEDRA = 12;  // most tetrahedra of a patch
 
 // Four of the nodes of patch p; q is 0, 1 or 2.
 uvec4 patch_quad(uint p, uint q) {

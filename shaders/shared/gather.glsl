@@ -1,6 +1,7 @@
-// Sums of forces at a node: those of its elements and of its contacts. An including shader declares `node_elements`
-// (texels of four indices into `element_forces`, padded with the index of a zero), `element_forces`, `sorted` (contact
-// and weight of each entry), `node_entries` (first entry and number of entries of a node) and `contact_forces`.
+// Sums of forces at a node: of the forces of its elements, and of the forces of its contacts. An including shader
+// declares `node_elements` (texels of four indices into `element_forces`, padded with the index of a zero),
+// `element_forces`, `sorted` (contact and weight of each entry), `node_entries` (first entry of a node in `sorted`, and
+// number of its entries) and `contact_forces`.
 
 vec3 gather_elements(uint first, uint quads) {
     vec3 sum = vec3(0.0);

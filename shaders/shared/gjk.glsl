@@ -2,8 +2,10 @@
 // simplex as in Ericson, "Real-Time Collision Detection" (2005), chapter 5.1. An including shader declares `hull`, the
 // points of all hulls.
 //
-// `hull_distance` returns a lower bound of the distance, so that no pair in reach is missed; once converged the bound
-// equals the distance.
+// `hull_distance` returns a lower bound of the distance, so that no pair of hulls within a wanted distance is missed;
+// once the iteration has converged, the bound equals the distance. Hulls a and b are at distance zero if the set of the
+// differences of their points contains the origin; a simplex (point, segment, triangle or tetrahedron) has such
+// differences as corners.
 
 // The point of a hull that lies farthest along a direction.
 vec3 support(uint first, uint count, vec3 direction) {
@@ -25,8 +27,8 @@ struct Simplex {
     uint count;
 };
 
-// Closest point to the origin on a segment or triangle. The simplex shrinks to the vertex, edge or face that holds this
-// point.
+// The functions closest_on_... return the closest point to the origin on a segment, a triangle or the simplex s, and
+// shrink s to the vertex, edge or face that holds this point.
 vec3 closest_on_segment(inout Simplex s, vec3 a, vec3 b) {
     vec3 ab = b - a;
     float t = -dot(a, ab), length2 = dot(ab, ab);
@@ -116,7 +118,7 @@ float hull_distance(uint a_first, uint a_count, uint b_first, uint b_count, floa
         s.points[s.count] = w;
         s.count += 1;
         v = closest_on_simplex(s);
-        // The simplex contains the origin (the hulls overlap), or is too flat to decide.
+        // With four corners left, the simplex contains the origin (the hulls overlap), or is too flat to decide.
         if (s.count == 4) return bound;
     }
     return bound;

@@ -1,8 +1,9 @@
-// Joints between rigid bodies, of which at least one is a dynamic core (rigid core inside a soft body). An including
-// shader declares `joints` and `joint_sides`, which lists for each core its ends of joints as 2 * joint + side.
+// Joints between two rigid bodies, the joint's sides 0 and 1, at least one of which is a dynamic core (rigid body
+// inside a soft body, whose motion the solver finds). An including shader declares `joints` and `joint_sides`, which
+// lists the joints of each core as 2 * joint + side.
 
-// Adds a joint's operator product: what a change of twist (`linear`, `angular`) of its side `from` gives in the rows of
-// side `to`.
+// Adds a joint's part of the operator product: the change of velocity `linear` and of angular velocity `angular` of the
+// body on side `from`, times the joint's rows of the operator for the body on side `to`.
 void add_joint(uint joint, uint to, uint from, vec3 linear, vec3 angular, inout vec3 force, inout vec3 torque) {
     float sign = to == from ? 1.0 : -1.0, w[6] = joints[joint].angular;
     vec3 along = sign * joints[joint].linear * (linear + cross(angular, joints[joint].arm[from]));

@@ -1,5 +1,5 @@
-// Converts displacements from one rigid coordinate frame to another by a `Link` (their relative placement). An
-// including shader includes shared/types.glsl and shared/rotation.glsl.
+// Converts displacements from one rigid coordinate frame to another by a `Link`, the relative placement of two frames.
+// An including shader includes shared/types.glsl and shared/rotation.glsl.
 
 // (Q - I) p for the rotation Q of the unit quaternion q, computed without differences of nearly equal numbers, so that
 // a small rotation keeps its digits.

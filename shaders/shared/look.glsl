@@ -19,18 +19,18 @@ struct View {
 struct Material {
     vec4 colour;            // linear; alpha 1: opaque
     float low;              // vertex value at the lower end of the colour scale
-    float high;             // vertex value at the upper end
+    float high;             // vertex value at the upper end of the colour scale
     uint flags;             // bits of the constants below
 };
 
-const uint VALUED = 1;      // coloured by the vertex values where these are above `low`
+const uint VALUED = 1;      // coloured by the vertex values where these values are above `low`
 const uint FLAT = 2;        // flat shading: one normal a triangle
 const uint GLASS = 4;       // transparent, less so at the rim
 const uint UNLIT = 8;       // the material's own colour, without lighting
 const uint EVEN = 16;       // with VALUED: coloured by the scale everywhere, also below `low`
 const uint NUMBERED = 32;   // vertex values are whole numbers, and each number has its own colour
 const uint BARE = 64;       // no shadow falls on the mesh
-const uint SCALE_COLOURS = 256;     // colours of the scale in `colours`; as many for whole numbers follow
+const uint SCALE_COLOURS = 256;     // number of the scale's colours in `colours`, before equally many for whole numbers
 
 // Converts a linear colour to sRGB, with an error of 0.1 % (I. Taylor 2012, "sRGB approximations for HLSL").
 vec3 shown(vec3 linear) {

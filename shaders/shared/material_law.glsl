@@ -1,6 +1,6 @@
 // The material law: the one place where the shaders compute a tetrahedron's stress, the moduli of the solver's operator
-// and the energy density. They follow from its strain E, where the deformation gradient is F = R (I + E) with the polar
-// rotation R. At small strain every law is linear elasticity with Lame parameters mu and lambda.
+// and the energy density. All three follow from the tetrahedron's strain E; its deformation gradient is F = R (I + E)
+// with the polar rotation R. At small strain every law is linear elasticity with Lame parameters mu and lambda.
 //
 // A new law needs an id here, a branch in `evaluate` and in `energy_density`, a name in scene/material.rs, its id and
 // parameters in stages/material_law.rs, and branches in oracle::material_law, the f64 reference. Its parameters besides
@@ -10,12 +10,12 @@
 const uint LAW_COROTATIONAL = 0;      // corotational linear elasticity
 const uint LAW_NEO_HOOKEAN = 1;       // stable neo-Hookean elasticity
 
-// Stress and stiffness of an element by its law. With dF a change of F, the operator is the quadratic form
+// Stress and stiffness of a tetrahedron by its material law. With dF a change of F, the operator is the quadratic form
 // 2 mu |sym L|^2 + lambda tr(L)^2 (a volume density) of L = dF (R fold)^-1.
 struct Evaluation {
     mat3 stress;        // R^T P, with the first Piola-Kirchhoff stress P, Pa
     float mu;           // shear modulus of the operator, Pa
-    float lambda;       // its first Lame parameter, Pa
+    float lambda;       // first Lame parameter of the operator, Pa
     mat3 fold;          // maps the rest gradients of shape functions to those that the operator uses
 };
 
@@ -34,8 +34,9 @@ mat3 linear_stress(mat3 e, float mu, float lambda) {
     return mu * (e + transpose(e)) + mat3(pressure, 0, 0, 0, pressure, 0, 0, 0, pressure);
 }
 
-// Modulus of the compression penalty, Pa: a principal stretch s below LEAST adds this times (s - LEAST) to the stress
-// along its axis, since corotational elasticity alone lets a tetrahedron be pressed flat and turn inside out.
+// Modulus of the compression penalty, Pa: a principal stretch s below LEAST adds this modulus times (s - LEAST) to the
+// stress along the stretch's axis, because corotational elasticity alone lets a tetrahedron be pressed flat and turn
+// inside out.
 float compression_modulus(ElasticMaterial material) { return STIFFENING * (material.lambda + 2.0 * material.mu); }
 
 #include "shared/neo_hookean.glsl"
@@ -44,8 +45,8 @@ float compression_modulus(ElasticMaterial material) { return STIFFENING * (mater
 bool is_used(uint law) { return (LAWS & (1u << law)) != 0; }
 
 // Evaluates a material's law at the strain `e`. `compression` is the part of the strain that the compression penalty
-// acts on (`excess_compression` in shared/strain.glsl). `lambda` is the tetrahedron's own, or zero where an F-bar patch
-// (tetrahedra that share one volumetric strain, elastic/mean_dilatation) applies it instead. The operator of the
+// acts on (`excess_compression` in shared/strain.glsl). `lambda` is the material's, or zero where an F-bar patch
+// (tetrahedra that share one volumetric strain, elastic/mean_dilatation) applies lambda instead. The operator of the
 // corotational law gets half of the compression penalty as shear modulus, which is isotropic and at least as stiff as
 // the penalty. A law that is unknown, or not compiled, gives NaN, so that the step is rejected and a flag reports it.
 Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 compression, float lambda) {
@@ -65,7 +66,7 @@ Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 compression, float la
     return law;
 }
 
-// Energy density of a law, J/m^3, zero at rest. It leaves out the part of lambda that acts through F-bar patches.
+// Energy density of a law, J/m^3, zero at rest, without the part of lambda that acts through F-bar patches.
 float energy_density(ElasticMaterial material, mat3 e, mat3 compression, float lambda) {
     float density = uintBitsToFloat(0x7fc00000u);
     if (is_used(LAW_COROTATIONAL) && material.law == LAW_COROTATIONAL) {

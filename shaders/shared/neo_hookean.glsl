@@ -1,5 +1,6 @@
-// Stable neo-Hookean elasticity (Smith, de Goes and Kim 2018, equation 14) with m = 4/3 mu and l = lambda + 5/6 mu, so
-// that mu and lambda are those of small strain. F is the deformation gradient, e = R^T F - I the strain, I = |F|^2 and
+// Stable neo-Hookean elasticity (Smith, de Goes and Kim 2018, equation 14), a material law of the tetrahedra. The
+// equation's parameters are m = 4/3 mu and l = lambda + 5/6 mu, so that mu and lambda are the Lame parameters at small
+// strain. F is the deformation gradient, R its polar rotation, e = R^T F - identity the strain, I = |F|^2 and
 // J = det F. An including shader includes shared/strain.glsl and defines `Evaluation` and `compression_modulus`. The
 // f64 reference is oracle::neo_hookean.
 
@@ -7,12 +8,14 @@ mat3 cofactors(mat3 a) {
     return mat3(cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1]));
 }
 
-// Stress P = m (1 - 1 / (I + 1)) F + (l (J - 1) - mu) cof F, expanded about F = identity so that nothing cancels.
+// Evaluates the law at the strain e. The stress is R^T P with P = m (1 - 1 / (I + 1)) F + (l (J - 1) - mu) cof F. It is
+// expanded about F = identity, so that at small strain no two nearly equal numbers are subtracted.
 //
-// The solver's operator is 2 mu' |sym L|^2 + lambda' tr(L)^2 of L = dF F^-1. In terms of L the second derivative of the
-// energy is isotropic except for a matrix b = S^2, with S the symmetric part of F in the polar decomposition. In place
-// of b the operator takes the mean of its eigenvalues or, where larger, a bound from its greatest eigenvalue, so that
-// it is at least half as stiff as the second derivative. Stretches in S below LEAST are raised to LEAST.
+// The solver's operator is the quadratic form 2 mu' |sym L|^2 + lambda' tr(L)^2 of L = dF F^-1, with dF a change of F.
+// Here mu' and lambda' are computed. In terms of L the second derivative of the energy is isotropic except for a matrix
+// b = S^2, with S the symmetric factor of F in the polar decomposition. In place of b the operator takes the mean of
+// b's eigenvalues or, where larger, a bound from b's greatest eigenvalue, so that the operator is at least half as
+// stiff as the second derivative. Principal stretches in S below LEAST are raised to LEAST (shared/strain.glsl).
 Evaluation neo_hookean(mat3 e, ElasticMaterial material, mat3 compression) {
     float mu = material.mu, lambda = material.lambda;
     float m = 4.0 / 3.0 * mu, l = lambda + 5.0 / 6.0 * mu, tr = trace(e);
@@ -36,8 +39,8 @@ Evaluation neo_hookean(mat3 e, ElasticMaterial material, mat3 compression) {
     return law;
 }
 
-// Energy density (J/m^3), zero at rest, also expanded about F = identity: with x = (I - 3) / 4, it is m/2 (3/4 (|e|^2 +
-// tr(e e) - tr(e)^2) - 3/2 det e + x - log(1 + x)) + l/2 (J - 1)^2.
+// Energy density (J/m^3), zero at rest, also expanded about F = identity: with x = (I - 3) / 4, the density is
+// m/2 (3/4 (|e|^2 + tr(e e) - tr(e)^2) - 3/2 det e + x - log(1 + x)) + l/2 (J - 1)^2.
 float neo_hookean_energy(mat3 e, float mu, float lambda) {
     float m = 4.0 / 3.0 * mu, l = lambda + 5.0 / 6.0 * mu, tr = trace(e), second = trace(e * e), third = determinant(e);
     float x = 0.25 * (2.0 * tr + square(e)), larger = tr + 0.5 * (tr * tr - second) + third;

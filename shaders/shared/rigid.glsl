@@ -1,9 +1,11 @@
-// Operator and preconditioner products in the six equations (rows) of a rigid body: a dynamic core inside a soft body,
-// or the tool. An including shader declares `params`, `frames`, `rigids`, `rigid_inverses`, `iterates`, `solve`,
-// `restricted_product`, BLOCKS, RIGIDS and TOOL, and includes shared/rotation.glsl, shared/twist.glsl, shared/six.glsl
-// and shared/rigid_inverse.glsl.
+// Products with the solver's operator A and its preconditioner M in the six equations (rows) of a rigid body: a dynamic
+// core (rigid body inside a soft one, whose motion the solver finds), or the tool (the body that the haptic device
+// leads). An including shader declares `params`, `frames`, `rigids`, `rigid_inverses`, `iterates`, `solve`,
+// `restricted_product`, BLOCKS (number of blocks, the sets of nodes that one workgroup works on), RIGIDS (number of
+// rigid bodies) and TOOL (whether the last of them is the tool), and includes shared/rotation.glsl, shared/twist.glsl,
+// shared/six.glsl and shared/rigid_inverse.glsl.
 
-// Operator product A x of the newest iterate, in the rows of a rigid body.
+// Operator product A x in the rows of a rigid body, with x the newest iterate.
 float[6] product_of(uint index) {
     bool is_tool = TOOL && index == RIGIDS - 1;
     uint first = is_tool ? BLOCKS : rigids[index].first_coarse_index, count = is_tool ? 1 : rigids[index].block_count;
@@ -16,8 +18,9 @@ float[6] product_of(uint index) {
     return y;
 }
 
-// The six rows of a rigid body of M^-1 y, where y is b, or, if `of_product`, the `operator_product` (A x or b - A x),
-// of all bodies of its group (the bodies that joints connect to it).
+// The six rows of a rigid body in M^-1 y. The vector y consists of the right-hand sides `b` of all bodies of the rigid
+// body's group (the rigid bodies that joints connect), or, if `of_product`, of their `operator_product` (A x before the
+// solver's iterations, b - A x after these).
 float[6] preconditioned_rows(uint index, bool of_product) {
     uint first = rigids[index].group_first, count = rigids[index].group_count, row = inverse_row(index, 0);
     float z[6] = float[6](0.0, 0.0, 0.0, 0.0, 0.0, 0.0);

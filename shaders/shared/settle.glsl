@@ -1,4 +1,4 @@
-// Waits for a workgroup's invocations, and makes what they wrote to coherent buffers visible to all of them.
+// Waits for all invocations of the workgroup, and makes what each wrote to coherent buffers visible to the others.
 
 void settle() {
     memoryBarrierBuffer();

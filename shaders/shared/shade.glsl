@@ -1,9 +1,10 @@
 // Shadow lookup by percentage-closer filtering: the share of the sun's light that reaches a point. It is the share of a
 // box of 3 x 3 texels around the point, interpolated between texels, in which the shadow map's depth is not in front of
-// the point. An including shader declares `view` and `shadow`, the shadow map (four depths in a texel of the array, row
-// by row).
+// the point. An including shader declares `view` and `shadow`, the shadow map as an array: row by row, four depths in
+// each vec4.
 
-// For four depths of a row, from index `first` on: 1 where the shadow map's depth is at or behind `depth`, else 0.
+// For four neighbouring depths in a row of the shadow map, from index `first` on: 1 where the map's depth is at or
+// behind `depth`, else 0.
 vec4 lit_row(int first, float depth) {
     vec4 a = fetch(shadow, first >> 2), b = fetch(shadow, (first >> 2) + 1);
     int from = first & 3;
@@ -12,7 +13,7 @@ vec4 lit_row(int first, float depth) {
 }
 
 float lit(vec3 x, vec3 normal) {
-    // The point is moved off the surface by two texels, so that neighbours on a slope do not shade it.
+    // The point is moved off the surface by two texels, so that neighbouring points of a slope do not shade it.
     vec3 place = (view.light * vec4(x + 2.0 * view.texel * normal, 1.0)).xyz;
     float side = float(view.shadow_side);
     vec2 texel = place.xy * side - 0.5, corner = floor(texel), share = texel - corner;

@@ -1,4 +1,4 @@
-// Linear algebra of six unknowns (a twist). Matrices are 6x6, stored by rows.
+// Linear algebra of six unknowns: the twist (linear and angular velocity) of a rigid body. Matrices are stored by rows.
 
 float[6] times(float matrix[36], float x[6]) {
     float y[6];
@@ -15,7 +15,7 @@ float inner(float x[6], float y[6]) {
     return sum;
 }
 
-// Inverse of a symmetric matrix by Cholesky decomposition; returns false where it is not positive definite.
+// Inverse of a symmetric matrix by Cholesky decomposition; returns false if the matrix is not positive definite.
 bool invert(float a[36], out float inverse[36]) {
     float l[36];
     for (int k = 0; k < 36; k++) {

@@ -1,12 +1,14 @@
-// Strain E of a tetrahedron, and the part of it that the compression penalty acts on. An including shader includes
+// Strain E of a tetrahedron, and the part of E that the compression penalty acts on. This penalty is a stress that
+// keeps a tetrahedron from being pressed flat. mu and lambda are the Lame parameters. An including shader includes
 // shared/rotation.glsl. The f64 reference is oracle::elastic.
 
-const float LEAST = 0.3;            // principal stretch below which the compression penalty acts
+const float LEAST = 0.3;            // principal stretch (1: undeformed) below which the compression penalty acts
 const float STIFFENING = 10.0;      // modulus of the compression penalty, in units of lambda + 2 mu
 const uint JACOBI_SWEEPS = 5;       // sweeps of Jacobi's eigenvalue method, three rotations each
 
 // Strain E = R^T G + (R^T - I), with the displacement gradient G (`g`) and the rotation R of the quaternion (v, w)
-// (`q`). Its second term is 2 v x (v x a) - 2 w v x a for an axis a, column by column, in which nothing cancels.
+// (`q`). The column of R^T - I for a coordinate axis a is 2 v x (v x a) - 2 w v x a, a form in which no two nearly
+// equal numbers are subtracted.
 mat3 strain(vec4 q, mat3 g) {
     mat3 e;
     for (int k = 0; k < 3; k++) {
@@ -17,8 +19,8 @@ mat3 strain(vec4 q, mat3 g) {
     return e;
 }
 
-// Compression of a strain below LEAST: sum min(0, 1 + e_k - LEAST) n_k n_k^T over the eigenvalues e_k and eigenvectors
-// n_k of its symmetric part, by Jacobi's method.
+// The part of a strain by which its principal stretches fall below LEAST: the sum of min(0, 1 + e_k - LEAST) n_k n_k^T
+// over the eigenvalues e_k and eigenvectors n_k of the strain's symmetric part, by Jacobi's method.
 mat3 excess_compression(mat3 strain) {
     mat3 a = 0.5 * (strain + transpose(strain));
     // Where Gershgorin's circles show that no stretch is below LEAST, as nearly everywhere, the loop below has no

@@ -1,9 +1,10 @@
-// Sums of several vectors over a workgroup at once, in a fixed order; every lane gets the totals. Each lane sums one
-// component over all lanes, or over a part of the lanes where there are more lanes than components. An including shader
-// declares SIZE, the workgroup's size, and SUMS, the greatest number of vectors.
+// Sums of several vectors over a workgroup at once, in a fixed order; every lane gets the totals. The vectors'
+// components are shared out to the lanes: a lane sums a component over all lanes, or, in a workgroup of more than 32
+// lanes, over one of several parts of the lanes. An including shader declares SIZE, the workgroup's size, and SUMS, the
+// greatest number of vectors.
 
-const uint SUM_PARTS = SIZE > 32 ? SIZE / 32 : 1;      // parts into which the lanes of a sum are divided
-const uint SUM_SHARE = SIZE / SUM_PARTS;               // lanes of a part
+const uint SUM_PARTS = SIZE > 32 ? SIZE / 32 : 1;      // number of parts into which the lanes are divided
+const uint SUM_SHARE = SIZE / SUM_PARTS;               // number of lanes in a part
 
 shared float sums_of_lanes[4 * SUMS * SIZE];
 shared float sums_of_parts[4 * SUMS * SUM_PARTS];

@@ -1,4 +1,5 @@
-// Colour of a surface under sun and sky, or by its vertex values. An including shader declares `view`, `materials` and
+// Colour of a mesh's surface in a rendered image: under sun and sky, or by the numbers at its vertices (vertex values),
+// such as pressures. Structs and flags are in shared/look.glsl. An including shader declares `view`, `materials` and
 // `colours`.
 
 // Colour (sRGB, premultiplied by alpha) of a point x with unit normal n and vertex value `value`; `sun_share` is the
@@ -19,7 +20,7 @@ vec4 surface(uint material_index, vec3 x, vec3 n, float value, float sun_share) 
     if ((material.flags & UNLIT) != 0) return vec4(shown(own.rgb) * own.a, own.a);
     float sun = max(dot(n, view.sun), 0.0) * ((material.flags & BARE) != 0 ? 1.0 : sun_share);
     float sky = 0.5 + 0.5 * n.y;
-    // Lighting changes colours that show values less, so that the values can be read from them.
+    // Where a colour shows a vertex value, lighting changes the colour less, so that the value can be read from it.
     vec3 light = mix(vec3(0.16, 0.16, 0.18) + sky * vec3(0.26, 0.28, 0.31) + sun * vec3(0.86, 0.82, 0.74),
                      vec3(0.62 + 0.18 * sky + 0.3 * sun), evenness);
     float glint = max(dot(n, normalize(eye + view.sun)), 0.0);

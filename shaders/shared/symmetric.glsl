@@ -1,4 +1,4 @@
-// Symmetric 3x3 matrices, stored as their diagonal xx yy zz and their off-diagonal xy xz yz.
+// Symmetric 3x3 matrices, stored as two vectors: the diagonal xx yy zz and the off-diagonal xy xz yz.
 
 vec3 symmetric_times(vec3 diagonal, vec3 off, vec3 v) {
     return vec3(diagonal.x * v.x + off.x * v.y + off.y * v.z, off.x * v.x + diagonal.y * v.y + off.z * v.z,

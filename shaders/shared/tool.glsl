@@ -1,6 +1,8 @@
-// Jacobian J of a contact with respect to the tool's twist (linear and angular velocity).
+// Jacobian J of a contact with respect to the twist (linear and angular velocity) of the tool, the rigid body that the
+// haptic device leads.
 
-// Column of J^T: the derivative of the contact's relative velocity along a direction by the tool's twist.
+// Column of J^T for a direction: the derivative, by the tool's twist, of the relative velocity of the contact's two
+// points along that direction.
 void tool_column(Contact contact, vec3 direction, out float column[6]) {
     vec3 lever = contact.tool_sign * cross(contact.arm, direction);
     for (int k = 0; k < 3; k++) {

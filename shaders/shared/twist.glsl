@@ -1,10 +1,10 @@
-// Six numbers of a rigid body (force and torque about its centre, or what the operator makes of a twist, in world axes)
-// from those of its blocks. A block is a group of nodes that one workgroup treats; the first six numbers that a kernel
-// stores of it are the sums of its nodes' forces and of their torques, in the axes of the body. An including shader
-// includes shared/rotation.glsl.
+// Six numbers of a rigid body in the solver, summed over its blocks: a force and a torque about the body's centre, or a
+// linear and an angular velocity, in world axes. A block is a set of nodes that one workgroup works on. Kernels store
+// twelve numbers for each block, in three vec4; the first six are the block's part of the linear and of the angular
+// vector, in the axes of the body. An including shader includes shared/rotation.glsl.
 
-// twist_of_<array>(first, count, turn) sums these six numbers over `count` blocks from index `first` on in the buffer
-// <array>, and rotates the sums (linear, angular) to world axes by the body's rotation `turn`.
+// twist_of_<array>(first, count, turn) sums the first six numbers of `count` blocks, from index `first` on in the
+// buffer <array>, and rotates the two sums (linear, angular) to world axes by the body's rotation `turn`.
 #define TWIST_OF(array) \
     float[6] twist_of_##array(uint first, uint count, vec4 turn) { \
         vec3 linear = vec3(0.0), angular = vec3(0.0); \
@@ -14,7 +14,7 @@
         return turned_twist(linear, angular, turn); \
     }
 
-// Adds the first six numbers of a block, which are in the first two of its texels (vec4).
+// Adds the first six numbers of a block, which are in the block's first two vec4, `low` and `high`.
 void add_modes(inout vec3 linear, inout vec3 angular, vec4 low, vec4 high) {
     linear += low.xyz;
     angular += vec3(low.w, high.xy);

@@ -5,13 +5,15 @@
 // (CPU side) chooses next to the tool, so that f32 loses no digits far from the world's origin. Units are SI; h is the
 // length of the step, s.
 //
-// A layered body is a skin (high-resolution surface mesh) embedded in a layer (tetrahedral simulation mesh), some of
-// whose nodes are attached to rigid cores. A core is dynamic if the solver finds its motion, kinematic if its motion is
-// prescribed. A frame is the rigid coordinate frame of a core or of a body. A proxy is a convex collision proxy that
-// covers part of a skin; a pair proxy is one proxy in one pair of bodies. A chunk is a group of at most 64 skin
-// vertices with their triangles, which culling keeps or drops as a whole. A contact patch is a column of space in which
-// two bodies a and b may touch, with one contact normal. A side is body a or b of a pair. A, b and x are the linear
-// solver's operator, right-hand side and solution (changes of velocity), M its preconditioner.
+// A soft body is a skin (high-resolution surface mesh) embedded in a layer (tetrahedral simulation mesh), some of whose
+// nodes may be attached to rigid cores inside it. A core is dynamic if the solver finds its motion, kinematic if its
+// motion is prescribed. The tool is the rigid body that the haptic device leads. A frame is the rigid coordinate frame
+// of a core or of a body. A proxy is a convex collision proxy that covers part of a skin; a pair proxy is one proxy in
+// one pair of bodies. A chunk is a group of at most 64 skin vertices with their triangles, which culling keeps or drops
+// as a whole. A contact patch is a column of space in which two bodies a and b may touch, with one contact normal; a
+// work item is a chunk in one contact patch. A side is body a or b of a pair. A, b and x are the linear solver's
+// operator, right-hand side and solution (changes of velocity), M its preconditioner. A block is a set of nodes that
+// one workgroup of the solver works on; its modes are affine motions of these nodes, the basis of M's coarse space.
 
 const uint NONE = 0xffffffffu;  // index that stands for nothing
 
@@ -24,8 +26,8 @@ struct StepParams {
     vec3 gravity;               // m/s^2, world axes
     float depth_limit;          // penetration depth above which a contact raises FLAG_DEPTH_LIMIT, m
     float texel;                // edge of the spatial hash's cells, m; 0: chosen from the edge lengths of the skins
-    uint wants_stiffness;               // 1: a haptic loop moves the tool, and needs the stiffness and damping that it
-                                        // feels
+    uint wants_stiffness;               // 1: a haptic loop moves the tool, and needs the contact stiffness and damping
+                                        // that the tool feels
     float friction;             // Coulomb's coefficient mu
     float friction_speed;       // sliding speed below which friction is viscous, m/s
     float tool_matrix[36];      // 6x6 operator of the tool's twist without contact: inertia and virtual coupling
@@ -34,7 +36,7 @@ struct StepParams {
     float tool_rhs[6];          // right-hand side that belongs to tool_matrix, N s and N m s
     float tool_twist[6];        // linear (m/s) and angular (rad/s) velocity of the tool at the start; unused where the
                                 // device holds a core
-    vec3 tool_centre;           // m, relative to the origin
+    vec3 tool_centre;           // the tool's centre at the start, m, relative to the origin
 };
 
 // A rigid coordinate frame: its rotation R0 and centre c0 at the start of the step, and its motion to R1 and c1 at the
@@ -50,24 +52,23 @@ struct Frame {
                                 // so linear and angular are its twist at the start, and turn has no meaning
 };
 
-// A rigid body among the solver's unknowns: a dynamic core or, after all of these, the tool. Its six unknowns are the
-// change of its twist over the step (linear, then angular; world axes), which also moves the nodes that are attached to
-// a core.
+// A rigid body among the solver's unknowns: a dynamic core or, after all dynamic cores, the tool. Its six unknowns are
+// the change of its twist over the step (linear, then angular; world axes). The nodes attached to a core move with it.
 struct Rigid {
     uint frame;                 // frame of a core
-    uint node_first, node_count;            // attached nodes, a range of block_nodes
-    uint block_first, block_count;          // blocks of its attached nodes
-    uint first_coarse_index;            // place of its first block's modes among those of all blocks
+    uint node_first, node_count;            // nodes attached to the body, a range of block_nodes
+    uint block_first, block_count;          // blocks of these nodes
+    uint first_coarse_index;            // index of its first block's modes among the modes of all blocks
     vec3 hinge;                 // unit axis, in world axes, of a hinge through the centre, about which alone the body
                                 // turns; zero: no hinge
-    uint joint_first, joint_count;          // its ends of joints, a range of joint_sides
-    uint group_first, group_count;          // range of its group: the rigid bodies that joints connect, itself included
-    uint parent;                // its parent in the tree that the joints of this group form, or NONE
-    uint inverse_first;         // where the inverse of its group's part of A begins in rigid_inverses
-    float rounding;             // e . M^-1 e, where e sums the magnitudes of the terms of b
+    uint joint_first, joint_count;          // sides of joints that are on this body, a range of joint_sides
+    uint group_first, group_count;          // its group: a range of rigid bodies, those that joints connect
+    uint parent;                // rigid body that is its parent in the tree of the group's joints, or NONE
+    uint inverse_first;         // where the inverse of its group's diagonal block of A begins in rigid_inverses
+    float rounding;             // e . M^-1 e in its rows, where e sums the magnitudes of the terms of b
     float b[6];                 // right-hand side of its six rows, N s and N m s
     float operator_product[6];             // operator product A x before the iterations, residual b - A x after them
-    float carried_residual[6];          // carried residual: b - A x of the last accepted step; the next b includes it
+    float carried_residual[6];          // b - A x of the last accepted step, which the next step's b includes
 };
 
 // The part of a rigid body's state that conjugate gradient iterations change. There are two sets: an iteration reads
@@ -85,10 +86,11 @@ struct RigidIterate {
 struct Joint {
     uint rigid[2];              // rigid bodies on its two sides; NONE: the motion of that side is prescribed
     vec3 arm[2];                // from the centre of each side to the joint, world axes, m
-    float linear;               // h^2 k of the spring between the two ends, kg
-    float angular[6];           // h^2 K + h D for the relative spin: xx yy zz, xy xz yz, world axes, kg m^2
-    vec3 impulse;               // impulse on the first side, the opposite of that on the second, N s
-    vec3 twist;                 // angular impulse on the first side of the springs that resist rotation, N m s
+    float linear;               // h^2 k of the spring (stiffness k) that joins the two sides, kg
+    float angular[6];           // h^2 K + h D (rotational stiffness K and damping D): xx yy zz, xy xz yz, world axes,
+                                // kg m^2
+    vec3 impulse;               // impulse of that spring on the first side, opposite to that on the second, N s
+    vec3 twist;                 // angular impulse of the springs that resist rotation, on the first side, N m s
 };
 
 // An elastic material.
@@ -108,35 +110,34 @@ struct Link {
     vec3 offset;                // m; zero while both frames are where the scene placed them
 };
 
-// Sums over the nodes of a floating frame (that of a soft body without cores), from which the host fits the frame to
-// them.
+// Sums over the nodes of a soft body without cores, from which the host fits the body's frame to them. A node has mass
+// m, rest position r and displacement d in the frame, and position y and velocity v in the world.
 struct Fit {
     vec3 shift;                 // sum m d, frame axes, kg m
     vec3 twist;                 // sum m r x d, frame axes, kg m^2
     vec3 momentum;              // sum m v, world axes, kg m/s
-    vec3 spin;                  // sum m (x - centre) x v, world axes, kg m^2/s
+    vec3 spin;                  // sum m (y - centre) x v, world axes, kg m^2/s
 };
 
 // A pair of bodies a and b that may touch; b may be a half-space. Written by the host each step, because the half-space
 // is relative to the origin.
 struct Pair {
-    uint first_proxy_pair;      // first of its pairs of proxies (one of a, one of b), in which b's proxy varies fastest
+    uint first_proxy_pair;      // first of its pairs of proxies (one of a, one of b), ordered by a's, then by b's
     uint proxy_pair_count;
     uint first_proxy[2];        // first collision proxy of a and of b
     uint proxy_count[2];
-    uint first_pair_proxy[2];         // first pair proxy of a and of b; each proxy has one
+    uint first_pair_proxy[2];         // first pair proxy of a and of b; each of their proxies has one
     float stiffness;            // penalty stiffness k, N/m^3
     float damping;              // penalty damping d, N s/m^3
     float tool_sign;            // 1: a is the tool or the soft body that the haptic device holds, -1: b is, 0: neither
     uint is_plane;              // 1: b is a half-space
     uint kinematic_frame[2];       // frame of a and of b where these are rigid and kinematic, or NONE
-    uint lone_side;             // side whose vertices are tested for contact; 0: both sides, 1: a alone, 2: b alone
-    vec4 direction;             // prescribed contact normal, in place of the one that culling finds; w = 0: none is
-                                // prescribed
-    vec4 plane;                 // unit normal and offset of the half-space
+    uint lone_side;             // which vertices are tested for contact; 0: of both sides, 1: of a alone, 2: of b alone
+    vec4 direction;             // prescribed contact normal, used in place of culling's; w = 0: none is prescribed
+    vec4 plane;                 // unit normal and offset (m) of the half-space's boundary
 };
 
-// Index of the pair proxy of the s-th proxy of a pair, a's proxies before b's.
+// Index of the pair proxy of the s-th proxy of a pair of bodies, counted from 0, a's proxies before b's.
 uint pair_proxy_of(Pair pair, uint s) {
     uint a_count = pair.proxy_count[0];
     return s < a_count ? pair.first_pair_proxy[0] + s : pair.first_pair_proxy[1] + s - a_count;
@@ -150,18 +151,18 @@ struct Proxy {
     uint frame;
     uint hull_first, hull_count;            // vertices of the hull
     uint face_first, face_count;            // face planes of the hull
-    uint chunk_first, chunk_count;          // chunks of the skin that it owns
-    uint node_first, node_count;            // nodes that move this skin, a range of proxy_nodes
+    uint chunk_first, chunk_count;          // chunks of the proxy's part of the skin
+    uint node_first, node_count;            // nodes that move these chunks, a range of proxy_nodes
     float margin;                           // how far the skin sticks out of the hull at rest, m
     float weight_bound;                     // greatest sum of absolute embedding weights of a skin vertex
-    float edge;                             // mean edge length of its triangles at rest, m
+    float edge;                             // mean edge length of the chunks' triangles at rest, m
 };
 
 // Bounds of a collision proxy in this step.
 struct ProxyBounds {
     vec3 low;                   // least corner of the hull's box, world axes, m
     float inflation;            // how far the skin may lie outside the hull: margin and displacements, m
-    vec3 high;                  // greatest corner, m
+    vec3 high;                  // greatest corner of that box, world axes, m
     float radius;               // half the diagonal of that box, m
 };
 
@@ -171,10 +172,10 @@ struct Chunk {
     vec3 axes[2];               // the box's first two axes; the third is their cross product
     vec3 half_extent;           // half the box's size along its axes, m
     float weight_bound;         // greatest sum of absolute embedding weights of a vertex
-    uint vertex_first;          // its list of vertices: first its own, then others that its triangles and normals need
+    uint vertex_first;          // start of its vertex list: its own, then others that its triangles and normals need
     uint vertex_count, embed_count;         // number of its own vertices; number of all vertices in the list
     uint triangle_first, triangle_count;
-    uint node_first, node_count;            // nodes that move it, a range of chunk_nodes
+    uint node_first, node_count;            // nodes that move the chunk, a range of chunk_nodes
 };
 
 const uint CHUNK_VERTICES = 64;     // most skin vertices of a chunk
@@ -186,7 +187,7 @@ struct PairProxy {
     uint pair;
     uint side;                  // the side of the pair to which the proxy belongs; 0: a, 1: b
     uint proxy;
-    uint chunk_first;           // first of its chunks' entries in the arrays of active chunks
+    uint chunk_first;           // where the entries of its chunks begin in the arrays of active chunks
 };
 
 // A contact patch of a pair of bodies: a column of space in which they may touch, and the contact normal there.
@@ -196,30 +197,30 @@ struct ContactPatch {
     vec3 bitangent;
     vec2 low, high;             // rectangle along the tangents that the skins of both sides cover, m
     float cell[2];              // cell size of the spatial hash of a's and of b's vertices, m
-    float weight;               // how much its normal was favoured; 0: nothing can touch in it
+    float weight;               // how strongly the bodies' proxies and contacts favour this normal; 0: no such patch
     float turn;                 // angle by which the normal turned since the last step, rad
 };
 
-// A chunk that passed culling, in the order of pair proxies.
+// A chunk that passed culling. Active chunks are listed in the order of pair proxies.
 struct ActiveChunk {
     uint chunk;
     uint pair_proxy;
     uint side;                  // 2 * pair + (0: the chunk is of body a, 1: of b)
-    uint contact_patches;               // bit mask of the pair's contact patches in which it may touch
+    uint contact_patches;               // bit mask of the pair's contact patches in which the chunk may touch
     uint first_work_item;            // first of its work items, one for each of those patches
 };
 
 // Counters of the step, all on the GPU.
 struct Counts {
     uint chunks;                // active chunks
-    uint work_items;                 // work items, one for each active chunk and contact patch of it
-    uint gathering;             // active chunks whose vertices are tested for contact; these come first
+    uint work_items;                 // work items, one for each active chunk and each contact patch in its bit mask
+    uint gathering;             // active chunks whose vertices are tested for contact; they are listed first
     uint pair_proxies_met;             // workgroups of cull/meet that have finished
     uint hits;                  // ray hits found by the depth stage
     uint chunks_asked;          // workgroups of contact/candidates that have finished
     uint contacts;
-    uint entries;               // entries of the transposed index, from nodes to contacts
-    uint released;               // contacts that were released because they were under tension
+    uint entries;               // entries in the lists of contacts by node; an entry is a contact and its weight
+    uint released;               // contacts that were released because they were under tension (would have pulled)
     uint turn;                  // largest rotation of a contact patch's normal since the last step, rad, as float bits
     uint last_contacts;         // contacts of the last step
     uint flags;                 // FLAG_*
@@ -241,14 +242,14 @@ struct Contact {
     uint vertex;                // the skin vertex
     uint side;                  // body to which the vertex belongs: 2 * pair + (0: a, 1: b)
     uint triangle;              // triangle of the opposing skin; NONE: a half-space
-    vec2 barycentric;           // weights of that triangle's second and third corner at the opposing point
+    vec2 barycentric;           // weights of the triangle's second and third corner at the contact's point on it
 };
 
-// State of the linear solver that stays on the GPU between passes.
+// State of the linear solver that stays on the GPU between passes (dispatches).
 struct Solve {
-    float warm_start;                 // factor on the last solution in the warm start
+    float warm_start;                 // factor by which the last solution is multiplied to start the iterations
     float rhs_norm2;            // b . M^-1 b
-    float floor_norm2;          // what f32 rounding contributes to rhs_norm2
+    float floor_norm2;          // part of rhs_norm2 that may be due to f32 rounding alone
     uint status;                // STATUS_*
     uint current;               // which of the two sets of iterates is the newest
     uint retries;               // how often the system was solved again after contacts were released
@@ -276,13 +277,13 @@ struct Report {
     float residual;             // relative residual, recomputed from b - A x
     float residual_floor;       // least relative residual that f32 can reach
     uint contacts;
-    float max_depth;            // m
+    float max_depth;            // greatest penetration depth of a contact, m
     float turn;                 // largest rotation of a contact patch's normal since the last step, rad
     uint flags;                 // FLAG_*
-    float force[3];             // net contact force on the tool, N
-    float torque[3];            // net contact torque about the tool's centre, N m
+    float force[3];             // net force of the contacts on the tool, N
+    float torque[3];            // net torque of the contacts on the tool, about its centre, N m
     float pressing;             // sum of the magnitudes of the contacts' normal forces on the tool, N
-    float tool_change[6];       // change of the tool's twist
+    float tool_change[6];       // change of the tool's twist over the step, m/s and rad/s
     float stiffness[21];        // contact stiffness that the tool feels, upper triangle of the 6x6 matrix by rows
     float damping[21];          // contact damping that the tool feels, laid out like the stiffness
 };
@@ -291,7 +292,7 @@ struct Report {
 struct SkinPart {
     uint proxy;
     uint chunk_first, chunk_count;
-    vec3 low, high;             // box around the boxes of these chunks at rest, in the proxy's frame, m
+    vec3 low, high;             // corners of the box around these chunks at rest, in the proxy's frame, m
 };
 
 // The shortest way from the tool to a SkinPart at the end of the step, for the host. It starts at the centre of a
@@ -305,14 +306,14 @@ struct SkinGap {
 const float GAP_FAR = 3.0e38;       // distance where nothing was found, m
 
 const uint VERDICT_DONE = 0;        // the step is accepted
-const uint VERDICT_CONTINUE = 1;    // the recorded iterations ran out: run more
+const uint VERDICT_CONTINUE = 1;    // the recorded iterations were too few: run more
 const uint VERDICT_RETRY = 2;       // contacts were under tension and have been released: solve again
-const uint VERDICT_FAILED = 3;      // not finite, or with too large a residual: the state stays as it was
-const uint VERDICT_NEWTON = 4; // solved: linearise elasticity at the solution and solve again
+const uint VERDICT_FAILED = 3;      // the solution is not finite, or its residual too large: the state stays as it was
+const uint VERDICT_NEWTON = 4; // solved, but not the last Newton iteration: linearise at the solution and solve again
 
-const uint FLAG_NOT_CONVERGED = 1;      // the residual is well above both the tolerance and the floor of f32
-const uint FLAG_PATCH_OVERFLOW = 2;    // more contact patches, or work items of these, than fit
-const uint FLAG_CONTACT_OVERFLOW = 4;   // more contacts or ray hits than fit, or a loop that the driver cut short
+const uint FLAG_NOT_CONVERGED = 1;      // the residual is well above both the tolerance and residual_floor
+const uint FLAG_PATCH_OVERFLOW = 2;    // more contact patches or work items, or smaller hash cells, than supported
+const uint FLAG_CONTACT_OVERFLOW = 4;   // more contacts or ray hits than their arrays hold, or a loop cut short
 const uint FLAG_DEPTH_LIMIT = 8;        // a contact is deeper than depth_limit
 const uint FLAG_NOT_HEIGHT_FIELD = 16;  // a skin folds over itself along the normal of a contact patch
 const uint FLAG_NON_FINITE = 32;        // a number of the solution is NaN or infinite

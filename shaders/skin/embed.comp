@@ -5,16 +5,17 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Skin: positions of the skin vertices of an active chunk (a group of at most 64 skin vertices that passed culling),
-// and of the neighbours that its normals need: x = sum w_i (c_i + R_i (r_i + d_i)) over the four nodes that a vertex is
-// embedded in, each with weight w_i, rest position r_i and displacement d_i in a frame with centre c_i and rotation
-// R_i; x = c + R r on a rigid body. A vertex that several chunks list is written by each of them with the same value.
+// Skin: computes the positions of the skin vertices of an active chunk (a group of at most 64 skin vertices that passed
+// culling), and of neighbouring vertices that its normals need. On a soft body a vertex lies at x = sum w_i (c_i + R_i
+// (r_i + d_i)), summed over the four nodes that it is embedded in, each with weight w_i, rest position r_i and
+// displacement d_i in a frame (rigid coordinate frame) with centre c_i and rotation R_i; on a rigid body, with position
+// r in the body's frame, at x = c + R r. Each chunk that lists a vertex writes the same position for it.
 //
-// If the chunk's vertices are tested for contact, its own ones go into the spatial hash of each of its contact patches
-// (`ContactPatch`: a column of space where two bodies may touch), where the depth stage looks them up for each
-// triangle. Vertices in front of all skin of the other side are left out. One workgroup runs for each active chunk. The
-// f64 reference is oracle::proximity::embed; the test lists the contents of the hash. A frame is a rigid coordinate
-// frame, a work item a chunk in one contact patch.
+// If the chunk's vertices are tested for contact, its own vertices go into the spatial hash of each of its contact
+// patches (`ContactPatch`: a column of space where two bodies, its sides, may touch). There the depth stage looks them
+// up for each triangle. Vertices in front of all skin of the other side are left out. A work item is a chunk in one
+// contact patch. One workgroup runs for each active chunk. The f64 reference is oracle::proximity::embed; the test also
+// checks the contents of the hash.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -28,19 +29,19 @@ layout(scalar) readonly buffer PairProxies { PairProxy pair_proxies[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
 READ_ONLY(uvec4, chunk_vertices);  // skin vertices of chunks, four per texel
-READ_ONLY(uvec4, skin_nodes);      // four nodes; NONE first: a rigid skin
-READ_ONLY(vec4, skin_weights);     // four weights; of a rigid skin: position in the frame
+READ_ONLY(uvec4, skin_nodes);      // the four nodes of each skin vertex; the first is NONE for a rigid skin
+READ_ONLY(vec4, skin_weights);     // the four nodes' weights; for a rigid skin the position in the frame, m
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
-READ_ONLY(uvec4, node_info);       // frame in z
+READ_ONLY(uvec4, node_info);       // z: index of the node's frame
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
-layout(scalar) readonly buffer Shares { float shares[]; };    // patch weights of each proxy in each pair
+layout(scalar) readonly buffer Shares { float shares[]; };    // weights of contact patches for each proxy of a pair
 layout(scalar) writeonly buffer Skin { vec4 skin[]; };
-layout(scalar) buffer Buckets { uint buckets[]; };  // hash lists and depth grids, cleared to NONE
+layout(scalar) buffer Buckets { uint buckets[]; };  // heads of the hash's lists, then depth grids; cleared to NONE
 layout(scalar) writeonly buffer HashEntries { uvec4 hash_entries[]; };       // CHUNK_VERTICES for each work item
-layout(scalar) writeonly buffer EntryHits { uint entry_hits[]; };     // first hit on each vertex's ray: set to NONE
+layout(scalar) writeonly buffer EntryHits { uint entry_hits[]; };     // first hit on each vertex's ray, here NONE
 layout(scalar) writeonly buffer EntryCells { uvec2 entry_cells[]; };      // cell of each vertex in the hash
-READ_ONLY(uvec4, depth_grids);  // min-max depth grids of chunks, four cells a texel
+READ_ONLY(uvec4, depth_grids);  // least and greatest heights of chunks (shared/depth_grid.glsl), four cells a texel
 
 #include "shared/spatial_hash.glsl"
 #include "shared/depth_grid.glsl"
@@ -54,7 +55,7 @@ vec3 world(uint node) {
     return frame.centre + rotate(frame.rotation, node_position(node));
 }
 
-// World position of a skin vertex, m; `frame` is its proxy's.
+// World position of a skin vertex, m; `frame` is the frame of the collision proxy that covers the vertex.
 vec3 position(Frame frame, uint vertex) {
     uvec4 nodes = fetch(skin_nodes, vertex);
     vec4 weights = fetch(skin_weights, vertex);
@@ -95,7 +96,7 @@ void main() {
             entry_hits[hash_entry] = NONE;
             vec3 at = along(contact_patch, own[l]);
             if (!sees || any(lessThan(at.xy, contact_patch.low)) || any(greaterThan(at.xy, contact_patch.high))) continue;
-            // A vertex in front of all that the other side's chunks reach cannot collide.
+            // A vertex in front of everything that the other side's chunks reach cannot collide.
             uvec2 grid_cell = grid_cells(contact_patch, at.xy, at.xy).xy;
             uint grid = grid_first(patch_index, 1 - side) + grid_cell.y * GRID + grid_cell.x;
             uint other = fetch(depth_grids, grid / 4)[grid % 4];

@@ -3,10 +3,10 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 
-// Skin: copies the displacements (each in its node's frame) of the nodes that move the probes, which are skin vertices
-// whose path the scene records. The host weights them and places them in the world in f64. Nodes of a rigid skin are
-// NONE and read as zero. One invocation runs for each node of a probe. The test compares with the displacements of
-// these nodes. A frame is a rigid coordinate frame.
+// Skin: copies the displacements of the nodes that move the probes, which are skin vertices whose path the scene asks
+// for. Each displacement is in its node's frame (rigid coordinate frame). The host sums the displacements with their
+// weights and places the probes in the world, in f64. Nodes of a rigid skin are NONE, and their displacements zero. One
+// invocation runs for each node of a probe. The test compares with the displacements of these nodes.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PROBE_NODES = 0;

@@ -6,19 +6,21 @@
 #include "shared/rounding.glsl"
 #include "shared/contact_law.glsl"
 
-// Solve: right-hand side and preconditioner of the nodes. One workgroup runs for each block of nodes (neighbouring free
-// nodes, or nodes attached to one dynamic core, a rigid core inside a soft body whose motion the solver finds); nodes
-// whose motion is prescribed are in no block. The f64 reference is oracle::step. The kernel writes:
+// Solve: right-hand side b and preconditioner of the linear system A x = b, whose unknowns x are changes of velocity,
+// at the nodes. One workgroup runs for each block of nodes: neighbouring free nodes, or nodes attached to one dynamic
+// core (rigid body inside a soft one, whose motion the solver finds). Nodes whose motion is prescribed are in no block.
+// The f64 reference is oracle::step. The kernel writes:
 // - the right-hand side b of each node: h m g - h alpha m v, plus the sum over its elements of h f - (h^2 + h beta) K
 //   v, minus the sum over its contacts of w ((h a k delta + (h^2 k + h d) a delta') n + h c v_t), plus the carried
-//   residual b - A x of the last solve. Without the carried residual its impulse would be lost step after step in the
-//   same smooth modes, since the iterations after a warm start reduce the residual of these modes last.
-// - the inverse of the 3x3 diagonal block of A of each free node; for an attached node the block itself, from which
-//   solve/cores sums its core's block.
-// - for each block of nodes, b . D^-1 b, with D the diagonal blocks, and (e . D^-1 e) eps^2, where e sums the
-//   magnitudes of the terms of b, and eps is ROUNDING: the rounding error of b for a body at rest.
-// - for each block, its rotation (the polar part of its nodes' affine fit), in whose axes its modes are, and the
-//   restriction P^T b of b to its modes (basis of the coarse space, shared/coarse_vector.glsl).
+//   residual b - A x of the last solve. Were this residual not carried over, its impulse would be lost in every step,
+//   always in the same smooth motions, because iterations after a warm start reduce the residual of these last.
+// - for each free node, the inverse of its 3x3 diagonal block of A; for each attached node, its diagonal block itself,
+//   from which solve/cores computes the diagonal block of the core.
+// - for each block of nodes, b . D^-1 b, with D the nodes' diagonal blocks, and (e . D^-1 e) eps^2, where e sums the
+//   magnitudes of the terms of b, and eps is ROUNDING: an estimate of b . D^-1 b for a body at rest, whose b is
+//   nothing but rounding error.
+// - for each block of nodes, its rotation (the polar part of its nodes' affine fit), and P^T b, the restriction of b to
+//   its modes (basis of the coarse space, shared/coarse_vector.glsl), which are in the axes that this rotation gives.
 //
 // Symbols: step h; mass m, gravity g, damping alpha and beta, velocity v of a node; force f and stiffness K of an
 // element; and of a contact (shared/contact_law.glsl) the weight w of the node, area a, stiffness k, damping d, depth
@@ -38,10 +40,10 @@ layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 READ_ONLY(uvec4, blocks);
 READ_ONLY(uvec4, block_nodes);
-READ_ONLY(vec4, block_places);     // middle of a block in its frame (m), 1 / size (1/m)
-READ_ONLY(vec4, block_moments);    // inverse of sum x x^T over its nodes: xx yy zz, xy xz yz
+READ_ONLY(vec4, block_places);     // xyz: middle of a block in its frame, m; w: 1 / the block's size, 1/m
+READ_ONLY(vec4, block_moments);    // inverse of sum x x^T over a block, see rotation_of: xx yy zz, xy xz yz
 READ_ONLY(uvec4, coarse_blocks);
-READ_ONLY(vec4, node_rest);        // w: mass, kg
+READ_ONLY(vec4, node_rest);        // xyz: rest position, m; w: mass, kg
 READ_ONLY(vec4, velocity);
 READ_ONLY(vec4, displacement);
 READ_ONLY(uvec4, node_elements);
@@ -56,9 +58,9 @@ layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) writeonly buffer Rhs { vec4 rhs[]; };
 layout(scalar) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
 layout(scalar) writeonly buffer Inverse { vec4 inverse[]; };      // D^-1, two texels per node: xx yy zz, xy xz yz
-layout(scalar) writeonly buffer Partials { vec2 partials[]; };    // b . D^-1 b and (e . D^-1 e) eps^2 a block
+layout(scalar) writeonly buffer Partials { vec2 partials[]; };    // b . D^-1 b and (e . D^-1 e) eps^2 of each block
 layout(scalar) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three texels per block
-layout(scalar) buffer BlockRotations { vec4 block_rotations[]; };  // rotation of each block in its frame, a guess
+layout(scalar) buffer BlockRotations { vec4 block_rotations[]; };  // rotation of each block in its frame
 layout(scalar) writeonly buffer BlockTurns { vec4 block_turns[]; };        // rotation of each block in the world
 READ_ONLY(vec4, coarse_scales);
 layout(scalar) readonly buffer Joints { Joint joints[]; };
@@ -106,8 +108,9 @@ void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c
     }
 }
 
-// Rotation of a block in its frame: the polar part of I + sum d x^T (sum x x^T)^-1 / size, with displacements d and
-// scaled rest positions x of its nodes; `sums` is sum d x^T.
+// Rotation of a block in its frame: the polar part of I + sum d x^T (sum x x^T)^-1 / size, with displacements d of its
+// nodes and their rest positions x from the block's middle, divided by the block's size. `sums` is sum d x^T; the last
+// rotation of the block is the guess.
 vec4 rotation_of(uint b, float inverse_size, mat3 sums) {
     vec3 d = fetch(block_moments, 2 * b).xyz, o = fetch(block_moments, 2 * b + 1).xyz;
     mat3 moments = mat3(d.x, o.x, o.y, o.x, d.y, o.z, o.y, o.z, d.z);

@@ -4,16 +4,17 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Solve: coarse correction before and after the solver's loop, z = A_c^-1 P^T b for each block of nodes (set of nodes
-// that one workgroup works on), with its part of inner products; before the first iteration also that of A x, with the
-// last solution x, for the warm start. Two-level additive Schwarz preconditioner (Dryja and Widlund 1987): P^T
-// restricts to the affine modes of aggregates (the blocks), and A_c is the Galerkin matrix at rest
-// (shared/coarse.glsl). One workgroup runs for each block. The f64 reference is oracle::coarse. Modes are the basis of
-// the preconditioner's coarse space (shared/coarse_vector.glsl).
+// Solve: coarse correction z = A_c^-1 P^T b of the two-level additive Schwarz preconditioner (Dryja and Widlund 1987),
+// for the linear system A x = b, and inner products with z. P^T restricts to the modes, which are affine motions of the
+// preconditioner's aggregates and span its coarse space (shared/coarse_vector.glsl); A_c is the Galerkin matrix of the
+// modes at rest (shared/coarse.glsl). The kernel runs twice in a solve: before the loop of iterations, for b and, for
+// the warm start, also for A x with the last solution x; and after the loop, for b - A x in place of b. One workgroup
+// runs for each aggregate, which is a block (the nodes that one workgroup of the solver works on). The f64 reference is
+// oracle::coarse.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 1) const bool WARM_START = true;  // true: before the loop, for b and A x; false: after it
+layout(constant_id = 1) const bool WARM_START = true;  // true: before the loop, for b and A x; false: after the loop
 
 READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(uvec4, coarse_inverse);
@@ -29,13 +30,13 @@ const uint SUMS = 6;
 #include "shared/sums.glsl"
 #include "shared/coarse.glsl"
 
-// Four scaled modes of P^T b, at texel k of the body; zero beyond the body's last texel.
+// Texel k of the body's part of P^T b: four entries, each multiplied by its mode's scale; zero beyond the last texel.
 vec4 scaled_rhs(CoarseBlock block, uint k) {
     uint at = block.first + k;
     return k < block.texels ? coarse_scale(at) * fetch(restricted_rhs, at) : vec4(0.0);
 }
 
-// Four scaled modes of P^T A x, at texel k of the body; zero beyond the body's last texel.
+// Texel k of the body's part of P^T A x: four entries, each multiplied by its mode's scale; zero beyond the last texel.
 vec4 scaled_product(CoarseBlock block, uint k) {
     uint at = block.first + k;
     return k < block.texels ? coarse_scale(at) * fetch(restricted_product, at) : vec4(0.0);

@@ -7,20 +7,21 @@
 #include "shared/link.glsl"
 #include "shared/node_motion.glsl"
 
-// Solve: commits the solution x (change of velocity) to the state of the nodes: v += x and d += (dR - I) (r + d) + h
-// R1^T (v - v_centre), with dR = R1^T R0, R0 and R1 the rotation of a node's frame at the start and end of the step h,
-// r its rest position and v_centre the velocity of the frame's centre. The second formula moves the node by h v in the
-// world, and expresses its place in the frame at the end. The kernel also keeps the carried residual b - A x for the
-// next step. Nodes attached to a rigid core keep d = 0. One invocation runs for each node. The f64 reference is
-// oracle::step. A frame is a rigid coordinate frame.
+// Solve: commits the solution x (change of velocity) of the linear system A x = b to the nodes' velocities v and
+// displacements d: v += x and d += (dR - I) (r + d) + h R1^T (v - v_centre). A displacement is in the node's frame
+// (rigid coordinate frame), whose rotation is R0 at the start and R1 at the end of the step of h seconds; dR = R1^T R0,
+// r is the node's rest position and v_centre the velocity of the frame's centre. The second formula moves the node by
+// h v in the world, and expresses its new place in the frame at the end. The kernel also keeps the residual b - A x,
+// which the next step adds to its b (carried residual). Nodes attached to a rigid core (rigid body inside a soft one)
+// keep d = 0. One invocation runs for each node. The f64 reference is oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;
-layout(constant_id = 6) const uint RIGIDS = 0;     // rigid bodies among the unknowns: dynamic cores and the tool
+layout(constant_id = 6) const uint RIGIDS = 0;     // rigid bodies among the unknowns: cores and the tool
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
-READ_ONLY(uvec4, node_info);       // frame in z; NODE_* of shared/node_motion.glsl in w
+READ_ONLY(uvec4, node_info);       // z: index of the node's frame; w: NODE_* of shared/node_motion.glsl
 READ_ONLY(vec4, solution);
 READ_ONLY(vec4, rhs);
 READ_ONLY(vec4, operator_product);            // A x

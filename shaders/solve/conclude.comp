@@ -6,16 +6,16 @@
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: decides whether a solve is accepted, repeated or rejected. There is one workgroup. The f64 reference is
-// oracle::step.
+// Solve: decides, after the iterations, whether the solution x of the linear system A x = b is accepted, the system is
+// solved again, or the step is rejected. There is one workgroup. The f64 reference is oracle::step.
 //
-// The relative residual sqrt((b - A x) . M^-1 (b - A x) / b . M^-1 b) is recomputed, with operator A, right-hand side b
-// and preconditioner M; the value that the iterations carry along by recurrence is not used. A contact is under tension
-// if its pressure at the end of the step, k delta + (h k + d) delta' (shared/contact_law.glsl), is negative. Contacts
-// do not adhere, so such contacts are released, and the host has the step solved again, MAX_RETRIES times at most (each
-// solve starts from the last solution and is short). The pressure of contacts still under tension after that counts as
-// zero, and a flag reports them. Once solved, a further Newton iteration may follow. A dynamic core is a rigid core
-// inside a soft body whose motion the solver finds.
+// The relative residual sqrt((b - A x) . M^-1 (b - A x) / b . M^-1 b), with preconditioner M, is recomputed; the value
+// that the iterations carry along by recurrence is not used. A contact is under tension if its pressure at the end of
+// the step, k delta + (h k + d) delta' (shared/contact_law.glsl), is negative. Contacts do not adhere, so such contacts
+// are released, and the host has the system solved again, MAX_RETRIES times at most (each solve starts from the last
+// solution and is short). The pressure of contacts that are still under tension after the last of these solves counts
+// as zero, and a flag reports them. Once the system is solved, a further Newton iteration may follow. A dynamic core is
+// a rigid body inside a soft one, whose motion the solver finds; the tool is the body that the haptic device leads.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -25,13 +25,13 @@ layout(constant_id = 3) const bool COARSE = false;
 layout(constant_id = 4) const bool TOOL = false;         // whether there is a rigid tool, the last rigid body
 layout(constant_id = 6) const uint RIGIDS = 0;           // rigid bodies: dynamic cores and the tool
 layout(constant_id = 8) const uint NODES = 0;
-layout(constant_id = 9) const uint SKIN_PARTS = 0;      // workgroups of wrench/gap
+layout(constant_id = 9) const uint SKIN_PARTS = 0;      // number of workgroups of wrench/gap
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
-layout(scalar) readonly buffer Dots { vec2 dots[]; };              // inner products of solve/gather, GATHER_END
-layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };      // inner products of solve/coarse
-READ_ONLY(vec4, restricted_product);     // P^T A x
+layout(scalar) readonly buffer Dots { vec2 dots[]; };              // inner products from solve/gather after the loop
+layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };    // inner products from solve/coarse after the loop
+READ_ONLY(vec4, restricted_product);     // A x, summed over each block of nodes (shared/twist.glsl)
 READ_ONLY(vec4, contact_forces);       // output of solve/contact_product for the solution
 layout(scalar) readonly buffer Iterations { Iteration iterations[2]; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
@@ -47,8 +47,7 @@ layout(scalar) readonly buffer RigidInverses { float rigid_inverses[]; };
 const uint MAX_RETRIES = 4;
 // Relative residual above which a solution is rejected if the solve broke down.
 const float WORTHLESS = 0.1;
-// Relative residual above which every solution is rejected: it is then farther from the exact solution than where it
-// began.
+// Relative residual above which every solution is rejected: even x = 0 would then have a smaller residual.
 const float DIVERGED = 1.0;
 
 shared float deepest[SIZE];
@@ -62,7 +61,7 @@ TWIST_OF(restricted_product)
 #include "shared/rigid.glsl"
 #include "shared/contact_law.glsl"
 
-// Writes a rigid body's residual b - A x into its `operator_product`, and its change of twist for the host.
+// Writes a rigid body's residual b - A x to its `operator_product`, and the change of its twist for the host.
 void leave_undone(uint index) {
     float y[6] = product_of(index), x[6] = iterates[solve.current * RIGIDS + index].x;
     for (int k = 0; k < 6; k++) {
@@ -79,7 +78,7 @@ void main() {
     for (uint k = lane; k < BLOCKS; k += SIZE) sums.xw += dots[k] + (COARSE ? vec2(coarse_dots[k].x, 0.0) : vec2(0.0));
     float depth = 0.0;
     // Components of `sums`: x: (b - A x) . M^-1 (b - A x); y: number of contacts that are not released; z: number of
-    // contacts under tension; w: the square of the norm that rounding of x contributes to the residual.
+    // contacts under tension; w: estimate of the first component if the solution had rounding errors alone.
     if (CONTACT) {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
@@ -112,7 +111,8 @@ void main() {
     barrier();
     if (lane != 0) return;
     float norm2 = max(solve.rhs_norm2, 1.0e-38);
-    // The magnitude is used: a value far below zero is as wrong as one far above, and max(sums.x, 0) may hide NaN.
+    // The magnitude of sums.x is used: a value far below zero is as wrong as one far above zero, and max(sums.x, 0) may
+    // hide NaN.
     float residual = solve.rhs_norm2 <= solve.floor_norm2 ? 0.0 : sqrt(abs(sums.x) / norm2);
     float residual_floor = sqrt(max(solve.floor_norm2, sums.w) / norm2);
     uint verdict = VERDICT_DONE;
@@ -127,9 +127,9 @@ void main() {
         // The condition is written so that NaN raises the flag as well.
         if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
         if (sums.z > 0.0) flags |= FLAG_TENSION;
-        // A solution is not committed if it is not finite, or if the norm of its right-hand side, or the rounding of
-        // that norm, overflows, since the residual then means nothing; nor if the solve broke down early. A solve that
-        // merely ran out of iterations is committed: it is nearer to the solution than its start.
+        // A solution is rejected if one of the three numbers that `all` adds is not finite, since the residual then
+        // means nothing, or if the residual is above a limit. The limit is low after a breakdown. A solve that merely
+        // ran out of iterations is accepted up to the limit DIVERGED: its solution is better than none.
         float all = sums.x + solve.rhs_norm2 + solve.floor_norm2;
         bool finite = !isnan(all) && !isinf(all);
         if (!finite) {

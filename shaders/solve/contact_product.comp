@@ -5,32 +5,33 @@
 #include "shared/types.glsl"
 #include "shared/contact_law.glsl"
 
-// Solve: operator product of contacts with a change of velocity p: (h^2 k + h d) a n n.(J p) + h c (I - n n^T) J p,
-// with a contact's Jacobian J, normal n, area a, stiffness k, damping d and friction c (shared/contact_law.glsl) over a
-// step h. solve/gather sums it at the nodes and on the tool. It runs concurrently with solve/element_product. It is a
-// kernel of its own because a branch for contacts in that kernel would cost time for every tetrahedron on devices that
+// Solve: product of the contacts' part of the operator with a change of velocity p: for each contact (h^2 k + h d) a n
+// n.(J p) + h c (I - n n^T) J p, with the contact's Jacobian J, normal n, area a, stiffness k, damping d and friction c
+// (shared/contact_law.glsl), over a step of h seconds. solve/gather sums these products at the nodes and on the tool
+// (rigid body that the haptic device leads). The kernel runs concurrently with solve/element_product. It is a kernel of
+// its own because a branch for contacts in solve/element_product would cost time for every tetrahedron on devices that
 // run untaken branches with lanes masked. One invocation runs for each contact. The f64 reference is oracle::step. A
-// dynamic core is a rigid core inside a soft body whose motion the solver finds.
+// dynamic core is a rigid body inside a soft one, whose motion the solver finds.
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 4) const bool TOOL = true;  // true: a rigid tool exists; else the device holds a soft body
-layout(constant_id = 6) const uint RIGIDS = 0;   // rigid bodies: dynamic cores and the tool, which is the last
+layout(constant_id = 4) const bool TOOL = true;  // whether there is a rigid tool
+layout(constant_id = 6) const uint RIGIDS = 0;   // rigid bodies: dynamic cores and, as the last, the tool
 layout(constant_id = 7) const bool FRICTION = false;
 
 layout(push_constant) uniform Which {
-    bool of_solution;           // whether the tool's p is its x (solution), else its u
-    uint set;                   // set of iterates that holds u
+    bool of_solution;           // true: p is the solution x; false: p is u, the preconditioned residual
+    uint set;                   // which of the two sets of iterates holds u
 };
 
 layout(scalar) readonly buffer Params { StepParams params; };
 READ_ONLY(vec4, change);
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer Contacts { Contact contacts[]; };
-READ_ONLY(uvec4, entry_nodes);      // nodes of contacts, four quads a contact
+READ_ONLY(uvec4, entry_nodes);      // nodes of contacts, four texels for each contact
 READ_ONLY(vec4, entry_weights);
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar) writeonly buffer ContactForces { vec4 contact_forces[]; };  // product of each contact; w: normal part
+layout(scalar) writeonly buffer ContactForces { vec4 contact_forces[]; };  // xyz: product; w: its normal part
 
 void main() {
     uint c = gl_GlobalInvocationID.x;

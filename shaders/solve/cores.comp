@@ -5,16 +5,17 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: preconditioner and right-hand side of dynamic cores (rigid cores inside soft bodies, whose motion the solver
+// Solve: preconditioner and right-hand side of dynamic cores (rigid bodies inside soft ones, whose motion the solver
 // finds). One workgroup runs for each core, and does nothing unless the core is the first of its group (the cores that
 // joints connect). The f64 reference is oracle::step.
 //
-// A core's diagonal block of the operator is sum P_i^T D_i P_i over the nodes i attached to it, with D_i the node's
-// diagonal block and P_i the map from the core's twist to the node's velocity, plus the terms of its joints and, if the
-// haptic device holds it, of the virtual coupling. Joints are stiffer than what they connect, so the cores of a group
-// are inverted together. Joints form trees, in which elimination from the leaves to the root causes no fill-in. The
-// inverse A^-1 is then computed from the root to the leaves: for a core c with parent p, S_c the Schur complement of c
-// after its children, T_c = S_c^-1 A_cp, and cores j numbered before c,
+// A core's diagonal block of the operator is sum P_i^T D_i P_i over the nodes i attached to the core, with D_i the
+// node's diagonal block and P_i the map from the core's twist to the node's velocity, plus the terms of its joints and,
+// if the haptic device holds the core, of the virtual coupling (spring and damper to the device). Joints are stiffer
+// than what they connect, so the preconditioner inverts the matrix A of a group as a whole. Joints form trees, in which
+// elimination from the leaves to the root causes no fill-in. The inverse A^-1 is then computed from the root to the
+// leaves: for a core c with parent p, A_cp the block of A between c and p, S_c the Schur complement of c after the
+// elimination of its children, T_c = S_c^-1 A_cp, and cores j numbered before c,
 //   A^-1_cj = -T_c A^-1_pj,  A^-1_cc = S_c^-1 - A^-1_cp T_c^T.
 // For a core on a hinge S_c is inverted for the rotation about the hinge's axis alone.
 
@@ -29,11 +30,11 @@ READ_ONLY(uvec4, block_nodes);
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, rhs);
 READ_ONLY(vec4, inverse);              // of attached nodes: their diagonal blocks, not inverted
-READ_ONLY(vec4, restricted_rhs);       // P^T b, three texels per block of nodes
+READ_ONLY(vec4, restricted_rhs);       // restriction of b (shared/coarse_vector.glsl), three texels per block of nodes
 layout(scalar) readonly buffer Joints { Joint joints[]; };
-layout(scalar) readonly buffer JointSides { uint joint_sides[]; };         // 2 * joint + side, by core
+layout(scalar) readonly buffer JointSides { uint joint_sides[]; };         // joints' sides by core: 2 * joint + side
 layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
-layout(scalar) coherent buffer RigidBlocks { float rigid_blocks[]; };      // S or S^-1, then T, of each core
+layout(scalar) coherent buffer RigidBlocks { float rigid_blocks[]; };      // of each core: S, later S^-1, and then T
 layout(scalar) coherent buffer RigidInverses { float rigid_inverses[]; };
 
 #include "shared/six.glsl"
@@ -50,8 +51,8 @@ vec3 block_times(uint node, vec3 v) {
     return symmetric_times(fetch(inverse, 2 * node).xyz, fetch(inverse, 2 * node + 1).xyz, v);
 }
 
-// P (P^T B P)^-1 P^T for a 6x6 block B, where P maps a spin about `axis` to a twist; false if there is no inertia about
-// it.
+// P (P^T B P)^-1 P^T for a 6x6 block B, where P maps a spin about `axis` to a twist; returns false if there is no
+// inertia about that axis.
 bool invert_about(vec3 axis, float block[36], out float inverse[36]) {
     float moment = 0.0;
     for (int i = 0; i < 3; i++) {
@@ -76,7 +77,8 @@ void add_joint_block(uint joint, uint to, uint from, inout float block[36]) {
     }
 }
 
-// Writes a core's block and right-hand side, and the magnitudes of the right-hand side's terms to `operator_product`.
+// Writes a core's diagonal block and right-hand side, and to its `operator_product` the sums of the magnitudes of the
+// right-hand side's terms.
 void assemble(uint c) {
     Rigid core = rigids[c];
     vec4 turn = frames[core.frame].rotation;
@@ -125,7 +127,7 @@ void assemble(uint c) {
         float[6](force_size.x, force_size.y, force_size.z, torque_size.x, torque_size.y, torque_size.z);
 }
 
-// Eliminates core c, after its children: writes S_c^-1 and T_c, and updates the parent's block. One invocation runs it.
+// Eliminates core c after its children: writes S_c^-1 and T_c, and updates the parent's block. For a single invocation.
 void eliminate(uint c) {
     Rigid core = rigids[c];
     float block[36], inverse_block[36];
@@ -155,8 +157,8 @@ void eliminate(uint c) {
     }
 }
 
-// Writes rows and columns of core c into the inverse of a group of `count` cores from index `first` on; those of the
-// cores before c have been written. The inverse begins at `base`.
+// Writes the rows and columns of core c into the inverse of its group, which is `count` cores from index `first` on and
+// whose inverse begins at `base`. The rows and columns of the cores before c have been written.
 void spread(uint c, uint first, uint count, uint base) {
     uint width = 6 * count, row = 6 * (c - first);
     uint parent_row = JOINTS ? 6 * (rigids[c].parent - first) : 0;

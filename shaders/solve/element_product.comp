@@ -3,16 +3,17 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 
-// Solve: product of the elements' part of the operator with a change of velocity p. A tetrahedron writes (2 mu sym(W) +
-// lambda tr(W) I) g'_i with W = sum p_i g'_i^T for each of its nodes i; solve/gather sums these. The gradients g' and
-// moduli mu and lambda are those of elastic/element_forces, scaled by volume and step. One invocation runs for each
-// tetrahedron. The f64 references are oracle::elastic::Elements::apply_stiffness and oracle::step.
+// Solve: product of the elements' part of the operator with a change of velocity p. A tetrahedron writes for each of
+// its nodes i the force (2 mu sym(W) + lambda tr(W) I) g'_i, with W = sum p_i g'_i^T; solve/gather sums these forces at
+// the nodes. elastic/element_forces computes the gradients g' and the moduli mu and lambda, scaled by volume and step.
+// One invocation runs for each tetrahedron. The f64 references are oracle::elastic::Elements::apply_stiffness and
+// oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
 
 READ_ONLY(uvec4, tetrahedra);
-READ_ONLY(vec4, gradients);  // g', three per tetrahedron; w of the first: mu, of the second: lambda
+READ_ONLY(vec4, gradients);  // g' of a tetrahedron's last three nodes; w of the first: mu, of the second: lambda
 READ_ONLY(vec4, change);
 layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };      // four per tetrahedron
 

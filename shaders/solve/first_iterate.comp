@@ -5,11 +5,12 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: the first iterate of conjugate gradients, from the last solution x' times the factor `warm_start` (warm) of
-// solve/first_residual: x = warm x', r = b - warm A x', u = M^-1 r, search direction zero, with operator A, right-hand
-// side b and preconditioner M (shared/preconditioner.glsl). Nodes attached to a rigid core take their values from the
-// core's iterate. One workgroup runs for each block of nodes. The f64 reference is oracle::step. A block is a set of
-// nodes that one workgroup works on, a frame a rigid coordinate frame.
+// Solve: the first iterate of conjugate gradients, from the last solution x' times the factor `warm_start` (warm) that
+// solve/first_residual computed: solution x = warm x', residual r = b - warm A x', u = M^-1 r, search direction zero,
+// with operator A, right-hand side b and preconditioner M. P^T restricts to the coarse space of M, whose matrix is A_c
+// (shared/preconditioner.glsl). Nodes attached to a rigid core (rigid body inside a soft one) take their values from
+// the core's iterate. One workgroup runs for each block of nodes. The f64 reference is oracle::step. A block is a set
+// of nodes that one workgroup works on, a frame a rigid coordinate frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -19,7 +20,7 @@ layout(scalar) readonly buffer SolveIn { Solve solve; };
 READ_ONLY(vec4, block_turns);                           // rotation of each block, world
 READ_ONLY(uvec4, blocks);
 READ_ONLY(uvec4, block_nodes);
-READ_ONLY(vec4, block_places);                          // middle of a block in its frame (m), 1 / size (1/m)
+READ_ONLY(vec4, block_places);  // xyz: middle of a block in its frame, m; w: 1 / the block's size, 1/m
 READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, rhs);
@@ -28,7 +29,7 @@ READ_ONLY(vec4, inverse);
 READ_ONLY(vec4, coarse_rhs);       // A_c^-1 P^T b, three texels per block
 READ_ONLY(vec4, coarse_product);     // A_c^-1 P^T A x'
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar) buffer Solution { vec4 solution[]; };      // x', becomes x
+layout(scalar) buffer Solution { vec4 solution[]; };      // x' before, x after
 layout(scalar) writeonly buffer Residual { vec4 residual[]; };
 layout(scalar) writeonly buffer Preconditioned { vec4 preconditioned[]; };
 layout(scalar) writeonly buffer Direction { vec4 direction[]; };                          // search direction p

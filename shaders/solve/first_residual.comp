@@ -8,12 +8,14 @@
 #include "shared/contact_law.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: scalars and rigid bodies (the tool and dynamic cores inside soft bodies) before the first conjugate gradient
-// iteration. The kernel sums the inner products of all workgroups; writes the tool's 6x6 block, its inverse and
-// right-hand side; and sets the loop's indirect arguments. It also chooses the factor of the warm start, w = (y . M^-1
-// b) / (y . M^-1 y) with y = A x, at which w x, from the last step's solution x, has the least residual, so that a warm
-// start is never worse than none (projection on the earlier solution, Fischer 1998). A body at rest, whose b is within
-// rounding, stops at once. There is one workgroup. The f64 reference is oracle::step.
+// Solve: prepares the scalars and the rigid bodies for the first conjugate gradient iteration on A x = b, with
+// preconditioner M. Rigid bodies are dynamic cores (bodies inside soft ones, whose motion the solver finds) and the
+// tool (body that the haptic device leads). The kernel sums the inner products of all workgroups; inverts the tool's
+// 6x6 block of A and writes the tool's b; and sets the indirect arguments of the iterations' dispatches. It also
+// chooses the factor of the warm start, w = (y . M^-1 b) / (y . M^-1 y) with y = A x and x the last step's solution, at
+// which w x has the least residual, so that a warm start is never worse than none (projection on the earlier solution,
+// Fischer 1998). Where b is mere rounding error, as at rest, no iteration is run. There is one workgroup. The f64
+// reference is oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -31,12 +33,12 @@ layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer Contacts { Contact contacts[]; };
-layout(scalar) readonly buffer Partials { vec2 partials[]; };      // b . D^-1 b and its rounding, of solve/assemble
-layout(scalar) readonly buffer Dots { vec2 dots[]; };              // inner products of solve/gather, GATHER_WARM_START
-layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };      // inner products of solve/coarse
-READ_ONLY(vec4, restricted_product);    // P^T A x
-READ_ONLY(vec4, coarse_rhs);          // A_c^-1 P^T b
-READ_ONLY(vec4, coarse_product);        // A_c^-1 P^T A x
+layout(scalar) readonly buffer Partials { vec2 partials[]; };      // b . D^-1 b and its rounding, from solve/assemble
+layout(scalar) readonly buffer Dots { vec2 dots[]; };          // inner products from solve/gather before the loop
+layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };   // inner products from solve/coarse before the loop
+READ_ONLY(vec4, restricted_product);    // A x, summed over each block of nodes (shared/twist.glsl)
+READ_ONLY(vec4, coarse_rhs);          // coarse correction for b, from solve/coarse
+READ_ONLY(vec4, coarse_product);        // coarse correction for A x, from solve/coarse
 layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
 layout(scalar) coherent buffer RigidInverses { float rigid_inverses[]; };
 layout(scalar) buffer Iterates { RigidIterate iterates[]; };
@@ -57,17 +59,18 @@ TWIST_OF(coarse_product)
 
 const uint CORES = RIGIDS - (TOOL ? 1 : 0);
 
-// Factor w of the warm start; `sums`: b . M^-1 b, its rounding, y . M^-1 b, y . M^-1 y. It is zero for a body at rest,
-// and where the last solution is zero or has overflowed.
+// Factor w of the warm start; `sums`: b . M^-1 b, its rounding, y . M^-1 b, y . M^-1 y. The factor is zero at rest, and
+// where the last solution is zero or has overflowed.
 float warm_start_factor(vec4 sums) {
     float factor = sums.z / sums.w;
     return sums.x > sums.y && sums.w > 0.0 && !isnan(factor) && !isinf(factor) ? factor : 0.0;
 }
 
-// Writes the inverse of the tool's block, its right-hand side, and the rounding of that right-hand side.
+// Writes for the tool the inverse of its block of A, its right-hand side b, and, as `rounding`, e . M^-1 e, where e
+// sums the magnitudes of the terms of b.
 void assemble_tool() {
-    // Upper triangle of the block by rows (21 numbers), then the right-hand side; they are summed four numbers at a
-    // time.
+    // Upper triangle of the tool's block by rows (21 numbers), then its right-hand side (6 numbers), then padding. Each
+    // call of workgroup_sum sums four of these numbers.
     float block[28];
     for (int k = 0; k < 28; k++) block[k] = 0.0;
     for (uint c = gl_LocalInvocationID.x; c < (CONTACT ? counts.contacts : 0); c += SIZE) {
@@ -121,7 +124,7 @@ void assemble_tool() {
     rigids[RIGIDS - 1].rounding = rounding;
 }
 
-// Writes the first iterate of a rigid body, whose u and s hold M^-1 b and M^-1 y.
+// Writes the first iterate of a rigid body; until then the iterate's u and s hold M^-1 b and M^-1 y.
 void start_rigid(uint index, float warm_start) {
     RigidIterate now = iterates[index];
     float last[6] = iterates[solve.current * RIGIDS + index].x;

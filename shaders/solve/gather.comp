@@ -6,22 +6,24 @@
 #include "shared/rounding.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: operator product w = A p of each node, summed from the output of solve/element_product, solve/patch_product
-// and solve/contact_product; inner products with w; and sums over the modes (basis of the coarse space,
-// shared/coarse_vector.glsl) of each block of nodes, P^T w and P^T r. The modes of blocks of nodes attached to a rigid
-// core are the core's six rows. MODE selects p and the inner products, with preconditioner M of diagonal blocks D:
+// Solve: operator product w = A p at the nodes, for the linear system A x = b with preconditioner M. The kernel sums w
+// from the output of solve/element_product, solve/patch_product and solve/contact_product; computes inner products with
+// w; and restricts w and the residual r to the modes of each block, P^T w and P^T r. A block is a set of nodes that one
+// workgroup works on; its modes are the basis of the preconditioner's coarse space (shared/coarse_vector.glsl). For
+// nodes attached to a rigid core (rigid body inside a soft one) the core's six rows take the place of modes. D is made
+// of the nodes' 3x3 diagonal blocks of A. MODE selects p, the two inner products and what some buffers hold:
 //   GATHER_WARM_START, before the loop: p the last solution; w . D^-1 b, w . D^-1 w; `preconditioned` is D^-1 b.
 //   GATHER_LOOP, in an iteration: p = u = M^-1 r; r . u, w . u, including the rows of cores and tool; `preconditioned`
 //     is u, `residual_or_rhs` is r.
-//   GATHER_END, after the loop: p the solution x; r . D^-1 r with r = b - w; and e . M^-1 e with e = eps D x, an
-//     estimate of the rounding error of w that follows from rounding of x at each node; `residual_or_rhs` is b.
-// One workgroup runs for each block of free nodes, for each block of attached nodes, or for the tool's rows: these are
-// variants, selected by ROLE, that run concurrently. The f64 reference is oracle::step. A frame is a rigid coordinate
-// frame.
+//   GATHER_END, after the loop: p the solution x; r . D^-1 r with r = b - w; and e . M^-1 e, where e = HALF_ULP D x
+//     estimates the rounding error of w that follows from rounding of x; `residual_or_rhs` is b.
+// One workgroup runs for each block of free nodes, for each block of attached nodes, or for the tool's six rows: these
+// are variants, selected by ROLE, that run concurrently. The tool is the rigid body that the haptic device leads. The
+// f64 reference is oracle::step. A frame is a rigid coordinate frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 1) const uint BLOCKS = 0;          // blocks of nodes; the tool's rows come after them
+layout(constant_id = 1) const uint BLOCKS = 0;          // number of blocks of nodes; the tool's rows come after them
 layout(constant_id = 2) const bool CONTACT = false;
 layout(constant_id = 3) const bool COARSE = false;
 layout(constant_id = 4) const uint MODE = 1;            // GATHER_* of shared/roles.glsl
@@ -32,13 +34,13 @@ layout(constant_id = 9) const uint FIRST = 0;           // first of the blocks t
 layout(constant_id = 10) const bool JOINTS = false;
 layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
 
-layout(push_constant) uniform Which { uint set; };      // set of iterates that holds u and r in GATHER_LOOP
+layout(push_constant) uniform Which { uint set; };      // which of two sets of iterates holds u and r in GATHER_LOOP
 
 layout(scalar) readonly buffer Params { StepParams params; };
 READ_ONLY(vec4, block_turns);                           // rotation of each block, world
 READ_ONLY(uvec4, blocks);
 READ_ONLY(uvec4, block_nodes);
-READ_ONLY(vec4, block_places);                          // middle of a block in its frame (m), 1 / size (1/m)
+READ_ONLY(vec4, block_places);  // xyz: middle of a block in its frame, m; w: 1 / the block's size, 1/m
 READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(vec4, node_rest);
 READ_ONLY(uvec4, node_elements);
@@ -61,7 +63,7 @@ layout(scalar) writeonly buffer RestrictedResidual { vec4 restricted_residual[];
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 READ_ONLY(vec4, coarse_scales);
 layout(scalar) readonly buffer Joints { Joint joints[]; };
-layout(scalar) readonly buffer JointSides { uint joint_sides[]; };      // 2 * joint + side, by core
+layout(scalar) readonly buffer JointSides { uint joint_sides[]; };      // joints' sides, core by core: 2 * joint + side
 
 const uint SUMS = 7;
 #include "shared/roles.glsl"
@@ -77,7 +79,7 @@ const uint SUMS = 7;
 #include "shared/six.glsl"
 #include "shared/joint.glsl"
 
-// Adds this lane's share of the contacts' forces and torques on the tool.
+// Adds the forces and torques on the tool of those contacts that this lane works on.
 void add_tool_contacts(uint contact_count, inout vec3 force_sum, inout vec3 torque_sum) {
     for (uint c = gl_LocalInvocationID.x; c < contact_count; c += SIZE) {
         float sign = contacts[c].tool_sign;
@@ -91,7 +93,7 @@ void add_tool_contacts(uint contact_count, inout vec3 force_sum, inout vec3 torq
 
 vec3 three(float six[6], int from) { return vec3(six[from], six[from + 1], six[from + 2]); }
 
-// Adds the operator product of a core's joints to its rows.
+// Adds the operator product of a core's joints to the core's rows.
 void add_joints(Rigid rigid, inout vec3 force, inout vec3 torque) {
     for (uint k = rigid.joint_first; k < rigid.joint_first + rigid.joint_count; k++) {
         uint joint = joint_sides[k] / 2, side = joint_sides[k] % 2;
@@ -105,9 +107,10 @@ void add_joints(Rigid rigid, inout vec3 force, inout vec3 torque) {
     }
 }
 
-// Upper bound of e . M^-1 e, where e is the error that rounding of x causes in the core's joints to cores numbered
-// after it. Joints respond to small differences of twists, through J^T G J, with G their stiffness and J the map from
-// twists to these differences. The preconditioner contains that term, so J M^-1 J^T <= G^-1.
+// Upper bound of e . M^-1 e, where e is the error that rounding of x causes in the core's joints to cores with a
+// greater index and to bodies whose motion is prescribed. Joints respond to small differences of twists, through
+// J^T G J, with G the joints' stiffness and J the map from twists to these differences. M contains J^T G J, so
+// J M^-1 J^T <= G^-1.
 float lost_in_joints(uint index, Rigid rigid) {
     float sum = 0.0;
     for (uint k = rigid.joint_first; k < rigid.joint_first + rigid.joint_count; k++) {
@@ -125,7 +128,7 @@ float lost_in_joints(uint index, Rigid rigid) {
     return sum;
 }
 
-// Products at the nodes of a block; adds their part of the inner products, and of the sums over modes in world axes.
+// Computes w at the nodes of a block, and adds their part of the inner products and of P^T w and P^T r, in world axes.
 void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout CoarseVector of_residual) {
     Block block = block_of(b);
     vec4 place = fetch(block_places, b), turn = fetch(block_turns, b);
@@ -165,7 +168,7 @@ void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout 
     if (ROLE != ATTACHED_NODES) return;
     Rigid rigid = rigids[block.rigid];
     if (TOOL_CORE != NONE && block.rigid == TOOL_CORE && b == rigid.block_first && gl_LocalInvocationID.x == 0) {
-        // The virtual coupling's product, in the rows of the held core.
+        // The product of the virtual coupling (spring and damper to the haptic device), in the rows of the held core.
         RigidIterate now = iterates[(MODE == GATHER_LOOP ? set : solve.current) * RIGIDS + TOOL_CORE];
         float p[6] = MODE == GATHER_LOOP ? now.u : now.x, own[6] = times(params.tool_matrix, p);
         of_product.c0 += three(own, 0);
@@ -196,7 +199,7 @@ void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout 
     }
 }
 
-// Products in the tool's rows: contacts and, in an iteration, the tool's inertia and coupling, which lane 0 adds.
+// Computes w in the tool's rows, from contacts and, in an iteration, from inertia and coupling, which lane 0 adds.
 void gather_tool(inout vec3 sums, inout CoarseVector of_product) {
     CoarseVector rows = coarse_zero();
     if (CONTACT) add_tool_contacts(counts.contacts, rows.c0, rows.c1);

@@ -3,26 +3,28 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 
-// Solve: operator product of F-bar patches (groups of tetrahedra that share one volumetric strain,
-// elastic/mean_dilatation) with a change of velocity p: c (c . p), where the row c of a patch is the gradient
-// of its shared strain with respect to its nodes, scaled (shared/f_bar_patch.glsl). It runs concurrently with
-// solve/element_product, and is a kernel of its own because some devices run the untaken branches of a shared kernel
-// with lanes masked: 350 instead of 130 us an iteration on lavapipe, for a block of 10,368 tetrahedra. One invocation
-// runs for each patch. The f64 reference is oracle::elastic::Elements::patch_rows.
+// Solve: product of the F-bar patches' part of the operator with a change of velocity p. An F-bar patch is a group of
+// tetrahedra that share one volumetric strain (elastic/mean_dilatation). A patch's product is c (c . p), where its row
+// c is the gradient of the shared strain with respect to the patch's nodes, scaled (shared/f_bar_patch.glsl). The
+// kernel runs concurrently with solve/element_product. It is a kernel of its own because some devices run the untaken
+// branches of a common kernel with lanes masked: on lavapipe (Vulkan on CPUs) an iteration with 10,368 tetrahedra took
+// 130 us with two kernels, but 350 us with one. One invocation runs for each patch. The f64 reference is
+// oracle::elastic::Elements::patch_rows.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PATCHES = 0;
 layout(constant_id = 2) const uint TETRAHEDRA = 0;
 
-READ_ONLY(uvec4, patch_nodes);     // three per patch: its nodes, padded with the first
+READ_ONLY(uvec4, patch_nodes);     // three texels per patch: its nodes, padded with the first node
 READ_ONLY(vec4, patch_rows);       // c, from elastic/mean_dilatation
 READ_ONLY(vec4, change);
 layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };
 
 #include "shared/f_bar_patch.glsl"
 
-// Fetches four entries of a patch's row c, and returns their part of c . (p - p0), with p0 the first node's p. The
-// entries are separate variables, because an array that a loop indexes may be kept in slow memory.
+// Fetches four entries of the row c of patch `p`, and returns their part of the product of c with the nodes' changes of
+// velocity relative to that of the patch's first node, `p0`. The entries are separate variables, because an array that
+// a loop indexes may be kept in slow memory.
 float patch_part(uint p, uint q, vec3 p0, out vec3 c0, out vec3 c1, out vec3 c2, out vec3 c3) {
     uvec4 nodes = patch_quad(p, q);
     c0 = fetch(patch_rows, patch_row(p, 4 * q)).xyz;
@@ -42,7 +44,8 @@ vec3 patch_forces(uint p, uint q, vec3 f0, vec3 f1, vec3 f2, vec3 f3) {
     return f0 + f1 + f2 + f3;
 }
 
-// The entries of a row sum to zero, so a common velocity gives no force; relative velocities make this exact in f32.
+// The entries of a row sum to zero, so a velocity common to all nodes gives no force. This holds exactly in f32, since
+// changes of velocity relative to the first node are used.
 void main() {
     uint p = gl_GlobalInvocationID.x;
     if (p >= PATCHES) return;

@@ -6,30 +6,32 @@
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: vectors of one iteration of preconditioned conjugate gradients with a single reduction (Chronopoulos and Gear
+// Solve: computes one iteration of preconditioned conjugate gradients with a single reduction (Chronopoulos and Gear
 // 1989). With operator A, preconditioner M, iterate x, residual r, u = M^-1 r, w = A u, search direction p, s = A p,
 // gamma = r.u, delta = w.u, and gamma' and alpha' of the last iteration: beta = gamma / gamma',
 // alpha = gamma / (delta - beta gamma / alpha'), p = u + beta p, s = w + beta s, x += alpha p, r -= alpha s,
 // u = M^-1 r.
 //
-// Every workgroup sums the inner products, and the modes of its body, by itself and in the same order, so no workgroup
-// waits for another's result. There are two sets of iterates: one is read, the other written. After convergence or
-// breakdown the indirect arguments of the loop become zero, and all later iterations cost next to nothing. One
-// workgroup runs for each block of free nodes, for each block of attached nodes, or for the tool's rows: these are
-// variants, selected by ROLE, that run concurrently. The f64 reference is oracle::step. A block is a set of nodes that
-// one workgroup works on; attached nodes are those of rigid cores. Modes are the basis of the coarse space
-// (shared/coarse_vector.glsl). A frame is a rigid coordinate frame.
+// A block is a set of nodes that one workgroup works on; its modes are the basis of the preconditioner's coarse space,
+// and P^T restricts to these modes (shared/coarse_vector.glsl). Every workgroup computes the inner products, and sums
+// over the modes of its whole body, by itself and in the same order, so none waits for another's result. There are two
+// sets of iterates: one is read, the other written. When the loop of iterations ends, the indirect arguments (numbers
+// of workgroups) of its dispatches become zero, so that all iterations recorded after this cost next to nothing. One
+// workgroup runs for each block of free nodes, for each block of nodes attached to a core (rigid body inside a soft
+// one), or for the six rows of the tool (rigid body that the haptic device leads): these are variants, selected by
+// ROLE, that run concurrently. A group is the rigid bodies that joints connect. The f64 reference is oracle::step. A
+// frame is a rigid coordinate frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint BLOCKS = 0;
 layout(constant_id = 3) const bool COARSE = false;
-layout(constant_id = 5) const uint PARTIALS = 1;        // workgroups of solve/gather: blocks and the tool
-layout(constant_id = 6) const uint RIGIDS = 0;          // rigid bodies: dynamic cores and the tool, which is the last
+layout(constant_id = 5) const uint PARTIALS = 1;        // number of workgroups of solve/gather: blocks and the tool
+layout(constant_id = 6) const uint RIGIDS = 0;          // rigid bodies: dynamic cores and, as the last, the tool
 layout(constant_id = 8) const uint ROLE = 0;            // FREE_NODES, ATTACHED_NODES or TOOL_ROWS of shared/roles.glsl
 layout(constant_id = 9) const uint FIRST = 0;           // first of the blocks that this ROLE works on
 layout(constant_id = 11) const bool LEADS = true;       // whether this variant writes the scalars; exactly one does
-layout(constant_id = 12) const uint WIDEST = 1;         // rigid bodies of the largest group
+layout(constant_id = 12) const uint WIDEST = 1;         // number of rigid bodies in the largest group
 
 layout(push_constant) uniform Which { uint set; };      // set of iterates that is read; the other is written
 
@@ -37,7 +39,7 @@ layout(scalar) readonly buffer Params { StepParams params; };
 READ_ONLY(vec4, block_turns);                           // rotation of each block, world
 READ_ONLY(uvec4, blocks);
 READ_ONLY(uvec4, block_nodes);
-READ_ONLY(vec4, block_places);                          // middle of a block in its frame (m), 1 / size (1/m)
+READ_ONLY(vec4, block_places);  // xyz: middle of a block in its frame, m; w: 1 / the block's size, 1/m
 READ_ONLY(vec4, node_rest);
 READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(uvec4, coarse_inverse);
@@ -46,7 +48,7 @@ layout(scalar) readonly buffer Dots { vec2 dots[]; };      // r . u and w . u of
 READ_ONLY(vec4, restricted_product);         // P^T w, three texels per block
 READ_ONLY(vec4, restricted_residual);     // P^T r
 READ_ONLY(vec4, operator_product);                   // w
-READ_ONLY(vec4, inverse);                 // D^-1, two texels per node
+READ_ONLY(vec4, inverse);                 // inverse of each node's 3x3 diagonal block of A, two texels
 READ_ONLY(vec4, residual);
 READ_ONLY(vec4, preconditioned);
 READ_ONLY(vec4, direction);
@@ -86,14 +88,14 @@ struct Scalars {
     float alpha, beta;
 };
 
-// Ends the loop: clears its indirect arguments. Only the first invocation of the leading variant does so.
+// Ends the loop: clears its indirect arguments. Only the first invocation of the variant that LEADS does so.
 void stop(uint status) {
     if (!LEADS || gl_WorkGroupID.x != 0 || gl_LocalInvocationID.x != 0) return;
     solve.status = status;
     for (uint k = ARGS_LOOP_ELEMENT_PRODUCT; k <= ARGS_LOOP_TOOL; k++) args[3 * k] = 0;
 }
 
-// Computes the step lengths of this iteration; false where the loop has ended.
+// Computes alpha and beta of this iteration; returns false if the loop ends here.
 bool next_scalars(out Scalars scalars) {
     vec4 totals[SUMS] = vec4[SUMS](vec4(0.0), vec4(0.0), vec4(0.0));
     for (uint k = gl_LocalInvocationID.x; k < PARTIALS; k += SIZE) totals[0].xy += dots[k];
@@ -101,15 +103,15 @@ bool next_scalars(out Scalars scalars) {
     float gamma = totals[0].x, delta = totals[0].y;
     Iteration last = iterations[set];
     float enough = max(params.tolerance * params.tolerance * solve.rhs_norm2, solve.floor_norm2);
-    // The magnitude of gamma counts: if gamma is far below zero, the preconditioner is not positive definite.
+    // The magnitude of gamma is compared: a gamma far below zero (M is then not positive definite) is no convergence.
     if (abs(gamma) <= enough) {
         stop(STATUS_CONVERGED);
         return false;
     }
     scalars.beta = last.count == 0 ? 0.0 : gamma / last.gamma;
     float curvature = last.count == 0 ? delta : delta - scalars.beta * gamma / last.alpha;
-    // Where the residual grew suddenly, the difference may be lost to rounding: search directions then start anew from
-    // u.
+    // Where the residual grew suddenly, the difference that gives the curvature may be lost to rounding: the search
+    // directions then start anew from u.
     if (scalars.beta > 1.0 && curvature <= 0.0 && !isinf(curvature) && delta > 0.0) {
         scalars.beta = 0.0;
         curvature = delta;
@@ -127,7 +129,8 @@ bool next_scalars(out Scalars scalars) {
     return true;
 }
 
-// Four scaled modes of P^T r with the new r, at texel k of the body; zero beyond the body's last texel.
+// Texel k of the body's part of P^T r (restriction to the modes) with the new r: four modes multiplied by their scales;
+// zero beyond the body's last texel.
 vec4 next_coarse_vector(CoarseBlock block, uint k, uint read, Scalars scalars) {
     if (k >= block.texels) return vec4(0.0);
     uint at = block.first + k;
@@ -135,7 +138,8 @@ vec4 next_coarse_vector(CoarseBlock block, uint k, uint read, Scalars scalars) {
     return coarse_scale(at) * (fetch(restricted_residual, at) - scalars.alpha * s);
 }
 
-// Coarse correction of a block, A_c^-1 P^T r with the new r, in the block's axes. Also writes its part of P^T s.
+// Coarse correction of a block, A_c^-1 P^T r (shared/coarse.glsl) with the new r, in the block's axes. Also writes the
+// block's part of P^T s.
 vec4[3] coarse_correction(uint b, Scalars scalars) {
     CoarseBlock block = coarse_block(b);
     uint read = set * 3 * BLOCKS, write = (1 - set) * 3 * BLOCKS;
@@ -154,7 +158,7 @@ vec4[3] coarse_correction(uint b, Scalars scalars) {
     return totals;
 }
 
-// Updates x, r, p and s of a core or of the tool, and returns its new residual. One invocation runs it.
+// Updates x, r, p and s of a core or of the tool, and returns its new residual. A single invocation calls this.
 void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float residual[6]) {
     bool is_tool = ROLE == TOOL_ROWS;
     float rows[6] = twist_of_restricted_product(
@@ -176,7 +180,7 @@ void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float
     iterates[next].s = now.s;
 }
 
-// New residual of another core of the group (the cores that joints connect).
+// New residual of another core of the group.
 float[6] residual_of(uint index, Scalars scalars) {
     vec4 turn = fetch(block_turns, rigids[index].block_first);
     float rows[6] = twist_of_restricted_product(rigids[index].first_coarse_index, rigids[index].block_count, turn);
@@ -246,8 +250,9 @@ void update_free(Block block, vec4 place, CoarseVector coarse_vector, Scalars sc
 
 void main() {
     Scalars scalars;
-    // Variants that do not lead are dispatched in every iteration. In the iteration that ends the loop the leading
-    // variant writes this status while the others read it; all their workgroups return, whichever value they read.
+    // Variants that do not lead are dispatched in every recorded iteration, also after the loop has ended. In the
+    // iteration that ends the loop the leading variant writes `solve.status` while the others read it; all workgroups
+    // return here, whichever value they read, since next_scalars returns false in all of them.
     if (solve.status != STATUS_RUNNING || !next_scalars(scalars)) return;
     if (ROLE == TOOL_ROWS) {
         update_tool(scalars);

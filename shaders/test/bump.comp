@@ -1,6 +1,6 @@
 #version 460
-// Test kernel of the recorder (src/gpu/recorder.rs), not part of the step: cells[i] = 3 cells[i] + amount. One
-// invocation runs for each cell.
+// Test kernel for the recorder of command buffers (src/gpu/recorder.rs), not part of the step: cells[i] becomes
+// 3 cells[i] + amount for i < count. One invocation runs for each cell.
 #extension GL_EXT_scalar_block_layout : require
 layout(local_size_x_id = 0) in;
 layout(scalar) buffer Cells { uint cells[]; };

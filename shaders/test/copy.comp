@@ -1,8 +1,8 @@
 #version 460
 // Test kernel for the test harness of vk-tests, not part of the step: target[i] = scale * source[i] + offsets[i].x for
-// i < count. One invocation runs for each element, and writes only that element. `misdeed` makes it do a fault on
-// purpose that the harness must detect: 1 writes past the end of target, 2 changes the first element of marked, 3
-// leaves the last element unwritten.
+// i < count. One invocation runs for each element, and writes only that element. `misdeed` makes the kernel commit a
+// fault that the harness must detect: 1 writes past the end of target, 2 changes the first element of marked, 3 leaves
+// the last element unwritten; 0: no fault.
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"

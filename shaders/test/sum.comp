@@ -1,7 +1,8 @@
 #version 460
-// Test kernel with barriers, not part of the step: sums[g] is the sum of .y over values[g * length .. (g + 1) *
-// length]. One workgroup runs for each sum; its first invocation writes it. The order of additions depends on the
-// workgroup size.
+// Test kernel with barriers, not part of the step: sums[g] is the sum of the components y of the elements of `values`
+// from index g * length to (g + 1) * length - 1, with length = `length_of_each`, plus `added`, all with the opposite
+// sign if `negated`. One workgroup runs for each sum; its first invocation writes the sum. The order of additions
+// depends on the workgroup size.
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"

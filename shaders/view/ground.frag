@@ -4,7 +4,8 @@
 #include "shared/arrays.glsl"
 #include "shared/look.glsl"
 
-// View: shadows on the ground, which otherwise has the colour of the background. One invocation runs for each pixel.
+// View: colour of a pixel of the ground in a rendered image. Only shadows are drawn; elsewhere the ground has the
+// colour of the background. One invocation runs for each pixel.
 
 layout(scalar) uniform Views { View view; };
 READ_ONLY(vec4, shadow);      // shadow map: depths from the sun, four per texel
@@ -16,7 +17,7 @@ layout(location = 0) out vec4 colour;
 
 void main() {
     vec3 n = view.ground.xyz;
-    // The shadow fades with distance from the middle of the scene.
+    // The shadow fades with the distance along the ground from the middle of the scene.
     vec3 out_from = x - view.middle;
     float distance = length(out_from - dot(out_from, n) * n) / view.reach;
     float share = 0.36 * (1.0 - smoothstep(0.8, 2.6, distance)) * (1.0 - lit(x, n));

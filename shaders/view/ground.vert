@@ -3,8 +3,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/look.glsl"
 
-// View: the part of the ground that the shadow map covers; beyond it ground and background look alike. Six invocations
-// run (two triangles).
+// View: draws the part of the ground that the shadow map (image of depths seen from the sun) covers, as two triangles;
+// beyond this part ground and background look alike. One invocation runs for each of the six corners.
 
 layout(scalar) uniform Views { View view; };
 

@@ -4,13 +4,13 @@
 #include "shared/arrays.glsl"
 #include "shared/look.glsl"
 
-// View: colour of a pixel of a mesh. One invocation runs for each pixel.
+// View: colour of a pixel of a mesh in a rendered image. One invocation runs for each pixel.
 
 layout(constant_id = 1) const bool AT_VERTICES = false;      // whether mesh.vert has computed the colour
 
 layout(scalar) uniform Views { View view; };
 READ_ONLY(vec4, shadow);                                     // shadow map: depths from the sun, four per texel
-READ_ONLY(vec4, colours);                                    // linear: colour scale, then one for each whole number
+READ_ONLY(vec4, colours);                    // linear: the colours of the scale, then those of whole numbers
 layout(scalar) readonly buffer Materials { Material materials[]; };
 layout(push_constant) uniform Push { uint material_index; };
 

@@ -4,18 +4,18 @@
 #include "shared/arrays.glsl"
 #include "shared/look.glsl"
 
-// View: a vertex of a mesh, as the kernels of shaders/draw placed it. Where triangles are as small as pixels the colour
-// is computed here and interpolated, because on a CPU rasterizer a triangle costs as much as sixteen pixels. One
-// invocation runs for each vertex.
+// View: draws a vertex of a mesh, which the kernels of shaders/draw have placed. Where triangles are as small as
+// pixels, the colour is computed here and interpolated between vertices, because on a CPU rasterizer a triangle costs
+// as much as sixteen pixels. One invocation runs for each vertex.
 
 layout(constant_id = 1) const bool AT_VERTICES = false;      // whether the colour is computed here
 
 layout(scalar) uniform Views { View view; };
-READ_ONLY(vec4, positions);    // m, relative to the origin
+READ_ONLY(vec4, positions);    // m, relative to an origin that the host (CPU side) chooses
 READ_ONLY(vec4, normals);      // unit, outward
-READ_ONLY(vec4, values);       // four vertices a texel
+READ_ONLY(vec4, values);       // numbers that the colours show, those of four vertices in a texel
 READ_ONLY(vec4, shadow);       // shadow map: depths from the sun, four per texel
-READ_ONLY(vec4, colours);      // linear: colour scale, then one for each whole number
+READ_ONLY(vec4, colours);      // linear: the colours of the scale, then those that stand for whole numbers
 layout(scalar) readonly buffer Materials { Material materials[]; };
 layout(push_constant) uniform Push { uint material_index; };
 

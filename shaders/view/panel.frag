@@ -1,14 +1,14 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 
-// View: pixels of the panel (text and plots over the rendered image): texels of an atlas of letters, times a colour.
-// Letters lie on whole pixels, so the nearest texel is exact. Colours are sRGB, premultiplied by alpha. One invocation
-// runs for each pixel.
+// View: colour of a pixel of the panel (text and plots over the rendered image): a texel of an atlas (image of all
+// letters) times the colour that panel.vert gives. Letters lie on whole pixels, so the nearest texel is exact. Colours
+// are sRGB, premultiplied by alpha. One invocation runs for each pixel.
 
-layout(scalar) readonly buffer Atlas { uint texels[]; };      // four bytes each
+layout(scalar) readonly buffer Atlas { uint texels[]; };      // texels of the atlas, four bytes each
 
 layout(push_constant, scalar) uniform Push {
-    vec2 points;    // size of the rendered image, points
+    vec2 points;    // size of the rendered image, points (units of the panel's layout)
     uvec2 atlas;    // size of the atlas, texels
 };
 

@@ -1,11 +1,12 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 
-// View: a corner of the panel's triangles (text and plots over the rendered image). A corner has five numbers: position
-// in points from the upper left corner of the image; position in the atlas, from 0 to 1; colour, one byte for each
+// View: draws a corner of the triangles of the panel (text and plots over the rendered image). A corner has five
+// numbers: position in points (units of the panel's layout) from the upper left corner of the image, two numbers;
+// position in the atlas (image of all letters), from 0 to 1, two numbers; colour, one number with a byte for each
 // component. One invocation runs for each corner.
 
-layout(scalar) readonly buffer Corners { float corners[]; };      // five per corner
+layout(scalar) readonly buffer Corners { float corners[]; };      // five numbers per corner
 
 layout(push_constant, scalar) uniform Push {
     vec2 points;    // size of the rendered image, points

@@ -1,5 +1,5 @@
 #version 460
 
-// View: fragments of the shadow map, of which only the depth is kept.
+// View: draws the shadow map (image of depths seen from the sun). Only the depth of each fragment is kept.
 
 void main() {}

@@ -4,11 +4,11 @@
 #include "shared/arrays.glsl"
 #include "shared/look.glsl"
 
-// View: the shadow map, an image of depths seen from the sun. One invocation runs for each vertex of the meshes that
-// cast shadows.
+// View: draws the shadow map, an image of depths seen from the sun. One invocation runs for each vertex of the meshes
+// that cast shadows.
 
 layout(scalar) uniform Views { View view; };
-READ_ONLY(vec4, positions);    // m, relative to the origin
+READ_ONLY(vec4, positions);    // m, relative to an origin that the host (CPU side) chooses
 
 void main() {
     vec3 place = (view.light * vec4(fetch(positions, gl_VertexIndex).xyz, 1.0)).xyz;

@@ -5,30 +5,31 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Wrench: the shortest way from a rigid tool to the skins that it may touch, at the end of the step. It runs only for a
-// haptic loop, which renders a wall there until the next step. Skin is placed by the new displacements and by the
-// frames at the end of the step. One workgroup runs for each part of skin (some chunks, groups of at most 64 skin
-// vertices, of one collision proxy); it writes one SkinGap. The f64 reference is oracle::gap.
+// Wrench: finds the shortest way from the tool (rigid body that the haptic device leads) to the skins (surface meshes)
+// that it may touch, at the end of the step. The kernel runs only for a haptic loop, which lets the user feel a wall at
+// the end of this way until the next step is done. Skin is placed by the new displacements and by the frames at the end
+// of the step. One workgroup runs for each part of skin, which is some chunks (groups of at most 64 skin vertices) of
+// one collision proxy, and writes one SkinGap. The f64 reference is oracle::gap.
 //
-// For a spherical tool the way runs from its centre to a triangle. For any other tool it is the shortest way between a
-// vertex of one skin and a triangle of the other, tested for vertices of both skins, as contacts are. For triangles
-// that face away only the least distance is kept: where that is less than the length of the way, the tool is within a
-// body. Among equally long ways the one with the lower index of its triangle counts, then the one with the lower index
-// of its vertex.
+// For a spherical tool the way runs from the tool's centre to a triangle of the skin. For any other tool it is the
+// shortest way between a vertex of one of the two surfaces and a triangle of the other; vertices of both surfaces are
+// tested, as for contacts. For triangles that face away from the tool only the least distance is kept: where this
+// distance is less than the length of the way, the tool is within a body. Among equally long ways the one with the
+// lower index of its triangle counts; if the triangle is one too, the one with the lower index of its vertex.
 //
 // The chunks of a part are visited in the order of lower bounds of their distance, until no bound is below the length
-// of the shortest way found. The bound is the distance to the chunk's rest box, moved by the middle of its nodes'
-// displacements and grown by (sum |w|), over embedding weights w, times half their spread. The positions of visited
-// vertices are stored in `skin`, relative to the tool's centre along the tool's axes. A frame is a rigid coordinate
-// frame, a link the relative placement of two frames.
+// of the shortest way found. A bound is the distance to the chunk's box at rest, moved by the middle of the range of
+// the displacements of the chunk's nodes, and grown by half that range times the greatest sum of absolute embedding
+// weights of a vertex. The positions of visited vertices are stored in `skin`, relative to the tool's centre along the
+// tool's axes. A frame is a rigid coordinate frame, a link the relative placement of two frames.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 1) const uint RIGIDS = 1;          // rigid bodies among the unknowns; the tool is the last
+layout(constant_id = 1) const uint RIGIDS = 1;         // rigid bodies among the solver's unknowns; the tool is the last
 layout(constant_id = 2) const bool SPANS = false;       // whether a skin vertex may have nodes in several frames
-layout(constant_id = 3) const uint SHARE = 64;          // chunks of a part at most
+layout(constant_id = 3) const uint SHARE = 64;          // greatest number of chunks of a part
 layout(constant_id = 4) const bool ROUND = false;       // whether the tool is a sphere
-layout(constant_id = 5) const float RADIUS = 0.0;       // radius about the tool's centre that holds all of it, m
+layout(constant_id = 5) const float RADIUS = 0.0;       // radius of a sphere about its centre that contains the tool, m
 layout(constant_id = 6) const float REACH = 0.0;        // length of the longest way that is sought, m
 layout(constant_id = 7) const uint TOOL_FRAME = 0;
 layout(constant_id = 8) const uint TOOL_CHUNK_FIRST = 0;
@@ -41,23 +42,24 @@ layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) readonly buffer Parts { SkinPart parts[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
-READ_ONLY(uvec4, proxy_nodes);        // two per texel: node, link from the proxy's frame to the node's
-READ_ONLY(uvec4, chunk_nodes);        // two per texel: node, link from the proxy's frame to the node's
+READ_ONLY(uvec4, proxy_nodes);        // two nodes per texel, each with the link from the proxy's frame to its own
+READ_ONLY(uvec4, chunk_nodes);        // two nodes per texel, each with the link from the proxy's frame to its own
 READ_ONLY(uvec4, chunk_vertices);     // skin vertices of chunks, four per texel
 READ_ONLY(uvec4, chunk_triangles);    // triangles of chunks, four per texel
 READ_ONLY(uvec4, triangles);
-READ_ONLY(uvec4, skin_nodes);     // four nodes; NONE first: a rigid skin
-READ_ONLY(vec4, skin_weights);    // four weights; of a rigid skin: position in the frame
+READ_ONLY(uvec4, skin_nodes);     // the four nodes of each skin vertex; the first is NONE for a rigid skin
+READ_ONLY(vec4, skin_weights);    // the four nodes' weights; for a rigid skin the position in the frame, m
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
-READ_ONLY(uvec4, node_info);      // frame in z
+READ_ONLY(uvec4, node_info);      // z: index of the node's frame
 layout(scalar) readonly buffer Links { Link links[]; };
 layout(scalar) coherent buffer Skin { vec4 skin[]; };
 layout(scalar) writeonly buffer Gaps { SkinGap gaps[]; };
 
 #include "shared/settle.glsl"
 
-// Lower bounds are reduced by this, m; it is more than their rounding, so that ties are not missed.
+// Length by which lower bounds of distances are reduced, m. It exceeds their rounding, so that no equally long way is
+// missed.
 const float SLACK = 1.0e-6;
 
 struct Place {
@@ -67,8 +69,8 @@ struct Place {
 
 // A way from the tool to a skin.
 struct Way {
-    vec3 along;         // vector from a sphere's centre, or from a point of another tool's surface, m
-    float size;         // its length, m
+    vec3 along;         // vector to the skin, from a spherical tool's centre or from another tool's surface, m
+    float size;         // length of the way, m
     uint triangle, vertex;      // index of the triangle and of the vertex at its ends
 };
 
@@ -124,8 +126,8 @@ vec3 position(Place place, Place tool, uint vertex) {
     return rotate_back(tool.rotation, x - tool.centre);
 }
 
-// Displacement of a node at the end of the step in the frame of the proxy that lists it; the links are those at the
-// start.
+// Displacement of a node at the end of the step, in the frame of the proxy that lists the node. `links` holds the links
+// as they were at the start of the step.
 vec3 moved(uvec2 node, Frame start, Place place) {
     vec3 d = fetch(displacement, node.x).xyz;
     if (!SPANS || node.y == 0) return d;
@@ -134,10 +136,10 @@ vec3 moved(uvec2 node, Frame start, Place place) {
     return rotate_back(place.rotation, world(node.x) - place.centre) - apart - fetch(node_rest, node.x).xyz;
 }
 
-// Distance of a point from a box about the origin.
+// Distance of a point from a box that is centred at the origin.
 float box_distance(vec3 x, vec3 half_extent) { return length(max(abs(x) - half_extent, vec3(0.0))); }
 
-// Square of the largest displacement of the nodes that move a proxy's skin, over the nodes of this lane.
+// Square of the largest displacement (m^2) among those nodes of a proxy that this lane visits.
 float largest_move2(Proxy proxy, Frame start, Place place) {
     float largest = 0.0;
     for (uint i = proxy.node_first / 2 + gl_LocalInvocationID.x; 2 * i < proxy.node_first + proxy.node_count; i += SIZE) {
@@ -161,7 +163,8 @@ float workgroup_min(float value) {
     return least;
 }
 
-// Middle of the displacements of a chunk's nodes, and bound on the skin's distance from it, in the proxy's frame.
+// Middle of the range of displacements of a chunk's nodes, and bound on how far displacements of the chunk's skin lie
+// from this middle, along each axis of the proxy's frame, m.
 void spread_of(Chunk chunk, Frame start, Place place, out vec3 middle, out vec3 spread) {
     middle = vec3(0.0);
     spread = vec3(0.0);
@@ -187,7 +190,7 @@ float chunk_distance(Chunk chunk, vec3 middle, vec3 spread, Place place, vec3 x)
     return box_distance(along, chunk.half_extent + grown) - SLACK;
 }
 
-// Centre of a sphere that contains a chunk of the tool; ball_radius gives its radius.
+// Centre of a sphere that contains a chunk of the tool; ball_radius gives the sphere's radius.
 vec3 ball_centre(uint k, Place tool) { return tool.centre + rotate(tool.rotation, chunks[TOOL_CHUNK_FIRST + k].centre); }
 float ball_radius(uint k) { return length(chunks[TOOL_CHUNK_FIRST + k].half_extent); }
 
@@ -218,15 +221,16 @@ vec3 nearest_of_triangle(vec3 a, vec3 b, vec3 c, vec3 n) {
     return dot(z, z) < dot(x, x) ? z : x;
 }
 
-// Whether way a is shorter than way b, or equally long with a lower triangle, then vertex.
+// Whether way a is shorter than way b; between equally long ways the lower index of the triangle decides, then the
+// lower index of the vertex.
 bool is_shorter(Way a, Way b) {
     if (a.size != b.size) return a.size < b.size;
     return a.triangle < b.triangle || (a.triangle == b.triangle && a.vertex < b.vertex);
 }
 
-// Tests the way from the origin to a triangle. For a triangle that faces the origin, keeps the way in `front` if it is
-// the shortest; for one that faces away, keeps the least distance in `back`. `sign` is -1 where the origin is a vertex
-// of the skin and the triangle is the tool's.
+// Tests the way from the origin, where the tool's centre or a vertex is, to the triangle a b c. If the triangle faces
+// the origin, keeps the way in `front` if it is the shortest so far; if the triangle faces away, keeps the least
+// distance in `back`. `sign` is -1 where the origin is a vertex of the skin and the triangle is the tool's, else 1.
 void consider(vec3 a, vec3 b, vec3 c, float sign, uint triangle, uint vertex, inout Way front, inout float back) {
     vec3 n = cross(b - a, c - a), x = nearest_of_triangle(a, b, c, n);
     Way way = Way(sign * x, length(x), triangle, vertex);
@@ -261,8 +265,8 @@ void consider_triangle(uint i, uint end, vec3 x, uint vertex, inout Way front, i
     consider(a, b, c, -1.0, triangle, vertex, front, back);
 }
 
-// Tests the ways between a chunk of the skin and a chunk of the tool. A round of a loop tests four elements of the
-// tool, because llvmpipe ends loops after 65,535 rounds.
+// Tests the ways between a chunk of the skin and a chunk `other` of the tool. A round of a loop tests four vertices or
+// triangles of the tool, because Mesa's software renderer llvmpipe ends loops after 65,535 rounds.
 void look_between(Chunk chunk, Chunk other, float limit, inout Way front, inout float back) {
     float radius = length(other.half_extent) + SLACK;
     uint end = other.vertex_first + other.vertex_count;
@@ -294,7 +298,8 @@ void look_between(Chunk chunk, Chunk other, float limit, inout Way front, inout 
     }
 }
 
-// Tests the ways to a chunk. Ways longer than `limit` are not wanted; it becomes the length of the shortest way found.
+// Tests the ways to a chunk. Ways longer than `limit` (m) are not wanted; where a shorter way is found, `limit` becomes
+// the length of the shortest one.
 void look_at(Chunk chunk, uint k, Place place, Place tool, inout float limit, inout Way front, inout float back) {
     for (uint l = gl_LocalInvocationID.x; l < chunk.embed_count; l += SIZE) {
         uint vertex = vertex_at(chunk.vertex_first + l);
@@ -339,7 +344,7 @@ void main() {
     float back = GAP_FAR;
     float limit = REACH;
 
-    // Returns early if the whole part is too far away.
+    // If the whole part is too far away, none of its chunks is visited.
     float largest = sqrt(-workgroup_min(-largest_move2(proxy, start, place)));
     vec3 at = rotate_back(place.rotation, tool.centre - place.centre) - 0.5 * (part.low + part.high);
     float apart = box_distance(at, 0.5 * (part.high - part.low)) - 1.001 * proxy.weight_bound * largest - SLACK;
@@ -354,7 +359,7 @@ void main() {
         spreads[k] = spread;
     }
     for (uint turn = 0; turn < count; turn++) {
-        // The barrier makes what the last round wrote visible to all lanes, which then choose the same chunk.
+        // The barrier makes what the last round wrote visible to all lanes, so that all choose one and the same chunk.
         barrier();
         float least = GAP_FAR;
         uint next = 0;

@@ -4,12 +4,14 @@
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 
-// Wrench: net contact force and torque on the tool, about its centre, as the solver applied them: pressure a max(0, k
-// delta + d delta') and friction at the end of the step. For a haptic loop also the contact stiffness and damping that
-// the tool feels, sum a k J^T n n^T J and sum J^T (a d n n^T + c (I - n n^T)) J, with J a contact's Jacobian by the
-// tool's twist; the compliance of the bodies is left out. Symbols of a contact are as in shared/contact_law.glsl: area
-// a, stiffness k, damping d, depth delta, rate delta', friction c; n is its normal. Without a loop stiffness and
-// damping are zero. There is one workgroup. The f64 reference is oracle::wrench.
+// Wrench: computes the net contact force on the tool (rigid body that the haptic device leads), and the net torque
+// about its centre. The force of a contact consists of the normal force a max(0, k delta + d delta') and friction, both
+// at the end of the step, as the solver applied them. For a haptic loop the kernel also computes the contact stiffness
+// and damping that the tool feels, sum a k J^T n n^T J and sum J^T (a d n n^T + c (I - n n^T)) J over contacts, with J
+// a contact's Jacobian with respect to the tool's twist; the compliance of the bodies is left out. Symbols of a contact
+// are as in shared/contact_law.glsl: area a, stiffness k, damping d, depth delta, rate delta', friction c; n is the
+// normal. Without a haptic loop the stiffness and damping are zero. There is one workgroup. The f64 reference is
+// oracle::wrench.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -28,8 +30,8 @@ layout(scalar) writeonly buffer ReportOut { Report report; };
 void main() {
     uint lane = gl_LocalInvocationID.x;
     bool wants_stiffness = params.wants_stiffness != 0;
-    // Force, torque, upper triangles of stiffness and damping, sum of the normal forces' magnitudes; the rest is
-    // padding.
+    // `sums` holds the force, the torque, the upper triangles of stiffness and damping, and the sum of the normal
+    // forces' magnitudes; the rest is padding.
     float sums[52];
     for (int k = 0; k < 52; k++) sums[k] = 0.0;
     for (uint c = lane; c < counts.contacts; c += SIZE) {

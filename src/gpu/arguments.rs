@@ -1,5 +1,5 @@
-//! The arguments of a pass (one dispatch or draw): a buffer for each name that its shader declares, and the push
-//! constants. The build script generates one struct of arguments per shader; see `src/shaders.rs`.
+//! The arguments of a pass (one dispatch or draw): a buffer for each buffer name that the pass's shader declares, and
+//! the push constants. The build script generates one struct of arguments per shader; see `src/shaders.rs`.
 
 use super::Buffer;
 
@@ -9,8 +9,8 @@ pub trait Arguments {
     /// `.vert` and `.frag`.
     fn shader(&self) -> &str;
 
-    /// One entry per buffer that the shader declares. `None` leaves the buffer out, which is allowed for a shader
-    /// variant that never uses it.
+    /// One entry per buffer that the shader declares: the declared name, and the buffer that is bound to it. `None`
+    /// leaves the buffer out, which is allowed for a shader variant that never uses it.
     fn buffers(&self) -> Vec<(&str, Option<&Buffer>)>;
 
     /// The bytes of the push constants.

@@ -1,6 +1,6 @@
-//! Decides when one pass (dispatch, draw, fill or copy) of a recording must wait for an earlier one. Uses are tracked
-//! for each buffer and image, but the result is a global memory barrier: drivers treat it as well as a barrier for one
-//! buffer, and one global barrier covers all passes before it.
+//! Decides where a pass (dispatch, draw, fill or copy) of a recording (command buffer) must wait for earlier passes.
+//! Uses are tracked for each buffer and image, but the result is a global memory barrier: drivers run a global barrier
+//! no slower than a barrier for one buffer, and it covers all passes before it.
 
 use std::collections::HashSet;
 
@@ -13,7 +13,7 @@ pub(super) struct Use {
     pub id: u64,
     pub reads: bool,
     pub writes: bool,
-    /// Pipeline stages in which the command uses it.
+    /// Pipeline stages in which the command uses the buffer or image.
     pub stages: Stages,
     /// Kind of write access; empty for a read.
     pub write_access: Access,
@@ -21,8 +21,8 @@ pub(super) struct Use {
 
 /// Shader stages of the graphics pipeline.
 const GRAPHICS: Stages = Stages::from_raw(Stages::VERTEX_SHADER.as_raw() | Stages::FRAGMENT_SHADER.as_raw());
-/// Pipeline stages that read or write the attachments of a canvas (the colour and depth images drawn onto); the two
-/// constants below are the accesses that go with them.
+/// Pipeline stages that read or write the attachments of a canvas (the colour and depth images drawn onto). The kinds
+/// of access in these stages are `CANVAS_WRITE` and `CANVAS_READ`.
 pub(super) const CANVAS: Stages = Stages::from_raw(
     Stages::COLOR_ATTACHMENT_OUTPUT.as_raw()
         | Stages::EARLY_FRAGMENT_TESTS.as_raw()
@@ -33,7 +33,7 @@ pub(super) const CANVAS_WRITE: Access =
 const CANVAS_READ: Access =
     Access::from_raw(Access::COLOR_ATTACHMENT_READ.as_raw() | Access::DEPTH_STENCIL_ATTACHMENT_READ.as_raw());
 
-/// Uses since the last barrier; from these follows whether the next command needs one.
+/// Uses since the last barrier, which tell whether the next command needs a barrier.
 #[derive(Debug, Default)]
 pub(super) struct Hazards {
     written: HashSet<u64>,
@@ -43,8 +43,7 @@ pub(super) struct Hazards {
     barriers: u32,
     /// Whether the recording has draws; if so, every barrier from here on also covers the graphics stages.
     draws: bool,
-    /// Uses by the passes of an open group (see `begin_together`), none of which waits for another of the group. `None`
-    /// outside a group.
+    /// Uses by the passes of the open group; see `begin_together`. `None` while no group is open.
     together: Option<Vec<Use>>,
 }
 
@@ -55,7 +54,7 @@ impl Hazards {
         let mut needed = uses.iter().any(waits);
         if !self.draws && uses.iter().any(|u| u.stages.intersects(GRAPHICS | CANVAS)) {
             self.draws = true;
-            // Earlier barriers did not cover the graphics stages, so this one makes all earlier writes visible to them.
+            // Earlier barriers did not cover the graphics stages, so this one makes all earlier writes visible in them.
             if self.barriers > 0 {
                 needed = true;
                 self.stages |= Stages::COMPUTE_SHADER | Stages::ALL_TRANSFER;
@@ -75,7 +74,7 @@ impl Hazards {
         self.together = Some(Vec::new());
     }
 
-    /// Closes the group: later passes wait for all of its passes.
+    /// Closes the group: from now on, passes wait for passes of the group as for any others.
     pub fn end_together(&mut self) {
         if let Some(group) = self.together.take() {
             self.note(&group);
@@ -95,7 +94,7 @@ impl Hazards {
         }
     }
 
-    /// Returns a barrier from all uses since the last one to every later command, and forgets those uses.
+    /// Returns a barrier from all uses since the last barrier to every later command, and forgets those uses.
     fn barrier(&mut self) -> MemoryBarrier2<'static> {
         let mut stages = Stages::COMPUTE_SHADER | Stages::DRAW_INDIRECT | Stages::ALL_TRANSFER;
         let mut access = Access::SHADER_READ
@@ -127,7 +126,7 @@ impl Hazards {
             .dst_access_mask(Access::MEMORY_READ | Access::MEMORY_WRITE)
     }
 
-    /// The barrier that closes a recording: whatever it wrote is visible to reads by the CPU.
+    /// The barrier that closes a recording: whatever the recording wrote is visible to reads by the CPU.
     pub fn closing() -> MemoryBarrier2<'static> {
         MemoryBarrier2::default()
             .src_stage_mask(Stages::ALL_COMMANDS)
@@ -159,12 +158,12 @@ mod tests {
         assert_eq!(
             barriers(&[&[write(1)], &[write(2)], &[read(3)]]),
             [false, false, false],
-            "independent passes do not wait"
+            "independent passes must not wait"
         );
-        assert_eq!(barriers(&[&[read(1)], &[read(1)]]), [false, false], "a read does not wait for a read");
-        assert_eq!(barriers(&[&[write(1)], &[read(1)]]), [false, true], "a read waits for an earlier write");
-        assert_eq!(barriers(&[&[read(1)], &[write(1)]]), [false, true], "a write waits for an earlier read");
-        assert_eq!(barriers(&[&[write(1)], &[write(1)]]), [false, true], "a write waits for an earlier write");
+        assert_eq!(barriers(&[&[read(1)], &[read(1)]]), [false, false], "a read must not wait for a read");
+        assert_eq!(barriers(&[&[write(1)], &[read(1)]]), [false, true], "a read must wait for an earlier write");
+        assert_eq!(barriers(&[&[read(1)], &[write(1)]]), [false, true], "a write must wait for an earlier read");
+        assert_eq!(barriers(&[&[write(1)], &[write(1)]]), [false, true], "a write must wait for an earlier write");
     }
 
     #[test]
@@ -184,12 +183,12 @@ mod tests {
         hazards.begin_together();
         let mut waits = |uses: &[Use]| hazards.before(uses).is_some();
         assert!(!waits(&[write(2), write(3)]));
-        assert!(waits(&[read(1), write(2)]), "a pass of a group waits for writes before the group");
-        assert!(!waits(&[read(1), write(2)]), "passes of a group do not wait for each other");
+        assert!(waits(&[read(1), write(2)]), "a pass of a group must wait for writes before the group");
+        assert!(!waits(&[read(1), write(2)]), "passes of a group must not wait for each other");
         hazards.end_together();
         let mut waits = |uses: &[Use]| hazards.before(uses).is_some();
-        assert!(waits(&[read(3)]), "later passes wait for all writes of the group, even before a barrier in it");
-        assert!(!waits(&[read(2)]), "one barrier covers the whole group");
+        assert!(waits(&[read(3)]), "later passes must wait for a write of the group before a barrier within the group");
+        assert!(!waits(&[read(2)]), "one barrier must cover all passes of the group");
     }
 
     #[test]

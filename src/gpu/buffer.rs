@@ -1,5 +1,5 @@
 //! Arrays in GPU memory. A [`Buffer`] is a cheap, reference-counted handle: the memory is freed with the last handle,
-//! and a recording holds handles of all arrays that it uses.
+//! and a recording (command buffer) holds handles of all arrays that it uses.
 #![allow(unsafe_code)]
 
 use std::marker::PhantomData;
@@ -16,10 +16,10 @@ use super::context::Context;
 use super::{Recorder, failed};
 use crate::error::{Error, Result};
 
-/// Where a buffer's memory is, and how the CPU reaches it.
+/// Where the memory of a [`Buffer`] is, and how the CPU reaches it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Memory {
-    /// GPU memory; the CPU reaches it by staging copies only.
+    /// GPU memory; the CPU reaches it only by copies through a staging buffer, which is mapped.
     Device,
     /// Mapped, coherent memory that the CPU writes.
     Upload,
@@ -39,12 +39,13 @@ const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
         | vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
         | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
 );
-/// Usages of an array that other programs bind: those of `USAGE`, and use as a vertex buffer.
+/// Vulkan usages of an array that other programs bind: those of `USAGE`, and use as a vertex buffer.
 pub(super) const SHARED_USAGE: vk::BufferUsageFlags =
     vk::BufferUsageFlags::from_raw(USAGE.as_raw() | vk::BufferUsageFlags::VERTEX_BUFFER.as_raw());
 /// Bytes of an element of a texel buffer, one vec4 or uvec4.
 const TEXEL_BYTES: u64 = 16;
-/// Least size of a buffer, bytes: with it, even an array without elements can be bound.
+/// Least size of a buffer, bytes; a buffer of this size is made even for an array without elements, so that it can be
+/// bound.
 const LEAST_BYTES: u64 = 16;
 
 /// An array in memory that the GPU accesses, usable as storage, uniform or texel buffer, as indirect arguments, and as
@@ -52,7 +53,7 @@ const LEAST_BYTES: u64 = 16;
 #[derive(Clone)]
 pub struct Buffer {
     pub(super) inner: Arc<Inner>,
-    /// Names of shader buffers for which a kernel may take this handle; empty: only the array's own name.
+    /// Names of those buffers of shaders to which this handle may be bound; empty: only the array's own name.
     roles: &'static [&'static str],
 }
 
@@ -62,7 +63,7 @@ pub(super) struct Inner {
     pub handle: vk::Buffer,
     pub bytes: u64,
     pub memory: Memory,
-    /// Texel buffer views with formats RGBA32F and RGBA32UI, made where the size is a multiple of 16 bytes and within
+    /// Texel buffer views with formats RGBA32F and RGBA32UI. `None` where the size is no multiple of 16 bytes or above
     /// the device's limit.
     pub views: Option<[vk::BufferView; 2]>,
     allocation: Option<Allocation>,
@@ -74,13 +75,13 @@ pub(super) struct Inner {
 
 impl Buffer {
     /// Makes an uninitialised array of `bytes` bytes. It occupies at least 16 bytes, so that an array of 0 bytes can be
-    /// bound too. An array larger than the device's largest storage buffer is refused with an error that names it.
+    /// bound too. An array larger than the device's largest storage buffer is refused; the error names it.
     pub fn new(context: &Arc<Context>, name: &str, bytes: u64, memory: Memory) -> Result<Buffer> {
         Self::made(context, name, bytes, memory, false)
     }
 
-    /// Makes an array in GPU memory that other programs may bind, also as a vertex buffer. Where the device supports it
-    /// ([`Context::shares_memory`]), the array has dedicated memory, which they may import.
+    /// Makes an array in GPU memory that other programs may bind, also as a vertex buffer. Where the device can export
+    /// memory ([`Context::shares_memory`]), the array has dedicated memory, which other programs may import.
     pub fn shared(context: &Arc<Context>, name: &str, bytes: u64) -> Result<Buffer> {
         Self::made(context, name, bytes, Memory::Device, true)
     }
@@ -90,7 +91,7 @@ impl Buffer {
         // Only arrays in GPU memory are limited: staging arrays are never bound to a kernel.
         if memory == Memory::Device && bytes > limit {
             return Err(Error::Memory(format!(
-                "array {name} needs {bytes} bytes, but a storage buffer of {} holds at most {limit}",
+                "array {name} needs {bytes} bytes, but a storage buffer of {} holds at most {limit} bytes",
                 context.device_name()
             )));
         }
@@ -135,13 +136,13 @@ impl Buffer {
         Ok(buffer)
     }
 
-    /// Another handle of this array, which kernels take for their buffers of the given names and for no others. A
-    /// handle that was not made by this function is taken only for the buffer with the array's own name.
+    /// Another handle of this array, which may be bound to those buffers of shaders that have one of the names `roles`,
+    /// and to no others. Without a call of this function, a handle may be bound only to buffers with the array's name.
     pub fn known_as(&self, roles: &'static [&'static str]) -> Buffer {
         Buffer { inner: self.inner.clone(), roles }
     }
 
-    /// Whether a kernel may take this handle for the buffer that it declares as `name`.
+    /// Whether this handle may be bound to a buffer that a shader declares as `name`.
     pub(super) fn may_be(&self, name: &str) -> bool {
         if self.roles.is_empty() { self.name() == name } else { self.roles.contains(&name) }
     }
@@ -151,7 +152,7 @@ impl Buffer {
         &self.inner.name
     }
 
-    /// Size that was asked for, bytes.
+    /// Size of the array as asked for, bytes.
     pub fn bytes(&self) -> u64 {
         self.inner.bytes
     }
@@ -172,17 +173,17 @@ impl Buffer {
     pub fn export(&self) -> Result<(i32, u64)> {
         let (Some(external), Some((memory, bytes))) = (&self.inner.context.external_memory, self.inner.own) else {
             return Err(self.misuse(
-                "it is in no memory that others can import; the device lacks VK_KHR_external_memory_fd".into(),
+                "it cannot be exported: it is not shared, or the device lacks VK_KHR_external_memory_fd".into(),
             ));
         };
         let info = vk::MemoryGetFdInfoKHR::default().memory(memory).handle_type(EXTERNAL);
-        // SAFETY: the memory is alive, and was allocated to be exported so.
+        // SAFETY: the memory is alive, and was allocated for export as such a file descriptor.
         let descriptor = unsafe { external.get_memory_fd(&info) }.map_err(failed("vkGetMemoryFdKHR", self.name()))?;
         Ok((descriptor, bytes))
     }
 
     /// Copies the whole array to the CPU, wherever its memory is. For GPU memory this takes a staging copy and a submit
-    /// of its own, so it is meant for tests and export, not for the step.
+    /// of its own, so the function is meant for tests and export, not for the step.
     pub fn read<T: Pod>(&self) -> Result<Vec<T>> {
         if self.inner.memory != Memory::Device {
             return Ok(self.mapped::<T>()?.to_vec());
@@ -225,14 +226,16 @@ impl Buffer {
         recorder.finish()?.submit_and_wait()
     }
 
-    /// Mapped memory for reading, without a copy. Drop it before submitting work that writes this buffer.
+    /// A view of the mapped memory for reading, without a copy. Drop the view before submitting work that writes this
+    /// buffer.
     pub fn mapped<T: Pod>(&self) -> Result<Mapped<'_, T>> {
         let pointer = self.pointer::<T>()?;
         let guard = self.inner.mapping.read().unwrap_or_else(|e| e.into_inner());
         Ok(Mapped { pointer, length: self.length::<T>(), _guard: guard, _of: PhantomData })
     }
 
-    /// Mapped memory for writing, without a copy. Drop it before submitting work that uses this buffer.
+    /// A view of the mapped memory for writing, without a copy. Drop the view before submitting work that uses this
+    /// buffer.
     pub fn mapped_mut<T: Pod>(&self) -> Result<MappedMut<'_, T>> {
         let pointer = self.pointer::<T>()?;
         let guard = self.inner.mapping.write().unwrap_or_else(|e| e.into_inner());
@@ -281,7 +284,7 @@ impl Inner {
         let allocation = self.context.allocator().allocate(&desc).map_err(|e| {
             Error::Memory(format!("array {name} of {} bytes gets no memory from the device: {e}", self.bytes))
         })?;
-        // SAFETY: the range belongs to this allocation alone, and fits the requirements asked for.
+        // SAFETY: the range of memory belongs to this allocation alone, and meets the buffer's requirements.
         let bound = unsafe { device.bind_buffer_memory(self.handle, allocation.memory(), allocation.offset()) };
         if self.memory == Memory::Device {
             self.context.allocated.fetch_add(allocation.size(), Ordering::Relaxed);
@@ -309,7 +312,7 @@ impl Inner {
             .map_err(failed("vkAllocateMemory", format!("array {}", self.name)))?;
         self.own = Some((memory, requirements.size));
         self.context.allocated.fetch_add(requirements.size, Ordering::Relaxed);
-        // SAFETY: the memory is this buffer's alone.
+        // SAFETY: the memory belongs to this buffer alone.
         unsafe { device.bind_buffer_memory(self.handle, memory, 0) }
             .map_err(failed("vkBindBufferMemory", format!("array {}", self.name)))
     }
@@ -317,7 +320,7 @@ impl Inner {
     fn create_views(&self) -> Result<[vk::BufferView; 2]> {
         let view = |format| {
             let info = vk::BufferViewCreateInfo::default().buffer(self.handle).format(format).range(vk::WHOLE_SIZE);
-            // SAFETY: the buffer is bound to memory and has texel usage; both formats are mandatory for it.
+            // SAFETY: the buffer is bound to memory and has texel usage, for which every device supports both formats.
             unsafe { self.context.device.create_buffer_view(&info, None) }
                 .map_err(failed("vkCreateBufferView", format!("array {}", self.name)))
         };
@@ -325,7 +328,7 @@ impl Inner {
         match view(vk::Format::R32G32B32A32_UINT) {
             Ok(uint) => Ok([float, uint]),
             Err(error) => {
-                // SAFETY: made just above and used by nobody.
+                // SAFETY: this view was made just above, and nothing uses it.
                 unsafe { self.context.device.destroy_buffer_view(float, None) };
                 Err(error)
             }
@@ -345,7 +348,7 @@ impl Drop for Inner {
         }
         if let Some((memory, bytes)) = self.own.take() {
             self.context.allocated.fetch_sub(bytes, Ordering::Relaxed);
-            // SAFETY: as above; the buffer that was bound to this memory is destroyed before.
+            // SAFETY: the GPU no longer uses this memory; the buffer that was bound to it has been destroyed.
             unsafe { self.context.device.free_memory(memory, None) };
         }
         if let Some(allocation) = self.allocation.take() {

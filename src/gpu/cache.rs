@@ -1,19 +1,20 @@
-//! Keeps Vulkan's pipeline cache between runs, one file per device and driver. It only saves compile time: a missing,
-//! corrupt or unwritable file is ignored without a message.
+//! Keeps Vulkan's pipeline cache (compiled shaders) between runs, in one file per device and driver. The cache only
+//! saves compile time: a missing, corrupt or unwritable file is ignored without a message.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs, process};
 
-/// First bytes of a cache file. The length of the driver's blob (its cache data), a checksum and the blob follow; the
-/// checksum is needed because drivers check little of a blob.
+/// First bytes of a cache file. There follow the length of the blob (the driver's cache data), a checksum of the blob,
+/// and the blob itself. The checksum is needed because drivers check little of a blob.
 const MAGIC: &[u8; 8] = b"palpate1";
 
-/// The driver's blob of the last run; empty if there is none, or if its checksum is wrong.
+/// The driver's blob that an earlier run stored in `folder` for the device and driver `key`; empty if there is none, or
+/// if the file is corrupt.
 pub(super) fn load(folder: &Path, key: &str) -> Vec<u8> {
     fs::read(file(folder, key)).ok().and_then(|bytes| unpack(&bytes)).unwrap_or_default()
 }
 
-/// Stores the driver's blob for the next run.
+/// Stores the driver's blob in `folder` for later runs, under the device and driver `key`.
 pub(super) fn save(folder: &Path, key: &str, blob: &[u8]) {
     let path = file(folder, key);
     if fs::create_dir_all(folder).is_err() || load(folder, key) == blob {

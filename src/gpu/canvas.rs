@@ -1,5 +1,6 @@
 //! Rendering onto images, for the viewer: methods of [`Recorder`]. A canvas is a set of images that are rendered onto
-//! together. Draws without images, which the depth stage uses to distribute work, are in `draw.rs`.
+//! together; a recording is a command buffer with the objects that it uses. Draws without images, by which the depth
+//! stage (which finds penetration depths) distributes its work, are in `draw.rs`.
 #![allow(unsafe_code)]
 
 use ash::vk::{self, AccessFlags2 as Access, Handle, PipelineStageFlags2 as Stages};
@@ -19,14 +20,14 @@ pub struct Canvas {
     pub colour: Option<Image>,
     /// Depth attachment, for hidden-surface removal.
     pub depth: Option<Image>,
-    /// Resolve target: it receives the mean of the samples of `colour`, where `colour` has several samples per pixel.
+    /// Resolve target. Where `colour` has several samples per pixel, this image receives their mean.
     pub mean: Option<Image>,
 }
 
 /// The content of a canvas before a pass draws onto it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Before {
-    /// The content of earlier passes is kept.
+    /// What earlier passes drew is kept.
     Kept,
     /// Colour is cleared to this value (red, green, blue, alpha; 0 to 1), and depth to infinitely far away.
     Cleared([f32; 4]),
@@ -60,7 +61,7 @@ impl Canvas {
 }
 
 impl Recorder {
-    /// Records the draws `all`, in order, as one pass.
+    /// Records the draws `all`, in order, as one pass onto a canvas.
     pub fn paint(&mut self, canvas: &Canvas, before: Before, all: &[Drawn]) {
         let ready = self.try_paint(canvas, before, all);
         self.note(ready);
@@ -81,7 +82,11 @@ impl Recorder {
             if let Some(indices) = drawn.indices {
                 let end = u64::from(drawn.range.0) + u64::from(drawn.range.1);
                 if 4 * end > indices.bytes() {
-                    let what = format!("index {end} of {} lies beyond its {} bytes", indices.name(), indices.bytes());
+                    let what = format!(
+                        "a draw needs {end} indices of 4 bytes, but array {} has {} bytes",
+                        indices.name(),
+                        indices.bytes()
+                    );
                     return Err(self.error(what));
                 }
                 let id = indices.inner.handle.as_raw();
@@ -144,8 +149,8 @@ impl Recorder {
         let viewport =
             vk::Viewport { width: width as f32, height: height as f32, max_depth: 1.0, ..vk::Viewport::default() };
         let (device, commands) = (&self.commands.context.device, self.commands.buffer);
-        // SAFETY: the command buffer is recording, outside rendering; the recording keeps the images alive, which have
-        // one size and are in the general layout.
+        // SAFETY: the command buffer is recording, outside rendering; the recording keeps the images alive; all of them
+        // have one size and are in the general layout.
         unsafe {
             device.cmd_begin_rendering(commands, &rendering);
             device.cmd_set_viewport(commands, 0, &[viewport]);
@@ -186,8 +191,8 @@ impl Recorder {
             extent: vk::Extent2D { width, height },
         };
         let (device, commands) = (&self.commands.context.device, self.commands.buffer);
-        // SAFETY: the command buffer is recording, within rendering; the recording keeps pipeline, set and indices
-        // alive; the range was checked.
+        // SAFETY: the command buffer is recording, within rendering; the recording keeps the pipeline, the descriptor
+        // set and the indices alive; the range of indices was checked.
         unsafe {
             device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::GRAPHICS, pipeline.0.pipeline);
             device.cmd_set_scissor(commands, 0, &[scissor]);
@@ -207,7 +212,7 @@ impl Recorder {
     pub fn copy_out(&mut self, image: &Image, array: &Buffer) {
         if array.bytes() < image.bytes() || image.0.samples > 1 {
             let what =
-                format!("image {} of {} bytes cannot be copied to {}", image.name(), image.bytes(), array.name());
+                format!("image {} of {} bytes cannot be copied to array {}", image.name(), image.bytes(), array.name());
             let error = Err(self.error(what));
             self.note(error);
         }
@@ -230,7 +235,7 @@ impl Recorder {
         })];
         let layout = vk::ImageLayout::GENERAL;
         // SAFETY: the command buffer is recording, outside rendering; the recording keeps image and array alive; the
-        // array has room.
+        // array has room for the image.
         unsafe {
             let device = &self.commands.context.device;
             device.cmd_copy_image_to_buffer(self.commands.buffer, image.0.handle, layout, array.inner.handle, &region);

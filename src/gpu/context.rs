@@ -1,5 +1,6 @@
-//! A Vulkan device with its one queue and its memory, opened once and shared by the whole `gpu` module. In this file
-//! "device" is always the Vulkan device; the "host" is another program whose device the engine borrows (see `host.rs`).
+//! A Vulkan device with its one queue and its memory, opened once and shared by the whole `gpu` module. In this file a
+//! "device" is always a Vulkan device; the "host" is another program whose device the engine borrows (see `host.rs`).
+//! lavapipe is Mesa's Vulkan driver for CPUs.
 #![allow(unsafe_code)]
 
 use std::ffi::{CStr, c_char};
@@ -20,16 +21,16 @@ use super::{cache, failed, kernel, threads};
 use crate::error::{Error, Result};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
-/// Standard workgroup size of kernels: two warps or one wavefront. On lavapipe, Mesa's Vulkan driver for CPUs, any size
-/// from 64 to 1024 was as fast.
+/// Standard workgroup size of kernels, invocations: two warps or one wavefront of a GPU. On lavapipe all sizes from 64
+/// to 1024 were equally fast.
 const GROUP_SIZE: u32 = 64;
-/// Workgroup size, on a GPU, of kernels whose invocations synchronise at barriers.
+/// Workgroup size, invocations, on a GPU, of kernels whose invocations synchronise at barriers.
 const REDUCE_SIZE: u32 = 128;
 /// Size of the blocks in which memory is requested from the driver, bytes.
 const MEMORY_BLOCK: u64 = 16 << 20;
 
-/// Least number of 16-byte elements that the device's texel buffers must hold for texel buffers to be used: 1 GiB. This
-/// is less than the memory of most GPUs; a lower limit would prevent large scenes from running.
+/// Least number of 16-byte elements that the device's texel buffers must be able to hold for texel buffers to be used.
+/// These elements take 1 GiB, less than the memory of most GPUs; with a lower limit, large scenes could not run.
 const TEXEL_ELEMENTS: u32 = 1 << 26;
 
 /// How kernels reach arrays of vectors that they only read; see `shaders/shared/arrays.glsl`.
@@ -47,33 +48,33 @@ pub struct Options {
     /// Index of the device, or part of its name in any case. `None`: the first usable one, in the order discrete GPU,
     /// integrated GPU, virtual GPU, CPU.
     pub device: Option<String>,
-    /// Use the Khronos validation layer with synchronisation validation.
+    /// Whether to use the Khronos validation layer, with synchronisation validation.
     pub validation: bool,
     /// Instance extensions needed to show images in a window; see `display_extensions`. Empty: no window is used.
     pub display: Vec<&'static CStr>,
-    /// Number of threads that lavapipe uses, set through `LP_NUM_THREADS` in the process's environment unless that
-    /// variable is set already. Ask for a number only while no other thread of the process reads the environment.
+    /// Number of threads that lavapipe uses. It is set through the variable `LP_NUM_THREADS` of the process's
+    /// environment, unless that is set already. Ask for a number only while no other thread reads the environment.
     /// `None`: the environment stays as it is, and lavapipe uses all cores.
     pub threads: Option<Threads>,
     /// Folder in which prepared bodies, compiled pipelines and measurements of devices are kept for later runs. It is
     /// created where it is missing, and ignored where it cannot be written. `None`: nothing is kept. The `palpate`
     /// program uses the folder [`Options::user_cache`].
     pub cache: Option<PathBuf>,
-    /// Whether to measure, in a fraction of a second, which of two alternatives is faster on the device, where no
-    /// option decides: texel or storage buffers for arrays, and compute or graphics for the depth stage. This is done
-    /// once per context, or with a cache once per device. `false`: texel buffers where they are large enough, and
-    /// compute.
+    /// Whether to measure, in a fraction of a second, which alternative is faster on the device, where no option
+    /// decides: texel or storage buffers for arrays, and compute or graphics pipelines for the depth stage (which finds
+    /// penetration depths). This is measured once per context, or with a cache folder once per device. `false`: texel
+    /// buffers are used where they are large enough, and compute pipelines.
     pub measure: bool,
-    /// Shaders to replace, by name, each with the SPIR-V that is used instead, whichever kind of arrays is chosen. It
-    /// must declare the same buffers as the library's own shader; an unknown name is an error. For tests which show
-    /// that a check can fail.
+    /// Shaders to replace: the name of each, and the SPIR-V that is used instead, whichever kind of arrays is chosen.
+    /// The SPIR-V must declare the buffers of the shader that it replaces; an unknown name is an error. For tests which
+    /// show that a check can fail.
     pub replaced: Vec<(String, Vec<u8>)>,
     /// How kernels reach arrays of vectors that they only read; `None`: chosen as [`Context::arrays`] describes.
     pub arrays: Option<Arrays>,
-    /// Upper limit for the number of elements of a texel buffer, below the device's own. For tests.
+    /// Upper limit for the number of elements of a texel buffer, where it is below the device's own limit. For tests.
     pub texel_elements: Option<u32>,
-    /// Receives the engine's messages. The validation layer's messages go there as well, and are then not kept for
-    /// [`Context::validation_messages`].
+    /// Receives the engine's messages. A log with a receiver also gets the validation layer's messages, which are then
+    /// not kept for [`Context::validation_messages`].
     pub log: Log,
 }
 
@@ -84,8 +85,8 @@ impl Options {
         cache::user_folder()
     }
 
-    /// The options with which the `palpate` program opens a device: it uses the user's cache folder and measures the
-    /// faster alternatives, once per device where there is such a folder, else once per context.
+    /// The options with which the `palpate` program opens a device: with the user's cache folder, and with measurements
+    /// (see [`Options::measure`]).
     pub fn of_program() -> Options {
         Options { cache: Options::user_cache(), measure: true, ..Options::default() }
     }
@@ -93,7 +94,7 @@ impl Options {
 
 /// An open Vulkan device. Its methods may be called from any thread; submits are serialised.
 pub struct Context {
-    // `Drop` destroys these fields in the order in which they are declared here.
+    // `Drop` destroys the Vulkan objects among these fields in the order in which the fields are declared here.
     pub(super) allocator: ManuallyDrop<Mutex<memory::Allocator>>,
     pub(super) cache: vk::PipelineCache,
     pub(super) device: ash::Device,
@@ -154,12 +155,12 @@ impl Context {
         let device = match create_device(&instance, &chosen, !options.display.is_empty()) {
             Ok(device) => device,
             Err(error) => {
-                // SAFETY: as above.
+                // SAFETY: nothing made from the instance is left.
                 unsafe { instance.destroy_instance(None) };
                 return Err(error);
             }
         };
-        // SAFETY: the device was created with queue 0 of this family.
+        // SAFETY: the device was created with queue 0 of this queue family.
         let queue = unsafe { device.get_device_queue(chosen.queue_family, 0) };
         let labels = Labels(debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device)));
         let mut opened = Opened { entry, instance, device, queue, labels, messenger: None, messages, host: None };
@@ -189,10 +190,10 @@ impl Context {
     #[doc(hidden)]
     pub unsafe fn on_host(host: HostDevice, options: &Options) -> Result<Arc<Context>> {
         use vk::Handle;
-        // SAFETY: the caller guarantees it, see above.
+        // SAFETY: the caller guarantees that the handles are valid, see above.
         let (entry, instance) = unsafe { host.instance()? };
         let chosen = host.candidate(&instance)?;
-        // SAFETY: the caller guarantees it, see above.
+        // SAFETY: the caller guarantees that the handles are valid, see above.
         let device = unsafe { ash::Device::load(instance.fp_v1_0(), vk::Device::from_raw(host.device)) };
         let queue = vk::Queue::from_raw(host.queue);
         let (labels, messages) = (Labels(None), Box::new(Messages::default()));
@@ -271,12 +272,12 @@ impl Context {
         &self.info.name
     }
 
-    /// Driver name and version.
+    /// Name and version of the device's driver.
     pub fn driver(&self) -> &str {
         &self.info.driver
     }
 
-    /// Type of the device.
+    /// Type of the device, such as discrete GPU or CPU.
     pub fn kind(&self) -> DeviceKind {
         self.info.kind
     }
@@ -287,27 +288,28 @@ impl Context {
         GROUP_SIZE
     }
 
-    /// Workgroup size, in invocations, of kernels that give one workgroup to each work item and synchronise at
-    /// barriers. On a CPU device it is the subgroup size: a workgroup is then one SIMD vector, and barriers cost
-    /// nothing.
+    /// Workgroup size, in invocations, of kernels whose invocations synchronise at barriers. On a CPU device this size
+    /// is the subgroup size: a workgroup is then one SIMD vector, and barriers cost nothing.
     #[doc(hidden)]
     pub fn reduce_size(&self) -> u32 {
         if self.info.kind == DeviceKind::Cpu { self.subgroup_size.max(1) } else { REDUCE_SIZE }
     }
 
-    /// Invocations of a subgroup. Use it only to choose variants: no kernel may rely on it.
+    /// Number of invocations in a subgroup. Use it only to choose between variants of a kernel: no kernel may rely on
+    /// this number.
     #[doc(hidden)]
     pub fn subgroup_size(&self) -> u32 {
         self.subgroup_size
     }
 
-    /// Whether shaders may use 64-bit atomics on storage buffers (optional: have a fallback).
+    /// Whether shaders may use 64-bit atomics on storage buffers; a device need not support them.
     #[doc(hidden)]
     pub fn int64_atomics(&self) -> bool {
         self.int64_atomics
     }
 
-    /// Whether fragment shaders may write storage buffers (optional: [`super::RasterPipeline`] needs it).
+    /// Whether fragment shaders may write storage buffers, as a [`super::RasterPipeline`] needs; a device need not
+    /// support this.
     #[doc(hidden)]
     pub fn fragment_stores(&self) -> bool {
         self.fragment_stores
@@ -320,7 +322,7 @@ impl Context {
         *self.arrays.get_or_init(by_limit)
     }
 
-    /// Whether texel buffers are large enough for large scenes.
+    /// Whether the device's texel buffers are large enough for large scenes.
     #[doc(hidden)]
     pub fn has_large_texel_buffers(&self) -> bool {
         self.limits.max_texel_buffer_elements >= TEXEL_ELEMENTS
@@ -332,7 +334,8 @@ impl Context {
         self.arrays_asked_for
     }
 
-    /// Decides how all kernels made from now on reach their arrays, unless the options or an earlier call decided it.
+    /// Decides how all kernels made from now on reach their arrays, unless this has been decided already; see
+    /// [`Context::has_arrays`].
     #[doc(hidden)]
     pub fn choose_arrays(&self, arrays: Arrays) {
         self.arrays.get_or_init(|| arrays);
@@ -379,14 +382,14 @@ impl Context {
         self.cache_folder.as_deref()
     }
 
-    /// Times of the depth stage as graphics draws and as compute dispatches, microseconds, once they are measured.
+    /// Times of the depth stage, microseconds, as graphics draws and as compute dispatches; set once they are measured.
     #[doc(hidden)]
     pub fn measured_paths(&self) -> &OnceLock<[f64; 2]> {
         &self.measured_paths
     }
 
-    /// Whether the kind of arrays is decided: by the options, by [`Context::choose_arrays`], or because a kernel uses
-    /// it.
+    /// Whether the kind of arrays is decided: by the options, by [`Context::choose_arrays`], or by a call of
+    /// [`Context::arrays`], as when a kernel is made.
     #[doc(hidden)]
     pub fn has_arrays(&self) -> bool {
         self.arrays.get().is_some()
@@ -403,7 +406,7 @@ impl Context {
     #[doc(hidden)]
     pub fn save_pipeline_cache(&self) {
         let Some(folder) = self.cache_folder() else { return };
-        // SAFETY: the cache belongs to this device; the driver locks it itself.
+        // SAFETY: the cache belongs to this device, and the driver locks the cache itself.
         if let Ok(blob) = unsafe { self.device.get_pipeline_cache_data(self.cache) } {
             cache::save(folder, &self.cache_key, &blob);
         }
@@ -425,7 +428,7 @@ impl Context {
     /// queue.
     pub(super) fn wait_idle(&self) {
         let queue = self.queue();
-        // SAFETY: the queue is alive and locked. Where the device is lost there is nothing to wait for.
+        // SAFETY: the queue is alive and locked. An error means that the device is lost: there is nothing to wait for.
         let _ = unsafe { self.device.queue_wait_idle(queue.queue()) };
     }
 
@@ -437,8 +440,8 @@ impl Context {
 impl Drop for Context {
     fn drop(&mut self) {
         // SAFETY: buffers, kernels and recordings hold an Arc of this context, so none of them is left, and each
-        // recording waited for its own work. Each object is destroyed before the one that it was made from, and is not
-        // used afterwards.
+        // recording has waited for its own work. Each object is destroyed before the object that it was made from, and
+        // is not used afterwards.
         unsafe {
             self.wait_idle();
             self.save_pipeline_cache();
@@ -469,12 +472,12 @@ struct Opened {
 }
 
 impl Opened {
-    /// Destroys what the engine opened, if no context could be made; a host's objects are left alone.
+    /// Destroys what the engine opened, where no context could be made of it; a host's objects are left alone.
     fn close(&mut self) {
         if self.host.is_some() {
             return;
         }
-        // SAFETY: nothing made from the device or the instance is left, and neither is used again.
+        // SAFETY: nothing made from the device or the instance is left, and neither of them is used again.
         unsafe {
             self.device.destroy_device(None);
             if let Some((utils, messenger)) = self.messenger.take() {
@@ -499,7 +502,7 @@ fn create_allocator(opened: &Opened, chosen: &Candidate) -> Result<memory::Alloc
 }
 
 pub(super) fn load() -> Result<ash::Entry> {
-    // SAFETY: the system's Vulkan loader is trusted to initialise soundly; it stays loaded as long as the entry.
+    // SAFETY: the system's Vulkan loader is trusted to initialise soundly, and stays loaded as long as the entry lives.
     unsafe { ash::Entry::load() }
         .map_err(|e| Error::NoDevice(format!("the Vulkan loader cannot be loaded ({e}). {}", device::REMEDY)))
 }
@@ -507,7 +510,7 @@ pub(super) fn load() -> Result<ash::Entry> {
 /// Creates the instance. Also returns whether it has the debug utilities extension.
 fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -> Result<(ash::Instance, bool)> {
     let validation = options.validation;
-    // SAFETY (for this and the next call): plain queries of a loaded entry.
+    // SAFETY (for this and the next call): these are plain queries of a loaded entry.
     let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
     let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
     if validation && !layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
@@ -586,7 +589,7 @@ fn create_device(instance: &ash::Instance, chosen: &Candidate, presents: bool) -
         .enabled_extension_names(&extensions)
         .push_next(&mut v12)
         .push_next(&mut v13);
-    // SAFETY: the device offers what is asked (checked in device.rs); every pointer lives through the call.
+    // SAFETY: the device has the features to be enabled (checked in device.rs); every pointer lives through the call.
     unsafe { instance.create_device(chosen.physical, &info, None) }.map_err(failed("vkCreateDevice", "set-up"))
 }
 

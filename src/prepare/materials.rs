@@ -158,7 +158,7 @@ mod tests {
                 region("group = \"bone\"", young),
                 "`body.a.region[0].group`: there is no group \"bone\" in the layer's file",
             ),
-            (region("group = \"bone\"", young), "its groups are 3 \"fat\", 4 \"muscle\""),
+            (region("group = \"bone\"", young), "the file's groups are 3 \"fat\", 4 \"muscle\""),
             (fat.clone() + &region("group = 0", young), "`body.a.region[1].group`: there is no group 0"),
             (fat.clone() + &fat, "`body.a.region[1].group`: all tetrahedra of the region are in earlier regions"),
             (region("sphere = [9, 9, 9, 1]", young), "`body.a.region[0].sphere`: no tetrahedron has its centroid"),

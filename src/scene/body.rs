@@ -1,6 +1,6 @@
 //! Reads and checks the bodies of a scene file, `[[body]]` with `[[body.core]]`; called by `load.rs`. A soft body has a
 //! skin (its triangle surface), a layer (its tetrahedral mesh) and cores (rigid parts to which nodes of the layer are
-//! attached).
+//! attached); a bone of its skeleton is a core too. A core is fixed, driven (follows keys) or dynamic (forces move it).
 
 use std::path::PathBuf;
 
@@ -17,7 +17,7 @@ use super::{
 };
 use crate::Result;
 
-/// Keys that a plane may have.
+/// Keys that a body which is a plane may have.
 const PLANE_KEYS: [&str; 3] = ["name", "plane", "collides"];
 /// Keys that describe the core of a rigid body, in the body's own table.
 const RIGID_KEYS: [&str; 4] = ["motion", "keys", "mass", "hinge"];
@@ -45,7 +45,7 @@ impl Dilatation {
     pub const CHOICES: [(&str, Dilatation); 2] = [("element", Dilatation::Element), ("patch", Dilatation::Patch)];
 }
 
-/// Adds all bodies of the file, in its order; names must be unique and not `tool`.
+/// Adds all bodies of the scene file, in the order of the file; their names must be unique and not `tool`.
 pub(super) fn read(root: &Table, builder: &mut SceneBuilder) -> Result<()> {
     let Some(array) = root.get("body") else { return Ok(()) };
     for element in array.array()? {
@@ -105,7 +105,7 @@ fn body(value: &Value) -> Result<Body> {
     })
 }
 
-/// Fails if the table has any of `keys`, and names the first.
+/// Fails if the table has any of `keys`; the error names the first of them and says `why` it is refused.
 fn refuse(table: &Table, keys: &[&str], why: &str) -> Result<()> {
     match keys.iter().find(|key| table.has(key)) {
         Some(key) => Err(table.error(key, why, "remove it")),
@@ -210,7 +210,7 @@ fn layer(value: &Value) -> Result<Layer> {
     counts.held(Layer::Box { low, high, cells }, check::box_cells(cells))
 }
 
-/// Edge of the largest cells deep inside, as a multiple of those at the surface.
+/// Edge of the largest cells, deep inside a layer, as a multiple of the edge of the cells at the surface.
 fn grade(value: &Value) -> Result<u32> {
     let grade = value.whole(1, 8)?;
     value.held(grade, check::grade(grade))
@@ -228,8 +228,8 @@ pub(super) fn sphere(value: &Value) -> Result<(DVec3, f64)> {
     value.held((DVec3::new(x, y, z), radius), check::radius(radius))
 }
 
-/// The cores of a soft body: first one per bone, fixed unless a `[[body.core]]` of the same name gives its motion; then
-/// the other cores.
+/// The cores of a soft body: first a core for each bone, whose motion `bones` gives unless a `[[body.core]]` with the
+/// bone's name does; then the other cores.
 fn soft_cores(table: &Table, skeleton: Option<&Skeleton>) -> Result<Vec<Core>> {
     let bones = skeleton.map_or(&[][..], |skeleton| &skeleton.bones);
     if bones.is_empty() {

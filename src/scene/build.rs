@@ -1,6 +1,9 @@
-//! [`SceneBuilder`]: makes a scene piece by piece, from Rust values, from tables in the format of scene files, and from
-//! meshes in memory. The reader of scene files (`load.rs`) uses it too; the rules for values are in `check.rs`.
-//! A soft body has a skin (surface mesh), a layer (tetrahedral mesh) and rigid cores, to which nodes are attached.
+//! [`SceneBuilder`] makes a scene (the bodies, the tool and the settings of a simulation) piece by piece: from Rust
+//! values, from TOML tables in the format of scene files, and from meshes in memory. The reader of scene files
+//! (`load.rs`) uses it too; `check.rs` has the rules for values. A soft body has a skin (surface mesh), a layer
+//! (tetrahedral mesh) and cores (rigid bodies inside it, to which nodes of the layer are attached). The tool is the
+//! rigid body that the haptic device moves. A *key* is the name of a value in a scene file, such as `step.dt`; the key
+//! of a trajectory is a pose at a given time.
 
 use std::path::PathBuf;
 
@@ -16,8 +19,9 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// A scene under construction. Each method checks what it is given; an error names the key that a scene file would have
-/// for it, and leaves the scene unchanged. [`SceneBuilder::build`] checks that all bodies named in the scene exist.
+/// A scene under construction. Each method checks the values that it is given. If a value is invalid, the error names
+/// the key of that value in a scene file, and the scene stays unchanged. [`SceneBuilder::build`] checks that all bodies
+/// exist to which the scene refers by name.
 ///
 /// ```
 /// use palpate::SceneBuilder;
@@ -44,9 +48,9 @@ pub struct SceneBuilder {
 }
 
 impl SceneBuilder {
-    /// A scene without bodies and tool; all else has the values of an empty scene file. Errors and results show `name`.
-    /// Files that tables name are relative to the folder of `name`; those of [`super::Surface::File`] and
-    /// [`super::Layer::File`] are relative to the working directory.
+    /// A scene without bodies and tool, with the settings that an empty scene file gives. Error messages and results
+    /// show `name` as the scene's file. Paths in tables are relative to the folder of `name`; paths in
+    /// [`super::Surface::File`] and [`super::Layer::File`] are relative to the working directory.
     pub fn new(name: impl Into<PathBuf>) -> SceneBuilder {
         SceneBuilder { scene: Scene::empty(name), meshes: Meshes::default() }
     }
@@ -59,7 +63,7 @@ impl SceneBuilder {
     /// Sets time step, gravity and number of Newton iterations.
     ///
     /// # Errors
-    /// The value is one that a scene file may not have either. This also holds for the methods below.
+    /// `step` has a value that is not allowed in a scene file. The methods below fail for such values too.
     pub fn step(&mut self, step: Step) -> Result<&mut Self> {
         step.check().map_err(|problem| self.wrong("step", problem))?;
         self.overrule(&["step.dt", "step.newton"]);
@@ -67,7 +71,7 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// Sets the linear solver.
+    /// Sets tolerance, greatest number of iterations and preconditioner of the linear solver.
     pub fn solver(&mut self, solver: Solver) -> Result<&mut Self> {
         solver.check().map_err(|problem| self.wrong("solver", problem))?;
         self.overrule(&["solver.tolerance", "solver.max_iterations"]);
@@ -75,7 +79,7 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// Sets the contact law.
+    /// Sets stiffness, damping, friction and the other settings of contact.
     pub fn contact(&mut self, contact: Contact) -> Result<&mut Self> {
         contact.check().map_err(|problem| self.wrong("contact", problem))?;
         self.overrule(&["contact.sides"]);
@@ -96,7 +100,7 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// Sets the tool, which the haptic device moves; it replaces an earlier one.
+    /// Sets the tool, which the haptic device moves; an earlier tool of the scene is replaced.
     pub fn tool(&mut self, tool: Tool) -> Result<&mut Self> {
         tool.check().map_err(|problem| self.wrong("tool", problem))?;
         self.scene.tool = Some(Tool { orientation: unit(tool.orientation), ..tool });
@@ -110,14 +114,15 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// Sets the reference trajectory of the haptic device, linear between keys.
+    /// Sets the reference trajectory of the haptic device: poses at given times, interpolated in between.
     pub fn trajectory(&mut self, keys: Vec<Key>) -> Result<&mut Self> {
         check::keys(&keys).map_err(|problem| self.wrong("drive.keys", problem))?;
         self.scene.trajectory = unit_keys(keys);
         Ok(self)
     }
 
-    /// Sets the haptic device and its loop; [`Haptics::has_device`] follows from the kind of device.
+    /// Sets the haptic device and the settings of the haptic loop. The value of [`Haptics::has_device`] in `haptics` is
+    /// not used: it is computed from the kind of device.
     pub fn haptics(&mut self, haptics: Haptics) -> Result<&mut Self> {
         haptics.check().map_err(|problem| self.wrong("haptics", problem))?;
         self.scene.haptics = Haptics { has_device: haptics.device != DeviceKind::Scripted, ..haptics };
@@ -132,9 +137,9 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// Adds the tables of a text in the format of scene files: its bodies and probes come after the existing ones, its
-    /// other tables and keys replace existing values, and values that it does not mention are kept. Bodies that it
-    /// names must be in the text or in the scene already.
+    /// Adds the tables of `text`, which has the format of scene files. Bodies and probes of the text come after those
+    /// of the scene. A key of `[step]`, `[solver]` or `[contact]` replaces one value of the scene; any other table
+    /// replaces the scene's whole table. Every body to which the text refers must be in the text or in the scene.
     pub fn toml(&mut self, text: &str) -> Result<&mut Self> {
         let document = self.source(text).parse()?;
         self.add_document(text, &document)?;
@@ -144,8 +149,9 @@ impl SceneBuilder {
     /// Checks the scene as a whole and returns it.
     ///
     /// # Errors
-    /// There is neither a body nor a tool; a body, probe or tool names something that does not exist; there is a
-    /// coupling or a trajectory but no tool; or the scene that the builder started from has an invalid value.
+    /// The scene has neither a body nor a tool; a body, a probe or the tool refers to a body or tool that does not
+    /// exist; the scene has a coupling or a trajectory but no tool; or the scene that [`SceneBuilder::of`] was given
+    /// has an invalid value.
     pub fn build(&self) -> Result<Scene> {
         let scene = &self.scene;
         scene.check_filled()?;
@@ -159,7 +165,7 @@ impl SceneBuilder {
         of("haptics", scene.haptics.check())?;
         for (key, is_given) in [("coupling", scene.coupling.is_some()), ("drive", !scene.trajectory.is_empty())] {
             if is_given && scene.tool.is_none() {
-                return Err(Error::key(&scene.file, key, "the scene has no tool for it", "add a tool or leave it out"));
+                return Err(Error::key(&scene.file, key, "needs a tool in the scene", "add one or leave the key out"));
             }
         }
         let check = names::resolve(scene, [0, 0], true);
@@ -169,24 +175,26 @@ impl SceneBuilder {
         Ok(scene.clone())
     }
 
-    /// The scene so far; names in it may still be unresolved.
+    /// The scene as built so far; it may refer to bodies that are not added yet.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// Meshes in memory, which tables may name from now on.
+    /// The meshes in memory of this builder; tables that are added later refer to them by name.
     #[doc(hidden)]
     pub fn meshes(&mut self) -> &mut Meshes {
         &mut self.meshes
     }
 
-    /// Like [`SceneBuilder::toml`], for tables that a program made: without a text, errors name keys but no lines.
+    /// Does what [`SceneBuilder::toml`] does, for tables that a program made. As there is no text, errors name keys but
+    /// no lines.
     #[doc(hidden)]
     pub fn tables(&mut self, tables: &toml::Table) -> Result<()> {
         self.add_document("", &Node::from(tables))
     }
 
-    /// Replaces the tool and its coupling, if there are any, by those of these tables, which a program made.
+    /// Removes the scene's tool and virtual coupling, if it has them, and then adds `tables`, which a program made and
+    /// which may have a new tool and a new coupling.
     #[doc(hidden)]
     pub fn replace_tool(&mut self, tables: &toml::Table) -> Result<()> {
         let mut next = self.clone();
@@ -196,13 +204,13 @@ impl SceneBuilder {
         Ok(())
     }
 
-    /// Sets by name which bodies the body with index `body` collides with; `None`: all other bodies. The named bodies
-    /// must exist.
+    /// Sets the bodies with which the body of index `body` collides: the existing bodies called `names`, or all other
+    /// bodies where `names` is `None`.
     pub fn collides(&mut self, body: usize, names: Option<Vec<String>>) -> Result<&mut Self> {
         let bodies = self.scene.bodies.len();
         let Some(named) = self.scene.bodies.get(body) else {
-            let problem = format!("is {body}; the scene has {bodies}, counted from 0");
-            return Err(Error::key(&self.scene.file, "body", problem, "give one of them"));
+            let problem = format!("is {body}; the scene has {bodies} bodies, counted from 0");
+            return Err(Error::key(&self.scene.file, "body", problem, "give the index of a body"));
         };
         for name in names.iter().flatten() {
             names::check_partner(&self.scene, named, name).map_err(|(problem, remedy)| {
@@ -213,23 +221,24 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// Adds a body; the key of a problem is relative to the body's table.
+    /// Checks a body and adds it. If the check finds a problem, the key in that problem is relative to the table of the
+    /// body in a scene file.
     pub(super) fn put_body(&mut self, body: Body) -> Check {
         if body.name == TOOL || self.scene.bodies.iter().any(|other| other.name == body.name) {
             let problem = format!("\"{}\" is taken", body.name);
-            return Err(Problem::of("name", problem, "names of bodies are unique, and \"tool\" is the tool"));
+            return Err(Problem::of("name", problem, "names of bodies are unique, and \"tool\" means the tool"));
         }
         body.check()?;
         self.scene.bodies.push(body);
         Ok(())
     }
 
-    /// The scene so far, for `load.rs` to change.
+    /// The scene as built so far; `load.rs` changes it.
     pub(super) fn scene_mut(&mut self) -> &mut Scene {
         &mut self.scene
     }
 
-    /// Notes that these keys no longer have the preset's values.
+    /// Removes `keys` from the list of settings whose values come from the scene's preset (a named set of settings).
     fn overrule(&mut self, keys: &[&str]) {
         if let Some(preset) = &mut self.scene.preset {
             preset.set.retain(|(key, _)| !keys.contains(key));
@@ -253,6 +262,7 @@ impl SceneBuilder {
     }
 }
 
+/// The normalised quaternion, or `orientation` unchanged if its length differs from one by more than rounding.
 fn unit(orientation: DQuat) -> DQuat {
     check::unit_quaternion(orientation.to_array()).unwrap_or(orientation)
 }
@@ -365,9 +375,9 @@ mod tests {
         let Shape::Soft { surface: Some(Surface::Mesh(skin)), layer: Layer::Mesh(inside) } =
             &builder.scene().bodies[0].shape
         else {
-            panic!("{:?}", builder.scene().bodies[0]);
+            panic!("the skin and the layer are not meshes in memory: {:?}", builder.scene().bodies[0]);
         };
-        // The tetrahedron was given inside out, and was corrected as one from a file would be.
+        // The tetrahedron was given with negative volume; its nodes were reordered, as for one from a file.
         assert_eq!((skin.triangles.len(), inside.tetrahedra[0]), (4, [0, 2, 3, 1]));
     }
 
@@ -494,7 +504,7 @@ mod tests {
             let (mut body, mut builder) = (soft(), SceneBuilder::new("s"));
             spoil(&mut body);
             let said = words(builder.body(body));
-            assert!(said.starts_with(want), "{said}\n{want}");
+            assert!(said.starts_with(want), "the error is: {said}\nit should begin with: {want}");
             assert!(builder.scene().bodies.is_empty());
         }
         let mut builder = SceneBuilder::new("s");
@@ -559,7 +569,7 @@ mod tests {
         assert!(all.build().unwrap_err().to_string().contains("`body.a.collides`: there is no body \"b\""));
         all.body(Body { name: "b".into(), dilatation: Dilatation::Patch, ..soft() }).unwrap();
         all.trajectory(vec![Key::at(0.0, [0.0; 3])]).unwrap();
-        assert!(all.build().unwrap_err().to_string().contains("`drive`: the scene has no tool for it"));
+        assert!(all.build().unwrap_err().to_string().contains("`drive`: needs a tool in the scene"));
         all.tool(Tool::body("b")).unwrap();
         assert!(all.build().unwrap_err().to_string().contains("`tool.body`: the first core of \"b\""));
         all.tool(Tool::sphere(0.1, 1.0)).unwrap();

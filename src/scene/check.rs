@@ -1,7 +1,8 @@
-//! The rules for the values of a scene. [`super::SceneBuilder`] checks whole structs, whatever made them; the reader of
-//! scene files (`keys.rs`) also checks single numbers, so that it can report their line.
-//!
-//! A soft body has a skin (surface mesh), a layer (tetrahedral mesh) and rigid cores, to which nodes are attached.
+//! The rules for the values of a scene (the bodies, the tool and the settings of a simulation).
+//! [`super::SceneBuilder`] checks whole structs; the reader of scene files (`keys.rs`) also checks single numbers, so
+//! that it can report the line of a wrong number. A soft body has a skin (surface mesh), a layer (tetrahedral mesh) and
+//! cores (rigid bodies inside it, to which nodes of the layer are attached). The tool is the rigid body that the haptic
+//! device moves. A *key* is the name of a value in a scene file; the key of a trajectory is a pose at a given time.
 
 use std::fmt::Debug;
 use std::ops::RangeInclusive;
@@ -15,33 +16,37 @@ use super::{
     Layer, MOST_HULLS, Material, Motion, Place, Probe, Shape, Solver, Step, Surface, Tool, ToolShape,
 };
 
-/// Greatest magnitude of a number: it must fit in single precision, with room for a product.
+/// Greatest magnitude of a number. The greatest number of single precision, 3e38, is so much greater that the number
+/// may be multiplied by 1e8 without overflow.
 pub const LARGEST: f64 = 1e30;
-/// Least magnitude of a number that must be greater than zero, for the same reason as `LARGEST`.
+/// Least value of a number that must be greater than zero. The least normal number of single precision, 1e-38, is so
+/// much less that the number may be multiplied by small factors without becoming zero.
 const SMALLEST: f64 = 1e-30;
-/// Greatest length of a name, characters: with an extension it must be a valid file name on every system.
+/// Greatest length of a name, in characters: a name with an extension must be a valid file name on every system.
 const LONGEST_NAME: usize = 100;
-/// How far a quaternion's length may be from one: a smaller difference is rounding, a larger one a typing error.
+/// Greatest difference between a quaternion's length and one: a smaller difference is rounding, a larger one is a
+/// typing error.
 const UNIT_TOLERANCE: f64 = 1e-3;
-/// How far the length of a normal or an axis that a program gives may be from one; the reader of files normalises its
-/// own vectors.
+/// Greatest difference between one and the length of a normal or an axis that a program gives. Vectors from a scene
+/// file are normalised when they are read.
 const NORMAL_TOLERANCE: f64 = 1e-6;
-/// Greatest number of solver iterations: all are recorded in command buffers beforehand, with four passes each.
+/// Greatest number of iterations of the linear solver: all of them are recorded in command buffers before they run.
 pub const MOST_ITERATIONS: u32 = 10_000;
 /// Greatest number of Newton iterations in a step.
 pub const MOST_LINEARISATIONS: u32 = 100;
-/// Least speed at which regularised friction may change from viscous to Coulomb, m/s.
+/// Least speed, m/s, at which friction may change from viscous (at lower speeds) to Coulomb friction.
 const SLOWEST: f64 = 1e-6;
-/// Greatest number of lattice cells along the largest extent of a surface.
+/// Greatest number of cells, along the largest extent of a surface, in the lattice from which its layer is generated.
 pub const MOST_ACROSS: u32 = 1000;
-/// Greatest number of cells of a box layer along an axis.
+/// Greatest number of cells along an axis of a box layer, that is, a layer that is generated as a box of cells.
 pub const MOST_CELLS: u32 = 1 << 20;
-/// Greatest number of tetrahedra of a box layer: every Vulkan device with large texel buffers holds this many elements
-/// in one.
+/// Greatest number of tetrahedra that a scene may ask of a box layer. The module `crate::prepare`, which generates the
+/// layer, has a lower limit.
 const MOST_BOX_TETRAHEDRA: u64 = 1 << 27;
-/// Range of Poisson's ratio. Below -0.5 the bulk term of the neo-Hookean law comes near zero.
+/// Range of Poisson's ratio. Below -0.5 the bulk term of the neo-Hookean material law comes near zero.
 const POISSON: std::ops::Range<f64> = -0.5..0.5;
-/// Column prefixes of the trace, which no probe may have as its name.
+/// Names that no probe (a skin vertex whose positions are recorded) may have, because the trace (a CSV file with the
+/// results of a run) already has columns whose names begin with them.
 const RESERVED_PROBES: [&str; 4] = ["tool", "device", "force", "torque"];
 /// Remedy for a wrong key of a trajectory; it explains what a key is.
 pub const KEY_REMEDY: &str =
@@ -58,7 +63,7 @@ pub struct Problem {
     pub remedy: String,
 }
 
-/// The result of a check: the value is valid, or a problem.
+/// The result of a check: `Ok` if the value is valid, otherwise the problem.
 pub type Check<T = ()> = std::result::Result<T, Problem>;
 
 impl Problem {
@@ -72,7 +77,7 @@ impl Problem {
         Problem { key: key.into(), problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// Puts `key` before the problem's own key, for a caller whose checked value has that key.
+    /// Puts `key`, the key of the value that was checked, before the problem's own key.
     pub fn within(mut self, key: impl AsRef<str>) -> Problem {
         let dot = if self.key.is_empty() || self.key.starts_with('[') { "" } else { "." };
         self.key = format!("{}{dot}{}", key.as_ref(), self.key);
@@ -95,7 +100,7 @@ fn is(x: impl Debug, remedy: impl Into<String>) -> Problem {
     Problem::new(format!("is {x:?}"), remedy)
 }
 
-/// Checks that a number is finite and within single precision.
+/// Checks that a number is finite and not greater than [`LARGEST`] in magnitude.
 pub fn finite(x: f64) -> Check {
     let sound = x.is_finite() && x.abs() <= LARGEST;
     if sound { Ok(()) } else { Err(is(x, "give a finite number below 1e30 in magnitude")) }
@@ -120,7 +125,7 @@ pub fn poisson(x: f64) -> Check {
     if POISSON.contains(&x) { Ok(()) } else { Err(is(x, "give a number from -0.5 to below 0.5")) }
 }
 
-/// Checks a tolerance for the relative residual.
+/// Checks the relative residual at which the linear solver stops.
 pub fn tolerance(x: f64) -> Check {
     positive(x)?;
     if x < 1.0 { Ok(()) } else { Err(is(x, "give a number below one")) }
@@ -147,7 +152,7 @@ pub fn limit(angle: f64) -> Check {
     if angle < std::f64::consts::PI { Ok(()) } else { Err(is(angle, remedy)) }
 }
 
-/// Checks the edge of the largest cells deep inside a layer, as a multiple of those at the surface.
+/// Checks the grade of a layer: the edge of its largest cells, deep inside, over the edge of its cells at the surface.
 pub fn grade(grade: u32) -> Check {
     let sound = (1..=8).contains(&grade) && grade.is_power_of_two();
     if sound { Ok(()) } else { Err(is(grade, "give 1, 2, 4 or 8")) }
@@ -159,7 +164,7 @@ pub fn whole(x: u32, range: RangeInclusive<u32>) -> Check {
     if range.contains(&x) { Ok(()) } else { Err(is(x, remedy())) }
 }
 
-/// Checks a name: it may have letters, digits, `_`, `-` and `.`, because it becomes part of file names and column
+/// Checks a name: it may consist of letters, digits, `_`, `-` and `.`, because it becomes part of file names and column
 /// headings.
 pub fn name(text: &str) -> Check {
     let allowed = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
@@ -169,12 +174,12 @@ pub fn name(text: &str) -> Check {
     }
     if text.len() > LONGEST_NAME {
         let problem = format!("a name of {} characters", text.len());
-        return Err(Problem::new(problem, format!("use at most {LONGEST_NAME}: it becomes part of file names")));
+        return Err(Problem::new(problem, format!("use at most {LONGEST_NAME}: names become part of file names")));
     }
     Ok(())
 }
 
-/// Checks the least and the greatest corner of a box.
+/// Checks that the least corner of a box, `low`, is below the greatest corner, `high`, on every axis.
 pub fn corners(low: DVec3, high: DVec3) -> Check {
     let remedy = "give the least corner first";
     if low.cmplt(high).all() {
@@ -191,13 +196,13 @@ pub fn radius(radius: f64) -> Check {
     if radius > 0.0 { Ok(()) } else { Err(Problem::new(format!("has radius {radius:?}"), remedy)) }
 }
 
-/// Checks that a box with these numbers of cells along its axes has not too many tetrahedra.
+/// Checks that a box layer has not too many tetrahedra, six in each cell; `cells`: numbers of cells along the axes.
 pub fn box_cells(cells: [u32; 3]) -> Check {
     let total = cells.iter().try_fold(6_u64, |product, &count| product.checked_mul(count.into()));
     if total.is_some_and(|total| total <= MOST_BOX_TETRAHEDRA) {
         return Ok(());
     }
-    Err(Problem::new("makes too many tetrahedra", format!("stay below {MOST_BOX_TETRAHEDRA} (6 a cell)")))
+    Err(Problem::new("makes too many tetrahedra", format!("give at most {MOST_BOX_TETRAHEDRA}, 6 in each cell")))
 }
 
 /// The normalised quaternion x y z w; fails where its length differs from one by more than rounding.
@@ -221,7 +226,7 @@ pub fn key_time(time: f64, before: Option<f64>) -> Check {
     }
 }
 
-/// Checks that the name of a probe is free; `others` are the other probes.
+/// Checks that the name of a probe is neither reserved nor the name of one of the other probes, `others`.
 pub fn probe_name(name: &str, others: &[Probe]) -> Check {
     if others.iter().any(|probe| probe.name == name) {
         return Err(Problem::of("name", format!("\"{name}\" is taken by another probe"), "choose another name"));
@@ -321,8 +326,8 @@ impl Material {
 }
 
 impl Haptics {
-    /// Checks the values, and returns the first problem. Settings of the Haply service and of the simulated hand are
-    /// checked only where a file is read.
+    /// Checks the values, and returns the first problem. Two groups of settings are checked only when a file is read:
+    /// those of the service that connects to a Haply device, and those of the simulated hand.
     pub(crate) fn check(&self) -> Check {
         rate(self.rate).under("rate")?;
         let limits = &self.limits;
@@ -385,7 +390,8 @@ impl Tool {
 }
 
 impl Body {
-    /// Checks all values, and returns the first problem; whether named bodies exist is not checked here.
+    /// Checks all values, and returns the first problem. Whether the bodies in the list `collides` exist is not checked
+    /// here.
     pub(crate) fn check(&self) -> Check {
         name(&self.name).under("name")?;
         self.check_shape()?;
@@ -406,7 +412,7 @@ impl Body {
         for (k, bone) in bones.enumerate() {
             if self.cores.get(k).is_none_or(|core| core.name != bone.name) {
                 let problem = format!("bone \"{}\" has no core in the body", bone.name);
-                return Err(Problem::of("skeleton", problem, "give one core for each bone first, in the bones' order"));
+                return Err(Problem::of("skeleton", problem, "let the bones' cores come first, in the bones' order"));
             }
         }
         for (k, joint) in self.joints.iter().enumerate() {
@@ -444,7 +450,7 @@ impl Body {
                 self.check_has_no_layer("a rigid body has none")?;
                 let [core] = &self.cores[..] else {
                     let problem = format!("the body has {} cores", self.cores.len());
-                    return Err(Problem::of("motion", problem, "give a rigid body exactly one, with its motion"));
+                    return Err(Problem::of("motion", problem, "give a rigid body exactly one core, with its motion"));
                 };
                 let is_dynamic = matches!(core.motion, Motion::Dynamic);
                 if is_dynamic && core.mass.is_none() {
@@ -480,7 +486,7 @@ impl Body {
         Ok(())
     }
 
-    /// Fails if the body has anything that only a body with a layer may have; `why` is the problem to report.
+    /// Fails if the body has anything that only a body with a layer may have; `why` is the text of the problem.
     fn check_has_no_layer(&self, why: &str) -> Check {
         let given = [
             ("material", self.material.is_some()),
@@ -506,11 +512,11 @@ impl Body {
             direction(resistance.axis).under("axis")?;
         }
         if let Some(missing) = joint.cores.iter().find(|core| **core >= self.cores.len()) {
-            let problem = format!("names core {missing}, but there are {}, counted from 0", self.cores.len());
+            let problem = format!("names core {missing}, but there are {} cores, counted from 0", self.cores.len());
             return Err(Problem::of("cores", problem, "name two cores"));
         }
         if joint.cores[0] == joint.cores[1] {
-            return Err(Problem::of("cores", "is the same core", "name two cores"));
+            return Err(Problem::of("cores", "is the same core twice", "name two cores"));
         }
         if !joint.cores.iter().any(|core| matches!(self.cores[*core].motion, Motion::Dynamic)) {
             let remedy = "give one of them motion = \"dynamic\", or remove the joint";
@@ -568,7 +574,8 @@ impl Layer {
 }
 
 impl Place {
-    /// Checks a material region's place; `groups`: whether the layer can have element groups.
+    /// Checks the place of a material region (a part of a soft body with its own material). `groups`: whether the layer
+    /// can have groups of tetrahedra, as a mesh file can.
     fn check(&self, groups: bool) -> Check {
         match self {
             Place::Group(_) if !groups => {
@@ -585,7 +592,7 @@ impl Place {
 }
 
 impl Core {
-    /// Checks a rigid core; `is_soft`: its body is soft, so that nodes are attached to the core.
+    /// Checks a core. `is_soft`: whether the core's body is soft, so that nodes are attached to the core.
     fn check(&self, is_soft: bool) -> Check {
         name(&self.name).under("name")?;
         if let Motion::Kinematic(list) = &self.motion {

@@ -1,9 +1,9 @@
 //! Reads a mesh file, text or binary, from beginning to end: lines, words and numbers one by one. Errors give the
 //! position in the file.
 //!
-//! The parsers that use this are our own, so that errors name file and line, and so that a wrong count in a file's
-//! header never makes them allocate memory. Of the existing crates, mshio reads only Gmsh 4.1, vtkio had no current
-//! release, and neither reports lines.
+//! The project has its own parsers, which use this module, for two reasons: errors name file and line, and a wrong
+//! count in a file's header never makes a parser allocate memory for so many items. Of the existing crates, mshio reads
+//! only Gmsh 4.1, vtkio had no current release, and neither mshio nor vtkio reports lines.
 
 use std::path::Path;
 use std::str::FromStr;
@@ -12,7 +12,8 @@ use glam::DVec3;
 
 use crate::{Error, Result};
 
-/// Greatest magnitude of a coordinate: a larger one does not fit in single precision with room for a product.
+/// Greatest magnitude of a coordinate. The greatest number of single precision, 3e38, is so much greater that the
+/// coordinate may be multiplied by 1e8 without overflow.
 const LARGEST: f64 = 1e30;
 
 /// Byte order of binary numbers.
@@ -27,9 +28,9 @@ pub(super) struct Cursor<'a> {
     path: &'a Path,
     bytes: &'a [u8],
     at: usize,
-    /// Position at which the last item read begins.
+    /// Position at which the last item read (line, word or bytes) begins.
     mark: usize,
-    /// Remedy that every error in the file's data shows.
+    /// What the user can do about an error in the file's data; the message of every such error shows it.
     remedy: &'static str,
     /// Byte order of the numbers; `None` for text.
     pub order: Option<Order>,
@@ -43,7 +44,7 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>> {
         .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give a mesh file"))
 }
 
-/// Shortens a word and escapes it, for use in a message.
+/// Shortens a word to 40 characters and escapes it, for use in a message.
 pub(super) fn short(word: &str) -> String {
     word.chars().take(40).collect::<String>().escape_debug().to_string()
 }
@@ -53,7 +54,7 @@ impl<'a> Cursor<'a> {
         Cursor { path, bytes, at: 0, mark: 0, remedy, order: None, has_lines: true }
     }
 
-    /// A cursor for a mesh that is not from a file; errors show `name`.
+    /// A cursor for a mesh that is not from a file; errors show `name` in place of a path.
     pub(super) fn of_arrays(name: &'a Path, remedy: &'static str) -> Self {
         Cursor { has_lines: false, ..Cursor::new(name, &[], remedy) }
     }
@@ -67,7 +68,7 @@ impl<'a> Cursor<'a> {
         self.error_at(self.mark, problem, self.remedy)
     }
 
-    /// An error at a byte of the file. In a text file it names the line, in a binary file the byte.
+    /// An error at byte `mark` of the file. Its message names the line of a text file, or the byte of a binary file.
     pub(super) fn error_at(&self, mark: usize, problem: impl Into<String>, remedy: &str) -> Error {
         match self.order {
             Some(_) => Error::input(self.path, None, format!("{}, at byte {mark}", problem.into()), remedy),
@@ -88,7 +89,7 @@ impl<'a> Cursor<'a> {
         self.at >= self.bytes.len()
     }
 
-    /// The rest of the current line.
+    /// Reads the rest of the current line, and returns it trimmed; `None` at the end of the file.
     pub(super) fn next_line(&mut self) -> Option<&'a str> {
         self.mark = self.at;
         if self.ended() {
@@ -101,7 +102,7 @@ impl<'a> Cursor<'a> {
         Some(std::str::from_utf8(&rest[..length]).unwrap_or("\u{fffd}").trim())
     }
 
-    /// The next line that is not empty, trimmed.
+    /// Reads up to the end of the next line that is not empty, and returns that line trimmed.
     pub(super) fn next_filled(&mut self) -> Option<&'a str> {
         loop {
             let line = self.next_line()?;
@@ -111,7 +112,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The next line that is not empty; if the file ends first, the error names `what` as missing.
+    /// Like [`Cursor::next_filled`]; if the file ends first, the error says that it ends before `what`.
     pub(super) fn need(&mut self, what: &str) -> Result<&'a str> {
         self.next_filled().ok_or_else(|| self.error(format!("the file ends early, before {what}")))
     }
@@ -124,7 +125,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Skips everything up to the end of the next `marker`, at any position.
+    /// Skips everything up to and including the next `marker`, which may be anywhere in a line.
     pub(super) fn skip_past(&mut self, marker: &str) -> Result<()> {
         let rest = &self.bytes[self.at..];
         match rest.windows(marker.len()).position(|window| window == marker.as_bytes()) {
@@ -139,12 +140,12 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Parses a word of the line that was read last.
+    /// Parses a word of the line that was read last; `what` is what the word stands for, for use in an error.
     pub(super) fn parse<T: FromStr>(&self, word: &str, what: &str) -> Result<T> {
         word.parse().map_err(|_| self.error(format!("\"{}\" is not valid for {what}", short(word))))
     }
 
-    /// All numbers of the next line; there must be at least `least`.
+    /// Reads the next line that is not empty, and returns all its numbers, of which there must be at least `least`.
     pub(super) fn numbers<T: FromStr>(&mut self, what: &str, least: usize) -> Result<Vec<T>> {
         let line = self.need(what)?;
         let numbers: Vec<T> = line.split_whitespace().map(|word| self.parse(word, what)).collect::<Result<_>>()?;
@@ -157,7 +158,7 @@ impl<'a> Cursor<'a> {
         Ok(numbers)
     }
 
-    /// The next word, on this line or a later one.
+    /// Reads the next word, on this line or a later one; `what` is what the word belongs to, for use in an error.
     pub(super) fn word(&mut self, what: &str) -> Result<&'a str> {
         let rest = &self.bytes[self.at..];
         let blank = rest.iter().position(|byte| !byte.is_ascii_whitespace()).unwrap_or(rest.len());
@@ -177,7 +178,7 @@ impl<'a> Cursor<'a> {
         std::str::from_utf8(&rest[..length]).unwrap_or_default()
     }
 
-    /// The next `count` bytes.
+    /// Reads the next `count` bytes.
     pub(super) fn take(&mut self, count: usize, what: &str) -> Result<&'a [u8]> {
         self.mark = self.at;
         let taken = self.at.checked_add(count).and_then(|end| self.bytes.get(self.at..end));
@@ -186,6 +187,7 @@ impl<'a> Cursor<'a> {
         Ok(taken)
     }
 
+    /// Reads the bytes of a number, and returns them with the least significant byte first.
     fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
         let mut array = [0; N];
         array.copy_from_slice(self.take(N, what)?);
@@ -195,27 +197,27 @@ impl<'a> Cursor<'a> {
         Ok(array)
     }
 
-    /// A four-byte binary integer.
+    /// Reads a four-byte binary integer.
     pub(super) fn i32(&mut self, what: &str) -> Result<i32> {
         self.array(what).map(i32::from_le_bytes)
     }
 
-    /// An eight-byte binary integer.
+    /// Reads an eight-byte binary integer.
     pub(super) fn i64(&mut self, what: &str) -> Result<i64> {
         self.array(what).map(i64::from_le_bytes)
     }
 
-    /// A four-byte binary floating-point number.
+    /// Reads a four-byte binary floating-point number.
     pub(super) fn f32(&mut self, what: &str) -> Result<f64> {
         self.array(what).map(f32::from_le_bytes).map(f64::from)
     }
 
-    /// An eight-byte binary floating-point number.
+    /// Reads an eight-byte binary floating-point number.
     pub(super) fn f64(&mut self, what: &str) -> Result<f64> {
         self.array(what).map(f64::from_le_bytes)
     }
 
-    /// A node whose coordinates are the first three of these numbers.
+    /// The position of a node; its coordinates are the first three numbers of `words`.
     pub(super) fn point(&self, words: &[f64]) -> Result<DVec3> {
         match words {
             [x, y, z, ..] if words[..3].iter().all(|c| c.is_finite() && c.abs() <= LARGEST) => {
@@ -226,7 +228,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Converts a number that must not be negative, such as a count or an index.
+    /// Converts a number that must not be negative; `what` says what the number is, such as a count or an index.
     pub(super) fn natural(&self, number: i64, what: &str) -> Result<u64> {
         u64::try_from(number).map_err(|_| self.error(format!("{number} is not valid for {what}")))
     }

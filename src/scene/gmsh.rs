@@ -1,4 +1,6 @@
-//! Reads and writes Gmsh meshes: MSH 2.2 and 4.1, as ASCII and as binary of either byte order.
+//! Reads meshes of the mesh generator Gmsh: MSH files of version 2.2 or 4.1, as ASCII or as binary of either byte
+//! order. Writes MSH 4.1 as ASCII. In Gmsh, an *entity* is a point, curve, surface or volume of the geometry, a
+//! *physical group* is a set of entities with a number, and a *tag* is a number that belongs to an entity or element.
 //!
 //! The format is described in the Gmsh reference manual, "MSH file format" and "MSH file format version 2 (Legacy)".
 
@@ -17,17 +19,17 @@ use crate::Result;
 const REMEDY: &str = "export the mesh again as MSH 2.2 or 4.1";
 /// Gmsh's type number of the four-node tetrahedron.
 const TETRAHEDRON: u64 = 4;
-/// Number of the physical group that means "in no group", in version 2.
+/// The number that means "in no physical group" in version 2.
 const UNGROUPED: i64 = 0;
-/// Number of nodes of each of Gmsh's element types, from type 1.
+/// Number of nodes of each of Gmsh's element types; the first entry is that of type 1.
 const NODE_COUNTS: [usize; 31] =
     [2, 3, 4, 4, 8, 6, 5, 3, 6, 9, 10, 27, 18, 14, 1, 8, 20, 15, 13, 9, 10, 12, 15, 15, 21, 4, 5, 6, 20, 35, 56];
-/// All of Gmsh's element types have numbers below this; a greater number means a damaged file.
+/// Every type number of Gmsh's element types is less than this number; any other type number means a damaged file.
 const TYPE_COUNT: u64 = 200;
 
-/// Reads the nodes and the four-node tetrahedra of an MSH file; other elements are left out and counted in the notes.
-/// Node ids may have gaps. A tetrahedron's group is a physical group: its first tag (2.2), or the first group of the
-/// volume that it lies in (4.1).
+/// Reads the nodes and the four-node tetrahedra of an MSH file; other elements are left out, and a note of the mesh
+/// says how many. Node ids may have gaps. The group of a tetrahedron is a physical group: in version 2.2 the
+/// tetrahedron's first tag, in version 4.1 the first group of the volume in which the tetrahedron lies.
 pub fn read(path: &Path) -> Result<TetMesh> {
     parse(&cursor::bytes(path)?, path)
 }
@@ -73,10 +75,10 @@ fn header(cursor: &mut Cursor) -> Result<Version> {
                 return Err(cursor.error(format!("binary numbers of {} bytes are not supported", short(&words[2]))));
             }
             cursor.order = Some(Order::Little);
-            cursor.order = match cursor.i32("the binary 1 for the byte order")? {
+            cursor.order = match cursor.i32("the integer 1 that shows the byte order")? {
                 1 => Some(Order::Little),
                 0x0100_0000 => Some(Order::Big),
-                other => return Err(cursor.error(format!("found {other} instead of the binary 1 for the byte order"))),
+                other => return Err(cursor.error(format!("found {other} instead of the 1 that shows the byte order"))),
             };
         }
         other => return Err(cursor.error(format!("file type {} is neither 0 (text) nor 1 (binary)", short(other)))),
@@ -85,8 +87,8 @@ fn header(cursor: &mut Cursor) -> Result<Version> {
     Ok(version)
 }
 
-/// Reads whole numbers: in text a line of at least `ints` + `sizes` of them; in binary `ints` four-byte and `sizes`
-/// eight-byte integers.
+/// Reads whole numbers: from a text file, one line with at least `ints` + `sizes` numbers; from a binary file, `ints`
+/// four-byte integers and then `sizes` eight-byte integers.
 fn whole(cursor: &mut Cursor, what: &str, ints: usize, sizes: usize) -> Result<Vec<i64>> {
     if cursor.order.is_none() {
         return cursor.numbers(what, ints + sizes);
@@ -101,7 +103,8 @@ fn whole(cursor: &mut Cursor, what: &str, ints: usize, sizes: usize) -> Result<V
     Ok(numbers)
 }
 
-/// Reads floating-point numbers: in text a line of at least `least` of them, in binary exactly `least`.
+/// Reads floating-point numbers: from a text file, one line with at least `least` numbers; from a binary file, exactly
+/// `least` numbers.
 fn real(cursor: &mut Cursor, what: &str, least: usize) -> Result<Vec<f64>> {
     if cursor.order.is_none() {
         return cursor.numbers(what, least);
@@ -131,7 +134,7 @@ fn nodes_v4(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     let blocks = whole(cursor, "the counts of $Nodes", 0, 4)?[0];
     for _ in 0..cursor.natural(blocks, "the number of blocks")? {
         let head = whole(cursor, "a block of nodes (dimension, tag, parametric, count)", 3, 1)?;
-        // The coordinates of a parametric node are followed by as many parameters as its entity has dimensions.
+        // A parametric node has, after its coordinates, one parameter for each dimension of the entity it lies on.
         let parameters = if head[2] == 0 { 0 } else { head[0].clamp(0, 3) as usize };
         let mut ids = Vec::new();
         for _ in 0..cursor.natural(head[3], "the number of nodes in a block")? {
@@ -147,7 +150,8 @@ fn nodes_v4(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     cursor.expect("$EndNodes")
 }
 
-/// Adds the element that was read last, or counts it if it is not a four-node tetrahedron.
+/// Adds the element that was read last; if it is not a four-node tetrahedron, only counts it. `kind`: number of the
+/// element's type; `group`: number of its physical group.
 fn add_element(
     cursor: &Cursor,
     file: &mut Contents,
@@ -166,6 +170,7 @@ fn add_element(
     Ok(())
 }
 
+/// What elements of a type are called in notes; `kind`: number of the type.
 fn name(kind: u64) -> String {
     match kind {
         1 => "lines".into(),
@@ -180,7 +185,7 @@ fn name(kind: u64) -> String {
     }
 }
 
-/// Number of nodes of a binary element, which follows from its type alone.
+/// Number of nodes of an element of type `kind`; a binary file does not give this number.
 fn nodes_of(cursor: &Cursor, kind: u64) -> Result<usize> {
     let known = kind.checked_sub(1).and_then(|place| NODE_COUNTS.get(place as usize));
     known.copied().ok_or_else(|| cursor.error(format!("elements of the unknown type {kind}")))
@@ -206,7 +211,7 @@ fn elements_v2(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     cursor.expect("$EndElements")
 }
 
-/// Reads a group of binary elements of one type, and returns their number.
+/// Reads a run of binary elements, which are all of one type, and returns the number of elements.
 fn binary_elements_v2(cursor: &mut Cursor, file: &mut Contents) -> Result<u64> {
     const WHAT: &str = "a run of elements (type, count, number of tags)";
     let head = whole(cursor, WHAT, 3, 0)?;
@@ -241,8 +246,8 @@ fn elements_v4(cursor: &mut Cursor, file: &mut Contents, volumes: &HashMap<i64, 
     cursor.expect("$EndElements")
 }
 
-/// Writes tetrahedra as MSH 4.1 ASCII: one volume, with ids from 1 in the given order. Coordinates have enough digits
-/// to be read back with the same bits.
+/// Writes tetrahedra as MSH 4.1 ASCII, in one volume. Nodes and tetrahedra keep their order; their ids count from 1.
+/// Coordinates have enough digits to be read back with the same bits.
 pub fn write(w: &mut impl Write, nodes: &[DVec3], tetrahedra: &[[u32; 4]]) -> std::io::Result<()> {
     let low = nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -309,7 +314,7 @@ mod tests {
             assert!(message.contains(words), "elements {elements:?} give the error: {message}");
         }
         for (text, words) in [
-            (NODES.replace("2.2 0", "2.2 1"), "instead of the binary 1 for the byte order"),
+            (NODES.replace("2.2 0", "2.2 1"), "instead of the 1 that shows the byte order"),
             (NODES.replace("2.2 0", "4 0"), "version 4 "),
             (NODES.replace("1 0 0", "nan 0 0"), "t.msh:7:"),
             (NODES.replace("700", "10"), "given twice"),

@@ -1,11 +1,14 @@
 //! Parameters of the simulated hand, a haptic device of the crate `devices`: a person's arm and wrist, and the device
 //! that the person holds.
 
-/// Parameters of the person and of the device that matter to stability. People have 0.05 to 0.3 kg, 100 to 500 N/m and
-/// 2 to 10 N s/m (mass, stiffness and damping). A device renders a virtual wall passively up to a stiffness of min(2 b
-/// / T, 2 c / q) N/m, where b is `device_damping`, c `friction`, q `quantum` and T the sampling period, s (Abbott and
-/// Okamura 2005, "Effects of position quantization and sampling rate on virtual-wall passivity"); with the default
-/// values that is 1000 N/m at 1 kHz.
+/// Parameters of the person and of the device that matter to stability; the comment on each ends with the allowed
+/// range. Arm and wrist are springs and dampers that pull the device to the pose that the person intends. In people the
+/// mass is 0.05 to 0.3 kg, the stiffness 100 to 500 N/m, and the damping 2 to 10 N s/m.
+///
+/// A device renders a virtual wall passively (without giving energy to the hand) if the wall's stiffness is at most
+/// min(2 b / T, 2 c / q) N/m, where b is `device_damping`, c is `friction`, q is `quantum`, and T is the sampling
+/// period, s (Abbott and Okamura 2005, "Effects of position quantization and sampling rate on virtual-wall passivity").
+/// With the default values and a sampling rate of 1 kHz, this limit is 1000 N/m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HandParameters {
     /// Mass of hand and device, kg; 0.001 to 10.
@@ -18,17 +21,18 @@ pub struct HandParameters {
     pub device_damping: f64,
     /// Coulomb friction of the device, the same in all directions, N; 0 to 100.
     pub friction: f64,
-    /// Moment of inertia about any axis, kg m^2; 1e-6 to 1.
+    /// Moment of inertia of hand and device about any axis, kg m^2; 1e-6 to 1.
     pub inertia: f64,
     /// Angular stiffness of the wrist, N m/rad; 0 to 1000.
     pub angular_stiffness: f64,
-    /// Angular damping of wrist and device, relative to the intended angular velocity, N m s/rad; 0 to 10.
+    /// Angular damping of wrist and device, relative to the angular velocity of the intended pose, N m s/rad; 0 to 10.
     pub angular_damping: f64,
-    /// Position resolution of the encoders on each axis, m; 0 (exact) to 0.01. Orientation is always read exactly.
+    /// Resolution of the position that the device reads on each axis (orientation is exact), m; 0 (exact) to 0.01.
     pub quantum: f64,
-    /// Delay between receiving a wrench and playing it, s; a whole number of substeps, at most 1 s.
+    /// Time, s, between the command of a wrench (force and torque) to the device and the moment when it acts on the
+    /// hand; a whole number of substeps from 0 to 1 s.
     pub delay: f64,
-    /// Integration step, s; 1e-5 to 0.001.
+    /// Substep: the time step of the hand's equations of motion, s; 1e-5 to 0.001.
     pub substep: f64,
 }
 
@@ -53,14 +57,14 @@ impl Default for HandParameters {
 }
 
 impl HandParameters {
-    /// Share of a substep by which a time may fall short of the substep's end and still count as having reached it,
-    /// because times are sums of rounded ticks.
+    /// Rounding tolerance of times, as a share of a substep. A time that is earlier than the end of a substep by no
+    /// more than this counts as that end, because times are sums of rounded periods of the haptic loop.
     pub const EARLY: f64 = 1e-6;
 
     /// Checks that all values are in range.
     ///
     /// # Errors
-    /// One line that names the first value out of range, and its range.
+    /// One line that names the first value out of range, and the allowed range.
     pub fn check(&self) -> Result<(), String> {
         let ranges = [
             ("mass", self.mass, 1e-3, 10.0, "kg"),

@@ -1,6 +1,9 @@
-//! Reads `[haptics]`: the haptic device, the loop that *plays* (commands) its force, and limits below those of the
-//! device. Called by `load.rs`. In this file "device" is always the haptic device, and a wrench is the force and torque
-//! on the tool that a step of the simulation reports.
+//! Reads the table `[haptics]` of a scene file, for `load.rs`: the haptic device, the haptic loop, and limits below
+//! those of the device. The device moves the tool, a rigid body of the simulation. The haptic loop reads the device's
+//! pose and *plays* a force, that is, commands it to the device, at a fixed rate. In this file "device" is always the
+//! haptic device, a *wrench* is the force and torque on the tool that a step of the simulation reports, and a *profile*
+//! is the limits and abilities of one model of device. The table `[drive]` of a scene file is the reference trajectory:
+//! poses at given times, which the device follows where no user moves it.
 
 use std::path::PathBuf;
 
@@ -23,47 +26,49 @@ const LONGEST_STEP: f64 = 0.02;
 /// The settings of `[haptics]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Haptics {
-    /// Whether a device moves the tool and the simulation runs in real time; otherwise the keys of `[drive]` move the
+    /// Whether a device moves the tool and the simulation runs in real time; otherwise the poses of `[drive]` move the
     /// tool, step by step in simulated time.
     pub has_device: bool,
     /// The kind of device.
     pub device: DeviceKind,
-    /// The profile (limits) of a simulated device; for a Haply device, the limits that it must not exceed; `None`: the
-    /// device's own profile.
+    /// The profile of a simulated device; for a device made by Haply, a profile that lowers the device's own limits.
+    /// `None`: the device's own profile.
     pub profile: Option<&'static Profile>,
     /// Rate of the haptic loop, Hz.
     pub rate: f64,
-    /// Limits below those of the profile.
+    /// Limits that the scene sets below those of the profile.
     pub limits: Lowered,
-    /// Whether the loop updates the force by a local model of the contact between two wrenches of the simulation;
-    /// otherwise it plays the newest force unchanged.
+    /// Whether the loop, until the next wrench arrives, computes the contact force of the moving tool by a local model
+    /// (a linear force law about the newest wrench); otherwise the contact force stays that of the newest wrench.
     pub local_model: bool,
-    /// Greatest distance of the tool from its pose in the newest wrench at which the local model is used, m.
+    /// The local model is trusted while the tool is at most this far, m, from its pose at the newest wrench.
     pub trust: f64,
-    /// Whether the passivity controller acts; otherwise energy is only observed.
+    /// Whether the passivity controller acts, a damper that keeps the loop from giving energy to the user's hand;
+    /// otherwise that energy is only computed.
     pub passivity: bool,
-    /// The longest time step of the simulation, s. A step lasts as long as it takes to compute; where that is longer
-    /// than this, bodies move slower than in real time.
+    /// The longest time step of the simulation, s. With a device, a step is as long as its computation takes, up to
+    /// this limit; if the computation takes longer, bodies move slower than in real time.
     pub longest_step: f64,
-    /// The simulated person, for device = "hand".
+    /// The simulated person who holds the device, for device = "hand".
     pub hand: HandParameters,
-    /// How to reach the service of a Haply device. The haptic loop sets the device's home position and rate.
+    /// How to reach the service (a program made by Haply) that connects to a Haply device. The haptic loop itself sets
+    /// the device's home position and rate.
     pub haply: HaplyService,
-    /// The recorded session that is replayed, for device = "replay".
+    /// File with the recording of an earlier run of the haptic loop, which is replayed, for device = "replay".
     pub recording: Option<PathBuf>,
 }
 
-/// How to reach the service of a Haply device: `haply = { .. }`.
+/// How to reach the service (a program made by Haply) that connects to a Haply device: `haply = { .. }`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HaplyService {
-    /// Address `ws://HOST:PORT` of the service; HOST must be `localhost` or a loopback address.
+    /// Address `ws://HOST:PORT` of the service; HOST must be `localhost` or a loopback address, unless `trust_remote`.
     pub url: String,
-    /// Whether the service may be on another machine.
+    /// Whether the service may run on another machine.
     pub trust_remote: bool,
-    /// Id of the device; `None`: the first one.
+    /// Id of the device; `None`: the first device of the service.
     pub device_id: Option<String>,
-    /// Format of the forces sent; `None`: the format that the service's version requires, and [`Dialect::Vector`] if it
-    /// reports no version.
+    /// Format of the forces sent; `None`: the format that the service's version requires, and [`Dialect::Vector`] if
+    /// the service reports no version.
     pub dialect: Option<Dialect>,
 }
 
@@ -73,12 +78,12 @@ impl Default for HaplyService {
     }
 }
 
-/// The key under which a service expects forces in a message.
+/// The JSON key under which the service of a Haply device expects forces in a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dialect {
     /// The key `vector`, for service version 3.5 and later.
     Vector,
-    /// The key `values`, for older 3.x.
+    /// The key `values`, for older service versions 3.x.
     Values,
 }
 
@@ -93,7 +98,7 @@ pub struct Lowered {
     pub slew: Option<f64>,
     /// Radius of the workspace, m.
     pub workspace: Option<f64>,
-    /// Age of the newest wrench beyond which the force fades to zero, s.
+    /// Age, s, of the newest wrench above which the force fades to zero.
     pub watchdog: Option<f64>,
 }
 
@@ -102,9 +107,9 @@ pub struct Lowered {
 pub enum DeviceKind {
     /// No hardware: the pose of the device follows `[drive]`.
     Scripted,
-    /// A simulated person who intends to follow `[drive]`.
+    /// A simulated person, who holds a simulated device and intends to follow `[drive]`.
     Hand,
-    /// The readings of a recorded session.
+    /// A recording of an earlier run of the haptic loop: its readings of a device are read again.
     Replay,
     /// A device made by Haply: an Inverse3 or a Minverse.
     Haply,
@@ -144,7 +149,7 @@ impl Default for Haptics {
     }
 }
 
-/// Reads the table; without one, returns the defaults.
+/// Reads the table `[haptics]` of the scene's root table; if it is absent, returns the defaults.
 pub(super) fn read(root: &Table) -> Result<Haptics> {
     let default = Haptics::default();
     let Some(table) = root.get("haptics").map(|value| value.table(&reference::HAPTICS)).transpose()? else {
@@ -188,11 +193,11 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
 /// The problem with a profile that [`of_haply`] refuses.
 pub const NOT_HAPLYS: &str = "is not that of a Haply";
 
-/// Checks that a profile may be named for a Haply device: it must be one of Haply's, and can only lower the device's
-/// own limits.
+/// Checks that a scene may name a profile for a Haply device: the profile must be that of a Haply device. It can only
+/// lower the device's own limits.
 ///
 /// # Errors
-/// The remedy, if it may not.
+/// The remedy, if the profile is not that of a Haply device.
 pub fn of_haply(profile: &Profile) -> std::result::Result<(), String> {
     let names = || HAPLY.each_ref().map(|profile| profile.name).join(" or ");
     if profile.is_haplys() { Ok(()) } else { Err(format!("remove it, or give {}", names())) }
@@ -202,18 +207,18 @@ pub fn of_haply(profile: &Profile) -> std::result::Result<(), String> {
 fn hand(value: &Value) -> Result<HandParameters> {
     let (table, mut hand) = (value.table(&reference::HAND)?, HandParameters::default());
     let places = [
-        &mut hand.mass,
-        &mut hand.stiffness,
-        &mut hand.damping,
-        &mut hand.device_damping,
-        &mut hand.friction,
-        &mut hand.inertia,
-        &mut hand.angular_stiffness,
-        &mut hand.angular_damping,
-        &mut hand.quantum,
-        &mut hand.delay,
+        ("mass", &mut hand.mass),
+        ("stiffness", &mut hand.stiffness),
+        ("damping", &mut hand.damping),
+        ("device_damping", &mut hand.device_damping),
+        ("friction", &mut hand.friction),
+        ("inertia", &mut hand.inertia),
+        ("angular_stiffness", &mut hand.angular_stiffness),
+        ("angular_damping", &mut hand.angular_damping),
+        ("quantum", &mut hand.quantum),
+        ("delay", &mut hand.delay),
     ];
-    for (key, place) in reference::HAND.names().into_iter().zip(places) {
+    for (key, place) in places {
         *place = table.or(key, *place, Value::not_negative)?;
     }
     hand.check().map_err(|problem| value.error(problem, "give a number in that range"))?;

@@ -1,6 +1,7 @@
-//! Ball joints between the rigid cores of a soft body: those of `[[body.joint]]`, and those between a skeleton's bones
-//! and their parents. A core is a rigid part to which nodes of the body's layer (tetrahedral mesh) are attached; a bone
-//! is a core that a skeleton file defines. Called by `body.rs`.
+//! Ball joints between the rigid cores of a soft body: those that the scene file lists as `[[body.joint]]`, and those
+//! between the bones of a skeleton and their parent bones. A core is a rigid body inside the soft one, to which nodes
+//! of the layer (tetrahedral mesh) are attached; a dynamic core is moved by forces; a bone is a core that a skeleton
+//! file defines. The module `body.rs` calls this one.
 
 use glam::DVec3;
 
@@ -18,7 +19,7 @@ const SHORTEST_AXIS: f64 = 1e-9;
 /// A ball joint: a point that two cores of a body share; at least one of them is dynamic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joint {
-    /// Indices of the two cores in the body; angles are those of the second relative to the first.
+    /// Indices of the two cores in the body; angles are those of the second core relative to the first.
     pub cores: [usize; 2],
     /// Position of the joint, in the coordinates of the mesh file, before scale and pose.
     pub point: DVec3,
@@ -35,13 +36,14 @@ pub struct Resistance {
     pub damping: f64,
     /// Unit axis along the second core, in the coordinates of the mesh file; zero where rotation is not limited.
     pub axis: DVec3,
-    /// Greatest angle between the axis and its rest direction, rad; `None`: no limit.
+    /// Greatest angle between that axis and the direction it has at rest, rad; `None`: no limit.
     pub swing: Option<f64>,
-    /// Greatest rotation of the core about its axis, to either side, rad; `None`: no limit.
+    /// Greatest rotation of the second core about that axis, to either side, rad; `None`: no limit.
     pub twist: Option<f64>,
 }
 
-/// Reads `stiffness`, `damping`, `swing` and `twist` of a table; `axis` lies along the core and may have any length.
+/// Reads `stiffness`, `damping`, `swing` and `twist` of a table; `axis` lies along the joint's second core and may have
+/// any length.
 pub(super) fn resistance(table: &Table, axis: Option<DVec3>) -> Result<Resistance> {
     let angle = |value: &Value| value.ruled(check::limit);
     let (swing, twist) = (table.option("swing", angle)?, table.option("twist", angle)?);
@@ -58,8 +60,8 @@ pub(super) fn resistance(table: &Table, axis: Option<DVec3>) -> Result<Resistanc
     Ok(Resistance { stiffness, damping, axis, swing, twist })
 }
 
-/// The joints of a body: those that its table lists, then those between bones and their parents, except pairs that are
-/// already listed and pairs without a dynamic core.
+/// The joints of a body: first those that the body's table lists, then those between bones and their parents. No joint
+/// is made between a bone and its parent if the table lists one for them, or if neither of the two is dynamic.
 pub(super) fn read(table: &Table, skeleton: Option<&Skeleton>, cores: &[Core]) -> Result<Vec<Joint>> {
     let mut joints: Vec<Joint> = Vec::new();
     if let Some(array) = table.get("joint") {
@@ -110,7 +112,7 @@ fn joint(value: &Value, cores: &[Core]) -> Result<Joint> {
         resistance: resistance(&table, axis)?,
     };
     if joint.cores[0] == joint.cores[1] {
-        return Err(b.error("is the same core", "name two cores"));
+        return Err(b.error("is the same core as the first", "name two cores"));
     }
     if !is_dynamic(&joint, cores) {
         return Err(
@@ -120,12 +122,13 @@ fn joint(value: &Value, cores: &[Core]) -> Result<Joint> {
     Ok(joint)
 }
 
+/// Whether at least one of the joint's two cores is dynamic.
 fn is_dynamic(joint: &Joint, cores: &[Core]) -> bool {
     joint.cores.iter().any(|core| matches!(cores[*core].motion, Motion::Dynamic))
 }
 
-/// Whether a joint would close a loop: its two cores are dynamic, and a chain of other joints between dynamic cores
-/// already connects them. Other joints between the same two cores do not count.
+/// Whether `joint` would close a loop: its two cores are dynamic, and a chain of `joints` between dynamic cores already
+/// connects them. Joints in `joints` between the same two cores do not count.
 pub(super) fn closes_loop(joints: &[Joint], joint: &Joint, cores: &[Core]) -> bool {
     let dynamic = |joint: &&Joint| joint.cores.iter().all(|core| matches!(cores[*core].motion, Motion::Dynamic));
     let beside = |other: &&Joint| !joint.cores.iter().all(|core| other.cores.contains(core));

@@ -1,6 +1,7 @@
-//! Tables of a scene with their position in the file: every key and value has its dotted path and its line, so that any
-//! error is reported as `scene.toml:12: `body.head.material.young`: ...`. `load.rs` reads scenes through this module,
-//! both from TOML text and from tables that a program made, which have no lines.
+//! TOML tables of a scene (the bodies, the tool and the settings of a simulation) with their position in the file:
+//! every key and value has its dotted path and its line, so that an error begins with the place `scene.toml:12:` and
+//! the path `body.head.material.young`. `load.rs` reads scenes through this module, both from TOML text and from tables
+//! that a program made, which have no lines.
 //!
 //! serde's derive is not used: it reports unknown keys without their table, and values out of range without their line.
 
@@ -18,7 +19,7 @@ use crate::{Error, Result};
 /// Similarity (Jaro-Winkler, 0 to 1) above which a known key is suggested in place of an unknown one.
 const LIKENESS: f64 = 0.7;
 
-/// A value, and the byte offset at which it begins in its text, if there is a text.
+/// A TOML value, and the byte offset at which it begins in the text that it was read from, if there is a text.
 pub struct Node {
     kind: Kind,
     offset: Option<usize>,
@@ -28,7 +29,7 @@ enum Kind {
     Text(String),
     /// The integer as it was written, and its value if that fits into 64 bits.
     Integer(String, Option<i64>),
-    /// The value, if the text is a number.
+    /// The value; `None` if the text cannot be read as a number.
     Float(Option<f64>),
     Truth(bool),
     Array(Vec<Node>),
@@ -102,18 +103,18 @@ impl From<&toml::Table> for Node {
     }
 }
 
-/// The text that tables come from; it turns byte offsets into lines.
+/// The text that tables are read from; byte offsets in it are converted to line numbers.
 pub struct Source<'a> {
-    /// The scene file, or the name that errors show instead.
+    /// The scene file, or the name that errors show in place of a file.
     pub file: &'a Path,
     /// The whole text; empty where a program made the tables.
     pub text: &'a str,
-    /// The meshes in memory that `{ mesh = ".." }` may name.
+    /// The meshes in memory to which `{ mesh = ".." }` may refer by name.
     pub meshes: &'a Meshes,
 }
 
 impl<'a> Source<'a> {
-    /// The source of a file, which cannot name meshes in memory.
+    /// The source for the text of a file, which cannot refer to meshes in memory.
     pub fn of_file(file: &'a Path, text: &'a str) -> Self {
         Source { file, text, meshes: Meshes::none() }
     }
@@ -149,13 +150,14 @@ impl<'a> Table<'a> {
         Value { source, key: String::new(), value: document }.table(known)
     }
 
-    /// This table under another dotted path, for an element of an array of tables whose name has been read.
+    /// This table with another dotted path: once the `name` of an element of an array of tables has been read, the name
+    /// replaces the index in the path (`body.head` in place of `body[0]`).
     pub fn renamed(mut self, path: String) -> Self {
         self.path = path;
         self
     }
 
-    /// Fails if the table has a key that is not in `known`, and suggests the nearest.
+    /// Fails if the table has a key that is not in `known`; the error suggests the known key most similar to it.
     pub fn only(&self, known: &TableKeys) -> Result<()> {
         let known = &known.names()[..];
         let Some((key, offset, _)) = self.table.iter().find(|(key, ..)| !known.contains(&key.as_str())) else {
@@ -192,17 +194,17 @@ impl<'a> Table<'a> {
         self.get(key).is_some()
     }
 
-    /// A key's value read by `read`, or `default` where the key is absent.
+    /// The value of a key, as `read` returns it; `default` where the key is absent.
     pub fn or<T>(&self, key: &str, default: T, read: impl Fn(&Value<'a>) -> Result<T>) -> Result<T> {
         self.get(key).map_or(Ok(default), |value| read(&value))
     }
 
-    /// A key's value read by `read`, if the key is there.
+    /// The value of a key, as `read` returns it; `None` where the key is absent.
     pub fn option<T>(&self, key: &str, read: impl Fn(&Value<'a>) -> Result<T>) -> Result<Option<T>> {
         self.get(key).map(|value| read(&value)).transpose()
     }
 
-    /// The only one of `choices` that the table has; an error when there is none or more than one.
+    /// The one key of `choices` that the table has; fails if the table has none of them, or more than one.
     pub fn exactly_one(&self, choices: &[&'static str]) -> Result<&'static str> {
         let present: Vec<_> = choices.iter().copied().filter(|key| self.has(key)).collect();
         match present[..] {
@@ -212,8 +214,8 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// An error for a problem that a check found in the values of this table. It has the line of the key with which the
-    /// problem's own key begins.
+    /// An error for a problem that a check found in the values of this table. The problem has a dotted path; the error
+    /// names the line of the first key in that path.
     pub fn wrong(&self, Problem { key, problem, remedy }: Problem) -> Error {
         let first = key.split(['.', '[']).next().unwrap_or_default();
         if first == key {
@@ -257,7 +259,7 @@ impl<'a> Value<'a> {
         self.error(format!("is of type {kind}"), format!("give {wanted}"))
     }
 
-    /// Reads a finite number within single precision.
+    /// Reads a number, which must be finite and at most 1e30 in magnitude.
     pub fn number(&self) -> Result<f64> {
         let parsed = match &self.value.kind {
             Kind::Float(float) => *float,
@@ -268,12 +270,12 @@ impl<'a> Value<'a> {
         self.held(x, check::finite(x))
     }
 
-    /// Returns `value` if the check passed; else an error about this value with the check's problem.
+    /// Returns `value` if the check found no problem; otherwise an error about this value, with the problem found.
     pub fn held<T>(&self, value: T, check: Check) -> Result<T> {
         check.map(|()| value).map_err(|problem| self.error(problem.problem, problem.remedy))
     }
 
-    /// Reads a number that passes a check.
+    /// Reads a number, which must pass the check `rule`.
     pub fn ruled(&self, rule: impl Fn(f64) -> Check) -> Result<f64> {
         let x = self.number()?;
         self.held(x, rule(x))
@@ -289,16 +291,17 @@ impl<'a> Value<'a> {
         self.ruled(check::not_negative)
     }
 
-    /// Reads a number greater than zero, or `"auto"` (`None`).
+    /// Reads a number greater than zero, or the string `"auto"`, for which it returns `None`.
     pub fn auto_or_positive(&self) -> Result<Option<f64>> {
         if self.is_auto()? { Ok(None) } else { self.positive().map(Some) }
     }
 
-    /// Reads a number that is zero or more, or `"auto"` (`None`).
+    /// Reads a number that is zero or more, or the string `"auto"`, for which it returns `None`.
     pub fn auto_or_not_negative(&self) -> Result<Option<f64>> {
         if self.is_auto()? { Ok(None) } else { self.not_negative().map(Some) }
     }
 
+    /// Whether the value is the string `"auto"`; any other string is an error.
     fn is_auto(&self) -> Result<bool> {
         match &self.value.kind {
             Kind::Text(text) if text == "auto" => Ok(true),
@@ -346,8 +349,8 @@ impl<'a> Value<'a> {
         if let Kind::Text(text) = &self.value.kind { Ok(text) } else { Err(self.wrong_type("a string in quotes")) }
     }
 
-    /// Reads a string that is one of the names in `choices`, and returns its value; in errors, `what` is the kind of
-    /// name.
+    /// Reads a string that is one of the names in `choices`, and returns the value of that name. `what` is the word by
+    /// which errors call such a name, for example "preset".
     pub fn one_of<T: Copy>(&self, what: &str, choices: &[(&str, T)]) -> Result<T> {
         let text = self.text()?;
         let found = choices.iter().find(|(name, _)| *name == text);
@@ -357,8 +360,8 @@ impl<'a> Value<'a> {
         })
     }
 
-    /// Reads a name: it has letters, digits, `_`, `-` and `.`, because it becomes part of file names and column
-    /// headings.
+    /// Reads a name, which consists of letters, digits, `_`, `-` and `.`, because it becomes part of file names and
+    /// column headings.
     pub fn name(&self) -> Result<String> {
         let text = self.text()?;
         self.held(text.into(), check::name(text))
@@ -397,7 +400,7 @@ impl<'a> Value<'a> {
     ) -> Result<[T; N]> {
         let elements = self.array()?;
         if elements.len() != N {
-            return Err(self.error(format!("has {} elements", elements.len()), format!("give {N}")));
+            return Err(self.error(format!("has {} elements", elements.len()), format!("give {N} elements")));
         }
         let mut result = [T::default(); N];
         for (slot, element) in result.iter_mut().zip(&elements) {
@@ -431,15 +434,15 @@ impl<'a> Value<'a> {
     }
 }
 
-/// The known name that is most similar to `text` (the first one among equals), and whether it is so similar that it was
-/// probably meant.
+/// The name in `known` that is most similar to `text` (the first of several equally similar ones), and whether it is so
+/// similar that it was probably meant.
 fn nearest<'a>(text: &str, known: &[&'a str]) -> Option<(&'a str, bool)> {
     let likeness = |name: &&'a str| (strsim::jaro_winkler(text, name), *name);
     let (likeness, name) = known.iter().rev().map(likeness).max_by(|a, b| a.0.total_cmp(&b.0))?;
     Some((name, likeness > LIKENESS))
 }
 
-/// A remedy for a text that is not a known name: it lists the known names, and suggests the nearest.
+/// A remedy for a text that is not a known name: it lists the known names, and suggests the most similar one.
 pub fn suggest(text: &str, known: &[&str]) -> String {
     let all = if known.is_empty() { "none".into() } else { known.join(", ") };
     match nearest(text, known) {

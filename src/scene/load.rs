@@ -1,4 +1,7 @@
-//! [`Scene::load`]: reads a TOML file into a checked [`Scene`].
+//! [`Scene::load`] reads a scene file (TOML) into a [`Scene`] (the bodies, the tool and the settings of a simulation)
+//! and checks it. The tool is the rigid body that the haptic device moves; the reference trajectory, `[drive]`, gives
+//! poses (*keys*) of the device at given times; a probe, `[[probe]]`, is a skin vertex whose positions are recorded; a
+//! preset is a named set of settings.
 //!
 //! Bodies are read in `body.rs`, trajectories in `trajectory.rs`, and the settings of the haptic loop in `haptics.rs`.
 //! Mesh files must exist, but are not read here.
@@ -16,17 +19,19 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// Name by which bodies refer to the tool.
+/// Name by which bodies of a scene refer to the tool.
 pub(super) const TOOL: &str = "tool";
-/// Length of a run if the reference trajectory of the haptic device has no keys, s.
+/// Length of a run, s, if the reference trajectory has no keys.
 const DEFAULT_DURATION: f64 = 1.0;
-/// Defaults of a scene file: gravity (m/s^2), and below it the friction speed (m/s) and the depth limit (m).
+/// Default acceleration of gravity, m/s^2.
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
+/// Default speed below which friction is viscous, m/s.
 const FRICTION_SPEED: f64 = 0.001;
+/// Default penetration depth above which a step sets a flag (a warning bit) in its results, m.
 const DEPTH_LIMIT: f64 = 0.02;
 
 impl Scene {
-    /// Reads and checks a scene file: every number is finite and in range, every name resolves, every named file
+    /// Reads a scene file and checks it: every number is finite and in range, and whatever a name or a path refers to
     /// exists. Errors name the file, the line, the key and the remedy.
     pub fn load(path: &Path) -> Result<Scene> {
         let text = std::fs::read_to_string(path)
@@ -34,7 +39,8 @@ impl Scene {
         Scene::parse(path, &text)
     }
 
-    /// Reads and checks the text of a scene file. Errors name `path`, and paths in the text are relative to its folder.
+    /// Reads and checks the text of a scene file. Errors name `path`, and paths in the text are relative to the folder
+    /// of `path`.
     pub fn parse(path: &Path, text: &str) -> Result<Scene> {
         let mut builder = SceneBuilder::new(path);
         let source = Source::of_file(path, text);
@@ -43,7 +49,7 @@ impl Scene {
         Ok(builder.scene().clone())
     }
 
-    /// Fails for a scene without bodies and tool, in which there is nothing to simulate.
+    /// Fails for a scene with neither a body nor a tool, in which there is nothing to simulate.
     #[doc(hidden)]
     pub fn check_filled(&self) -> Result<()> {
         if !self.bodies.is_empty() || self.tool.is_some() {
@@ -53,13 +59,13 @@ impl Scene {
         Err(Error::input(&self.file, None, problem, "add a [[body]] or a [tool]"))
     }
 
-    /// A scene of one body; all else has the values of a scene file without any other table. Errors name `file`.
+    /// A scene of one body, with the settings that an empty scene file gives. Error messages name `file`.
     #[doc(hidden)]
     pub fn of_body(file: impl Into<PathBuf>, body: Body) -> Scene {
         Scene { bodies: vec![body], ..Scene::empty(file) }
     }
 
-    /// A scene without bodies and tool; all else has the values of an empty scene file. Errors name `file`.
+    /// A scene without bodies and tool, with the settings that an empty scene file gives. Error messages name `file`.
     pub fn empty(file: impl Into<PathBuf>) -> Scene {
         Scene {
             file: file.into(),
@@ -76,8 +82,8 @@ impl Scene {
         }
     }
 
-    /// The longest time step of the simulation, s. With a haptic device a step lasts as long as it takes to compute, up
-    /// to this.
+    /// The longest time step of the simulation, s. With a haptic device, a step is as long as its computation takes, up
+    /// to this limit; without one, every step has this length.
     pub fn longest_step(&self) -> f64 {
         if self.haptics.has_device { self.haptics.longest_step.max(self.step.dt) } else { self.step.dt }
     }
@@ -95,13 +101,13 @@ impl Scene {
         }
     }
 
-    /// The tool, if it is a rigid tool of its own and not a body of the scene.
+    /// The tool; `None` if there is no tool, or if one of the scene's bodies serves as the tool.
     pub fn rigid_tool(&self) -> Option<&Tool> {
         self.tool.as_ref().filter(|tool| !matches!(tool.shape, ToolShape::Body(_)))
     }
 
-    /// Length of a run for which no other is given, s: up to the last key of the trajectory, or one second without
-    /// keys.
+    /// Length of a run, s, if the user gives none: the time of the trajectory's last key, or one second if no key has a
+    /// time above zero.
     pub fn duration(&self) -> f64 {
         self.trajectory.last().map(|key| key.time).filter(|&time| time > 0.0).unwrap_or(DEFAULT_DURATION)
     }
@@ -115,7 +121,7 @@ impl Default for Step {
 }
 
 impl Default for Solver {
-    /// A tolerance of 1e-5 for the relative residual.
+    /// Stops at a relative residual of 1e-5 or after 200 iterations; the preconditioner is chosen automatically.
     fn default() -> Solver {
         no_solver(&preset::NONE)
     }
@@ -128,8 +134,9 @@ impl Default for Contact {
     }
 }
 
-/// Adds tables to a scene: their bodies and probes come after the existing ones, their other tables and keys replace
-/// existing values, and values that they do not mention are kept. After an error the scene may be changed in part.
+/// Adds the tables of `document` to a scene. Bodies and probes of the document come after those of the scene; a key of
+/// `[step]`, `[solver]` or `[contact]` replaces one value of the scene, and any other table replaces the scene's whole
+/// table. After an error the scene may be changed in part.
 pub(super) fn add(builder: &mut SceneBuilder, source: &Source, document: &Node) -> Result<()> {
     let root = Table::root(source, document, &reference::ROOT)?;
     let tables = ["step", "solver", "contact"];
@@ -162,7 +169,7 @@ pub(super) fn add(builder: &mut SceneBuilder, source: &Source, document: &Node) 
     names::check_names(&root, scene, before)
 }
 
-/// A table of the root; `None` if the scene leaves it out.
+/// A table of the root table; `None` if the scene file leaves it out.
 fn section<'a>(root: &Table<'a>, key: &str, known: &TableKeys) -> Result<Option<Table<'a>>> {
     root.option(key, |value| value.table(known))
 }
@@ -172,18 +179,18 @@ fn preset_of(value: &Value) -> Result<Preset> {
     value.one_of("preset", &PRESETS.map(|preset| (preset.name, preset)))
 }
 
-/// The settings of a scene without `[step]`.
+/// The settings of a scene without `[step]`; the preset `defaults` gives the values.
 fn no_step(defaults: &Preset) -> Step {
     Step { dt: defaults.dt, gravity: GRAVITY, newton: defaults.newton }
 }
 
-/// The settings of a scene without `[solver]`.
+/// The settings of a scene without `[solver]`; the preset `defaults` gives the values.
 fn no_solver(defaults: &Preset) -> Solver {
     let Preset { tolerance, max_iterations, .. } = *defaults;
     Solver { tolerance, max_iterations, preconditioner: Preconditioner::Auto }
 }
 
-/// The settings of a scene without `[contact]`.
+/// The settings of a scene without `[contact]`; the preset `defaults` gives the value of `sides`.
 fn no_contact(defaults: &Preset) -> Contact {
     Contact {
         stiffness: None,
@@ -197,6 +204,7 @@ fn no_contact(defaults: &Preset) -> Contact {
     }
 }
 
+/// Reads `[step]`; keys that the table leaves out have the values of `none`.
 fn step(root: &Table, none: &Step) -> Result<Step> {
     let Some(table) = section(root, "step", &reference::STEP)? else { return Ok(none.clone()) };
     Ok(Step {
@@ -206,6 +214,7 @@ fn step(root: &Table, none: &Step) -> Result<Step> {
     })
 }
 
+/// Reads `[solver]`; keys that the table leaves out have the values of `none`.
 fn solver(root: &Table, none: &Solver) -> Result<Solver> {
     let Some(table) = section(root, "solver", &reference::SOLVER)? else {
         return Ok(none.clone());
@@ -220,6 +229,7 @@ fn solver(root: &Table, none: &Solver) -> Result<Solver> {
     })
 }
 
+/// Reads `[contact]`; keys that the table leaves out have the values of `none`.
 fn contact(root: &Table, none: &Contact) -> Result<Contact> {
     let Some(table) = section(root, "contact", &reference::CONTACT)? else {
         return Ok(none.clone());

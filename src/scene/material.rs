@@ -1,5 +1,6 @@
-//! Reads the elastic material of a soft body, `material`, and its material regions, `[[body.region]]`, parts of the
-//! body that have another material. A layer is the tetrahedral mesh of a soft body. Called by `body.rs`.
+//! Reads the elastic material of a soft body, `material`, and its material regions, `[[body.region]]`, which are parts
+//! of the body with another material. A layer is the tetrahedral mesh of a soft body. The module `body.rs` calls this
+//! one.
 
 use glam::DVec3;
 
@@ -27,8 +28,8 @@ pub struct Material {
 }
 
 impl Material {
-    /// A corotational material without damping. `young` is in Pa, `poisson` lies from -0.5 to below 0.5, `density` is
-    /// in kg/m^3.
+    /// A material with the corotational law and without damping. `young` is in Pa, `poisson` lies from -0.5 to below
+    /// 0.5, `density` is in kg/m^3.
     pub fn new(young: f64, poisson: f64, density: f64) -> Material {
         Material { law: MaterialLaw::Corotational, young, poisson, density, damping_mass: 0.0, damping_stiffness: 0.0 }
     }
@@ -49,12 +50,12 @@ impl MaterialLaw {
         [("corotational", MaterialLaw::Corotational), ("neo-hookean", MaterialLaw::NeoHookean)];
 }
 
-/// A material region, `[[body.region]]`: tetrahedra that have another material than the body's.
+/// A material region, `[[body.region]]`: tetrahedra of a soft body whose material is not the body's.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
     /// Selects the tetrahedra. A tetrahedron that several regions select belongs to the first of them.
     pub place: Place,
-    /// Material of the region, complete: values that the file leaves out are those of the body's material.
+    /// The region's material with all its values: those that the scene file leaves out are the body's.
     pub material: Material,
 }
 
@@ -75,7 +76,7 @@ pub enum Place {
     Sphere {
         /// Centre.
         centre: DVec3,
-        /// Radius.
+        /// Radius, in the units of the mesh file.
         radius: f64,
     },
 }
@@ -104,7 +105,7 @@ pub(super) fn material(value: &Value, base: Option<&Material>) -> Result<Materia
     })
 }
 
-/// Reads a number that is required if `otherwise` is `None`.
+/// Reads the number of a key. Where the key is absent, returns `otherwise`, or fails if `otherwise` is `None`.
 fn number<'a>(
     table: &Table<'a>,
     key: &str,
@@ -117,7 +118,8 @@ fn number<'a>(
     }
 }
 
-/// Reads the material regions of a soft body; `from_file`: its layer is from a mesh file, which may have groups.
+/// Reads the material regions of a soft body. `from_file`: whether the body's layer is read from a mesh file, which may
+/// have groups of tetrahedra.
 pub(super) fn regions(body: &Table, base: &Material, from_file: bool) -> Result<Vec<Region>> {
     let Some(array) = body.get("region") else { return Ok(Vec::new()) };
     let region = |element: &Value| {
@@ -136,6 +138,7 @@ pub(super) fn regions(body: &Table, base: &Material, from_file: bool) -> Result<
     array.array()?.iter().map(region).collect()
 }
 
+/// Reads the name (a string) or the number of a group of tetrahedra.
 fn group(value: &Value) -> Result<Group> {
     if value.is_text() {
         return value.text().map(|name| Group::Name(name.into()));

@@ -1,5 +1,6 @@
-//! Meshes that a program passes in memory, by name. Scenes and preparation treat them like mesh files: a scene has
-//! `surface = { mesh = "liver" }` instead of `surface = "liver.obj"`.
+//! Meshes that a program passes in memory, each under a name: surfaces (of triangles) and layers (the tetrahedral
+//! meshes of soft bodies). The readers of scenes and the module `crate::prepare` treat them like mesh files: a scene
+//! has `surface = { mesh = "liver" }` instead of `surface = "liver.obj"`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,12 +14,12 @@ use super::tetrahedra::{self, Contents, Element, TetMesh};
 use super::triangulate::triangulate;
 use crate::{Error, Result};
 
-/// Greatest magnitude of a coordinate, the same as in mesh files.
+/// Greatest magnitude of a coordinate; coordinates in mesh files have the same limit.
 const LARGEST: f64 = 1e30;
-/// Remedy for an invalid mesh.
+/// What the program can do about an invalid mesh; error messages show it.
 const REMEDY: &str = "correct the arrays";
 
-/// Surfaces (of triangles) and layers (of tetrahedra), by name.
+/// The surfaces and the layers that a program has passed, by name.
 #[derive(Debug, Clone, Default)]
 pub struct Meshes {
     surfaces: BTreeMap<String, Arc<TriangleMesh>>,
@@ -33,26 +34,26 @@ impl Meshes {
         &NONE
     }
 
-    /// Adds a surface; it is treated like an OBJ file with these `v` and `f` lines.
+    /// Adds a surface; it is treated like an OBJ file with these vertices (`v` lines) and triangles (`f` lines).
     pub fn add_surface(&mut self, name: &str, vertices: Vec<DVec3>, triangles: &[[u32; 3]]) -> Result<()> {
         check_name("surface", name, self.surfaces.contains_key(name))?;
         self.surfaces.insert(name.into(), Arc::new(surface(name, vertices, triangles)?));
         Ok(())
     }
 
-    /// Adds the tetrahedra of a layer; they are treated like a mesh file with these nodes and elements.
+    /// Adds a layer; it is treated like a mesh file with these nodes and these tetrahedra as elements.
     pub fn add_layer(&mut self, name: &str, nodes: Vec<DVec3>, tetrahedra: &[[u32; 4]]) -> Result<()> {
         check_name("layer", name, self.layers.contains_key(name))?;
         self.layers.insert(name.into(), Arc::new(layer(name, nodes, tetrahedra)?));
         Ok(())
     }
 
-    /// The surface of this name; an error lists the existing names.
+    /// The surface of this name; the error is the list of the existing names.
     pub(super) fn surface(&self, name: &str) -> std::result::Result<Arc<TriangleMesh>, Vec<String>> {
         self.surfaces.get(name).cloned().ok_or_else(|| self.surfaces.keys().cloned().collect())
     }
 
-    /// The layer of this name; an error lists the existing names.
+    /// The layer of this name; the error is the list of the existing names.
     pub(super) fn layer(&self, name: &str) -> std::result::Result<Arc<TetMesh>, Vec<String>> {
         self.layers.get(name).cloned().ok_or_else(|| self.layers.keys().cloned().collect())
     }
@@ -85,6 +86,7 @@ pub(super) fn layer(name: &str, nodes: Vec<DVec3>, tetrahedra: &[[u32; 4]]) -> R
     tetrahedra::settle(contents, &Cursor::of_arrays(Path::new(&label), REMEDY))
 }
 
+/// What error messages call a mesh, in place of a file; `kind` is "surface" or "layer".
 fn label(kind: &str, name: &str) -> String {
     format!("{kind} \"{}\"", name.escape_debug())
 }
@@ -102,8 +104,9 @@ fn check_name(kind: &str, name: &str, is_taken: bool) -> Result<()> {
     Err(Error::input(Path::new(&label(kind, name)), None, problem, "give another name"))
 }
 
+/// Checks the coordinates of a mesh's points. The caller puts "vertex" or "node" before the error's text.
 fn check_points(points: &[DVec3]) -> std::result::Result<(), String> {
-    // The greatest index means "none" elsewhere.
+    // Other modules use the greatest index of 32 bits to mean "none", so no point may have this index.
     if points.len() >= u32::MAX as usize {
         return Err(format!("count is {}, but must be below {}", points.len(), u32::MAX));
     }
@@ -116,10 +119,12 @@ fn check_points(points: &[DVec3]) -> std::result::Result<(), String> {
     }
 }
 
+/// Checks the indices of a mesh's triangles or tetrahedra; `count` is the number of points that the mesh has. The
+/// caller puts "triangle" or "tetrahedron" before the error's text.
 fn check_indices<const N: usize>(count: usize, elements: &[[u32; N]]) -> std::result::Result<(), String> {
     let bad = elements.iter().enumerate().find_map(|(k, e)| Some((k, e.iter().find(|&&i| i as usize >= count)?)));
     match bad {
-        Some((k, index)) => Err(format!("{k} names point {index}, but there are {count}, counted from 0")),
+        Some((k, index)) => Err(format!("{k} names point {index}, but there are {count} points, counted from 0")),
         None if elements.is_empty() => Err("count is 0".into()),
         None => Ok(()),
     }

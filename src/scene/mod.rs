@@ -1,13 +1,14 @@
 //! The scene as a user describes it: bodies, materials, tool and settings, and readers and writers of meshes. This
 //! module has neither GPU code nor the preparation of meshes.
 //!
-//! [`Scene::load`] reads a TOML file (the README shows every table) into these plain types and checks it: every number
-//! is finite and in range, every name resolves. [`SceneBuilder`] makes a scene piece by piece, from values, from such
-//! tables or from meshes in memory. Units are SI; quaternions are x y z w.
+//! [`Scene::load`] reads a TOML file (the README shows every table) into plain types and checks it: every number is
+//! finite and in range, and every name refers to something that exists. [`SceneBuilder`] makes a scene piece by piece,
+//! from Rust values, from TOML tables or from meshes in memory. Units are SI; quaternions are x y z w.
 //!
 //! A soft body is layered: its skin (a fine triangle surface) is embedded in its layer (the tetrahedral mesh that is
-//! simulated), and nodes of the layer may be attached to rigid cores. The tool is what the haptic device moves, through
-//! a virtual coupling. "File coordinates" are those of a body's mesh file, before scale and pose.
+//! simulated), and nodes of the layer may be attached to cores (rigid bodies inside the soft one). The tool is the
+//! rigid body that the haptic device moves, through a virtual coupling (spring and damper). The trace is a CSV file
+//! with the results of a run. "File coordinates" are those of a body's mesh file, before scale and pose.
 
 mod body;
 mod build;
@@ -78,25 +79,26 @@ pub use skeleton::{Bone, Skeleton};
 pub struct Scene {
     /// The scene file; paths in the scene are relative to its folder.
     pub file: PathBuf,
-    /// Time step and gravity.
+    /// Time step, gravity and number of Newton iterations.
     pub step: Step,
-    /// Linear solver.
+    /// Settings of the linear solver.
     pub solver: Solver,
-    /// Contact law.
+    /// Settings of contact.
     pub contact: Contact,
-    /// Bodies, in file order.
+    /// Bodies, in the order of the scene file.
     pub bodies: Vec<Body>,
     /// The tool, which the haptic device moves, if there is one.
     pub tool: Option<Tool>,
     /// Virtual coupling between haptic device and tool; `None`: nothing holds the tool, which moves freely.
     pub coupling: Option<Coupling>,
-    /// Reference trajectory of the haptic device; empty: the device rests at the tool's first pose.
+    /// Reference trajectory of the haptic device: its pose at given times. If empty, the device rests at the tool's
+    /// first pose.
     pub trajectory: Vec<Key>,
-    /// Haptic device and haptic loop.
+    /// Settings of the haptic device and the haptic loop.
     pub haptics: Haptics,
-    /// Points whose positions are recorded.
+    /// Skin vertices whose positions are recorded.
     pub probes: Vec<Probe>,
-    /// The preset that the scene names, and the settings that it determined.
+    /// The preset (a named set of settings) that the scene names, and the settings whose values come from the preset.
     pub preset: Option<preset::Chosen>,
 }
 
@@ -116,7 +118,7 @@ pub struct Step {
 pub struct Solver {
     /// Relative residual at which the solver stops.
     pub tolerance: f64,
-    /// Greatest number of solver iterations.
+    /// Greatest number of iterations of the conjugate gradients.
     pub max_iterations: u32,
     /// Preconditioner.
     pub preconditioner: Preconditioner,
@@ -125,7 +127,7 @@ pub struct Solver {
 /// The preconditioner of the linear system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Preconditioner {
-    /// The engine chooses, by the stiffness of the bodies.
+    /// The engine chooses one of the other two, by the stiffness of the bodies.
     Auto,
     /// 3x3 block Jacobi.
     Jacobi,
@@ -139,23 +141,25 @@ impl Preconditioner {
         [("auto", Preconditioner::Auto), ("jacobi", Preconditioner::Jacobi), ("coarse", Preconditioner::Coarse)];
 }
 
-/// Settings of `[contact]`; in stiffness, damping, texel and depth `None` means "auto".
+/// Settings of `[contact]`; in `stiffness`, `damping`, `texel` and `depth`, `None` means that the engine chooses. The
+/// depth stage (narrow phase) finds the penetration depth of a skin vertex: it looks for a ray hit, that is, a triangle
+/// of the other body that is met by the vertex's ray along the contact normal.
 #[derive(Debug, Clone)]
 pub struct Contact {
-    /// Penalty stiffness per projected area, N/m^3.
+    /// Penalty stiffness per contact area (projected along the contact normal), N/m^3.
     pub stiffness: Option<f64>,
-    /// Penalty damping per projected area, N s/m^3.
+    /// Penalty damping per contact area (projected along the contact normal), N s/m^3.
     pub damping: Option<f64>,
     /// Coulomb's coefficient of friction.
     pub friction: f64,
     /// Speed below which friction is viscous instead of Coulomb friction, m/s.
     pub friction_speed: f64,
-    /// Edge of the grid cells in which the depth stage looks for ray hits, m; it changes how long this takes, not the
-    /// result.
+    /// Edge of the grid cells in which the depth stage looks for ray hits, m. It changes how long the search takes, not
+    /// the result.
     pub texel: Option<f64>,
-    /// Depth beyond which a flag is raised, m.
+    /// Penetration depth above which a step sets a flag (a warning bit) in its results, m.
     pub depth_limit: f64,
-    /// How the depth stage (narrow phase) is run; `None`: chosen by measuring.
+    /// How the depth stage is run; `None`: the engine measures both ways, and takes the faster one.
     pub depth: Option<DepthPath>,
     /// The bodies whose skin vertices are tested for contact.
     pub sides: Sides,
@@ -164,7 +168,7 @@ pub struct Contact {
 /// The bodies whose skin vertices are tested for contact, where two bodies may touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sides {
-    /// Both: contact areas are halved, since vertices of both skins are tested.
+    /// Both bodies; each contact area counts half, since vertices of both skins are tested.
     Both,
     /// Only the body with the finer skin (less area per vertex); its contact areas count in full.
     One,
@@ -175,12 +179,13 @@ impl Sides {
     pub const CHOICES: [(&str, Sides); 2] = [("both", Sides::Both), ("one", Sides::One)];
 }
 
-/// How the depth stage finds where triangles meet the rays of opposing vertices; both ways give the same result.
+/// How the depth stage (narrow phase) finds the triangles that the rays of the other body's vertices meet; both ways
+/// give the same result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DepthPath {
     /// The rasterizer of the graphics pipeline distributes the work.
     Graphics,
-    /// Loops in a compute shader do all of it.
+    /// Loops in a compute shader do all the work.
     Compute,
 }
 
@@ -189,7 +194,7 @@ impl DepthPath {
     pub const CHOICES: [(&str, Option<DepthPath>); 3] =
         [("auto", None), ("graphics", Some(DepthPath::Graphics)), ("compute", Some(DepthPath::Compute))];
 
-    /// Name in reports.
+    /// Name of the path in reports.
     pub fn name(self) -> &'static str {
         match self {
             DepthPath::Graphics => "graphics",
@@ -203,15 +208,15 @@ impl DepthPath {
 pub struct Body {
     /// Name of the body, unique in the scene.
     pub name: String,
-    /// Rigid, soft or a plane, and the meshes that it is made of.
+    /// The kind of the body (soft, rigid or plane), and the meshes that the body is made of.
     pub shape: Shape,
-    /// Greatest number of collision proxies (convex hulls that cover the skin); `None`: the default.
+    /// Greatest number of collision proxies (convex hulls that cover the skin); `None`: the default number.
     pub hulls: Option<u32>,
-    /// Uniform scale of file coordinates.
+    /// Factor by which file coordinates are multiplied.
     pub scale: f64,
-    /// World position of the file's origin, m.
+    /// World position of the origin of file coordinates, m.
     pub position: DVec3,
-    /// World orientation.
+    /// Rotation from file coordinates to world axes.
     pub orientation: DQuat,
     /// Initial velocity, world, m/s.
     pub velocity: DVec3,
@@ -221,15 +226,16 @@ pub struct Body {
     pub dilatation: Dilatation,
     /// Parts of a soft body that have another material.
     pub regions: Vec<Region>,
-    /// Names of the bodies that it collides with ("tool" for the tool); `None`: all others.
+    /// Names of the bodies with which this body collides ("tool" for the tool); `None`: all other bodies.
     pub collides: Option<Vec<String>>,
-    /// Rigid cores. Where there is a skeleton, one core per bone comes first, in the order of the bones.
+    /// Rigid cores. If the body has a skeleton (bones that are cores), the cores of the bones come first, in the order
+    /// of the bones.
     pub cores: Vec<Core>,
     /// Ball joints between cores.
     pub joints: Vec<Joint>,
-    /// Whether a faulty surface file is repaired; else it is refused.
+    /// Whether a faulty surface is repaired; otherwise it is refused.
     pub repair: bool,
-    /// Bones, with their parents and joints.
+    /// Skeleton: bones with their parents and joints; `None`: the body has no skeleton.
     pub skeleton: Option<Skeleton>,
 }
 
@@ -255,7 +261,7 @@ impl Body {
         }
     }
 
-    /// A soft body whose layer fills a skin. No node is attached yet: add cores to hold it.
+    /// A soft body with a skin, `surface`, and a layer. No node is attached yet: add cores to hold the body.
     pub fn soft(name: &str, surface: Surface, layer: Layer, material: Material) -> Body {
         Body::of(name, Shape::Soft { surface: Some(surface), layer }, Some(material), Vec::new())
     }
@@ -272,7 +278,7 @@ impl Body {
         Body::of(name, Shape::Rigid { surface }, None, vec![core])
     }
 
-    /// A fixed half-space below the plane `normal . x = offset` (m); `normal` of any length but zero.
+    /// A fixed half-space: the points x (m) with `normal . x <= offset`. The `normal` may have any length except zero.
     pub fn plane(name: &str, normal: [f64; 3], offset: f64) -> Body {
         let (normal, length) = (DVec3::from(normal), DVec3::from(normal).length());
         Body::of(name, Shape::Plane { normal: normal / length, offset: offset / length }, None, Vec::new())
@@ -287,19 +293,19 @@ impl Body {
 /// The kind of a body, and the meshes that it is made of.
 #[derive(Debug, Clone)]
 pub enum Shape {
-    /// A soft body: a tetrahedral layer and a skin. Without a skin of its own, the layer's boundary is the skin.
+    /// A soft body: a tetrahedral layer and a skin.
     Soft {
-        /// Skin of the body.
+        /// Skin of the body; `None`: the boundary of the layer is the skin.
         surface: Option<Surface>,
         /// Tetrahedral mesh that is simulated.
         layer: Layer,
     },
-    /// A rigid body: only a skin. It has exactly one core, without `bind`, which gives its motion.
+    /// A rigid body, which has only a skin. It has exactly one core, without `bind`, which gives the body's motion.
     Rigid {
         /// Skin of the body.
         surface: Surface,
     },
-    /// A fixed, rigid half-space `normal . x <= offset`.
+    /// A fixed, rigid half-space: the points x with `normal . x <= offset`.
     Plane {
         /// Unit outward normal, in world axes.
         normal: DVec3,
@@ -339,32 +345,33 @@ impl Surface {
 /// Where a layer, the tetrahedral mesh of a soft body, comes from.
 #[derive(Debug, Clone)]
 pub enum Layer {
-    /// Generated to fill the surface, from lattice cells of this size (isosurface stuffing).
+    /// A mesh that the engine generates to fill the surface, from the cells of a lattice (isosurface stuffing).
     Cell {
-        /// Edge of the lattice cells, m in file coordinates.
+        /// Edge of the lattice's cubic cells, m in file coordinates.
         cell: f64,
-        /// Edge of the largest cells deep inside, as a multiple of `cell`: 1 (all equal), 2, 4 or 8.
+        /// Edge of the largest cells, deep inside, as a multiple of `cell`: 1 (all equal), 2, 4 or 8.
         grade: u32,
-        /// Depth below the surface to which the body is filled, as a shell, m in file coordinates; `None`: filled
-        /// completely.
+        /// Thickness of the shell below the surface that is filled, m in file coordinates; `None`: the whole inside is
+        /// filled.
         thickness: Option<f64>,
     },
-    /// Generated to fill the surface, with this number of lattice cells along its largest extent.
+    /// Like `Cell`, but the scene gives a number of cells in place of the cell's edge.
     Across {
-        /// Number of cells along the largest extent.
+        /// Number of lattice cells along the largest extent of the surface.
         cells: u32,
-        /// Edge of the largest cells deep inside, as a multiple of those at the surface: 1 (all equal), 2, 4 or 8.
+        /// Edge of the largest cells, deep inside, as a multiple of those at the surface: 1 (all equal), 2, 4 or 8.
         grade: u32,
-        /// Depth below the surface to which the body is filled, as a shell, m in file coordinates; `None`: filled
-        /// completely.
+        /// Thickness of the shell below the surface that is filled, m in file coordinates; `None`: the whole inside is
+        /// filled.
         thickness: Option<f64>,
     },
-    /// Read from a tetrahedral mesh file.
+    /// A file with a tetrahedral mesh.
     File(PathBuf),
     /// A mesh in memory, see [`Layer::of_tetrahedra`].
     #[doc(hidden)]
     Mesh(Arc<tetrahedra::TetMesh>),
-    /// A box of cells, each cut into six tetrahedra (Kuhn) around its diagonal from (0,0,0) to (1,1,1).
+    /// A box of cells. Each cell is cut into six tetrahedra (Kuhn's subdivision) around the diagonal from its least to
+    /// its greatest corner.
     Box {
         /// Least corner.
         low: DVec3,
@@ -397,7 +404,7 @@ pub struct Core {
     pub bind: Option<Bind>,
     /// Mass of a dynamic core, kg; `None`: the mass of its attached nodes.
     pub mass: Option<f64>,
-    /// The line about which alone a dynamic core may rotate; `None`: it moves freely.
+    /// The only line about which a dynamic core may rotate; `None`: the core moves freely.
     pub hinge: Option<Hinge>,
 }
 
@@ -434,11 +441,11 @@ pub struct Hinge {
 /// How a core moves.
 #[derive(Debug, Clone)]
 pub enum Motion {
-    /// It does not move.
+    /// The core does not move.
     Fixed,
-    /// Kinematic: it follows keys, which are world poses of the body's coordinate frame over time.
+    /// The core follows keys (world poses of the body's file coordinates at given times), whatever touches the core.
     Kinematic(Vec<Key>),
-    /// Dynamic: forces move it.
+    /// The core moves by the forces on it.
     Dynamic,
 }
 
@@ -461,10 +468,10 @@ pub enum Bind {
         /// Radius.
         radius: f64,
     },
-    /// The nodes in the capsule of a bone. A node in several capsules belongs to the nearest bone; see
+    /// The nodes in the capsule of a bone of the skeleton. A node in several capsules belongs to the nearest bone; see
     /// [`crate::prepare::bind::nearer_bones`].
     Capsule(Capsule),
-    /// The nodes with these indices, zero-based, in file order.
+    /// The nodes with these indices, zero-based, in the order of the layer's mesh.
     Nodes(Vec<u32>),
     /// All nodes.
     All,
@@ -504,15 +511,15 @@ pub struct Tool {
     pub shape: ToolShape,
     /// Mass, kg.
     pub mass: f64,
-    /// World position of the tool's centre at the start, m.
+    /// World position of the tool's centre of mass at the start, m.
     pub position: DVec3,
     /// World orientation at the start.
     pub orientation: DQuat,
     /// Initial velocity, world, m/s.
     pub velocity: DVec3,
-    /// Uniform scale of file coordinates.
+    /// Factor by which file coordinates are multiplied.
     pub scale: f64,
-    /// Whether a faulty surface file is repaired; else it is refused.
+    /// Whether a faulty surface is repaired; otherwise it is refused.
     pub repair: bool,
 }
 
@@ -559,18 +566,18 @@ pub enum ToolShape {
 pub struct Coupling {
     /// Force per distance between device and tool, N/m.
     pub stiffness: f64,
-    /// Force per difference of their velocities, N s/m.
+    /// Force per difference between the velocities of device and tool, N s/m.
     pub damping: f64,
-    /// Torque per angle between their orientations, N m/rad.
+    /// Torque per angle between the orientations of device and tool, N m/rad.
     pub angular_stiffness: f64,
-    /// Torque per difference of their angular velocities, N m s/rad.
+    /// Torque per difference between the angular velocities of device and tool, N m s/rad.
     pub angular_damping: f64,
 }
 
 /// A probe, `[[probe]]`: a skin vertex whose position is recorded in the trace.
 #[derive(Debug, Clone)]
 pub struct Probe {
-    /// Name of the probe, which begins the names of its columns in the trace.
+    /// Name of the probe; the names of the probe's columns in the trace begin with it.
     pub name: String,
     /// Name of the body that the vertex belongs to.
     pub body: String,

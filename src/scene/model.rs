@@ -1,18 +1,18 @@
-//! Surfaces that the engine generates, so that they need no file: their names, and their possible numbers of vertices.
-//! The module `crate::prepare` generates them.
+//! Surfaces that the engine generates, so that a scene needs no mesh file for them: their names, and their possible
+//! numbers of vertices. The module `crate::prepare` generates the surfaces.
 
 use std::ops::RangeInclusive;
 
 /// A surface that the engine generates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Model {
-    /// A head, 0.25 m tall, looking towards +z.
+    /// A human head, 0.25 m tall, upright along +y, looking towards +z.
     Head,
-    /// A pumpkin, 0.3 m across, stem up.
+    /// A pumpkin, 0.3 m across, with the stem at its top, towards +y.
     Pumpkin,
-    /// A spur gear of tip radius 0.05 m about z, with a bore.
+    /// A spur gear with a tip radius of 0.05 m and a bore; its axis is the z axis.
     Gear,
-    /// A standing human, 1.7 m tall, arms held out, looking towards +z, the soles at y = 0.
+    /// A standing human, 1.7 m tall, upright along +y, arms held out, looking towards +z, the soles at y = 0.
     Human,
 }
 
@@ -30,7 +30,7 @@ impl Model {
         }
     }
 
-    /// Number of vertices if a scene gives none.
+    /// Number of vertices, if a scene does not give this number.
     pub fn default_vertices(self) -> usize {
         match self {
             Model::Head => 44_000,
@@ -40,7 +40,8 @@ impl Model {
         }
     }
 
-    /// Range of the number of vertices: with fewer the shape is lost; more take minutes and gigabytes to prepare.
+    /// Allowed range of the number of vertices: with fewer vertices the shape is lost, and with more the preparation
+    /// takes minutes and gigabytes of memory.
     pub fn vertices(self) -> RangeInclusive<usize> {
         match self {
             Model::Head => 500..=400_000,

@@ -1,18 +1,19 @@
-//! Checks that every body, and the tool, that a scene refers to by name exists. Called by `load.rs` and `build.rs`.
+//! Checks that the bodies to which a scene refers by name exist, and that there is a tool (the rigid body that the
+//! haptic device moves) where the scene refers to one. The modules `load.rs` and `build.rs` call this one.
 
 use super::keys::{Table, Value};
 use super::load::TOOL;
 use super::{Body, Core, Motion, Scene, Shape, Tool, ToolShape};
 use crate::Result;
 
-/// A name that does not resolve.
+/// A name in a scene to which no body or tool corresponds: its place, what is wrong, and what the user can do.
 pub(super) struct Unresolved {
     pub place: Place,
     pub problem: String,
     pub remedy: String,
 }
 
-/// The place where a scene refers to a name.
+/// A place where a scene refers to a body or the tool by name.
 pub(super) enum Place {
     /// The key `collides` of the body with this index.
     Collides(usize),
@@ -23,7 +24,7 @@ pub(super) enum Place {
 }
 
 impl Place {
-    /// The dotted key of the place in a scene file.
+    /// The dotted path of the place's key in a scene file.
     pub fn key(&self, scene: &Scene) -> String {
         match *self {
             Place::Collides(body) => format!("body.{}.collides", scene.bodies[body].name),
@@ -32,7 +33,8 @@ impl Place {
         }
     }
 
-    /// The value at the place, in tables that were added to a scene with `before` bodies and probes.
+    /// The value at the place, in the tables of `root`, which were added to a scene. `before`: numbers of bodies and of
+    /// probes that the scene had before.
     fn value<'a>(&self, root: &Table<'a>, before: [usize; 2]) -> Result<Value<'a>> {
         let of = |array: &str, index: usize| root.need(array)?.array()?[index].unchecked_table();
         match *self {
@@ -43,8 +45,8 @@ impl Place {
     }
 }
 
-/// Checks that the names in added tables resolve, and that there is a tool for the tables that need one. `before`:
-/// numbers of bodies and probes that the scene had before the tables were added.
+/// Checks that all names in the tables of `root`, which were added to a scene, refer to something that exists, and that
+/// there is a tool for the tables that need one. `before`: numbers of bodies and of probes that the scene had before.
 pub(super) fn check_names(root: &Table, scene: &Scene, before: [usize; 2]) -> Result<()> {
     for key in ["coupling", "drive", "haptics"] {
         if scene.tool.is_none() && root.has(key) {
@@ -55,8 +57,8 @@ pub(super) fn check_names(root: &Table, scene: &Scene, before: [usize; 2]) -> Re
     check.or_else(|Unresolved { place, problem, remedy }| Err(place.value(root, before)?.error(problem, remedy)))
 }
 
-/// Checks the names in the bodies and probes of a scene from the indices `from` on, and the name in its tool if the
-/// tool `is_new`.
+/// Checks the names to which bodies and probes of a scene refer; `from`: index of the first body and of the first probe
+/// to check. If `is_new`, the tool is checked too: whether the body exists that the tool may refer to.
 pub(super) fn resolve(scene: &Scene, from: [usize; 2], is_new: bool) -> std::result::Result<(), Unresolved> {
     let wrong = |place, (problem, remedy)| Err(Unresolved { place, problem, remedy });
     for (index, body) in scene.bodies.iter().enumerate().skip(from[0]) {
@@ -80,7 +82,7 @@ pub(super) fn resolve(scene: &Scene, from: [usize; 2], is_new: bool) -> std::res
     let names_tool = |body: &&Body| body.collides.iter().flatten().any(|name| name == TOOL);
     if let Some(other) = scene.bodies[..from[0]].iter().find(names_tool) {
         let problem = format!("body \"{}\" names \"tool\" in `collides`, but this tool is a body", other.name);
-        return wrong(Place::Tool, (problem, "add the tool before that body, and name the tool's body there".into()));
+        return wrong(Place::Tool, (problem, "add the tool first, then name the tool's body in `collides`".into()));
     }
     let Some(body) = scene.tool_body_index().map(|body| &scene.bodies[body]) else {
         return wrong(Place::Tool, unknown(scene, name));
@@ -93,7 +95,7 @@ pub(super) fn resolve(scene: &Scene, from: [usize; 2], is_new: bool) -> std::res
     Ok(())
 }
 
-/// Checks a name that a body gives in `collides`; the error is a problem and its remedy.
+/// Checks a name that a body has in its list `collides`; the error is a problem and its remedy.
 pub(super) fn check_partner(scene: &Scene, body: &Body, name: &str) -> std::result::Result<(), (String, String)> {
     let wrong = |problem: &str, remedy: &str| Err((problem.into(), remedy.into()));
     if name == body.name {

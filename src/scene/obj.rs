@@ -1,10 +1,12 @@
-//! Reads and writes Wavefront OBJ files: skins (surface meshes of bodies) and tools are read, deformed skins
-//! are written.
+//! Reads triangle meshes from Wavefront OBJ files and writes them. The files that are read hold the skin (surface mesh)
+//! of a body, or the surface of the tool (the rigid body that the haptic device leads). The files that are written hold
+//! prepared skins, and skins as deformed at the end of a run.
 //!
-//! The parser is our own: the tobj crate drops unused vertices, orders the others by first use, does not support
-//! continuation lines and reports no line numbers; a scene needs the opposite in all four. The format is Wavefront's
-//! "Object Files (.obj)", appendix B1 of the Advanced Visualizer manual; only `v` and `f` lines matter to a skin, all
-//! others are ignored.
+//! The parser is our own, because the tobj crate drops unused vertices, orders the others by first use, does not
+//! support continuation lines (a line that ends in a backslash goes on in the next one) and reports no line numbers. A
+//! scene needs all vertices in file order, continuation lines, and line numbers in errors. The format is described in
+//! Wavefront's "Object Files (.obj)", appendix B1 of the Advanced Visualizer manual; only `v` lines (vertices) and `f`
+//! lines (faces) matter to a skin, and all others are ignored.
 
 use std::io::Write;
 use std::path::Path;
@@ -15,22 +17,24 @@ use serde::{Deserialize, Serialize};
 use super::triangulate::triangulate;
 use crate::{Error, Result};
 
-/// Greatest magnitude of a coordinate: a larger one does not fit in single precision with room for a product.
+/// Greatest magnitude of a coordinate: multiplied by up to 1e8 it is still finite in single precision.
 const LARGEST: f64 = 1e30;
 
-/// A triangle mesh with the data of a file.
+/// A triangle mesh as an OBJ file describes it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct TriangleMesh {
     /// The positions of all `v` lines, used or not, in file order and in the coordinates of the file.
     pub vertices: Vec<DVec3>,
-    /// Zero-based vertices of each triangle. Faces stay in file order; each polygon is replaced by its triangles.
+    /// Zero-based indices of the three vertices of each triangle. Triangles are in the order of the file's faces; a
+    /// face with more than three vertices gives several triangles.
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Reads an OBJ file: polygons are cut into triangles, groups and objects are joined, vertices stay in file order.
+/// Reads an OBJ file: polygons are cut into triangles, the groups and objects of the file are joined into one mesh, and
+/// vertices stay in file order.
 ///
-/// The result has valid numbers and indices, and at least one triangle with an area. [`crate::prepare::repair`] decides
-/// whether the surface can serve as a skin.
+/// In the result every coordinate is finite, every index is that of a vertex, and at least one triangle has an area
+/// above zero. [`crate::prepare::repair`] decides whether the surface can serve as a skin.
 pub fn read(path: &Path) -> Result<TriangleMesh> {
     let bytes = std::fs::read(path)
         .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give an OBJ file"))?;
@@ -50,19 +54,19 @@ pub(super) fn has_area(mesh: &TriangleMesh) -> bool {
     })
 }
 
-/// For each triangle of an OBJ file, the one-based line of its face.
+/// Returns, for each triangle of an OBJ file, the one-based number of the line whose face contains the triangle.
 pub(crate) fn triangle_lines(path: &Path) -> Result<Vec<u32>> {
     let bytes = std::fs::read(path).map_err(|error| Error::input(path, None, error.to_string(), "give an OBJ file"))?;
     Ok(parse(&String::from_utf8_lossy(&bytes), path)?.lines)
 }
 
-/// A mesh, and for each triangle the one-based line of its face.
+/// The mesh of a file, and for each triangle the one-based number of the line whose face contains it.
 struct Parsed {
     mesh: TriangleMesh,
     lines: Vec<u32>,
 }
 
-/// A polygon whose indices are not yet checked.
+/// A face whose vertex indices (zero-based) have not yet been compared with the number of vertices.
 struct Face {
     corners: Vec<i64>,
     line: usize,
@@ -97,7 +101,7 @@ fn parse(text: &str, path: &Path) -> Result<Parsed> {
         let count = parsed.mesh.vertices.len();
         let corners: Vec<u32> = face.corners.iter().filter_map(|&i| u32::try_from(i).ok()).collect();
         if let Some(bad) = face.corners.iter().find(|&&corner| corner < 0 || corner >= count as i64) {
-            let problem = format!("a face names vertex {}, but there are {count}", bad + 1);
+            let problem = format!("a face names vertex {}, but there are {count} vertices", bad + 1);
             return Err(Error::input(path, Some(face.line), problem, "correct the index, or export again"));
         }
         triangulate(&parsed.mesh.vertices, &corners, &mut parsed.mesh.triangles);
@@ -106,8 +110,8 @@ fn parse(text: &str, path: &Path) -> Result<Parsed> {
     Ok(parsed)
 }
 
-/// The lines of a text without comments, each with its one-based number; a line that ends in a backslash is joined with
-/// the next.
+/// Returns the lines of a text with their one-based numbers, comments removed. A line that ends in a backslash is
+/// joined with the next one and keeps its own number.
 fn logical_lines(text: &str) -> impl Iterator<Item = (usize, String)> {
     let mut lines = text.lines().enumerate();
     std::iter::from_fn(move || {
@@ -123,7 +127,7 @@ fn logical_lines(text: &str) -> impl Iterator<Item = (usize, String)> {
     })
 }
 
-/// Parses the words `x y z`; further words (a weight, a colour) are ignored.
+/// Parses the words `x y z` of a `v` line as a position; further words (a weight, a colour) are ignored.
 fn vertex<'a>(words: impl Iterator<Item = &'a str>) -> std::result::Result<DVec3, String> {
     let mut coordinates = Vec::with_capacity(3);
     for word in words.take(3) {
@@ -139,8 +143,8 @@ fn vertex<'a>(words: impl Iterator<Item = &'a str>) -> std::result::Result<DVec3
     }
 }
 
-/// Zero-based corners of a face given as `v`, `v/vt`, `v//vn` or `v/vt/vn`; negative indices count back from the last
-/// vertex read.
+/// Parses the words of an `f` line as zero-based vertex indices. Each word is `v`, `v/vt`, `v//vn` or `v/vt/vn`; a
+/// negative index `v` counts back from the last of the `vertices` vertices read so far.
 fn face<'a>(words: impl Iterator<Item = &'a str>, vertices: usize) -> std::result::Result<Vec<i64>, String> {
     let mut corners = Vec::with_capacity(4);
     for word in words {
@@ -158,7 +162,8 @@ fn face<'a>(words: impl Iterator<Item = &'a str>, vertices: usize) -> std::resul
     if corners.len() < 3 { Err(format!("a face with {} vertices", corners.len())) } else { Ok(corners) }
 }
 
-/// Writes a surface with nine significant digits, so that single precision is read back unchanged.
+/// Writes a triangle mesh as an OBJ file. Coordinates have nine significant digits, so that single-precision values are
+/// read back unchanged.
 pub fn write(w: &mut impl Write, vertices: &[DVec3], triangles: &[[u32; 3]]) -> std::io::Result<()> {
     for v in vertices {
         writeln!(w, "v {:.8e} {:.8e} {:.8e}", v.x, v.y, v.z)?;

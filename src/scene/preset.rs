@@ -1,5 +1,5 @@
-//! Presets: named sets of settings. A scene that names a preset gets the preset's value for every setting that the
-//! scene itself does not give.
+//! Presets: named sets of settings of a scene. A scene that names a preset gets the preset's value for every setting of
+//! the preset that the scene itself does not give.
 
 use serde::Serialize;
 
@@ -10,15 +10,15 @@ use super::Sides;
 pub struct Preset {
     /// Name of the preset.
     pub name: &'static str,
-    /// Value of `step.dt`, s.
+    /// Value of the scene key `step.dt`: the time step, s.
     pub dt: f64,
-    /// Value of `solver.tolerance`.
+    /// Value of the scene key `solver.tolerance`: the relative residual at which the linear solver stops.
     pub tolerance: f64,
-    /// Value of `solver.max_iterations`.
+    /// Value of the scene key `solver.max_iterations`: the greatest number of iterations of the linear solver.
     pub max_iterations: u32,
-    /// Value of `step.newton`.
+    /// Value of the scene key `step.newton`: the number of Newton iterations per step.
     pub newton: u32,
-    /// Value of `contact.sides`.
+    /// Value of the scene key `contact.sides`: whether the vertices of both touching bodies are tested for contact.
     pub sides: Sides,
 }
 
@@ -26,26 +26,27 @@ pub struct Preset {
 pub const NONE: Preset =
     Preset { name: "none", dt: 0.001, tolerance: 1e-5, max_iterations: 200, newton: 1, sides: Sides::Both };
 
-/// The presets, cheapest first. They were found by `palpate bench accuracy/presets`, on a soft and on a stiff head.
+/// The presets, the one that needs the least computing time first. The benchmark `palpate bench accuracy/presets`
+/// measured on a soft and on a stiff model of a head, and the presets were chosen from its results.
 pub const PRESETS: [Preset; 3] = [
     Preset { name: "fast", dt: 0.008, tolerance: 1e-2, max_iterations: 200, newton: 1, sides: Sides::Both },
     Preset { name: "balanced", dt: 0.002, tolerance: 1e-2, max_iterations: 200, newton: 1, sides: Sides::Both },
     Preset { name: "accurate", dt: 0.001, tolerance: 1e-2, max_iterations: 200, newton: 1, sides: Sides::Both },
 ];
 
-/// The preset that a scene names, and the settings whose values come from it; keys that the scene itself gives take
-/// precedence.
+/// The preset that a scene names, and the settings whose values come from it; a setting that the scene itself gives
+/// keeps the scene's value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Chosen {
     /// Name of the preset.
     pub preset: &'static str,
-    /// Dotted key and value, as in a scene file, of each setting whose value comes from the preset.
+    /// Dotted key (such as "step.dt") and value, as in a scene file, of each setting whose value comes from the preset.
     pub set: Vec<(&'static str, String)>,
 }
 
 impl Preset {
-    /// The settings that get their values from this preset; `is_given` is true for keys (table, key) that the scene
-    /// gives.
+    /// Returns the settings of a scene that get their values from this preset; `is_given(table, key)` tells whether the
+    /// scene itself gives a key.
     pub fn chosen(&self, is_given: impl Fn(&str, &str) -> bool) -> Chosen {
         let sides = Sides::CHOICES.iter().find(|(_, sides)| *sides == self.sides).map_or("", |(name, _)| *name);
         let values = [

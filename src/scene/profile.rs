@@ -1,8 +1,9 @@
-//! Profiles of haptic devices: limits and abilities. The values are those of CHAI3D (`cHapticDeviceInfo` of its
-//! drivers, version 3.2), except for [`MINVERSE`], which names its sources. Stiffness and damping are the greatest that
-//! a device renders stably at 1 kHz, not those of its mechanism.
+//! Profiles of haptic devices: limits (force, torque, stiffness, damping, workspace), and whether a device senses
+//! rotation. The values of real devices are those of CHAI3D (`cHapticDeviceInfo` of its drivers, version 3.2), except
+//! for [`MINVERSE`], which names its sources. Greatest stiffness and damping are what a device renders stably at 1 kHz,
+//! not what its mechanism has.
 
-/// Limits and abilities of a haptic device.
+/// Limits and abilities of one haptic device.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
     /// Name of the profile in a scene file.
@@ -19,14 +20,14 @@ pub struct Profile {
     pub angular_stiffness: f64,
     /// Greatest angular damping at 1 kHz, N m s/rad.
     pub angular_damping: f64,
-    /// Radius of the workspace, about the position at which the device is opened, m.
+    /// Radius of the workspace, m: how far the device can move from the position at which it is opened.
     pub workspace: f64,
     /// Whether the device senses rotation.
     pub senses_rotation: bool,
 }
 
-/// All built-in profiles. Two of them are not of a haptic device: `scripted` is for poses that follow a script and for
-/// a tool without a user, and `mouse` is for a mouse.
+/// All built-in profiles. Two of them are not those of a haptic device: `scripted` is for poses that follow a script
+/// while nobody holds a device, and `mouse` is for a mouse.
 pub const PROFILES: [Profile; 10] = [
     profile("scripted", [20.0, 1.0], [5000.0, 30.0], [5.0, 0.05], 10.0, true),
     profile("premium", [8.5, 0.188], [800.0, 5.0], [0.3, 0.004], 0.12, true),
@@ -43,21 +44,22 @@ pub const PROFILES: [Profile; 10] = [
 /// Profile of the Haply Inverse3.
 pub const INVERSE3: Profile = profile("inverse3", [10.0, 0.0], [1000.0, 6.0], [0.0, 0.0], 0.15, false);
 
-/// Profile of the Haply Minverse. The workspace is the radius to which Haply's tutorial confines a Minverse's cursor
-/// (docs.haply.co, Inverse service 3.5, tutorial 06: 0.04 m, where an Inverse3 has 0.10 m). The force is the lower end
-/// of the 2 to 4 N that a comparison of controllers quotes from haply.co/minverse; the maker's data sheet was not
-/// available. Stiffness and damping are not published: these are the default stiffness and the greatest damping in
-/// Haply's tutorials for the larger Inverse3.
+/// Profile of the Haply Minverse. The workspace is the radius within which Haply's tutorial keeps the cursor of a
+/// Minverse (docs.haply.co, Inverse service 3.5, tutorial 06: 0.04 m; for an Inverse3 it is 0.10 m). The force is the
+/// lower end of the range (2 to 4 N) that a comparison of haptic controllers quotes from haply.co/minverse; the maker's
+/// data sheet was not available. The Minverse's stiffness and damping are not published: the values here are the
+/// default stiffness and the greatest damping in Haply's tutorials for the larger Inverse3.
 pub const MINVERSE: Profile = profile("minverse", [2.0, 0.0], [300.0, 3.0], [0.0, 0.0], 0.04, false);
 
 /// The profiles of Haply's devices.
 pub const HAPLY: [Profile; 2] = [INVERSE3, MINVERSE];
 
-/// The Haply profile that is lowest in every limit; it is used for a Haply device until its type is known.
+/// The Haply profile that is lowest in every limit; it is used for a Haply device as long as the type of the device is
+/// not known.
 pub const HAPLY_SMALLEST: Profile = MINVERSE;
 
-/// Profile of a mouse as haptic device. The force may be large, because nobody feels it: it is only shown on the
-/// screen.
+/// Profile of a mouse that is used as a haptic device. The force may be large, because nobody feels it: it is only
+/// shown on the screen.
 pub const MOUSE: Profile = profile("mouse", [20.0, 1.0], [5000.0, 30.0], [5.0, 0.05], 10.0, true);
 
 const fn profile(
@@ -82,7 +84,7 @@ const fn profile(
 }
 
 impl Profile {
-    /// The profile of this name; `None` if there is none.
+    /// The profile called `name`; `None` if there is no such profile.
     pub fn named(name: &str) -> Option<&'static Profile> {
         PROFILES.iter().find(|profile| profile.name == name)
     }
@@ -92,12 +94,12 @@ impl Profile {
         HAPLY.iter().any(|profile| profile.name == self.name)
     }
 
-    /// Whether no limit is above the same limit of `other`.
+    /// Whether each limit of this profile is at most the corresponding limit of `other`.
     pub fn is_within(&self, other: &Profile) -> bool {
         self.limits().iter().zip(other.limits()).all(|((_, own), (_, others))| *own <= others)
     }
 
-    /// All limits with their names.
+    /// All limits, each with the name of its field.
     fn limits(&self) -> [(&'static str, f64); 7] {
         [
             ("max_force", self.max_force),
@@ -110,8 +112,8 @@ impl Profile {
         ]
     }
 
-    /// Checks limits from outside the program: each must be finite and not negative, and the workspace greater than
-    /// zero.
+    /// Checks a profile that comes from outside the program: each limit must be finite and not negative, and the
+    /// workspace greater than zero.
     ///
     /// # Errors
     /// One line about the first limit that is not valid.
@@ -137,8 +139,8 @@ impl Profile {
 mod tests {
     use super::*;
 
-    /// Published force (N), torque (N m), stiffness (N/m) and damping (N s/m) of each device: those of CHAI3D, except
-    /// for the last, whose sources [`MINVERSE`] names.
+    /// Published greatest force (N), torque (N m), stiffness (N/m) and damping (N s/m) of each device. They are
+    /// CHAI3D's, except for those of the last device, whose sources [`MINVERSE`] names.
     const PUBLISHED: [(&str, [f64; 4]); 8] = [
         ("premium", [8.5, 0.188, 800.0, 5.0]),
         ("touch", [3.3, 0.0, 400.0, 4.0]),
@@ -157,7 +159,7 @@ mod tests {
             assert_eq!(
                 [p.max_force, p.max_torque, p.stiffness, p.damping],
                 figures,
-                "force, torque, stiffness and damping of {name}"
+                "greatest force, torque, stiffness and damping of {name}"
             );
             assert_eq!(p.plays_torque(), figures[1] > 0.0, "whether {name} plays torque");
         }
@@ -170,7 +172,7 @@ mod tests {
         assert!(HAPLY.iter().all(|profile| HAPLY_SMALLEST.is_within(profile)));
         assert!(!INVERSE3.is_within(&MINVERSE) && PROFILES.iter().all(|profile| profile.is_within(profile)));
         assert!(!PROFILES[0].is_haplys());
-        // A single limit above that of the other profile is enough to exceed it.
+        // A profile of which a single limit is above that of another profile is not within the other profile.
         let far = Profile { workspace: 0.2, ..MINVERSE };
         assert!(!far.is_within(&INVERSE3));
     }

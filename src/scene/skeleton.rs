@@ -1,9 +1,11 @@
-//! Reads the skeleton file that a body names, as in `skeleton = "human-skeleton.toml"`: its bones are capsules, and
-//! each becomes a rigid core of the body. Called by `body.rs`.
+//! Reads the skeleton file that a soft body of a scene names, as in `skeleton = "human-skeleton.toml"`. Each bone of
+//! the file has a capsule (a line segment, its axis, with a radius at either end) and becomes a rigid core of the body:
+//! a rigid body inside the soft one, to which nodes of the layer (the tetrahedral mesh) are attached. Called by
+//! `body.rs`.
 //!
 //! The nodes in a bone's capsule are attached to that bone. A node in several capsules belongs to the bone whose axis
-//! is nearest, relative to the capsule's radius there; of equally near bones, to the first. Coordinates are those of
-//! the body's mesh file, before scale and pose.
+//! is nearest, as a multiple of the capsule's radius at the nearest point of the axis; of equally near bones, to the
+//! first in the file. Coordinates are those of the body's mesh file, before scale and pose.
 
 use std::path::PathBuf;
 
@@ -20,26 +22,26 @@ use crate::{Error, Result};
 pub struct Skeleton {
     /// The file that the skeleton was read from.
     pub file: PathBuf,
-    /// The bones; parents come before their children.
+    /// The bones; the parent of a bone comes before the bone.
     pub bones: Vec<Bone>,
 }
 
-/// A bone, `[[bone]]`.
+/// A bone: a table `[[bone]]` of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bone {
     /// Name of the bone and of its core, unique in the skeleton.
     pub name: String,
-    /// Index of the parent bone; `None` for a root.
+    /// Index of the parent, the bone with which this one shares a joint; `None` for a root, which has no parent.
     pub parent: Option<usize>,
-    /// Position of the ball joint between the bone and its parent.
+    /// Position of the ball joint between the bone and its parent, in the coordinates of the mesh file.
     pub joint: DVec3,
-    /// Resistance of that joint to rotation; its limits refer to the capsule's axis.
+    /// Resistance of that joint to rotation; limits of the rotation refer to the capsule's axis.
     pub resistance: Resistance,
-    /// The capsule whose nodes are attached to the bone.
+    /// The capsule in which nodes are attached to the bone.
     pub capsule: Capsule,
 }
 
-/// Reads the skeleton file that a scene names. Errors name the skeleton file, the line and the key.
+/// Reads the skeleton file that a body of a scene names. Errors name the skeleton file, the line and the key.
 pub(super) fn read(value: &Value) -> Result<Skeleton> {
     let file = value.file()?;
     let text = std::fs::read_to_string(&file)
@@ -95,11 +97,12 @@ mod tests {
     use crate::prepare::stuffing::{Options, stuff};
     use crate::scene::{Bind, Core, Model, Motion};
 
-    /// Least distance between a bone's axis and the vertices of the skin, m.
+    /// Least allowed distance between a bone's axis and the vertices of the skin (the body's surface mesh), m.
     const DEEP: f64 = 0.008;
-    /// Least number of nodes attached to a bone: three determine a rigid motion.
+    /// Least allowed number of nodes attached to a bone: three nodes determine a rigid motion.
     const HELD: usize = 3;
-    /// Edge of the cells of the human's layer, m; it gives about 10,340 tetrahedra.
+    /// Edge of the cells from which the layer of the model `human` is made, m; at this size it has about 10,340
+    /// tetrahedra.
     const CELL: f64 = 0.0459;
 
     fn skeleton(text: &str) -> Result<Skeleton> {
@@ -129,9 +132,9 @@ mod tests {
         for bone in &bones {
             let [a, b] = bone.capsule.ends;
             for p in (0..=10).map(|k| a.lerp(b, f64::from(k) / 10.0)) {
-                assert!(winding_number(&vertices, &triangles, p) > 0.5, "{} leaves the skin at {p}", bone.name);
+                assert!(winding_number(&vertices, &triangles, p) > 0.5, "axis of {} leaves the skin at {p}", bone.name);
                 let near = vertices.iter().map(|v| v.distance(p)).fold(f64::INFINITY, f64::min);
-                assert!(near > DEEP, "{}: its axis at {p} is only {near} m from a skin vertex", bone.name);
+                assert!(near > DEEP, "the axis of {} at {p} is only {near} m from a skin vertex", bone.name);
             }
             let inside = winding_number(&vertices, &triangles, bone.joint) > 0.5;
             assert!(inside, "the joint of {} must lie within the skin", bone.name);
@@ -163,7 +166,7 @@ mod tests {
             let mut named: Vec<bool> = depths.map(|depth| depth <= 1.0).collect();
             bind::nearer_bones(&layer, &cores, index, &mut named);
             let count = named.iter().filter(|&&n| n).count();
-            println!("{}: {count} attached nodes", bone.name);
+            println!("bone {}: {count} attached nodes", bone.name);
             least = least.min(count);
         }
         assert!(least >= HELD, "a bone has only {least} attached nodes");

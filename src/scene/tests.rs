@@ -1,5 +1,6 @@
-//! Tests of scene files: how each table is read, and the message for each mistake. A core is a rigid part of a body; a
-//! bone is a core from a skeleton file.
+//! Tests of scene files: how each table is read, and the message for each mistake. A core is a rigid body inside a soft
+//! body, to which nodes of the soft body's layer (its tetrahedral mesh) are attached; a rigid body counts as one core.
+//! A bone is a core from a skeleton file.
 
 use std::fs;
 
@@ -9,7 +10,7 @@ use tempfile::TempDir;
 use super::*;
 use crate::Result;
 
-/// The scene of the README, with every table.
+/// An example of a scene file, with the tables that the README describes.
 const EXAMPLE: &str = r#"[step]
 dt = 0.001                      # s
 gravity = [0.0, -9.81, 0.0]     # m/s^2
@@ -73,7 +74,7 @@ body = "head"
 nearest = [0.0, 0.05, 0.1]
 "#;
 
-/// A skeleton of two bones.
+/// A skeleton file with two bones.
 const BONES: &str = r#"[[bone]]
 name = "upper"
 joint = [0, 0, 0]
@@ -87,7 +88,7 @@ ends = [[1, 0, 0], [2, 0, 0]]
 radii = [0.1, 0.2]
 "#;
 
-/// A temporary folder with the files to which the scenes of these tests refer.
+/// A temporary folder with the files that the scenes of these tests name.
 struct Folder(TempDir);
 
 impl Folder {
@@ -128,14 +129,14 @@ fn the_example_is_read_in_full() {
     let Shape::Soft { surface: Some(Surface::File(path)), layer: Layer::Cell { cell, grade: 1, thickness: None } } =
         &head.shape
     else {
-        panic!("{:?}", head.shape)
+        panic!("unexpected shape: {:?}", head.shape)
     };
     assert!(path.ends_with("head.obj") && *cell == 0.01);
     assert_eq!(head.material.unwrap().young, 2e4);
     assert_eq!(head.collides.as_deref(), Some(&["tool".to_string()][..]));
     assert!(matches!((&head.cores[0].motion, &head.cores[0].bind), (Motion::Fixed, Some(Bind::Inset(0.03)))));
     let Shape::Plane { normal, offset } = scene.bodies[1].shape else { panic!("the floor must be a plane") };
-    assert_eq!((normal, offset), (DVec3::Y, 0.5), "the normal must be normalised, and the offset with it");
+    assert_eq!((normal, offset), (DVec3::Y, 0.5), "normal and offset must be divided by the normal's length");
     let tool = scene.tool.unwrap();
     assert!(matches!(tool.shape, ToolShape::Sphere(0.01)));
     assert_eq!((tool.mass, tool.scale, tool.orientation), (0.05, 1.0, DQuat::IDENTITY));
@@ -154,7 +155,7 @@ fn other_ways_to_say_it() {
     }
     let shell = soft("layer = { cell = 0.01, grade = 4, thickness = 0.05 }");
     let Shape::Soft { layer: Layer::Cell { grade: 4, thickness: Some(0.05), .. }, .. } = shell else {
-        panic!("{shell:?}")
+        panic!("unexpected shape: {shell:?}")
     };
     let across = soft("layer = { across = 40, grade = 2 }\nhulls = 7");
     assert!(matches!(across, Shape::Soft { layer: Layer::Across { cells: 40, grade: 2, thickness: None }, .. }));
@@ -166,7 +167,7 @@ fn other_ways_to_say_it() {
     let cube = "layer = { box = [[0, 0, 0], [1.0, 1, 1]], cells = [12, 12, 3] }";
     assert!(matches!(soft(cube), Shape::Soft { layer: Layer::Box { cells: [12, 12, 3], high: DVec3::ONE, .. }, .. }));
     let model = with("\"head.obj\"  ", "{ model = \"head\", vertices = 44000 }");
-    let Shape::Soft { surface, .. } = &folder.load(&model).unwrap().bodies[0].shape else { panic!("soft") };
+    let Shape::Soft { surface, .. } = &folder.load(&model).unwrap().bodies[0].shape else { panic!("not a soft body") };
     assert_eq!(*surface, Some(Surface::Model { model: Model::Head, vertices: 44_000 }));
 
     let bind = |text: &str| {
@@ -210,7 +211,7 @@ fn drives_come_from_keys_or_from_a_file() {
         assert_eq!(
             read.iter().map(|key| key.position).collect::<Vec<_>>(),
             [keys[0].position, keys[1].position],
-            "positions read from the file `{same}`"
+            "positions of the keys in the file `{same}`"
         );
     }
     for (text, words) in [
@@ -239,7 +240,8 @@ fn unknown_keys_are_answered_with_the_nearest() {
         ("nearest =", "nearst =", "unknown key `probe[0].nearst`", "`nearest`"),
     ] {
         let message = folder.message(&with(old, new));
-        // Errors call an element of an array of tables by its index until its keys have been checked, not by its name.
+        // As long as the keys of an element of an array of tables have not been checked, errors refer to the element by
+        // its index, not by its name.
         let place = place.replace("body.head.core.skull", "body.head.core[0]");
         assert!(message.contains(&place), "unexpected error: {message}");
         assert!(message.contains(&format!("did you mean {nearest}?")), "unexpected error: {message}");
@@ -327,7 +329,7 @@ fn models_have_defaults_and_ranges() {
     let folder = Folder::new();
     let surface = |table: &str| {
         let scene = folder.load(&with("\"head.obj\"  ", table))?;
-        let Shape::Soft { surface: Some(surface), .. } = &scene.bodies[0].shape else { panic!("soft") };
+        let Shape::Soft { surface: Some(surface), .. } = &scene.bodies[0].shape else { panic!("not a soft body") };
         Ok::<_, crate::Error>(surface.clone())
     };
     for (name, model, vertices) in [
@@ -391,11 +393,12 @@ fn a_skeleton_gives_a_core_a_bone() {
         let message = folder.message(&core(said));
         assert!(message.contains(words), "the core `{said}` gives the error: {message}");
     }
-    // The cores of bones come first, in the skeleton's order; a core with a bone's name gives the bone's motion.
+    // The cores of bones come first, in the skeleton's order; a table `[[body.core]]` with the name of a bone sets how
+    // that bone moves.
     let said = "name = \"ball\"\nbind = { all = true }\n[[body.core]]\nname = \"fore\"\nmotion = \"driven\"\n\
                 keys = \"keys.csv\"";
     let body = folder.load(&core(said)).unwrap().bodies[0].clone();
-    let [upper, fore, ball] = &body.cores[..] else { panic!("{:?}", body.cores) };
+    let [upper, fore, ball] = &body.cores[..] else { panic!("unexpected cores: {:?}", body.cores) };
     assert_eq!([&upper.name, &fore.name, &ball.name], ["upper", "fore", "ball"]);
     assert!(matches!((&upper.motion, &upper.bind), (Motion::Fixed, Some(Bind::Capsule(c))) if c.radii == [0.1; 2]));
     assert!(matches!((&fore.motion, &fore.bind), (Motion::Kinematic(_), Some(Bind::Capsule(c))) if c.ends[1].x == 2.0));

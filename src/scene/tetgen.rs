@@ -1,7 +1,8 @@
-//! Reads TetGen meshes: a `.node` and an `.ele` file, zero- or one-based, with attributes, markers and comments.
+//! Reads tetrahedral meshes of TetGen: a `.node` file with the nodes, and an `.ele` file with the tetrahedra.
+//! Attributes, boundary markers and comments are accepted.
 //!
-//! The format is described in the TetGen manual, "File formats". Ids are used as in the files, so that numbering from 0
-//! and from 1 both work.
+//! The format is described in the TetGen manual, "File formats". Ids are used as in the files, so that they may count
+//! from 0 or from 1.
 
 use std::path::Path;
 
@@ -11,7 +12,8 @@ use crate::{Error, Result};
 
 const REMEDY: &str = "export the mesh again with TetGen";
 
-/// Reads a pair of files; `path` may name either. The group of a tetrahedron is its first attribute.
+/// Reads a `.node` and an `.ele` file; `path` may name either of the two. The first attribute of a tetrahedron is the
+/// number of its group (a set of tetrahedra to which a scene can give a material of its own).
 pub fn read(path: &Path) -> Result<TetMesh> {
     let (nodes, elements) = (path.with_extension("node"), path.with_extension("ele"));
     if let Some(missing) = [&nodes, &elements].into_iter().find(|path| !path.is_file()) {
@@ -26,7 +28,8 @@ pub fn read(path: &Path) -> Result<TetMesh> {
     settle(contents, &elements)
 }
 
-/// The numbers of the next line that has any; `None` at the end of the file.
+/// Returns the numbers of the next line that has any, or `None` at the end of the file; in errors, `what` is the
+/// meaning of the line.
 fn row(cursor: &mut Cursor, what: &str) -> Result<Option<Vec<f64>>> {
     while let Some(line) = cursor.next_filled() {
         let data = line.split('#').next().unwrap_or_default();
@@ -38,10 +41,10 @@ fn row(cursor: &mut Cursor, what: &str) -> Result<Option<Vec<f64>>> {
     Ok(None)
 }
 
-/// The whole number at index `place` of a row; in errors, `what` is its meaning.
+/// Returns the whole number at index `place` of a row; in errors, `what` is the number's meaning.
 fn natural(cursor: &Cursor, row: &[f64], place: usize, what: &str) -> Result<u64> {
     match row.get(place) {
-        // The id was read as a float, which is exact up to 2^53, far above the number of nodes in any mesh.
+        // The number was read as a float, which holds whole numbers exactly up to 2^53, more than any mesh has nodes.
         Some(&number) if number >= 0.0 && number.fract() == 0.0 && number < 2f64.powi(53) => Ok(number as u64),
         Some(number) => Err(cursor.error(format!("{number} is not valid for {what}"))),
         None => Err(cursor.error(format!("{} numbers in a line: {what} is missing", row.len()))),
@@ -52,7 +55,7 @@ fn header(cursor: &mut Cursor, what: &str) -> Result<Vec<f64>> {
     row(cursor, what)?.ok_or_else(|| cursor.error(format!("the file ends early, before {what}")))
 }
 
-/// Reads as many rows as the header announces, and fails if there are more.
+/// Reads `count` rows, as many as the first line announces, and fails if the file has more rows.
 fn rows(cursor: &mut Cursor, count: u64, what: &str, mut add: impl FnMut(&Cursor, &[f64]) -> Result<()>) -> Result<()> {
     for done in 0..count {
         let Some(row) = row(cursor, what)? else {
@@ -94,7 +97,8 @@ fn read_elements(cursor: &mut Cursor, contents: &mut Contents) -> Result<()> {
             *node = natural(cursor, row, 1 + k, "a node of a tetrahedron")?;
         }
         let group = row.get(5).copied();
-        // Floats are exact up to 2^53, as for ids.
+        // As in `natural`, only numbers below 2^53 count as whole, because a float does not hold every larger whole
+        // number.
         let is_whole = |number: &f64| number.fract() == 0.0 && number.abs() < 2f64.powi(53);
         odd += u64::from(group.is_some_and(|number| !is_whole(&number)));
         let group = group.filter(is_whole).map(|number| number as i64);
@@ -102,7 +106,7 @@ fn read_elements(cursor: &mut Cursor, contents: &mut Contents) -> Result<()> {
         Ok(())
     })?;
     if odd > 0 {
-        contents.notes.push(format!("{odd} tetrahedra have an attribute that is not whole, and are in no group"));
+        contents.notes.push(format!("{odd} tetrahedra have an attribute that is no whole number, and are in no group"));
     }
     Ok(())
 }
@@ -132,12 +136,20 @@ mod tests {
         assert_eq!((zero.nodes.len(), &zero.tetrahedra[..], zero.notes.len()), (4, &[[0, 1, 2, 3]][..], 0));
         assert_eq!(zero.groups.of, [Some(5)]);
         let odd = mesh(NODES, "1 4 1\n0 0 1 2 3 0.5\n").unwrap();
-        assert!(odd.groups.of == [None] && odd.notes[0].contains("1 tetrahedra have an attribute"), "{:?}", odd.notes);
+        assert!(
+            odd.groups.of == [None] && odd.notes[0].contains("1 tetrahedra have an attribute"),
+            "unexpected notes: {:?}",
+            odd.notes
+        );
         let zero = mesh(NODES, "1 4 0\n0 0 1 2 3\n").unwrap();
         assert_eq!(zero.groups.of, [None]);
         let nodes = "4 3 0 0\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n";
         assert_eq!(mesh(nodes, "1 4 0\n1 1 2 3 4\n").unwrap(), zero);
-        assert_eq!(mesh(nodes, "1 4 0\n1 1 2 4 3\n").unwrap(), zero, "a tetrahedron of negative volume is reordered");
+        assert_eq!(
+            mesh(nodes, "1 4 0\n1 1 2 4 3\n").unwrap(),
+            zero,
+            "a tetrahedron of negative volume must be reordered"
+        );
     }
 
     #[test]

@@ -1,5 +1,6 @@
-//! Reads tetrahedral meshes of all formats, and does the last step of each reader: node ids become indices, tetrahedra
-//! get positive volume, and invalid meshes are refused.
+//! Reads tetrahedral meshes of every supported format (Gmsh, TetGen, legacy VTK), and does the last step of each
+//! reader: node ids become indices, tetrahedra get positive volume, and invalid meshes are refused. A group is a set of
+//! tetrahedra that a file marks with a number; a scene can give each group a material of its own.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -14,27 +15,27 @@ use crate::{Error, Result};
 /// Extensions of the files that [`read`] can read.
 pub const EXTENSIONS: [&str; 4] = ["msh", "node", "ele", "vtk"];
 
-/// Ratio of the volume to the cube of the longest edge below which a tetrahedron counts as flat. Even well above this
-/// ratio its rest gradients are meaningless in single precision. Slivers above it are kept, since the implicit step
-/// tolerates them.
+/// A tetrahedron counts as flat, and is refused, if its volume is at most this fraction of the cube of its longest
+/// edge. Even well above this fraction, the gradients of its shape functions at rest are mostly rounding error in
+/// single precision. Such slivers (thin tetrahedra) are kept all the same, since the implicit time step tolerates them.
 const FLATTEST: f64 = 1e-12;
 /// Dihedral angle below which a tetrahedron is reported as a sliver, degrees.
 const SLIVER: f64 = 5.0;
 
-/// A tetrahedral mesh with the data of a file.
+/// A tetrahedral mesh, with the groups and the notes that its reader made.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TetMesh {
-    /// All nodes, used or not, in file order and in the coordinates of the file.
+    /// All nodes, used or not by a tetrahedron, in file order and in the coordinates of the file.
     pub nodes: Vec<DVec3>,
-    /// Zero-based nodes of each tetrahedron, ordered so that its volume is positive.
+    /// Zero-based node indices of each tetrahedron, in an order that makes its volume positive.
     pub tetrahedra: Vec<[u32; 4]>,
-    /// Which group of the file each tetrahedron is in.
+    /// The group that each tetrahedron is in.
     pub groups: Groups,
-    /// Parts of the file that were left out or changed, one sentence for each.
+    /// Notes on parts of the file that were left out or changed, or that are of poor quality; one sentence for each.
     pub notes: Vec<String>,
 }
 
-/// The files that [`read`] reads for this path: the file itself, or both files of a TetGen pair.
+/// Returns the files that [`read`] reads for `path`: the file itself, or both files of a TetGen pair.
 pub fn files(path: &Path) -> Vec<PathBuf> {
     match path.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
         Some("node" | "ele") => ["node", "ele"].map(|extension| path.with_extension(extension)).to_vec(),
@@ -42,11 +43,11 @@ pub fn files(path: &Path) -> Vec<PathBuf> {
     }
 }
 
-/// Reads a mesh by its extension: Gmsh `.msh`, TetGen `.node` and `.ele` (either of them reads both), legacy VTK
-/// `.vtk`.
+/// Reads a mesh in the format that its extension names: Gmsh `.msh`, TetGen `.node` and `.ele` (either name reads both
+/// files), legacy VTK `.vtk`.
 ///
-/// It refuses flat or repeated tetrahedra, nodes that do not exist, numbers that are not finite, and files that end
-/// early; the error names the element, and the line or byte.
+/// The function refuses flat or repeated tetrahedra, nodes that do not exist, numbers that are not finite, and files
+/// that end early. The error names the line (of a text file) or the byte (of a binary file).
 pub fn read(path: &Path) -> Result<TetMesh> {
     match path.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
         Some("msh") => gmsh::read(path),
@@ -59,32 +60,32 @@ pub fn read(path: &Path) -> Result<TetMesh> {
     }
 }
 
-/// The contents of a file, with node ids that are not yet converted to indices.
+/// What the reader of a format has collected from a file; node ids are not yet converted to indices.
 #[derive(Default)]
 pub(super) struct Contents {
     pub nodes: Vec<DVec3>,
-    /// Index of each node, by its id.
+    /// Index of each node in `nodes`, by the node's id.
     pub index: HashMap<u64, u32>,
     pub elements: Vec<Element>,
-    /// Numbers of elements that are not four-node tetrahedra, by type.
+    /// How many elements of each type were left out, by the name of the type; four-node tetrahedra are never left out.
     pub skipped: BTreeMap<String, usize>,
-    /// Names of groups, by number.
+    /// Names of the groups, by the number of the group.
     pub groups: BTreeMap<i64, String>,
-    /// Other notes about the file, one sentence each.
+    /// Notes of the reader about the file, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// A tetrahedron, with the ids that the file gives.
+/// A tetrahedron, with the ids that the file gives to it and to its nodes.
 pub(super) struct Element {
     pub id: u64,
-    /// Position in the file, bytes.
+    /// Position of the tetrahedron in the file, bytes, to which errors refer.
     pub mark: usize,
     pub nodes: [u64; 4],
     pub group: Option<i64>,
 }
 
 impl Contents {
-    /// Adds the node that was read last.
+    /// Adds a node at `point` with the given id, which must be new; an error refers to what `cursor` read last.
     pub(super) fn add_node(&mut self, cursor: &Cursor, id: u64, point: DVec3) -> Result<()> {
         if self.index.insert(id, self.nodes.len() as u32).is_some() {
             return Err(cursor.error(format!("node {id} is given twice")));
@@ -93,12 +94,13 @@ impl Contents {
         Ok(())
     }
 
-    /// Counts an element that is left out; `what` is its type.
+    /// Counts an element that is left out; `what` is the name of its type.
     pub(super) fn skip(&mut self, what: &str) {
         *self.skipped.entry(what.into()).or_default() += 1;
     }
 }
 
+/// Does the last step of every reader: checks the contents of a file and converts them to a mesh.
 pub(super) fn settle(file: Contents, cursor: &Cursor) -> Result<TetMesh> {
     if file.nodes.is_empty() {
         return Err(cursor.error_of_file("has no nodes", "export the mesh with its nodes"));
@@ -149,7 +151,8 @@ fn notes(file: &Contents, turned: usize, tetrahedra: &[[u32; 4]]) -> Vec<String>
         let kinds: Vec<String> = file.skipped.iter().map(|(what, count)| format!("{count} {what}")).collect();
         notes.push(format!("elements that are not four-node tetrahedra were left out: {}", kinds.join(", ")));
     }
-    // A file in which all tetrahedra have negative volume follows another convention (TetGen's) and is valid.
+    // A file in which all tetrahedra have negative volume is valid: it orders nodes by the opposite convention, as
+    // TetGen does.
     if turned > 0 && turned < file.elements.len() {
         notes.push(format!("{turned} tetrahedra had negative volume, and their nodes were reordered"));
     }
@@ -158,7 +161,8 @@ fn notes(file: &Contents, turned: usize, tetrahedra: &[[u32; 4]]) -> Vec<String>
     let worst = file.elements.iter().zip(&angles).min_by(|a, b| a.1.total_cmp(b.1));
     if let Some((element, angle)) = worst.filter(|_| slivers > 0) {
         notes.push(format!(
-            "{slivers} tetrahedra have a dihedral angle under {SLIVER} degrees, kept; the worst is {} with {angle:.1e}",
+            "{slivers} tetrahedra have a dihedral angle under {SLIVER} degrees and are kept; \
+             the worst is tetrahedron {} with {angle:.1e} degrees",
             element.id
         ));
     }
@@ -168,7 +172,7 @@ fn notes(file: &Contents, turned: usize, tetrahedra: &[[u32; 4]]) -> Vec<String>
 /// The least dihedral angle of a tetrahedron of positive volume, degrees.
 fn least_dihedral(nodes: &[DVec3], tetrahedron: [u32; 4]) -> f64 {
     let [a, b, c, d] = tetrahedron.map(|node| nodes[node as usize]);
-    // Outward normals of the faces; their length is twice the area.
+    // Outward normals of the four faces; the length of each is twice the area of its face.
     let normals = [(b, d, c), (a, c, d), (a, d, b), (a, b, c)].map(|(p, q, r)| (r - p).cross(q - p));
     let angle = |i: usize, j: usize| normals[i].cross(normals[j]).length().atan2(-normals[i].dot(normals[j]));
     let pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];

@@ -1,9 +1,9 @@
-//! Reads trajectories (poses over time): `[drive]`, the reference trajectory of the haptic device, and the keys of a
-//! kinematic rigid core (a rigid body, or a rigid part of a soft one, with motion = "driven"). Called by `load.rs` and
-//! `body.rs`.
+//! Reads trajectories (poses over time): `[drive]`, which is the reference trajectory of the haptic device, and the
+//! keys of kinematic rigid cores. A rigid core is a rigid body, or a rigid part of a soft one; it is kinematic with
+//! motion = "driven". Called by `load.rs` and `body.rs`.
 //!
-//! A key is a time, a position and optionally a quaternion: 4 or 8 numbers. A file is CSV with the same columns; a
-//! first row without any number is a heading.
+//! A key is a time, a position and optionally a quaternion: 4 or 8 numbers. A trajectory may also be a CSV file with
+//! one key per row; a first row without any number is a heading.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use super::keys::Value;
 use super::reference;
 use crate::{Error, Result};
 
-/// Reads `[drive]`: `keys = [[..], ..]` or `path = "file.csv"`.
+/// Reads the table `[drive]`: `keys = [[..], ..]` or `path = "file.csv"`.
 pub(super) fn read(value: &Value) -> Result<Vec<Key>> {
     let table = value.table(&reference::DRIVE)?;
     if table.exactly_one(&["keys", "path"])? == "path" {
@@ -24,7 +24,7 @@ pub(super) fn read(value: &Value) -> Result<Vec<Key>> {
     listed(&table.need("keys")?)
 }
 
-/// Reads keys that the scene file lists: `[[t, x, y, z, ..], ..]`.
+/// Reads keys that the scene file itself lists: `[[t, x, y, z, ..], ..]`.
 fn listed(keys: &Value) -> Result<Vec<Key>> {
     let mut result: Vec<Key> = Vec::new();
     for element in keys.array()? {
@@ -38,7 +38,7 @@ fn listed(keys: &Value) -> Result<Vec<Key>> {
     Ok(result)
 }
 
-/// Reads the keys of a kinematic core: a list, or the name of a CSV file.
+/// Reads the keys of a kinematic core: a list in the scene file, or the name of a CSV file.
 pub(super) fn core_keys(value: &Value) -> Result<Vec<Key>> {
     if value.is_text() { read_csv(&value.file()?) } else { listed(value) }
 }
@@ -59,7 +59,7 @@ fn key(numbers: &[f64], before: Option<&Key>) -> std::result::Result<Key, String
     Ok(Key { time, position, orientation })
 }
 
-/// Reads a CSV file with one key per line; a line that begins with `#` is a comment, and blanks and double quotes
+/// Reads a CSV file with one key per line. A line that begins with `#` is a comment, and blanks and double quotes
 /// around a number are ignored.
 fn read_csv(path: &Path) -> Result<Vec<Key>> {
     let bytes = std::fs::read(path)

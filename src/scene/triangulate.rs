@@ -1,12 +1,14 @@
-//! Cuts the polygons of an OBJ file into triangles: as a fan where the polygon is convex, else by ear clipping.
+//! Cuts the polygons of an OBJ file into triangles. A convex polygon is cut as a fan: all its triangles share one
+//! corner. Any other polygon is cut by ear clipping: an ear, that is, a corner whose triangle with its two neighbours
+//! contains no other corner, is cut off until the rest is convex.
 //!
-//! Ear clipping follows Meisters, "Polygons have ears" (1975), in the plane of Newell's normal. No vertex is dropped,
-//! not even one on a straight edge: a neighbouring face may use it too, and without it there would be a gap between the
-//! two faces.
+//! Ear clipping follows Meisters, "Polygons have ears" (1975), in the plane perpendicular to Newell's normal (the sum
+//! of the cross products of successive corners). No vertex is dropped, not even one on a straight edge: a neighbouring
+//! face may use it too, and without it there would be a gap between the two faces.
 
 use glam::{DVec2, DVec3};
 
-/// Appends the triangles of one polygon: n corners give n - 2 triangles, with the polygon's orientation.
+/// Appends the triangles of one polygon to `triangles`: n corners give n - 2 triangles, with the polygon's orientation.
 pub(super) fn triangulate(vertices: &[DVec3], corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
     let points = flatten(vertices, corners);
     let mut left: Vec<usize> = (0..corners.len()).collect();
@@ -21,13 +23,13 @@ pub(super) fn triangulate(vertices: &[DVec3], corners: &[u32], triangles: &mut V
     }
 }
 
-/// The corner at index `at` of the remaining polygon, between its two neighbours.
+/// Returns the corner at index `at` of the remaining polygon `left`, between its two neighbours.
 fn around(left: &[usize], at: usize) -> [usize; 3] {
     let n = left.len();
     [left[(at + n - 1) % n], left[at], left[(at + 1) % n]]
 }
 
-/// The corners as points in the polygon's plane, counter-clockwise.
+/// Returns the corners as points in the polygon's plane, in counter-clockwise order.
 fn flatten(vertices: &[DVec3], corners: &[u32]) -> Vec<DVec2> {
     let at = |k: usize| vertices[corners[k % corners.len()] as usize] - vertices[corners[0] as usize];
     let normal: DVec3 = (0..corners.len()).map(|k| at(k).cross(at(k + 1))).sum();
@@ -76,7 +78,7 @@ mod tests {
 
     #[test]
     fn a_concave_polygon_is_covered_once_from_every_start() {
-        // An L of area 3 and a dart of area 1; a fan from the wrong corner would cover some of them twice.
+        // An L-shaped polygon of area 3 and a dart of area 1. In a fan from the wrong corner, triangles would overlap.
         let l = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)];
         let dart = [(0.0, 0.0), (2.0, 1.0), (0.0, 2.0), (1.0, 1.0)];
         for (polygon, expected) in [(&l[..], 3.0), (&dart[..], 1.0)] {
@@ -87,7 +89,7 @@ mod tests {
                 assert_eq!(triangles.len(), polygon.len() - 2);
                 assert!(
                     (signed - expected).abs() < 1e-12 && (unsigned - expected).abs() < 1e-12,
-                    "from corner {start}: the triangles must cover the polygon once"
+                    "the triangles must cover the polygon once when it starts at corner {start}"
                 );
             }
         }

@@ -1,8 +1,9 @@
-//! Reads and writes legacy VTK unstructured grids: a layer (tetrahedral mesh) to prepare, and a deformed layer at the
-//! end of a run, for ParaView and similar programs.
+//! Reads and writes tetrahedral meshes as legacy VTK unstructured grids. The files that are read hold the layer (the
+//! tetrahedral mesh) of a soft body. The files that are written hold a layer as it is deformed at the end of a run, for
+//! ParaView and similar programs.
 //!
-//! The format is described in "VTK File Formats", simple legacy formats; versions 1 to 4 and 5.1 are read, as ASCII or
-//! as binary, which is always big-endian.
+//! The format is described in "VTK File Formats", simple legacy formats. Versions 1 to 4 and 5.1 are read, as ASCII or
+//! as binary; binary numbers are always big-endian.
 
 mod data;
 
@@ -17,17 +18,18 @@ use super::tetrahedra::{Contents, Element, TetMesh, settle};
 use crate::Result;
 
 const REMEDY: &str = "export the mesh again as a legacy VTK unstructured grid";
-/// VTK's cell type of a four-node tetrahedron.
+/// Number by which VTK denotes the cell type of a four-node tetrahedron.
 const TETRAHEDRON: u64 = 10;
 
 /// Reads the points and the four-node tetrahedra of an unstructured grid; other cells are left out and counted in the
-/// notes. Groups are the cell data called `group`, or else the first cell data with one whole number per cell. Data
-/// that cannot be read cause a note, not an error.
+/// notes of the mesh. The group of a tetrahedron (a number by which a scene can give tetrahedra a material of their
+/// own) is taken from the cell data called `group`, or else from the first cell data with one whole number per cell.
+/// Cell or point data that cannot be read cause a note, not an error.
 pub fn read(path: &Path) -> Result<TetMesh> {
     parse(&cursor::bytes(path)?, path)
 }
 
-/// Like [`read`], but from the bytes of a file; messages name the file by `path`.
+/// Does what [`read`] does with the bytes of a file; messages name the file by `path`.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
     let mut cursor = Cursor::new(path, bytes, REMEDY);
     header(&mut cursor)?;
@@ -47,7 +49,8 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
             }
             "FIELD" => field(&mut cursor, &words)?,
             "METADATA" => while cursor.next_line().is_some_and(|line| !line.is_empty()) {},
-            // The following data are not part of the mesh, so errors in them do not prevent the mesh from being read.
+            // Data on points and cells are not part of the mesh, so errors in them do not prevent the mesh from being
+            // read.
             "POINT_DATA" | "CELL_DATA" => {
                 if let Err(error) = on_cells.read(&mut cursor, &words) {
                     file.notes.push(format!("data on points and cells were left out: {error}"));
@@ -82,14 +85,15 @@ fn header(cursor: &mut Cursor) -> Result<()> {
     Ok(())
 }
 
-/// The count at index `place` of the words in a keyword's line.
+/// Parses the count at index `place` of `words`, which are the words of a keyword's line.
 fn count(cursor: &Cursor, words: &[&str], place: usize) -> Result<u64> {
     let word =
         words.get(place).ok_or_else(|| cursor.error(format!("{} must be followed by its counts", short(words[0]))))?;
     cursor.parse(word, "a count")
 }
 
-/// Reads a whole number that is not negative: a word in text, or a binary integer of this many bytes.
+/// Reads a whole number that is not negative: in a text file a word, in a binary file an integer of 8 bytes if `bytes`
+/// is 8, else of 4 bytes. In errors, `what` is the number's meaning.
 fn natural(cursor: &mut Cursor, bytes: usize, what: &str) -> Result<u64> {
     let number = match (cursor.order, bytes) {
         (None, _) => {
@@ -102,7 +106,7 @@ fn natural(cursor: &mut Cursor, bytes: usize, what: &str) -> Result<u64> {
     cursor.natural(number, what)
 }
 
-/// Size of a binary number of this type, bytes.
+/// Returns the size in bytes that a number of type `kind` has in a binary file.
 fn size_of(cursor: &Cursor, kind: Option<&&str>) -> Result<usize> {
     match kind.map(|kind| kind.to_lowercase()).as_deref() {
         Some("char" | "unsigned_char") => Ok(1),
@@ -139,7 +143,7 @@ fn points(cursor: &mut Cursor, words: &[&str], file: &mut Contents) -> Result<()
     Ok(())
 }
 
-/// Skips the arrays of data about the whole grid.
+/// Skips the arrays of a `FIELD` section, which hold data about the whole grid.
 fn field(cursor: &mut Cursor, words: &[&str]) -> Result<()> {
     for _ in 0..count(cursor, words, 2)? {
         let line = cursor.need("an array of a FIELD")?;
@@ -162,7 +166,7 @@ fn field(cursor: &mut Cursor, words: &[&str]) -> Result<()> {
 struct Cells {
     /// Index of each corner's point, and the byte offset of that index in the file.
     corners: Vec<(u64, usize)>,
-    /// Index in `corners` of each cell's first corner; the last entry is the number of all corners.
+    /// Index in `corners` of each cell's first corner; one more entry at the end is the number of all corners.
     offsets: Vec<u64>,
 }
 
@@ -188,8 +192,8 @@ impl Cells {
         Ok(read)
     }
 
-    /// Reads cells in the format since version 5.1: the offsets, one more than the number of cells, and then the
-    /// corners.
+    /// Reads cells in the format of VTK 5.1 and later: first the offsets, one more than there are cells, and then the
+    /// corners. `offsets` and `corners` say how many there are of each.
     fn read_5(cursor: &mut Cursor, offsets: u64, corners: u64) -> Result<Cells> {
         let mut read = Cells::default();
         for (keyword, count) in [("OFFSETS", offsets), ("CONNECTIVITY", corners)] {
@@ -214,7 +218,7 @@ impl Cells {
     fn elements(&self, cursor: &Cursor, (types, groups): (&[u64], &[i64]), file: &mut Contents) -> Result<()> {
         let cells = self.offsets.len().saturating_sub(1);
         if types.len() != cells {
-            return Err(cursor.error(format!("{cells} cells, but {} cell types", types.len())));
+            return Err(cursor.error(format!("the file has {cells} cells, but {} cell types", types.len())));
         }
         for (id, (range, &kind)) in self.offsets.windows(2).zip(types).enumerate() {
             let corners = self.corners.get(range[0] as usize..range[1] as usize);
@@ -237,7 +241,7 @@ impl Cells {
     }
 }
 
-/// Name of a VTK cell type, and its number of points if that is fixed.
+/// Returns the name of a VTK cell type, and its number of points if the type fixes that number.
 fn kind_of(kind: u64) -> (String, Option<usize>) {
     let (name, length) = match kind {
         1 => ("points", 1),
@@ -254,8 +258,8 @@ fn kind_of(kind: u64) -> (String, Option<usize>) {
     (name.into(), Some(length))
 }
 
-/// Writes tetrahedra as a legacy VTK ASCII unstructured grid. Coordinates have enough digits to be read back with the
-/// same bits.
+/// Writes tetrahedra as a legacy VTK ASCII unstructured grid. Coordinates have so many digits that they are read back
+/// with the same bits.
 pub fn write(w: &mut impl Write, nodes: &[DVec3], tetrahedra: &[[u32; 4]]) -> std::io::Result<()> {
     head(w, nodes.len())?;
     nodes.iter().try_for_each(|p| writeln!(w, "{:e} {:e} {:e}", p.x, p.y, p.z))?;
@@ -277,8 +281,9 @@ fn write_cells(w: &mut impl Write, tetrahedra: &[[u32; 4]]) -> std::io::Result<(
 
 /// Writes a deformed layer as a legacy VTK ASCII unstructured grid.
 ///
-/// `nodes` are deformed world positions (m) in input order; `displacement` has one vector per node, from its rest
-/// position as placed in the scene (world axes, m). Both are written with nine significant digits.
+/// `nodes` are the deformed world positions of the nodes (m), in the order of the input mesh. `displacement` has one
+/// vector per node: from the node's rest position as placed in the scene to its deformed position (world axes, m). Both
+/// arrays are written with nine significant digits.
 pub fn write_layer(
     w: &mut impl Write,
     nodes: &[DVec3],

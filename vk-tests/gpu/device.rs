@@ -120,7 +120,7 @@ fn indirect_passes_take_their_slot_and_wait_for_its_writer() {
         act(&mut recorder);
         recorder.finish().map(|_| ()).unwrap_err().to_string()
     };
-    assert!(fails(&|r| r.dispatch_indirect(&kernel, &bump_of(&a, 1), &args, 3)).contains("lie outside args"));
+    assert!(fails(&|r| r.dispatch_indirect(&kernel, &bump_of(&a, 1), &args, 3)).contains("outside array args"));
     assert!(fails(&|r| r.fill_range(&args, 2, 4, 0)).contains("not whole words"));
     assert!(fails(&|r| r.fill_range(&args, 32, 8, 0)).contains("not whole words"));
     assert!(fails(&|r| r.copy(&a, &args)).contains("cannot be copied"));
@@ -291,11 +291,11 @@ fn draws_that_cannot_be_are_refused() {
     };
     let b = cells("b");
     let both = [("rectangles", &a), ("raster_cells", &b)];
-    assert!(fails(&both, &[0; 4], 1, 8).contains("lie outside args"));
+    assert!(fails(&both, &[0; 4], 1, 8).contains("outside array args"));
     assert!(fails(&both, &[0; 4], 0, 0).contains("0 pixels a side"));
     assert!(fails(&both, &[0; 4], 0, u32::MAX).contains("pixels a side"));
     assert!(fails(&both, &[], 0, 8).contains("push constants"));
-    assert!(fails(&both[..1], &[0; 4], 0, 8).contains("uses raster_cells, which was left out"));
+    assert!(fails(&both[..1], &[0; 4], 0, 8).contains("raster_cells, which was left out"));
     assert!(fails(&[("rectangles", &a), ("raster_cells", &a)], &[0; 4], 0, 8).contains("writes a"));
     assert_clean(context, "refused draws");
 }

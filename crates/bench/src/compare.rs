@@ -1,8 +1,10 @@
-//! Compares two results of `palpate bench`: the ratio of each time to the earlier one, and whether it is beyond noise;
-//! and whether errors, iterations, passes, memory or flags, which have no noise, grew.
+//! Compares two results of `palpate bench`, an old and a new one. For each time it finds the ratio of new to old, and
+//! whether this ratio is beyond noise. For quantities without noise it finds whether they grew: errors of forces and
+//! displacements, solver iterations, passes (kernels, fills and copies on the GPU), memory, and flags (warnings of a
+//! step).
 //!
-//! The rounds of a time are its repeated runs. Where there are fewer than five rounds, their samples are dealt into
-//! "hands", interleaved subsets (see [`crate::samples::hands`]).
+//! A time is measured in rounds, that is, repeated runs. Where there are fewer than five rounds, their samples are
+//! dealt into "hands", interleaved subsets (see [`crate::samples::hands`]).
 
 mod series;
 
@@ -15,8 +17,8 @@ use super::suite::Results;
 use super::{Table, median};
 use series::{Series, series_of};
 
-/// A time may grow by this share beyond the spread of both results: on a busy machine the times of one program differ
-/// by as much.
+/// A time may grow by this share beyond the spread of both results: on a busy machine the times of one and the same
+/// program differ by as much.
 const ALLOWED: f64 = 0.10;
 /// An error may grow by this share: on one GPU device it is the same in every run, bit for bit, but devices differ.
 const ALLOWED_ERROR: f64 = 0.10;
@@ -26,14 +28,14 @@ const ROUNDING: f64 = 1e-6;
 const ALLOWED_SIZE: f64 = 0.02;
 /// Iterations may grow by this share: a difference in the last bit can cost one more iteration.
 const ALLOWED_ITERATIONS: f64 = 0.25;
-/// A time is judged only with at least so many rounds (or hands) in each result. With five in each, by chance all new
-/// times exceed all old ones once in 252 comparisons; with fewer, more often than is acceptable.
+/// A time is judged only with at least this number of rounds (or hands) in each result. With five in each, all new
+/// times exceed all old ones by chance in one of 252 comparisons; with fewer, in more comparisons than is acceptable.
 const LEAST_ROUNDS: usize = HANDS;
-/// Where at least so many times are compared, a time counts as slower or faster only if its ratio of new to old is an
-/// outlier among all ratios (see [`DEVIATIONS`]).
+/// From this number of compared times on, a time counts as slower or faster only if its ratio of new to old is an
+/// outlier among the ratios of all times (see [`DEVIATIONS`]).
 const CROWD: usize = 8;
-/// A ratio is an outlier if its logarithm is more than so many standard deviations from the median. The standard
-/// deviation is estimated from the median absolute deviation.
+/// A ratio is an outlier if its logarithm is farther from the median of all logarithms than this number of standard
+/// deviations. The standard deviation is estimated from the median absolute deviation.
 const DEVIATIONS: f64 = 4.0;
 /// A part of a benchmark is slower as a whole if the median ratio of its times exceeds 1 by more than this and enough
 /// of its times are slower (see [`MOST`]).
@@ -44,8 +46,8 @@ const MOST: f64 = 0.75;
 /// One measurement in the old and the new result.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
-    /// Path of the measurement in `results.json`: `solver/block10k-20kPa-1ms/runs/jacobi 1e-5/step_us`; for a part as a
-    /// whole, the part's name.
+    /// Path of the measurement in `results.json`, for example `solver/block10k-20kPa-1ms/runs/jacobi 1e-5/step_us`; for
+    /// a part as a whole, the part's name.
     pub path: String,
     /// Kind of quantity.
     pub kind: Kind,
@@ -53,17 +55,19 @@ pub struct Comparison {
     pub old: f64,
     /// New value, in the same unit.
     pub new: f64,
-    /// New value over old. For a time these are three ratios, divided by the machine's own change of speed: the fastest
-    /// new round over the slowest old one, the medians, the slowest new round over the fastest old one.
+    /// New value divided by the old one. A time has three ratios, all divided by the machine's own change of speed:
+    /// that of the fastest new round to the slowest old one, that of the medians, and that of the slowest new round to
+    /// the fastest old one.
     pub ratio: [f64; 3],
-    /// The verdict on the ratio: worse only if even the least of the three ratios exceeds 1 by more than is allowed.
+    /// The verdict on the ratio. A time is worse only if even the least of its three ratios exceeds 1 by more than is
+    /// allowed.
     pub verdict: Verdict,
 }
 
 /// Kind of quantity that is compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Time, us, by its samples.
+    /// Time, us, judged by the medians of its rounds.
     Time,
     /// All times of a part of a benchmark together, judged by the median of their ratios.
     Part,
@@ -90,8 +94,8 @@ pub enum Verdict {
     Unjudged,
 }
 
-/// Compares all measurements that both results have, and returns the comparisons and the paths that only one result
-/// has. Errors: the two were measured with different settings.
+/// Compares all measurements that both results have, and returns the comparisons and the paths of the measurements that
+/// only one result has. Errors: the two results were measured with different settings.
 pub fn compare(old: &Results, new: &Results) -> Result<(Vec<Comparison>, Vec<String>)> {
     for (name, measured) in &old.benchmarks {
         let differs = new.benchmarks.get(name).is_some_and(|other| other["settings"] != measured["settings"]);
@@ -120,8 +124,8 @@ fn part_of(path: &str) -> &str {
     &path[..end]
 }
 
-/// How many times as long the machine took for a fixed piece of work (see `gauge.rs`) while a part was measured: least,
-/// median and greatest ratio of new to old; 1 if either result lacks it.
+/// Change of the time that the machine took for a fixed piece of work (see `gauge.rs`) while a part was measured: the
+/// least, the median and the greatest ratio of new to old; 1 if either result lacks this time.
 fn machine(old: &Results, new: &Results, part: &str) -> [f64; 3] {
     match (old.gauge(part), new.gauge(part)) {
         (Some(old), Some(new)) => [low(&new) / high(&old), median(&new) / median(&old), high(&new) / low(&old)],
@@ -184,7 +188,7 @@ impl Comparison {
     }
 }
 
-/// Worse or better where the whole range of a ratio is beyond what is allowed.
+/// Worse or better where the whole range of a ratio differs from 1 by more than is allowed; else the same.
 fn beyond([from, _, to]: [f64; 3], allowed: f64) -> Verdict {
     if from > 1.0 + allowed {
         Verdict::Worse
@@ -196,8 +200,8 @@ fn beyond([from, _, to]: [f64; 3], allowed: f64) -> Verdict {
 }
 
 /// Sets the verdict of a time to `Same` if its ratio is no outlier among all ratios. The spread within a run is not all
-/// of the noise: one run as a whole is slower or faster than another, and in some parts more than in others. If there
-/// are many times, the scatter of their ratios shows how much.
+/// of the noise: one run as a whole is slower or faster than another, and in some parts of the benchmark more than in
+/// others. If there are many times, the scatter of their ratios shows how large this noise is.
 fn excuse_the_ordinary(all: &mut [Comparison]) {
     let judged = |c: &&Comparison| c.kind == Kind::Time && c.verdict != Verdict::Unjudged && c.ratio[1] > 0.0;
     let logs: Vec<f64> = all.iter().filter(judged).map(|c| c.ratio[1].ln()).collect();

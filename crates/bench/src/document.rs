@@ -1,4 +1,4 @@
-//! A report of the benchmarks: for each question its plot, its table and its finding (the answer).
+//! A report of the benchmarks: for each question its plot, its table and its finding (the answer in words).
 
 use std::fmt::Write;
 
@@ -31,11 +31,11 @@ pub struct Section {
     pub title: String,
     /// The question, and the scenes that it is about.
     pub question: String,
-    /// Measurements that answer it.
+    /// Measurements that answer the question.
     pub table: Table,
     /// A plot as SVG; `None`: there is none.
     pub plot: Option<String>,
-    /// The answer in one sentence, computed from the measurements.
+    /// The answer to the question in one sentence, computed from the measurements.
     pub finding: String,
     /// Further remarks on the measurements.
     pub notes: Vec<String>,
@@ -72,7 +72,7 @@ impl Document {
 }
 
 impl Table {
-    /// An empty table with these columns.
+    /// An empty table whose columns have the names `heads`.
     pub fn new<S: Into<String>>(heads: impl IntoIterator<Item = S>) -> Table {
         Table { heads: heads.into_iter().map(Into::into).collect(), rows: Vec::new() }
     }
@@ -107,13 +107,13 @@ mod tests {
         let noted = Section { notes: vec!["And so.".into()], ..section.clone() };
         let chapter = Chapter { title: "C".into(), sections: vec![noted], ..Chapter::default() };
         let text = Document { chapters: vec![chapter], ..Document::default() }.markdown();
-        assert!(text.ends_with("**Found:** So.\n\n- And so.\n"), "report: {text}");
+        assert!(text.ends_with("**Found:** So.\n\n- And so.\n"), "wrong report: {text}");
         let chapter = Chapter { title: "C".into(), sections: vec![section], ..Chapter::default() };
         let text = Document { chapters: vec![chapter], ..Document::default() }.markdown();
-        assert!(text.contains("| name |  n |\n| ---- | -: |\n| a    | 12 |\n"), "report: {text}");
+        assert!(text.contains("| name |  n |\n| ---- | -: |\n| a    | 12 |\n"), "wrong report: {text}");
         assert!(
             text.contains("## C") && text.contains("### T") && text.ends_with("**Found:** So.\n"),
-            "report: {text}"
+            "wrong report: {text}"
         );
     }
 }

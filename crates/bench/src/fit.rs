@@ -1,6 +1,7 @@
 //! Power laws fitted to measurements.
 
-/// The exponent p of y = c x^p, by least squares of the logarithms; `None` unless there are two different values of x.
+/// The exponent p of the power law y = c x^p that fits the points (x, y) best, by least squares of the logarithms.
+/// `None`: there are no two points with different x.
 pub fn exponent(points: &[(f64, f64)]) -> Option<f64> {
     let logs: Vec<(f64, f64)> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
     let count = logs.len() as f64;

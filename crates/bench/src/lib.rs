@@ -1,6 +1,6 @@
 //! The benchmarks of `palpate bench`, the stability matrix of `palpate stability`, and the reports made from them. Each
-//! benchmark has a module of its own; they share the code that measures and merges their parts (`suite`), collects
-//! samples, plots, and writes reports.
+//! benchmark has a module of its own; all benchmarks share the code that measures and merges their parts (`suite`),
+//! collects samples, draws plots, and writes reports.
 
 pub mod accuracy;
 pub mod compare;

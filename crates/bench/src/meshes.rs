@@ -1,4 +1,5 @@
-//! Meshes that a benchmark generates: they are written into a temporary folder, because scenes refer to mesh files.
+//! Meshes that a benchmark generates. They are written into files in a temporary folder, because scenes name the files
+//! of their meshes.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -12,23 +13,24 @@ use tempfile::TempDir;
 /// Vertices of a surface (m), and its triangles, wound outward.
 pub type Surface = (Vec<DVec3>, Vec<[u32; 3]>);
 
-/// A new temporary folder, which is deleted when the value is dropped.
+/// A temporary folder for mesh files, which is deleted with its files when this value is dropped.
 #[derive(Debug)]
 pub struct MeshFolder(TempDir);
 
 impl MeshFolder {
-    /// Makes the folder. Errors: the folder cannot be made.
+    /// Makes a new folder. Errors: it cannot be made.
     pub fn new() -> Result<MeshFolder> {
         let made = TempDir::with_prefix("palpate-");
         made.map(MeshFolder).map_err(|error| failed(&std::env::temp_dir(), &error))
     }
 
-    /// Writes a surface as OBJ; returns the file's path.
+    /// Writes a surface in the OBJ format, into the file `name`.obj; returns the file's path.
     pub fn surface(&self, name: &str, (vertices, triangles): &Surface) -> Result<PathBuf> {
         self.write(&format!("{name}.obj"), |w| obj::write(w, vertices, triangles))
     }
 
-    /// Writes a tetrahedral mesh (layer) in Gmsh's format; returns the file's path.
+    /// Writes the tetrahedral mesh of a soft body (its layer) in Gmsh's format, into the file `name`.msh; returns the
+    /// file's path.
     pub fn layer(&self, name: &str, nodes: &[DVec3], tetrahedra: &[[u32; 4]]) -> Result<PathBuf> {
         self.write(&format!("{name}.msh"), |w| gmsh::write(w, nodes, tetrahedra))
     }

@@ -1,18 +1,18 @@
-//! Writes a report as one HTML page, with its plots inside, that needs no other files and no scripts; it is laid out
-//! for a screen 1280 pixels wide and for print.
+//! Writes a report as one HTML page, which contains the plots and needs no other files and no scripts. The page is laid
+//! out for a screen 1280 pixels wide and for print.
 
 use std::fmt::Write;
 
 use super::{Document, Section, Table};
 
 const STYLE: &str = include_str!("page.css");
-/// A cell with at most so many characters may be a number; a longer one with a space is words.
+/// A table cell with more characters than this that also contains a space counts as words, not as a number.
 const LONGEST_NUMBER: usize = 20;
-/// A table with at least so many columns is set in smaller type.
+/// A table with at least this number of columns is set in smaller type.
 const WIDE: usize = 11;
 
 impl Document {
-    /// The report as a page. Text between backquotes is set as code, as in Markdown.
+    /// The report as an HTML page. Text between backquotes is set as code, as in Markdown.
     pub fn html(&self) -> String {
         let title = escaped(&self.title);
         let mut page = format!(
@@ -64,7 +64,7 @@ fn write_section(page: &mut String, section: &Section, id: &str) {
     );
     let _ = writeln!(page, "<p class=\"finding\"><b>Found:</b> {}</p>", set(finding));
     if let Some(svg) = plot {
-        // The XML declaration before the `<svg>` element belongs in files only.
+        // An XML declaration before the `<svg>` element is right in an SVG file but not within a page.
         let element = svg.find("<svg").map_or(svg.as_str(), |at| &svg[at..]);
         let _ = writeln!(page, "<figure>{element}</figure>");
     }
@@ -107,7 +107,7 @@ pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Text escaped for HTML, with what is between backquotes set as code.
+/// Text escaped for HTML; the parts of the text that stand between backquotes are set as code.
 fn set(text: &str) -> String {
     // A no-break space keeps a number and its per cent sign on one line.
     let escaped = escaped(text).replace(" %", "\u{a0}%");

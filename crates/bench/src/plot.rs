@@ -1,5 +1,5 @@
 //! Plots of the reports, as SVG. The colours are those of M. Okabe and K. Ito (2008), which colour-blind readers can
-//! distinguish; the text uses the reader's own fonts.
+//! distinguish; the text is drawn with the fonts of the reader's computer.
 
 use palpate::{Error, Result};
 use plotters::coord::Shift;
@@ -8,9 +8,9 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// Width and height of a plot, pixels.
 const SIZE: (u32, u32) = (760, 420);
-/// Height of a bar with the gap after it, pixels.
+/// Height of a bar and of the gap between it and the next bar together, pixels.
 const BAR_HEIGHT: u32 = 30;
-/// Number of ticks of a logarithmic axis: more would overlap, fewer would not show the scale.
+/// Least and greatest number of ticks of a logarithmic axis: more would overlap, fewer would not show the scale.
 const TICKS: std::ops::RangeInclusive<usize> = 3..=7;
 /// Leading digits of the ticks of a logarithmic axis, in sets from sparse to dense.
 const DIGITS: [&[f64]; 5] = [
@@ -34,16 +34,16 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
 ];
 const FONT: (&str, u32) = ("sans-serif", 15);
-/// Room for the names of bars, as a share of the width.
+/// Width of the room for the names of bars, as a share of the plot's width.
 const LABELS: f64 = 0.28;
-/// Room for the names of lines, pixels.
+/// Width of the room for the names of lines, to the right of their ends, pixels.
 const NAMES: u32 = 80;
-/// Greatest value of the axis over that of the highest point.
+/// Upper end of the vertical axis of a plot with linear axes, divided by the y of its highest point.
 const HEADROOM: f64 = 1.12;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// A line of a plot.
+/// A line of a plot, drawn through its points.
 #[derive(Debug, Clone, Default)]
 pub struct Line {
     /// Name, written at the end of the line.
@@ -84,7 +84,7 @@ pub fn bars(x_label: &str, bars: &[Bar]) -> Result<String> {
     to_svg((SIZE.0, 90 + BAR_HEIGHT * bars.len() as u32), |area| draw_bars(area, x_label, bars))
 }
 
-/// The axes of [`panels`].
+/// The logarithmic axes that all plots of [`panels`] share.
 #[derive(Debug, Clone, Copy)]
 pub struct Logarithmic<'a> {
     /// Label of the horizontal axis, with its unit.
@@ -190,7 +190,8 @@ fn spans(axes: &Logarithmic, panels: &[Panel]) -> [std::ops::Range<f64>; 2] {
     let span = |[low, high]: [f64; 2]| if low <= high { low..high } else { 1.0..10.0 };
     let (x, y) = (span(x), span(y));
     let tens = |x: f64, way: fn(f64) -> f64| 10f64.powf(way(x.log10()));
-    // The range is a little wider than the powers, so that rounding does not leave the outermost ones out.
+    // The y range is a little wider than from one power of ten to another, so that rounding leaves neither of these
+    // powers outside.
     let (low, high) = (tens(y.start, |l| (l - 0.1).floor()), tens(y.end, |l| (l + 0.1).ceil()));
     [x.start / 1.5..x.end * 1.5, low * (1.0 - ROUNDING)..high * (1.0 + ROUNDING)]
 }
@@ -222,8 +223,8 @@ fn draw_panel(area: &Area, axes: &Logarithmic, panel: &Panel, [x, y]: &[std::ops
     draw_names(area, &panel.lines, ends)
 }
 
-/// Round numbers within a range: the sparsest set of [`DIGITS`] that gives enough of them. If it gives too many, only
-/// every second one, or every third and so on, is kept.
+/// Round numbers within a range, for the ticks of an axis: the sparsest set of [`DIGITS`] that gives enough numbers is
+/// used. If this set gives too many, only every second number, or every third and so on, is kept.
 fn ticks(span: &std::ops::Range<f64>) -> Vec<f64> {
     let powers = span.start.log10().floor() as i32..=span.end.log10().ceil() as i32;
     let of = |digits: &[f64]| -> Vec<f64> {
@@ -235,7 +236,7 @@ fn ticks(span: &std::ops::Range<f64>) -> Vec<f64> {
     all.iter().copied().step_by(all.len().div_ceil(*TICKS.end()).max(1)).collect()
 }
 
-/// A number as [`number`] writes it, or with an exponent of ten if that would be long.
+/// A number as [`number`] writes it, or with an exponent of ten if it is below 0.1 or at least 10,000.
 fn power(x: f64) -> String {
     if (0.1..1e4).contains(&x) { number(x) } else { format!("{x:.0e}") }
 }
@@ -248,7 +249,7 @@ fn draw_bars(area: &Area, x_label: &str, bars: &[Bar]) -> Drawn {
         .x_label_area_size(44)
         .y_label_area_size((LABELS * f64::from(SIZE.0)) as u32)
         .build_cartesian_2d(0.0..(1.15 * high).max(1e-9), 0.0..count.max(1.0))?;
-    // Names are drawn as text beside the middle of their bars, since axis ticks need not lie there.
+    // Each bar's name is drawn as text beside the middle of the bar, since the ticks of the axis need not lie there.
     let mut mesh = chart.configure_mesh();
     mesh.x_desc(x_label).label_style(FONT).axis_desc_style(FONT).y_labels(0).disable_y_mesh();
     mesh.x_label_formatter(&|at| number(*at));
@@ -309,7 +310,7 @@ mod tests {
         assert_eq!(ticks(&(0.9..2e3)), [1.0, 10.0, 100.0, 1e3]);
         assert_eq!(ticks(&(9.0..70.0)), [10.0, 20.0, 50.0]);
         assert_eq!(ticks(&(13.0..21.0)), [14.0, 16.0, 18.0, 20.0]);
-        assert_eq!(ticks(&(0.9e-9..1.1e3)).len(), 7, "ticks at every second power of ten");
+        assert_eq!(ticks(&(0.9e-9..1.1e3)).len(), 7, "ticks from 1e-9 to 1e3, at every second power of ten");
         assert_eq!([1e-5, 0.2, 1.4, 5e4].map(power), ["1e-5", "0.2", "1.4", "5e4"]);
     }
 }

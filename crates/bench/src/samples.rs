@@ -1,4 +1,5 @@
-//! Times of the proximity query (the stages of a step that find contacts) in benchmarks, and medians of samples.
+//! Times of the proximity query (the stages of a step that find contacts) in benchmarks, and medians of samples. A
+//! sample is one measured time.
 
 use std::collections::BTreeMap;
 
@@ -13,8 +14,8 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// Adds the times of a run. Timers of stages outside the query are ignored; a stage that the run lacks took no
-    /// time.
+    /// Adds the times of a run, each with the name of its timer. Timers of stages outside the query are ignored; a
+    /// stage without a timer counts as taking no time.
     pub fn add(&mut self, times: &[(String, f64)]) {
         let of = |timer: &str| times.iter().filter(|(name, _)| name == timer).map(|(_, us)| us).sum();
         if times.iter().any(|(name, _)| name == POSE_TO_CONTACT) {
@@ -24,8 +25,8 @@ impl Samples {
         }
     }
 
-    /// Median time of each stage, ms. Each time includes the cost of a timestamp, so that their sum exceeds the time of
-    /// the query as a whole.
+    /// Median time of each stage, ms. Each of these times includes the cost of a timestamp, so that the sum of the
+    /// medians exceeds the time of the query as a whole.
     pub fn medians_ms(&self) -> [f64; QUERY.len()] {
         self.stages.each_ref().map(|samples| 1e-3 * median(samples))
     }
@@ -50,7 +51,7 @@ impl<'de> Deserialize<'de> for Samples {
     }
 }
 
-/// The median: for an even number of samples the mean of the two in the middle, for no samples 0.
+/// The median of the samples: for an even number of samples the mean of the two middle ones, for no samples 0.
 pub fn median(samples: &[f64]) -> f64 {
     let mut sorted = samples.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -62,12 +63,12 @@ pub fn median(samples: &[f64]) -> f64 {
     }
 }
 
-/// Where there are few rounds, all their samples are dealt, like cards, into so many hands (interleaved subsets), so
-/// that each hand has samples from every phase of a run.
+/// Number of hands. A round is one list of samples; where there are few rounds, all their samples are dealt, like
+/// cards, into this number of hands (interleaved subsets), so that each hand has samples from every phase of a run.
 pub const HANDS: usize = 5;
 
-/// Medians that show the spread of a time: those of the rounds, or, with fewer than [`HANDS`] rounds, those of the
-/// hands. A round is one list of samples.
+/// Medians that show the spread of a time: the median of each round or, with fewer than [`HANDS`] rounds that have
+/// samples, the median of each hand.
 pub fn hands(rounds: &[Vec<f64>]) -> Vec<f64> {
     let rounds: Vec<&Vec<f64>> = rounds.iter().filter(|round| !round.is_empty()).collect();
     if rounds.len() >= HANDS {

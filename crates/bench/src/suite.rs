@@ -1,5 +1,5 @@
 //! The code that all benchmarks share. A benchmark is measured part by part, so that a sweep (run of many parts) can be
-//! divided into shards (subsets of parts, for several machines) and merged again; the report is made from
+//! divided into shards (subsets of the parts, for several machines) and merged again. The report is made from
 //! `results.json` alone.
 
 use std::path::Path;
@@ -39,7 +39,8 @@ pub trait Benchmark {
     fn preface(&self, settings: &Value) -> Result<String>;
     /// The report's sections on the parts that were measured.
     fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>>;
-    /// Requirements that the measured parts do not meet, a line for each. Errors: the parts cannot be read.
+    /// Requirements that the measured parts do not meet, one line for each requirement. Errors: the parts cannot be
+    /// read.
     fn faults(&self, _parts: &Map<String, Value>) -> Result<Vec<String>> {
         Ok(Vec::new())
     }
@@ -73,7 +74,8 @@ pub struct Head {
     pub device: String,
     /// Name and version of the GPU driver.
     pub driver: String,
-    /// Path (implementation) of the depth stage that this device uses by default: compute or graphics.
+    /// Depth path that this device uses by default: the implementation, compute or graphics, of the depth stage, which
+    /// is the part of a step that finds how deep bodies overlap.
     pub depth_path: String,
     /// Whether the GPU device is the CPU itself (a software driver).
     pub is_cpu: bool,
@@ -105,9 +107,9 @@ struct Measured {
 }
 
 impl Results {
-    /// Times of a fixed piece of work while a part (such as `solver/scaling`) was measured, us, as medians of
-    /// interleaved subsets (see [`hands`]). `None`: the times were not recorded, or the GPU device is not the CPU,
-    /// which did that work.
+    /// Times of a fixed piece of work directly before and after a part (such as `solver/scaling`) was measured, us, as
+    /// medians of interleaved subsets (see [`hands`]). `None`: the times were not recorded, or the GPU device is not
+    /// the CPU, on which that work was done.
     pub fn gauge(&self, part: &str) -> Option<Vec<f64>> {
         let (benchmark, part) = part.split_once('/')?;
         let samples = self.benchmarks.get(benchmark)?.get("gauges")?.get(part)?;
@@ -200,7 +202,7 @@ pub fn document(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<
     Ok(document)
 }
 
-/// Requirements that the measured parts do not meet, a line for each.
+/// Requirements that the measured parts do not meet, one line for each requirement.
 pub fn faults(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<Vec<String>> {
     let mut all = Vec::new();
     for benchmark in benchmarks {
@@ -263,17 +265,17 @@ pub fn read(file: &Path) -> Result<Results> {
     serde_json::from_value(value).map_err(|e| Error::input(file, None, e.to_string(), remedy))
 }
 
-/// A value as JSON.
+/// Converts a value to JSON.
 pub fn to_value<T: Serialize>(value: &T) -> Result<Value> {
     serde_json::to_value(value).map_err(|error| Error::Simulation(format!("results cannot be written: {error}")))
 }
 
-/// A value from JSON that this program wrote.
+/// Reads a value from JSON that this program wrote.
 pub fn from_value<T: DeserializeOwned>(value: &Value) -> Result<T> {
     T::deserialize(value).map_err(|error| Error::Simulation(format!("results cannot be read: {error}")))
 }
 
-/// A part's measurements, or the default (nothing) if it was not measured.
+/// Reads the measurements of the part `name`; the default (nothing) if the part was not measured.
 pub fn part<T: DeserializeOwned + Default>(parts: &Map<String, Value>, name: &str) -> Result<T> {
     parts.get(name).map_or_else(|| Ok(T::default()), from_value)
 }

@@ -1,10 +1,12 @@
-//! Tests of measuring, merging and reading the results of benchmarks, with a benchmark that takes no time.
+//! Tests of measuring, merging and reading the results of benchmarks, with a benchmark that takes no time. A benchmark
+//! has parts, which are measured one by one; a shard is a subset of the parts, for one of several machines. The head of
+//! the results says which program and machine measured them.
 
 use serde_json::json;
 
 use super::*;
 
-/// A benchmark whose parts are numbers and whose measurement is twice the number; part 13 fails.
+/// A benchmark whose parts have numbers as names, and whose measurement of a part is twice its number; part 13 fails.
 struct Doubling(u32);
 
 impl Benchmark for Doubling {
@@ -68,7 +70,8 @@ fn measured(shard: Shard) -> Results {
     measure(&all(), head(), shard, &|_, part| part != "1", &mut |_| ()).unwrap().0
 }
 
-/// Results as JSON without the gauges, which are different in each run.
+/// Results as JSON without the gauges (times of a fixed piece of work around each part), which are different in each
+/// run.
 fn without_gauges(results: &Results) -> Value {
     let mut value = serde_json::to_value(results).unwrap();
     let gauges = value["benchmarks"]["doubling"].as_object_mut().unwrap().remove("gauges").unwrap();
@@ -81,7 +84,11 @@ fn shards_joined_in_any_order_give_the_report_of_the_whole() {
     let whole = measured(Shard::WHOLE);
     let [one, two] = [0, 1].map(|index| measured(Shard { index, count: 2 }));
     let page = |results: &Results| document(&all(), results).unwrap().html();
-    assert!(page(&one).contains("Not measured, or not merged yet: 2, 4."), "page of the first shard: {}", page(&one));
+    assert!(
+        page(&one).contains("Not measured, or not merged yet: 2, 4."),
+        "the first shard's page must name the parts without results: {}",
+        page(&one)
+    );
     let joined = merge(vec![(Path::new("b"), two), (Path::new("a"), one)]).unwrap();
     assert_eq!(page(&joined), page(&whole));
     assert!(whole.gauge("doubling/2").is_some() && whole.gauge("doubling/1").is_none());
@@ -96,9 +103,15 @@ fn what_does_not_belong_together_is_not_joined() {
         merge(vec![(Path::new("first"), shard(0)), (Path::new("other"), results)]).unwrap_err().to_string()
     };
     let twice = refused(shard(0));
-    assert!(twice.contains("other") && twice.contains("`0` of `doubling`"), "error: {twice}");
+    assert!(
+        twice.contains("other") && twice.contains("`0` of `doubling`"),
+        "the error must name the file and the part that two shards have: {twice}"
+    );
     let elsewhere = refused(Results { head: Head { device: "x".into(), ..head() }, ..shard(1) });
-    assert!(elsewhere.contains("other") && elsewhere.contains("differs in program, device"), "error: {elsewhere}");
+    assert!(
+        elsewhere.contains("other") && elsewhere.contains("differs in program, device"),
+        "the error must name the file and say that the device differs: {elsewhere}"
+    );
     let mut changed = shard(1);
     changed.benchmarks["doubling"]["settings"] = json!(7);
     assert!(refused(changed).contains("other settings"));
@@ -114,7 +127,10 @@ fn results_are_read_again_and_others_are_refused() {
     assert_eq!(read(&file).unwrap().head, head());
     write(&json!({ "schema": 2 }));
     let error = read(&file).unwrap_err().to_string();
-    assert!(error.contains("results.json") && error.contains("schema 2"), "error: {error}");
+    assert!(
+        error.contains("results.json") && error.contains("schema 2"),
+        "the error must name the file and its schema: {error}"
+    );
     std::fs::write(&file, "{").unwrap();
     assert!(read(&file).unwrap_err().to_string().contains("results.json:1"));
 }

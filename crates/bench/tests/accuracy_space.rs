@@ -1,17 +1,26 @@
-//! Tests of the curves of `palpate bench accuracy` about resolution in space, on small bodies: the errors of each must
-//! stay within its bound and show the expected trend. Times are not judged.
+//! Tests of the curves of `palpate bench accuracy` about resolution in space, on small bodies. A curve has a point for
+//! each value of a quantity that is varied: the error of the force on a tool that presses on a body, and the time of a
+//! step. The errors of each curve must stay within its bound and show the expected trend; times are not judged. The
+//! finding of a curve is the text of the report that says what it shows.
 
 use palpate_bench::accuracy::{self, Curve, Settings};
 
 fn measure(name: &str) -> Curve {
     let settings = Settings { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Settings::quick() };
     let curve = accuracy::measure(name, &settings, &mut |_| ()).unwrap();
-    assert!(curve.name == name && curve.points.len() >= 6, "curve: {curve:?}");
-    assert!(curve.points.iter().all(|point| point.step_ms() > 0.0), "curve: {curve:?}");
+    assert!(curve.name == name && curve.points.len() >= 6, "the curve `{name}` must have 6 points or more: {curve:?}");
+    assert!(
+        curve.points.iter().all(|point| point.step_ms() > 0.0),
+        "each point of the curve must have a time above 0 ms: {curve:?}"
+    );
     let text = accuracy::section(&curve).unwrap();
-    assert!(!text.finding.contains("why is not known"), "finding of `{name}`: {}", text.finding);
-    println!("finding of `{name}`: {}", text.finding);
-    assert!(text.plot.is_some() && curve.is_within(), "finding: {}", text.finding);
+    assert!(!text.finding.contains("why is not known"), "the finding of `{name}` lacks a reason: {}", text.finding);
+    println!("finding of the curve `{name}`: {}", text.finding);
+    assert!(
+        text.plot.is_some() && curve.is_within(),
+        "the curve `{name}` has no plot, or errors above its bound: {}",
+        text.finding
+    );
     curve
 }
 
@@ -41,7 +50,7 @@ fn neither_skins_nor_sides_nor_proxies_change_the_force_much() {
     for name in ["skin", "sides"] {
         let curve = measure(name);
         assert_eq!(curve.lines().len(), 2);
-        (0..2).for_each(|line| assert!(errors(&curve, line).iter().all(|error| *error < 0.5), "curve: {curve:?}"));
+        (0..2).for_each(|line| assert!(errors(&curve, line).iter().all(|error| *error < 0.5), "inaccurate: {curve:?}"));
     }
     measure("proxies");
 }
@@ -52,10 +61,13 @@ fn texels_and_paths_do_not_change_a_bit_and_sampled_depths_would() {
     let curve = measure("texel");
     let is_sampled = |setting: &str| setting.starts_with("at centres");
     let (sampled, own): (Vec<_>, Vec<_>) = curve.points.iter().partition(|point| is_sampled(&point.setting));
-    assert!(own.len() >= 6 && own.iter().all(|point| point.error() == Some(0.0)), "points of the engine: {own:?}");
+    assert!(
+        own.len() >= 6 && own.iter().all(|point| point.error() == Some(0.0)),
+        "the engine's points must have no error: {own:?}"
+    );
     assert!(
         sampled.len() >= 6 && sampled[0].error() > sampled[6].error(),
-        "curve of depths sampled at centres of texels: {sampled:?}"
+        "depths sampled at centres of texels must be less exact with large texels: {sampled:?}"
     );
     assert!(
         curve.span_reason.contains(" 0 differ in a bit"),

@@ -1,9 +1,11 @@
-//! Builds a scene by calls instead of from a scene file: settings, meshes, bodies and the tool, one by one; and
-//! prepares its bodies, with a progress callback.
+//! C functions that build a scene by calls instead of from a scene file: settings, meshes, bodies and the tool (what
+//! the haptic device moves) are added one by one. A further function prepares the bodies of a scene, with a progress
+//! callback.
 //!
 //! To prepare a body is to repair its surface (the skin, which is seen and touched), fill it with tetrahedra (the
-//! layer, that is, the simulation mesh), embed the skin in the layer, cover the skin by convex hulls for the broad
-//! phase (collision proxies), and attach nodes of the layer to rigid cores (rigid bodies inside the soft one).
+//! layer, that is, the simulation mesh), embed the skin in the layer, cover the skin by convex hulls (collision
+//! proxies, for the coarse search for contacts), and attach nodes of the layer to rigid cores (rigid bodies inside the
+//! soft one).
 
 use std::ffi::{CString, c_char, c_void};
 
@@ -19,23 +21,23 @@ use super::sized::{self, Sized32};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::{handles, tables};
 
-/// Name of a scene made by calls. Messages give it in place of the path of a scene file. As it names no folder, paths
-/// in added texts are relative to the working directory.
+/// Name of a scene made by calls; messages give it in place of the path of a scene file. It names no folder, so
+/// relative paths in a text that is added to the scene are relative to the working directory.
 const FILE: &str = "scene";
 
-/// Progress callback of `palpate_scene_prepare`, called as each stage begins. `body` is the body's name, or "tool".
-/// `stage` is "cache" (the cache is searched for the prepared body), "read" or "repair" (of the surface), "layer"
-/// (tetrahedra are made), "embed" (the skin is embedded in the tetrahedra), "proxies" (convex hulls are made) or "bind"
-/// (nodes are attached to rigid cores). `done` is the number of bodies that are ready and `total` that of all bodies; a
-/// tool that is not one of the bodies counts as one more body. The strings are valid until the callback returns. Return
-/// 0 to continue, anything else to cancel. While it runs, calls on the scene give PALPATE_STATUS_BUSY. The callback
-/// must return: no longjmp, and no exception.
+/// Progress callback of `palpate_scene_prepare`, called as each stage begins. `body` is the name of the body that is
+/// being prepared, or "tool". `stage` is "cache" (the cache is searched for the prepared body), "read" (the surface is
+/// read), "repair" (the surface is repaired), "layer" (tetrahedra are made), "embed" (the skin is embedded in the
+/// tetrahedra), "proxies" (convex hulls are made) or "bind" (nodes are attached to rigid cores). `done` is the number
+/// of bodies that are ready and `total` that of all bodies; a tool that is not one of the bodies counts as one more
+/// body. The strings are valid until the callback returns. Return 0 to continue, anything else to cancel. While the
+/// callback runs, calls on the scene give PALPATE_STATUS_BUSY. The callback must return: no longjmp, and no exception.
 pub type palpate_progress = Option<
     unsafe extern "C" fn(user: *mut c_void, body: *const c_char, stage: *const c_char, done: u32, total: u32) -> i32,
 >;
 
-/// Makes an empty scene, to which the functions below add. `settings` may be null. Relative paths in texts that are
-/// added to it are relative to the working directory.
+/// Makes an empty scene, to which the functions below add. `settings` may be null: then all settings have their
+/// defaults. Relative paths in a text that palpate_scene_add adds to the scene are relative to the working directory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_create(
     settings: *const palpate_settings,
@@ -52,10 +54,11 @@ pub unsafe extern "C" fn palpate_scene_create(
 }
 
 /// Adds the tables of a text in the format of a scene file, for everything that has no field in the structs of this
-/// header, such as joints, material regions, skeletons, probes and `[haptics]`. Bodies and probes are appended to the
-/// existing ones; other tables and keys replace the existing ones, and those that the text leaves out stay. A body in
-/// the text may name a mesh that was handed over by palpate_scene_add_surface, `surface = { mesh = "name" }`, or
-/// palpate_scene_add_layer, `layer = { mesh = "name" }`.
+/// header, such as joints, material regions (parts of a layer with a material of their own), skeletons (files of bones,
+/// which become rigid cores), probes (points of a skin whose paths are recorded) and `[haptics]`. Bodies and probes are
+/// appended to the existing ones; other tables and keys replace the existing ones, and those that the text leaves out
+/// stay. A body in the text may name a mesh by `surface = { mesh = "name" }` if palpate_scene_add_surface has handed it
+/// over, or by `layer = { mesh = "name" }` if palpate_scene_add_layer has.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_add(scene: *mut palpate_scene, text: *const c_char) -> palpate_status {
     guarded(|| {
@@ -66,9 +69,10 @@ pub unsafe extern "C" fn palpate_scene_add(scene: *mut palpate_scene, text: *con
 }
 
 /// Hands over a triangle surface in place of an OBJ file, under a name by which bodies and the tool refer to it.
-/// `vertices`: 3 * `vertex_count` coordinates, which times the body's `scale` are in m. `triangles`: 3 *
-/// `triangle_count` vertex indices from 0, counter-clockwise seen from outside. Defects are repaired when bodies are
-/// prepared. The name must differ from those of other surfaces, and may be any text but "".
+/// `vertices`: 3 * `vertex_count` coordinates; multiplied by the body's `scale` they are in m. `triangles`: 3 *
+/// `triangle_count` vertex indices from 0; seen from outside, each triangle is counter-clockwise. Defects of the
+/// surface are repaired when bodies are prepared. The name must differ from those of other surfaces, and may be any
+/// text but "".
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_add_surface(
     scene: *mut palpate_scene,
@@ -92,9 +96,10 @@ pub unsafe extern "C" fn palpate_scene_add_surface(
 }
 
 /// Hands over the tetrahedra of a layer (the simulation mesh of a soft body) in place of a mesh file, under a name by
-/// which bodies refer to it. `nodes`: 3 * `node_count` coordinates, which times the body's `scale` are in m.
-/// `tetrahedra`: 4 * `tetrahedron_count` node indices from 0; inverted tetrahedra are reoriented, and those without
-/// volume or given twice are refused. The name must differ from those of other layers, and may be any text but "".
+/// which bodies refer to it. `nodes`: 3 * `node_count` coordinates; multiplied by the body's `scale` they are in m.
+/// `tetrahedra`: 4 * `tetrahedron_count` node indices from 0; inverted tetrahedra are reoriented, and tetrahedra
+/// without volume or given twice are refused. The name must differ from those of other layers, and may be any text but
+/// "".
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_add_layer(
     scene: *mut palpate_scene,
@@ -117,8 +122,8 @@ pub unsafe extern "C" fn palpate_scene_add_layer(
     })
 }
 
-/// Adds a body. `index` receives its position in the scene, from 0, and may be null. Error messages name a wrong value
-/// by its key in a scene file: `body.NAME.material.young` is the field `young`.
+/// Adds a body. `index` receives the position of the body in the scene, from 0, and may be null. Error messages name a
+/// wrong value by the value's key in a scene file: `body.NAME.material.young` stands for the field `young`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_add_body(
     scene: *mut palpate_scene,
@@ -140,9 +145,10 @@ pub unsafe extern "C" fn palpate_scene_add_body(
     })
 }
 
-/// Sets the bodies with which a body collides: `count` names of bodies that are in the scene, "tool" for the tool. With
-/// `names` null it collides with every other body, which is the default. Two bodies collide if each of them has the
-/// other in its list or has no list; with an empty list (`count` 0, `names` not null) a body collides with nothing.
+/// Sets the bodies with which the body at position `body` in the scene collides: `names` are `count` names of bodies of
+/// the scene, with "tool" for the tool. If `names` is null, the body collides with every other body, which is the
+/// default. Two bodies collide if each of them has the other in its list or has no list; with an empty list (`count` 0,
+/// `names` not null) a body collides with nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_set_collides(
     scene: *mut palpate_scene,
@@ -163,7 +169,8 @@ pub unsafe extern "C" fn palpate_scene_set_collides(
     })
 }
 
-/// Sets the scene's tool and its virtual coupling to the haptic device. They replace those that the scene has.
+/// Sets the scene's tool, and the virtual coupling (spring and damper) between haptic device and tool. Both replace
+/// those that the scene has.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_set_tool(
     scene: *mut palpate_scene,
@@ -176,8 +183,8 @@ pub unsafe extern "C" fn palpate_scene_set_tool(
     })
 }
 
-/// Sets where palpate_scene_prepare keeps prepared bodies for later runs: in `folder`, or in the user's cache folder
-/// where that is "" (see `cache` in palpate_context_options). Null, which is the default: nowhere.
+/// Sets the folder in which palpate_scene_prepare keeps prepared bodies for later runs; "": the user's cache folder
+/// (see `cache` in palpate_context_options); null, which is the default: prepared bodies are not kept.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_cache(scene: *mut palpate_scene, folder: *const c_char) -> palpate_status {
     guarded(|| {
@@ -193,8 +200,8 @@ pub unsafe extern "C" fn palpate_scene_cache(scene: *mut palpate_scene, folder: 
 /// Prepares the bodies of a scene: repairs surfaces, fills them with tetrahedra, and does the other stages that
 /// palpate_progress lists. This takes seconds, unless prepared bodies are found in the cache (palpate_scene_cache).
 /// Bodies that were not prepared by this call are prepared by palpate_simulation_create, without a progress callback.
-/// `progress` is called with `user` on this thread as each stage begins; it may be null. If it cancels
-/// (PALPATE_STATUS_CANCELLED), bodies that are ready stay so, and the next call continues with the others.
+/// `progress` is called with `user` on this thread as each stage begins; it may be null. If the callback cancels
+/// (PALPATE_STATUS_CANCELLED), bodies that are ready stay ready, and the next call continues with the others.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_prepare(
     scene: *mut palpate_scene,
@@ -207,7 +214,7 @@ pub unsafe extern "C" fn palpate_scene_prepare(
 fn tell(progress: palpate_progress, user: *mut c_void, state: &Progress) -> Result<()> {
     let Some(progress) = progress else { return Ok(()) };
     let [body, stage] = [state.name, state.stage.name()].map(|text| CString::new(text).unwrap_or_default());
-    // SAFETY: the header demands a function that may be called with this `user`; the strings live until it returns.
+    // SAFETY: the header demands a callback that may be called with this `user`; the strings live until it returns.
     let wish = unsafe { progress(user, body.as_ptr(), stage.as_ptr(), state.done as u32, state.total as u32) };
     match wish {
         0 => Ok(()),
@@ -238,7 +245,8 @@ fn change<R>(scene: *mut palpate_scene, work: impl FnOnce(&mut SceneObject) -> O
     handles::with(scene as usize, work)
 }
 
-/// Turns an input error into an argument error: a wrong value in a struct or an array is the caller's, not a file's.
+/// Turns an input error into an argument error: a wrong value in a struct or an array is an error in an argument of the
+/// caller, not in a file.
 fn argument(error: Error) -> Failure {
     match Failure::from(error) {
         Failure { status: palpate_status::Input, message } => Failure { status: palpate_status::Argument, message },

@@ -1,6 +1,7 @@
-//! Changes a simulation between two steps: materials, the contact law, the virtual coupling, and the poses of driven
-//! (kinematic) rigid cores. A rigid core is a rigid body inside a soft one, to which nodes are attached; here a rigid
-//! body counts as its own core.
+//! C functions that change a simulation between two steps: its materials, the contact law, the virtual coupling (spring
+//! and damper between haptic device and tool), and the poses of driven (kinematic) rigid cores. A rigid core is a rigid
+//! body inside a soft one, to which nodes of the soft body's mesh are attached; here a rigid body counts as its own
+//! core.
 
 use std::time::Duration;
 
@@ -26,13 +27,14 @@ pub struct palpate_material {
     pub poisson: f64,
     /// Density, kg/m^3.
     pub density: f64,
-    /// Rayleigh damping by mass, 1/s.
+    /// Mass-proportional Rayleigh damping, 1/s.
     pub damping_mass: f64,
-    /// Rayleigh damping by stiffness, s.
+    /// Stiffness-proportional Rayleigh damping, s.
     pub damping_stiffness: f64,
 }
 
-/// The contact law: penalty forces between touching bodies, with damping and friction.
+/// The contact law: penalty forces between touching bodies, with damping and friction. A projected area is an area of a
+/// body's surface projected along the contact normal.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_contact_law {
@@ -48,7 +50,7 @@ pub struct palpate_contact_law {
     pub friction: f64,
     /// Sliding speed below which friction is viscous, m/s.
     pub friction_speed: f64,
-    /// Depth beyond which PALPATE_FLAG_DEPTH_BEYOND_LIMIT is raised, m.
+    /// Penetration depth beyond which PALPATE_FLAG_DEPTH_BEYOND_LIMIT is raised, m.
     pub depth_limit: f64,
 }
 
@@ -70,17 +72,19 @@ pub struct palpate_coupling {
     pub angular_damping: f64,
 }
 
-/// Implements [`Sized32`] for a struct whose fields are all numbers.
+/// Implements [`Sized32`] (a struct that begins with its size) for a struct whose fields are all numbers. `$least` is
+/// the size of the struct's first version, bytes.
 macro_rules! numbers {
     ($name:ident, $least:expr, { $($field:ident),+ }) => {
-        // SAFETY: it is `repr(C)`, its first field is the size, and all fields are numbers: any bytes are a value.
+        // SAFETY: the struct is `repr(C)`, its first field is the size, and all fields are numbers: any bytes are a
+        // value.
         unsafe impl Sized32 for $name {
             const NAME: &str = stringify!($name);
             const LEAST: usize = $least;
             const FIELDS: &'static [Field] = fields!($name { $($field),+ });
 
             fn unset() -> Self {
-                // SAFETY: all fields are numbers, for which zero bytes are a value.
+                // SAFETY: all fields of the struct are numbers, for which zero bytes are a value.
                 Self { size: size_of::<Self>() as u32, ..unsafe { std::mem::zeroed() } }
             }
         }
@@ -108,7 +112,7 @@ unsafe fn needed<T: Sized32>(from: *const T, name: &str, reserved: impl Fn(&T) -
 }
 
 /// Reads a material of a soft body: `index` 0 is the material of the body itself, and 1 and above are the materials of
-/// its regions (parts of the body with a material of their own) in the order of the scene.
+/// the body's regions (parts with a material of their own) in the order of the scene.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_material_get(
     simulation: *mut palpate_simulation,
@@ -129,10 +133,10 @@ pub unsafe extern "C" fn palpate_material_get(
 }
 
 /// Replaces a material of a soft body from the next step on; `index` counts as in `palpate_material_get`. No body is
-/// prepared again, and no GPU commands are recorded again. Whether the solver's preconditioner has a coarse space
-/// (second level) for the body stays as it was decided when the simulation was made. PALPATE_STATUS_ARGUMENT: there is
-/// no such material, a value is out of range, or the body has several materials and the new density would move its
-/// centre of mass.
+/// prepared again, and no GPU commands are recorded again. Whether the solver's preconditioner has a coarse space (a
+/// second level) for the body was decided when the simulation was made, and stays so. PALPATE_STATUS_ARGUMENT: there is
+/// no such material, a value is out of range, or the body has several materials and the new density would move the
+/// body's centre of mass.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_material_set(
     simulation: *mut palpate_simulation,
@@ -225,8 +229,8 @@ pub unsafe extern "C" fn palpate_coupling_set(
 }
 
 /// Reads the pose of a rigid core of a body: the world pose of the coordinate frame of the body's mesh, as if that
-/// frame were fixed to the core. Cores are counted from 0, the bones of a skeleton first; a rigid body counts as one
-/// core.
+/// frame were fixed to the core. The cores of a body are counted from 0, with the bones of its skeleton first; a rigid
+/// body counts as one core.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_core_pose(
     simulation: *mut palpate_simulation,
@@ -249,9 +253,9 @@ pub unsafe extern "C" fn palpate_core_pose(
 }
 
 /// Moves a driven (kinematic) core from its present pose to `pose` (defined as in `palpate_core_pose`) at constant
-/// speed within `seconds` of simulated time, or within one step if a step is longer, and leaves it there; its remaining
-/// keyframes are discarded. Call it before every step to animate a core. PALPATE_STATUS_ARGUMENT: the core is not
-/// driven.
+/// speed, and leaves it there. The motion takes `seconds` of simulated time, or one step if a step is longer. The
+/// remaining keyframes of the core are discarded. Call this function before every step to animate a core.
+/// PALPATE_STATUS_ARGUMENT: the core is not driven.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_core_move(
     simulation: *mut palpate_simulation,

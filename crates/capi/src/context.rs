@@ -1,4 +1,5 @@
-//! Lists the Vulkan devices of the machine, and opens one as a context.
+//! C functions that list the Vulkan devices of the machine, and open one of them as a context, on which simulations are
+//! made.
 
 use std::ffi::{c_char, c_void};
 use std::path::PathBuf;
@@ -13,7 +14,7 @@ use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 
 /// A context: an open Vulkan device. A simulation holds on to its context, so the device stays open until the context
-/// is destroyed and the last of its simulations is gone.
+/// is destroyed and the last simulation on it is gone.
 pub struct palpate_context {
     _opaque: [u8; 0],
 }
@@ -40,10 +41,10 @@ pub enum palpate_device_kind {
 pub struct palpate_device {
     /// Kind of the device.
     pub kind: palpate_device_kind,
-    /// 1: palpate can use the device; 0: `reason` says why not.
+    /// 1: palpate can use the device; 0: palpate cannot use it, and `reason` says why.
     pub usable: u32,
     /// The driver's name for the device. `device` in palpate_context_options takes this name, a part of it, or the
-    /// position of the device in this list.
+    /// position of the device in the list of `palpate_devices`, from 0.
     pub name: [c_char; 256],
     /// Name and version of the driver.
     pub driver: [c_char; 256],
@@ -51,7 +52,7 @@ pub struct palpate_device {
     pub reason: [c_char; 256],
 }
 
-/// Options for opening a context. Zero is the default of all fields but `size`.
+/// Options for opening a context. In every field but `size`, zero (or null) is the default.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_context_options {
@@ -60,8 +61,8 @@ pub struct palpate_context_options {
     /// 1: switches the Khronos validation layer on, with synchronisation validation; its messages go to `log`. This is
     /// slow. 0: off.
     pub validation: u32,
-    /// Device to open: its position in the list of `palpate_devices`, as a decimal number, or part of its name; null:
-    /// the best one (discrete GPU before integrated GPU, virtual GPU and CPU).
+    /// Device to open: its position in the list of `palpate_devices`, from 0, as a decimal number, or part of its name;
+    /// null: the first usable one in the order discrete GPU, integrated GPU, virtual GPU, CPU.
     pub device: *const c_char,
     /// Callback that receives the library's messages; null: they are discarded.
     pub log: palpate_log,
@@ -70,19 +71,20 @@ pub struct palpate_context_options {
     /// Folder where prepared bodies, compiled pipelines and measurements of devices are kept for later runs; "": the
     /// user's cache folder (PALPATE_CACHE, else palpate in XDG_CACHE_HOME or ~/.cache). Null: nothing is kept.
     pub cache: *const c_char,
-    /// 1: the library measures which of two implementations is faster on the device, where the scene names neither:
+    /// 1: the library measures which of two implementations is faster on the device, where the scene does not choose:
     /// arrays read through texel or through storage buffers, and penetration depths computed by compute or by graphics
-    /// pipelines. It measures once per context, or once per device if there is a cache. 0: it does not measure.
+    /// pipelines. It measures once per context, or once per device if there is a cache. 0: the library does not
+    /// measure.
     pub measure: u32,
     /// Number of threads that lavapipe (Mesa's Vulkan driver for CPUs) uses in addition to the calling one; -1: none.
-    /// Any value but 0 sets LP_NUM_THREADS in palpate_context_create, unless the environment has it already; during
-    /// that call no other thread of the process may read or write the environment. 0: the environment stays as it is.
-    /// Other drivers ignore the variable.
+    /// Any value but 0 sets the environment variable LP_NUM_THREADS in palpate_context_create, unless the environment
+    /// has it already; during that call no other thread of the process may read or write the environment. 0: the
+    /// environment stays as it is. Other drivers ignore LP_NUM_THREADS.
     pub threads: i32,
 }
 
-// SAFETY: it is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and pointers; a
-// pointer is followed only under the rules of the comment at the top of palpate.h.
+// SAFETY: the struct is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and
+// pointers; a pointer is followed only under the rules of the comment at the top of palpate.h.
 unsafe impl Sized32 for palpate_context_options {
     const NAME: &str = "palpate_context_options";
     const LEAST: usize = 2 * size_of::<u32>() + size_of::<*const c_char>();
@@ -109,9 +111,9 @@ impl Handled for ContextObject {
     const NAME: &str = "context";
 }
 
-/// Lists the Vulkan devices of this machine, usable or not. `count` receives their number; up to `capacity` of them are
+/// Lists the Vulkan devices of this machine, usable or not. `count` receives their number; up to `capacity` devices are
 /// written to `devices`, which may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than
-/// `capacity`, and none was written.
+/// `capacity` devices, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_devices(
     devices: *mut palpate_device,
@@ -156,7 +158,7 @@ pub(super) fn room<const N: usize>(text: &str) -> [c_char; N] {
     room
 }
 
-/// Opens a device as a context. `options` may be null: then all are defaults.
+/// Opens a Vulkan device as a context. `options` may be null: then all options have their defaults.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_context_create(
     options: *const palpate_context_options,
@@ -191,7 +193,7 @@ pub unsafe extern "C" fn palpate_context_create(
     })
 }
 
-/// Converts a number that must be 0 or 1.
+/// Converts a number that must be 0 or 1 to a boolean; the error calls the number `name`.
 pub(super) fn truth(name: &str, given: u32) -> Outcome<bool> {
     match given {
         0 | 1 => Ok(given == 1),
@@ -199,7 +201,7 @@ pub(super) fn truth(name: &str, given: u32) -> Outcome<bool> {
     }
 }
 
-/// Returns the folder that a caller's `cache` names: none for null, the user's cache folder for "".
+/// Returns the folder that the caller's option `cache` names: no folder for null, the user's cache folder for "".
 ///
 /// # Safety
 /// The conditions of [`sized::string`] hold for `folder`.
@@ -212,18 +214,18 @@ pub(super) unsafe fn cache_folder(folder: *const c_char) -> Outcome<Option<PathB
     Ok(if folder.is_empty() { Options::user_cache() } else { Some(folder.into()) })
 }
 
-/// Destroys a context; its device is closed as soon as the last of its simulations is gone. Null does nothing.
+/// Destroys a context. The device is closed as soon as the last simulation on the context is gone. Null does nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_context_destroy(context: *mut palpate_context) -> palpate_status {
     guarded(|| if context.is_null() { Ok(()) } else { handles::remove::<ContextObject>(context as usize) })
 }
 
-/// The open device behind a context's handle.
+/// Returns the context behind a handle.
 pub(super) fn opened(context: *mut palpate_context) -> Outcome<Arc<Context>> {
     handles::with(context as usize, |object: &mut ContextObject| Ok(Arc::clone(&object.0)))
 }
 
-/// Reads how many bytes of the device's memory the arrays of a context's simulations occupy.
+/// Reads how many bytes of the device's memory the arrays of all simulations on a context occupy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_context_memory(context: *mut palpate_context, bytes: *mut u64) -> palpate_status {
     guarded(|| {

@@ -1,5 +1,6 @@
-//! The structs of palpate.h that describe a scene for `build.rs`: settings, bodies, cores and the tool. `tables.rs`
-//! turns them into the tables of a scene file, where their values are checked.
+//! The structs of palpate.h that describe a scene for `build.rs`: settings, bodies, rigid cores (rigid bodies inside
+//! soft ones, to which nodes of the soft body's mesh are attached) and the tool (what the haptic device moves).
+//! `tables.rs` turns them into the tables of a scene file, where their values are checked.
 
 use std::ffi::c_char;
 use std::mem::offset_of;
@@ -7,11 +8,11 @@ use std::mem::offset_of;
 use super::simulation::palpate_pose;
 use super::sized::{Field, Sized32, fields};
 
-/// Kind of motion of a rigid core or of a rigid body: it does not move.
+/// Kind of motion of a rigid core or of a rigid body: fixed, that is, the core or body does not move.
 pub const PALPATE_MOTION_FIXED: u32 = 0;
-/// Kind of motion: driven (kinematic), that is, it follows `keys`.
+/// Kind of motion: driven (kinematic), that is, the core or body follows its keyframes, `keys`.
 pub const PALPATE_MOTION_DRIVEN: u32 = 1;
-/// Kind of motion: dynamic, that is, forces move it.
+/// Kind of motion: dynamic, that is, forces move the core or body.
 pub const PALPATE_MOTION_DYNAMIC: u32 = 2;
 
 /// Material law: corotational, that is, linear in the strain that remains when the rotation of a tetrahedron is
@@ -20,14 +21,14 @@ pub const PALPATE_LAW_COROTATIONAL: u32 = 0;
 /// Material law: stable neo-Hookean.
 pub const PALPATE_LAW_NEO_HOOKEAN: u32 = 1;
 
-/// Volumetric strain of a soft body: each tetrahedron has its own.
+/// Volumetric strain of a soft body: each tetrahedron has its own volumetric strain.
 pub const PALPATE_DILATATION_ELEMENT: u32 = 0;
 /// Volumetric strain of a soft body: averaged over patches of neighbouring tetrahedra (F-bar), against locking in
-/// nearly incompressible materials (Poisson's ratio near one half).
+/// nearly incompressible materials (Poisson's ratio near 0.5).
 pub const PALPATE_DILATATION_PATCH: u32 = 1;
 
-/// Settings of a whole scene: the tables `[step]`, `[solver]` and `[contact]` of a scene file. Zero is the default of
-/// all fields but `size`.
+/// Settings of a whole scene: the tables `[step]`, `[solver]` and `[contact]` of a scene file. In every field but
+/// `size`, zero is the default. A projected area is an area of a body's surface projected along the contact normal.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_settings {
@@ -39,7 +40,7 @@ pub struct palpate_settings {
     pub dt: f64,
     /// Acceleration of gravity, m/s^2; all zero: 0, -9.81, 0.
     pub gravity: [f64; 3],
-    /// 1: there is no gravity, and `gravity` must be zero. 0: there is.
+    /// 1: there is no gravity, and `gravity` must be zero. 0: there is gravity.
     pub weightless: u32,
     /// Greatest number of conjugate gradient iterations per solve; 0: 200.
     pub max_iterations: u32,
@@ -53,7 +54,7 @@ pub struct palpate_settings {
     pub friction: f64,
     /// Sliding speed below which friction is viscous, m/s; 0: 0.001.
     pub friction_speed: f64,
-    /// Depth beyond which PALPATE_FLAG_DEPTH_BEYOND_LIMIT is raised, m; 0: 0.02.
+    /// Penetration depth beyond which PALPATE_FLAG_DEPTH_BEYOND_LIMIT is raised, m; 0: 0.02.
     pub depth_limit: f64,
 }
 
@@ -61,15 +62,15 @@ pub struct palpate_settings {
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_key {
-    /// Time of the key, s; later than that of the key before.
+    /// Time of the key, s; later than the time of the previous key.
     pub time: f64,
     /// World pose at that time; an orientation of four zeros is no rotation.
     pub pose: palpate_pose,
 }
 
-/// A rigid core of a soft body: the nodes of the body's layer that are attached to it move as one rigid body. Exactly
-/// one of `inset`, the box, the sphere, `nodes` and `all` selects them; coordinates are those of the mesh, before scale
-/// and pose.
+/// A rigid core of a soft body: the nodes of the body's layer (its tetrahedral simulation mesh) that are attached to
+/// the core move as one rigid body. Exactly one of `inset`, the box, the sphere, `nodes` and `all` selects these nodes;
+/// coordinates and lengths are those of the mesh, before scale and pose.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_core {
@@ -79,14 +80,14 @@ pub struct palpate_core {
     pub motion: u32,
     /// Name of the core, different from those of the body's other cores.
     pub name: *const c_char,
-    /// Keyframes of a driven core, `key_count` of them: poses of the centre of mass of the attached part of the body.
-    /// Null for other cores.
+    /// Keyframes of a driven core, `key_count` of them: poses of the centre of mass of the part of the body that is
+    /// attached to the core. Null for other cores.
     pub keys: *const palpate_key,
     /// Number of elements of `keys`.
     pub key_count: usize,
-    /// Mass of a dynamic core, kg; 0: the mass of the attached part of the body.
+    /// Mass of a dynamic core, kg; 0: the mass of the part of the body that is attached to the core.
     pub mass: f64,
-    /// Selects nodes at least this deep below the skin, m; above 0.
+    /// Selects nodes at least this deep below the skin (the body's surface mesh), m; above 0.
     pub inset: f64,
     /// Selects nodes in a box: its corner of least coordinates.
     pub box_low: [f64; 3],
@@ -119,17 +120,19 @@ pub struct palpate_body {
     pub motion: u32,
     /// Name of the body: letters, digits, '_', '-' and '.'; different from other bodies' names and from "tool".
     pub name: *const c_char,
-    /// Name of the surface that is its skin, as given to `palpate_scene_add_surface`.
+    /// Name of the surface that is the body's skin, as given to `palpate_scene_add_surface`.
     pub surface: *const c_char,
     /// Layer, first way: name of a mesh, as given to `palpate_scene_add_layer`.
     pub layer: *const c_char,
-    /// Layer, second way: cells that fill the surface; their edge, m, in the surface's coordinates.
+    /// Layer, second way: cells that fill the surface; their edge, m, in the coordinates of the surface before `scale`.
     pub cell: f64,
     /// Instead of `cell`: number of such cells along the surface's largest extent.
     pub across: u32,
-    /// How many times larger the filling cells may be deep inside: 0 (the default), 1, 2, 4 or 8.
+    /// Edge of the largest cells deep inside, as a multiple of the edge of the cells at the surface: 1, 2, 4 or 8; 0
+    /// means 1.
     pub grade: u32,
-    /// Depth of the shell below the surface that cells fill, m; 0: the whole inside.
+    /// Depth below the surface to which cells fill the body, as a shell, m, in the coordinates of the surface before
+    /// `scale`; 0: cells fill the whole inside.
     pub thickness: f64,
     /// Layer, third way: a box cut into cells; its corner of least coordinates.
     pub box_low: [f64; 3],
@@ -149,13 +152,13 @@ pub struct palpate_body {
     pub poisson: f64,
     /// Density, kg/m^3.
     pub density: f64,
-    /// Rayleigh damping by mass, 1/s.
+    /// Mass-proportional Rayleigh damping, 1/s.
     pub damping_mass: f64,
-    /// Rayleigh damping by stiffness, s.
+    /// Stiffness-proportional Rayleigh damping, s.
     pub damping_stiffness: f64,
-    /// A fixed half-space: outward normal n and offset d (m); it fills all x with n . x <= d.
+    /// A fixed half-space with outward normal n and offset d (m); the half-space fills all x with n . x <= d.
     pub plane: [f64; 4],
-    /// Factor on the mesh's coordinates; 0: 1.
+    /// Factor by which the coordinates of the body's meshes are multiplied; 0: 1.
     pub scale: f64,
     /// World position of the mesh's origin, m.
     pub position: [f64; 3],
@@ -180,9 +183,9 @@ pub struct palpate_body {
     pub reserved: u32,
 }
 
-/// The tool that the haptic device moves: exactly one of a sphere, a surface and a body of the scene; and the virtual
-/// coupling, a spring and damper between device and tool. Without a coupling (its four fields zero) the tool moves
-/// freely.
+/// The tool that the haptic device moves: exactly one of a sphere, a surface and a body of the scene. The last four
+/// fields are the virtual coupling, a spring and damper between device and tool. Without a coupling (its four fields
+/// zero) the tool moves freely.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_tool {
@@ -195,17 +198,17 @@ pub struct palpate_tool {
     /// Name of the tool's surface, as given to `palpate_scene_add_surface`; null: none.
     pub surface: *const c_char,
     /// Name of a body of the scene that is the tool; null: none. The virtual coupling acts on that body's first core,
-    /// which must be dynamic. Mass and pose are those of the body.
+    /// which must be dynamic. Mass and pose of the tool are then those of the body.
     pub body: *const c_char,
     /// Mass of the tool, kg.
     pub mass: f64,
     /// World position of the tool's centre at the start, m.
     pub position: [f64; 3],
-    /// World orientation at the start; four zeros are no rotation.
+    /// World orientation at the start, unit quaternion x, y, z, w; four zeros are no rotation.
     pub orientation: [f64; 4],
     /// Velocity at the start, world axes, m/s.
     pub velocity: [f64; 3],
-    /// Factor on the surface's coordinates; 0: 1.
+    /// Factor by which the surface's coordinates are multiplied; 0: 1.
     pub scale: f64,
     /// Stiffness of the virtual coupling, N/m.
     pub stiffness: f64,
@@ -217,12 +220,13 @@ pub struct palpate_tool {
     pub angular_damping: f64,
 }
 
-/// Implements [`Sized32`] for a struct of numbers and pointers, for which zero bytes are a valid value. The least size
-/// is that of the struct's first version, which ended 8 bytes after the start of the field `$last`.
+/// Implements [`Sized32`] (a struct that begins with its size) for a struct of numbers and pointers, for which zero
+/// bytes are a valid value. The least size is that of the struct's first version, which ended 8 bytes after the start
+/// of the field `$last`.
 macro_rules! grows {
     ($name:ident, $last:ident, { $($field:ident),+ }) => {
-        // SAFETY: it is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and
-        // pointers; a pointer is followed only under the rules of the comment at the top of palpate.h.
+        // SAFETY: the struct is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers
+        // and pointers; a pointer is followed only under the rules of the comment at the top of palpate.h.
         unsafe impl Sized32 for $name {
             const NAME: &str = stringify!($name);
             const LEAST: usize = offset_of!($name, $last) + 8;

@@ -1,16 +1,17 @@
-//! The table of handles: which of them are alive, and which objects they stand for. It is the only state that the whole
-//! process shares.
+//! The table of handles. A handle is what a C caller holds in place of a pointer to an object; the table tells which
+//! handles are alive, and which objects they stand for. The table is the only state that the whole process shares.
 //!
 //! A handle is a number. Its low half is the index of a slot of the table; its high half is the slot's generation, that
-//! is, how often the slot had been used when the handle was made. The handle of a destroyed object has an old
-//! generation, whatever the slot is used for afterwards. A slot whose generation would overflow is not used again.
+//! is, how often the slot had been used when the handle was made. The handle of a destroyed object keeps its old
+//! generation, so it stays invalid when the slot is used for another object. A slot whose generation would overflow is
+//! not used again.
 
 use std::any::Any;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 
 use super::status::{Failure, Outcome, palpate_status};
 
-/// Number of low bits of a handle that hold the slot; the other bits hold the generation (`count`).
+/// Number of low bits of a handle that hold the index of the slot; the other bits hold the generation (`count`).
 const SLOT_BITS: u32 = usize::BITS / 2;
 
 /// An object that a handle can stand for.
@@ -24,7 +25,7 @@ type Shared = Arc<dyn Any + Send + Sync>;
 /// The object of a handle, with the data that the table stores along with it.
 struct Owned<T> {
     object: Mutex<T>,
-    /// While the object is lent to one user: the reason that the errors of other callers give.
+    /// While the object is lent to one user (see `lend`): the reason that the errors of other callers give.
     lent: Mutex<Option<&'static str>>,
     /// The companion: data that any thread may use while another works with the object.
     beside: Shared,
@@ -53,7 +54,7 @@ struct Table {
 static TABLE: Mutex<Table> = Mutex::new(Table { slots: Vec::new(), free: Vec::new() });
 
 fn table() -> MutexGuard<'static, Table> {
-    // A panic cannot leave the table half-changed: it is consistent between any two statements under the lock.
+    // A panic cannot leave the table half-changed: while it is locked, it is consistent between any two statements.
     TABLE.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
 
@@ -88,13 +89,13 @@ pub(super) fn remove<T: Handled>(handle: usize) -> Outcome {
         }
         object
     };
-    // Dropped only here, with the table's lock released, because dropping may take long.
+    // The object is dropped only here, with the table's lock released, because dropping it may take long.
     drop(object);
     Ok(())
 }
 
-/// Runs `work` on the object of a handle. Errors: the handle stands for no such object, another thread uses the object,
-/// the object is lent, or an earlier call panicked while it used the object.
+/// Runs `work` on the object of a handle. Errors: the handle stands for no object of type `T`, another thread uses the
+/// object, the object is lent, or an earlier call panicked while it used the object.
 pub(super) fn with<T: Handled, R>(handle: usize, work: impl FnOnce(&mut T) -> Outcome<R>) -> Outcome<R> {
     let held = find::<T>(&table(), handle)?.1;
     let mut object = held.try_lock()?;
@@ -102,7 +103,7 @@ pub(super) fn with<T: Handled, R>(handle: usize, work: impl FnOnce(&mut T) -> Ou
 }
 
 /// Lends the object of a handle to one user: until the result is dropped, other callers are refused with the reason
-/// `why`. Errors: as in [`with`].
+/// `why`. Errors: those of [`with`].
 pub(super) fn lend<T: Handled>(handle: usize, why: &'static str) -> Outcome<Lent<T>> {
     let held = find::<T>(&table(), handle)?.1;
     {
@@ -112,20 +113,20 @@ pub(super) fn lend<T: Handled>(handle: usize, why: &'static str) -> Outcome<Lent
     Ok(Lent(held))
 }
 
-/// Returns the companion of the object of a handle.
+/// Returns the companion that was stored with the object of a handle.
 pub(super) fn beside<T: Handled, B: Any + Send + Sync>(handle: usize) -> Outcome<Arc<B>> {
     let held = find::<T>(&table(), handle)?.1;
     let other = || Failure::new(palpate_status::Handle, format!("internal error: wrong companion of the {}", T::NAME));
     Arc::clone(&held.beside).downcast().map_err(|_| other())
 }
 
-/// A lent object, for the thread that works with it. The object lives at least as long as this, even if its handle is
-/// removed.
+/// A lent object, for the thread that works with it. The object lives at least as long as this value, even if its
+/// handle is removed.
 pub(super) struct Lent<T: Handled>(Arc<Owned<T>>);
 
 impl<T: Handled> Lent<T> {
     pub fn lock(&self) -> MutexGuard<'_, T> {
-        // Only a panic of the borrower can have poisoned the lock, and the borrower reports that itself.
+        // Only a panic of the borrower can have poisoned the lock, and the borrower itself reports such a panic.
         self.0.object.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 }

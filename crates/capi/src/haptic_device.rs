@@ -1,5 +1,6 @@
-//! A haptic device that the calling program supplies as callbacks: the structs of these callbacks, and the [`Device`]
-//! as which the haptic loop uses them. Once per tick, at the loop's rate, the loop reads the device and plays a force.
+//! A haptic device that the calling program supplies as callbacks: the structs that the callbacks receive, and the
+//! [`Device`] by which the haptic loop calls them. The haptic loop runs at a fixed rate; in each of its ticks the loop
+//! reads the device and plays a force, that is, commands the force to the device.
 
 use std::cell::Cell;
 use std::ffi::{c_char, c_void};
@@ -16,12 +17,12 @@ use super::simulation::palpate_pose;
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
 
-/// Assumed resolution of a coarse encoder, m and rad. It bounds the error of a pose, which is needed to estimate
-/// velocities that a device does not measure.
+/// Assumed resolution of a device with coarse encoders: of positions, m, and of angles, rad. The estimate of velocities
+/// that a device does not measure needs this bound on the error of a pose.
 const QUANTA: [f64; 2] = [2e-5, 5e-4];
 
 /// State of a haptic device in world axes, as the callback `read` reports it. Before each call the library fills every
-/// field as described below; the callback overwrites what it knows.
+/// field as described below; the callback overwrites the fields that it knows.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_reading {
@@ -29,19 +30,20 @@ pub struct palpate_reading {
     pub size: u32,
     /// Buttons, one bit each, the first in the lowest bit; 1: pressed. Filled with 0.
     pub buttons: u32,
-    /// When the state was measured, s on the loop's clock. Filled with the time of the call.
+    /// Time at which the state was measured, s on the loop's clock. Filled with the time of the call.
     pub time: f64,
     /// Pose of the device. The callback must write the position. The orientation is filled with the identity, which a
     /// device that senses no rotation leaves as it is.
     pub pose: palpate_pose,
-    /// Velocity, m/s. Filled with NaN; if it is left so, the library estimates it from the positions.
+    /// Velocity, m/s. Filled with NaN; if NaN is left there, the library estimates the velocity from the positions.
     pub velocity: [f64; 3],
-    /// Angular velocity, rad/s. Filled with NaN; if it is left so, the library estimates it from the orientations.
+    /// Angular velocity, rad/s. Filled with NaN; if NaN is left there, the library estimates the angular velocity from
+    /// the orientations.
     pub angular_velocity: [f64; 3],
 }
 
-/// Force and torque that a haptic device is to play until the next call of `write`, world axes: always finite, and
-/// within the limits of the device's profile (the limits of its model).
+/// Force and torque that a haptic device is to play until the next call of `write`, in world axes. They are always
+/// finite, and within the limits of the device's profile (the limits of a type of device).
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_play {
@@ -55,11 +57,11 @@ pub struct palpate_play {
     pub torque: [f64; 3],
 }
 
-/// A haptic device made of the caller's callbacks. They run on threads of the loop, never two at a time. They return 0
-/// on success; any other value means that the device is lost for now: nothing is played, and the device is tried again
-/// at the next tick. A device that is lost for 5 s ends the loop. No callback may wait for longer than a small part of
-/// a tick, or let an exception or a longjmp out. `palpate_loop_stop` and `palpate_loop_destroy` called from within a
-/// callback only ask the loop to end.
+/// A haptic device made of the caller's callbacks. The callbacks run on threads of the loop, never two at a time. They
+/// return 0 on success; any other value means that the device is lost for now: nothing is played, and the device is
+/// tried again at the next tick. A device that is lost for 5 s ends the loop. No callback may wait for longer than a
+/// small part of a tick, or let an exception or a longjmp out. `palpate_loop_stop` and `palpate_loop_destroy` called
+/// from within a callback only ask the loop to end.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_haptic_device {
@@ -70,14 +72,15 @@ pub struct palpate_haptic_device {
     /// Pointer that is passed to each callback; the library does not use it otherwise. What it points to must stay
     /// valid until the loop has ended.
     pub user: *mut c_void,
-    /// Prepares the device; called once, before the other callbacks. Null: there is nothing to prepare. If it returns
-    /// other than 0, the loop does not begin, and `close` is not called.
+    /// Prepares the device; called once, before the other callbacks. Null: there is nothing to prepare. If `open`
+    /// returns other than 0, the loop does not begin, and `close` is not called.
     pub open: Option<unsafe extern "C" fn(user: *mut c_void) -> i32>,
     /// Reads the state of the device at `time`, s on the loop's clock; called once per tick. The loop rejects a reading
     /// that has numbers that are not finite, an orientation that is no rotation, or a pose that a hand cannot have
     /// reached since the last reading.
     pub read: Option<unsafe extern "C" fn(user: *mut c_void, time: f64, reading: *mut palpate_reading) -> i32>,
-    /// Plays force and torque until the next call; called once per tick, and with zero after `open` and before `close`.
+    /// Plays force and torque until the next call; called once per tick. Called with zero force and torque after `open`
+    /// and before `close`.
     pub write: Option<unsafe extern "C" fn(user: *mut c_void, play: *const palpate_play) -> i32>,
     /// Releases the device; called once at the end, whatever happened, if `open` returned 0. Null: there is nothing to
     /// release.
@@ -88,8 +91,8 @@ pub struct palpate_haptic_device {
     pub profile: *const c_char,
 }
 
-// SAFETY: it is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and pointers; a
-// pointer is followed only under the rules of the comment at the top of palpate.h.
+// SAFETY: the struct is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and
+// pointers; a pointer is followed only under the rules of the comment at the top of palpate.h.
 unsafe impl Sized32 for palpate_haptic_device {
     const NAME: &str = "palpate_haptic_device";
     const LEAST: usize = 2 * size_of::<u32>() + 6 * size_of::<*const c_void>();
@@ -126,7 +129,8 @@ pub(super) struct Callbacks {
 unsafe impl Send for Callbacks {}
 
 impl Callbacks {
-    /// Checks the caller's struct. `default`: the scene's profile, which is taken where the struct names none.
+    /// Checks the caller's struct `device`. `default` is the scene's profile, which is taken where the struct names no
+    /// profile.
     ///
     /// # Safety
     /// The conditions of the header for a `palpate_haptic_device` hold for `device`.
@@ -178,7 +182,7 @@ impl Device for Callbacks {
         let said = |name: &str, status: i32| Fault::Lost(format!("its callback {name} returned {status}"));
         if let Some(open) = self.calls.open {
             // SAFETY (all callbacks): the header demands functions that may be called with the `user` of the same
-            // struct.
+            // palpate_haptic_device.
             let status = self.call(|user| unsafe { open(user) });
             if status != 0 {
                 return Err(said("open", status));
@@ -204,7 +208,7 @@ impl Device for Callbacks {
             angular_velocity: [f64::NAN; 3],
         };
         let read = self.read;
-        // SAFETY: see `open`; any bytes that the callback may write are a valid `palpate_reading`.
+        // SAFETY: as in `open`; any bytes that the callback may write are a valid `palpate_reading`.
         lost(self.call(|user| unsafe { read(user, time, &mut reading) }))?;
         Ok(self.motion.completed(&reading, time))
     }
@@ -214,7 +218,7 @@ impl Device for Callbacks {
         let (force, torque) = (wrench.force.to_array(), wrench.torque.to_array());
         let play = palpate_play { size, reserved: 0, force, torque };
         let write = self.write;
-        // SAFETY: see `open`.
+        // SAFETY: as in `open`.
         lost(self.call(|user| unsafe { write(user, &play) }))
     }
 
@@ -222,13 +226,13 @@ impl Device for Callbacks {
         // The result is ignored: a device that is lost cannot play the zero force, and is closed nevertheless.
         let _ = self.write(&Wrench::ZERO);
         if let Some(close) = self.calls.close {
-            // SAFETY: see `open`.
+            // SAFETY: as in `open`.
             self.call(|user| unsafe { close(user) });
         }
     }
 }
 
-/// Estimates the velocities of a device that does not measure them from its poses.
+/// Estimates velocities from successive poses of a device, for a device that does not measure its velocities.
 struct Motion {
     positions: AdaptiveWindow,
     /// Window over `turned`, the sum of the rotation vectors between successive readings; its slope is the angular
@@ -244,8 +248,8 @@ impl Motion {
         Motion { positions, turns, turned: DVec3::ZERO, last: DQuat::IDENTITY }
     }
 
-    /// Converts the caller's reading to a [`Reading`], with estimates of velocities that the caller left out.
-    /// Impossible values are passed on, because the loop rejects them.
+    /// Converts the caller's reading to a [`Reading`], with estimates of the velocities that the caller left out.
+    /// Impossible values are passed on, because the loop rejects them. `now` is the time of the call, s.
     fn completed(&mut self, reading: &palpate_reading, now: f64) -> Reading {
         let time = if reading.time.is_finite() { reading.time } else { now };
         let position = DVec3::from_array(reading.pose.position);

@@ -1,6 +1,7 @@
 //! The haptic loop of the C ABI: functions that start, watch and stop it. A loop is one run of the engine's haptic
-//! session on a thread of its own: at a fixed rate it reads the caller's haptic device, which leads the tool through
-//! the virtual coupling, and plays the contact force on it, while the simulation does steps.
+//! session on a thread of its own. At a fixed rate the loop reads the caller's haptic device and plays the contact
+//! force on it; meanwhile the simulation does steps. The device leads the tool (a rigid body) through the virtual
+//! coupling, a spring and damper.
 
 use std::ffi::c_char;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -24,7 +25,7 @@ use super::sized;
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::steps::{self, Newest, SimulationSteps, Stepped};
 
-/// Completes the error "the simulation is in use by ..." of other calls while a loop runs.
+/// Completes the error "the simulation is in use by ...", which other calls give while a loop runs.
 const HELD: &str = "a loop; stop that loop first";
 
 /// A haptic loop: at the loop's rate (1000 Hz unless the scene or the options set another) a haptic device is read and
@@ -47,7 +48,7 @@ struct Loop {
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
-/// Everything that the loop's thread works with.
+/// Everything that the loop's thread works with while the loop runs.
 struct Work {
     lent: Lent<SimulationObject>,
     steps: Arc<SimulationSteps>,
@@ -57,8 +58,8 @@ struct Work {
     options: Options,
 }
 
-/// The simulation as the environment that the tool touches. It also stores the wrench of each step, for callers that
-/// read the newest one.
+/// The simulation as the environment that the tool touches. It also stores the wrench (contact force and torque on the
+/// tool) of each step, for callers that read the newest wrench.
 struct Felt<'a> {
     object: &'a mut SimulationObject,
     steps: &'a SimulationSteps,
@@ -151,12 +152,12 @@ fn of(the_loop: *mut palpate_loop) -> Outcome<Arc<Loop>> {
 
 /// Starts a haptic loop. At the loop's rate `device` is read and receives the force to play; meanwhile the simulation,
 /// which must have a tool, steps in real time, each step with the device's newest pose. Both happen on threads of the
-/// loop. `device` and `options` are copied; `options` may be null: then the scene's `[haptics]` holds for all options.
-/// The call waits for five steps, which measure how long a step takes, and for the device to open;
+/// loop. `device` and `options` are copied; `options` may be null: then all options are those of the scene's
+/// `[haptics]`. The call waits for five steps, which measure how long a step takes, and for the device to open;
 /// PALPATE_STATUS_NO_DEVICE: the device did not open. `the_loop` is set before the first callback is called, and is set
 /// to null if no loop starts.
 ///
-/// The loop owns the simulation until it has ended: calls on it give PALPATE_STATUS_BUSY, except
+/// The loop owns the simulation until the loop has ended: calls on the simulation give PALPATE_STATUS_BUSY, except
 /// `palpate_wrench_newest`, `palpate_step_poll` and `palpate_step_wait`. The simulation's handle may be destroyed while
 /// the loop runs. After the loop has ended, the simulation continues from the tool, device pose and time that the loop
 /// reached. Stop a loop that still runs before the program ends.
@@ -193,13 +194,13 @@ pub unsafe extern "C" fn palpate_loop_start(
         own.start(Work { lent, steps, device, tool, haptics, options }).inspect_err(|_| {
             *the_loop = std::ptr::null_mut();
             // The result is ignored: the program has had the handle since the first callback, and may have destroyed
-            // it.
+            // that handle already.
             let _ = handles::remove::<LoopObject>(handle);
         })
     })
 }
 
-/// Reads the state of a loop. Never waits; any thread may call it at any time, within callbacks too.
+/// Reads the state of a loop. This function never waits; any thread may call it at any time, within callbacks too.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_loop_read(
     the_loop: *mut palpate_loop,
@@ -216,8 +217,8 @@ pub unsafe extern "C" fn palpate_loop_read(
 }
 
 /// Reads the wrench of the newest step of a loop's simulation, with the flags of that step, as `palpate_wrench_newest`
-/// does; it works also after the simulation's handle was destroyed. `age_seconds` receives the time since that step
-/// began, s; it may be null.
+/// does. Unlike that function, this one works also after the simulation's handle was destroyed. `age_seconds` receives
+/// the time since that step began, s; it may be null.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_loop_wrench(
     the_loop: *mut palpate_loop,
@@ -256,7 +257,7 @@ pub unsafe extern "C" fn palpate_loop_note(
     })
 }
 
-/// Reads why a loop ended, in one line; "" while it runs. `text`, `capacity` and `count` are those of
+/// Reads why a loop ended, in one line; the text is "" while the loop runs. `text`, `capacity` and `count` are those of
 /// `palpate_loop_note`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_loop_ended(
@@ -291,7 +292,7 @@ unsafe fn tell(line: &str, text: *mut c_char, capacity: usize, count: *mut usize
 
 /// Ends a loop. When the call returns, the device plays no force and is closed, and the simulation can be used again.
 /// State, notes and newest wrench of the loop can still be read. If the loop had failed, the call returns the status of
-/// that failure. From within a callback the loop is only asked to end, and the call gives PALPATE_STATUS_BUSY.
+/// that failure. A call from within a callback only asks the loop to end, and gives PALPATE_STATUS_BUSY.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_loop_stop(the_loop: *mut palpate_loop) -> palpate_status {
     guarded(|| {
@@ -302,8 +303,8 @@ pub extern "C" fn palpate_loop_stop(the_loop: *mut palpate_loop) -> palpate_stat
     })
 }
 
-/// Stops a loop as `palpate_loop_stop` does, and destroys its handle. From within a callback the loop is only asked to
-/// end, and its handle stays valid. Null does nothing.
+/// Stops a loop as `palpate_loop_stop` does, and destroys its handle. A call from within a callback only asks the loop
+/// to end, and the handle stays valid. Null does nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_loop_destroy(the_loop: *mut palpate_loop) -> palpate_status {
     guarded(|| {

@@ -1,5 +1,5 @@
-//! Contexts on a Vulkan device that the calling program opened itself and lends to the library. ("Host" here is that
-//! program.)
+//! Makes a context, on which simulations are made, on a Vulkan device that the calling program opened itself and lends
+//! to the library. In the names of this file, "host" is the calling program.
 
 use std::ffi::{c_char, c_void};
 
@@ -12,13 +12,13 @@ use super::log::{self, palpate_log};
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 
-/// Feature of a lent device, for palpate_vulkan: shaderInt64 and shaderBufferInt64Atomics are enabled.
+/// Feature of a lent device, for `enabled` of palpate_vulkan: shaderInt64 and shaderBufferInt64Atomics are enabled.
 pub const PALPATE_VULKAN_INT64_ATOMICS: u32 = 1;
-/// Feature of a lent device: fragmentStoresAndAtomics is enabled, so that the library may use the rasterizer to compute
-/// penetration depths.
+/// Feature of a lent device, for `enabled` of palpate_vulkan: fragmentStoresAndAtomics is enabled, so that the library
+/// may use the rasterizer to compute penetration depths.
 pub const PALPATE_VULKAN_FRAGMENT_STORES: u32 = 2;
-/// Feature of a lent device: VK_KHR_external_memory_fd is enabled, so that skins (surface meshes of bodies) can be
-/// exported.
+/// Feature of a lent device, for `enabled` of palpate_vulkan: VK_KHR_external_memory_fd is enabled, so that skins
+/// (surface meshes of bodies) can be exported.
 pub const PALPATE_VULKAN_EXTERNAL_MEMORY_FD: u32 = 4;
 
 /// Callback that takes or releases the calling program's lock around its queue.
@@ -26,7 +26,7 @@ pub type palpate_queue_lock = Option<unsafe extern "C" fn(user: *mut c_void)>;
 
 /// A Vulkan device that the calling program opened. Its instance must have been created for Vulkan 1.3, and the device
 /// with the features scalarBlockLayout, synchronization2, dynamicRendering and maintenance4. All handles must stay
-/// valid until the context and the last of its simulations are gone.
+/// valid until the context made from them and the last simulation on that context are gone.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_vulkan {
@@ -43,16 +43,17 @@ pub struct palpate_vulkan {
     pub physical_device: *mut c_void,
     /// The program's VkDevice.
     pub device: *mut c_void,
-    /// A VkQueue of `device`. The library submits to it in every call that steps or copies, and waits for that work.
+    /// A VkQueue of `device`. The library submits to the queue in every call that steps a simulation or copies its
+    /// data, and waits for that work.
     pub queue: *mut c_void,
     /// Index of the queue's family, which must have graphics and compute.
     pub queue_family: u32,
     /// Reserved: must be 0.
     pub reserved: u32,
-    /// Takes the program's lock before each use of the queue; `unlock` releases it afterwards on the same thread, which
-    /// may be any thread. The lock is held only briefly. Neither callback may call the library, and the program must
-    /// not hold the lock when it calls the library, unless the lock is recursive. If both are null, the program must
-    /// not use the queue during any call of the library, and must create at most one context on the queue.
+    /// Takes the program's lock before each use of the queue; `unlock` releases the lock afterwards on the same thread,
+    /// which may be any thread. The lock is held only briefly. Neither callback may call the library, and the program
+    /// must not hold the lock when it calls the library, unless the lock is recursive. If both callbacks are null, the
+    /// program must not use the queue during any call of the library, and must create at most one context on the queue.
     pub lock: palpate_queue_lock,
     /// Releases the program's lock; see `lock`.
     pub unlock: palpate_queue_lock,
@@ -64,12 +65,12 @@ pub struct palpate_vulkan {
     pub log_user: *mut c_void,
     /// Cache folder; see `cache` in palpate_context_options.
     pub cache: *const c_char,
-    /// 1: measures which implementations are faster; see `measure` in palpate_context_options.
+    /// 1: the library measures which of two implementations is faster; see `measure` in palpate_context_options.
     pub measure: u32,
 }
 
-// SAFETY: it is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and pointers; a
-// pointer is followed only under the rules of the comment at the top of palpate.h.
+// SAFETY: the struct is `repr(C)`, its first field is the size, and any bytes are a valid value of its numbers and
+// pointers; a pointer is followed only under the rules of the comment at the top of palpate.h.
 unsafe impl Sized32 for palpate_vulkan {
     const NAME: &str = "palpate_vulkan";
     const LEAST: usize = 4 * size_of::<u32>() + 10 * size_of::<*const c_void>();
@@ -115,7 +116,7 @@ unsafe impl Sized32 for palpate_vulkan {
     }
 }
 
-/// Makes a context on a Vulkan device of the calling program, which stays open when the context is destroyed. The
+/// Makes a context on a Vulkan device of the calling program; the device stays open when the context is destroyed. The
 /// library checks what it can: that the physical device belongs to the instance and can run palpate, and that the
 /// queue's family has graphics and compute. It cannot detect invalid handles, or features that were not enabled.
 #[unsafe(no_mangle)]

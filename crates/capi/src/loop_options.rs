@@ -1,49 +1,54 @@
-//! Options of a haptic loop, which replace values of the scene's `[haptics]` table. Once per tick the loop reads the
-//! haptic device and plays a force on it; its simulation returns one wrench (contact force and torque on the tool) per
-//! step.
+//! Options of a haptic loop, which replace values of the scene's table `[haptics]`. The loop runs at a fixed rate: at
+//! each tick (one iteration) it reads the haptic device and plays a force, that is, commands the device to exert it.
+//! Meanwhile the simulation does steps, each of which gives one wrench: contact force and torque on the tool, the rigid
+//! body that the haptic device leads.
 
 use palpate::scene::{HAPTIC_RATES, Haptics};
 
 use super::sized::{Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
 
-/// Options of a haptic loop. A field that is 0 keeps the value of the scene's `[haptics]`, or that table's default
-/// where the scene has none.
+/// Options of a haptic loop. Unless its description says otherwise, a field that is 0 leaves the option at its value in
+/// the scene's table `[haptics]`, or, if the scene does not set the option, at the default of that table.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_loop_options {
     /// Size of the struct in bytes: sizeof(palpate_loop_options).
     pub size: u32,
-    /// 1: between two wrenches of the simulation the contact force follows the tool's motion by a local model (force,
-    /// stiffness and damping of the newest wrench); -1: the contact force stays that of the newest wrench.
+    /// 1: until the simulation's next step ends, the contact force follows the tool's motion by a local model, which
+    /// consists of the contact force, stiffness and damping that the newest step gave. -1: the contact force stays that
+    /// of the newest step.
     pub local_model: i32,
-    /// 1: the passivity controller is on (it damps the force when the loop has given out more energy than it absorbed);
-    /// -1: it is off.
+    /// 1: the passivity controller is on: it damps the force when the loop has given the user's hand more energy than
+    /// it has absorbed from the hand. -1: the passivity controller is off.
     pub passivity: i32,
     /// Reserved: must be 0.
     pub reserved: u32,
-    /// Rate of the loop, ticks per second, 50 to 4000.
+    /// Rate of the loop in ticks (iterations) per second, from 50 to 4000.
     pub rate: f64,
-    /// Duration of the loop, s; 0: until it is stopped.
+    /// Duration of the loop, s; 0: the loop runs until it is stopped.
     pub seconds: f64,
-    /// Greatest force, N. This field and the next four can only lower the limits of the device's profile; if a value is
-    /// higher than the profile's limit, the profile's limit holds, and a note of the loop reports it.
+    /// Greatest force that is played, N. This field and the next four can only lower the limits in the profile of the
+    /// haptic device (the limits of its model); if a value is higher than the profile's limit, the profile's limit
+    /// holds, and a note of the loop reports this.
     pub max_force: f64,
-    /// Greatest torque, N m.
+    /// Greatest torque that is played, N m.
     pub max_torque: f64,
-    /// Greatest rate of change of the force, N/s.
+    /// Greatest rate of change of the played force, N/s.
     pub max_slew: f64,
-    /// Radius of the workspace about where the device was first read, m.
+    /// Radius of the workspace, m: the sphere about the position at which the device was first read. Outside this
+    /// sphere the force fades out.
     pub workspace: f64,
-    /// Latency of the newest wrench (time since its inputs were taken) above which the force fades out, s.
+    /// Greatest latency of the newest wrench, s: if more time has passed since the inputs of the wrench's step were
+    /// taken, the force fades out.
     pub watchdog: f64,
-    /// Longest time step of the simulation, s. The loop chooses the shortest time step that is no shorter than its
-    /// computation takes, between the scene's dt and this value; if the computation takes longer than this value,
-    /// bodies move slower than in real time.
+    /// Longest time step of the simulation, s. From the scene's `dt` up to this value, the loop chooses the shortest
+    /// time step that takes no longer to compute than it lasts. If even a step of this length takes longer to compute,
+    /// the loop uses this length, and bodies move slower than in real time.
     pub longest_step: f64,
 }
 
-// SAFETY: it is `repr(C)`, its first field is the size, and all fields are numbers: any bytes are a value.
+// SAFETY: the struct is `repr(C)`, its first field is its size, and all fields are numbers, so any bytes are a value.
 unsafe impl Sized32 for palpate_loop_options {
     const NAME: &str = "palpate_loop_options";
     const LEAST: usize = 72;
@@ -80,7 +85,7 @@ unsafe impl Sized32 for palpate_loop_options {
     }
 }
 
-/// Returns the scene's `[haptics]` with the values that the options set in their place.
+/// Returns a copy of the scene's `[haptics]` in which the values that the options set replace those of the scene.
 pub(super) fn chosen(options: &palpate_loop_options, scene: &Haptics) -> Outcome<Haptics> {
     let wrong = |what: String| Failure::new(palpate_status::Argument, format!("options.{what}"));
     if options.reserved != 0 {
@@ -143,7 +148,7 @@ mod tests {
             let refused = chosen(&options, &scene).unwrap_err();
             assert!(
                 refused.message.starts_with(&format!("options.{name} is ")),
-                "unexpected error: {}",
+                "the error does not begin with `options.{name} is`: {}",
                 refused.message
             );
         }

@@ -1,6 +1,8 @@
-//! State of a haptic loop, published by its thread for other threads to read, while the loop runs and afterwards. At
-//! each tick the loop reads the haptic device and plays a force on it; the simulation does its steps meanwhile, and
-//! each step gives a new wrench (contact force and torque on the tool).
+//! State of a haptic loop, published by the loop's thread for other threads to read, while the loop runs and
+//! afterwards. At each tick (one iteration) the loop reads the haptic device and plays a force, that is, commands the
+//! device to exert it. Meanwhile the simulation does steps, each of which gives a new wrench: contact force and torque
+//! on the tool, the rigid body that the device leads. Between two wrenches the contact force follows the tool's motion
+//! by a local model, which consists of the force, stiffness and damping of the newest step.
 
 use std::sync::{Condvar, Mutex, MutexGuard};
 
@@ -14,50 +16,57 @@ use super::sized::{Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
 use super::steps::Newest;
 
-/// Event of a tick: the haptic device could not be read or written; nothing is played.
+/// Event of a tick (one iteration of the haptic loop): the haptic device could not be read or written; no force is
+/// played on it.
 pub const PALPATE_EVENT_DEVICE_LOST: u32 = 1;
-/// Event of a tick: the device's reading was not finite, or no rotation; the last valid reading is used instead.
+/// Event of a tick: a number in the device's reading was not finite, or its orientation was no rotation; the last valid
+/// pose is used instead.
 pub const PALPATE_EVENT_BAD_READING: u32 = 2;
-/// Event of a tick: the device jumped faster than a hand can move; its last pose is used until the force has faded out.
+/// Event of a tick: the device's pose jumped further than a hand can move in a tick; the last valid pose is used until
+/// the force has faded out.
 pub const PALPATE_EVENT_POSE_JUMP: u32 = 4;
 /// Event of a tick: the device is outside its workspace; the force fades out.
 pub const PALPATE_EVENT_OUTSIDE_WORKSPACE: u32 = 8;
-/// Event of a tick: the newest wrench is older than the watchdog allows; the force fades out.
+/// Event of a tick: the latency of the newest wrench is above the limit `watchdog` (see palpate_loop_options); the
+/// force fades out.
 pub const PALPATE_EVENT_STALE_WRENCH: u32 = 16;
 /// Event of a tick: a wrench of the simulation was not finite, and was ignored.
 pub const PALPATE_EVENT_BAD_WRENCH: u32 = 32;
 /// Event of a tick: the clock stood still, ran backwards or jumped ahead; the force rises again from zero.
 pub const PALPATE_EVENT_CLOCK_JUMP: u32 = 64;
-/// Event of a tick: it began more than 2 ms after its deadline.
+/// Event of a tick: the tick began more than 2 ms after its deadline.
 pub const PALPATE_EVENT_LATE_TICK: u32 = 128;
-/// Event of a tick: less than the full force is played, because it fades in (at the start, or after a fade-out) or out.
+/// Event of a tick: only a part of the force is played, because the force is fading in (at the start of the loop, or
+/// after a fade-out) or fading out.
 pub const PALPATE_EVENT_ENGAGING: u32 = 256;
-/// Event of a tick: the tool left the neighbourhood in which the local model of contact is trusted; the contact force
-/// does not grow further.
+/// Event of a tick: the tool moved so far from its pose in the newest wrench that the local model (which extrapolates
+/// the contact force from that pose) is no longer trusted; the contact force does not grow further.
 pub const PALPATE_EVENT_BEYOND_TRUST: u32 = 512;
-/// Event of a tick: the passivity controller damped the force.
+/// Event of a tick: the passivity controller (see palpate_loop_options) damped the force.
 pub const PALPATE_EVENT_DAMPED: u32 = 1024;
-/// Event of a tick: the passivity controller wanted more damping than the device allows.
+/// Event of a tick: the passivity controller wanted more damping than the haptic device can play stably.
 pub const PALPATE_EVENT_DAMPING_LIMITED: u32 = 2048;
-/// Event of a tick: force or torque was larger than its limit, and was shortened to it.
+/// Event of a tick: the force or the torque exceeded its limit, and was reduced to that limit.
 pub const PALPATE_EVENT_CLAMPED: u32 = 4096;
-/// Event of a tick: force or torque changed faster than its limit, and was held back.
+/// Event of a tick: the force or the torque changed faster than the limit on its rate of change allows, so only a part
+/// of the change was played.
 pub const PALPATE_EVENT_SLEW_LIMITED: u32 = 8192;
-/// Event of a tick: the force to be played was not finite; nothing was played.
+/// Event of a tick: the force to be played was not finite; no force was played.
 pub const PALPATE_EVENT_BAD_FORCE: u32 = 16384;
-/// Event of a tick: ticks before it were not reported, because a step of the simulation took so long that the buffer of
-/// ticks overflowed.
+/// Event of a tick: the ticks directly before this one were not reported, because a step of the simulation took so long
+/// that the buffer of ticks overflowed.
 pub const PALPATE_EVENT_RECORD_LOST: u32 = 32768;
-/// Event of a tick: the loop blends from the last wrench to the newest one more slowly than otherwise, because the
-/// contact of the newest wrench stores more energy than the hand has put in.
+/// Event of a tick: the contact force changes to that of the newest wrench more slowly than usual, because the contact
+/// of that wrench stores more energy than the user's hand has supplied.
 pub const PALPATE_EVENT_UNPAID: u32 = 65536;
 
-/// Number of ticks between two updates of `late_p99`, each of which searches a whole histogram.
+/// Number of ticks from one update of `late_p99`, the 99th percentile of the lateness of ticks, to the next. Updates
+/// are rare, because each update searches a whole histogram.
 const QUANTILE_EVERY: u64 = 1000;
 
 /// State of a haptic loop. It is updated after each step of the simulation, so its values about ticks are at most one
-/// step old. Before the first tick all fields are zero, except `steps`, `is_running` and the identity orientations of
-/// the poses.
+/// step old. Before the first tick all fields are zero, except `size`, `is_running`, `notes`, `steps`, and the
+/// orientations of the poses, which are the identity.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_loop_state {
@@ -65,14 +74,14 @@ pub struct palpate_loop_state {
     pub size: u32,
     /// 1: the loop runs; 0: the loop has ended, and the haptic device is closed.
     pub is_running: u32,
-    /// Status with which the loop failed; PALPATE_STATUS_OK where it did not fail. A haptic device that stays lost ends
-    /// the loop after 5 s, which is no failure.
+    /// Status with which the loop failed; PALPATE_STATUS_OK if it has not failed. A haptic device that is lost (cannot
+    /// be read or written) for 5 s ends the loop, but this is no failure.
     pub status: palpate_status,
-    /// Number of notes that `palpate_loop_note` can read.
+    /// Number of notes (lines of text about the loop) that `palpate_loop_note` can read.
     pub notes: u32,
     /// Events of the newest tick: PALPATE_EVENT_*, one bit each.
     pub events: u32,
-    /// Events of all ticks so far, one bit each.
+    /// All events that any tick has had so far: PALPATE_EVENT_*, one bit each.
     pub events_so_far: u32,
     /// Buttons of the haptic device, one bit each; 1: pressed.
     pub buttons: u32,
@@ -80,19 +89,21 @@ pub struct palpate_loop_state {
     pub reserved: u32,
     /// Number of ticks done.
     pub ticks: u64,
-    /// Number of steps of the simulation done, those before the first tick included.
+    /// Number of steps that the simulation has done for the loop, including those before the first tick.
     pub steps: u64,
-    /// Number of the simulation step whose wrench the newest tick plays; 0: there is no wrench yet.
+    /// The simulation step whose wrench the newest tick used: number of that step, from 1; 0: there is no wrench yet.
     pub wrench_step: u64,
-    /// Number of deadlines that were missed by more than 2 ms.
+    /// Number of deadlines of ticks that were missed by more than 2 ms.
     pub missed: u64,
     /// Time at which the newest tick began, s since the loop began.
     pub time: f64,
-    /// Latency of the wrench at the newest tick: time since the inputs of the wrench's step were taken, s.
+    /// Latency, at the newest tick, of the wrench that it used: time since the inputs of the wrench's step were taken,
+    /// s.
     pub wrench_age: f64,
-    /// Pose of the haptic device as the loop uses it, that is, checked and smoothed.
+    /// Pose of the haptic device at the newest tick, as the loop uses it, that is, checked and smoothed.
     pub device: palpate_pose,
-    /// Pose of the tool, which follows the haptic device by the virtual coupling.
+    /// Pose of the tool at the newest tick. The tool follows the haptic device by the virtual coupling, a spring and
+    /// damper.
     pub tool: palpate_pose,
     /// Contact force on the tool at the newest tick, from the local model, N.
     pub contact_force: [f64; 3],
@@ -102,18 +113,19 @@ pub struct palpate_loop_state {
     pub played_force: [f64; 3],
     /// Torque that the haptic device was last commanded to play, N m.
     pub played_torque: [f64; 3],
-    /// Share of the force that is played, from 0 (faded out) to 1 (all of it).
+    /// Share of the force that is played, from 0 (faded out) to 1 (the whole force).
     pub gain: f64,
-    /// Greatest force that was played so far, N.
+    /// Greatest magnitude so far of the force that was played, N.
     pub peak_force: f64,
-    /// Lateness of ticks, s: the 99th percentile, updated every 1000 ticks and at the end.
+    /// 99th percentile of the lateness of ticks (time from a tick's deadline to its beginning), s. It is updated every
+    /// 1000 ticks and at the end of the loop.
     pub late_p99: f64,
-    /// Lateness of ticks, s: the greatest so far.
+    /// Greatest lateness of a tick so far, s.
     pub late_worst: f64,
 }
 
-// SAFETY: it is `repr(C)` and its first field is the size. Not all bytes are a value of the enum `status`; but the
-// library only writes this struct, and never reads one of a caller.
+// SAFETY: the struct is `repr(C)`, and its first field is its size. Some bytes are no value of the enum `status`; but
+// the library only writes this struct to a caller's memory, and never reads it from there.
 unsafe impl Sized32 for palpate_loop_state {
     const NAME: &str = "palpate_loop_state";
     const LEAST: usize = 320;
@@ -185,18 +197,19 @@ pub(super) struct Facts {
     pub state: palpate_loop_state,
     pub newest: Newest,
     pub notes: Vec<String>,
-    /// Why the loop ended; empty while it runs.
+    /// Why the loop ended; empty while the loop runs.
     pub ended: String,
     pub failure: Option<Failure>,
     lateness: Lateness,
-    /// Period of the loop, s.
+    /// Time from the deadline of one tick to that of the next, s.
     period: f64,
     /// Whether the haptic device has been opened.
     has_begun: bool,
 }
 
 impl Told {
-    /// State before the loop begins. `period`: time between two ticks, s.
+    /// Makes the state of a loop that has not begun. `period`: time from the deadline of one tick to that of the next,
+    /// s.
     pub fn new(period: f64) -> Told {
         let facts = Facts {
             state: palpate_loop_state::unset(),
@@ -211,13 +224,15 @@ impl Told {
         Told { told: Mutex::new(facts), changed: Condvar::new() }
     }
 
-    /// Locks the state. Keep the lock for moments only.
+    /// Locks the state. Release the lock soon, because the loop's thread waits for it.
     pub fn lock(&self) -> MutexGuard<'_, Facts> {
-        // A panic cannot leave the state half-changed: it is consistent between any two statements under the lock.
+        // A panic cannot leave the state half-changed: the state is consistent between any two statements under the
+        // lock.
         self.told.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Updates the state by what the running loop (a session of the engine) reports: a step, a tick or a note.
+    /// Updates the state by a report of the running loop, which is a session of the engine: its beginning, a step, a
+    /// tick or a note.
     pub fn hear(&self, moment: Moment) {
         let mut facts = self.lock();
         match moment {
@@ -227,7 +242,7 @@ impl Told {
             Moment::Note(note) => {
                 facts.notes.push(note.into());
                 facts.state.notes = facts.notes.len() as u32;
-                // The session reports its first note when the device is open.
+                // The session reports its first note after it has opened the haptic device.
                 facts.has_begun = true;
                 self.changed.notify_all();
             }
@@ -239,7 +254,7 @@ impl Told {
         self.lock().newest = newest;
     }
 
-    /// Records how the loop ended, and wakes the threads that wait for its beginning.
+    /// Records how the loop ended, and wakes the threads that wait for the loop to begin (`wait_for_begin`).
     pub fn end(&self, came: Outcome<Report>) {
         let mut facts = self.lock();
         facts.state.is_running = 0;
@@ -255,7 +270,8 @@ impl Told {
         self.changed.notify_all();
     }
 
-    /// Waits until the device is open or the loop has ended. Errors: why the device was never opened.
+    /// Waits until the haptic device is open or the loop has ended. Errors: why the loop failed before the device was
+    /// open.
     pub fn wait_for_begin(&self) -> Outcome {
         let mut facts = self.lock();
         while !facts.has_begun && facts.state.is_running == 1 {

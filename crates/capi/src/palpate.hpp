@@ -1,5 +1,6 @@
-// palpate.hpp: palpate.h for C++17, header only. Each handle is owned by an object that destroys it, and a failed call
-// throws palpate::Error. palpate.h describes each function in detail.
+// palpate.hpp: classes for C++17 around the functions of palpate.h, the C interface of a GPU engine for haptic touch of
+// soft bodies. All of their code is in this header. Each handle is owned by an object that destroys it, and a failed
+// call throws palpate::Error. palpate.h describes each function in detail.
 #ifndef PALPATE_HPP
 #define PALPATE_HPP
 
@@ -23,7 +24,7 @@ using Body = palpate_body;
 using Core = palpate_core;
 using Tool = palpate_tool;
 
-/// Returns a struct of zeros with its size set, for Settings, Body, Core and Tool.
+/// Returns a struct whose field `size` is set and whose other fields are zero, for Settings, Body, Core and Tool.
 template <typename T>
 T sized() {
     T zeros{};
@@ -31,7 +32,7 @@ T sized() {
     return zeros;
 }
 
-/// Error of a failed call: its status, and the message of palpate_last_error.
+/// Error of a failed call: the status that the call returned, and the message of palpate_last_error.
 class Error : public std::runtime_error {
 public:
     explicit Error(palpate_status status) : std::runtime_error(palpate_last_error()), status_(status) {}
@@ -49,7 +50,7 @@ inline void check(palpate_status status) {
 
 namespace detail {
 
-/// Owner of a handle of palpate.h; it can be moved, not copied.
+/// Owner of a handle of palpate.h; the owner can be moved, but not copied.
 template <typename T, palpate_status (*Destroy)(T *)>
 class Handle {
 public:
@@ -63,7 +64,7 @@ public:
     Handle(const Handle &) = delete;
     Handle &operator=(const Handle &) = delete;
     ~Handle() { Destroy(handle_); }
-    /// The handle itself, for functions of palpate.h.
+    /// Returns the handle itself, for functions of palpate.h.
     T *get() const noexcept { return handle_; }
 
 protected:
@@ -75,9 +76,9 @@ protected:
 /// An open Vulkan device.
 class Context : public detail::Handle<palpate_context, palpate_context_destroy> {
 public:
-    /// Opens the best device, or the one of this name or position in the list. `cache`: the cache folder as in
-    /// palpate_context_options; if it is given, the library also measures which implementations are faster on the
-    /// device.
+    /// Opens a Vulkan device. `device`: a part of its name, or its position in the list of palpate_devices; if it is
+    /// empty, the best device is opened. `cache`: the cache folder, as in palpate_context_options; if it is not null,
+    /// the library also measures which of its implementations are faster on the device.
     explicit Context(const std::string &device = {}, const char *cache = nullptr) {
         palpate_context_options options{};
         options.size = sizeof options;
@@ -88,7 +89,7 @@ public:
     }
 };
 
-/// A scene: bodies, tool and settings, from which simulations are made.
+/// A scene: bodies, the tool (the rigid body that the haptic device leads) and settings. Simulations are made from it.
 class Scene : public detail::Handle<palpate_scene, palpate_scene_destroy> {
 public:
     /// Makes a scene from a scene file.
@@ -97,7 +98,7 @@ public:
         check(palpate_scene_load(file.c_str(), &scene));
         return Scene(scene);
     }
-    /// Makes a scene from the text of a scene file; relative paths in it are relative to `folder`.
+    /// Makes a scene from the text of a scene file; relative paths in the text are relative to `folder`.
     static Scene parse(const std::string &text, const std::string &folder = {}) {
         palpate_scene *scene = nullptr;
         check(palpate_scene_parse(text.c_str(), folder.c_str(), &scene));
@@ -107,38 +108,42 @@ public:
     Scene() { check(palpate_scene_create(nullptr, &handle_)); }
     /// Makes an empty scene with these settings.
     explicit Scene(const Settings &settings) { check(palpate_scene_create(&settings, &handle_)); }
-    /// Adds the tables of a text in the format of a scene file.
+    /// Adds to the scene the tables of a text in the format of a scene file.
     void add(const std::string &text) { check(palpate_scene_add(get(), text.c_str())); }
-    /// Hands over a surface: three coordinates (m) per vertex and three vertex indices per triangle.
+    /// Hands over a surface, to which bodies refer by `name`: three coordinates (m) per vertex and three vertex indices
+    /// per triangle.
     void add_surface(const std::string &name, const std::vector<double> &vertices,
                      const std::vector<uint32_t> &triangles) {
         check(palpate_scene_add_surface(get(), name.c_str(), vertices.data(), rows(vertices, 3, "vertices"),
                                         triangles.data(), rows(triangles, 3, "triangles")));
     }
-    /// Hands over a layer (a tetrahedral mesh): three coordinates (m) per node and four node indices per tetrahedron.
+    /// Hands over a layer (the tetrahedral mesh of a soft body), to which bodies refer by `name`: three coordinates (m)
+    /// per node and four node indices per tetrahedron.
     void add_layer(const std::string &name, const std::vector<double> &nodes,
                    const std::vector<uint32_t> &tetrahedra) {
         check(palpate_scene_add_layer(get(), name.c_str(), nodes.data(), rows(nodes, 3, "nodes"), tetrahedra.data(),
                                       rows(tetrahedra, 4, "tetrahedra")));
     }
-    /// Adds a body and returns its position in the scene.
+    /// Adds a body and returns its position in the scene, counted from 0; other functions name the body by this number.
     uint32_t add(const Body &body) {
         uint32_t index = 0;
         check(palpate_scene_add_body(get(), &body, &index));
         return index;
     }
-    /// Sets the bodies with which a body collides, by name.
+    /// Sets the names of the bodies with which a body collides.
     void set_collides(uint32_t body, const std::vector<const char *> &names) {
         static const char *const none = nullptr;
         check(palpate_scene_set_collides(get(), body, names.empty() ? &none : names.data(), names.size()));
     }
-    /// Sets the tool and its virtual coupling.
+    /// Sets the tool and its virtual coupling (a spring and damper between haptic device and tool).
     void set_tool(const Tool &tool) { check(palpate_scene_set_tool(get(), &tool)); }
     /// Sets the folder where prepared bodies are kept; "": the user's cache folder.
     void cache(const std::string &folder) { check(palpate_scene_cache(get(), folder.c_str())); }
-    /// Prepares the bodies. `progress` is called with the body's name, the stage, the number of bodies that are ready
-    /// and that of all bodies. If it returns false, preparing is cancelled. What it throws cancels too, and is thrown
-    /// on.
+    /// Prepares the bodies: makes their simulation meshes and collision proxies (convex hulls), which takes seconds and
+    /// has several stages. As each stage begins, `progress` is called with the name of the body, the name of the stage,
+    /// the number of bodies that are ready, and the number of all bodies. If `progress` returns false, the preparation
+    /// is cancelled. If `progress` throws an exception, the preparation is cancelled, and the exception is thrown
+    /// again.
     template <typename Progress>
     void prepare(Progress progress) {
         struct Watch {
@@ -167,24 +172,27 @@ private:
     template <typename T>
     static size_t rows(const std::vector<T> &numbers, size_t width, const char *name) {
         if (numbers.size() % width != 0) {
-            throw std::invalid_argument(std::string(name) + ": the number of values is no multiple of the number per row");
+            throw std::invalid_argument(std::string(name) +
+                                        ": the number of values is no multiple of the number of values per row");
         }
         return numbers.size() / width;
     }
 };
 
-/// A simulation: bodies and tool of a scene, moved step by step.
+/// A simulation, which moves the bodies and the tool of a scene step by step.
 class Simulation : public detail::Handle<palpate_simulation, palpate_simulation_destroy> {
 public:
     Simulation(const Context &context, const Scene &scene) {
         check(palpate_simulation_create(context.get(), scene.get(), &handle_));
     }
-    /// Does one step, with the haptic device on the scene's trajectory, or at the last pose given.
+    /// Does one step. The haptic device follows the scene's trajectory or, once a pose was given to an earlier step,
+    /// stays at the last pose given.
     Wrench step() { return step_to(nullptr); }
     /// Does one step, at the end of which the haptic device has this pose.
     Wrench step(const Pose &device) { return step_to(&device); }
-    /// Begins a step without waiting for it, with the haptic device as for step() and step(device).
+    /// Begins a step without waiting for it; the haptic device moves as in step().
     void submit() { check(palpate_step_submit(get(), nullptr)); }
+    /// Begins a step without waiting for it; at the end of the step the haptic device has this pose.
     void submit(const Pose &device) { check(palpate_step_submit(get(), &device)); }
     /// Returns true if no submitted step is under way; throws the error of a failed step.
     bool is_done() const {
@@ -194,15 +202,15 @@ public:
     }
     /// Waits until no submitted step is under way; throws the error of a failed step.
     void wait() { check(palpate_step_wait(get())); }
-    /// Returns the wrench of the newest finished step, at any time. `age`: time since that step received its device
-    /// pose, s.
+    /// Returns the wrench (contact force and torque on the tool) of the newest finished step; it may be called at any
+    /// time, also during a step. `age` receives the time since that step received the pose of the haptic device, s.
     Wrench newest(double *age = nullptr) const {
         Wrench wrench{};
         wrench.size = sizeof wrench;
         check(palpate_wrench_newest(get(), &wrench, age));
         return wrench;
     }
-    /// World positions of a soft body's nodes, m.
+    /// Returns the world positions of the nodes of a soft body's layer, m.
     std::vector<std::array<double, 3>> nodes(uint32_t body) const {
         static_assert(sizeof(std::array<double, 3>) == sizeof(double[3]), "std::array must have the layout of a C array");
         size_t count = 0;
@@ -211,7 +219,8 @@ public:
         check(palpate_nodes(get(), body, reinterpret_cast<double(*)[3]>(positions.data()), count, &count));
         return positions;
     }
-    /// World positions of the vertices of a body's skin (surface mesh), m; the tool comes after the bodies.
+    /// Returns the world positions of the vertices of a body's skin (surface mesh), m. `body`: position of the body in
+    /// the scene; the tool is counted after the last body.
     std::vector<std::array<float, 3>> skin(uint32_t body) const {
         static_assert(sizeof(std::array<float, 3>) == sizeof(float[3]), "std::array must have the layout of a C array");
         size_t count = 0;
@@ -221,7 +230,7 @@ public:
         check(palpate_skin(get(), body, nullptr, to, nullptr, count, &count));
         return positions;
     }
-    /// Contacts of the last step.
+    /// Returns the contacts of the last step.
     std::vector<palpate_contact> contacts() const {
         size_t count = 0;
         check(palpate_contacts(get(), nullptr, 0, &count));
@@ -237,19 +246,21 @@ public:
         check(palpate_state_save(get(), state.data(), size, &size));
         return state;
     }
-    /// Restores a saved state; later steps give the same bits as they did after it was saved.
+    /// Restores a saved state: the next steps give the same bits as the steps that followed when the state was saved.
     void restore(const std::vector<uint8_t> &state) { check(palpate_state_restore(get(), state.data(), state.size())); }
-    /// Material of a soft body: at index 0 that of the body itself, then those of its material regions.
+    /// Returns a material of a soft body. Index 0 is the material of the body itself; 1 and above are the materials of
+    /// its regions (parts of the body with a material of their own).
     Material material(uint32_t body, uint32_t index = 0) const {
         Material material{};
         material.size = sizeof material;
         check(palpate_material_get(get(), body, index, &material));
         return material;
     }
+    /// Changes a material of a soft body; `index` has the meaning that it has in material().
     void set_material(uint32_t body, const Material &material, uint32_t index = 0) {
         check(palpate_material_set(get(), body, index, &material));
     }
-    /// The contact law in force.
+    /// Returns the present contact law: the parameters of the penalty forces between touching bodies.
     ContactLaw contact_law() const {
         ContactLaw law{};
         law.size = sizeof law;
@@ -257,13 +268,14 @@ public:
         return law;
     }
     void set_contact_law(const ContactLaw &law) { check(palpate_contact_set(get(), &law)); }
-    /// Pose of a rigid core (see palpate_core_pose).
+    /// Returns the pose of a rigid core (a rigid body inside a soft one, to which nodes are attached). palpate.h
+    /// describes this pose at palpate_core_pose.
     Pose core(uint32_t body, uint32_t core) const {
         Pose pose{};
         check(palpate_core_pose(get(), body, core, &pose));
         return pose;
     }
-    /// Moves a driven (kinematic) rigid core to a pose within this number of seconds of simulated time.
+    /// Moves a driven (kinematic) rigid core to a pose within `seconds` of simulated time.
     void move_core(uint32_t body, uint32_t core, const Pose &pose, double seconds = 0.0) {
         check(palpate_core_move(get(), body, core, &pose, seconds));
     }
@@ -277,11 +289,12 @@ private:
     }
 };
 
-/// A haptic loop. Its destructor ends it and closes its haptic device.
+/// A haptic loop: at a fixed rate it reads a haptic device and plays a force on it, and meanwhile a simulation does
+/// steps. The destructor ends the loop and closes the device.
 class Loop : public detail::Handle<palpate_loop, palpate_loop_destroy> {
 public:
-    /// Starts a loop with device and options as in palpate.h, whose sizes are set here. The callbacks must let no
-    /// exception out.
+    /// Starts a loop. palpate.h describes the structs `device` and `options`; the constructor sets their fields `size`.
+    /// The callbacks of `device` must let no exception out.
     Loop(const Simulation &simulation, palpate_haptic_device device, palpate_loop_options options = {}) {
         device.size = sizeof device;
         options.size = sizeof options;
@@ -293,14 +306,14 @@ public:
         check(palpate_loop_read(get(), &state));
         return state;
     }
-    /// Wrench of the simulation's newest step. `age`: time since that step began, s.
+    /// Returns the wrench of the simulation's newest step. `age` receives the time since that step began, s.
     Wrench wrench(double *age = nullptr) const {
         Wrench wrench{};
         wrench.size = sizeof wrench;
         check(palpate_loop_wrench(get(), &wrench, age));
         return wrench;
     }
-    /// Notes about the loop, one line each.
+    /// Returns the notes about the loop, one line of text each.
     std::vector<std::string> notes() const {
         std::vector<std::string> notes(state().notes);
         for (uint32_t k = 0; k < notes.size(); k++) {
@@ -310,7 +323,7 @@ public:
         }
         return notes;
     }
-    /// Why the loop ended; empty while it runs.
+    /// Returns why the loop ended; an empty text while it runs.
     std::string ended() const {
         return text([&](char *to, size_t room, size_t *count) { return palpate_loop_ended(get(), to, room, count); });
     }
@@ -318,8 +331,8 @@ public:
     void stop() { check(palpate_loop_stop(get())); }
 
 private:
-    /// Reads a text by two calls, one for its length and one for the text, and again if it has become longer in
-    /// between.
+    /// Reads a text by two calls of `tell`, the first for the length and the second for the text; repeats both calls if
+    /// the text became longer between them.
     template <typename Tell> static std::string text(const Tell &tell) {
         palpate_status status = PALPATE_STATUS_TOO_SMALL;
         std::string told;

@@ -1,5 +1,7 @@
-//! Scenes made from a file or a text; `build.rs` adds to them by calls. The bodies of a scene are prepared before it is
-//! simulated: their simulation meshes and collision proxies are made, which takes seconds.
+//! Functions that make scenes from a file or a text; those of `build.rs` add to a scene by calls. The bodies of a scene
+//! are prepared before the scene is simulated: their tetrahedral simulation meshes and their collision proxies (convex
+//! hulls for the broad phase) are made, which takes seconds. The C caller names a scene by its handle, a number
+//! (`handles.rs`).
 
 use std::ffi::c_char;
 use std::path::Path;
@@ -12,14 +14,14 @@ use super::handles::{self, Handled};
 use super::sized;
 use super::status::{Outcome, guarded, palpate_status};
 
-/// Description of bodies, tool and settings from which any number of simulations can be made: read from a file or a
-/// text, or built by calls. The mesh files that it names are opened when its bodies are prepared.
+/// A scene: the description of bodies, tool and settings, from which any number of simulations can be made. It is read
+/// from a file or a text, or built by calls. The mesh files that it names are opened when its bodies are prepared.
 pub struct palpate_scene {
     _opaque: [u8; 0],
 }
 
-/// The object behind a scene's handle: the scene with the meshes that it may name, those of its bodies that are
-/// prepared, and the cache of prepared bodies.
+/// The object for which the handle of a scene stands: the scene with the meshes that it may name (`builder`), those of
+/// its bodies that are already prepared (`bodies`), and the folder that keeps prepared bodies for later runs (`cache`).
 pub(super) struct SceneObject {
     builder: SceneBuilder,
     bodies: Bodies,
@@ -40,19 +42,19 @@ impl SceneObject {
         (self.scene().clone(), self.bodies.clone())
     }
 
-    /// Changes the scene by `work`, which may add bodies and may replace the tool: prepared bodies stay, the prepared
-    /// tool is discarded.
+    /// Changes the scene by `work`, which may add bodies and may replace the tool. Bodies that are prepared stay so;
+    /// the prepared tool is discarded, because it may be replaced.
     pub fn change<R>(&mut self, work: impl FnOnce(&mut SceneBuilder) -> Outcome<R>) -> Outcome<R> {
         self.bodies.tool = None;
         work(&mut self.builder)
     }
 
-    /// Prepares the bodies that are not prepared yet; `watch` is called as each stage begins.
+    /// Prepares the bodies that are not prepared yet; `watch` is called as each stage of a body's preparation begins.
     pub fn prepare(&mut self, watch: &mut dyn FnMut(Progress) -> Result<()>) -> Result<()> {
         self.bodies.complete(self.builder.scene(), &self.cache, watch)
     }
 
-    /// Sets where prepared bodies are kept from now on.
+    /// Sets the folder that keeps bodies prepared from now on for later runs.
     pub fn set_cache(&mut self, cache: Cache) {
         self.cache = cache;
     }
@@ -62,7 +64,7 @@ impl Handled for SceneObject {
     const NAME: &str = "scene";
 }
 
-/// Makes a scene from a scene file.
+/// Makes a scene from the scene file at the path `file`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_load(file: *const c_char, scene: *mut *mut palpate_scene) -> palpate_status {
     guarded(|| {
@@ -73,8 +75,8 @@ pub unsafe extern "C" fn palpate_scene_load(file: *const c_char, scene: *mut *mu
     })
 }
 
-/// Makes a scene from a text in the format of a scene file. Relative paths in it are relative to `folder`; null: to the
-/// working directory.
+/// Makes a scene from a text in the format of a scene file. Relative paths in the text are relative to `folder`, or, if
+/// `folder` is null, to the working directory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_parse(
     text: *const c_char,
@@ -99,7 +101,7 @@ pub(super) fn given(to: &mut *mut palpate_scene, scene: SceneObject) -> Outcome 
     Ok(())
 }
 
-/// Destroys a scene; simulations that were made of it go on. Null does nothing.
+/// Destroys a scene. Simulations that were made of the scene can still be used. With null the call does nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_scene_destroy(scene: *mut palpate_scene) -> palpate_status {
     guarded(|| if scene.is_null() { Ok(()) } else { handles::remove::<SceneObject>(scene as usize) })

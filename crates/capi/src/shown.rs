@@ -1,5 +1,6 @@
-//! Data that a program draws or inspects: the skins (surface meshes) of the bodies, copied or as arrays on the GPU, and
-//! the contacts of the last step.
+//! Functions that give a program data to draw or inspect: the skins (surface meshes) of the bodies, as copies or as
+//! arrays on the GPU, and the contacts of the last step. The skin of the tool (the rigid body that the haptic device
+//! leads) comes after those of the bodies.
 
 use glam::DVec3;
 use palpate::internal::step::Skins;
@@ -10,32 +11,33 @@ use super::simulation::{SimulationObject, palpate_simulation};
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 
-/// The skins as arrays on the Vulkan device: the vertices of all bodies one after another, the tool's last. On a device
-/// that the program itself opened, the buffers can be bound directly (usages: storage, texel and transfer; positions
-/// and normals also vertex). They live as long as the simulation, except that they are replaced when
-/// palpate_contact_set switches friction on in a scene that had none: after that, get them again, and export them
-/// again.
+/// The skins (surface meshes) as arrays on the Vulkan device: the vertices of all bodies one after another, those of
+/// the tool last. If the program itself opened the device, it can bind the buffers directly (usages: storage, texel and
+/// transfer; positions and normals also vertex). The buffers live as long as the simulation, with one exception: when
+/// palpate_contact_set switches friction on in a scene without friction, new buffers replace them, and the program must
+/// get the buffers again and export them again.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_skins {
     /// Size of the struct in bytes: sizeof(palpate_skins).
     pub size: u32,
-    /// Number of vertices of all skins.
+    /// Number of the vertices of all skins together.
     pub vertex_count: u32,
-    /// Number of triangles of all skins.
+    /// Number of the triangles of all skins together.
     pub triangle_count: u32,
     /// Reserved: always 0.
     pub reserved: u32,
-    /// VkBuffer of the vertex positions: four floats per vertex, x y z 1, in m relative to the `origin` of the call.
+    /// VkBuffer of the vertex positions: four floats per vertex, x, y, z (m, relative to the `origin` passed to
+    /// palpate_skin_buffers) and 1.
     pub positions: u64,
-    /// VkBuffer of the vertex normals: four floats per vertex, a unit outward vector and 0.
+    /// VkBuffer of the vertex normals: four floats per vertex, the three components of a unit outward vector and 0.
     pub normals: u64,
-    /// VkBuffer of the triangles: four uint32_t per triangle, its three vertices counter-clockwise seen from outside,
-    /// and 0.
+    /// VkBuffer of the triangles: four uint32_t per triangle, the indices of its three vertices counter-clockwise seen
+    /// from outside, and 0.
     pub triangles: u64,
 }
 
-// SAFETY: it is `repr(C)`, its first field is the size, and all fields are numbers: any bytes are a value.
+// SAFETY: the struct is `repr(C)`, its first field is its size, and all fields are numbers, so any bytes are a value.
 unsafe impl Sized32 for palpate_skins {
     const NAME: &str = "palpate_skins";
     const LEAST: usize = 40;
@@ -48,43 +50,45 @@ unsafe impl Sized32 for palpate_skins {
     }
 }
 
-/// A contact of the last step: a skin vertex of one body inside another.
+/// A contact of the last step: a vertex of one body's skin that lies inside another body.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default)]
 pub struct palpate_contact {
-    /// The body to which the vertex belongs, and the body that it touches, by their positions in the scene; the tool
-    /// comes after the bodies.
+    /// First the body to which the vertex belongs, then the body inside which it lies, both by their positions in the
+    /// scene, counted from 0; the tool is counted after the last body.
     pub body: [u32; 2],
     /// Index of the vertex in its body's skin.
     pub vertex: u32,
     /// Reserved: always 0.
     pub reserved: u32,
-    /// World position of the vertex now, m.
+    /// World position of the vertex at the time of the call, m.
     pub position: [f64; 3],
-    /// Contact normal: unit vector in world axes, outward from the touched body.
+    /// Contact normal: unit vector in world axes, outward from the body inside which the vertex lies.
     pub normal: [f64; 3],
     /// Penetration depth along the normal, m.
     pub depth: f64,
-    /// Area of the part of the skin that belongs to the vertex, projected along the normal, m^2.
+    /// Area of the vertex's share of the skin, projected along the contact normal, m^2.
     pub area: f64,
-    /// Contact pressure along the normal at the end of the step, Pa. `pressure` times `area` is the normal force of
-    /// this contact on the tool, a part of the wrench's force. If a state was restored since the last step, this is the
-    /// pressure at the start of that step instead.
+    /// Contact pressure along the normal at the end of the step, Pa. `pressure` times `area` is the magnitude of the
+    /// normal force of this contact; if one of the bodies is the tool, this force is a part of the net force in
+    /// palpate_wrench. If a state was restored since the last step, `pressure` is instead that at the start of the
+    /// step.
     pub pressure: f64,
 }
 
-/// Size of a triangle in the array on the Vulkan device, bytes.
+/// Size of one triangle in the array on the Vulkan device, bytes.
 const TRIANGLE_BYTES: u64 = 16;
 
-/// Array for palpate_skin_export: the positions of skin vertices.
+/// The array that palpate_skin_export exports: the positions of skin vertices.
 pub const PALPATE_SKIN_POSITIONS: u32 = 0;
-/// Array for palpate_skin_export: the normals of skin vertices.
+/// The array that palpate_skin_export exports: the normals of skin vertices.
 pub const PALPATE_SKIN_NORMALS: u32 = 1;
 
-/// Copies the skin of a body of any kind; the tool comes after the bodies. `origin`: three coordinates to which
-/// positions are relative, m; null: the world's origin. `positions` (m) and `normals` (unit, outward) have room for
-/// `capacity` vertices, three floats each; either may be null. `count` receives the number of vertices.
-/// PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
+/// Copies the skin (surface mesh) of a body of any kind. `body`: position of the body in the scene, from 0; the tool is
+/// counted after the last body. `origin`: the world point to which positions are relative, three coordinates, m; null:
+/// the world's origin. `positions` (m) and `normals` (unit vectors, outward) have room for `capacity` vertices, three
+/// floats each; either may be null. `count` receives the number of vertices. PALPATE_STATUS_TOO_SMALL: there are more
+/// vertices than `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin(
     simulation: *mut palpate_simulation,
@@ -119,9 +123,9 @@ pub unsafe extern "C" fn palpate_skin(
     })
 }
 
-/// Copies the triangles of a body's skin: three vertex indices per triangle, counter-clockwise seen from outside. They
-/// never change. `count` receives their number; `triangles` has room for `capacity` of them, and may be null where
-/// `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
+/// Copies the triangles of a body's skin: three vertex indices per triangle, counter-clockwise seen from outside. The
+/// triangles never change. `count` receives their number; `triangles` has room for `capacity` triangles, and may be
+/// null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more triangles than `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin_triangles(
     simulation: *mut palpate_simulation,
@@ -146,11 +150,12 @@ pub unsafe extern "C" fn palpate_skin_triangles(
     })
 }
 
-/// Computes the skins on the Vulkan device as they are now, relative to `origin` (three coordinates, m; null: the
-/// world's origin), and returns their buffers; nothing is copied. The arrays are filled when this returns, and keep
-/// their contents until the next call of this function or of `palpate_skin`; no other call writes to them. GPU work of
-/// the program that reads the arrays must be submitted to the same queue, or be finished before such a call. The first
-/// call makes the arrays.
+/// Computes the present skins on the Vulkan device, relative to the world point `origin` (three coordinates, m; null:
+/// the world's origin), and writes their buffers to `skins`; nothing is copied from the GPU. When the call returns, the
+/// arrays are filled; they keep their contents until the next call of this function or of `palpate_skin`, and no other
+/// function writes to them. GPU work of the program that reads the arrays must be submitted to the queue that the
+/// library uses, or must be finished before the next call of one of these two functions. The first call makes the
+/// arrays.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin_buffers(
     simulation: *mut palpate_simulation,
@@ -177,8 +182,8 @@ pub unsafe extern "C" fn palpate_skin_buffers(
     })
 }
 
-/// Reads which vertices in the arrays of `palpate_skin_buffers` are a body's: the index of the first, and their number.
-/// The tool comes after the bodies.
+/// Reads which vertices in the arrays of `palpate_skin_buffers` belong to a body. `first` receives the index of the
+/// first vertex, and `count` the number of vertices. The tool is counted after the last body.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin_range(
     simulation: *mut palpate_simulation,
@@ -190,7 +195,7 @@ pub unsafe extern "C" fn palpate_skin_range(
         with(simulation, |simulation| {
             let ranges = simulation.skin_ranges();
             let range = ranges.get(body as usize).ok_or_else(|| no_body(body, ranges.len()))?;
-            // SAFETY (both blocks): the C caller keeps the rules for pointers at the top of palpate.h.
+            // SAFETY (here and in the next line): the C caller keeps the rules for pointers at the top of palpate.h.
             *unsafe { sized::answer(first, "first")? } = range.start as u32;
             *unsafe { sized::answer(count, "count")? } = range.len() as u32;
             Ok(())
@@ -198,11 +203,12 @@ pub unsafe extern "C" fn palpate_skin_range(
     })
 }
 
-/// Exports the memory of one of the arrays of `palpate_skin_buffers` (PALPATE_SKIN_*) as a file descriptor that another
-/// API can import (VK_KHR_external_memory_fd, an opaque descriptor of a dedicated allocation, at the start of which the
-/// array lies), with the size of that memory in bytes. The caller owns the descriptor: a successful import takes it
-/// over, otherwise the caller must close it. Call `palpate_skin_buffers` to update the array. PALPATE_STATUS_VULKAN:
-/// the device cannot export.
+/// Exports the memory of one of the arrays of `palpate_skin_buffers`, for import by another API. `which`: the array,
+/// PALPATE_SKIN_*. `descriptor` receives an opaque file descriptor (VK_KHR_external_memory_fd) of a dedicated
+/// allocation, at the start of which the array lies; `bytes` receives the size of that allocation. The caller owns the
+/// descriptor: a successful import takes it over, otherwise the caller must close it. The contents of the array change
+/// only when `palpate_skin_buffers` or `palpate_skin` is called. PALPATE_STATUS_VULKAN: the device cannot export
+/// memory.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_skin_export(
     simulation: *mut palpate_simulation,
@@ -232,9 +238,9 @@ pub unsafe extern "C" fn palpate_skin_export(
     })
 }
 
-/// Copies the contacts of the last step, as many as the field `contacts` of that step's wrench. `count` receives their
-/// number; `contacts` has room for `capacity` of them, and may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL:
-/// there are more than `capacity`, and none was written.
+/// Copies the contacts of the last step, whose number is also the field `contacts` of that step's palpate_wrench.
+/// `count` receives their number; `contacts` has room for `capacity` contacts, and may be null if `capacity` is 0.
+/// PALPATE_STATUS_TOO_SMALL: there are more contacts than `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_contacts(
     simulation: *mut palpate_simulation,
@@ -276,10 +282,10 @@ fn no_body(body: u32, bodies: usize) -> Failure {
     Failure::new(palpate_status::Argument, problem)
 }
 
-/// Reads three finite coordinates; null: zero.
+/// Reads a point, three finite coordinates; if the pointer is null, the point is zero.
 ///
 /// # Safety
-/// `origin` is null, or three numbers can be read there.
+/// `origin` is null, or three numbers can be read at this address.
 unsafe fn origin_at(origin: *const f64) -> Outcome<DVec3> {
     // SAFETY: the caller keeps the conditions under `# Safety`.
     let Some(origin) = (unsafe { sized::given(origin.cast::<[f64; 3]>(), "origin")? }) else { return Ok(DVec3::ZERO) };

@@ -1,4 +1,6 @@
-//! Simulations: functions that make one from a scene on a context (an open Vulkan device), step it, and read it.
+//! Functions that make a simulation of a scene (bodies, tool and settings) on a context (an open Vulkan device), do its
+//! steps, and read its results. The tool is the rigid body that the haptic device leads; the wrench, which a step
+//! gives, is the contact force and torque on the tool.
 
 use std::sync::Arc;
 
@@ -13,7 +15,7 @@ use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::steps::{self, SimulationSteps, Stepped};
 
-/// A simulation: bodies and tool of a scene, moved step by step.
+/// A simulation, which moves the bodies and the tool of a scene step by step.
 pub struct palpate_simulation {
     _opaque: [u8; 0],
 }
@@ -28,16 +30,16 @@ pub struct palpate_pose {
     pub orientation: [f64; 4],
 }
 
-/// Result of a step. In a scene without a tool, force, torque and positions are zero, and orientations are the
-/// identity.
+/// Result of a step. In a scene without a tool, `force`, `torque` and the positions are zero, and the orientations are
+/// the identity.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_wrench {
     /// Size of the struct in bytes: sizeof(palpate_wrench).
     pub size: u32,
-    /// Warnings about the step: PALPATE_FLAG_*, one bit each; 0: none.
+    /// Warnings about the step: PALPATE_FLAG_*, one bit each; 0: there are none.
     pub flags: u32,
-    /// Number of steps done, this one included.
+    /// Number of steps that the simulation has done, including this one.
     pub step: u64,
     /// Simulated time at the end of the step, s.
     pub time: f64,
@@ -49,17 +51,17 @@ pub struct palpate_wrench {
     pub tool: palpate_pose,
     /// Pose of the haptic device at the end of the step.
     pub device: palpate_pose,
-    /// Greatest penetration depth of a contact, m.
+    /// Greatest penetration depth among the contacts, m.
     pub max_depth: f64,
-    /// Relative residual at the end of the solve.
+    /// Relative residual of the linear system at the end of the last solve.
     pub residual: f64,
-    /// Number of contacts (colliding vertices of the bodies' surface meshes), counted on both bodies of each pair.
+    /// Number of contacts: vertices of one body's surface mesh inside another body, on both bodies of each pair.
     pub contacts: u32,
-    /// Conjugate gradient iterations of all solves of the step.
+    /// Number of conjugate gradient iterations in all solves of the step.
     pub iterations: u32,
 }
 
-// SAFETY: it is `repr(C)`, its first field is the size, and all fields are numbers: any bytes are a value.
+// SAFETY: the struct is `repr(C)`, its first field is its size, and all fields are numbers, so any bytes are a value.
 unsafe impl Sized32 for palpate_wrench {
     const NAME: &str = "palpate_wrench";
     const LEAST: usize = 208;
@@ -97,34 +99,39 @@ unsafe impl Sized32 for palpate_wrench {
     }
 }
 
-/// Flag of a step: the solver stopped at its iteration limit with a residual above what single precision allows.
+/// Flag of a step: at the end of the solve the residual is far above the solver's tolerance, and also far above what
+/// single precision can reach.
 pub const PALPATE_FLAG_NOT_CONVERGED: u32 = 1;
-/// Flag of a step: there were more contact patches (parts of a contact with one normal each) than fit the arrays.
+/// Flag of a step: the arrays have too little room for the contact patches (places where two bodies may touch, with one
+/// normal each).
 pub const PALPATE_FLAG_REGION_OVERFLOW: u32 = 2;
-/// Flag of a step: there were more contacts, or more hits of the rays that search for them, than fit the arrays.
+/// Flag of a step: the arrays have too little room for the contacts, or for the hits of the rays that search for them.
 pub const PALPATE_FLAG_CONTACT_OVERFLOW: u32 = 4;
 /// Flag of a step: a contact was deeper than the scene's `depth_limit`.
 pub const PALPATE_FLAG_DEPTH_BEYOND_LIMIT: u32 = 8;
 /// Flag of a step: a skin (surface mesh) folds over itself along the normal of a contact patch, so that the penetration
 /// depth is not unique there.
 pub const PALPATE_FLAG_NOT_A_HEIGHT_FIELD: u32 = 16;
-/// Flag of a step: a number was not finite, and the step was recovered.
+/// Flag of a step: a number was not finite, so the step was repeated (PALPATE_FLAG_STEP_RETRIED) or given up
+/// (PALPATE_FLAG_FROZEN).
 pub const PALPATE_FLAG_NON_FINITE: u32 = 32;
-/// Flag of a step: the step failed and was repeated with smaller time steps.
+/// Flag of a step: the step failed and was repeated as several shorter time steps.
 pub const PALPATE_FLAG_STEP_RETRIED: u32 = 64;
-/// Flag of a step: the step failed with smaller time steps too, so all that forces move was stopped where it was.
+/// Flag of a step: the step failed with shorter time steps too, so everything that forces move was stopped where it
+/// was.
 pub const PALPATE_FLAG_FROZEN: u32 = 128;
-/// Flag of a step: contacts under tension were released and the solve was repeated, but in it other contacts came under
-/// tension.
+/// Flag of a step: contacts under tension were released and the solve was repeated, but after the last solve other
+/// contacts are under tension.
 pub const PALPATE_FLAG_ADHESIVE_DROPPED_TWICE: u32 = 256;
-/// Flag of a step: a rigid coordinate frame of a body turned so far within the step that the body may gain energy.
+/// Flag of a step: a body, or a rigid core in it, turned so far within the step that the body may gain energy.
 pub const PALPATE_FLAG_TURNS_TOO_FAR: u32 = 512;
 /// Flag of a step: a tetrahedron was inverted, or pressed so flat that its rotation was not found.
 pub const PALPATE_FLAG_INVERTED: u32 = 1024;
 
+/// The object for which the handle of a simulation (the number by which a C caller names it) stands.
 pub(super) struct SimulationObject {
     pub simulation: Simulation,
-    /// Whether a step failed halfway, so that no further step is possible until a state is restored.
+    /// Whether a step failed halfway, so that no further step is possible until a saved state is restored.
     pub has_failed: bool,
 }
 
@@ -132,8 +139,8 @@ impl Handled for SimulationObject {
     const NAME: &str = "simulation";
 }
 
-/// Makes a simulation of a scene on a context: prepares the bodies that palpate_scene_prepare has not prepared, and
-/// records the GPU commands of a step. The scene may be destroyed afterwards.
+/// Makes a simulation of a scene on a context. The call prepares the bodies that palpate_scene_prepare has not
+/// prepared, and records the GPU commands of a step. Afterwards the scene may be destroyed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_simulation_create(
     context: *mut palpate_context,
@@ -156,18 +163,18 @@ pub unsafe extern "C" fn palpate_simulation_create(
     })
 }
 
-/// Destroys a simulation, after waiting for a submitted step that is under way. A simulation that a loop owns is
-/// destroyed when the loop ends. Null does nothing.
+/// Destroys a simulation, after waiting for a step of palpate_step_submit that is under way. If a haptic loop uses the
+/// simulation, the simulation is destroyed when the loop ends. With null the call does nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_simulation_destroy(simulation: *mut palpate_simulation) -> palpate_status {
     guarded(|| if simulation.is_null() { Ok(()) } else { steps::remove::<SimulationObject>(simulation as usize) })
 }
 
-/// Does one step of the scene's `dt` and waits for it: pose in, wrench out. `device`: pose of the haptic device at the
-/// end of the step, to which it moves at constant speed from its last one; null: the pose on the scene's trajectory
-/// (`[drive]`), or, once a pose was given, the last pose given. `wrench` may be null. After a step that fails in Vulkan
-/// or in the solver, the simulation can be read and destroyed, and further steps give PALPATE_STATUS_SIMULATION until a
-/// state is restored.
+/// Does one step, whose length is the scene's `dt`, and waits for the step to end. `device`: pose of the haptic device
+/// at the end of the step, which it reaches at constant speed from its pose at the start; null: the pose on the scene's
+/// trajectory (`[drive]`), or, if an earlier call gave a pose, the last pose given. `wrench` receives the result, and
+/// may be null. After a step that fails in Vulkan or in the solver, the simulation can be read and destroyed, and
+/// further steps give PALPATE_STATUS_SIMULATION until a saved state is restored.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_step(
     simulation: *mut palpate_simulation,
@@ -177,7 +184,7 @@ pub unsafe extern "C" fn palpate_step(
     guarded(|| {
         // SAFETY (this block and the next): the C caller keeps the rules for pointers at the top of palpate.h.
         let device = unsafe { sized::given(device, "device")? }.map(|pose| pose_of(pose, "device")).transpose()?;
-        // The caller's output struct is checked before the step changes anything.
+        // The size of the caller's struct `wrench` is checked here, before the step changes anything.
         if !wrench.is_null() {
             unsafe { sized::read(wrench.cast_const())? };
         }
@@ -206,7 +213,8 @@ impl Stepped for SimulationObject {
     }
 }
 
-/// Converts the caller's pose; it must be finite, and its orientation a unit quaternion.
+/// Converts a pose of the caller. Errors: a number is not finite, or the orientation is no unit quaternion; the message
+/// names the pose by `what`.
 pub(super) fn pose_of(given: &palpate_pose, what: &str) -> Outcome<Pose> {
     let wrong = |problem: String| Failure::new(palpate_status::Argument, format!("{what}.{problem}"));
     for (name, values) in [("position", &given.position[..]), ("orientation", &given.orientation[..])] {
@@ -244,8 +252,8 @@ pub(super) fn wrench_of(row: &StepReport) -> palpate_wrench {
 
 /// Copies the world positions of the nodes of a soft body's layer (its tetrahedral mesh), m: three numbers per node, in
 /// the order of the layer. `body` is the body's position in the scene, from 0. `count` receives the number of nodes,
-/// which is 0 where the body is not soft; up to `capacity` nodes are written to `positions`, which may be null if
-/// `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
+/// which is 0 if the body is not soft. `positions` has room for `capacity` nodes, and may be null if `capacity` is 0.
+/// PALPATE_STATUS_TOO_SMALL: there are more nodes than `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_nodes(
     simulation: *mut palpate_simulation,

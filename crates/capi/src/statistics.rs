@@ -1,4 +1,5 @@
-//! Costs of a step by stage: times on the GPU, and numbers of passes (dispatches, draws, fills and copies).
+//! Functions that measure and list what each stage of a simulation step costs: its time on the GPU, and its number of
+//! passes (dispatches, draws, fills and copies).
 
 use std::ffi::c_char;
 
@@ -7,23 +8,25 @@ use super::simulation::{SimulationObject, palpate_simulation};
 use super::status::{guarded, palpate_status};
 use super::{handles, sized};
 
-/// Cost of a stage of the step.
+/// Cost of one stage of a simulation step.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_stage {
     /// Name of the stage, as in the README: "pose", "cull", "skin", "depth", "contact", "elastic", "solve", "wrench"
-    /// and so on. In every second timed step the first five stages are timed together, as one stage "pose to contact".
+    /// and so on. In every second timed step, "pose to contact" stands for the first five of these stages, which are
+    /// then timed together.
     pub name: [c_char; 32],
-    /// Time on the GPU in the last step, microseconds; 0 where that step was not timed.
+    /// Time of the stage on the GPU in the last step, microseconds; 0 if the last step was not timed.
     pub microseconds: f64,
-    /// Number of dispatches, draws, fills and copies in a step like the last; 0 for "pose to contact".
+    /// Number of dispatches, draws, fills and copies of the stage in a step with as many solver iterations as the last
+    /// one; 0 for "pose to contact".
     pub passes: u32,
     /// Reserved: always 0.
     pub reserved: u32,
 }
 
-/// Times every `steps`-th step from now on; 0, which is the default: no step is timed. A timed step is up to a
-/// millisecond slower with some drivers.
+/// Times the stages of every `steps`-th step from now on. With `steps` 0, which is the default, no step is timed. With
+/// some drivers a timed step takes up to a millisecond longer.
 #[unsafe(no_mangle)]
 pub extern "C" fn palpate_time_every(simulation: *mut palpate_simulation, steps: u64) -> palpate_status {
     guarded(|| {
@@ -31,9 +34,9 @@ pub extern "C" fn palpate_time_every(simulation: *mut palpate_simulation, steps:
     })
 }
 
-/// Lists the stages of the step in order, with the cost of each. `count` receives their number; `stages` has room for
-/// `capacity` of them, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`,
-/// and none was written.
+/// Lists the stages of a step in the order in which they run, with the cost of each. `count` receives the number of
+/// stages; `stages` has room for `capacity` stages, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there
+/// are more stages than `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_stages(
     simulation: *mut palpate_simulation,

@@ -1,5 +1,8 @@
-//! Turns the structs of `describe.rs` into the tables of a scene file. Fields that are zero or null are left out; the
-//! others are checked by the code that checks scene files.
+//! Turns the structs of `describe.rs`, by which a C program describes a scene, into the tables of a scene file (TOML).
+//! Fields that are zero or null are left out; most values are checked later, by the code that checks scene files. The
+//! layer of a soft body is its tetrahedral mesh; a rigid core is a rigid body inside a soft one, to which nodes of the
+//! layer are attached; the tool is the rigid body that the haptic device leads, by the spring and damper of the virtual
+//! coupling.
 
 use toml::{Table, Value};
 
@@ -11,7 +14,7 @@ const MOTIONS: [&str; 3] = ["fixed", "driven", "dynamic"];
 const LAWS: [&str; 2] = ["corotational", "neo-hookean"];
 const DILATATIONS: [&str; 2] = ["element", "patch"];
 
-/// Makes the tables `[step]`, `[solver]` and `[contact]`.
+/// Makes the tables `[step]`, `[solver]` and `[contact]` of a scene from its settings.
 pub(super) fn of_settings(given: &palpate_settings) -> Outcome<Table> {
     let [mut step, mut solver, mut contact] = [Table::new(), Table::new(), Table::new()];
     number(&mut step, "dt", given.dt);
@@ -38,16 +41,16 @@ pub(super) fn of_settings(given: &palpate_settings) -> Outcome<Table> {
         .collect())
 }
 
-/// Makes a table `[[body]]`.
+/// Makes a table `[[body]]` of a scene.
 ///
 /// # Safety
-/// The pointers in the struct are null, or fulfil the header's conditions.
+/// The pointers in the struct are null, or fulfil the conditions in the comment at the top of palpate.h.
 pub(super) unsafe fn of_body(given: &palpate_body) -> Outcome<Table> {
     let mut body = Table::new();
     if given.reserved != 0 {
         return Err(wrong::<palpate_body>(format!("reserved is {}; set it to 0", given.reserved)));
     }
-    // SAFETY (all calls in the block): the caller keeps the conditions under `# Safety`.
+    // SAFETY (all calls in this block): the caller keeps the conditions under `# Safety`.
     unsafe {
         body.insert("name".into(), sized::string(given.name, "palpate_body.name")?.into());
         mesh(&mut body, "surface", given.surface, "palpate_body.surface")?;
@@ -80,10 +83,10 @@ pub(super) unsafe fn of_body(given: &palpate_body) -> Outcome<Table> {
     Ok([("body".into(), vec![body].into())].into_iter().collect())
 }
 
-/// Inserts `layer = { .. }` into the table of a body.
+/// Inserts the key `layer = { .. }` into the table of a body, unless the struct describes no layer.
 ///
 /// # Safety
-/// The conditions of [`of_body`].
+/// The pointers in the struct fulfil the conditions of [`of_body`].
 unsafe fn layer(body: &mut Table, given: &palpate_body) -> Outcome {
     let mut layer = Table::new();
     number(&mut layer, "cell", given.cell);
@@ -104,10 +107,10 @@ unsafe fn layer(body: &mut Table, given: &palpate_body) -> Outcome {
     Ok(())
 }
 
-/// Makes a table `[[body.core]]`, which describes a rigid core.
+/// Makes a table `[[body.core]]`, which describes a rigid core of a body.
 ///
 /// # Safety
-/// The conditions of [`of_body`].
+/// The pointers in the struct fulfil the conditions of [`of_body`].
 unsafe fn of_core(given: &palpate_core) -> Outcome<Table> {
     if given.reserved != 0 {
         return Err(wrong::<palpate_core>(format!("reserved is {}; set it to 0", given.reserved)));
@@ -120,7 +123,7 @@ unsafe fn of_core(given: &palpate_core) -> Outcome<Table> {
     if truth::<palpate_core>("all", given.all)? {
         bind.insert("all".into(), true.into());
     }
-    // SAFETY (all calls in the block): the caller keeps the conditions under `# Safety`.
+    // SAFETY (all calls in this block): the caller keeps the conditions under `# Safety`.
     unsafe {
         core.insert("name".into(), sized::string(given.name, "palpate_core.name")?.into());
         moves::<palpate_core>(&mut core, given.motion, given.mass, given.keys, given.key_count)?;
@@ -135,14 +138,14 @@ unsafe fn of_core(given: &palpate_core) -> Outcome<Table> {
     Ok(core)
 }
 
-/// Makes the tables `[tool]` and `[coupling]`.
+/// Makes the tables `[tool]` and, if the struct describes a virtual coupling, `[coupling]`.
 ///
 /// # Safety
-/// The pointers in the struct are null, or fulfil the header's conditions.
+/// The pointers in the struct are null, or fulfil the conditions in the comment at the top of palpate.h.
 pub(super) unsafe fn of_tool(given: &palpate_tool) -> Outcome<Table> {
     let mut tool = Table::new();
     number(&mut tool, "sphere", given.sphere);
-    // SAFETY (both calls): the caller keeps the conditions under `# Safety`.
+    // SAFETY (both calls in this block): the caller keeps the conditions under `# Safety`.
     unsafe {
         mesh(&mut tool, "surface", given.surface, "palpate_tool.surface")?;
         if !given.body.is_null() {
@@ -169,10 +172,11 @@ pub(super) unsafe fn of_tool(given: &palpate_tool) -> Outcome<Table> {
     Ok(tables)
 }
 
-/// Inserts the keys `motion`, `mass` and `keys` (keyframes of the motion) of a body or of a rigid core.
+/// Inserts the keys `motion`, `mass` and `keys` into the table of a body or of a rigid core. The struct `T` names the
+/// fields in messages; `keys` are `many` keyframes of the motion.
 ///
 /// # Safety
-/// `keys` is null or leads to `many` keyframes.
+/// `keys` is null, or leads to `many` keyframes.
 unsafe fn moves<T: Sized32>(
     table: &mut Table,
     motion: u32,
@@ -199,7 +203,8 @@ fn wrong<T: Sized32>(what: impl AsRef<str>) -> Failure {
     Failure::new(palpate_status::Argument, format!("{}.{}", T::NAME, what.as_ref()))
 }
 
-/// Inserts one of `names`, chosen by its index `given`; index 0 is the default and is left out.
+/// Inserts under `key` the name with the index `given` in `names`; the name with index 0 is the default and is left
+/// out.
 fn choice<T: Sized32>(table: &mut Table, key: &str, given: u32, names: &[&str]) -> Outcome {
     let name = names.get(given as usize).ok_or_else(|| {
         wrong::<T>(format!("{key} is {given}; give a PALPATE_{}_* of 0 to {}", key.to_uppercase(), names.len() - 1))
@@ -224,7 +229,7 @@ fn repair<T: Sized32>(table: &mut Table, strict: u32) -> Outcome {
     Ok(())
 }
 
-/// Inserts a number unless it is 0. NaN is inserted too, so that the check refuses it.
+/// Inserts a number unless it is 0. NaN is inserted too, so that the later check of the tables refuses it.
 fn number(table: &mut Table, key: &str, given: f64) {
     if given != 0.0 {
         table.insert(key.into(), given.into());
@@ -249,10 +254,10 @@ fn corners(table: &mut Table, low: [f64; 3], high: [f64; 3]) {
     }
 }
 
-/// Inserts `{ mesh = "name" }` under `key`, unless the name is null.
+/// Inserts `{ mesh = "name" }` under `key`, unless the name is null. Error messages call the name `argument`.
 ///
 /// # Safety
-/// `name` is null or a string.
+/// `name` is null, or leads to a string that is terminated by a zero byte.
 unsafe fn mesh(table: &mut Table, key: &str, name: *const std::ffi::c_char, argument: &str) -> Outcome {
     if !name.is_null() {
         // SAFETY: the caller keeps the conditions under `# Safety`.

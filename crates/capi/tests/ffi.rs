@@ -1,5 +1,7 @@
-//! Tests of the C ABI from C, C++ and Python: the committed header is the one that cbindgen generates, the example
-//! programs compile without a warning, and their forces are, bit for bit, those of `palpate run`.
+//! Tests of the C ABI of palpate (a GPU engine for haptic touch of soft bodies) from C, C++ and Python: the committed
+//! header `palpate.h` is the one that the tool cbindgen generates, the example programs compile without a warning, and
+//! the contact forces that they print equal those of the same scene stepped in Rust, bit for bit. In a scene, the tool
+//! is the rigid body that the haptic device leads, by a spring and damper, the virtual coupling.
 
 mod ffi_help;
 
@@ -10,8 +12,9 @@ use palpate::{Options, Scene, Simulation};
 
 use ffi_help::{compiled, library, root};
 
+/// Number of steps that are compared.
 const STEPS: usize = 40;
-/// Scene: a sphere pressed into a soft block.
+/// Scene: the tool, a sphere, is pressed into a soft block.
 const SCENE: &str = r#"
 [[body]]
 name = "block"
@@ -35,7 +38,8 @@ keys = [[0.0, 0.0, 0.0502, 0.0], [0.02, 0.003, 0.046, 0.0]]
 "#;
 
 fn output(program: &mut Command) -> String {
-    // The search path that cargo sets may find an older library before the one that the program was linked with.
+    // LD_LIBRARY_PATH is removed, because cargo sets it to folders that may hold an older build of the library than the
+    // one that the program was linked with.
     let done = program.env_remove("LD_LIBRARY_PATH").output().unwrap();
     assert!(done.status.success(), "the program failed: {}", String::from_utf8_lossy(&done.stderr));
     String::from_utf8(done.stdout).unwrap()
@@ -60,8 +64,9 @@ fn the_header_is_the_one_that_the_sources_make() {
     );
 }
 
-/// Writes the scene to a file and steps it in Rust, without the C ABI, as `palpate run` does. Returns the file, and for
-/// each step its number, the force on the tool (x, y, z, N) and the flags.
+/// Writes the scene to a file and does its steps in Rust, without the C ABI, as the command `palpate run` does. Returns
+/// the file's path, and for each step its number, the force on the tool (x, y, z, N) and the flags (warnings, one bit
+/// each).
 fn run(folder: &Path) -> (PathBuf, Vec<[f64; 5]>) {
     let scene = folder.join("scene.toml");
     std::fs::write(&scene, SCENE).unwrap();
@@ -73,11 +78,12 @@ fn run(folder: &Path) -> (PathBuf, Vec<[f64; 5]>) {
             [row.step as f64, force.x, force.y, force.z, f64::from(row.flags.0)]
         })
         .collect();
-    assert!(told[STEPS - 1][2] > 0.1, "number, force (N) and flags of each step: {told:?}");
+    assert!(told[STEPS - 1][2] > 0.1, "no force; number, force (N) and flags of each step: {told:?}");
     (scene, told)
 }
 
-/// Parses what an example program prints: a line per step with its number, the force (x, y, z, N) and the flags.
+/// Parses the output of an example program: a line per step with the step's number, the force (x, y, z, N) and the
+/// flags.
 fn felt(said: &str) -> Vec<[f64; 5]> {
     let row = |line: &str| {
         let mut numbers = line.split(' ').map(|word| word.parse::<f64>().unwrap());
@@ -97,15 +103,15 @@ fn programs_in_c_and_python_feel_the_forces_of_palpate_run() {
     for compiler in ["gcc", "clang"] {
         let program = compiled(compiler, "c11", "examples/c/touch.c", folder.path());
         let said = output(Command::new(program).arg(&scene).arg(STEPS.to_string()));
-        assert_eq!(bits(&felt(&said)), bits(&told), "bits of the steps: program of {compiler}, and Rust");
+        assert_eq!(bits(&felt(&said)), bits(&told), "bits of the steps; left: program by {compiler}; right: Rust");
     }
     let mut python = Command::new("python3");
     python.arg(root().join("examples/python/touch.py")).arg(&scene).arg(STEPS.to_string());
     let said = output(python.arg(library().join("libpalpate_capi.so")));
-    assert_eq!(bits(&felt(&said)), bits(&told), "bits of the steps: program in Python, and Rust");
+    assert_eq!(bits(&felt(&said)), bits(&told), "bits of the steps; left: program in Python; right: Rust");
 }
 
-/// A Python interpreter that has NumPy: the first one on the path, or the system's.
+/// Returns a command for a Python interpreter that has NumPy: `python3` on the search path, or else the system's.
 fn with_numpy() -> Command {
     let knows =
         |python: &&&str| Command::new(**python).args(["-c", "import numpy"]).status().is_ok_and(|s| s.success());
@@ -128,15 +134,18 @@ fn a_program_shares_its_device_and_one_in_python_looks_on() {
         assert_eq!(
             force.to_bits(),
             told[STEPS - 1][2].to_bits(),
-            "bits of the last force; program of {compiler} printed: {said}"
+            "bits of the last force; the program compiled by {compiler} printed: {said}"
         );
-        assert!(said.contains("vertices shared") && !said.contains("locked 0 times"), "the program printed: {said}");
+        assert!(
+            said.contains("vertices shared") && !said.contains("locked 0 times"),
+            "nothing shared, or the lock not used: {said}"
+        );
     }
     let mut python = with_numpy();
     python.arg(root().join("examples/python/watch.py")).arg(&scene).arg(STEPS.to_string());
     let said = output(python.arg(library().join("libpalpate_capi.so")));
     let size = (1..4).map(|k| told[STEPS - 1][k].powi(2)).sum::<f64>().sqrt();
-    assert!(said.starts_with(&format!("{size:.6} N; of 170 vertices")), "the program printed: {said}");
+    assert!(said.starts_with(&format!("{size:.6} N; of 170 vertices")), "not {size:.6} N, or not 170 vertices: {said}");
     let depth: f64 = said.split(' ').rev().nth(1).unwrap().parse().unwrap();
     assert!(depth > 1.0 && depth < 5.0, "depth of 1 to 5 mm expected; the program printed: {said}");
 }
@@ -150,10 +159,10 @@ fn programs_that_build_their_scenes_feel_them() {
         let told = felt(&output(Command::new(program).arg("100")));
         assert!(
             told.len() == 100 && told[0][2] == 0.0 && told.iter().all(|row| row[4] == 0.0),
-            "number, force (N), flags of each step: {told:?}"
+            "wrong number of steps, force or flags; number, force (N) and flags of each step: {told:?}"
         );
-        // The device moves 9 mm into the block. The coupling of 500 N/m would give 4.5 N on a rigid block; this block
-        // yields, so the force is smaller.
+        // The haptic device moves 9 mm into the block. With a rigid block the virtual coupling, whose stiffness is 500
+        // N/m, would give 4.5 N; this block yields, so the force is smaller.
         assert!(told[99][2] > 0.5 && told[99][2] < 4.5, "number, force (N) and flags of the last step: {:?}", told[99]);
     }
     for compiler in ["g++", "clang++"] {
@@ -171,7 +180,7 @@ fn a_program_in_cpp_leads_the_device_itself_and_says_what_is_wrong() {
     let (scene, _) = run(folder.path());
     for compiler in ["g++", "clang++"] {
         let program = compiled(compiler, "c++17", "examples/cpp/press.cpp", folder.path());
-        // The device moves down by 7.5 mm, the sphere starting 0.2 mm above the block.
+        // The program moves the haptic device down by 7.5 mm; at the start the sphere is 0.2 mm above the block.
         let said = output(Command::new(&program).arg(&scene).arg("1500"));
         let force: f64 = said.split(' ').next().unwrap().parse().unwrap();
         assert!(force > 0.5 && force < 3.0, "force of 0.5 to 3 N expected; the program printed: {said}");
@@ -179,7 +188,7 @@ fn a_program_in_cpp_leads_the_device_itself_and_says_what_is_wrong() {
         let said = String::from_utf8(wrong.stderr).unwrap();
         assert!(
             wrong.status.code() == Some(1) && said.contains("nowhere.toml") && said.lines().count() == 1,
-            "the program reported: {said}"
+            "one line about nowhere.toml and exit status 1 expected; the program reported: {said}"
         );
     }
 }

@@ -1,6 +1,6 @@
-//! Tests of submitted (asynchronous) steps through the C ABI: they give the same bits as steps that are waited for,
-//! their wrench (contact force and torque on the tool) can be read at any time, and wrong calls, or calls during a
-//! step, are refused without harm.
+//! Tests of submitted (asynchronous) steps through the C ABI of palpate: they give the same bits as steps that are
+//! waited for, their wrench (contact force and torque on the tool, the rigid body that the haptic device leads) can be
+//! read at any time, and wrong calls, or calls during a step, are refused without harm.
 #![allow(unsafe_code)]
 
 mod ffi_help;
@@ -19,13 +19,14 @@ use palpate_capi::steps::{palpate_step_poll, palpate_step_submit, palpate_step_w
 
 use ffi_help::*;
 
-/// An allocator that counts the allocations of all threads of this program. The Vulkan driver does not allocate through
-/// it.
+/// An allocator that counts the allocations of all threads of this program, except those of the Vulkan driver, which
+/// does not use it.
 struct Counted;
 
+/// Number of allocations so far.
 static COUNT: AtomicUsize = AtomicUsize::new(0);
 
-// SAFETY: all calls go to the system's allocator, which keeps the trait's conditions.
+// SAFETY: all calls are passed on to the system's allocator, which keeps the conditions of the trait.
 unsafe impl GlobalAlloc for Counted {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.fetch_add(1, Ordering::Relaxed);
@@ -52,14 +53,15 @@ fn scene() -> String {
     format!("{BLOCK}{SPHERE}")
 }
 
-/// Device pose of a step: 0.1 mm lower at each step; at every seventh step no pose is given.
+/// Pose of the haptic device that is given to a step: 0.1 mm lower at each step. At every seventh step no pose is
+/// given.
 fn device(step: usize) -> Option<palpate_pose> {
     let lower = |y: f64| palpate_pose { position: [0.0, y, 0.0], ..DEEP };
     (step % 7 != 6).then(|| lower(0.0502 - 1e-4 * step as f64))
 }
 
 fn submit(simulation: *mut palpate_simulation, device: Option<palpate_pose>) -> palpate_status {
-    // SAFETY: the pose is null or live during the call; the library checks handles.
+    // SAFETY: the pointer to the pose is null, or the pose lives during the call; the library checks handles.
     unsafe { palpate_step_submit(simulation, device.as_ref().map_or(null(), |pose| pose)) }
 }
 
@@ -71,7 +73,7 @@ fn is_done(simulation: *mut palpate_simulation) -> bool {
     is_done == 1
 }
 
-/// The newest wrench, and the time since its step received the pose of the haptic device, s.
+/// Returns the newest wrench, and the time since the wrench's step received the pose of the haptic device, s.
 fn newest(simulation: *mut palpate_simulation) -> (palpate_wrench, f64) {
     let (mut told, mut age) = (wrench(), f64::NAN);
     // SAFETY: the output pointers lead to live local variables; the library checks handles.
@@ -96,8 +98,8 @@ fn submitted_steps_have_the_bits_of_those_that_are_waited_for() {
     for step in 0..STEPS {
         let mut told = wrench();
         let pose = device(step);
-        // SAFETY: the pose is null or live, and the output pointer leads to a live variable; the library checks
-        // handles.
+        // SAFETY: the output pointer leads to a live variable, and so does the pointer to the pose, unless it is null;
+        // the library checks handles.
         ok(unsafe { palpate_step(plain, pose.as_ref().map_or(null(), |pose| pose), &mut told) });
         ok(submit(waited, pose));
         ok(submit(polled, pose));
@@ -105,22 +107,26 @@ fn submitted_steps_have_the_bits_of_those_that_are_waited_for() {
         wait_for(|| is_done(polled));
         for simulation in [plain, waited, polled] {
             let (newest, age) = newest(simulation);
-            assert_eq!(bits(&newest), bits(&told), "newest wrench of step {step}");
+            assert_eq!(
+                bits(&newest),
+                bits(&told),
+                "bits of the newest wrench (left) and of the wrench of palpate_step (right), step {step}"
+            );
             assert!(age >= 0.0 && age.is_finite());
         }
         assert!(
             told.step == step as u64 + 1 && (step < STEPS - 1 || told.force[1] > 0.1),
-            "wrench of the step: {told:?}"
+            "wrong step number, or no force at the end; wrench of the step: {told:?}"
         );
     }
     let nodes = [plain, waited, polled].map(nodes).map(|nodes| nodes.concat().iter().map(|x| x.to_bits()).collect());
     let nodes: [Vec<u64>; 3] = nodes;
     assert!(nodes[0] == nodes[1] && nodes[0] == nodes[2] && nodes[0].len() > 100);
-    // One simulation may do submitted and plain steps in turn.
+    // A simulation may do submitted steps and steps that are waited for in turn.
     for step in STEPS..STEPS + 6 {
         let (mut told, pose) = (wrench(), device(step));
-        // SAFETY: the pose is null or live, and the output pointer leads to a live variable; the library checks
-        // handles.
+        // SAFETY: the output pointer leads to a live variable, and so does the pointer to the pose, unless it is null;
+        // the library checks handles.
         unsafe {
             ok(palpate_step(plain, pose.as_ref().map_or(null(), |pose| pose), &mut told));
             match step % 2 {
@@ -131,7 +137,11 @@ fn submitted_steps_have_the_bits_of_those_that_are_waited_for() {
                 }
             }
         }
-        assert_eq!(bits(&newest(waited).0), bits(&told), "newest wrench of step {step}");
+        assert_eq!(
+            bits(&newest(waited).0),
+            bits(&told),
+            "bits of the newest wrench (left) and of the wrench of palpate_step (right), step {step}"
+        );
     }
     for simulation in [plain, waited, polled] {
         ok(palpate_simulation_destroy(simulation));
@@ -157,7 +167,7 @@ fn submitted_steps_allocate_nothing_on_any_thread_once_they_run() {
         }
     };
     steps(20);
-    // The test harness may allocate during some of these rounds, but not during all.
+    // The test harness may allocate during some of these rounds of 20 steps, but hardly during all of them.
     let made = |_| {
         let before = COUNT.load(Ordering::Relaxed);
         steps(20);
@@ -166,10 +176,10 @@ fn submitted_steps_allocate_nothing_on_any_thread_once_they_run() {
     let rounds: Vec<usize> = (0..5).map(made).collect();
     assert!(
         rounds.contains(&0),
-        "none of the rounds of 20 steps was without allocation; numbers of allocations: {rounds:?}"
+        "each round of 20 steps allocated memory; number of allocations of each round: {rounds:?}"
     );
-    assert!(told.force[1] > 0.1 && told.step == 120, "wrench of the last step: {told:?}");
-    // Proof that this test can fail: the counter counts an allocation on another thread.
+    assert!(told.force[1] > 0.1 && told.step == 120, "no force, or not step 120; wrench of the last step: {told:?}");
+    // The check above can fail, because the counter also counts an allocation on another thread.
     let before = COUNT.load(Ordering::Relaxed);
     std::thread::spawn(|| drop(std::hint::black_box(Box::new(1)))).join().unwrap();
     assert!(COUNT.load(Ordering::Relaxed) > before);
@@ -186,12 +196,13 @@ fn while_a_step_is_under_way_all_else_is_busy_at_once_and_the_last_wrench_is_tol
     let (before, age) = newest(simulation);
     assert!(before.step == 0 && before.force == [0.0; 3] && age == f64::INFINITY);
     let mut count = 0;
-    // SAFETY (both calls): null is passed only where the header allows it, and the output pointer leads to a live local
+    // SAFETY (both calls): null is passed only where palpate.h allows it, and the output pointer leads to a live local
     // variable.
     let step = || unsafe { palpate_step(simulation, &DEEP, null_mut()) };
     let nodes = |count: &mut usize| unsafe { palpate_nodes(simulation, 0, null_mut(), 0, count) };
-    // If this thread is suspended for too long, the submitted step is done before the other calls are made; then the
-    // loop tries again.
+    // If this thread is suspended for too long, the submitted step is done before the other calls are made. So steps
+    // are submitted until each of the calls was refused as busy at least once, and a wrench was read during a step at
+    // least once.
     let (mut seen, mut was_told) = ([false; 3], false);
     let mut done = 0;
     wait_for(|| {
@@ -219,7 +230,7 @@ fn while_a_step_is_under_way_all_else_is_busy_at_once_and_the_last_wrench_is_tol
     });
     ok(step());
     let last = newest(simulation).0.step;
-    assert!(last > done, "only {last} steps were done, after {done} submitted ones and one that was waited for");
+    assert!(last > done, "only {last} steps were done, although {done} were submitted and one was waited for");
     ok(palpate_simulation_destroy(simulation));
     ok(palpate_context_destroy(context));
 }
@@ -262,7 +273,7 @@ fn any_thread_may_ask_for_the_newest_wrench_at_any_time() {
         for step in 0..40 {
             ok(submit(simulation, device(step)));
             ok(palpate_step_wait(simulation));
-            // SAFETY: null is passed only where the header allows it; the library checks handles.
+            // SAFETY: null is passed only where palpate.h allows it; the library checks handles.
             ok(unsafe { palpate_step(simulation, null(), null_mut()) });
         }
         ends.store(true, Ordering::Relaxed);
@@ -284,7 +295,7 @@ fn wrong_use_is_told_and_is_no_step() {
     refused(submit(context.cast(), None), Handle, "not that of a simulation");
     refused(submit(simulation, Some(bad)), Argument, "device.position[1] is inf");
     refused(palpate_step_wait(null_mut()), Null, "simulation is null");
-    // SAFETY: each pointer is null, where the test tries that, or leads to a live local of the right type.
+    // SAFETY: each pointer is null, which the library must refuse, or leads to a live local variable of the right type.
     unsafe {
         refused(palpate_step_poll(simulation, null_mut()), Null, "is_done is null");
         refused(palpate_step_poll(null_mut(), &mut 0), Null, "simulation is null");

@@ -1,5 +1,6 @@
-//! Long tests of the C ABI: memory does not grow over many rounds (each creates, steps and destroys a simulation) nor
-//! over many steps, valgrind finds no error, and a step through the ABI takes no longer than one in Rust.
+//! Long tests of the C ABI of palpate: memory grows neither over many rounds (each round creates a simulation, does
+//! steps, and destroys the simulation) nor over many steps, valgrind finds no error, and a step through the ABI takes
+//! no longer than a step in Rust.
 #![allow(unsafe_code)]
 
 mod ffi_help;
@@ -14,45 +15,51 @@ use palpate_capi::simulation::{palpate_simulation_destroy, palpate_step};
 
 use ffi_help::{BLOCK, DEEP, SPHERE, compiled, context, ok, simulation, wrench};
 
-/// Greatest allowed growth of allocated memory over all steps after the first 1000, bytes: the driver's threads may
-/// hold some memory at either of the two moments that are compared. A leak of one byte per step exceeds it even in the
-/// shorter run.
+/// Greatest allowed growth of allocated memory over all steps after the first 1000, bytes. It is not zero, because the
+/// driver's threads may hold some memory at the beginning or the end of these steps. With a leak of one byte per step,
+/// memory grows by more than this bound even in the shorter run, of 20,000 steps.
 const STEPS_ALLOCATED: f64 = 16384.0;
-/// Greatest allowed growth of allocated memory over all rounds, bytes: glibc counts the unused ends of blocks as
-/// allocated, some 150 bytes per round (valgrind, which counts exactly, sees no growth). A leak of an object of 440
-/// bytes per round exceeds it.
+/// Greatest allowed growth of allocated memory over all 300 rounds, bytes. It is not zero, because glibc counts unused
+/// ends of blocks as allocated, some 150 bytes per round (valgrind, which counts exactly, sees no growth). With a leak
+/// of 440 bytes per round, memory grows by more than this bound.
 const ROUNDS_ALLOCATED: f64 = 131_072.0;
-/// Greatest allowed growth of resident memory, bytes. Resident memory changes by whole pages, and depends on which
-/// threads free memory: once it grew by a megabyte although allocated memory did not grow. Leaks are detected by the
-/// two bounds above.
+/// Greatest allowed growth of resident memory, bytes. The bound is wide, because resident memory changes by whole pages
+/// and depends on which threads free memory: once it grew by a megabyte although allocated memory did not grow. Smaller
+/// leaks are detected by the two bounds above.
 const IN_USE: f64 = 4_194_304.0;
 
-/// Scene text: the sphere starts half a millimetre inside a block of eight cells.
+/// Scene text: a soft block of eight cells, and as the tool (the rigid body that the haptic device leads) a sphere that
+/// starts half a millimetre inside the block.
 fn small() -> String {
     let sphere = SPHERE.replace("0.0502", "0.0495");
     BLOCK.replace("cells = [6, 4, 6]", "cells = [2, 2, 2]") + &sphere
 }
 
-/// Compiles a program of these tests and writes the scene file for it; returns both paths.
+/// Compiles the program `source` and writes a scene file for it; returns the paths of the executable and of the scene.
 fn program(source: &str, folder: &Path) -> (PathBuf, PathBuf) {
     let scene = folder.join("scene.toml");
     std::fs::write(&scene, small()).unwrap();
     (compiled("gcc", "c11", source, folder), scene)
 }
 
-/// Environment variable, and its value, that make lavapipe compile without optimisation: compiling all kernels anew
-/// takes most of a round.
+/// Environment variable, with its value, that makes lavapipe (Mesa's Vulkan driver for CPUs) compile shaders without
+/// optimisation, because most of the time of a round goes into compiling all shaders anew.
 const COMPILE_FAST: (&str, &str) = ("GALLIVM_PERF", "no_opt");
 
-/// Runs a program that prints how much memory it uses at two moments, and checks that memory did not grow between them.
+/// Runs a program that prints a force and how much memory it uses at two moments, and checks how much memory grew
+/// between these moments: allocated memory by less than `allocated` bytes, resident memory by less than [`IN_USE`]
+/// bytes. `what` names the program in messages.
 fn holds_memory_flat(what: &str, command: &mut Command, allocated: f64) {
     let done = command.output().unwrap();
     let said = String::from_utf8_lossy(&done.stdout);
     let numbers: Vec<f64> = said.split_whitespace().map(|word| word.parse().unwrap()).collect();
-    let [force, bytes, bytes_after, pages, pages_after] = numbers[..] else { panic!("{done:?} {said}") };
+    let [force, bytes, bytes_after, pages, pages_after] = numbers[..] else {
+        panic!("the program did not print five numbers: {done:?}; it printed: {said}")
+    };
     let (grown, more) = (bytes_after - bytes, 4096.0 * (pages_after - pages));
     println!(
-        "{what}: allocated memory grew by {grown} from {bytes} bytes, resident memory by {more} bytes; force {force} N"
+        "{what}: allocated memory was {bytes} bytes and grew by {grown} bytes; resident memory grew by {more} bytes; \
+         force {force} N"
     );
     assert!(grown < allocated && more < IN_USE, "{what}: memory grew; the program printed: {said}");
     assert!(force > 0.01 && force < 10.0, "{what}: wrong force; the program printed: {said}");
@@ -68,6 +75,7 @@ fn lasting_three_hundred_rounds_hold_memory_flat() {
     holds_memory_flat("300 rounds", &mut rounds, ROUNDS_ALLOCATED);
 }
 
+/// Checks memory over 1000 steps and then this number of steps.
 fn soak(steps: &str) {
     let folder = tempfile::tempdir().unwrap();
     let (soak, scene) = program("crates/capi/tests/ffi_help/soak.c", folder.path());
@@ -86,13 +94,13 @@ fn lasting_a_million_steps_hold_memory_flat() {
     soak("1000000");
 }
 
-/// Number of steps in a row through the ABI, and then in Rust.
+/// Number of steps that are done in a row through the ABI, and then in a row in Rust.
 const ROW: usize = 40;
-/// Number of such pairs of rows.
+/// Number of times that a row of steps through the ABI and a row of steps in Rust are done.
 const TURNS: usize = 25;
 
-/// Compares steps of the same scene through the ABI and in Rust, on two contexts that take turns: returns the ratio of
-/// the median times (ABI over Rust), and their difference, s.
+/// Times the steps of a scene through the ABI and in Rust, each on its own open Vulkan device, in turns. Returns the
+/// median time of a step through the ABI divided by that of a step in Rust, and the difference of these two medians, s.
 fn overhead(text: &str) -> (f64, f64) {
     let context = context();
     let simulation = simulation(context, text);
@@ -104,7 +112,7 @@ fn overhead(text: &str) -> (f64, f64) {
     for _ in 0..TURNS {
         for _ in 0..ROW {
             let begun = Instant::now();
-            // SAFETY: the pose and the output are live local variables; the library checks handles.
+            // SAFETY: the pointers to pose and output lead to live memory; the library checks handles.
             let status = unsafe { palpate_step(simulation, &DEEP, &mut told) };
             times[0].push(begun.elapsed().as_secs_f64());
             ok(status);
@@ -128,8 +136,8 @@ fn overhead(text: &str) -> (f64, f64) {
 #[test]
 #[ignore = "lasting: minutes"]
 fn lasting_the_abi_adds_nothing_that_one_feels() {
-    // The best of several tries is taken, because other load on the machine may disturb one kind of step more than the
-    // other.
+    // The best of several tries is taken, because other load on the machine may slow the steps through the ABI more
+    // than those in Rust.
     let mut best = f64::INFINITY;
     for _ in 0..6 {
         let (ratio, difference) = overhead(&format!("{BLOCK}{SPHERE}"));
@@ -158,8 +166,11 @@ fn lasting_valgrind_finds_nothing_in_ten_rounds() {
     // Lavapipe gets no threads of its own, because valgrind never runs two threads at once.
     valgrind.env(COMPILE_FAST.0, COMPILE_FAST.1).env("LP_NUM_THREADS", "0");
     let done = valgrind.arg(&program).arg(&scene).args(["0", "10", "2"]).output();
-    let done = done.unwrap_or_else(|error| panic!("valgrind: {error}; ./setup.sh --tests installs it"));
+    let done = done.unwrap_or_else(|error| panic!("cannot run valgrind: {error}; ./setup.sh --tests installs it"));
     assert!(done.status.success(), "valgrind reported: {}", String::from_utf8_lossy(&done.stderr));
     let force = String::from_utf8_lossy(&done.stdout).split(' ').next().map(|word| word.parse::<f64>());
-    assert!(force.is_some_and(|force| force.is_ok_and(|force| force > 0.01)), "no force: {done:?}");
+    assert!(
+        force.is_some_and(|force| force.is_ok_and(|force| force > 0.01)),
+        "the program printed no force above 0.01 N: {done:?}"
+    );
 }

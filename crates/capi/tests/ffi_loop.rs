@@ -1,6 +1,8 @@
-//! Tests of the haptic loop through the C ABI, with a haptic device made of callbacks: the device presses the tool into
-//! a block while the test reads the loop's state, the loop is stopped from the test or from a callback, and everything
-//! is released in order.
+//! Tests of the haptic loop through the C ABI of palpate, with a haptic device made of callbacks: the device presses
+//! the tool (the rigid body that it leads) into a soft block while the test reads the loop's state, the loop is stopped
+//! by the test or by a callback, and everything is released in order. At each tick (one iteration) the loop reads the
+//! device and plays a force on it, that is, commands it to exert this force; meanwhile the simulation does steps, each
+//! of which gives a wrench: contact force and torque on the tool.
 #![allow(unsafe_code)]
 
 mod ffi_help;
@@ -24,7 +26,7 @@ use palpate_capi::steps::{palpate_step_submit, palpate_step_wait, palpate_wrench
 
 use ffi_help::*;
 
-/// Record of the calls of the device callbacks, and how the callbacks are to behave (`wish`).
+/// Record of the calls of the device's callbacks, and what the callbacks are to do from now on (`wish`).
 #[derive(Debug, Default, Clone, PartialEq)]
 struct Facts {
     opened: u32,
@@ -33,14 +35,17 @@ struct Facts {
     writes: u64,
     last_force: [f64; 3],
     peak: f64,
-    /// Handle of the loop as a number, for a callback that stops its own loop; 0: not yet known.
+    /// Handle of the loop as a number, for a callback that stops or destroys its own loop; 0: not yet known.
     the_loop: usize,
-    /// Statuses and messages of the calls that such a callback made.
+    /// Status and error message of each call that a callback made on its own loop.
     said: Vec<(palpate_status, String)>,
+    /// Number of calls of callbacks after the device was closed.
     after_close: u32,
     wish: Wish,
 }
 
+/// What the callbacks of the device do: `Press`: they press the tool into the block; `Stop` and `Destroy`: they also
+/// stop or destroy their own loop; otherwise a callback fails or reports a wrong pose or velocity.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]
 enum Wish {
     #[default]
@@ -54,8 +59,8 @@ enum Wish {
     Destroy,
 }
 
-/// The data of the device callbacks, to which their pointer `user` leads: facts behind a lock, which callbacks and test
-/// share.
+/// The data to which the pointer `user` of the device's callbacks leads. Callbacks and test share these data, so the
+/// data are behind a lock.
 #[derive(Default)]
 struct Hand(Mutex<Facts>);
 
@@ -86,7 +91,7 @@ impl Hand {
 }
 
 fn with<R>(user: *mut c_void, work: impl FnOnce(&mut Facts) -> R) -> R {
-    // SAFETY: `user` is the `Hand` of the test, which outlives its loop.
+    // SAFETY: `user` leads to the `Hand` of the test, which outlives the loop.
     let hand = unsafe { &*user.cast::<Hand>() };
     let mut facts = hand.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     facts.after_close += u32::from(facts.closed > 0);
@@ -101,12 +106,12 @@ unsafe extern "C" fn open(user: *mut c_void) -> i32 {
 }
 
 unsafe extern "C" fn read(user: *mut c_void, time: f64, reading: *mut palpate_reading) -> i32 {
-    // SAFETY: the pointer leads to a struct of the library, valid during the callback.
+    // SAFETY: the pointer leads to a struct of the library that is valid during the call of this callback.
     let reading = unsafe { &mut *reading };
     assert!(reading.size as usize == size_of::<palpate_reading>() && reading.pose.position[0].is_nan());
     with(user, |facts| {
         facts.reads += 1;
-        // The hand moves down into the block within a second, and stays there.
+        // The device moves down into the block by 5 mm within a second, and then stays there.
         reading.pose.position = [0.0, 0.0502 - 0.005 * time.min(1.0), 0.0];
         reading.buttons = 5;
         match facts.wish {
@@ -120,7 +125,8 @@ unsafe extern "C" fn read(user: *mut c_void, time: f64, reading: *mut palpate_re
     })
 }
 
-/// Reads the state of the callback's own loop, and stops or destroys that loop, for whose end a callback must not wait.
+/// Reads the state of the callback's own loop, and then asks the loop to stop or be destroyed, as `wish` says. The
+/// library must refuse to wait for the loop's end within a callback.
 fn ask(facts: &mut Facts) {
     let the_loop = facts.the_loop as *mut palpate_loop;
     let mut state: palpate_loop_state = zeroed();
@@ -134,7 +140,7 @@ fn ask(facts: &mut Facts) {
 }
 
 unsafe extern "C" fn write(user: *mut c_void, play: *const palpate_play) -> i32 {
-    // SAFETY: the pointer leads to a struct of the library, valid during the callback.
+    // SAFETY: the pointer leads to a struct of the library that is valid during the call of this callback.
     let play = unsafe { *play };
     with(user, |facts| {
         facts.writes += 1;
@@ -175,18 +181,18 @@ fn ended(the_loop: *mut palpate_loop) -> String {
     let (mut text, mut count) = ([1; 256], 0);
     // SAFETY: the array has the length that is passed, and the output pointer leads to a live local variable.
     ok(unsafe { palpate_loop_ended(the_loop, text.as_mut_ptr(), text.len(), &mut count) });
-    // SAFETY: the library terminates the text by a zero.
+    // SAFETY: the library terminates the text by a zero byte.
     let text = unsafe { CStr::from_ptr(text.as_ptr()) }.to_str().unwrap().to_owned();
     assert_eq!(count, text.len() + 1);
     text
 }
 
 fn step(simulation: *mut palpate_simulation) -> palpate_status {
-    // SAFETY: null is passed only where the header allows it; the library checks handles.
+    // SAFETY: null is passed only where palpate.h allows it; the library checks handles.
     unsafe { palpate_step(simulation, null(), null_mut()) }
 }
 
-/// A wrench, and the time since its step began, s.
+/// The newest wrench, and the time since its step began, s.
 type Newest = (palpate_wrench, f64);
 
 fn newest(simulation: *mut palpate_simulation) -> Newest {
@@ -215,38 +221,42 @@ fn a_loop_presses_is_watched_and_gives_the_simulation_back() {
         state(the_loop).peak_force > 0.05 && loop_wrench(the_loop).0.force[1] > 0.05
     });
     let (told, age) = loop_wrench(the_loop);
-    assert!(told.step > 5 && age >= 0.0 && age.is_finite() && told.force[1] > 0.0, "wrench {told:?} of age {age} s");
+    assert!(
+        told.step > 5 && age >= 0.0 && age.is_finite() && told.force[1] > 0.0,
+        "expected a force after more than 5 steps; wrench: {told:?}, age: {age} s"
+    );
     assert!(newest(simulation).0.step >= told.step);
-    // SAFETY: null is passed only where the header allows it; the library checks handles.
+    // SAFETY: null is passed only where palpate.h allows it; the library checks handles.
     refused(unsafe { palpate_step_submit(simulation, null()) }, palpate_status::Busy, "in use by a loop");
     ok(palpate_loop_stop(the_loop));
     let (last, facts) = (state(the_loop), hand.facts());
     assert_eq!(
         (facts.opened, facts.closed, facts.after_close, facts.last_force),
         (1, 1, 0, [0.0; 3]),
-        "calls of the device: {facts:?}"
+        "left: numbers of calls of `open`, of `close` and after `close`; last force, N; all facts: {facts:?}"
     );
-    // There is one write per tick, and one write of a zero force before the first tick and after the last.
-    assert!(facts.reads > 10 && facts.writes == facts.reads + 2, "calls of the device: {facts:?}");
+    // The loop writes once per tick, and in addition a zero force once before the first tick and once after the last
+    // tick.
+    assert!(facts.reads > 10 && facts.writes == facts.reads + 2, "wrong number of reads or writes: {facts:?}");
     assert!(
         last.is_running == 0 && last.status == palpate_status::Ok && last.ticks == facts.reads,
-        "state after the end {last:?}; calls of the device {facts:?}"
+        "the loop still runs, failed or miscounted; its state: {last:?}; calls of the device: {facts:?}"
     );
     assert!(
         (last.peak_force - facts.peak).abs() < 1e-12 && facts.peak > 0.05 && facts.peak <= 3.3,
-        "state after the end: {last:?}"
+        "wrong greatest force; state after the end: {last:?}; calls of the device: {facts:?}"
     );
     assert!(
         last.buttons == 5 && last.gain > 0.0 && last.wrench_step > 1 && last.late_worst >= last.late_p99,
-        "state after the end: {last:?}"
+        "wrong buttons, gain, step or lateness; state after the end: {last:?}"
     );
     assert!(last.events_so_far & PALPATE_EVENT_ENGAGING != 0 && last.events_so_far & PALPATE_EVENT_BAD_READING == 0);
     assert!(
         last.device.position[1] < 0.0502 && last.tool.position[1] > last.device.position[1],
-        "state after the end: {last:?}"
+        "the device is not pressed down, or the tool is not above it; state after the end: {last:?}"
     );
     assert_eq!(ended(the_loop), "it was stopped");
-    // The simulation continues from where the loop left it, by steps of the scene's length.
+    // The simulation continues from the state in which the loop left it, by steps as long as the scene's time step.
     let (left, _) = newest(simulation);
     let mut steps = [wrench(); 2];
     for told in &mut steps {
@@ -255,11 +265,14 @@ fn a_loop_presses_is_watched_and_gives_the_simulation_back() {
     }
     assert_eq!([steps[0].step, steps[1].step], [left.step + 1, left.step + 2]);
     let lengths = [steps[0].time - left.time, steps[1].time - steps[0].time];
-    assert!(lengths.iter().all(|h| (h - 1e-3).abs() < 1e-9), "lengths of the steps after the loop, s: {lengths:?}");
+    assert!(
+        lengths.iter().all(|h| (h - 1e-3).abs() < 1e-9),
+        "expected steps of 1 ms after the loop; their lengths, s: {lengths:?}"
+    );
     assert!(steps[1].force[1] > 0.0 && (steps[0].device.position[1] - left.device.position[1]).abs() < 1e-9);
     assert!(
         (steps[0].tool.position[1] - left.tool.position[1]).abs() < 1e-3,
-        "last wrench of the loop {left:?}; steps after it {steps:?}"
+        "the tool jumped; last wrench of the loop: {left:?}; wrenches of the steps after the loop: {steps:?}"
     );
     ok(palpate_loop_destroy(the_loop));
     refused(palpate_loop_stop(the_loop), palpate_status::Handle, "was destroyed");
@@ -281,7 +294,11 @@ fn a_device_that_does_not_open_leaves_the_simulation_as_it_can_be_used() {
         refused(status, palpate_status::NoDevice, words);
         assert!(the_loop.is_null());
         let facts = hand.facts();
-        assert_eq!((facts.opened, facts.closed, facts.reads), (1, closed, 0), "calls of the device: {facts:?}");
+        assert_eq!(
+            (facts.opened, facts.closed, facts.reads),
+            (1, closed, 0),
+            "calls of open, close and read: {facts:?}"
+        );
         ok(step(simulation));
     }
     ok(palpate_simulation_destroy(simulation));
@@ -302,7 +319,7 @@ fn a_device_that_is_lost_or_says_what_cannot_be_plays_nothing_until_it_is_well()
     for (wish, event) in faults {
         wait_for(|| state(the_loop).events & event == 0 && state(the_loop).gain > 0.0);
         hand.wish(wish);
-        // On bad readings the force fades out, so wait until nothing is played.
+        // After bad readings the force fades out; wait until no force is played.
         wait_for(|| state(the_loop).events & event != 0 && state(the_loop).played_force == [0.0; 3]);
         hand.wish(Wish::Press);
     }
@@ -326,7 +343,7 @@ fn a_callback_that_stops_or_destroys_its_own_loop_only_asks() {
         assert_eq!(said[0].0, palpate_status::Ok);
         assert!(
             said[1].0 == palpate_status::Busy && said[1].1.contains("asked to end"),
-            "results of the callback's calls: {said:?}"
+            "the callback's call to end its loop was not refused as busy; status and message of its calls: {said:?}"
         );
         assert_eq!(hand.facts().closed, 1);
         assert_eq!(ended(the_loop), "it was stopped");
@@ -373,22 +390,25 @@ fn options_lower_what_the_scene_says_and_a_loop_ends_by_itself() {
     wait_for(|| state(first).is_running == 0);
     assert_eq!(ended(first), "its duration is over");
     let (told, facts) = (state(first), hand.facts());
-    assert!(facts.peak > 0.0 && facts.peak <= 0.05 + 1e-12, "calls of the device: {facts:?}");
+    assert!(
+        facts.peak > 0.0 && facts.peak <= 0.05 + 1e-12,
+        "force up to 0.05 N expected; calls of the device: {facts:?}"
+    );
     assert!(
         told.ticks > 10
             && told.ticks as f64 <= 400.0 * told.time + 2.0
             && told.events_so_far & PALPATE_EVENT_DAMPED == 0,
-        "state after the end: {told:?}"
+        "wrong number of ticks, or damped without passivity control; state after the end: {told:?}"
     );
     let (mut text, mut count) = ([1; 512], 0);
-    // SAFETY (all below): the array has the length that is passed, and the output pointer leads to a live local
-    // variable.
+    // SAFETY (all calls in this closure): the array has at least the length that is passed, and the output pointer
+    // leads to a live local variable.
     let mut note = |k: u32, room: usize| unsafe {
         let status = palpate_loop_note(first, k, text.as_mut_ptr(), room, &mut count);
         (status, count, CStr::from_ptr(text.as_ptr()).to_string_lossy().into_owned())
     };
     text_of_notes(&mut note, told.notes);
-    // Another loop can start while the handle of the first still exists.
+    // Another loop can start while the handle of the first loop, which has ended, still exists.
     let hand = Hand::default();
     let second = start(simulation, &hand);
     ok(palpate_loop_destroy(first));
@@ -398,20 +418,26 @@ fn options_lower_what_the_scene_says_and_a_loop_ends_by_itself() {
     ok(palpate_context_destroy(context));
 }
 
-/// Checks that notes are copied whole or not at all.
+/// Checks that the notes of a loop (lines of text about it) are copied whole or not at all. `note` takes the number of
+/// a note and the length of an array; it reads the note into the array, and returns the status, the length of the note
+/// with its terminating zero, and the text in the array. `notes`: number of notes.
 fn text_of_notes(note: &mut dyn FnMut(u32, usize) -> (palpate_status, usize, String), notes: u32) {
     let all: Vec<String> = (0..notes).map(|k| note(k, 512).2).collect();
     assert!(
         all.iter().any(|line| line.starts_with("haptics.max_torque exceeds the limit of profile touch")),
-        "notes of the loop: {all:?}"
+        "no note about max_torque; notes of the loop: {all:?}"
     );
-    assert!(all.iter().any(|line| line.starts_with("coupling ")), "notes of the loop: {all:?}");
+    assert!(all.iter().any(|line| line.starts_with("coupling ")), "no note about the coupling: {all:?}");
     let (status, length, _) = note(0, 0);
     assert_eq!((status, length), (palpate_status::Ok, all[0].len() + 1));
     let (status, count, before) = note(0, length - 1);
     refused(status, palpate_status::TooSmall, "text has room for");
     assert_eq!(count, length);
-    assert_eq!(before, *all.last().unwrap(), "text in an array that is too small, and text of the last call");
+    assert_eq!(
+        before,
+        *all.last().unwrap(),
+        "an array that is too small was written; its text (left), and the text before the call (right)"
+    );
     assert_eq!(note(0, length).2, all[0]);
     refused(note(notes, 512).0, palpate_status::Argument, "counted from 0");
 }
@@ -446,7 +472,7 @@ fn wrong_use_is_told_and_nothing_begins() {
     refused(start(able, &good, none), Busy, "in use by a loop");
     assert!(the_loop.is_null());
     ok(palpate_simulation_destroy(toolless));
-    // SAFETY: the pointers are null, as the test tries it, or lead to live locals.
+    // SAFETY: each pointer is null, which the library must refuse, or leads to a live local variable.
     unsafe {
         refused(palpate_loop_start(able, &good, null(), null_mut()), Null, "the_loop is null");
         refused(palpate_loop_read(null_mut(), &mut zeroed()), Null, "loop is null");

@@ -1,6 +1,9 @@
-//! Tests of calls of the C ABI between two steps: they save and restore states, change materials, contact law, coupling
-//! and rigid cores, and read skins (surface meshes), contacts, costs of stages and log messages. Also tests the checks
-//! of a Vulkan device that the program lends to the library.
+//! Tests of the functions of the C ABI that a program calls between two time steps. The tests save and restore the
+//! state of a simulation, change materials and the contact law, and read skins (surface meshes), contacts, the time of
+//! each stage of a step and log messages. They also change the virtual coupling (spring and damper between the haptic
+//! device and the tool, which is the rigid body that the device leads) and move a rigid core (rigid body inside a soft
+//! body, to which nodes are attached). The last test checks the errors about a Vulkan device that the program itself
+//! opened and passes to the library.
 #![allow(unsafe_code)]
 
 mod ffi_help;
@@ -40,11 +43,13 @@ fn end(context: *mut palpate_context, simulation: *mut palpate_simulation) {
     ok(palpate_context_destroy(context));
 }
 
-/// Steps with the sphere deep in the block; returns the bits of the force of each step, and of the nodes at the end.
+/// Does `count` steps with a device pose that pushes the sphere deep into the block. Returns the bit patterns of the
+/// force on the tool after each step, then those of the node positions after the last step.
 fn steps(simulation: *mut palpate_simulation, count: usize) -> Vec<u64> {
     let mut told = wrench();
     let mut step = || {
-        // SAFETY: the pose and the output are live local variables; the library checks handles.
+        // SAFETY: the pose is a constant, and the output is a live local variable; the library itself checks handles
+        // (its pointers to contexts and simulations).
         ok(unsafe { palpate_step(simulation, &DEEP, &mut told) });
         told.force.map(f64::to_bits)
     };
@@ -55,8 +60,8 @@ fn steps(simulation: *mut palpate_simulation, count: usize) -> Vec<u64> {
 
 fn saved(simulation: *mut palpate_simulation) -> Vec<u8> {
     let mut size = 0;
-    // SAFETY (both calls): the array has the length that is passed, and the output pointer leads to a live local
-    // variable.
+    // SAFETY (both calls): the array is null with length 0 or has the length that is passed, and the output pointer
+    // leads to a live local variable.
     ok(unsafe { palpate_state_save(simulation, null_mut(), 0, &mut size) });
     let mut bytes = vec![0; size];
     ok(unsafe { palpate_state_save(simulation, bytes.as_mut_ptr(), size, &mut size) });
@@ -64,11 +69,12 @@ fn saved(simulation: *mut palpate_simulation) -> Vec<u8> {
     bytes
 }
 
-/// The contacts of the last step: vertex, bits of the depth and of the position of each.
+/// For each contact of the last step: the index of its skin vertex, and the bit patterns of its depth and of its
+/// position.
 fn contacts(simulation: *mut palpate_simulation) -> Vec<(u32, u64, [u64; 3])> {
     let mut count = 0;
-    // SAFETY (both calls): the array has the length that is passed, and the output pointer leads to a live local
-    // variable.
+    // SAFETY (both calls): the array is null with length 0 or has the length that is passed, and the output pointer
+    // leads to a live local variable.
     ok(unsafe { palpate_contacts(simulation, null_mut(), 0, &mut count) });
     let mut contacts = vec![palpate_contact::default(); count];
     ok(unsafe { palpate_contacts(simulation, contacts.as_mut_ptr(), count, &mut count) });
@@ -85,7 +91,8 @@ fn a_state_is_taken_up_bit_for_bit() {
     let on = steps(first, 20);
     steps(second, 3);
     assert_ne!(contacts(second), touched);
-    // SAFETY (all below): byte arrays have the lengths that are passed; the library checks handles.
+    // SAFETY (all below): each pointer is null, which the library checks, or leads to a live variable, and byte arrays
+    // are at least as long as the length that is passed; the library checks handles.
     unsafe {
         ok(palpate_state_restore(second, state.as_ptr(), state.len()));
         assert_eq!(contacts(second), touched);
@@ -114,10 +121,10 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
     let (context, simulation) = pressed();
     let rest = || {
         let mut told = wrench();
-        // Steps until the block is at rest, because a block that becomes stiffer under load throws the tool up at
-        // first.
+        // Does 400 steps, after which the block is at rest: a block that becomes stiffer under load first throws the
+        // tool up.
         (0..400).for_each(|_| {
-            // SAFETY: the pose and the output are live local variables; the library checks handles.
+            // SAFETY: the pose is a constant, and the output is a live local variable; the library checks handles.
             ok(unsafe { palpate_step(simulation, &DEEP, &mut told) });
         });
         assert_eq!(told.flags, 0);
@@ -125,7 +132,8 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
     };
     let force = || rest().force[1];
     let soft = force();
-    // SAFETY (all below): structs are live and state their true size; the library checks handles.
+    // SAFETY (all below): each pointer is null, which the library checks, or leads to a live struct that is at least as
+    // large as the size that it states; the library checks handles.
     unsafe {
         let mut material = zeroed::<palpate_material>();
         ok(palpate_material_get(simulation, 0, 0, &mut material));
@@ -133,7 +141,7 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
         material.young = 8e4;
         ok(palpate_material_set(simulation, 0, 0, &material));
         let stiff = force();
-        assert!(stiff > 1.3 * soft, "force {stiff} N on the stiffer block, {soft} N on the softer one");
+        assert!(stiff > 1.3 * soft, "force with the stiffer block: {stiff} N; with the softer block: {soft} N");
         refused(palpate_material_set(simulation, 0, 1, &material), Argument, "counted from 0, and none at 1");
         refused(palpate_material_set(simulation, 9, 0, &material), Argument, "body 9 has 0 materials");
         refused(palpate_material_set(simulation, 0, 0, null()), Null, "material is null");
@@ -154,7 +162,7 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
         ok(palpate_contact_set(simulation, &law));
         ok(palpate_contact_get(simulation, &mut law));
         assert_eq!((law.stiffness, law.damping, law.friction), (1e6, -1.0, 0.4));
-        // The skin buffers stay the same when friction is switched off and on again.
+        // The GPU buffers of the skins stay the same when friction is switched off and on again.
         let (mut shown, mut again) = (zeroed::<palpate_skins>(), zeroed::<palpate_skins>());
         ok(palpate_skin_buffers(simulation, null(), &mut shown));
         ok(palpate_contact_set(simulation, &palpate_contact_law { friction: 0.0, ..law }));
@@ -162,7 +170,7 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
         ok(palpate_skin_buffers(simulation, null(), &mut again));
         assert_eq!((again.positions, again.normals), (shown.positions, shown.normals));
         let yielding = force();
-        assert!(yielding < 0.9 * stiff, "force {yielding} N by the softer contact law, {stiff} N before");
+        assert!(yielding < 0.9 * stiff, "force with the softer contact law: {yielding} N; before: {stiff} N");
         let wrong = palpate_contact_law { stiffness: f64::NAN, ..law };
         refused(palpate_contact_set(simulation, &wrong), Argument, "contact.stiffness is NaN");
         let wrong = palpate_contact_law { friction: -0.5, ..law };
@@ -171,12 +179,12 @@ fn a_material_a_law_and_a_coupling_are_changed_and_refused() {
         let mut coupling = zeroed::<palpate_coupling>();
         (coupling.stiffness, coupling.damping) = (30.0, 1.0);
         ok(palpate_coupling_set(simulation, &coupling));
-        // In balance, contact carries the tool's weight and the force of the coupling's spring.
+        // At rest, the contact force carries the tool's weight and the force of the coupling's spring.
         let told = rest();
         let held = 0.05 * 9.81 + coupling.stiffness * (told.tool.position[1] - DEEP.position[1]);
         assert!(
             (told.force[1] / held - 1.0).abs() < 0.01 && held < 0.9 * yielding,
-            "expected force {held} N; step {told:?}; force before {yielding} N"
+            "expected force: {held} N; force with the stiffer spring: {yielding} N; wrench of the last step: {told:?}"
         );
         coupling.damping = f64::INFINITY;
         refused(palpate_coupling_set(simulation, &coupling), Argument, "coupling.damping is inf");
@@ -191,21 +199,22 @@ fn a_kinematic_core_is_taken_along_and_others_stay() {
     let driven = BLOCK.replace("motion = \"fixed\"", "motion = \"driven\"\nkeys = [[0.0, 0.0, 0.0, 0.0]]");
     let simulation = simulation(context, &driven);
     let mut pose = palpate_pose { position: [1.0; 3], orientation: [0.0; 4] };
-    // SAFETY (all below): poses and outputs are live local variables; the library checks handles.
+    // SAFETY (all below): each pointer is null, which the library checks, or leads to a live local variable; the
+    // library checks handles.
     unsafe {
         ok(palpate_core_pose(simulation, 0, 0, &mut pose));
         assert_eq!((pose.position, pose.orientation), ([0.0; 3], [0.0, 0.0, 0.0, 1.0]));
-        // An animation: a new pose before every step.
+        // As in an animation, the core gets a new pose before every step.
         for step in 1..=10 {
             pose.position[0] = 1e-4 * f64::from(step);
             ok(palpate_core_move(simulation, 0, 0, &pose, 0.0));
             ok(palpate_step(simulation, null(), null_mut()));
             let mut now = pose;
             ok(palpate_core_pose(simulation, 0, 0, &mut now));
-            assert!((now.position[0] - pose.position[0]).abs() < 1e-12, "pose of the rigid core: {now:?}");
+            assert!((now.position[0] - pose.position[0]).abs() < 1e-12, "the core is not where it was put: {now:?}");
         }
         let bottom = nodes(simulation)[0];
-        assert!((bottom[0] - (1e-3 - 0.05)).abs() < 1e-6, "position of the first node, m: {bottom:?}");
+        assert!((bottom[0] - (1e-3 - 0.05)).abs() < 1e-6, "the first node did not follow the core: {bottom:?} m");
         refused(palpate_core_pose(simulation, 0, 1, &mut pose), Argument, "body 0 has no core 1");
         refused(palpate_core_move(simulation, 0, 0, null(), 0.0), Null, "pose is null");
         refused(palpate_core_move(simulation, 0, 0, &pose, -1.0), Argument, "seconds is -1");
@@ -226,8 +235,8 @@ fn skins_and_contacts_are_told_as_they_are() {
     steps(simulation, 30);
     let origin = [0.01, 0.02, 0.03];
     let mut count = 0;
-    // SAFETY (all below): arrays have the lengths that are passed, and output pointers lead to live variables; the
-    // library checks handles.
+    // SAFETY (all below): arrays are null with length 0 or have the lengths that are passed, output pointers lead to
+    // live variables, and the exported file descriptor belongs to this test; the library checks handles.
     unsafe {
         ok(palpate_skin(simulation, 0, null(), null_mut(), null_mut(), 0, &mut count));
         let (mut places, mut normals) = (vec![[0.0f32; 3]; count], vec![[0.0f32; 3]; count]);
@@ -245,7 +254,7 @@ fn skins_and_contacts_are_told_as_they_are() {
         let status = palpate_skin(simulation, 0, null(), few.as_mut_ptr(), null_mut(), few.len(), &mut count);
         refused(status, TooSmall, "positions has room for");
         assert!(few.iter().flatten().all(|x| *x == 9.0));
-        // The tool comes after the bodies.
+        // The skin of the tool comes after those of the bodies: it has index 1.
         let mut of_tool = 0;
         ok(palpate_skin(simulation, 1, null(), null_mut(), null_mut(), 0, &mut of_tool));
         let status = palpate_skin(simulation, 2, null(), null_mut(), null_mut(), 0, &mut count);
@@ -279,28 +288,29 @@ fn skins_and_contacts_are_told_as_they_are() {
         let mut told = wrench();
         ok(palpate_step(simulation, &DEEP, &mut told));
         ok(palpate_contacts(simulation, null_mut(), 0, &mut count));
-        assert!(count == told.contacts as usize && count > 4, "number of contacts copied: {count}");
+        assert!(count == told.contacts as usize && count > 4, "contacts copied: {count}; step: {told:?}");
         let mut contacts = vec![palpate_contact::default(); count];
         ok(palpate_contacts(simulation, contacts.as_mut_ptr(), count, &mut count));
         let mut push = 0.0;
         for contact in &contacts {
             let [own, other] = contact.body;
-            assert!((own, other) == (0, 1) || (own, other) == (1, 0), "wrong bodies: {contact:?}");
-            // The normal points out of the touched body: up for the sphere's vertices, down for the block's.
+            assert!((own, other) == (0, 1) || (own, other) == (1, 0), "contact not of bodies 0 and 1: {contact:?}");
+            // The normal points out of the touched body: up for contacts at the sphere's vertices, down for those at
+            // the block's.
             let up = contact.normal[1] * if own == 1 { 1.0 } else { -1.0 };
             let size = contact.normal.iter().map(|x| x * x).sum::<f64>();
-            assert!(up > 0.5 && (size - 1.0).abs() < 1e-4, "wrong normal: {contact:?}");
+            assert!(up > 0.5 && (size - 1.0).abs() < 1e-4, "wrong length or direction of the normal: {contact:?}");
             assert!(
                 contact.depth > 0.0 && contact.depth <= told.max_depth * 1.001 && contact.area > 0.0,
-                "wrong depth or area: {contact:?}"
+                "the depth or the area is out of range: {contact:?}"
             );
-            assert!(contact.position[0].hypot(contact.position[2]) < 0.02, "wrong position: {contact:?}");
+            assert!(contact.position[0].hypot(contact.position[2]) < 0.02, "contact not under the sphere: {contact:?}");
             push += contact.area * contact.pressure * up;
         }
-        // At rest, the pressures times areas add up to the force on the tool.
+        // At rest, the sum of pressure times area over all contacts is the upward force on the tool.
         assert!(
             (push / told.force[1] - 1.0).abs() < 0.05,
-            "sum of pressure times area {push} N, force on the tool {:?} N",
+            "sum of pressure times area: {push} N; force on the tool: {:?} N",
             told.force
         );
         let mut one = vec![palpate_contact::default(); 1];
@@ -327,8 +337,8 @@ fn stages_are_told_with_passes_and_times() {
     let (context, simulation) = pressed();
     let stages = || {
         let mut count = 0;
-        // SAFETY (all below): the array has the length that is passed, and the output pointer leads to a live local
-        // variable.
+        // SAFETY (both calls): the array is null with length 0 or has the length that is passed, and the output pointer
+        // leads to a live local variable.
         ok(unsafe { palpate_stages(simulation, null_mut(), 0, &mut count) });
         let empty = palpate_stage { name: [0; 32], microseconds: -1.0, passes: 0, reserved: 0 };
         let mut stages = vec![empty; count];
@@ -373,14 +383,17 @@ fn a_log_hears_what_is_chosen_and_found() {
     steps(simulation, 3);
     end(context, simulation);
     let heard = HEARD.lock().unwrap().clone();
-    assert!(heard.iter().any(|(level, line)| *level == 0 && line.starts_with("device: ")), "log messages: {heard:?}");
+    assert!(
+        heard.iter().any(|(level, line)| *level == 0 && line.starts_with("device: ")),
+        "no note names the device: {heard:?}"
+    );
     assert!(
         heard.iter().any(|(level, line)| *level == 0 && line.starts_with("depth stage: ")),
-        "log messages: {heard:?}"
+        "no note names the path of the depth stage: {heard:?}"
     );
     assert!(
         heard.iter().all(|(level, line)| *level == 0 && !line.contains('\n')),
-        "a log message is no note, or has several lines: {heard:?}"
+        "a log message is no note (level 0), or has several lines: {heard:?}"
     );
 }
 
@@ -388,8 +401,8 @@ fn a_log_hears_what_is_chosen_and_found() {
 fn what_a_host_says_of_its_device_is_checked_as_far_as_it_can_be() {
     let mut vulkan = zeroed::<palpate_vulkan>();
     let mut context = null_mut();
-    // SAFETY (all below): structs state their true size, and output pointers lead to live variables; the library uses
-    // no made-up Vulkan handle, because it refuses each call before that.
+    // SAFETY (all below): structs state their true size, pointers lead to live variables, and Vulkan's own functions
+    // get valid arguments; the library refuses each call before it uses a made-up Vulkan handle.
     let mut make = |vulkan: &palpate_vulkan| unsafe { palpate_context_create_on(vulkan, &mut context) };
     refused(make(&vulkan), NoDevice, "the host's instance is null");
     vulkan.enabled = 64;

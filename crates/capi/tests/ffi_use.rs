@@ -1,5 +1,6 @@
-//! Tests of the C ABI, called from Rust as a C program would call it: wrong use is refused and harms nothing, and a
-//! step allocates nothing.
+//! Tests of the C ABI, called from Rust as a C program would call it: wrong use is refused and harms nothing, a time
+//! step allocates no memory on the CPU, destroyed simulations leave no memory on their context (an opened GPU device),
+//! and two threads with a context each do not disturb one another.
 #![allow(unsafe_code)]
 
 mod ffi_help;
@@ -29,7 +30,7 @@ thread_local! {
     static COUNT: AtomicUsize = const { AtomicUsize::new(0) };
 }
 
-// SAFETY: all calls go to the system's allocator, which keeps the trait's conditions.
+// SAFETY: all calls go to the system's allocator, which fulfils the conditions of `GlobalAlloc`.
 unsafe impl GlobalAlloc for Counted {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         // While a thread ends, its counter may be gone already.
@@ -51,7 +52,8 @@ fn allocations() -> usize {
     COUNT.with(|count| count.load(Ordering::Relaxed))
 }
 
-/// Scene text: a block of these cells, fixed at its bottom, and a spherical tool just above it.
+/// Scene text: a block with `cells` cells along x, y and z, fixed at its bottom, and just above it a sphere as the tool
+/// (rigid body that the haptic device leads).
 fn scene_text(cells: &str) -> CString {
     CString::new(format!(
         "[[body]]\nname = \"block\"\nlayer = {{ box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = {cells} }}\n\
@@ -72,7 +74,8 @@ fn scene(cells: &str) -> *mut palpate_scene {
 
 fn simulation(context: *mut palpate_context, cells: &str) -> *mut palpate_simulation {
     let (scene, mut simulation) = (scene(cells), null_mut());
-    // SAFETY: the output pointer leads to a live local variable; the library checks handles.
+    // SAFETY: the output pointer leads to a live local variable; the library itself checks handles (its pointers to
+    // contexts, scenes and simulations).
     ok(unsafe { palpate_simulation_create(context, scene, &mut simulation) });
     ok(palpate_scene_destroy(scene));
     simulation
@@ -93,8 +96,8 @@ fn a_step_allocates_nothing_once_it_runs() {
     let before = allocations();
     steps(50);
     let made = allocations() - before;
-    assert_eq!(made, 0, "allocations in 50 steps");
-    assert!(wrench.force[1] > 0.1 && wrench.step == 70, "wrench of the last step: {wrench:?}");
+    assert_eq!(made, 0, "number of allocations in 50 steps");
+    assert!(wrench.force[1] > 0.1 && wrench.step == 70, "wrong step number or force: {wrench:?}");
     // Proof that this test can fail: the counter counts an allocation.
     drop(std::hint::black_box(Box::new(1)));
     assert!(allocations() > before);
@@ -111,7 +114,7 @@ fn wrong_use_is_told_and_harms_nothing() {
     let mut told = wrench();
     let step = |simulation, pose: &palpate_pose| {
         let mut wrench = wrench();
-        // SAFETY: the pose and the output are live local variables; wrong handles are what the test tries.
+        // SAFETY: the pose and the output are live local variables; the library checks handles, which the test tries.
         unsafe { palpate_step(simulation, pose, &mut wrench) }
     };
     let bad = |position, orientation| palpate_pose { position, orientation };
@@ -119,7 +122,8 @@ fn wrong_use_is_told_and_harms_nothing() {
     refused(step(context.cast(), &DEEP), Handle, "not that of a simulation");
     refused(step(simulation, &bad([0.0, f64::NAN, 0.0], DEEP.orientation)), Argument, "device.position[1] is NaN");
     refused(step(simulation, &bad(DEEP.position, [0.0; 4])), Argument, "unit quaternion");
-    // SAFETY (all below): each pointer is null, where the test tries that, or leads to a live local of the right type.
+    // SAFETY (all below): each pointer is null, which the library checks, or leads to a live variable of the right
+    // type.
     unsafe {
         told.size = 7;
         refused(palpate_step(simulation, &DEEP, &mut told), Argument, "palpate_wrench.size is 7");
@@ -149,20 +153,21 @@ fn wrong_use_is_told_and_harms_nothing() {
         refused(palpate_context_create(&options, &mut none), palpate_status::NoDevice, "nobody's");
         (options.validation, options.device) = (2, null());
         refused(palpate_context_create(&options, &mut none), Argument, "validation is 2");
-        // A size that cuts the field `log`: the library must not call the address that consists of the field's first
-        // three bytes and five zero bytes.
+        // The size that the struct states, 19 bytes, ends within the field `log`: the library must not call the address
+        // that consists of the field's first three bytes and five zero bytes.
         unsafe extern "C" fn log(_: *mut c_void, _: u32, _: *const c_char) {}
         options = palpate_context_options { size: 19, log: Some(log), ..ffi_help::zeroed() };
         let cut =
             "palpate_context_options.size is 19, which cuts a field in two; set it to sizeof(palpate_context_options)";
         refused(palpate_context_create(&options, &mut none), Argument, cut);
         assert!(none.is_null());
-        // A size at which a field ends is accepted, because it may be that of an older program.
+        // A size at which a field ends is accepted, because a program compiled with an older, shorter struct states
+        // such a size.
         options.size = std::mem::offset_of!(palpate_context_options, log) as u32;
         ok(palpate_context_create(&options, &mut none));
         ok(palpate_context_destroy(none));
     }
-    // None of these calls did a step.
+    // None of the calls above did a step, so the next step is the first.
     told.size = size_of::<palpate_wrench>() as u32;
     // SAFETY: a null pose is allowed, and the output pointer leads to a live local variable; the library checks
     // handles.

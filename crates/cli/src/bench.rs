@@ -1,6 +1,6 @@
-//! `palpate bench`: runs the benchmarks, prints their report, and writes it together with every measured sample. It
-//! also joins the results of shards (subsets of a benchmark's parts, measured separately) and compares with earlier
-//! results.
+//! `palpate bench`: runs the benchmarks, prints their report, and writes the report and every measured sample. A
+//! benchmark consists of parts, which are measured one by one; a *shard* is a subset of the parts of all benchmarks.
+//! The command also joins the results of shards that were measured separately, and compares results with earlier ones.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -26,28 +26,28 @@ const REPORT: &str = "report.html";
 /// Options of `palpate bench`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// What to measure: a benchmark (`solver`), one of its parts (`solver/scaling`), or all parts whose name begins
-    /// with this and a dash (`solver/human`: all `solver/human-*`) [default: everything]
+    /// What to measure: a benchmark (`solver`), a part of a benchmark (`solver/scaling`), or the beginning of names of
+    /// parts up to a dash (`solver/human` selects all `solver/human-*`) [default: everything]
     names: Vec<String>,
-    /// Fewer cases, sizes, runs and steps, for a first look
+    /// Measure fewer cases and sizes, with fewer runs and steps, for a first look
     #[arg(long)]
     quick: bool,
     /// List the parts that would be measured, and measure nothing
     #[arg(long)]
     list: bool,
-    /// Measure only shard I of N; each part belongs to exactly one shard
+    /// Measure only shard I of N: the I-th part and every N-th part after it
     #[arg(long, value_name = "I/N", value_parser = shard)]
     shard: Option<Shard>,
-    /// Measure nothing; join the results of the shards in these directories
+    /// Measure nothing; join the results of the shards that were written into these directories
     #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["names", "quick", "shard", "list", "device"])]
     merge: Vec<PathBuf>,
     /// Compare with these earlier results; exit with status 4 if anything is slower or less accurate beyond noise
     #[arg(long, value_name = "OLD.json")]
     compare: Option<PathBuf>,
-    /// Folder of the scenes that the benchmark `paper` runs
+    /// Folder of the scene files that the benchmark `paper` runs
     #[arg(long, value_name = "DIR", default_value = "assets/scenes")]
     scenes: PathBuf,
-    /// Vulkan device, by name or by index in `palpate devices`
+    /// Vulkan device: its name, or its index in the list of `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
     /// Directory to write report.html and results.json into; without it nothing is written
@@ -83,15 +83,15 @@ fn benchmarks(arguments: &Arguments) -> Vec<Box<dyn Benchmark>> {
     ]
 }
 
-/// Measures, or joins shards; then writes, prints and compares the results. Only then it fails, if a measurement became
-/// worse or a result is outside its bounds.
+/// Measures, or joins the results of shards; then writes the results, prints them and compares them with earlier ones.
+/// Errors, returned only after all this: a part failed, a result is outside its bounds, or a measurement became worse.
 pub fn bench(arguments: &Arguments) -> Result<()> {
     let benchmarks = benchmarks(arguments);
     let asked = asked(&arguments.names, &benchmarks)?;
     if arguments.list {
         return print(&asked.iter().map(|(name, part)| format!("{name}/{part}\n")).collect::<String>());
     }
-    // Earlier results are read first, so that a wrong path fails before minutes are spent.
+    // Earlier results are read first, so that a wrong path is an error before minutes are spent on measuring.
     let old = arguments.compare.as_deref().map(results_in).transpose()?;
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
     let (results, mut failed) = if arguments.merge.is_empty() {
@@ -142,8 +142,8 @@ fn results_in(path: &Path) -> Result<Results> {
     if path.is_dir() { suite::read(&path.join(RESULTS)) } else { suite::read(path) }
 }
 
-/// Prints the ratios of new to old results; returns a line on how many measurements became worse, if any did. Errors:
-/// the two sets of results cannot be compared.
+/// Prints the ratio of the new to the old value of each measurement; returns a line that says how many measurements
+/// became worse, if any did. Errors: the two sets of results cannot be compared.
 fn compared(old: &Results, new: &Results) -> Result<Option<String>> {
     let (all, lonely) = compare::compare(old, new)?;
     let of = |head: &Head| format!("{} ({}), commit {}", head.device, head.driver, head.commit);
@@ -157,10 +157,11 @@ fn compared(old: &Results, new: &Results) -> Result<Option<String>> {
     let count = |verdict| all.iter().filter(|c| c.verdict == verdict).count();
     let (worse, better, unjudged) = (count(Verdict::Worse), count(Verdict::Better), count(Verdict::Unjudged));
     print(&format!(
-        "\n# Comparison with earlier results\n\nOld: {}. New: {}.{elsewhere} Ratios compare median times, new over \
-         old; where the device is the CPU, they are divided by the change of the CPU's own time for a fixed piece of \
-         work. The interval of a ratio extends from the fastest new round over the slowest old round to the slowest \
-         new round over the fastest old round.\n\n{}\n{} of {} measurements are worse beyond noise, {better} are \
+        "\n# Comparison with earlier results\n\nOld: {}. New: {}.{elsewhere} The ratio of a time is the new \
+         median over the old median; where the device is the CPU, the ratio is divided by the change of the CPU's own \
+         time for a fixed piece of work. The interval of a ratio extends from the fastest new round (repetition of \
+         the measurement) over the slowest old round to the slowest new round over the fastest old round.\n\n{}\n{} \
+         of {} measurements are worse beyond noise, {better} are \
          better, {unjudged} have too few samples to judge. Measured only in the old or only in the new results: {}.\n",
         of(&old.head),
         of(&new.head),

@@ -4,7 +4,7 @@ use palpate::{Error, Result};
 
 use crate::{engine, print};
 
-/// Lists all Vulkan devices, with the reason for those that cannot be used.
+/// Lists all Vulkan devices; the line of a device that cannot be used says why.
 pub fn devices() -> Result<()> {
     let devices = engine::devices()?;
     let mut lines = String::new();

@@ -1,5 +1,6 @@
 //! Connects the program to the engine: does the steps of a run, collects their times, and reads back the results at the
-//! end.
+//! end. A step consists of *stages*; the *step plan* says which stages are recorded for the GPU and which are left out
+//! because the scene does not need them. The *tool* is the rigid body that the haptic device leads.
 
 use glam::DVec3;
 use palpate::internal::gpu::DeviceInfo;
@@ -32,11 +33,12 @@ pub struct Outcome {
 pub struct LayerResult {
     /// Name of the body.
     pub name: String,
-    /// Deformed world positions, m, in input order.
+    /// World positions of the deformed layer's nodes, m, in the order in which the mesh was read or generated.
     pub nodes: Vec<DVec3>,
-    /// Four nodes per tetrahedron.
+    /// Indices of the four nodes of each tetrahedron.
     pub tetrahedra: Vec<[u32; 4]>,
-    /// Displacement of each node from its rest position in the body as the scene places it, world axes, m.
+    /// Displacement of each node along world axes, m, from the node's position in the undeformed body at the pose that
+    /// the scene gives the body.
     pub displacement: Vec<DVec3>,
 }
 
@@ -44,14 +46,14 @@ pub struct LayerResult {
 pub struct SkinResult {
     /// Name of the body.
     pub name: String,
-    /// Deformed world positions, m, in file order.
+    /// World positions of the deformed skin's vertices, m, in the order of the surface's file.
     pub vertices: Vec<DVec3>,
-    /// Three vertices per triangle.
+    /// Indices of the three vertices of each triangle.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl Engine {
-    /// Prepares the scene, opens the Vulkan device and records the step.
+    /// Prepares the scene, opens the Vulkan device and records the GPU commands of a step.
     pub fn open(scene: &Scene, options: &Options) -> Result<Self> {
         let simulation = Simulation::open(scene, options)?;
         Ok(Engine { simulation, stages: Vec::new(), iterations: 0, steps: 0 })
@@ -62,21 +64,21 @@ impl Engine {
         self.simulation.reports().flat_map(|(_, report)| report.notes.iter().map(String::as_str))
     }
 
-    /// Does a step with the scene's own time step and keys.
+    /// Does a step of the scene's own length; what the scene moves follows the scene's keys (timed poses).
     pub fn step(&mut self) -> Result<StepReport> {
         let row = self.simulation.step()?;
         Ok(self.counted(row))
     }
 
-    /// Does a step of `h` s that starts from the haptic loop's poses and twists of device and tool; returns the step's
-    /// report and the contact wrench on the tool.
+    /// Does a step of length `h`, s, that starts from the poses and twists of device and tool that the haptic loop
+    /// gives; returns the step's report and the contact wrench on the tool.
     pub fn step_device_input(&mut self, input: &DeviceInput, h: f64) -> Result<(StepReport, ContactWrench)> {
         let row = self.simulation.step_device_input(input, h)?;
         let wrench = self.simulation.contact_wrench().copied().unwrap_or(ContactWrench::none(input.tool));
         Ok((self.counted(row), wrench))
     }
 
-    /// The simulation.
+    /// The simulation, to read its state.
     pub fn simulation(&self) -> &Simulation {
         &self.simulation
     }

@@ -19,18 +19,18 @@ pub struct Arguments {
     /// Directory to write the images into
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Folder of the scenes
+    /// Folder of the scene files
     #[arg(long, value_name = "DIR", default_value = "assets/scenes")]
     scenes: PathBuf,
     /// Numbers of the figures to render [default: all]
     #[arg(long, value_name = "N,..", value_delimiter = ',')]
     only: Vec<u32>,
-    /// Vulkan device, by name or by index in `palpate devices`
+    /// Vulkan device: its name, or its index in the list of `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
 }
 
-/// One image: a scene at a simulated time.
+/// One image of a figure: a scene as it is at a simulated time.
 struct Shot {
     scene: &'static str,
     /// Simulated time, s.
@@ -122,7 +122,7 @@ const FIGURES: [Figure; 6] = [
     },
 ];
 
-/// Renders all figures, or those that are asked for.
+/// Renders all figures, or only those with the numbers that `--only` gives.
 pub fn figures(arguments: &Arguments) -> Result<()> {
     let known = FIGURES.map(|figure| figure.number);
     if let Some(number) = arguments.only.iter().find(|number| !known.contains(number)) {

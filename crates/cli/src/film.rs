@@ -1,5 +1,5 @@
 //! `palpate film`: renders a scene from the first step to the last as a film, or as images in a folder; no display is
-//! needed.
+//! needed. An *overlay* is what an image shows besides the skins (the bodies' surface meshes).
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -14,9 +14,9 @@ use crate::report::Output;
 use crate::run::positive;
 use crate::tell;
 
-/// Default size of images, pixels.
+/// Default width and height of images, pixels.
 pub const SIZE: [u32; 2] = [1280, 720];
-/// Greatest width and height of an image that GPUs can draw, pixels.
+/// Greatest accepted width and height of an image, pixels; common GPUs draw no larger images.
 const LARGEST: u32 = 16_384;
 /// Greatest number of images in a film.
 const MOST_PICTURES: f64 = 1e5;
@@ -36,9 +36,10 @@ const CHOICES: [(&str, Overlay); 9] = [
 /// Options of `palpate film`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The scene, a TOML file; its tool follows the keys (timed poses) of [drive]
+    /// The scene, a TOML file; its tool follows the keys (timed poses) of the file's table [drive]
     scene: PathBuf,
-    /// FILE.apng or FILE.png for an animated PNG, which browsers show; else a directory for an image per frame
+    /// FILE.apng or FILE.png for an animated PNG, which browsers show; any other name is a directory for one image file
+    /// per frame
     #[arg(long, value_name = "FILE-OR-DIR")]
     out: PathBuf,
     /// Frames per second
@@ -47,10 +48,10 @@ pub struct Arguments {
     /// Simulated seconds per second of film: 1 is real time, 0.1 is slow motion
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
     speed: f64,
-    /// Time to simulate, s [default: until the last key of [drive], else one second]
+    /// Time to simulate, s [default: up to the last key of [drive]; one second if there are no keys]
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     seconds: Option<f64>,
-    /// Vulkan device, by name or by index in `palpate devices`
+    /// Vulkan device: its name, or its index in the list of `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
     #[command(flatten)]
@@ -62,16 +63,16 @@ pub struct Arguments {
 pub struct Look {
     #[arg(long, value_name = "WxH", value_parser = size, help = "Image width and height, pixels [default: 1280x720]")]
     size: Option<[u32; 2]>,
-    /// Camera: yaw (to the right of the front) and pitch (above the horizon) in degrees, and a zoom factor (1 shows
-    /// everything)
+    /// Camera: yaw (to the right of the front) and pitch (above the horizon) in degrees, and a zoom factor (1 shows all
+    /// bodies)
     #[arg(long, value_name = "YAW,PITCH[,NEARER]", value_parser = view, allow_hyphen_values = true)]
     camera: Option<View>,
     /// Point that the camera looks at, m [default: the middle of all bodies]
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
     at: Option<glam::DVec3>,
-    /// What to show besides the skins (surface meshes): one of pressure, depth, energy, displacement (as colours); and
-    /// force (arrows), proxies (convex collision hulls), regions (contact patches), layer (tetrahedra, cut open), cores
-    /// (rigid cores of soft bodies)
+    /// What to show besides the skins (surface meshes): at most one of pressure, depth, energy, displacement (drawn as
+    /// colours), and any of force (arrows), proxies (convex collision hulls), regions (contact patches), layer
+    /// (tetrahedra, cut open), cores (rigid cores of soft bodies)
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = overlay)]
     show: Vec<Overlay>,
 }
@@ -83,7 +84,8 @@ pub struct View {
     pub yaw: f64,
     /// Angle above the horizon, degrees.
     pub pitch: f64,
-    /// Zoom factor: at 1 the camera is so far away that it shows all bodies; its distance is divided by this.
+    /// Zoom factor: at 1 the camera is so far away that it shows all bodies; the camera's distance is divided by the
+    /// factor.
     pub nearer: f64,
 }
 
@@ -120,7 +122,7 @@ fn overlay(text: &str) -> std::result::Result<Overlay, String> {
 }
 
 impl Look {
-    /// The overlays to show. Errors: several scalar fields, of which only one can be shown.
+    /// The overlays to show. Errors: several overlays that are drawn as colours, of which only one can be shown.
     pub fn shown(&self) -> Result<Overlays> {
         let shown = Overlays::of(&self.show);
         match CHOICES.iter().find(|(_, overlay)| self.show.contains(overlay) && !shown.has(*overlay)) {
@@ -140,7 +142,7 @@ impl Look {
         self.size.is_some() || self.camera.is_some() || self.at.is_some() || !self.show.is_empty()
     }
 
-    /// A studio that renders images of a simulation with these options.
+    /// A studio (renderer without a window) that makes images of a simulation with these options.
     pub fn studio(&self, simulation: &mut Simulation) -> Result<Studio> {
         let shown = self.shown()?;
         let mut studio = Studio::new(simulation, Settings { size: self.size(), samples: SAMPLES })?;
@@ -165,7 +167,7 @@ impl View {
     }
 }
 
-/// Makes the film.
+/// Renders the film or the folder of images.
 pub fn film(arguments: &Arguments) -> Result<()> {
     arguments.look.shown()?;
     let scene = Scene::load(&arguments.scene)?;

@@ -1,5 +1,5 @@
-//! Runs a scene whose tool is held by a haptic device: makes the device, runs the session (one run of the haptic loop)
-//! and records it.
+//! Runs a scene whose tool (the rigid body that a user moves) is held by a haptic device: makes the device, runs the
+//! session (one run of the haptic loop) and records the session.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -26,14 +26,14 @@ const OTHER_SIGNALS: &[i32] = &[signal_hook::consts::SIGHUP, signal_hook::consts
 #[cfg(not(unix))]
 const OTHER_SIGNALS: &[i32] = &[];
 
-/// The built-in profile (limits of a haptic device: force, workspace and so on) that the scene names, or else the
-/// profile named `default`.
+/// The built-in profile (limits of a haptic device: force, workspace and so on) that the scene names; if it names none,
+/// the profile whose name is the argument `default`.
 fn profile_of(scene: &Scene, default: &str) -> Profile {
     let profile = scene.haptics.profile.or_else(|| Profile::named(default));
     profile.unwrap_or(&PROFILES[0]).clone()
 }
 
-/// Sets the profile of the scene's haptic device by name, whatever the scene says.
+/// Sets the profile of the scene's haptic device by name, whatever profile the scene gives.
 ///
 /// # Errors
 /// There is no such profile, no haptic device holds the tool, or the device cannot have that profile.
@@ -82,14 +82,15 @@ pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
                 service: haptics.haply.clone(),
             };
             let mut haply = Haply::new(settings);
-            // The session takes limits from the profile before it opens the device, so the type must be known now.
+            // The session takes limits from the profile before it opens the device, so the Haply's type is needed now.
             haply.identify().map_err(|fault| Error::NoDevice(fault.to_string()))?;
             Box::new(haply)
         }
     })
 }
 
-/// The environment of the haptic loop: the engine, with `watch` called with every step report.
+/// The environment (source of contact wrenches) of the haptic loop: the engine. `watch` is called with the report of
+/// every step.
 struct Watched<'a> {
     engine: &'a mut Engine,
     watch: &'a mut dyn FnMut(&StepReport) -> Result<()>,
@@ -103,8 +104,8 @@ impl Environment for Watched<'_> {
     }
 }
 
-/// Runs a session with the scene's haptic device for `seconds`, or until a signal ends it, and records it into the file
-/// `record`, if one is given. `watch` is called with every step report.
+/// Runs a session with the scene's haptic device for `seconds`, or until a signal ends it, and records the session into
+/// the file `record`, if one is given. `watch` is called with the report of every step.
 pub fn hold(
     engine: &mut Engine,
     scene: &Scene,

@@ -1,4 +1,4 @@
-//! The `palpate` program: reads the command line, runs one command, turns an error into one line and an exit status
+//! The `palpate` program: reads the command line, runs one command, and turns an error into one line and an exit status
 //! (0 success, 2 bad input, 3 no usable device, 4 the simulation failed).
 
 mod bench;
@@ -37,17 +37,17 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Simulate a scene and record what the tool feels
+    /// Simulate a scene, and report its steps and the state at the end
     Run(run::Arguments),
-    /// Run a recorded haptic session again, and report the first difference
+    /// Run a recorded haptic session again, and report the first difference from the recording
     Replay(replay::Arguments),
-    /// Make a soft body from a surface mesh, with a report, images and a scene to touch it
+    /// Make a soft body from a surface mesh, with a report, images and a scene in which the body is touched
     Prepare(prepare::Arguments),
     /// Find where two undeformed surfaces overlap
     Query(query::Arguments),
     /// Run benchmarks and write their report
     Bench(bench::Arguments),
-    /// Run stiff and extreme cases, and check each against invariants
+    /// Run stiff and extreme cases, and check that each keeps the invariants of a simulation
     Stability(stability::Arguments),
     /// Render a scene as a film or as a folder of images, without a display
     #[cfg(feature = "view")]
@@ -58,7 +58,7 @@ enum Command {
     /// Show a scene in a window, and move its tool with the mouse or a haptic device
     #[cfg(feature = "view")]
     View(view::Arguments),
-    /// List the Vulkan devices, with the reason for those that cannot be used
+    /// List the Vulkan devices; if a device cannot be used, its line says why
     Devices,
 }
 
@@ -106,12 +106,12 @@ fn usage(error: &clap::Error) -> ExitCode {
     ExitCode::from(error.exit_code() as u8)
 }
 
-/// Writes a note for the user to standard error; if that is closed, the note is dropped.
+/// Writes a note for the user to standard error; if standard error is closed, the note is dropped.
 fn tell(note: &str) {
     drop(writeln!(std::io::stderr(), "note: {note}"));
 }
 
-/// Writes a line of progress to standard error, if that is a terminal.
+/// Writes a line of progress to standard error, if standard error is a terminal.
 fn watch(what: &str) {
     let mut stderr = std::io::stderr();
     if stderr.is_terminal() {

@@ -1,5 +1,6 @@
 //! `palpate prepare`: makes a layered body of a surface: skin (the surface mesh), layer (a tetrahedral mesh around a
-//! rigid core) and proxies (convex collision hulls). Writes it with a report, images, and a scene that presses into it.
+//! rigid core) and proxies (convex collision hulls). Writes the body with a report, images, and a scene in which a
+//! sphere presses into the body.
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -18,10 +19,10 @@ use crate::print;
 use crate::report::picture::Picture;
 use crate::report::{Output, figure};
 
-/// Steps of the progress bar after the body is made: pictures, files.
+/// Number of steps of the progress bar after the body is made: one for the images, one for the files.
 const AFTER: u64 = 2;
 
-/// Default number of lattice cells along a surface's largest extent.
+/// Default number of lattice cells (cubes that are filled with tetrahedra) along a surface's largest extent.
 const CELLS: u32 = 40;
 
 /// Options of `palpate prepare`.
@@ -33,8 +34,8 @@ pub struct Arguments {
     /// Directory to write the body, its report and images into
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Edge of the lattice cells that are filled with tetrahedra, in the surface's units [default: a fortieth of its
-    /// largest extent]
+    /// Edge of the lattice cells that are filled with tetrahedra, in the surface's units [default: a fortieth of the
+    /// surface's largest extent]
     #[arg(long, value_name = "C", conflicts_with = "cells", value_parser = positive, allow_negative_numbers = true)]
     cell: Option<f64>,
     /// Number of lattice cells along the surface's largest extent
@@ -43,7 +44,7 @@ pub struct Arguments {
     /// Edge of the largest cells deep inside, as a multiple of the edge of cells at the surface: 1, 2, 4 or 8
     #[arg(long, value_name = "G", default_value_t = 1, value_parser = grade)]
     grade: u32,
-    /// Fill only a shell of this depth, in the surface's units [default: everything]
+    /// Fill only a shell below the surface, of this thickness in the surface's units [default: fill everything]
     #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
     thickness: Option<f64>,
     /// Greatest number of convex collision hulls
@@ -76,7 +77,7 @@ fn grade(text: &str) -> std::result::Result<u32, String> {
 }
 
 /// Prepares a surface with default options, and writes the body and its scene into a folder; `watch` is called with the
-/// name of each stage.
+/// name of each stage of the preparation as it begins.
 #[cfg(feature = "view")]
 pub fn quietly(surface: &Path, out: &Path, watch: &mut dyn FnMut(&str)) -> Result<()> {
     let arguments = Arguments {
@@ -193,7 +194,7 @@ fn scene_of(arguments: &Arguments) -> Result<Scene> {
     Ok(Scene::of_body(&arguments.surface, body))
 }
 
-/// Whether a character may be part of a body's name, which becomes part of file names and keys; others are left out.
+/// Whether a character of the surface's name is kept in the body's name, which becomes part of file names and keys.
 fn is_plain(c: char) -> bool {
     c.is_ascii_alphanumeric() || c == '_' || c == '-'
 }
@@ -234,7 +235,7 @@ fn in_options(error: Error, surface: &str) -> Error {
     Error::Key { file: surface.into(), key: option.into(), problem, remedy }
 }
 
-/// A progress bar on standard error, drawn only where that is a terminal.
+/// A progress bar on standard error, drawn only where standard error is a terminal.
 fn progress() -> ProgressBar {
     let bar = ProgressBar::new(Stage::ALL.len() as u64 + AFTER).with_finish(ProgressFinish::AndClear);
     bar.enable_steady_tick(Duration::from_millis(200));
@@ -246,13 +247,14 @@ fn progress() -> ProgressBar {
 
 fn show(bar: &ProgressBar, stage: Stage) {
     bar.set_message(stage.name());
-    // Reading the cache comes first and writing it last, both under one stage name; the bar must not move back at the
-    // end.
+    // Reading the cache comes first and writing the cache comes last, but both are the same stage; the bar must not
+    // move back at the end.
     let reached = Stage::ALL.iter().position(|&s| s == stage).unwrap_or(0) as u64;
     bar.set_position(reached.max(bar.position()));
 }
 
-/// Writes images of the collision proxies, of the layer cut open, of the skin, and of the three side by side.
+/// Writes an image of the collision proxies, one of the layer cut open, one of the skin, and one of all three side by
+/// side.
 fn write_pictures(output: &mut Output, body: &Body, layer: &Layer, skin: &Skin) -> Result<()> {
     let (Shape::Soft { proxies, .. } | Shape::Rigid { proxies, .. }) = &body.shape else { return Ok(()) };
     let view = figure::view(skin);
@@ -264,7 +266,7 @@ fn write_pictures(output: &mut Output, body: &Body, layer: &Layer, skin: &Skin) 
     output.write("figure.png", |w| Picture::beside(&all).write_png(w))
 }
 
-/// Writes the body's files, in metres, and the scene.
+/// Writes the body's files, with lengths in metres, and the scene.
 fn write_body(
     output: &mut Output,
     layer: &Layer,

@@ -1,6 +1,7 @@
 //! The scene that `palpate prepare` writes along with a soft body: a sphere presses into the body from the front and is
-//! held there. The body's *layer* is its tetrahedral mesh, its *skin* the surface mesh; a *rigid core* holds the nodes
-//! that are attached to it.
+//! held there. The sphere is the scene's *tool*, which the haptic device leads by a *coupling* (spring and damper). The
+//! body's *layer* is its tetrahedral mesh, its *skin* the surface mesh; a *rigid core* holds the nodes that are
+//! attached to it.
 
 use std::io::Write;
 
@@ -10,16 +11,17 @@ use palpate::internal::prepare::{Layer, Skin, layer};
 
 /// Radius of the sphere, as a share of the body's largest extent.
 const RADIUS: f64 = 0.04;
-/// Distance that the haptic device goes beyond the first touch, in radii.
+/// Distance that the haptic device goes beyond the sphere's first touch of the skin, in radii of the sphere.
 const TRAVEL: f64 = 0.5;
-/// Gap between sphere and skin at the start, in radii.
+/// Gap between sphere and skin at the start, in radii of the sphere.
 const GAP: f64 = 0.05;
-/// The sphere counts as touching the skin when it is nearer than this share of its radius.
+/// The sphere counts as touching the skin when the gap between them is smaller than this share of the sphere's radius.
 const NEAR: f64 = 1e-3;
-/// Nodes deeper than this share of the greatest depth in their connected part are attached to a rigid core.
+/// Nodes are attached to a rigid core if their depth below the skin is at least this share of the greatest depth in
+/// their connected part of the layer.
 const HELD: f64 = 0.5;
 
-/// A sphere that is pressed into a body: its radius, and where the press begins and ends.
+/// A sphere that is pressed into a body: its radius, and where the haptic device that leads it starts and ends.
 pub struct Press {
     /// Radius of the sphere, m.
     radius: f64,
@@ -35,8 +37,8 @@ impl Press {
         let low = points().fold(DVec3::INFINITY, DVec3::min);
         let high = points().fold(DVec3::NEG_INFINITY, DVec3::max);
         let radius = RADIUS * (high - low).max_element();
-        // The deepest node, the first of equals. Adding zero turns a negative zero into a positive one, which reads
-        // better.
+        // The deepest node; if several are equally deep, the first of them. Adding zero turns a coordinate of -0 into
+        // 0, which reads better in the scene file.
         let deepest = (0..depths.len()).rev().max_by(|&i, &j| depths[i].total_cmp(&depths[j]));
         let target = deepest.map_or(0.5 * (low + high), |node| layer.nodes[node]) + DVec3::ZERO;
         let touching =
@@ -45,9 +47,9 @@ impl Press {
         Press { radius, start: at(GAP), end: at(-TRAVEL) }
     }
 
-    /// Writes the scene; `cores` has the value of the scene key `bind` of each rigid core, from [`cores`]. Stiffness
-    /// and damping of the coupling and the mass of the tool grow with the sphere, so that a body of any size is pressed
-    /// in the same time.
+    /// Writes the scene; `cores` has the value of the scene key `bind` for each rigid core, as the function [`cores`]
+    /// returns them. Stiffness and damping of the coupling and the mass of the sphere grow with the sphere's radius, so
+    /// that a body of any size is pressed in the same time.
     pub fn write(&self, w: &mut impl Write, name: &str, cores: &[String]) -> std::io::Result<()> {
         let (r, s, e) = (self.radius, self.start, self.end);
         writeln!(
@@ -70,7 +72,8 @@ impl Press {
 }
 
 /// Height z, m, at which a sphere that comes down along z from `from` meets the skin, by sphere tracing (J. Hart 1996);
-/// `None` if it passes the skin and falls below the height `lowest`, or if no distance to the skin can be computed.
+/// `None` if the sphere misses the skin and falls below the height `lowest`, or if the distance to the skin cannot be
+/// computed.
 fn met(skin: &Skin, from: DVec3, radius: f64, lowest: f64) -> Option<f64> {
     let solid = Solid::new(&skin.vertices, &skin.triangles).ok()?;
     let mut centre = from;

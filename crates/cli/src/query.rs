@@ -1,5 +1,5 @@
-//! `palpate query`: finds where two surfaces overlap, undeformed; reports which vertices of each surface lie within the
-//! other, draws an image of their depths, and measures the times of the stages.
+//! `palpate query`: finds where two undeformed surfaces overlap; reports which vertices of each surface lie within the
+//! other, draws an image of their depths, and measures the times of the query's stages on the GPU.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ use crate::print;
 use crate::report::query::{Subject, write_contacts};
 use crate::report::{Output, QueryReport, StageSamples, field};
 
-/// Greatest coordinates and lengths that are accepted; beyond them single precision is too coarse.
+/// Greatest coordinate and length that is accepted, m; beyond it single precision is too coarse.
 const LARGEST: f64 = 1e9;
 const CONTACTS: &str = "contacts.csv";
 const PICTURE: &str = "depth.png";
@@ -34,20 +34,21 @@ pub struct Arguments {
     a: String,
     /// The second surface
     b: String,
-    /// Pose of b: position and quaternion of its file's coordinate frame; a stays as in its file
+    /// Pose of surface b: position (m) and quaternion of the coordinate frame of b's file; surface a stays as in its
+    /// file
     #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = pose, allow_hyphen_values = true)]
     pose_b: Option<Pose>,
     /// Direction from a to b along which depth is measured, of any length [default: the surfaces' normal where they
     /// touch]
     #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
     direction: Option<DVec3>,
-    /// Depth beyond which a flag is raised [default: a tenth of the smaller surface's extent]
+    /// Depth, m, beyond which a flag is raised [default: a tenth of the smaller surface's extent]
     #[arg(long, value_name = "L", value_parser = length, allow_negative_numbers = true)]
     depth_limit: Option<f64>,
-    /// Number of runs to time
+    /// Number of times that the query is run and timed
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     runs: u32,
-    /// Vulkan device, by name or by index in `palpate devices`
+    /// Vulkan device: its name, or its index in the list of `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
     /// Directory to write contacts, image and report into; without it nothing is written
@@ -55,7 +56,7 @@ pub struct Arguments {
     out: Option<PathBuf>,
 }
 
-/// Position and orientation.
+/// Position, m, and orientation.
 type Pose = (DVec3, DQuat);
 
 /// Parses `N` finite numbers with commas between them.
@@ -126,8 +127,8 @@ pub fn query(arguments: &Arguments) -> Result<()> {
     print(&report.to_string())
 }
 
-/// Runs the query `runs` times; returns the answer, the times by stage, and the wall time of each run, microseconds.
-/// Runs in which each stage is timed alternate with runs in which all stages are timed as one.
+/// Runs the query `runs` times; returns the answer, the times of each stage, and the wall time of each run,
+/// microseconds. Runs in which each stage is timed alternate with runs in which all stages are timed as one.
 fn run(query: &mut Query, pose_b: Pose, runs: u32) -> Result<(Answer, Vec<StageSamples>, Vec<f64>)> {
     let passes = |stage: &palpate::internal::gpu::StagePasses| StageSamples {
         stage: stage.stage.clone(),
@@ -159,7 +160,8 @@ fn run(query: &mut Query, pose_b: Pose, runs: u32) -> Result<(Answer, Vec<StageS
 struct Part {
     surface: String,
     body: Body,
-    /// For each triangle, the triangle of the file that it was made from; empty if the surface is not from a file.
+    /// For each triangle of the prepared body, the file's triangle that it was made from; empty if the surface is not
+    /// from a file.
     origins: Vec<Origin>,
 }
 
@@ -220,8 +222,8 @@ impl Part {
         field::Solid { vertices, triangles: triangles.to_vec() }
     }
 
-    /// The contact, whose triangle belongs to this surface, with the triangle's number and order of corners changed to
-    /// those of the file.
+    /// A contact whose triangle belongs to this surface, with the triangle's number and the order of its corners
+    /// changed to those of the surface's file.
     fn in_file(&self, contact: &QueryContact) -> QueryContact {
         let Some(origin) = self.origins.get(contact.triangle as usize) else { return *contact };
         let [u, v, w] = contact.barycentric;

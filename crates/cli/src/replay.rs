@@ -1,5 +1,5 @@
-//! `palpate replay`: runs a recorded session again and compares it bit for bit; or writes its ticks (iterations of the
-//! haptic loop) as a table.
+//! `palpate replay`: runs a recorded session (run of the haptic loop with a device) again and compares all its results
+//! with the recorded ones, bit for bit; or writes the session's ticks (iterations of the haptic loop) as a table.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -20,19 +20,20 @@ use crate::{print, tell};
 pub struct Arguments {
     /// A recording that `palpate run --record` wrote
     file: PathBuf,
-    /// Scene file, if the recorded one has moved or changed [default: the recorded one, which must be unchanged]
+    /// Scene file to use if that of the recording has moved or changed [default: the recording's, which must be
+    /// unchanged]
     #[arg(long, value_name = "SCENE")]
     scene: Option<PathBuf>,
-    /// Vulkan device, by name or by index in `palpate devices`; results are the same to the last bit only on the
-    /// device of the recording
+    /// Vulkan device: its name, or its index in the list of `palpate devices`; results are the same to the last bit
+    /// only on the device of the recording
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
-    /// Do not replay; write the recorded ticks (cycles of the haptic loop) as CSV to this file
+    /// Do not replay; write the recorded ticks (iterations of the haptic loop) as CSV to this file
     #[arg(long, value_name = "OUT", conflicts_with_all = ["scene", "device"])]
     csv: Option<PathBuf>,
 }
 
-/// Replays a recording, or writes its ticks.
+/// Replays a recording, or writes its ticks as a table.
 pub fn replay(arguments: &Arguments) -> Result<()> {
     let (recorded, bar) = open(&arguments.file)?;
     let result = match &arguments.csv {
@@ -43,7 +44,7 @@ pub fn replay(arguments: &Arguments) -> Result<()> {
     print(&result?)
 }
 
-/// Opens the recording, with a progress bar for reading it on standard error, drawn only where that is a terminal.
+/// Opens the recording; a progress bar on standard error shows how much is read, if standard error is a terminal.
 fn open(path: &Path) -> Result<(Recorded, ProgressBar)> {
     let unreadable = |error| {
         let remedy = "give a file that `palpate run --record` wrote";
@@ -85,7 +86,7 @@ fn again(recorded: Recorded, arguments: &Arguments) -> Result<String> {
     Ok(format!("replayed {} ticks and {} steps: the same bits\n", replayed.ticks, replayed.steps))
 }
 
-/// Loads the scene that was recorded, or another one that the user names.
+/// Loads the scene of the recording, or the one that `--scene` gives.
 fn scene_of(header: &Header, arguments: &Arguments) -> Result<Scene> {
     let path = arguments.scene.as_deref().unwrap_or(Path::new(&header.scene));
     if arguments.scene.is_none() && !path.exists() {
@@ -114,7 +115,7 @@ fn depth_of(header: &Header, file: &Path) -> Result<Option<DepthPath>> {
     Ok(known.ok_or_else(unknown)?.1)
 }
 
-/// Writes all ticks as a table; the file appears when it is complete.
+/// Writes all ticks as a table; the file appears only when it is complete.
 fn export(recorded: Recorded, out: &Path) -> Result<String> {
     let failed = |source| Error::Output { file: out.into(), source };
     let name = out.file_name().and_then(|name| name.to_str());

@@ -1,5 +1,5 @@
 //! `palpate run`: simulates a scene from the first step to the last, and writes a trace (one row per step) and the
-//! state at the end.
+//! state at the end. The *tool* is the rigid body that the haptic device leads.
 
 use std::path::PathBuf;
 
@@ -18,16 +18,17 @@ use crate::report::summary::ClosingTable;
 use crate::report::{self, Output, Summary, Tally, Trace};
 use crate::{hold, print, tell};
 
-/// Greatest number of threads that is accepted.
+/// Greatest number of threads that `--threads` accepts.
 const MOST_THREADS: u32 = 1024;
 const TRACE: &str = "trace.csv";
 const SUMMARY: &str = "summary.json";
-/// Greatest number of steps, a little more than a day at 1 kHz; the times of all steps are kept for the closing table.
+/// Greatest number of steps, a little more than a day at 1 kHz; limited because the times of all steps are kept in
+/// memory for the closing table.
 const MOST_STEPS: u64 = 100_000_000;
-/// Greatest number of solver iterations, as in a scene file.
+/// Greatest number of solver iterations that `--explain` accepts; a scene file has the same limit.
 const MOST_ITERATIONS: u32 = 10_000;
 const EXPLANATION: &str = "explain.json";
-/// Names of the kinds of buffers through which kernels read their arrays.
+/// Names of the kinds of buffers through which GPU kernels read their arrays.
 const ARRAYS: [(&str, Arrays); 2] = [("texel", Arrays::Texel), ("storage", Arrays::Storage)];
 
 /// Options of `palpate run`.
@@ -35,41 +36,45 @@ const ARRAYS: [(&str, Arrays); 2] = [("texel", Arrays::Texel), ("storage", Array
 pub struct Arguments {
     /// The scene, a TOML file
     scene: PathBuf,
-    /// Number of steps [default: until the last key of [drive], else one second]
+    /// Number of steps [default: up to the last key (timed pose) of the scene's [drive]; one second if there are no
+    /// keys]
     #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = steps, allow_negative_numbers = true)]
     steps: Option<u64>,
     /// Time to simulate, s
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     seconds: Option<f64>,
-    /// Vulkan device, by name or by index in `palpate devices`
+    /// Vulkan device: its name, or its index in the list of `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
-    /// Kind of buffers through which shaders read their arrays [default: what the device's limits allow; if both, the
-    /// faster one, measured once per device]
+    /// Kind of buffers through which GPU kernels read their arrays [default: the kind that the device's limits allow;
+    /// if they allow both, the faster one, measured once per device]
     #[arg(long, value_name = "KIND", value_parser = PossibleValuesParser::new(ARRAYS.map(|(name, _)| name)))]
     arrays: Option<String>,
     /// Greatest number of elements of a texel buffer, below the device's own limit: imitates a less capable device
     #[arg(long, value_name = "N")]
     texel_elements: Option<u32>,
-    /// Worker threads of Mesa's CPU driver lavapipe, unless LP_NUM_THREADS is set: a number, "auto" (none below 20000
-    /// tetrahedra, else the driver's default) or "driver" (the driver's default)
+    /// Worker threads of Mesa's CPU driver lavapipe, unless the environment variable LP_NUM_THREADS is set: a number,
+    /// "auto" (none below 20000 tetrahedra, else the driver's default) or "driver" (the driver's default)
     #[arg(long, value_name = "N", default_value = "auto", value_parser = lavapipe_threads)]
     threads: LavapipeThreads,
-    /// Implementation of the depth stage, overriding the scene; auto is the faster one, measured once per device
+    /// Implementation of the depth stage (which finds how deep vertices lie within other bodies) to use instead of the
+    /// scene's; auto is the faster one, measured once per device
     #[arg(long, value_name = "PATH", value_parser = PossibleValuesParser::new(DepthPath::CHOICES.map(|(name, _)| name)))]
     depth: Option<String>,
     /// Haptic device that holds the tool, in real time, with 1000 force updates per second unless the scene says
-    /// otherwise [default: the scene's]
+    /// otherwise [default: the scene's device]
     #[arg(long, value_name = "DEVICE", value_parser = PossibleValuesParser::new(DeviceKind::CHOICES.map(|(name, _)| name)))]
     haptics: Option<String>,
-    /// Profile (limits of force and workspace) of the device, overriding the scene; it can only lower a Haply's limits
+    /// Profile (limits of force and workspace) of the haptic device, instead of the scene's; a Haply's limits can only
+    /// be lowered
     #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(PROFILES.map(|profile| profile.name)))]
     profile: Option<String>,
-    /// File to record every tick (cycle) of the haptic loop into, for `palpate replay`; if its name ends in .csv, a
-    /// table, which cannot be replayed
+    /// File to record every tick (iteration) of the haptic loop into, for `palpate replay`; if the file's name ends in
+    /// .csv, it becomes a table, which cannot be replayed
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// Do not simulate; print which GPU passes a step of N (default 16) solver iterations has and leaves out, and why
+    /// Do not simulate; print which GPU passes a step of N (default 16) solver iterations has, which are left out, and
+    /// why
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "16",
         conflicts_with_all = ["steps", "seconds", "record"], value_parser = iterations)]
     explain: Option<u32>,
@@ -132,7 +137,7 @@ pub fn steps(text: &str) -> std::result::Result<u64, String> {
 
 /// Duration, s, of a session (run of the haptic loop with a device): the value of `--seconds`. Without it, the duration
 /// is unlimited for hardware, which a person holds; for a recording it is the number of recorded ticks (iterations of
-/// the loop) at the scene's rate; otherwise it is the duration of the scene.
+/// the loop) over the loop's rate; otherwise it is the duration of the scene.
 fn seconds_of(arguments: &Arguments, scene: &Scene) -> Result<f64> {
     if let Some(steps) = arguments.steps {
         let problem = format!("{steps} steps were requested, but a session with a haptic device is limited by time");
@@ -209,7 +214,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     ))
 }
 
-/// Prints which passes a step records, which it leaves out, and why.
+/// Prints which GPU passes a step has, which are left out, and why.
 fn explain(arguments: &Arguments, scene: &Scene, iterations: u32) -> Result<()> {
     let engine = Engine::open(scene, &arguments.device_options())?;
     engine.notes().for_each(tell);
@@ -224,9 +229,9 @@ fn explain(arguments: &Arguments, scene: &Scene, iterations: u32) -> Result<()> 
 
 /// Length of a run.
 enum Extent {
-    /// Number of steps of the scene's `dt`.
+    /// Number of steps, each as long as the scene's `dt`.
     Steps(u64),
-    /// Real time, s, with the tool held by a haptic device.
+    /// Duration in real time, s, with the tool held by a haptic device.
     Seconds(f64),
 }
 
@@ -237,7 +242,7 @@ struct Done {
     report: Option<Report>,
 }
 
-/// Does all steps, each with its row in the trace.
+/// Does all steps, and writes a row of the trace for each.
 fn simulate(
     mut engine: Engine,
     scene: &Scene,
@@ -291,8 +296,8 @@ fn simulate(
     Ok(Done { tally, outcome: engine.finish()?, report })
 }
 
-/// Images that are written at regular intervals: the number of steps from one image to the next, and the studio that
-/// renders them.
+/// Images that are written at regular intervals: the number of steps from one image to the next, and the studio
+/// (renderer without a window) that makes the images.
 #[cfg(feature = "view")]
 struct Snapshots(Option<(u64, palpate_view::Studio)>);
 
@@ -313,7 +318,7 @@ impl Snapshots {
     }
 }
 
-/// Does nothing: this program was built without rendering.
+/// Takes no images: this program was built without rendering.
 #[cfg(not(feature = "view"))]
 struct Snapshots;
 
@@ -328,7 +333,7 @@ impl Snapshots {
     }
 }
 
-/// A progress bar on standard error, drawn only where that is a terminal.
+/// A progress bar on standard error, drawn only where standard error is a terminal.
 fn progress(extent: &Extent) -> ProgressBar {
     let (length, template) = match extent {
         Extent::Steps(steps) => (*steps, "{wide_bar} {pos}/{len} steps, {eta} left"),
@@ -341,7 +346,8 @@ fn progress(extent: &Extent) -> ProgressBar {
     }
 }
 
-/// Writes the files of the run's end: layers (tetrahedral meshes), skins (surface meshes) and the summary.
+/// Writes the files that describe the end of the run: layers (tetrahedral meshes of the bodies), skins (their surface
+/// meshes) and the summary.
 fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
     let Done { tally, outcome, report } = done;
     for layer in &outcome.layers {

@@ -1,4 +1,5 @@
-//! `palpate stability`: runs the matrix of stiff and extreme cases, prints the report, and writes it.
+//! `palpate stability`: runs stiff and extreme cases, which vary one parameter at a time, checks that each case keeps
+//! certain invariants, prints the report, and writes it.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -12,28 +13,28 @@ use crate::{print, watch};
 
 const RESULTS: &str = "results.json";
 const REPORT: &str = "report.html";
-/// Number of faults that are named at the end; the report has all.
+/// Number of faults that the closing error names; the report lists all.
 const TOLD: usize = 3;
 
 /// Options of `palpate stability`.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Exit status: 0; 4 if a case fails without raising a flag or its scene is refused, or if a case with \
-    usual parameters (1 kPa to 10 MPa, Poisson's ratio 0 to 0.49, steps of 0.25 to 10 ms; the report marks them) does \
-    not pass"
+    after_help = "Exit status: 4 if a case fails without raising a flag, if a scene is refused, or if a case with \
+    usual parameters (1 kPa to 10 MPa, Poisson's ratio 0 to 0.49, steps of 0.25 to 10 ms; the report marks such cases) \
+    does not pass; else 0"
 )]
 pub struct Arguments {
-    /// Test fewer values, with fewer steps
+    /// Test fewer values of each parameter, with fewer steps
     #[arg(long)]
     quick: bool,
     /// Also do a million steps of resting contact, which takes half an hour
     #[arg(long)]
     soak: bool,
-    /// Vary only these parameters, separated by commas: young, poisson, step, thrust and so on; a wrong name makes the
-    /// error list all
+    /// Vary only these parameters, separated by commas: young, poisson, step, thrust and so on; a wrong name is
+    /// answered with a list of all names
     #[arg(long, value_name = "AXIS", value_delimiter = ',', value_parser = axis_name)]
     only: Vec<String>,
-    /// Vulkan device, by name or by index in `palpate devices`
+    /// Vulkan device: its name, or its index in the list of `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
     /// Directory to write report.html and results.json into; without it nothing is written
@@ -41,8 +42,8 @@ pub struct Arguments {
     out: Option<PathBuf>,
 }
 
-/// Runs the matrix, writes the report into a directory, if one is given, and prints it. Errors: an invariant is broken
-/// without a warning flag, or a case with usual parameters, which must pass, does not.
+/// Runs the cases, writes the report into a directory, if one is given, and prints it. Errors: an invariant is broken
+/// without a warning flag, a case's scene is refused, or a case with usual parameters, which must pass, does not.
 pub fn stability(arguments: &Arguments) -> Result<()> {
     let settings = Settings {
         is_quick: arguments.quick,
@@ -64,7 +65,7 @@ pub fn stability(arguments: &Arguments) -> Result<()> {
     if faults.is_empty() { Ok(()) } else { Err(Error::Simulation(in_short(&faults))) }
 }
 
-/// The number of faults and the first of them, in one line.
+/// One line with the number of faults and the first few faults.
 fn in_short(faults: &[String]) -> String {
     let first = faults[..faults.len().min(TOLD)].join("; ");
     let more = if faults.len() > TOLD { "; the report lists the others" } else { "" };

@@ -1,4 +1,5 @@
-//! `palpate view`: a window that shows a running scene, whose tool the user holds with the mouse or a haptic device.
+//! `palpate view`: a window that shows a running scene, whose tool, a rigid body, the user moves with the mouse or a
+//! haptic device. The trace is `trace.csv`, a table with a row for each step.
 
 mod app;
 mod closing;
@@ -36,35 +37,36 @@ const DEVICES: [&str; 6] = ["mouse", "drive", "scripted", "hand", "replay", "hap
 pub struct Arguments {
     /// The scene, a TOML file
     scene: PathBuf,
-    /// What moves the tool: the mouse, a haptic device, or `drive`, the scene's keys (timed poses) [default: mouse;
-    /// drive if there is no tool]
+    /// What moves the tool: the mouse, a haptic device, or `drive`, which stands for the scene's keys (timed poses)
+    /// [default: mouse; drive if the scene has no tool]
     #[arg(long, value_name = "DEVICE", value_parser = PossibleValuesParser::new(DEVICES))]
     device: Option<String>,
-    /// Profile (limits of force and workspace) of the device, overriding the scene; it can only lower a Haply's limits
+    /// Profile (limits of force and workspace) of the haptic device, instead of the scene's; a Haply's limits can only
+    /// be lowered
     #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(PROFILES.map(|profile| profile.name)))]
     profile: Option<String>,
-    /// Vulkan device, by name or by index in `palpate devices`
+    /// Vulkan device: its name, or its index in the list of `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     gpu: Option<String>,
     /// Width and height of the window, pixels
     #[arg(long, value_name = "WxH", value_parser = crate::film::size)]
     size: Option<[u32; 2]>,
-    /// Close after this number of steps; not with a haptic device
+    /// Close after this number of steps; refused with a haptic device
     #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = crate::run::steps, allow_negative_numbers = true)]
     steps: Option<u64>,
     /// Close after this time, s
     #[arg(long, value_name = "S", value_parser = crate::run::positive, allow_negative_numbers = true)]
     seconds: Option<f64>,
-    /// Directory to write trace.csv into, which has a row for each step
+    /// Directory to write trace.csv into, a table with a row for each step
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Check all Vulkan calls by the Khronos validation layer; its messages are errors
+    /// Check all Vulkan calls by the Khronos validation layer; any message of the layer is an error
     #[arg(long, hide = true)]
     validation: bool,
 }
 
-/// Opens the window and returns when it is closed. Input is read first; whatever ends the window, the haptic device is
-/// released.
+/// Opens the window and returns when it is closed. Input is read before the window opens; whatever closes the window,
+/// the haptic device is released.
 pub fn view(arguments: &Arguments) -> Result<()> {
     let mut scene = Scene::load(&arguments.scene)?;
     let name = arguments.device.as_deref().unwrap_or(if scene.tool.is_some() { "mouse" } else { "drive" });
@@ -144,7 +146,7 @@ fn extent_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
 
 fn no_display(scene: &Path, error: &winit::error::EventLoopError) -> Error {
     let (scene, error) = (scene.display(), error.to_string());
-    // winit's text begins with a place in its own source, which is cut off.
+    // winit's error text begins with a file and line of winit's source, which are cut off.
     let error =
         error.rsplit(".rs:").next().map_or("", |end| end.trim_start_matches(|c: char| c.is_ascii_digit() || c == ':'));
     let error = error.trim().trim_end_matches('.');
@@ -153,14 +155,15 @@ fn no_display(scene: &Path, error: &winit::error::EventLoopError) -> Error {
     ))
 }
 
-/// What moves the tool, by its name on the command line; `goal` is given if that is the mouse.
+/// What moves the tool, by the name on the command line; `goal`, the pose that the mouse moves, is given if that name
+/// is `mouse`.
 fn lead(name: &str, goal: Option<&Goal>, haptics: &Haptics) -> Lead {
     if name == "drive" {
         return Lead::Script;
     }
     let (goal, haptics) = (goal.cloned(), haptics.clone());
     let make: MakeDevice = Box::new(move |simulation, start: Key| match &goal {
-        // After a surface was dropped, the haptic device stays the one that the user chose.
+        // After a surface file is dropped onto the window, the new scene gets the haptic device that the user chose.
         None => hold::device(&Scene { haptics: haptics.clone(), ..simulation.scene().clone() }, start),
         Some(goal) => {
             goal.place(start.position, start.orientation);
@@ -170,7 +173,7 @@ fn lead(name: &str, goal: Option<&Goal>, haptics: &Haptics) -> Lead {
     Lead::Device { name: name.into(), make }
 }
 
-/// The trace, written by the simulation's thread and finished by the window's.
+/// The trace, written by the simulation's thread and finished by the window's thread.
 struct Shared {
     trace: Arc<Mutex<Option<Trace<BufWriter<File>>>>>,
     file: PathBuf,

@@ -1,13 +1,13 @@
-//! Tests of `palpate bench accuracy` on tiny cases: every curve (error of the engine against its cost, over the values
-//! of one setting) agrees with its reference, a fault planted in a kernel changes the verdict, and wrong names are
-//! refused. No times are judged.
+//! Tests of `palpate bench accuracy` on tiny cases. A *curve* is the error and the cost of the engine for each value of
+//! one setting; its *lines* are for different values of other settings. Curves agree with their references, a fault
+//! planted in a GPU kernel changes the verdict, and wrong names are refused. No times are judged.
 
 #[path = "../../../vk-tests/harness/spoil.rs"]
 mod spoil;
 
 use palpate_bench::accuracy::{self, Curve, Settings};
 
-/// Settings with blocks and heads that both engine and reference solve quickly.
+/// Settings with blocks and heads so small that both engine and reference solve them quickly.
 fn tiny() -> Settings {
     Settings {
         device: std::env::var("PALPATE_TEST_DEVICE").ok(),
@@ -30,8 +30,8 @@ fn measure(name: &str, settings: &Settings) -> Curve {
     }
     let text = accuracy::section(&curve).unwrap();
     assert!(text.plot.is_some() && !text.finding.is_empty() && text.table.rows.len() == curve.points.len());
-    assert!(!text.notes.concat().contains("why is not known"), "{name}: notes: {:?}", text.notes);
-    println!("{name}: {}; notes: {:?}", text.finding, text.notes);
+    assert!(!text.notes.concat().contains("why is not known"), "notes of curve {name}: {:?}", text.notes);
+    println!("curve {name}: finding: {}; notes: {:?}", text.finding, text.notes);
     curve
 }
 
@@ -40,17 +40,17 @@ fn measure(name: &str, settings: &Settings) -> Curve {
 fn forces_of_tight_solves_are_the_references_and_of_loose_ones_are_not() {
     let curve = measure("tolerance", &tiny());
     assert!(curve.is_within(), "lines whose error is beyond its bound: {:?}", curve.beyond());
-    // The quick settings have two preconditioners, each on two stiffnesses.
+    // The quick settings have two stiffnesses, each solved with two preconditioners.
     let titles: Vec<String> = curve.lines().iter().map(|line| line.title()).collect();
     assert_eq!(titles, ["20 kPa, jacobi", "20 kPa, auto", "2 MPa, jacobi", "2 MPa, auto"]);
     assert!(curve.decades() > 2.0, "errors span only {} powers of ten", curve.decades());
     for line in curve.lines() {
-        let [loose, .., tight] = &line.points[..] else { panic!("{line:?}") };
+        let [loose, .., tight] = &line.points[..] else { panic!("line with fewer than two points: {line:?}") };
         assert!(loose.error().unwrap() > 20.0 * tight.error().unwrap(), "line of the curve: {line:?}");
         assert!(tight.iterations > loose.iterations && tight.flags.is_empty(), "line of the curve: {line:?}");
     }
     let curve = measure("iterations", &tiny());
-    let [first, .., last] = &curve.lines()[1].points[..] else { panic!("{curve:?}") };
+    let [first, .., last] = &curve.lines()[1].points[..] else { panic!("a line has too few points: {curve:?}") };
     assert!(first.flags == ["not_converged"] && last.flags.is_empty() && curve.is_within(), "curve: {curve:?}");
 }
 
@@ -64,14 +64,14 @@ fn shorter_steps_and_more_linearisations_are_more_accurate() {
     assert!(curve.is_within() && curve.decades() > 2.0, "curve: {curve:?}");
     for line in curve.lines() {
         let (share, _) = line.share().unwrap();
-        assert!(share > 0.02 && share < 0.5, "{}: an iteration leaves the share {share} of the error", line.title());
+        assert!(share > 0.02 && share < 0.5, "{}: a Newton iteration leaves {share} of the error", line.title());
     }
 }
 
 #[test]
 #[ignore = "long: 16 s"]
 fn single_precision_loses_little_of_the_force_wherever_it_is() {
-    // With fewer steps the shortest run would touch nothing.
+    // With fewer steps a run would end before the sphere touches the block.
     let curve = measure("precision", &Settings { steps: 50, ..tiny() });
     assert!(curve.is_within() && curve.lines().len() == 2, "curve: {curve:?}");
     assert!(curve.points.iter().all(|point| point.error().is_some()), "curve: {curve:?}");
@@ -84,11 +84,11 @@ fn presets_are_settings_that_were_measured() {
     assert_eq!(curve.lines().iter().map(|line| line.panel).collect::<std::collections::BTreeSet<_>>().len(), 2);
     for (name, below, setting) in accuracy::presets(&curve) {
         let Some(setting) = setting else { continue };
-        assert!(setting.error().unwrap() < below && setting.points.len() == 2, "{name}: {setting:?}");
+        assert!(setting.error().unwrap() < below && setting.points.len() == 2, "preset {name}: {setting:?}");
         for point in &setting.points {
             assert!(
                 curve.points.contains(point) && point.flags.is_empty() && point.keys.len() == 4,
-                "{name}: {point:?}"
+                "point of preset {name}: {point:?}"
             );
         }
     }
@@ -97,7 +97,7 @@ fn presets_are_settings_that_were_measured() {
 #[test]
 #[ignore = "long: 17 s"]
 fn a_wrong_sign_in_a_kernel_turns_the_verdict_red() {
-    // With this fault contacts pull where they should push, and the solver still converges.
+    // With this fault contact forces pull where they should push; the solver still converges.
     let bytes = spoil::spoiled("solve/assemble", "b -= f * n;", "b += f * n;");
     let curve = measure("tolerance", &Settings { replaced: vec![("solve/assemble".into(), bytes)], ..tiny() });
     let finding = accuracy::section(&curve).unwrap().finding;
@@ -113,5 +113,8 @@ fn curves_of_no_such_name_are_refused() {
         .output()
         .unwrap();
     let error = String::from_utf8(run.stderr).unwrap();
-    assert!(run.status.code() == Some(2) && error.contains("accuracy/speed") && error.lines().count() == 1, "{error}");
+    assert!(
+        run.status.code() == Some(2) && error.contains("accuracy/speed") && error.lines().count() == 1,
+        "wrong error: {error}"
+    );
 }

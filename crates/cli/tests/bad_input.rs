@@ -1,7 +1,7 @@
 //! Tests of bad input through the built program: it ends with status 2, prints one line on standard error that names
 //! the mistake, its place and the remedy, does not panic, and leaves nothing in the output directory. Input is refused
 //! before a Vulkan device is opened. A body's *skin* is its surface mesh, its *layer* the tetrahedral mesh in which the
-//! skin is embedded.
+//! skin is embedded, its collision *proxies* are convex hulls of parts of the skin.
 
 #[path = "../../../tests/real_meshes/mod.rs"]
 mod real_meshes;
@@ -17,7 +17,7 @@ use tempfile::TempDir;
 
 use real_meshes::meshes;
 
-/// A unit cube, closed and wound outwards.
+/// A unit cube as an OBJ file: closed, and with faces that are counter-clockwise seen from outside.
 const CUBE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nf 4 3 2 1\nf 5 6 7 8\n\
                     f 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
 const MATERIAL: &str = "material = { young = 2e4, poisson = 0.4, density = 1000.0 }";
@@ -33,7 +33,7 @@ fn refusal(folder: &Path, scene: &str) -> String {
     fs::write(&file, scene).unwrap();
     let output = palpate(&["run", file.to_str().unwrap(), "--steps", "1", "--out", out.to_str().unwrap()]);
     let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{scene}\n{message}");
+    assert_eq!(output.status.code(), Some(2), "exit status of the scene\n{scene}\nwith the error: {message}");
     assert_eq!(message.lines().count(), 1, "wrong error: {message}");
     assert!(message.starts_with("error: ") && !message.contains("panicked"), "wrong error: {message}");
     assert!(output.stdout.is_empty(), "standard output must be empty");
@@ -57,7 +57,7 @@ fn a_good_scene_is_not_refused_as_bad_input() {
     let file = folder.path().join("good.toml");
     fs::write(&file, soft("surface = \"cube.obj\"", "{ cell = 0.5 }")).unwrap();
     let output = palpate(&["run", file.to_str().unwrap(), "--steps", "1"]);
-    assert_ne!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_ne!(output.status.code(), Some(2), "wrong error: {}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[test]
@@ -141,13 +141,14 @@ fn mistakes_on_the_command_line() {
     assert!(message.contains("1e300 s are more than 100000000 steps"), "wrong error: {message}");
 }
 
-/// Expected outcome of a mesh in `bad/`, the folder of defective files.
+/// Expected outcome of preparing a mesh in `bad/`, the folder of defective files.
 enum Answer {
-    /// It is refused, with these words.
+    /// The mesh is refused, with an error that contains these words.
     Refused(&'static str),
-    /// It is prepared with lattice cells of this edge, with these notes (given without the file and its line).
+    /// The surface mesh is prepared as the skin of a rigid body, and of a soft body with lattice cells of this edge, m;
+    /// both times with these notes (given without the file's name and line number).
     Cells(f64, &'static [&'static str]),
-    /// It is prepared as a layer (tetrahedral mesh), with these notes.
+    /// The tetrahedral mesh is prepared as the layer of a soft body, with these notes.
     Layer(&'static [&'static str]),
 }
 use Answer::{Cells, Layer, Refused};
@@ -156,7 +157,7 @@ use Answer::{Cells, Layer, Refused};
 const ANSWERS: [(&str, Answer); 25] = [
     ("duplicate_faces.obj", Cells(0.1, &["300 triangles given more than once dropped"])),
     ("empty.obj", Refused("has no vertices")),
-    // No key `scale` of the scene helps, because rounding to f32 has already lost the coordinates' digits.
+    // The scene's key `scale` cannot help: in any unit, the edges are too short for f32 so far from the origin.
     ("far_from_origin.obj", Refused("from the origin, where neighbouring f32 numbers are")),
     ("flipped_10pct.obj", Cells(0.1, &["1619 edges with inconsistently oriented triangles; 599 triangles reversed"])),
     ("huge_coords.obj", Refused("coordinates reach 8.491e17")),
@@ -170,7 +171,7 @@ const ANSWERS: [(&str, Answer); 25] = [
         "nonmanifold_edge_welded.obj",
         Cells(0.2, &["1 edges of more than two triangles, kept; contact is not followed across them"]),
     ),
-    // A pyramid, which is closed if every dialect of the format in it is understood.
+    // A pyramid in several dialects of the OBJ format, which is closed only if the reader understands all of them.
     ("ok_dialects.obj", Cells(0.2, &[])),
     (
         "open_holes.obj",
@@ -180,7 +181,7 @@ const ANSWERS: [(&str, Answer); 25] = [
                (2.35 % of the surface)"],
         ),
     ),
-    // A head that is open at the neck and wound inwards.
+    // A head that is open at the neck and whose triangles face inwards.
     (
         "real_cgal_head_open.obj",
         Cells(
@@ -192,7 +193,7 @@ const ANSWERS: [(&str, Answer); 25] = [
             ],
         ),
     ),
-    // The file also holds clothes, lashes and joints of the rig, some of them open sheets.
+    // Besides a human, the file holds clothes, eyelashes and the joints of a rig; some of these are open sheets.
     (
         "real_makehuman_base.obj",
         Cells(
@@ -226,7 +227,7 @@ const ANSWERS: [(&str, Answer); 25] = [
     ("out_of_range.ele", Refused("out_of_range.ele:2: tetrahedron 0 names node 4, which does not exist")),
 ];
 
-/// Prepares the body of a scene.
+/// Prepares the only body of a scene.
 fn prepared(folder: &Path, scene: &str) -> palpate::Result<prepare::Body> {
     let file = folder.join("scene.toml");
     fs::write(&file, scene).unwrap();
@@ -235,7 +236,7 @@ fn prepared(folder: &Path, scene: &str) -> palpate::Result<prepare::Body> {
 }
 
 /// Checks that a prepared body is finite, that its skin is embedded and covered by collision proxies, and that the
-/// notes on its file are `notes`.
+/// notes on the mesh file at `path` are `notes`.
 fn assert_prepared(name: &str, path: &Path, body: &prepare::Body, notes: &[&str]) {
     let (skin, proxies) = match &body.shape {
         prepare::Shape::Soft { layer, embedding, skin, proxies, .. } => {
@@ -298,7 +299,12 @@ fn every_bad_mesh_is_prepared_with_a_report_or_refused_with_the_reason() {
                 // triangles alone.
                 let strict = prepared(folder.path(), &format!("{rigid}repair = false\n"));
                 let is_sound = notes.iter().all(|note| note.contains("pairs of triangles intersect"));
-                assert_eq!(strict.is_ok(), is_sound, "{name}: accepted with `repair = false`; {:?}", strict.err());
+                assert_eq!(
+                    strict.is_ok(),
+                    is_sound,
+                    "{name}: whether it is accepted with `repair = false`; error: {:?}",
+                    strict.err()
+                );
             }
             Layer(notes) => assert_prepared(name, &path, &prepared(folder.path(), &layer).unwrap(), notes),
         }
@@ -317,7 +323,7 @@ fn every_good_mesh_is_read() {
         ("human_3000", 3_000, 5_996),
     ] {
         let (mesh, report) = repair::read(&meshes.join(format!("surf/{name}.obj")), true).unwrap();
-        assert!(report.is_clean(), "{name}: {report:?}");
+        assert!(report.is_clean(), "{name} was repaired: {report:?}");
         assert_eq!(
             (mesh.vertices.len(), mesh.triangles.len()),
             (vertices, triangles),
@@ -336,13 +342,13 @@ fn every_good_mesh_is_read() {
         ("bad_slivers.v41", 729, 3575),
     ] {
         let mesh = gmsh::read(&meshes.join(format!("tet/{name}.msh"))).unwrap();
-        assert_eq!((mesh.nodes.len(), mesh.tetrahedra.len()), (nodes, tetrahedra), "size of {name}");
+        assert_eq!((mesh.nodes.len(), mesh.tetrahedra.len()), (nodes, tetrahedra), "nodes and tetrahedra of {name}");
     }
 }
 
-/// Greatest ratio of the size of all collision hulls (sum of the diagonals of their boxes) of a triangle soup, whose
-/// triangles share no vertices, to that of the sound surface. Repair joins vertices of the soup; a joined vertex that
-/// was assigned to a distant hull would stretch that hull over the body.
+/// Greatest allowed ratio of two sums of hull sizes: that of a triangle soup (whose triangles share no vertices) to
+/// that of the sound surface. The size of a collision hull is the diagonal of its bounding box. Repair joins vertices
+/// of the soup; a joined vertex that was assigned to a distant hull would stretch that hull over the body.
 const SAME_HULLS: f64 = 1.05;
 
 #[test]
@@ -388,11 +394,11 @@ fn a_run_says_what_was_repaired() {
     fs::write(&file, soft("surface = \"cube.obj\"", "{ cell = 0.5 }")).unwrap();
     let output = palpate(&["run", file.to_str().unwrap(), "--steps", "1", "--out", out.to_str().unwrap()]);
     if output.status.code() == Some(3) {
-        println!("skipped, because there is no Vulkan device: a run reports repairs");
+        println!("the test of a run's notes on repairs is skipped, because there is no Vulkan device");
         return;
     }
     let (said, note) = (String::from_utf8(output.stderr).unwrap(), "4 edges with inconsistently oriented triangles");
-    assert!(said.starts_with("note: ") && said.contains("cube.obj:9: ") && said.contains(note), "{said}");
+    assert!(said.starts_with("note: ") && said.contains("cube.obj:9: ") && said.contains(note), "notes: {said}");
     let summary: serde_json::Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
     let told = &summary["files"]["a"];
     assert_eq!(

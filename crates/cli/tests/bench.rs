@@ -1,7 +1,7 @@
-//! Tests of `palpate bench`: tiny runs answer every question of the report; results of shards (subsets of the parts,
-//! measured separately) are joined; results are compared with earlier ones; bad input is refused. No times are judged.
-//! In the benchmark of the haptic loop, the *local model* extrapolates the contact wrench between simulation steps; the
-//! *raw force* is the force without it.
+//! Tests of `palpate bench`: tiny runs answer every question of the report; results of shards (subsets of the
+//! benchmarks' parts, measured separately) are joined; results are compared with earlier ones; bad input is refused. No
+//! times are judged. In the benchmark of the haptic loop, the *local model* extrapolates the contact wrench between
+//! simulation steps; the *raw force* is the force without the local model.
 
 use std::process::{Command, Output};
 
@@ -13,7 +13,7 @@ use palpate_bench::suite::{self, Head, Shard};
 use palpate_bench::{Benchmark, Document};
 use serde_json::{Map, Value};
 
-/// Measures all parts of a benchmark; returns them, the progress lines, and the report as HTML.
+/// Measures all parts of a benchmark; returns the parts' results, the progress lines, and the report as HTML.
 fn measure(benchmark: Box<dyn Benchmark>) -> (Map<String, Value>, Vec<String>, String) {
     let mut told = Vec::new();
     let benchmarks = [benchmark];
@@ -46,7 +46,7 @@ fn a_tiny_run_answers_every_question_of_the_query() {
     let results = proximity::Results::of(&json).unwrap();
     assert!(told.iter().any(|what| what.starts_with("peers")), "progress lines: {told:?}");
 
-    let [few, many] = &results.sensitivity[..] else { panic!("{:?}", results.sensitivity) };
+    let [few, many] = &results.sensitivity[..] else { panic!("not two sizes: {:?}", results.sensitivity) };
     assert!(
         few.place.contacts > 100 && few.place.contacts == many.place.contacts,
         "results with few vertices: {few:?}; with many vertices: {many:?}"
@@ -57,8 +57,8 @@ fn a_tiny_run_answers_every_question_of_the_query() {
     assert_eq!(["pose", "contact", "pose to contact"].map(runs), [3; 3]);
     let areas: Vec<f64> = results.area.iter().map(|row| 1e4 * row.place.area).collect();
     assert!(results.area[0].place.contacts == 0 && areas[0] == 0.0);
-    // The tolerances are wide, because the triangles at the border of the contact area are coarse and the ball touches
-    // a little away from the pole.
+    // The tolerances are wide, because the triangles at the border of the contact area are coarse and the bodies touch
+    // a little away from the poles, about which their vertices lie in rings.
     assert!(
         (areas[1] - 1.0).abs() < 0.15 && (areas[2] - 2.0).abs() < 0.2,
         "contact areas, requested 0, 1 and 2 cm^2, measured {areas:?} cm^2"
@@ -91,17 +91,17 @@ fn a_tiny_run_answers_every_question_of_the_solver() {
         let by_preconditioner: Vec<_> = case.runs.chunk_by(|a, b| a.preconditioner == b.preconditioner).collect();
         assert_eq!(by_preconditioner.len(), 2, "case: {case:?}");
         for runs in by_preconditioner {
-            let [loose, tight] = runs else { panic!("{runs:?}") };
+            let [loose, tight] = runs else { panic!("not two runs: {runs:?}") };
             assert_eq!((loose.tolerance, tight.tolerance), (1e-1, 1e-6));
             // Single precision cannot guarantee a residual of 1e-6 on the stiff block with long steps.
             assert!(case.case.young > 2e4 || tight.flagged == 0, "tight tolerance: {tight:?}");
-            // The bound covers the solver's tolerance and the rounding of f32 displacements.
-            assert!(tight.error < 1e-5 && tight.error > 0.0 && tight.error < loose.error, "{runs:?}");
-            assert!(tight.iterations.iter().zip(&loose.iterations).all(|(many, few)| many > few), "{runs:?}");
+            // The bound on the error covers the solver's tolerance and the rounding of f32 displacements.
+            assert!(tight.error < 1e-5 && tight.error > 0.0 && tight.error < loose.error, "errors: {runs:?}");
+            assert!(tight.iterations.iter().zip(&loose.iterations).all(|(many, few)| many > few), "runs: {runs:?}");
             assert!(tight.step_us.len() == 2 && tight.step_us.iter().all(|steps| steps.len() == 4));
         }
     }
-    let [small, large] = &results.scaling[..] else { panic!("{:?}", results.scaling) };
+    let [small, large] = &results.scaling[..] else { panic!("not two sizes: {:?}", results.scaling) };
     assert!((small.tetrahedra, large.tetrahedra) == (162, 750) && small.steps.len() == 2);
     assert_eq!(large.iterations[0].iterations, [32, 8]);
     assert!(large.iterations[0].bytes_device > 750 * 100 && large.iterations[0].short_us.len() == 2);
@@ -129,31 +129,34 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
     let results = haptics::Results::of(&json).unwrap();
     assert!(told.iter().any(|what| what == "slide: premium at 50 Hz"), "progress lines: {told:?}");
 
-    let [width] = &results.widths[..] else { panic!("{:?}", results.widths) };
+    let [width] = &results.widths[..] else { panic!("not one damping: {:?}", results.widths) };
     assert!(
         (width.profile.as_str(), width.damping, width.coupling) == ("premium", 0.0, 800.0) && width.local >= width.raw
     );
-    let [prompt, late] = &results.delays[..] else { panic!("{:?}", results.delays) };
+    let [prompt, late] = &results.delays[..] else { panic!("not two delays: {:?}", results.delays) };
     assert!(
         prompt.local > late.local && late.local > late.gil && prompt.delay == 0.0,
         "results without delay: {prompt:?}; with a delay of 20 ms: {late:?}"
     );
-    let [slow] = &results.rates[..] else { panic!("{:?}", results.rates) };
-    // With a slow simulation the raw force oscillates at walls at which the force of the local model is steady.
+    let [slow] = &results.rates[..] else { panic!("not one rate: {:?}", results.rates) };
+    // With a slow simulation the raw force oscillates at virtual walls at which the local model's force is steady.
     assert!(slow.rate == 50.0 && slow.local > 10.0 * slow.raw, "slow simulation: {slow:?}");
 
     use haptics::{Met, Mode};
     assert_eq!(results.holds.len(), 2 * Mode::ALL.len());
     let held = |met: Met, mode: Mode| results.holds.iter().find(|held| held.met == met && held.mode == mode).unwrap();
     let wall = held(Met::Wall(2000.0), Mode::Local);
-    assert!(haptics::is_still(&wall.force) && wall.reading.swing <= 2e-5 && wall.force.mean > 0.5, "{wall:?}");
-    assert!(!haptics::is_still(&held(Met::Wall(2000.0), Mode::Raw).force), "{:?}", results.holds);
-    assert!(held(Met::Head, Mode::Local).force.mean > 0.1, "{:?}", results.holds);
+    assert!(haptics::is_still(&wall.force) && wall.reading.swing <= 2e-5 && wall.force.mean > 0.5, "hold: {wall:?}");
+    assert!(!haptics::is_still(&held(Met::Wall(2000.0), Mode::Raw).force), "holds: {:?}", results.holds);
+    assert!(held(Met::Head, Mode::Local).force.mean > 0.1, "holds: {:?}", results.holds);
     for slid in &results.slides {
-        assert!(slid.rate == 50.0 && slid.slide.raw.newtons > 0.0 && slid.slide.contact.newtons > 0.0, "{slid:?}");
+        assert!(
+            slid.rate == 50.0 && slid.slide.raw.newtons > 0.0 && slid.slide.contact.newtons > 0.0,
+            "slide: {slid:?}"
+        );
         assert_eq!(slid.trace.len(), 300);
     }
-    let [idle, loaded] = &results.jitter[..] else { panic!("{:?}", results.jitter) };
+    let [idle, loaded] = &results.jitter[..] else { panic!("not two runs: {:?}", results.jitter) };
     assert!(loaded.is_loaded && !idle.is_loaded && loaded.servo.ticks > 0 && loaded.steps > 0);
 
     assert_eq!(page.matches("<figure>").count(), 6, "report: {page}");
@@ -164,7 +167,8 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
 #[ignore = "long: 19 s"]
 fn a_tiny_run_answers_every_question_of_the_papers_scenes() {
     let folder = tempfile::tempdir().unwrap();
-    // The five scenes are replaced by one small scene under their names.
+    // Each of the paper's five scenes is replaced by the same small scene, under the name of the scene that it
+    // replaces.
     for told in paper::SCENES {
         let scene =
             include_str!("../../../assets/scenes/touch-head.toml").replace("44000", "4000").replace("0.018", "0.04");
@@ -191,7 +195,7 @@ fn a_tiny_run_answers_every_question_of_the_papers_scenes() {
         assert!(ran.times.query_ms() > 0.0 && ran.times.step_ms() > ran.times.query_ms());
     }
     for (by, rows) in &results.growth {
-        let [small, large] = &rows[..] else { panic!("{rows:?}") };
+        let [small, large] = &rows[..] else { panic!("not two sizes: {rows:?}") };
         assert!(small.times.contacts() > 0.0 && large.times.contacts() > 0.0, "scenes that grow by {by:?}: {rows:?}");
         let is_larger = match by {
             paper::By::Area => small.times.area() < large.times.area(),
@@ -217,7 +221,7 @@ fn two_shards_joined_give_the_report_of_the_whole_and_every_part_is_in_one() {
     let dir = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
     let ok = |arguments: &[&str]| {
         let done = palpate(arguments);
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        assert!(done.status.success(), "error: {}", String::from_utf8_lossy(&done.stderr));
         String::from_utf8(done.stdout).unwrap()
     };
     // These three parts run in virtual time and give the same numbers in every run.
@@ -249,9 +253,9 @@ fn what_is_slower_than_before_ends_with_status_4() {
     let arguments = ["bench", "proximity/peers", "--quick", "--out", &dir("new")];
     assert!(palpate(&arguments).status.success());
     let same = palpate(&["bench", "--merge", &dir("new"), "--compare", &dir("new")]);
-    assert!(same.status.success(), "{}", String::from_utf8_lossy(&same.stderr));
+    assert!(same.status.success(), "error: {}", String::from_utf8_lossy(&same.stderr));
     assert!(String::from_utf8_lossy(&same.stdout).contains("0 of"));
-    // Makes old results in which the contact stage took a hundredth of the new time.
+    // These old results say that the contact stage took a hundredth of the time that it took in the new results.
     let file = folder.path().join("new/results.json");
     let mut json: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
     let contact = &mut json["benchmarks"]["proximity"]["parts"]["peers"]["samples_us"]["contact"];
@@ -276,6 +280,6 @@ fn what_is_not_there_is_refused_before_anything_is_measured() {
         let run = palpate(arguments);
         let error = String::from_utf8(run.stderr).unwrap();
         assert_eq!(run.status.code(), Some(2), "wrong error: {error}");
-        assert!(error.contains(mistake) && error.contains(remedy) && error.lines().count() == 1, "{error}");
+        assert!(error.contains(mistake) && error.contains(remedy) && error.lines().count() == 1, "error: {error}");
     }
 }

@@ -1,5 +1,7 @@
-//! Tests of the package: CMake and pkg-config find what `install.sh` puts into a folder, programs link and run with it
-//! even after that folder was moved, and the library exports only the functions of its C interface.
+//! Tests of the installed package of palpate, an engine for haptic touch of soft bodies, whose library has a C
+//! interface: CMake and pkg-config find the files that `install.sh` puts into a folder; C programs link with the
+//! library in that folder and run, even after the folder was moved; the library exports only the functions of its C
+//! interface.
 
 #[path = "../../capi/tests/ffi_help/mod.rs"]
 mod ffi_help;
@@ -10,14 +12,16 @@ use std::process::Command;
 use ffi_help::{BLOCK, SPHERE, library, root};
 
 fn output(command: &mut Command) -> String {
-    let done = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}; ./setup.sh --tests installs it"));
+    let done = command
+        .output()
+        .unwrap_or_else(|error| panic!("{command:?}: {error}; ./setup.sh --tests installs the program"));
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    assert!(done.status.success(), "{command:?}: {} {}", text(&done.stdout), text(&done.stderr));
+    assert!(done.status.success(), "{command:?} failed: output {}, errors {}", text(&done.stdout), text(&done.stderr));
     text(&done.stdout)
 }
 
-/// Installs the program and libraries that this test was built with, and moves them; returns their new prefix and a
-/// scene.
+/// Installs the program and the libraries that were built together with this test, then moves the folder that holds
+/// them; returns that folder (the new prefix) and the path of a scene file.
 fn installed(folder: &Path) -> (PathBuf, PathBuf) {
     let (built, first, second) = (folder.join("built"), folder.join("first"), folder.join("second place"));
     std::fs::create_dir(&built).unwrap();
@@ -34,10 +38,10 @@ fn installed(folder: &Path) -> (PathBuf, PathBuf) {
     (second, scene)
 }
 
-/// Runs the example in C, which must print a line per step.
+/// Runs the compiled C example `examples/c/touch.c` for three steps of the scene; it must print one line per step.
 fn runs(program: &Path, scene: &Path) {
     let said = output(Command::new(program).arg(scene).arg("3"));
-    assert_eq!(said.lines().count(), 3, "the command printed: {said}");
+    assert_eq!(said.lines().count(), 3, "the example must print three lines; it printed: {said}");
 }
 
 #[test]
@@ -72,12 +76,15 @@ fn cmake_and_pkg_config_find_what_was_installed() {
     assert_eq!(ask(&["--modversion"]), env!("CARGO_PKG_VERSION"));
     let (flags, libraries) = (ask(&["--cflags", "--libs"]), ask(&["--static", "--libs"]));
     let program = folder.path().join("touch");
-    // A shell splits the flags into words, because the prefix has a blank in it.
+    // The prefix has a blank in it, which pkg-config escapes in the flags, so a shell must split them into words.
     let line =
         format!("gcc '{}' {flags} '-Wl,-rpath,{}/lib' -o '{}'", source.display(), prefix.display(), program.display());
     output(Command::new("sh").args(["-c", &line]));
     runs(&program, &scene);
-    assert!(libraries.contains("-lpalpate") && libraries.contains("-lpthread"), "flags of pkg-config: {libraries}");
+    assert!(
+        libraries.contains("-lpalpate") && libraries.contains("-lpthread"),
+        "`pkg-config --static --libs` printed: {libraries}"
+    );
 }
 
 #[test]
@@ -91,7 +98,10 @@ fn the_script_says_what_is_wrong_and_leaves_nothing_behind() {
     ] {
         let done = Command::new(root().join("install.sh")).args(&arguments).output().unwrap();
         let said = String::from_utf8(done.stderr).unwrap();
-        assert!(done.status.code() == Some(2) && said.contains(words) && said.lines().count() == 1, "{said}");
+        assert!(
+            done.status.code() == Some(2) && said.contains(words) && said.lines().count() == 1,
+            "install.sh {arguments:?}: wrong error: {said}"
+        );
         assert!(!prefix.exists());
     }
 }
@@ -104,13 +114,13 @@ fn the_shared_library_gives_away_its_interface_alone_and_needs_no_vulkan_to_be_l
     assert!(names.len() > 20 && names.iter().all(|name| name.starts_with("palpate_")), "exported names: {names:?}");
     let header = std::fs::read_to_string(root().join("crates/capi/src/palpate.h")).unwrap();
     for name in names {
-        assert!(header.contains(&format!("{name}(")), "{name} is not in palpate.h");
+        assert!(header.contains(&format!("{name}(")), "the exported function {name} is not declared in palpate.h");
     }
     let needed = output(Command::new("readelf").arg("-d").arg(&shared));
     let needed: Vec<&str> = needed.lines().filter(|line| line.contains("(NEEDED)")).collect();
     let system = ["libc.so", "libm.so", "libgcc_s.so", "ld-linux"];
     assert!(
         !needed.is_empty() && needed.iter().all(|line| system.iter().any(|name| line.contains(name))),
-        "{needed:?}"
+        "the library may need only system libraries, but it needs: {needed:?}"
     );
 }

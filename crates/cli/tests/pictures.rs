@@ -1,8 +1,9 @@
-//! Tests of rendered images, which must look like the golden ones (stored reference images), and of the films and
-//! snapshots that the built program writes.
+//! Tests of rendered images of a simulation, which must look like the golden images (stored references), and of the
+//! films (image sequences) and snapshots (single images) that the built program `palpate` writes. A *contact patch* is
+//! a place where a pair of bodies may touch; an image can show it as a rectangle.
 //!
-//! `PALPATE_WRITE_GOLDEN=1 cargo test --release --test pictures` makes the golden images again. Look at them before you
-//! keep them.
+//! `PALPATE_WRITE_GOLDEN=1 cargo test --release --test pictures` overwrites the golden images with newly rendered ones.
+//! Look at the new images before you keep them.
 #![cfg(feature = "view")]
 
 use std::fs;
@@ -23,26 +24,28 @@ mod spoil;
 
 /// Width and height of the images, pixels.
 const SIZE: [u32; 2] = [480, 270];
-/// Side of the squares whose mean colours are compared, pixels; the mean removes noise of single pixels, which no
+/// Side, in pixels, of the squares whose mean colours are compared; the mean removes noise of single pixels, which no
 /// viewer sees.
 const BLUR: u32 = 3;
-/// Width and height of a tile, in squares of [`BLUR`] pixels. Images are compared tile by tile and the least similar
-/// tile counts, because a contact patch is a small part of an image.
+/// Width and height of a tile, in squares of [`BLUR`] pixels. Images are compared tile by tile, and the least similar
+/// tile decides, because a contact patch is a small part of an image.
 const TILE: [u32; 2] = [16, 15];
-/// Least structural similarity (Wang et al. 2004) of a tile, in its worst colour channel, for images to count as alike.
-/// Noise of 1/255 leaves 0.94 (the crate sums variances over a window where the paper takes their mean, and so is
-/// stricter); a turn of the camera by two degrees leaves 0.8.
+/// Two images count as alike if the structural similarity (Wang et al. 2004) of each tile, in its worst colour channel,
+/// is no less than this. Noise of 1/255 lowers it from 1 to 0.94 (the crate `image_compare` sums variances over a
+/// window where the paper takes their mean, which is stricter); a turn of the camera by two degrees lowers it to 0.8.
 const ALIKE: f64 = 0.87;
 
-/// A golden image: the scene and the camera that it is made with.
+/// A golden image: its name, and the scene, number of steps, camera and overlays (what is shown besides the surfaces of
+/// the bodies) with which it is rendered.
 struct Golden {
     name: &'static str,
     scene: &'static str,
     steps: usize,
     shown: &'static [Overlay],
-    /// Camera: angles to the right of the front and above the horizon, degrees, and a zoom factor (1 shows everything).
+    /// The camera's angle to the right of the scene's front, its angle above the horizon (both in degrees), and its
+    /// zoom factor (1 shows everything).
     from: [f64; 3],
-    /// Offset of the camera's target from the middle of all bodies, m.
+    /// Vector from the middle of all bodies to the point that the camera looks at, m.
     aside: [f64; 3],
 }
 
@@ -107,7 +110,8 @@ fn device() -> Option<String> {
     std::env::var("PALPATE_TEST_DEVICE").ok()
 }
 
-/// A scene after some steps, and a studio that renders it.
+/// Loads the scene of this name from the golden folder and steps it; returns the simulation and a studio, which renders
+/// images of it. Each shader named in `replaced` is replaced by the SPIR-V that is given with its name.
 fn studio(scene: &str, steps: usize, replaced: Vec<(String, Vec<u8>)>) -> (Simulation, Studio) {
     let scene = Scene::load(&golden_folder().join(format!("{scene}.toml"))).unwrap();
     let options = Options { device: device(), threads: Some(Threads::Auto), replaced, ..Options::of_program() };
@@ -144,7 +148,7 @@ fn read(file: &Path) -> RgbImage {
     ImageBuffer::from_raw(info.width, info.height, bytes).unwrap()
 }
 
-/// The mean colours of squares of [`BLUR`] pixels a side.
+/// A smaller image, in which each pixel is the mean of a square of the given image with a side of [`BLUR`] pixels.
 fn blurred(image: &RgbImage) -> RgbImage {
     RgbImage::from_fn(SIZE[0] / BLUR, SIZE[1] / BLUR, |x, y| {
         let pixels = (0..BLUR * BLUR).map(|k| image.get_pixel(BLUR * x + k % BLUR, BLUR * y + k / BLUR));
@@ -154,7 +158,7 @@ fn blurred(image: &RgbImage) -> RgbImage {
     })
 }
 
-/// Structural similarity of two images in their least similar tile, 0 to 1.
+/// Structural similarity of two images in their least similar tile; 1 if the images are equal.
 fn likeness(a: &RgbImage, b: &RgbImage) -> f64 {
     assert_eq!((a.dimensions(), b.dimensions()), (SIZE.into(), SIZE.into()));
     let (a, b) = (blurred(a), blurred(b));
@@ -188,12 +192,12 @@ fn pictures_look_like_the_golden_ones() {
                 picture.write_png(fs::File::create(&file).unwrap()).unwrap();
             }
             let alike = likeness(&image(&picture), &read(&file));
-            println!("{}: similarity to the golden image {alike:.4}", golden.name);
+            println!("image {}: the similarity to its golden image is {alike:.4}", golden.name);
             if alike < ALIKE {
                 let seen = std::env::temp_dir().join(format!("palpate-{}.png", golden.name));
                 picture.write_png(fs::File::create(&seen).unwrap()).unwrap();
                 panic!(
-                    "image {} has a similarity of only {alike:.3} to {}; it was written to {}",
+                    "the rendered image {} has a similarity of only {alike:.3} to {}; the rendered image is now in {}",
                     golden.name,
                     file.display(),
                     seen.display()
@@ -203,7 +207,7 @@ fn pictures_look_like_the_golden_ones() {
     }
 }
 
-/// The image without its legend, whose letters differ between fields.
+/// The image with its legend painted over, because the legend's letters differ between pressure and depth.
 fn unlabelled(mut image: RgbImage) -> RgbImage {
     for (x, y, pixel) in image.enumerate_pixels_mut() {
         if x < 300 && y > 150 {
@@ -224,7 +228,7 @@ fn the_comparison_sees_what_eyes_see() {
     let sun = DVec3::new(-0.25, 0.85, 0.8);
     let [plain, pressed, ..] = &GOLDEN;
     let head = sun_at(&mut studio, plain, sun);
-    // Noise does not count as a difference.
+    // Noise of one intensity level must not count as a difference.
     let mut noise = head.clone();
     let mut state = 1u32;
     for byte in noise.iter_mut() {
@@ -232,16 +236,16 @@ fn the_comparison_sees_what_eyes_see() {
         *byte = byte.saturating_add_signed((state >> 16) as i8 % 2);
     }
     let alike = likeness(&head, &noise);
-    println!("image with noise: similarity {alike:.3}");
+    println!("the similarity of the image with noise to the image without noise is {alike:.3}");
     assert!(head != noise && alike > ALIKE, "the similarity {alike} of the image with noise is too low");
     let expect_seen = |what: &str, a: &RgbImage, b: &RgbImage| {
         let alike = likeness(a, b);
-        println!("{what}: similarity {alike:.3}");
-        assert!(alike < ALIKE, "{what}: the similarity {alike} is too high");
+        println!("{what}: the similarity to the image without this change is {alike:.3}");
+        assert!(alike < ALIKE, "{what}: the similarity {alike} to the image without this change is too high");
     };
-    // Light from another direction must be noticed; light from below casts no shadow on the ground.
+    // The comparison must notice light from another direction; light from below casts no shadow on the ground.
     expect_seen("light from the right", &head, &sun_at(&mut studio, plain, DVec3::new(0.8, 0.85, 0.3)));
-    expect_seen("light 10 degrees lower", &head, &sun_at(&mut studio, plain, DVec3::new(-0.25, 0.62, 0.95)));
+    expect_seen("light 13 degrees lower", &head, &sun_at(&mut studio, plain, DVec3::new(-0.25, 0.62, 0.95)));
     expect_seen("light from below", &head, &sun_at(&mut studio, plain, -sun));
     for golden in [plain, pressed] {
         let before = sun_at(&mut studio, golden, sun);
@@ -249,13 +253,14 @@ fn the_comparison_sees_what_eyes_see() {
             let [yaw, pitch, nearer] = golden.from;
             let moved = Golden { from: [yaw + right, pitch + up, nearer], ..*golden };
             expect_seen(
-                &format!("{}, camera moved {right} degrees right, {up} up", golden.name),
+                &format!("image {}, camera turned by {right} degrees to the right and {up} degrees up", golden.name),
                 &before,
                 &sun_at(&mut studio, &moved, sun),
             );
         }
     }
-    // The colour map of pressure is exchanged for that of depth, a field with a similar distribution.
+    // The comparison must notice another colour map: the image of pressure is compared with the image of depth, a field
+    // with a similar distribution on the surface and another colour map.
     let [pressure, depth] = [Overlay::Pressure, Overlay::Depth].map(|field| {
         pressed.aim(&mut studio);
         studio.renderer().set_sun(sun);
@@ -263,8 +268,8 @@ fn the_comparison_sees_what_eyes_see() {
         unlabelled(image(&studio.picture(&mut simulation).unwrap()))
     });
     let alike = likeness(&pressure, &depth);
-    println!("another colour map: similarity {alike:.3}");
-    assert!(alike < ALIKE, "another colour map: the similarity {alike} is too high");
+    println!("the similarity of the image of pressure to the image of depth is {alike:.3}");
+    assert!(alike < ALIKE, "the similarity {alike} of the images of pressure and depth is too high");
 }
 
 #[test]
@@ -280,12 +285,13 @@ fn the_comparison_sees_that_a_shadow_is_missing() {
         let (mut simulation, mut studio) = studio(golden.scene, golden.steps, replaced);
         golden.aim(&mut studio);
         let alike = likeness(&file, &image(&studio.picture(&mut simulation).unwrap()));
-        println!("{shader} without a shadow: similarity {alike:.3}");
-        assert!(alike < ALIKE, "{shader} without a shadow: the similarity {alike} is too high");
+        println!("{shader} without a shadow: the similarity to the golden image is {alike:.3}");
+        assert!(alike < ALIKE, "{shader} without a shadow: the similarity {alike} to the golden image is too high");
     }
 }
 
-/// A scene with a ball of 50 g, the tool, close above a soft block.
+/// A scene in which the tool (the rigid body that the haptic device leads), a ball of 50 g, is close above a soft
+/// block.
 const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
     layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [4, 3, 4] }\n\
     material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
@@ -294,18 +300,18 @@ const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block
     [coupling]\nstiffness = 500.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.005\n\
     [drive]\nkeys = [[0.0, 0.0, 0.051, 0.0], [0.05, 0.0, 0.043, 0.0]]\n";
 
-/// A folder with the scene in it.
+/// A temporary folder that holds [`SCENE`] as `scene.toml`.
 fn folder() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
     folder
 }
 
-/// Runs the program in a folder.
+/// Runs the program `palpate` in a folder, with these arguments.
 fn palpate(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
     command.args(arguments).current_dir(folder);
-    // None of these commands opens a window.
+    // No command that these tests run opens a window, so none needs a display.
     command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
     if let Some(device) = device().filter(|_| arguments[0] != "devices") {
         command.args(["--device", &device]);
@@ -315,10 +321,10 @@ fn palpate(folder: &Path, arguments: &[&str]) -> Output {
 
 fn succeed(folder: &Path, arguments: &[&str]) {
     let output = palpate(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "palpate {arguments:?} failed: {}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// Names in a folder, sorted.
+/// Names of the files and folders in a folder, sorted.
 fn names(folder: &Path) -> Vec<String> {
     let all = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
     let mut all: Vec<_> = all.collect();
@@ -326,7 +332,7 @@ fn names(folder: &Path) -> Vec<String> {
     all
 }
 
-/// The frames of an animated PNG, each with its delay, s.
+/// The images of an animated PNG, each with the time for which it is shown, s.
 fn frames(file: &Path) -> Vec<(RgbImage, f64)> {
     let mut reader = png::Decoder::new(BufReader::new(fs::File::open(file).unwrap())).read_info().unwrap();
     let control = *reader.info().animation_control().expect("the PNG must be animated");
@@ -357,7 +363,7 @@ fn films_are_the_same_every_time() {
     let bytes = |name: &str| fs::read(folder.path().join(name)).unwrap();
     assert!(bytes("one.apng") == bytes("two.png"), "two runs made different films");
     let animated = frames(&folder.path().join("one.apng"));
-    assert_eq!(animated.len(), 5, "number of images, at 0, 10, 20, 30 and 40 ms");
+    assert_eq!(animated.len(), 5, "the film must have an image at each of 0, 10, 20, 30 and 40 ms");
     assert!(animated.iter().all(|(frame, delay)| frame.dimensions() == (96, 54) && (delay - 0.01).abs() < 1e-12));
     assert!(animated[0].0 != animated[4].0, "the first and the last image must differ");
     let expected: Vec<String> = (0..5).map(|k| format!("frame-{k:05}.png")).collect();
@@ -365,7 +371,8 @@ fn films_are_the_same_every_time() {
     for (name, (frame, _)) in expected.iter().zip(&animated) {
         assert!(read(&folder.path().join("frames").join(name)) == *frame, "{name} differs from the image in the film");
     }
-    // At half the speed there are twice as many images, and every other one shows a moment of the first film.
+    // At half the speed the images are 5 ms of simulated time apart, so every other one shows a moment of the first
+    // film.
     let slow = ["--size", "96x54", "--fps", "100", "--speed", "0.5", "--seconds", "0.04", "--show", "pressure,force"];
     succeed(folder.path(), &[&["film", "scene.toml", "--out", "slow.apng"][..], &slow].concat());
     let slow = frames(&folder.path().join("slow.apng"));
@@ -376,7 +383,7 @@ fn films_are_the_same_every_time() {
     assert_eq!(names(folder.path()), ["frames", "one.apng", "scene.toml", "slow.apng", "two.png"]);
 }
 
-/// A trace without the column of the steps' times.
+/// The rows of a trace (`trace.csv`: a row per step) without the column `step_us`, the computing time of the step.
 fn untimed(file: &Path) -> Vec<Vec<String>> {
     let mut reader = csv::Reader::from_path(file).unwrap();
     let timed = reader.headers().unwrap().iter().position(|name| name == "step_us").unwrap();
@@ -402,7 +409,10 @@ fn snapshots_leave_the_trace_as_it_is() {
     assert_eq!(read(&with.join("snapshot-000010.png")).dimensions(), (96, 54));
     assert!(read(&with.join("snapshot-000010.png")) != read(&with.join("snapshot-000030.png")));
     for name in ["block.obj", "block.vtk"] {
-        assert!(fs::read(with.join(name)).unwrap() == fs::read(without.join(name)).unwrap(), "{name} differs");
+        assert!(
+            fs::read(with.join(name)).unwrap() == fs::read(without.join(name)).unwrap(),
+            "{name} differs between the run with snapshots and the run without"
+        );
     }
 }
 
@@ -423,16 +433,16 @@ fn a_snapshot_is_what_the_studio_takes() {
     assert!(read(&folder.path().join("out/snapshot-000020.png")) == taken);
 }
 
-/// Checks that the program refuses the arguments in one line and leaves nothing; returns the message.
+/// Checks that the program refuses the arguments with a message of one line and makes no file; returns the message.
 fn refusal(folder: &Path, arguments: &[&str]) -> String {
     let before = names(folder);
     let output = palpate(folder, arguments);
     let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
-    assert_eq!(message.lines().count(), 1, "{arguments:?}: {message}");
+    assert_eq!(output.status.code(), Some(2), "wrong exit status of palpate {arguments:?}; it printed: {message}");
+    assert_eq!(message.lines().count(), 1, "palpate {arguments:?} must print one line; it printed: {message}");
     assert!(message.starts_with("error: ") && !message.contains("panicked"), "wrong error: {message}");
     assert!(output.stdout.is_empty(), "standard output must be empty");
-    assert_eq!(names(folder), before, "{arguments:?}: no file may be left");
+    assert_eq!(names(folder), before, "palpate {arguments:?} must make no file");
     message
 }
 
@@ -464,7 +474,7 @@ fn what_cannot_be_pictured_is_refused_in_one_line() {
         (&["--seconds", "1e300", "--speed", "1e-300"], "100000 at most"),
     ] {
         let message = refusal(folder, &[&["film", "scene.toml", "--out", "out.apng"][..], more].concat());
-        assert!(message.contains(words), "options {more:?}: {message}");
+        assert!(message.contains(words), "options {more:?}: wrong error: {message}");
     }
     for (out, words) in [
         ("file/film.apng", "file"),
@@ -476,7 +486,7 @@ fn what_cannot_be_pictured_is_refused_in_one_line() {
     ] {
         let short = ["--size", "8x8", "--seconds", "0.002", "--fps", "1000"];
         let message = refusal(folder, &[&["film", "scene.toml", "--out", out][..], &short].concat());
-        assert!(message.contains(words), "--out {out}: {message}");
+        assert!(message.contains(words), "--out {out}: wrong error: {message}");
     }
     assert_eq!(names(&folder.join("taken.apng")), ["mine"]);
     let message = refusal(folder, &["film", "missing.toml", "--out", "out.apng"]);
@@ -491,7 +501,7 @@ fn what_cannot_be_pictured_is_refused_in_one_line() {
         (&["--snapshot", "1", "--steps", "2", "--out", "file"], "file"),
     ] {
         let message = refusal(folder, &[&["run", "scene.toml"][..], more].concat());
-        assert!(message.contains(words), "options {more:?}: {message}");
+        assert!(message.contains(words), "options {more:?}: wrong error: {message}");
     }
     let message = refusal(folder, &["figures", "--out", "out", "--only", "3"]);
     assert!(message.contains("give some of [1, 2, 4, 5, 6, 7]"), "wrong error: {message}");

@@ -1,6 +1,7 @@
-//! Tests of `palpate prepare` through the built program: what it writes, what it keeps in its cache, and what it
-//! refuses. No Vulkan device is opened. A body's *skin* is its surface mesh; a *rigid core* holds the nodes that are
-//! attached to it.
+//! Tests of `palpate prepare`, which makes a soft body from a surface, through the built program: what it writes, what
+//! it keeps in its cache, and what it refuses. No Vulkan device is opened. A body's *skin* is its surface mesh; its
+//! *layer* is its tetrahedral mesh; a *rigid core* is a rigid body inside the body, to which nodes of the layer are
+//! attached.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,7 +20,7 @@ fn prepare(cache: &Path, out: &Path, arguments: &[&str]) -> Output {
 
 fn prepared(cache: &Path, out: &Path, arguments: &[&str]) -> Value {
     let output = prepare(cache, out, arguments);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "palpate prepare failed: {}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap()
 }
 
@@ -57,7 +58,7 @@ fn a_model_becomes_a_body_that_a_scene_can_use() {
     assert_eq!((&report["skin"]["components"], &report["skin"]["boundary_edges"]), (&1.into(), &0.into()));
     assert_eq!(report["proxies"]["coverage"], 1.0);
     let extent = report["skin"]["extent_m"][1].as_f64().unwrap();
-    assert!((extent - 0.5).abs() < 0.02, "the scaled head is {extent} m high, not 0.5 m");
+    assert!((extent - 0.5).abs() < 0.02, "the scaled head must be 0.5 m high, but it is {extent} m high");
     assert!(report["layer"]["tetrahedra"].as_u64().unwrap() > 1000);
     assert!(report["seconds"].as_object().unwrap().contains_key("proxies"));
 
@@ -68,10 +69,10 @@ fn a_model_becomes_a_body_that_a_scene_can_use() {
     let bound = layer.attached.iter().filter(|&&b| b).count();
     assert!(
         bound > 0 && bound < layer.nodes.len() / 2,
-        "{bound} of {} nodes are attached to a rigid core",
+        "{bound} nodes are attached to a rigid core; there must be some, and fewer than half of all {} nodes",
         layer.nodes.len()
     );
-    // The sphere starts outside the skin and ends within it.
+    // On the scene's trajectory the tool, a sphere, starts outside the skin and then is pressed into it.
     let scene::ToolShape::Sphere(radius) = scene.tool.as_ref().unwrap().shape else { panic!("the tool is no sphere") };
     let gap = |p: glam::DVec3| skin.vertices.iter().map(|v| v.distance(p)).fold(f64::INFINITY, f64::min) - radius;
     assert!(gap(scene.trajectory[0].position) > 0.0 && gap(scene.trajectory[1].position) < -0.2 * radius);
@@ -91,7 +92,7 @@ fn a_body_from_the_cache_is_the_same_to_the_last_bit() {
     let mut entries = names(&cache);
     entries.retain(|name| name.ends_with(".body"));
     assert_eq!(entries.len(), 1);
-    // Other options make another body, except the scale, which is applied after the cache.
+    // Other options make another body, except the scale, which is applied to the body from the cache.
     assert_eq!(prepared(&cache, &out("d"), &[&SMALL[..], &["--scale", "3"]].concat())["cache"], "found");
     assert_eq!(prepared(&cache, &out("e"), &[&SMALL[..], &["--hulls", "7"]].concat())["cache"], "made");
 }
@@ -107,7 +108,11 @@ fn a_damaged_entry_is_made_again_and_said_so() {
         fs::write(&entry, spoiled).unwrap();
         let report = prepared(&cache, &folder.path().join("b"), &SMALL);
         assert_eq!(report["cache"], "made");
-        assert!(report["notes"][0].as_str().unwrap().contains("is damaged and is made again"), "{}", report["notes"]);
+        assert!(
+            report["notes"][0].as_str().unwrap().contains("is damaged and is made again"),
+            "notes in report.json: {}",
+            report["notes"]
+        );
         assert_eq!(body_files(&folder.path().join("a")), body_files(&folder.path().join("b")));
         assert_eq!(fs::read(&entry).unwrap(), sound);
     }
@@ -139,7 +144,7 @@ fn a_cache_that_cannot_be_written_is_a_note() {
     fs::write(folder.path().join("file"), "").unwrap();
     let report = prepared(&folder.path().join("file/under"), &folder.path().join("a"), &SMALL);
     let notes = report["notes"].to_string();
-    assert!(notes.contains("cannot be written") && notes.contains("file/under"), "notes printed: {notes}");
+    assert!(notes.contains("cannot be written") && notes.contains("file/under"), "notes in report.json: {notes}");
 }
 
 #[test]
@@ -165,8 +170,8 @@ fn what_cannot_be_prepared_is_refused_in_one_line_and_leaves_nothing() {
         let out = folder.path().join("out");
         let output = prepare(&folder.path().join("cache"), &out, arguments);
         let error = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
-        assert!(error.contains(words) && error.lines().count() == 1, "{arguments:?}: {error}");
-        assert!(!out.exists(), "{arguments:?}: the output directory was made");
+        assert_eq!(output.status.code(), Some(2), "palpate prepare {arguments:?} printed: {error}");
+        assert!(error.contains(words) && error.lines().count() == 1, "{arguments:?}: wrong error: {error}");
+        assert!(!out.exists(), "palpate prepare {arguments:?} made the output directory");
     }
 }

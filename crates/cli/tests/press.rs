@@ -1,6 +1,6 @@
-//! Tests of the two commands that lead from a surface to a touch: `palpate prepare`, then `palpate run` of the scene
-//! that it wrote. Another test checks which implementation (path) of the depth stage runs, graphics or compute; this
-//! stage finds how deep skins (surface meshes) penetrate each other.
+//! Tests of the two commands that lead from a surface to a touch: `palpate prepare` writes a soft body and a scene, and
+//! `palpate run` simulates that scene. Another test checks which implementation (path) of the depth stage runs,
+//! graphics or compute; this stage finds how deep skins (surface meshes) penetrate each other.
 
 #[path = "../../../tests/real_meshes/mod.rs"]
 mod real_meshes;
@@ -10,19 +10,20 @@ use std::process::Command;
 
 use real_meshes::meshes;
 
-/// Cells along the largest extent: coarser than the default, so that the test is short.
+/// Number of cells of the tetrahedral mesh along its largest extent; less than the default, so that the test is short.
 const CELLS: &str = "20";
-/// Greatest change of the force in a step, as a share of the peak force: a contact that appears or vanishes at once
-/// would change it more.
+/// Greatest permitted change of the contact force in a step, as a share of the peak force: a contact that appears or
+/// vanishes at once would change the force more.
 const JUMP: f64 = 0.1;
 
 fn palpate(arguments: &[&str], cache: &Path) {
     let output =
         Command::new(env!("CARGO_BIN_EXE_palpate")).args(arguments).env("PALPATE_CACHE", cache).output().unwrap();
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "palpate {arguments:?} failed: {}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// Prepares a surface, presses the sphere of its scene into it for 200 steps, and judges the trace.
+/// Prepares a surface, runs the prepared scene for 200 steps, in which a sphere is pressed into the body, and checks
+/// the forces in the trace (`trace.csv`: a row per step).
 fn press(name: &str, surface: &str) {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
@@ -41,12 +42,12 @@ fn press(name: &str, surface: &str) {
     }
     let peak = force.iter().copied().fold(0.0, f64::max);
     let jump = force.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
-    println!("{name}: peak force {peak:.3} N, greatest change in a step {:.1} % of it", 100.0 * jump / peak);
+    println!("{name}: peak force {peak:.3} N; greatest change in a step {:.1} % of the peak", 100.0 * jump / peak);
     assert!(force.len() == 200 && force.iter().all(|f| f.is_finite()));
-    assert!(peak > 0.01 && jump < JUMP * peak, "{name}: peak force {peak} N, greatest change in a step {jump} N");
+    assert!(peak > 0.01 && jump < JUMP * peak, "{name}: peak force {peak} N, greatest change of force {jump} N");
 }
 
-/// A scene with a ball on a block: both have skins, so that the depth stage is needed.
+/// A scene in which a ball presses on a block: both have skins, so that the depth stage is needed.
 const BLOCK: &str = "[contact]\ndepth = \"graphics\"\n[[body]]\nname = \"block\"\n\
     layer = { box = [[-0.05, -0.05, -0.05], [0.05, 0.0, 0.05]], cells = [6, 3, 6] }\n\
     material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
@@ -69,7 +70,7 @@ fn the_path_of_depth_is_said_and_the_command_line_wins() {
     assert_eq!(run("scene", &[]), "graphics path: asked for");
     assert_eq!(run("asked", &["--depth", "compute"]), "compute path: asked for");
     let measured = run("auto", &["--depth", "auto"]);
-    assert!(measured.contains(" path: measured "), "reason for the path: {measured}");
+    assert!(measured.contains(" path: measured "), "reason for the choice of the path in summary.json: {measured}");
     assert_eq!(
         run("again", &["--depth", "auto"]),
         measured,

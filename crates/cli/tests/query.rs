@@ -1,5 +1,6 @@
-//! Tests of `palpate query` through the built program: contacts carry the numbers that vertices and triangles have in
-//! the files, even if repair changed the meshes; the other output files are written; bad input is refused.
+//! Tests of `palpate query`, which finds the contacts (vertices of one surface inside the other) between two surfaces a
+//! and b, through the built program: contacts carry the numbers that vertices and triangles have in the surfaces'
+//! files, even if repair changed the meshes; the other output files are written; bad input is refused.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,14 +8,14 @@ use std::process::{Command, Output};
 
 use glam::{DQuat, DVec3};
 
-/// Tolerance of depths and points, as a share of the bodies' size.
+/// Tolerance of depths and positions, as a share of the bodies' size.
 const EXACT: f64 = 1e-5;
 
 fn palpate(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_palpate")).args(arguments).output().unwrap()
 }
 
-/// A row of `contacts.csv`.
+/// A row of `contacts.csv`: a vertex of `body` inside the other body, and a point on a `triangle` of the other body.
 #[derive(Debug, Clone, PartialEq)]
 struct Row {
     body: String,
@@ -25,8 +26,8 @@ struct Row {
     barycentric: [f64; 3],
 }
 
-/// Vertices and triangles of an OBJ file, in the order in which contacts number them; convex polygons are split into
-/// fans.
+/// Vertices and triangles of an OBJ file, in the order in which `contacts.csv` numbers them; convex polygons are split
+/// into fans of triangles.
 fn parse(text: &str) -> (Vec<DVec3>, Vec<[usize; 3]>) {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for line in text.lines() {
@@ -69,10 +70,10 @@ impl Case {
         arguments.extend(options);
         let output = palpate(&arguments);
         if output.status.code() == Some(3) {
-            println!("skipped, because there is no Vulkan device: queries through the program");
+            println!("skipped, because there is no Vulkan device: a query through the built program");
             return None;
         }
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(output.status.success(), "palpate query failed: {}", String::from_utf8_lossy(&output.stderr));
         let mut reader = csv::Reader::from_path(self.folder.path().join("out/contacts.csv")).unwrap();
         let heads: Vec<&str> = "body,vertex,depth_m,nx,ny,nz,triangle,u,v,w".split(',').collect();
         assert_eq!(reader.headers().unwrap(), heads);
@@ -91,8 +92,9 @@ impl Case {
         Some((rows, String::from_utf8(output.stdout).unwrap()))
     }
 
-    /// Checks every row against the files: the vertex, moved back by its depth along the normal, is the point of the
-    /// named triangle that the barycentric coordinates give.
+    /// Checks every row against the files: the vertex, moved along the normal by its depth out of the other body, is
+    /// the point that the barycentric coordinates give in the row's triangle. `pose_b` is the position (m) and
+    /// orientation of body b, `size` the bodies' size (m).
     fn check(&self, rows: &[Row], pose_b: (DVec3, DQuat), size: f64) {
         let [a, mut b] = self.files.each_ref().map(|text| parse(text));
         b.0.iter_mut().for_each(|x| *x = pose_b.0 + pose_b.1 * *x);
@@ -103,21 +105,24 @@ impl Case {
             let expected = own.0[row.vertex] - sign * row.depth * row.normal;
             assert!(
                 point.distance(expected) < EXACT * size,
-                "{row:?}: the point {point} m of the triangle is not the expected {expected} m"
+                "{row:?}: the point of the triangle must be {expected} m, but it is {point} m"
             );
-            assert!((row.normal.length() - 1.0).abs() < 1e-12 && row.depth > 0.0, "row of contacts.csv: {row:?}");
+            assert!((row.normal.length() - 1.0).abs() < 1e-12 && row.depth > 0.0, "wrong normal or depth: {row:?}");
             let sum: f64 = row.barycentric.iter().sum();
-            assert!((sum - 1.0).abs() < 1e-12 && row.barycentric.iter().all(|w| *w > -1e-6), "{row:?}");
+            assert!(
+                (sum - 1.0).abs() < 1e-12 && row.barycentric.iter().all(|w| *w > -1e-6),
+                "wrong barycentric coordinates: {row:?}"
+            );
         }
         let mut keys: Vec<_> = rows.iter().map(|row| (row.body.clone(), row.vertex)).collect();
         let sorted = keys.clone();
         keys.sort();
         keys.dedup();
-        assert_eq!(keys, sorted, "each vertex must be listed once, in order");
+        assert_eq!(keys, sorted, "contacts.csv must list each vertex once, in order");
     }
 }
 
-/// An OBJ file of a box with six quads.
+/// Text of an OBJ file of the box between two corners, with six quadrilaterals.
 fn cube(low: DVec3, high: DVec3) -> String {
     let at = |k: usize, axis: usize| if (k >> axis) & 1 == 0 { low[axis] } else { high[axis] };
     let lines: String = (0..8).map(|k| format!("v {} {} {}\n", at(k, 0), at(k, 1), at(k, 2))).collect();
@@ -128,7 +133,8 @@ fn unit() -> String {
     cube(DVec3::ZERO, DVec3::ONE)
 }
 
-/// A cube with half the edge of the unit cube, above the middle of that; its lower face is at height `z`.
+/// Text of an OBJ file of a cube with edges of 0.5 m, which stands over the top of the unit cube; its lower face is at
+/// the height `z` (m).
 fn small(z: f64) -> String {
     let low = DVec3::new(0.27, 0.31, z);
     cube(low, low + 0.5)
@@ -139,16 +145,22 @@ fn two_cubes_in_a_known_overlap() {
     let case = Case::new(&unit(), &small(0.96));
     let Some((rows, said)) = case.ask(&[]) else { return };
     case.check(&rows, (DVec3::ZERO, DQuat::IDENTITY), 1.0);
-    // The four lower corners of b lie 0.04 below the top of a, which is its second face: triangles 2 and 3.
+    // The four lower corners of body b lie 0.04 m below the top of body a, which consists of a's triangles 2 and 3.
     assert_eq!(
         rows.iter().map(|row| (row.body.as_str(), row.vertex)).collect::<Vec<_>>(),
         [("b", 0), ("b", 1), ("b", 2), ("b", 3)]
     );
     for row in &rows {
-        assert!((row.depth - 0.04).abs() < EXACT && row.normal.distance(DVec3::Z) < EXACT, "{row:?}");
-        assert!([2, 3].contains(&row.triangle), "row of contacts.csv: {row:?}");
+        assert!(
+            (row.depth - 0.04).abs() < EXACT && row.normal.distance(DVec3::Z) < EXACT,
+            "wrong depth or normal: {row:?}"
+        );
+        assert!([2, 3].contains(&row.triangle), "wrong triangle: {row:?}");
     }
-    assert!(said.contains("4 contacts") && said.contains("flags: none") && said.contains("deepest: "), "{said}");
+    assert!(
+        said.contains("4 contacts") && said.contains("flags: none") && said.contains("deepest: "),
+        "the program printed: {said}"
+    );
 
     let report: serde_json::Value =
         serde_json::from_slice(&fs::read(case.folder.path().join("out/query.json")).unwrap()).unwrap();
@@ -157,7 +169,7 @@ fn two_cubes_in_a_known_overlap() {
     assert!(report["stage_us"]["contact"]["median"].as_f64().unwrap() > 0.0);
     assert!(
         (report["depth_limit_m"].as_f64().unwrap() - 0.05).abs() < 1e-12,
-        "the default is a tenth of the smaller body's extent"
+        "the default depth limit must be a tenth of the smaller body's extent"
     );
     let picture = fs::read(case.folder.path().join("out/depth.png")).unwrap();
     assert_eq!(&picture[1..4], b"PNG");
@@ -169,7 +181,7 @@ fn two_cubes_in_a_known_overlap() {
 
 #[test]
 fn a_pose_a_direction_and_a_limit_are_obeyed() {
-    // b comes from below, rotated about x by half a turn and shifted a little.
+    // Body b is rotated by half a turn about the x axis and moved, so that it reaches 0.05 m into body a from below.
     let case = Case::new(&unit(), &small(0.9));
     let pose = (DVec3::new(-0.05, 1.1, 0.95), DQuat::from_array([1.0, 0.0, 0.0, 0.0]));
     let Some((rows, _)) = case.ask(&["--pose-b", "-0.05,1.1,0.95,1,0,0,0"]) else { return };
@@ -178,7 +190,7 @@ fn a_pose_a_direction_and_a_limit_are_obeyed() {
         rows.len() == 4
             && rows.iter().all(|r| (r.depth - 0.05).abs() < EXACT && (r.normal + DVec3::Z).length() < EXACT)
     );
-    // Along a slanted direction depth is greater.
+    // Along the direction (0, 0.6, 0.8), an overlap of 0.1 m in height is 0.1 m / 0.8 = 0.125 m deep.
     let (rows, said) = case.ask(&["--direction", "0,3,4", "--depth-limit", "0.01"]).unwrap();
     case.check(&rows, (DVec3::ZERO, DQuat::IDENTITY), 1.0);
     assert!(rows.len() == 4 && rows.iter().all(|r| (r.depth - 0.125).abs() < EXACT), "rows of contacts.csv: {rows:?}");
@@ -188,7 +200,8 @@ fn a_pose_a_direction_and_a_limit_are_obeyed() {
     assert!(rows.is_empty() && said.contains("flags: none"), "the program printed: {said}");
 }
 
-/// An OBJ file of a sphere with quads and two caps of n-gons, `rings` from pole to pole.
+/// Text of an OBJ file of a sphere, divided from pole to pole into `rings` parts: a flat polygon at each pole, and
+/// bands of quadrilaterals between them.
 fn sphere(centre: DVec3, radius: f64, rings: usize) -> String {
     let n = 2 * rings;
     let mut text = String::new();
@@ -225,7 +238,7 @@ fn spheres_of_any_unit_with_polygons() {
         assert!(of("a") > 5 && of("b") > 5 && said.contains("flags: none"), "the program printed: {said}");
         let deepest = rows.iter().map(|row| row.depth).fold(0.0, f64::max);
         // The exact spheres overlap by a tenth of the radius, the meshes by a little less.
-        assert!(deepest < 0.1 * radius && deepest > 0.08 * radius, "greatest depth {deepest} m");
+        assert!(deepest < 0.1 * radius && deepest > 0.08 * radius, "greatest depth {deepest} m, radius {radius} m");
         assert!(rows.iter().all(|row| row.normal.dot(towards) > 0.995));
     }
 }
@@ -242,8 +255,11 @@ fn numbers_are_those_of_the_file_after_repair() {
     case.check(&rows, (DVec3::ZERO, DQuat::IDENTITY), 1.0);
     // Triangles are numbered as in the file: 0 and 1 are the bottom, 2 is the degenerate one, 3 and 4 are duplicates,
     // so 5 and 6 are the top.
-    assert!(rows.len() == 4 && rows.iter().all(|row| row.body == "b" && [5, 6].contains(&row.triangle)), "{rows:?}");
-    // With the roles exchanged, the vertices of the defective file are numbered by its lines.
+    assert!(
+        rows.len() == 4 && rows.iter().all(|row| row.body == "b" && [5, 6].contains(&row.triangle)),
+        "rows of contacts.csv: {rows:?}"
+    );
+    // Now vertices of the defective cube lie inside body b; contacts number these vertices in the order of the file.
     let case = Case::new(dirty, &cube(DVec3::new(-1.0, -1.1, 0.95), DVec3::new(2.0, 1.9, 3.95)));
     let (rows, _) = case.ask(&[]).unwrap();
     case.check(&rows, (DVec3::ZERO, DQuat::IDENTITY), 3.0);
@@ -251,7 +267,7 @@ fn numbers_are_those_of_the_file_after_repair() {
     assert_eq!(
         vertices,
         [("a", 5), ("a", 6), ("a", 7), ("a", 8)],
-        "of vertices that repair joined, the first is named"
+        "where repair joined vertices, contacts.csv must give the number of the first"
     );
 }
 
@@ -261,7 +277,7 @@ fn models_of_our_own_are_asked_by_name() {
     let folder = out.path().join("out");
     let output = palpate(&["query", "gear:8000", "pumpkin:8000", "--runs", "1", "--out", folder.to_str().unwrap()]);
     if output.status.code() != Some(3) {
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(output.status.success(), "palpate query failed: {}", String::from_utf8_lossy(&output.stderr));
         assert!(folder.join("depth.png").is_file());
     }
 }
@@ -301,16 +317,17 @@ fn bad_input_is_one_line_and_leaves_nothing() {
         let mut all = vec!["query", "--out", &out];
         all.extend(arguments);
         let message = refused(&all);
-        assert!(message.contains(words), "{arguments:?}: {message}");
-        assert!(!Path::new(&case.path("made")).exists(), "{arguments:?}: an output directory was made");
+        assert!(message.contains(words), "palpate query {arguments:?}: wrong error: {message}");
+        assert!(!Path::new(&case.path("made")).exists(), "palpate query {arguments:?} made an output directory");
     }
-    // An output path that cannot be written is an error, which comes only if there is a Vulkan device to run the query.
+    // An output path that cannot be written is an error that is found only after the query, which needs a Vulkan
+    // device.
     let under = PathBuf::from(case.path("file")).join("under");
     let output = palpate(&["query", &a, &b, "--out", under.to_str().unwrap()]);
     if output.status.code() != Some(3) {
         let message = refused(&["query", &a, &b, "--out", under.to_str().unwrap()]);
         assert!(message.contains("cannot write") && message.contains("under"), "wrong error: {message}");
-        // If a folder is in the place of the last file, none of the other files is written either.
+        // If a folder stands in the place of `query.json`, which is written last, no other file is written either.
         fs::create_dir_all(case.path("taken/query.json")).unwrap();
         refused(&["query", &a, &b, "--runs", "1", "--out", &case.path("taken")]);
         assert_eq!(fs::read_dir(case.path("taken")).unwrap().count(), 1);
@@ -322,8 +339,8 @@ fn bad_input_is_one_line_and_leaves_nothing() {
 fn refused(arguments: &[&str]) -> String {
     let output = palpate(arguments);
     let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
-    assert!(message.starts_with("error: ") && message.lines().count() == 1, "{arguments:?}: {message}");
-    assert!(output.stdout.is_empty(), "{arguments:?}: something was printed to standard output");
+    assert_eq!(output.status.code(), Some(2), "wrong exit status of palpate {arguments:?}; it printed: {message}");
+    assert!(message.starts_with("error: ") && message.lines().count() == 1, "{arguments:?}: wrong error: {message}");
+    assert!(output.stdout.is_empty(), "palpate {arguments:?} printed something to standard output");
     message
 }

@@ -1,5 +1,6 @@
-//! Tests of `palpate replay` through the built program: a recorded session (run of the haptic loop with the engine) is
-//! replayed, and recordings that cannot be replayed are refused. A *tick* is one iteration of the loop.
+//! Tests of `palpate replay` through the built program: a recorded session (a run of the haptic loop with the
+//! simulation) is replayed, and recordings that cannot be replayed are refused. A *tick* is one iteration of the haptic
+//! loop; the *tool* is the rigid body that the haptic device leads; a *wrench* is a force with a torque.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,15 +15,17 @@ use palpate::scene::{Lowered, Profile};
 use palpate::{Options, RigidState, Scene, Simulation};
 use palpate_devices::record::{Header, Recording};
 
-/// A scene with a ball of 50 g, the tool, which is pushed into a soft block.
+/// A scene in which the tool, a ball of 50 g, begins 0.5 mm above a soft block; [`record`] pushes it into the block.
 const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
     layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [4, 3, 4] }\n\
     material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
     [[body.core]]\nname = \"bottom\"\nbind = { box = [[-0.06, -0.04, -0.06], [0.06, -0.029, 0.06]] }\n\
     [tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.0505, 0.0]\n\
     [coupling]\nstiffness = 500.0\ndamping = 2.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n";
+/// Number of ticks in the session.
 const TICKS: u64 = 120;
-/// Ticks from one simulation step to the next; a step's wrench is already used in the tick in which the step is done.
+/// Number of ticks from one simulation step to the next. The wrench of a step is already used in the tick in which the
+/// step is done.
 const EVERY: u64 = 15;
 
 /// Runs the program; returns exit status, standard output and standard error.
@@ -32,8 +35,8 @@ fn palpate(arguments: &[&str]) -> (i32, String, String) {
     (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
 }
 
-/// Writes a scene and a recorded session with it; returns both files. `spoil` may change every tick before it is
-/// recorded.
+/// Writes a scene file and a recording of a session with that scene; returns the paths of both. Without `has_end` the
+/// recording breaks off after the last tick. `spoil` may change every tick before it is recorded.
 fn record(folder: &Path, has_end: bool, spoil: impl Fn(&mut Tick)) -> (PathBuf, PathBuf) {
     let (scene, file) = (folder.join("scene.toml"), folder.join("session"));
     fs::write(&scene, SCENE).unwrap();
@@ -62,7 +65,7 @@ fn record(folder: &Path, has_end: bool, spoil: impl Fn(&mut Tick)) -> (PathBuf, 
         spoil(&mut tick);
         recording.tick(&tick).unwrap();
     }
-    assert!(newest.wrench.force.y > 0.05, "the last contact force is too small: {newest:?}");
+    assert!(newest.wrench.force.y > 0.05, "the contact force of the last step is too small: {newest:?}");
     if has_end {
         recording.finish().unwrap();
     }
@@ -109,7 +112,10 @@ fn what_differs_is_named_and_what_was_cut_short_is_said() {
     let (_, file) = record(folder.path(), false, |_| {});
     let (status, out, notes) = palpate(&["replay", file.to_str().unwrap()]);
     assert_eq!((status, out), (0, format!("replayed {TICKS} ticks and 8 steps: the same bits\n")));
-    assert!(notes.starts_with("note: ") && notes.contains("cut short") && notes.lines().count() == 1, "{notes}");
+    assert!(
+        notes.starts_with("note: ") && notes.contains("cut short") && notes.lines().count() == 1,
+        "notes printed: {notes}"
+    );
 
     let (_, file) = record(folder.path(), true, |tick| {
         if tick.index == 77 {

@@ -1,5 +1,7 @@
-//! Tests of sessions (runs of the haptic loop with a device) through the built program: a session is run, recorded and
-//! replayed, a signal ends it, limits and profiles apply to it, and impossible requests are refused.
+//! Tests of sessions (runs of the haptic loop with a haptic device) through the built program: a session is run,
+//! recorded and replayed; a signal ends a session; the limits of force and workspace in the scene and in the *profile*
+//! (limits for a type of device) apply to a session; impossible requests are refused. A *tick* is one iteration of the
+//! loop; the *tool* is the rigid body that the device leads.
 
 use std::fs;
 use std::io::Write;
@@ -12,7 +14,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use tungstenite::Message;
 
-/// A scene with a ball of 50 g, the tool, above a soft block, and a device that goes down into it.
+/// A scene in which the tool, a ball of 50 g, is above a soft block; the scene's keys lead the device downwards.
 const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
     layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [4, 3, 4] }\n\
     material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
@@ -37,7 +39,7 @@ fn scene(folder: &Path, more: &str) -> PathBuf {
     file
 }
 
-/// Runs and records a session of a second and a half; returns the entry `haptics` of `summary.json`.
+/// Runs and records a session of 1.5 s with the scene and the lines `more`; returns `haptics` of `summary.json`.
 fn hold(folder: &Path, more: &str) -> Value {
     let (scene, out, record) = (scene(folder, more), folder.join("out"), folder.join("session.palpate"));
     let [scene, out_name, record] = [&scene, &out, &record].map(|path| path.to_str().unwrap());
@@ -57,13 +59,19 @@ fn a_session_is_held_recorded_and_replayed() {
     let (status, text, stderr) = palpate(&["replay", record.to_str().unwrap()]);
     let (ticks, steps) = (report["ticks"].as_u64().unwrap(), report["steps"].as_u64().unwrap());
     assert!(ticks > 100 && steps > 10, "summary: {report}");
-    // Steps before the first tick are recorded as well.
-    assert!(text.starts_with(&format!("replayed {ticks} ticks and ")), "output {text}, errors {stderr}, {report}");
+    // The number of steps is not compared, because the recording also has the steps before the first tick.
+    assert!(
+        text.starts_with(&format!("replayed {ticks} ticks and ")),
+        "the session had {ticks} ticks; the replay printed output {text}, errors {stderr}"
+    );
     assert_eq!((status, text.contains("the same bits")), (0, true), "output {text}, errors {stderr}");
     let peak = report["peak_force_n"].as_f64().unwrap();
     assert!(peak > 0.05 && peak <= 3.3, "summary: {report}");
     assert_eq!(report["profile"], "touch");
-    assert!(report["age_ms"]["p99"].as_f64().unwrap() > 0.0 && report["bare_timer"]["p99_us"].is_number(), "{report}");
+    assert!(
+        report["age_ms"]["p99"].as_f64().unwrap() > 0.0 && report["bare_timer"]["p99_us"].is_number(),
+        "summary: {report}"
+    );
     assert!(report["energy_j"]["net_given"].as_f64().unwrap() <= 3.3 * 2e-5, "summary: {report}");
 }
 
@@ -87,7 +95,7 @@ fn a_profile_of_the_command_line_takes_the_place_of_the_scenes() {
     let folder = tempfile::tempdir().unwrap();
     let file = scene(folder.path(), "[haptics]\ndevice = \"hand\"\nprofile = \"sigma.7\"\n");
     let (file, out) = (file.to_str().unwrap(), folder.path().join("out"));
-    // The first run has the scene's device, the second one that the command line names.
+    // The first run uses the device that the scene names, the second the device that the command line names.
     for more in [&[][..], &["--haptics", "scripted"]] {
         let arguments = ["run", file, "--seconds", "0.3", "--profile", "touch", "--out", out.to_str().unwrap()];
         let (status, _, stderr) = palpate(&[&arguments, more].concat());
@@ -97,8 +105,9 @@ fn a_profile_of_the_command_line_takes_the_place_of_the_scenes() {
     }
 }
 
-/// Starts a simulated Inverse service (of Haply's devices) with one device of this type at rest, which answers every
-/// message; returns its address and the greatest force that it was sent, N.
+/// Starts a simulated Inverse service (through which programs reach Haply's haptic devices) with one device of the type
+/// `kind`, which rests; the service answers every message. Returns the service's address and the greatest force that
+/// was sent to the device so far, N.
 fn inverse_service(kind: &'static str) -> (String, Arc<Mutex<f64>>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("ws://{}", listener.local_addr().unwrap());
@@ -148,7 +157,8 @@ fn a_haply_is_held_with_the_profile_of_the_type_that_its_service_reports() {
     for (kind, profile, asked) in cases {
         let folder = tempfile::tempdir().unwrap();
         let (url, most) = inverse_service(kind);
-        // The ball begins partly inside the block, which pushes it away from the resting device, so a force is played.
+        // The ball begins partly inside the block, which pushes the ball away from the resting device; so a force is
+        // sent to the device.
         let inside = SCENE.replace("position = [0.0, 0.053, 0.0]", "position = [0.0, 0.04, 0.0]");
         let file = folder.path().join("scene.toml");
         fs::write(&file, format!("{inside}[haptics]\ndevice = \"haply\"\nhaply = {{ address = \"{url}\" }}\n"))
@@ -158,7 +168,7 @@ fn a_haply_is_held_with_the_profile_of_the_type_that_its_service_reports() {
         let arguments = ["run", file, "--seconds", "0.5", "--out", out_name, "--record", record];
         let (status, _, stderr) =
             palpate(&[&arguments[..], &asked.map_or(vec![], |name| vec!["--profile", name])].concat());
-        assert_eq!(status, 0, "{kind}: {stderr}");
+        assert_eq!(status, 0, "device type {kind}: standard error: {stderr}");
         let summary: Value = serde_json::from_str(&fs::read_to_string(out.join("summary.json")).unwrap()).unwrap();
         let report = &summary["haptics"];
         assert_eq!(report["profile"], profile, "device type {kind}, requested profile {asked:?}");
@@ -184,13 +194,13 @@ fn a_signal_ends_a_session_in_order() {
     let child = child.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let begun = Instant::now();
     while fs::metadata(&record).map_or(0, |data| data.len()) < 200_000 {
-        assert!(begun.elapsed() < Duration::from_secs(120), "nothing is recorded");
+        assert!(begun.elapsed() < Duration::from_secs(120), "the recording stays shorter than 200,000 bytes");
         std::thread::sleep(Duration::from_millis(20));
     }
     assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
     let output = child.wait_with_output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(output.status.code(), Some(0), "{text} {}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(output.status.code(), Some(0), "output {text}, errors {}", String::from_utf8_lossy(&output.stderr));
     assert!(text.contains("ended early: it was stopped"), "the program printed: {text}");
     let (status, text, notes) = palpate(&["replay", file]);
     assert!(status == 0 && text.contains("the same bits") && notes.is_empty(), "output {text}, errors {notes}");
@@ -204,7 +214,10 @@ fn what_cannot_be_held_is_refused() {
     let missing = folder.path().join("no/such/session.palpate");
     let refused = |arguments: &[&str], words: &str| {
         let (status, _, stderr) = palpate(&[&["run", file], arguments].concat());
-        assert!(status == 2 && stderr.contains(words) && !stderr.contains("panicked"), "{arguments:?}: {stderr}");
+        assert!(
+            status == 2 && stderr.contains(words) && !stderr.contains("panicked"),
+            "palpate run {arguments:?}: wrong error: {stderr}"
+        );
     };
     refused(&["--haptics", "phantom"], "possible values: scripted, hand, replay, haply");
     refused(&["--haptics", "hand", "--steps", "10"], "give --seconds instead of --steps");

@@ -1,6 +1,7 @@
-//! Tests of `palpate stability`, which runs a matrix of stiff and extreme cases along *axes* (each varies a parameter)
-//! and checks each case against invariants: some axes pass, a fault planted in a kernel makes cases fail, and bad input
-//! is refused.
+//! Tests of `palpate stability`, which simulates stiff and extreme cases along *axes* (each axis varies one parameter)
+//! and checks each case against *invariants* (what every simulation must keep): some axes pass, a fault planted in a
+//! kernel (GPU program) makes cases fail, and bad input is refused. Along an axis, a *cell* holds the cases with
+//! one value of the parameter.
 
 #[path = "../../../vk-tests/harness/spoil.rs"]
 mod spoil;
@@ -11,7 +12,8 @@ use palpate::Flags;
 use palpate_bench::stability::invariants::{Invariant, Verdict};
 use palpate_bench::stability::{self, Results, Settings, document};
 
-/// Runs some axes of the matrix in its quick form.
+/// Runs the axes `only` with few values and steps. Each kernel named in `replaced` is replaced by the SPIR-V that is
+/// given with its name.
 fn run(only: &[&str], replaced: Vec<(String, Vec<u8>)>) -> Results {
     let settings = Settings {
         is_quick: true,
@@ -36,7 +38,7 @@ fn a_part_of_the_matrix_passes_and_its_report_has_a_letter_for_every_cell() {
     let document = document(&results);
     let svg = document.chapters[0].sections[0].plot.as_ref().unwrap();
     // The letter P (pass) is in four cells and in the legend.
-    assert_eq!(svg.matches(">P</text>").count(), 5, "SVG: {svg}");
+    assert_eq!(svg.matches(">P</text>").count(), 5, "the plot as SVG: {svg}");
     let html = document.html();
     assert!(html.contains("all but one") && html.contains("<svg"));
     assert_eq!(serde_json::to_value(&results).unwrap()["axes"][1]["cells"][0]["cases"][0]["verdict"], "pass");
@@ -47,22 +49,22 @@ fn turning_too_far_and_being_inside_out_are_told_in_the_steps_concerned() {
     let results = run(&["spin", "stretch"], vec![]);
     let flags = |label: &str| {
         let (.., case) = results.cases().find(|(_, cell, _)| cell.label == label).unwrap();
-        println!("{label}: {}", case.in_words());
+        println!("case {label}: {}", case.in_words());
         (Flags(case.flags), case.flagged, case.steps)
     };
     assert_eq!(flags("100 rad/s").0, Flags::default());
     let (told, flagged, steps) = flags("300 rad/s");
     assert!(
         told.contains(Flags::TURNS_TOO_FAR) && flagged == steps,
-        "flags {told:?}, raised in {flagged} of {steps} steps"
+        "the flags {told:?} were raised in {flagged} of all {steps} steps"
     );
-    // A body that is released inside out returns to its shape, so only the first steps raise the flag.
+    // A body that is let go inside out returns to its shape, so only the first steps raise the flag `INVERTED`.
     let (told, flagged, steps) = flags("turned inside out");
     assert!(
         told.contains(Flags::INVERTED) && flagged < steps / 2,
-        "flags {told:?}, raised in {flagged} of {steps} steps"
+        "the flags {told:?} were raised in {flagged} of all {steps} steps"
     );
-    assert!(results.cases().all(|(.., case)| case.verdict != Verdict::Silent), "{:?}", results.faults());
+    assert!(results.cases().all(|(.., case)| case.verdict != Verdict::Silent), "faults: {:?}", results.faults());
 }
 
 #[test]
@@ -80,7 +82,7 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
         ),
         // Fault: mass-proportional damping accelerates instead of braking.
         ("solve/assemble", "- damping * v)", "+ damping * v)", "bound", Invariant::Residual),
-        // Fault: the damping of contacts is left out of the right-hand side.
+        // Fault: the damping of contacts is left out of the right-hand side of the linear system.
         (
             "solve/assemble",
             "+ normal_operator(contact, h) * contact.rate",
@@ -88,7 +90,8 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
             "contact-stiffness",
             Invariant::Residual,
         ),
-        // Faults: the reported wrench pulls where contacts push the tool; the reported force is a fifth too great.
+        // Two faults: the reported wrench (force and torque) pulls where contacts push; the reported force is 20 % too
+        // great.
         ("wrench/reduce", "-= force * column[k]", "+= force * column[k]", "contact-stiffness", Invariant::Force),
         (
             "wrench/reduce",
@@ -97,7 +100,7 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
             "contact-stiffness",
             Invariant::Force,
         ),
-        // Fault: contacts are 5 % stiffer than the scene says.
+        // Fault: the stiffness of contacts is 5 % greater than the scene says.
         (
             "contact/response",
             made,
@@ -105,7 +108,8 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
             "contact-stiffness",
             Invariant::Force,
         ),
-        // Fault: a contact is released only if it pulls by more than a tenth of the pressure that its depth causes.
+        // Fault: a contact is released (loses its stiffness) only if it pulls by more than a tenth of the pressure that
+        // its depth causes.
         (
             "solve/conclude",
             "bool is_under_tension = end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0;",
@@ -121,12 +125,12 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
         let breaks = |found: &&stability::invariants::Finding| found.invariant == invariant && found.is_silent;
         let seen = red.filter(|(.., case)| case.findings.iter().any(|found| breaks(&found))).count();
         println!(
-            "{kernel} with `{to}`: invariant {invariant:?} broken in {seen} cases; {}",
+            "{kernel} with `{to}`: invariant {invariant:?} is broken in {seen} cases; faults: {}",
             results.faults().join("; ")
         );
         assert!(
             seen > 0 && !results.faults().is_empty(),
-            "{kernel} with `{to}`: no case fails as expected; faults: {:?}",
+            "{kernel} with `{to}`: no case breaks the invariant {invariant:?}; faults: {:?}",
             results.faults()
         );
     }
@@ -140,6 +144,6 @@ fn a_name_that_is_no_axis_is_refused_with_those_there_are() {
     assert_eq!(output.status.code(), Some(2), "wrong error: {message}");
     assert!(
         message.contains("poison") && message.contains("poisson-neo-hookean") && message.lines().count() == 1,
-        "{message}"
+        "wrong error: {message}"
     );
 }

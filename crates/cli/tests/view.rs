@@ -1,5 +1,5 @@
-//! Tests of the window of `palpate view`, in a real X server without a screen: the mouse moves the tool, and the window
-//! is resized, hidden and closed.
+//! Tests of the window of `palpate view` on an X server without a screen (Xvfb): the mouse moves the tool (the rigid
+//! body that a haptic device or the mouse leads), and the window is resized, hidden and closed.
 #![cfg(all(unix, feature = "view"))]
 
 #[allow(dead_code, reason = "shared with the test of the book")]
@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use display::Display;
 
-/// A scene with a ball of 50 g, the tool, close above a soft block.
+/// A scene in which the tool, a ball of 50 g, is close above a soft block.
 const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
     layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [4, 3, 4] }\n\
     material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
@@ -28,14 +28,14 @@ fn scene(folder: &Path) -> PathBuf {
     file
 }
 
-/// Waits for the program's end; returns exit status, standard output and standard error.
+/// Waits until the program ends; returns exit status, standard output and standard error.
 fn end(program: Child) -> (Option<i32>, String, String) {
     let output = program.wait_with_output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
     (output.status.code(), text(output.stdout), text(output.stderr))
 }
 
-/// The values of a trace's column with this heading, row by row.
+/// The values of a column, row by row; `trace` is the text of a `trace.csv`, `head` the column's heading.
 fn column(trace: &str, head: &str) -> Vec<f64> {
     let mut lines = trace.lines();
     let at = lines.next().unwrap().split(',').position(|name| name == head).unwrap();
@@ -85,15 +85,18 @@ fn the_mouse_presses_a_body_in_a_window_that_is_resized_hidden_and_closed() {
     display.xdotool(&["key", "r"]);
     pause(0.3);
     assert!(program.try_wait().unwrap().is_none(), "the program must still be running");
-    // The window closes at any moment of a step.
+    // The window must close at whatever moment of a simulation step the key is pressed.
     display.xdotool(&["key", "Escape"]);
     let (status, text, stderr) = end(program);
     assert_eq!(status, Some(0), "standard error: {stderr}");
     let trace = fs::read_to_string(out.join("trace.csv")).unwrap();
     let (contacts, force) = (column(&trace, "contacts"), column(&trace, "force_y"));
     assert_eq!(contacts[0], 0.0, "nothing may touch in the first step");
-    assert!(contacts.iter().any(|count| *count > 0.0) && force.iter().any(|newton| *newton > 0.01), "{text}{stderr}");
-    assert!(text.contains("image: "), "the program printed: {text}{stderr}");
+    assert!(
+        contacts.iter().any(|count| *count > 0.0) && force.iter().any(|newton| *newton > 0.01),
+        "the tool must press the block; output {text}, errors {stderr}"
+    );
+    assert!(text.contains("image: "), "output {text}, errors {stderr}");
     let picture = out.join("scene-1.png");
     let reader = png::Decoder::new(std::io::BufReader::new(fs::File::open(picture).unwrap())).read_info().unwrap();
     assert_eq!((reader.info().width, reader.info().height), (800, 600));
@@ -106,10 +109,10 @@ fn with_the_window_the_trace_is_that_of_a_run() {
     let (run, view) = (folder.path().join("run"), folder.path().join("view"));
     let [file, run_name, view_name] = [&file, &run, &view].map(|path| path.to_str().unwrap());
     let done = end(display.program(&["run", file, "--steps", "200", "--out", run_name]).spawn().unwrap());
-    assert_eq!(done.0, Some(0), "{}", done.2);
+    assert_eq!(done.0, Some(0), "standard error of palpate run: {}", done.2);
     let arguments = ["view", file, "--device", "drive", "--steps", "200", "--size", "320x240", "--out", view_name];
     let done = end(display.program(&arguments).spawn().unwrap());
-    assert_eq!(done.0, Some(0), "{}", done.2);
+    assert_eq!(done.0, Some(0), "standard error of palpate view: {}", done.2);
     let [run, view] = [run, view].map(|folder| fs::read_to_string(folder.join("trace.csv")).unwrap());
     let at = run.lines().next().unwrap().split(',').position(|name| name == "step_us").unwrap();
     let bits = |trace: &str| -> Vec<String> {
@@ -166,6 +169,6 @@ fn a_profile_is_refused_where_no_haptic_device_could_have_it() {
         let output = command.output().unwrap();
         let stderr = String::from_utf8(output.stderr).unwrap();
         assert_eq!((output.status.code(), stderr.lines().count()), (Some(2), 1), "standard error: {stderr}");
-        assert!(stderr.contains(words), "device {device}, profile {profile}: {stderr}");
+        assert!(stderr.contains(words), "device {device}, profile {profile}: wrong error: {stderr}");
     }
 }

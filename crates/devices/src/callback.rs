@@ -1,18 +1,20 @@
 //! A haptic device that the program which embeds palpate implements by two functions: one returns the device's pose,
-//! the other takes the wrench to *play*, that is to exert on the hand. A *tick* is one iteration of the haptic loop.
+//! the other takes the wrench (force and torque) to *play*, that is to exert on the hand. A *tick* is one iteration of
+//! the haptic loop.
 
 use palpate::Wrench;
 use palpate::internal::haptics::{Device, Fault, Reading};
 use palpate::scene::Profile;
 
-/// Returns a measurement of the device at a time, s since the loop began. The loop's thread calls it once a tick.
+/// A function that returns a measurement of the device at a time, s since the loop began. The loop's thread calls it
+/// once a tick.
 pub type Read = Box<dyn FnMut(f64) -> Result<Reading, Fault> + Send>;
-/// Takes the wrench that the device plays until the next call. The loop's thread calls it once a tick, and with a zero
-/// wrench on opening and on closing.
+/// A function that takes the wrench that the device plays until the next call. The loop's thread calls it once a tick,
+/// and with a zero wrench on opening and on closing.
 pub type Write = Box<dyn FnMut(&Wrench) -> Result<(), Fault> + Send>;
 
-/// A haptic device made of two functions. Neither may block for longer than a small part of a tick. What they return is
-/// passed on unchecked, because the loop itself rejects impossible poses.
+/// A haptic device made of two functions, neither of which may block for longer than a small part of a tick. What the
+/// functions return is passed on unchecked, because the loop itself rejects impossible poses.
 pub struct Callback {
     profile: Profile,
     read: Read,
@@ -20,7 +22,8 @@ pub struct Callback {
 }
 
 impl Callback {
-    /// A device with the limits of `profile`: a built-in profile, or one with the embedding program's own figures.
+    /// A device with the limits of `profile` (limits of force, workspace and so on): a built-in profile, or one with
+    /// the embedding program's own figures.
     ///
     /// # Errors
     /// One line that says what is wrong with the profile; see [`Profile::check`].
@@ -89,6 +92,9 @@ mod tests {
     fn the_hosts_own_figures_are_checked() {
         let own = Profile { name: "own", max_force: f64::NAN, ..PROFILES[0].clone() };
         let refused = Callback::new(own, Box::new(still), Box::new(|_| Ok(()))).err().unwrap();
-        assert!(refused.contains("own") && refused.contains("max_force"), "wrong error: {refused}");
+        assert!(
+            refused.contains("own") && refused.contains("max_force"),
+            "the error must name the profile and the figure that is wrong: {refused}"
+        );
     }
 }

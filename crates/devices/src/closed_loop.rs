@@ -1,6 +1,9 @@
-//! Tests of the whole haptic loop in virtual time: the simulated hand presses the tool against a wall of known
-//! stiffness, with and without the local model (which extrapolates the contact wrench between simulation steps; without
-//! it the loop plays the *raw force* of the last step) and with and without the passivity controller.
+//! Tests of the whole haptic loop in virtual time (no clock is waited for): the simulated hand presses the tool, the
+//! rigid body that the haptic device leads by a virtual coupling, against a wall of known stiffness. The loop runs with
+//! and without the local model, which extrapolates the contact force between simulation steps; without it the loop
+//! plays the *raw force*, that of the last step. The loop also runs with and without the passivity controller, which
+//! keeps it from giving energy to the hand. A tick is one iteration of the loop; a force is played when it is commanded
+//! to the device.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::haptics::environment::Wall;
@@ -53,14 +56,14 @@ fn make(profile: &Profile, stiffness: f64, adjust: impl FnOnce(&mut Settings)) -
     (Servo::new(settings, tool), wall)
 }
 
-/// Runs a hand that intends to go 10 mm into the wall and to stay there; returns all ticks and the hand. `rate` is the
-/// number of simulation steps a second, Hz.
+/// Runs the loop for three seconds with a hand that intends to go 10 mm into the wall and to stay there; returns all
+/// ticks and the hand. `rate` is the number of simulation steps a second, Hz.
 fn press(profile: &str, stiffness: f64, rate: f64, adjust: impl FnOnce(&mut Settings)) -> (Vec<Tick>, Hand) {
     follow(&[key(0.0, 0.005), key(0.3, 0.005), key(0.6, -0.01)], profile, stiffness, rate, adjust)
 }
 
 /// Runs the loop for three seconds with a hand that intends to follow the keys (poses at given times); returns all
-/// ticks (iterations of the loop) and the hand.
+/// ticks and the hand.
 fn follow(
     keys: &[Key],
     profile: &str,
@@ -78,13 +81,13 @@ fn follow(
     (ticks, hand)
 }
 
-/// Runs a hand that intends to go 10 mm into the wall, to stay there for a second and to leave again.
+/// Runs the loop with a hand that intends to go 10 mm into the wall, to stay there for a second and to leave again.
 fn cycle(profile: &str, stiffness: f64, rate: f64, adjust: impl FnOnce(&mut Settings)) -> (Vec<Tick>, Hand) {
     let keys = [key(0.0, 0.005), key(0.3, 0.005), key(0.6, -0.01), key(1.6, -0.01), key(2.0, 0.01)];
     follow(&keys, profile, stiffness, rate, adjust)
 }
 
-/// Mean and standard deviation of the force played over the last second, N.
+/// Mean and standard deviation of the force played over the last second, N, along the wall's normal.
 fn force_at_end(ticks: &[Tick]) -> (f64, f64) {
     let last: Vec<f64> = ticks[ticks.len() - 1000..].iter().map(|tick| tick.played.force.y).collect();
     let mean = last.iter().sum::<f64>() / last.len() as f64;
@@ -103,7 +106,7 @@ fn the_local_model_holds_contact_where_the_raw_force_swings() {
             let ((mean, deviation), (_, raw)) = (with(true), with(false));
             println!(
                 "{profile}, wall of {stiffness} N/m at {rate} Hz: force {mean:.3} N, standard deviation \
-                 {deviation:.4} N; of the raw force {raw:.2} N"
+                 {deviation:.4} N; standard deviation of the raw force {raw:.2} N"
             );
             assert!(
                 mean > 1.0 && deviation < 0.001 * mean,
@@ -152,12 +155,12 @@ fn a_press_and_release_gives_the_hand_no_energy() {
                 );
                 assert!(
                     peak > 0.3,
-                    "{profile}, {stiffness} N/m, {rate} Hz, local model {local_model}: peak force {peak} N"
+                    "{profile}, {stiffness} N/m, {rate} Hz, local model {local_model}: peak force only {peak} N"
                 );
                 assert!(
                     received <= most && seen <= most && energy.lent == 0.0,
                     "{profile}, {stiffness} N/m, {rate} Hz, local model {local_model}: the hand received {received} J, \
-                     the passivity observer saw {seen} J, {energy:?}"
+                     the passivity observer saw {seen} J; energies of the loop: {energy:?}"
                 );
             }
         }

@@ -1,6 +1,7 @@
-//! Tests of every fault that the haptic loop must survive: the played force (the one commanded to the device) stays
-//! within its limits, the tick (iteration of the loop) raises the fault's event, and the force returns once the fault
-//! has passed.
+//! Tests of every fault that the haptic loop must survive. The tick (iteration of the loop) in which a fault occurs
+//! raises the fault's event; the played force (the one commanded to the device) stays within its limits, and returns
+//! once the fault has passed. A wrench is the force and torque of the contacts on the tool, the rigid body that the
+//! device leads.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::Wrench;
@@ -19,7 +20,8 @@ use palpate::scene::{Key, Lowered};
 use super::hand::{Hand, HandParameters};
 
 const PERIOD: f64 = 1e-3;
-/// Ticks from one simulation step to the next, and from a step's beginning until the loop has its wrench.
+/// Number of ticks from the beginning of one simulation step to that of the next. The loop has the wrench of a step
+/// this many ticks after the step's beginning.
 const INTERVAL: u64 = 20;
 /// Tick in which the fault begins.
 const FAULT: u64 = 1500;
@@ -70,8 +72,8 @@ fn making(profile: &str) -> Making {
 }
 
 /// Runs a session of four seconds, in which the hand presses on the wall and holds, twice: with the passivity
-/// controller and without. Every tick is checked against the limits. Returns the ticks of the run without the
-/// controller.
+/// controller (which damps forces that would give the hand energy) and without. Every tick is checked against the
+/// limits. Returns the ticks of the run without the controller.
 fn session(making: Making, mut fault: impl FnMut(u64, &mut Inputs)) -> Vec<Tick> {
     let [_, ticks] = [true, false].map(|passivity| {
         let mut making = making.clone();
@@ -112,7 +114,10 @@ fn one_session(making: Making, mut fault: impl FnMut(u64, &mut Inputs)) -> Vec<T
 
 fn check(limits: &Limits, last: Option<&Tick>, tick: &Tick) {
     let (force, torque) = (tick.played.force.length(), tick.played.torque.length());
-    assert!(tick.played.is_finite() && tick.device.is_valid() && tick.tool.is_valid(), "tick: {tick:?}");
+    assert!(
+        tick.played.is_finite() && tick.device.is_valid() && tick.tool.is_valid(),
+        "the played wrench or a pose is not finite: {tick:?}"
+    );
     assert!(
         force <= limits.force && torque <= limits.torque,
         "tick {}: the force {force} N or the torque {torque} N m is above its limit",
@@ -120,8 +125,8 @@ fn check(limits: &Limits, last: Option<&Tick>, tick: &Tick) {
     );
     let before = last.map_or(DVec3::ZERO, |tick| tick.played.force);
     let change = (tick.played.force - before).length();
-    // The slew limit holds over the time that a tick integrates, at most four periods; a force that is cut off drops to
-    // zero at once.
+    // The slew limit bounds the rate of change of the force over the time that a tick integrates, at most four periods.
+    // A force that is cut off drops to zero at once.
     let most = 4.0 * limits.slew * PERIOD * (1.0 + 1e-9);
     assert!(change <= most || tick.played.force == DVec3::ZERO, "tick {}: force changed by {change} N", tick.index);
 }
@@ -135,7 +140,7 @@ fn force(ticks: &[Tick], at: u64) -> f64 {
     ticks[at as usize].played.force.length()
 }
 
-/// Whether the force at the end is, to 0.05 N, that of a session without fault.
+/// Whether the force at the end is within 0.05 N of that of a session without fault.
 fn has_recovered(ticks: &[Tick]) -> bool {
     let whole = session(making("premium"), |_, _| ());
     (force(ticks, TICKS - 1) - force(&whole, TICKS - 1)).abs() < 0.05
@@ -147,7 +152,11 @@ fn nothing_is_told_of_a_session_without_fault() {
     assert!(force(&ticks, TICKS - 1) > 1.0);
     for (event, name) in Event::ALL {
         let expected = matches!(event, Event::Engaging | Event::Damped | Event::BeyondTrust);
-        assert!(expected || with(&ticks, event).is_empty(), "wrong event {name} in ticks {:?}", with(&ticks, event));
+        assert!(
+            expected || with(&ticks, event).is_empty(),
+            "the event {name} was raised without a fault, in ticks {:?}",
+            with(&ticks, event)
+        );
     }
     assert!(*with(&ticks, Event::Engaging).last().unwrap() < 250);
 }
@@ -178,8 +187,8 @@ fn a_simulation_that_stalls_for_longer_lets_the_force_fade() {
     for passivity in [true, false] {
         let ticks = stalled(1500, passivity);
         let stale = with(&ticks, Event::StaleWrench);
-        // When the stall began the wrench was out of date by 20 to 40 ms; it becomes stale when it is out of date by 1
-        // s.
+        // When the stall began, the newest wrench was out of date by 20 to 40 ms; it is stale once it is out of date by
+        // 1 s.
         assert!((FAULT + 960..=FAULT + 980).contains(&stale[0]), "ticks with a stale wrench: {stale:?}");
         assert!(force(&ticks, stale[0] - 1) > 1.0);
         // The force has faded within 50 ms and is still zero at the end of the stall.
@@ -201,7 +210,7 @@ fn a_force_that_is_there_from_the_start_rises_slowly_and_one_that_is_not_is_play
         let mut servo = Servo::new(settings, tool.clone());
         let tick = |servo: &mut Servo, k: u64| servo.tick(k as f64 * PERIOD, 0.0, Ok(reading), &newest);
         let ticks: Vec<Tick> = (0..250).map(|k| tick(&mut servo, k)).collect();
-        assert_eq!(ticks[0].gain == 1.0, whole, "gain of the first tick {}", ticks[0].gain);
+        assert_eq!(ticks[0].gain == 1.0, whole, "gain (share of the force that is played) {}", ticks[0].gain);
         assert!(ticks[0].played.force.length() < 0.02 && ticks[249].gain == 1.0);
     }
 }
@@ -218,9 +227,9 @@ fn an_unplugged_device_is_told_nothing_until_it_is_back() {
     for ticks in [at_reading, at_writing] {
         assert_eq!(with(&ticks, Event::DeviceLost), (FAULT..FAULT + 500).collect::<Vec<_>>());
         assert!((FAULT..FAULT + 500).all(|k| force(&ticks, k) == 0.0) && force(&ticks, FAULT - 1) > 1.0);
-        // The force takes 200 ms to rise: after ten ticks a twentieth of it is played. The hand has sunk in meanwhile,
-        // so the whole force is greater than before the fault.
-        assert!(force(&ticks, FAULT + 510) < 0.3, "after 10 ticks {} N", force(&ticks, FAULT + 510));
+        // The force takes 200 ms to rise: ten ticks after the device is back, a twentieth of the force is played. The
+        // hand has sunk into the wall meanwhile, so the whole force is greater than before the fault.
+        assert!(force(&ticks, FAULT + 510) < 0.3, "force 10 ticks after the fault: {} N", force(&ticks, FAULT + 510));
         assert!(has_recovered(&ticks));
     }
 }
@@ -241,7 +250,7 @@ fn a_pose_that_is_no_number_is_not_used() {
                 }
             });
             assert_eq!(with(&ticks, Event::BadReading), (FAULT..FAULT + 200).collect::<Vec<_>>());
-            assert!(force(&ticks, FAULT + 60) < 1e-9, "60 ticks after the fault {} N", force(&ticks, FAULT + 60));
+            assert!(force(&ticks, FAULT + 60) < 1e-9, "after 60 ticks of fault: {} N", force(&ticks, FAULT + 60));
             assert!(has_recovered(&ticks));
         }
     }
@@ -266,10 +275,10 @@ fn a_pose_that_jumps_is_taken_only_once_the_force_has_gone() {
         assert_eq!(jumped[0], FAULT, "first tick with the event PoseJump, jump along {jump}");
         assert!(jumped.len() > 40 && jumped.len() < 60, "pose jump along {jump} in {} ticks", jumped.len());
         let last = *jumped.last().unwrap();
-        assert!(force(&ticks, last) < 1e-9, "pose jump along {jump}: force {} N", force(&ticks, last));
+        assert!(force(&ticks, last) < 1e-9, "last tick of the jump along {jump}: force {} N", force(&ticks, last));
         let device = ticks[last as usize].device.position;
         let before = ticks[FAULT as usize - 1].device.position;
-        assert!((device - before - 0.1 * jump).length() < 0.01, "displacement after the jump along {jump}");
+        assert!((device - before - 0.1 * jump).length() < 0.01, "wrong displacement by the jump along {jump}");
     }
     // A single reading that jumps there and back is ignored.
     let ticks = session(making("premium"), |k, inputs| {
@@ -321,7 +330,7 @@ fn gains_ten_times_too_high_stay_within_the_limits() {
             events.iter().zip(&mut told).for_each(|(event, count)| *count += with(&ticks, *event).len());
         }
     }
-    assert!(told.iter().sum::<usize>() > 0, "no limit acted; ticks with clamped, slewed, damped force: {told:?}");
+    assert!(told.iter().sum::<usize>() > 0, "no limit acted; counts of clamped, held back and damped forces: {told:?}");
 }
 
 #[test]
@@ -331,8 +340,11 @@ fn gains_above_the_limits_are_lowered_and_said_so() {
     let mut asked = chosen;
     (asked.stiffness, asked.damping) = (10.0 * chosen.stiffness, 10.0 * chosen.damping);
     let gains = coupling::choose(profile, PERIOD, 0.0, 0.05, 2e-6, Some(&asked));
-    assert!(gains.coupling.stiffness <= profile.stiffness && gains.coupling.damping <= profile.damping, "{gains:?}");
-    assert!(gains.reason.contains("lowered"), "{}", gains.reason);
+    assert!(
+        gains.coupling.stiffness <= profile.stiffness && gains.coupling.damping <= profile.damping,
+        "gains above those of the profile: {gains:?}"
+    );
+    assert!(gains.reason.contains("lowered"), "the reason does not say that gains were lowered: {}", gains.reason);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! A simulated haptic device together with the person who holds it: a mass (hand and handle) which the arm's spring and
-//! damper pull towards the pose that the person intends, and which the *played* wrench (the one commanded to the
-//! device) pushes. It is deterministic; closed-loop tests and `bench haptics` use it as their device.
+//! damper pull towards the pose that the person intends, and which the *played* wrench (the force and torque commanded
+//! to the device) pushes. The equations of motion are integrated in *substeps*, several to a tick (iteration) of the
+//! haptic loop. The hand is deterministic; closed-loop tests and `bench haptics` use it as their device.
 
 use std::collections::VecDeque;
 
@@ -21,16 +22,16 @@ pub use palpate::scene::HandParameters;
 
 use limb::{Limb, Load};
 
-/// Rounding tolerance of times, in substeps; see [`HandParameters::EARLY`].
+/// Rounding tolerance of times, as a share of a substep; see [`HandParameters::EARLY`].
 const EARLY: f64 = HandParameters::EARLY;
 
-/// Greatest number of substeps that one reading advances the hand by, so that it takes bounded time whatever the clock
-/// does.
+/// Greatest number of substeps by which one reading advances the hand, so that a reading takes bounded time whatever
+/// the clock does.
 const CATCH_UP: u64 = 1000;
 
 /// Energy balance of the hand, J. The change of [`Hand::stored`] is `force + torque + intent - lost`. For translation,
 /// and for rotation about a fixed axis, this is exact up to rounding. Where the axis of rotation changes there is a
-/// small difference, which vanishes with the substep and is a loss if the person intends no rotation.
+/// small difference, which vanishes as substeps get shorter and is a loss if the person intends no rotation.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct HandEnergy {
     /// Work of the played force on the hand: the integral of the force over the true motion, not the sensed one.
@@ -70,7 +71,7 @@ pub struct Hand {
 
 impl Hand {
     /// A hand that intends to follow the trajectory `intended`, on a device with the limits of `profile`. Torque acts
-    /// only if a device of that profile plays torque.
+    /// on the hand only if the profile says that the device plays torque.
     ///
     /// # Errors
     /// One line that says which parameter is out of range; see [`HandParameters::check`].
@@ -115,7 +116,7 @@ impl Hand {
         self.energy = HandEnergy::default();
     }
 
-    /// Energy of the hand's motion and of its arm's and wrist's springs, J.
+    /// Energy of the hand's motion and of the springs of its arm and wrist, J.
     pub fn stored(&self) -> f64 {
         let (position, orientation) = self.intended.pose(self.time());
         let turn = rotation_vector(self.state.orientation * orientation.conjugate());

@@ -1,5 +1,5 @@
-//! Haptic devices, real and simulated, for the haptic loop of `palpate`; and recordings of sessions with them, which
-//! can be replayed.
+//! Haptic devices, real and simulated, for the haptic loop of palpate (the thread that reads a device and commands a
+//! force to it about 1000 times a second). A session, one run of the loop with a device, can be recorded and replayed.
 
 pub mod callback;
 #[cfg(test)]

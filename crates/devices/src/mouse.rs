@@ -1,6 +1,6 @@
 //! A mouse as a haptic device of six degrees of freedom: the window's thread moves a goal pose with the mouse, and the
-//! simulated device follows it smoothly and no faster than a hand. The user feels no force, but sees it as the lag
-//! between the goal and the tool.
+//! simulated device follows the goal smoothly and no faster than a hand. The user feels no force, but sees the force as
+//! the distance by which the tool, the rigid body that the device leads, lags behind the goal.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,18 +12,20 @@ use palpate::scene::Profile;
 use palpate::scene::profile::MOUSE;
 use palpate::{RigidState, Wrench};
 
-/// Natural frequency of the critically damped motion towards the goal, 1/s: a step of one pixel is spread over about
-/// fifty ticks (iterations of the haptic loop).
+/// Natural frequency of the critically damped motion towards the goal, 1/s: a jump of the goal by one pixel is spread
+/// over about fifty ticks (iterations of the haptic loop).
 const FOLLOWS: f64 = 40.0;
 /// Greatest speed of the device, m/s.
 const FASTEST: f64 = 1.0;
 /// Greatest angular speed of the device, rad/s.
 const FASTEST_TURN: f64 = 10.0;
-/// Longest time that is integrated at once, s; longer times are divided into equal parts.
+/// Longest time that is integrated at once, s; a longer time is divided into equal parts.
 const TICK: f64 = 1e-3;
-/// Longest time that one reading integrates over, s, so that it takes bounded time whatever the clock does.
+/// Longest time that one reading integrates over, s, so that a reading needs bounded computing time whatever the clock
+/// does.
 const CATCH_UP: f64 = 0.25;
-/// Number of attempts of a reading to copy the goal while another thread changes it; after them it uses the last goal.
+/// Number of attempts of a reading to copy the goal while another thread changes the goal; if all of them fail, the
+/// reading uses the goal that was copied last.
 const LOOKS: u32 = 4;
 
 /// The pose that the device follows. One thread sets it with the mouse; the device, on another thread, reads it without
@@ -33,12 +35,12 @@ pub struct Goal(Arc<Shared>);
 
 #[derive(Debug, Default)]
 struct Shared {
-    /// Version of the numbers; odd while they change.
+    /// Version of `numbers`; odd while the numbers change.
     version: AtomicU64,
     /// Position and orientation (x y z w), each as the bits of an f64.
     numbers: [AtomicU64; 7],
     is_pressed: AtomicBool,
-    /// The goal as its setters see it; the device never takes this lock.
+    /// The goal for the threads that set it; the device never takes this lock.
     own: Mutex<Pose>,
 }
 
@@ -49,7 +51,7 @@ struct Pose {
 }
 
 impl Goal {
-    /// A goal at a pose, with the button up.
+    /// A goal at a pose, with the button of the device released.
     pub fn new(position: DVec3, orientation: DQuat) -> Goal {
         let goal = Goal::default();
         goal.place(position, orientation);
@@ -61,17 +63,18 @@ impl Goal {
         self.set(|_| Pose { position, orientation });
     }
 
-    /// Moves the goal, m.
+    /// Moves the goal by a displacement, m.
     pub fn shift(&self, by: DVec3) {
         self.set(|pose| Pose { position: pose.position + by, ..pose });
     }
 
-    /// Turns the goal in place about a world axis by the vector's length, rad.
+    /// Rotates the goal about its own position by the rotation vector `by`: its direction is a world axis, its length
+    /// the angle, rad.
     pub fn turn(&self, by: DVec3) {
         self.set(|pose| Pose { orientation: (DQuat::from_scaled_axis(by) * pose.orientation).normalize(), ..pose });
     }
 
-    /// Sets whether the button is down.
+    /// Sets whether the device's button is pressed.
     pub fn press(&self, is_pressed: bool) {
         self.0.is_pressed.store(is_pressed, Ordering::Relaxed);
     }
@@ -97,7 +100,7 @@ impl Goal {
         self.0.version.store(version + 2, Ordering::SeqCst);
     }
 
-    /// Copies the pose; `None` if it was being changed during all attempts.
+    /// Copies the goal's pose; `None` if another thread was changing it during all attempts.
     fn look(&self) -> Option<(DVec3, DQuat)> {
         for _ in 0..LOOKS {
             let version = self.0.version.load(Ordering::SeqCst);
@@ -110,7 +113,7 @@ impl Goal {
     }
 }
 
-/// The device that follows a [`Goal`]. Time advances with its readings.
+/// The device that follows a [`Goal`]; each reading advances it to the time of the reading.
 #[derive(Debug, Clone)]
 pub struct Mouse {
     goal: Goal,
@@ -139,9 +142,9 @@ impl Mouse {
     }
 }
 
-/// Displacement and velocity after `h` s, exact for x'' = w^2 (goal - x) - 2 w x' with w = `FOLLOWS`; `away` is goal -
-/// x at the start. `away` is shortened to at most 2 `fastest` / w, the distance at which a goal is followed at the
-/// speed `fastest`, so that the speed never exceeds `fastest`.
+/// Displacement and velocity of a point x after `h` s, exact for x'' = w^2 (goal - x) - 2 w x' with w = `FOLLOWS`;
+/// `away` is goal - x at the start. `away` is shortened to at most 2 `fastest` / w, the distance at which a goal is
+/// followed at the speed `fastest`, so that the speed never exceeds `fastest`.
 fn follow(away: DVec3, velocity: DVec3, fastest: f64, h: f64) -> (DVec3, DVec3) {
     let away = away.clamp_length_max(2.0 * fastest / FOLLOWS);
     let c = velocity - FOLLOWS * away;
@@ -210,7 +213,7 @@ mod tests {
         assert!(last.position.distance(from + 0.02 * DVec3::X) < 1e-8 && last.velocity.length() < 1e-6);
         let wanted = DQuat::from_rotation_y(0.1) * turned;
         assert!(rotation_vector(wanted * last.orientation.conjugate()).length() < 1e-8);
-        // After one time constant 1 - 2 / e of the way is done, whatever the tick.
+        // After one time constant, 1 / `FOLLOWS`, the share 1 - 2 / e of the way is done, whatever the tick.
         let (goal, mut device) = start();
         goal.shift(DVec3::X * 0.02);
         let done = (device.read(1.0 / FOLLOWS).unwrap().state.position.x - from.x) / 0.02;
@@ -230,15 +233,18 @@ mod tests {
                 for state in readings(&mut device, f64::from(leap) * 0.35, 0.35, tick) {
                     let moved = state.position.distance(before.position);
                     let turn = rotation_vector(state.orientation * before.orientation.conjugate()).length();
-                    assert!(moved <= FASTEST * tick * (1.0 + 1e-9), "{moved} m in {tick} s");
-                    assert!(turn <= FASTEST_TURN * tick * (1.0 + 1e-6), "{turn} rad in {tick} s");
+                    assert!(moved <= FASTEST * tick * (1.0 + 1e-9), "moved {moved} m in {tick} s");
+                    assert!(turn <= FASTEST_TURN * tick * (1.0 + 1e-6), "turned {turn} rad in {tick} s");
                     fastest = fastest.max(state.velocity.length());
                     fastest_turn = fastest_turn.max(state.angular_velocity.length());
                     before = state;
                 }
             }
             assert!(fastest <= FASTEST && fastest > 0.9 * FASTEST, "greatest speed {fastest} m/s");
-            assert!(fastest_turn <= FASTEST_TURN && fastest_turn > 0.9 * FASTEST_TURN, "{fastest_turn} rad/s at most");
+            assert!(
+                fastest_turn <= FASTEST_TURN && fastest_turn > 0.9 * FASTEST_TURN,
+                "greatest angular speed {fastest_turn} rad/s"
+            );
         }
     }
 
@@ -257,7 +263,10 @@ mod tests {
                 three[1].velocity
             );
             let turn = rotation_vector(three[2].orientation * three[0].orientation.conjugate()) / (2.0 * tick);
-            assert!((turn - three[1].angular_velocity).length() < 2e-2, "slope of the rotation {turn} rad/s");
+            assert!(
+                (turn - three[1].angular_velocity).length() < 2e-2,
+                "the angular velocity is not the slope of the rotation, {turn} rad/s"
+            );
         }
     }
 
@@ -266,7 +275,7 @@ mod tests {
         let (goal, mut device) = start();
         let (pixel, mut time) = (2e-4, 0.0);
         let mut states = Vec::new();
-        // Sixty mouse events a second, a pixel each: 12 mm/s.
+        // Sixty mouse events a second, each of one pixel (0.2 mm), move the goal at 12 mm/s.
         for _ in 0..120 {
             goal.shift(DVec3::X * pixel);
             states.extend(readings(&mut device, time, 0.0167, 1e-3 * 1.04375));

@@ -3,8 +3,8 @@
 //!
 //! Format of the file: the eight bytes `palpate` and zero, the version (u32, little endian), the [`Header`], then one
 //! [`Entry`] after another, the last of them [`Entry::End`]. Header and entries are encoded with the crate `postcard`,
-//! each preceded by its length in bytes (u32, little endian). If the process was killed the end is missing, and all
-//! that was written before can be read.
+//! each preceded by its length in bytes (u32, little endian). If the process was killed, [`Entry::End`] is missing, and
+//! all entries that were written before can be read.
 
 pub mod fields;
 mod read;
@@ -37,7 +37,7 @@ const BUFFER: usize = 1 << 16;
 /// The scene, Vulkan device and haptic device of a session; [`Begin`] holds the settings of the haptic loop.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Header {
-    /// Version of palpate.
+    /// Version of palpate that made the recording.
     pub program: String,
     /// The scene file's absolute path.
     pub scene: String,
@@ -47,17 +47,18 @@ pub struct Header {
     pub device: String,
     /// Driver of the Vulkan device.
     pub driver: String,
-    /// Name of the depth stage's implementation, see [`name`](palpate::scene::DepthPath::name); `None` if the step has
-    /// no depth stage.
+    /// Name of the implementation of the depth stage (the part of a step that finds how deep bodies penetrate each
+    /// other), see [`name`](palpate::scene::DepthPath::name); `None` if the step has no depth stage.
     pub depth: Option<String>,
-    /// Name of the haptic device's profile.
+    /// Name of the haptic device's profile (set of its limits).
     pub profile: String,
-    /// The haptic device, by the name that the user gives it.
+    /// Name of the haptic device, as the user gives it.
     pub haptic_device: String,
 }
 
 impl Header {
-    /// The header of a session with a simulation, whose scene was loaded from a file, and a device of that profile.
+    /// The header of a session of `simulation`, whose scene `scene` was loaded from a file, with the haptic device
+    /// `haptic_device` of the profile `profile`.
     pub fn new(scene: &Scene, simulation: &Simulation, profile: &str, haptic_device: &str) -> Result<Header> {
         let context = simulation.context();
         // Without a working directory there are no absolute paths; then a replay must be given the scene's path.
@@ -87,7 +88,7 @@ pub fn digest(scene: &Path) -> Result<[u8; 32]> {
 pub struct Begin {
     /// Settings of the servo, including the period of a tick.
     pub settings: Settings,
-    /// The tool, including the virtual coupling to the device.
+    /// The tool (rigid body that the device leads), including its virtual coupling (spring and damper) to the device.
     pub tool: Tool,
 }
 
@@ -98,7 +99,7 @@ pub struct Step {
     pub input: DeviceInput,
     /// Length of the step, s.
     pub h: f64,
-    /// Contact wrench that the step returned.
+    /// Contact wrench (force and torque) on the tool that the step returned.
     pub wrench: ContactWrench,
 }
 
@@ -109,7 +110,7 @@ pub struct Totals {
     pub ticks: u64,
     /// Steps recorded.
     pub steps: u64,
-    /// Ticks missing between recorded ones.
+    /// Ticks missing before the first recorded tick or between recorded ticks.
     pub lost: u64,
 }
 
@@ -120,19 +121,19 @@ pub enum Entry {
     Begin(Box<Begin>),
     /// A tick of the loop.
     Tick(Box<Tick>),
-    /// A step of the simulation. It may come after ticks that already used its wrench.
+    /// A step of the simulation. The entry may come after ticks that already used the step's wrench.
     Step(Box<Step>),
     /// The regular end of the session: the last entry.
     End(Totals),
 }
 
-/// A recording being written. If it is dropped before [`Recording::finish`], its end is missing, but all entries before
-/// are there.
+/// A recording being written. If it is dropped before [`Recording::finish`], only [`Entry::End`] is missing in the
+/// file.
 pub struct Recording {
     file: PathBuf,
     sink: Sink,
     totals: Totals,
-    /// Index that the next tick has if none is missing.
+    /// Index of the next tick if no tick is missing.
     next: u64,
 }
 
@@ -142,8 +143,8 @@ enum Sink {
 }
 
 impl Recording {
-    /// Creates the file, replacing an existing one. If its name ends in `.csv` it gets the ticks alone, as a table (see
-    /// [`Table`]), which cannot be replayed.
+    /// Creates the file, replacing an existing one. If the file's name ends in `.csv`, the file holds only the ticks,
+    /// as a table (see [`Table`]), which cannot be replayed.
     pub fn create(path: &Path, header: &Header) -> Result<Recording> {
         let is_table = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
         let failed = |source| Error::Output { file: path.into(), source };
@@ -181,7 +182,7 @@ impl Recording {
         self.put(Entry::Step(Box::new(Step { input: *input, h, wrench: *wrench })))
     }
 
-    /// Writes the end and returns the numbers of entries.
+    /// Writes [`Entry::End`] and returns the numbers of entries.
     pub fn finish(mut self) -> Result<Totals> {
         self.put(Entry::End(self.totals))?;
         let flushed = match self.sink {

@@ -1,6 +1,7 @@
-//! Replay of a recorded session: a new servo (the haptic loop's controller) gets the recorded readings and times, a new
-//! environment (the simulation) does the same steps, and every value is compared with the recorded one, bit for bit. A
-//! *tick* is one iteration of the loop.
+//! Replay of a recorded session (one run of the haptic loop with a device): a new servo (the loop's controller) gets
+//! the recorded readings and times, a new environment (source of contact wrenches, usually the simulation) does the
+//! recorded steps again, and every value is compared with the recorded one, bit for bit. A *tick* is one iteration of
+//! the loop.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -34,7 +35,7 @@ pub struct Replayed {
 pub struct Difference {
     /// The tick or the step that differs.
     pub place: Place,
-    /// Name of the value, as in [`fields`].
+    /// Name of the value, as [`fields`] defines it.
     pub field: String,
     /// The value as recorded.
     pub recorded: String,
@@ -67,7 +68,7 @@ impl fmt::Display for Difference {
     }
 }
 
-/// What reading the device gave in a recorded tick, faults included.
+/// The result of reading the device in a recorded tick: the reading, or the fault.
 pub fn reading_of(tick: &Tick) -> std::result::Result<Reading, Fault> {
     match tick.reading {
         Some(reading) => Ok(reading),
@@ -76,9 +77,9 @@ pub fn reading_of(tick: &Tick) -> std::result::Result<Reading, Fault> {
     }
 }
 
-/// Replays a recording up to its end or to the first difference. The environment must be made as the recorded one was,
-/// and must not have stepped yet. Fails if the recording holds no session that can be replayed (ticks are missing,
-/// entries are out of order), and if the environment fails.
+/// Replays a recording up to its end or to the first difference. The environment must be made as that of the recorded
+/// session was, and must not have stepped yet. Fails if the recording holds no session that can be replayed (ticks are
+/// missing, entries are out of order), and if the environment fails.
 pub fn replay(recorded: Recorded, environment: &mut dyn Environment) -> Result<Replayed> {
     let mut replay = Replay {
         source: Source { recorded, ticks: VecDeque::new(), steps: VecDeque::new(), is_over: false, is_whole: false },
@@ -91,7 +92,7 @@ pub fn replay(recorded: Recorded, environment: &mut dyn Environment) -> Result<R
     Ok(Replayed { ticks, steps, is_whole: replay.source.is_whole, difference })
 }
 
-/// The recording, read ahead as far as needed: a step may come after the ticks that ran while it was computed.
+/// The recording, read ahead as far as needed: a step may be recorded after the ticks that ran while it was computed.
 struct Source {
     recorded: Recorded,
     ticks: VecDeque<Box<Tick>>,
@@ -124,7 +125,7 @@ impl Source {
 struct Replay<'a> {
     source: Source,
     environment: &'a mut dyn Environment,
-    /// Contact wrenches that the servo may still take, by rising step.
+    /// Contact wrenches that the servo may still take, in ascending order of their steps.
     wrenches: VecDeque<ContactWrench>,
     /// Numbers of ticks and of steps whose values all agree with the recording.
     done: (u64, u64),
@@ -168,7 +169,7 @@ impl Replay<'_> {
         }
     }
 
-    /// Repeats a step, from the servo's present state.
+    /// Repeats a recorded step, from the servo's present state.
     fn step(&mut self, recorded: &Step, servo: &Servo) -> Result<Option<Difference>> {
         let number = self.done.1 + 1;
         if recorded.input.ticks < self.done.0 {
@@ -202,7 +203,7 @@ impl Replay<'_> {
             self.wrenches.pop_front();
         }
         if tick.events.has(Event::BadWrench) {
-            // The servo refuses a wrench that is not finite, and keeps the one that it had.
+            // The servo refuses a wrench that is not finite, and keeps the wrench that it had before.
             let bad = self.wrenches.iter().find(|wrench| wrench.step > tick.step && !wrench.is_finite());
             return Ok(Some(bad.copied().unwrap_or(servo.newest())));
         }
@@ -235,7 +236,8 @@ impl Replay<'_> {
     }
 }
 
-/// The reason why no servo can be made with these settings, which may come from a damaged file; `None` if one can.
+/// The reason why no servo can be made with these settings, which may come from a damaged file; `None` if a servo can
+/// be made.
 fn problem_of(settings: &Settings) -> Option<String> {
     let Settings { period, limits, most_damping, trust, arm, .. } = *settings;
     let Limits { force, torque, slew, angular_slew, workspace, watchdog } = limits;

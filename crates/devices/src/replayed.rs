@@ -1,4 +1,4 @@
-//! A haptic device that gives the readings of a recorded session again.
+//! A haptic device that gives the readings of a recorded session (one run of the haptic loop with a device) again.
 
 use std::path::Path;
 
@@ -9,8 +9,9 @@ use palpate::{Error, Result, RigidState, Wrench};
 use crate::record::{Entry, Recorded};
 use crate::replay::reading_of;
 
-/// The readings of a recording, tick for tick: the n-th call to read gives the n-th reading, faults included, whatever
-/// the time. After the last one the device rests at its last pose. The wrench written to it has no effect.
+/// The readings of a recording in their order, one for each tick (iteration of the loop): the n-th call to read gives
+/// the n-th reading, faults included, whatever the time. After the last reading the device rests at its last pose. A
+/// wrench written to it has no effect.
 pub struct Replay {
     profile: &'static Profile,
     readings: std::vec::IntoIter<std::result::Result<Reading, Fault>>,
@@ -18,7 +19,7 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// Reads all of a recording, also one that was cut short.
+    /// Reads a whole recording, or what there is of a recording that was cut short.
     pub fn open(path: &Path) -> Result<Replay> {
         let recorded = Recorded::open(path)?;
         let name = &recorded.header.profile;

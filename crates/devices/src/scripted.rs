@@ -15,8 +15,8 @@ pub struct Scripted {
 }
 
 impl Scripted {
-    /// A device that follows `trajectory`, with the limits of `profile`. `tick` is the time between readings,
-    /// s; a reading's velocity is the mean over the tick before it.
+    /// A device that follows `trajectory`, with the limits of `profile`. `tick` is the time between readings, s; the
+    /// velocity in a reading is the mean velocity over the tick before the reading.
     pub fn new(trajectory: Trajectory, profile: Profile, tick: f64) -> Scripted {
         Scripted { trajectory, profile, tick }
     }

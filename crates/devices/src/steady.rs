@@ -1,8 +1,10 @@
-//! Tests in virtual time of the force *played* (commanded to the device), with the passivity controller on. Some press
-//! a soft body slowly, hold it and release it, with a scripted device or with the simulated hand, and check that the
-//! force at rest is the static force. Others check that the hand receives no energy beyond what the controller has lent
-//! it, whatever happens to the simulation; they sum the energy themselves. The controller *lends* energy for a force
-//! that appears late, after the hand has already moved unopposed; energy beyond that is *unpaid*.
+//! Tests in virtual time of the force *played* (commanded to the haptic device), with the passivity controller on,
+//! which bounds the energy that the hand receives. The device leads a rigid *tool* by a spring and a damper, the
+//! *virtual coupling*. Some tests press a soft body slowly, hold it and release it, with a scripted device or with the
+//! simulated hand, and check that the force at rest is the static force. Others check that the hand receives no energy
+//! beyond what the controller has lent it, whatever happens to the simulation; they sum the energy themselves. The
+//! controller *lends* energy for a force that appears late, after the hand has already moved unopposed; energy that the
+//! hand receives beyond the lent energy is *unpaid*.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::haptics::environment::{Cushion, Environment};
@@ -19,20 +21,21 @@ use palpate::scene::{Key, Lowered};
 
 use super::{Hand, HandParameters, Scripted};
 
+/// Period of a tick (iteration of the haptic loop), s.
 const PERIOD: f64 = 1e-3;
-/// Height of the device and the tool above the surface at the start, m.
+/// Height of the device and the tool above the soft body's surface at the start, m.
 const ABOVE: f64 = 0.005;
 /// Time at which the press begins, s.
 const BEGIN: f64 = 0.3;
-/// Greatest relative difference, at rest, of the played force from the static force and from the simulation step's
-/// force.
+/// Greatest relative difference, at rest, of the played force from the static force and from the force that the newest
+/// simulation step computed.
 const WITHIN: f64 = 0.03;
-/// The greater of two bounds holds for the standard deviation of the force at rest: the first is a share of the mean
-/// force, the second is in N.
+/// Bounds for the standard deviation of the force at rest, the greater of which holds: a share of the mean force, and a
+/// force in N.
 const STILL: [f64; 2] = [0.01, 0.01];
 /// Greatest share of the ticks of a slow press, hold and release in which the passivity controller may act.
 const ACTING: f64 = 0.01;
-/// Device profiles with low, middling and high limits.
+/// Names of device profiles with a low, a middling and a high limit of force.
 const PROFILES: [&str; 3] = ["touch", "premium", "sigma.7"];
 
 /// Parameters of a press and of its disturbances.
@@ -47,15 +50,15 @@ struct Case {
     rate: f64,
     /// Speed of the press, m/s.
     speed: f64,
-    /// Whether wrenches report the gap between tool and body before they touch.
+    /// Whether contact wrenches report the gap between tool and body before they touch.
     tells_gap: bool,
-    /// Height of the cushion's far end, m, over time, s.
+    /// Height (m) of the far end of the cushion's spring as a function of time (s).
     far_end: fn(f64) -> f64,
-    /// Delay of wrenches beyond the duration of a step, ticks (iterations of the haptic loop).
+    /// Delay of a contact wrench after the end of its simulation step, ticks.
     late: u64,
-    /// First and last tick of each stall of the simulation.
+    /// First and last tick of each stall, a time in which the simulation does not step.
     stalls: &'static [[u64; 2]],
-    /// Depth below the undeformed surface to which the device goes, m; `None`: enough for a few newtons.
+    /// Depth below the undeformed surface to which the device goes, m; `None`: a depth that gives a few newtons.
     depth: Option<f64>,
     /// Duration of the hold, s.
     hold: f64,
@@ -94,7 +97,10 @@ struct Came {
 impl Case {
     fn name(&self) -> String {
         let Case { profile, is_scripted, stiffness, rate, speed, tells_gap, .. } = self;
-        format!("{profile}, scripted {is_scripted}, {stiffness} N/m, {rate} Hz, {speed} m/s, gap {tells_gap}")
+        format!(
+            "profile {profile}, scripted device {is_scripted}, stiffness {stiffness} N/m, {rate} steps a second, speed \
+             {speed} m/s, gap reported {tells_gap}"
+        )
     }
 
     fn run(&self) -> Came {
@@ -176,9 +182,9 @@ impl Case {
 }
 
 impl Came {
-    /// Two energies, J. The first is what the hand has received beyond what was lent, computed from readings and played
-    /// forces alone, at the tick where it is greatest. The second is a bound on the first: the error that encoders of
-    /// resolution `quantum` (m) may cause.
+    /// Two energies, J. The first is the energy that the hand has received beyond the lent energy, at the tick where
+    /// this excess is greatest, computed from readings and played forces alone. The second is a bound on the first: the
+    /// error that encoders of resolution `quantum` (m) may cause.
     fn unpaid(&self, quantum: f64) -> (f64, f64) {
         let (mut net, mut worst, mut peak, mut variation) = (0.0f64, 0.0f64, 0.0f64, 0.0);
         for pair in self.ticks.windows(2) {
@@ -212,14 +218,15 @@ impl Came {
         self.held().last().and_then(|tick| self.steps.get(tick.step as usize - 1).copied()).unwrap()
     }
 
-    /// Share of all ticks in which the passivity controller damped the force or slowed the blending of contact models.
+    /// Share of all ticks in which the passivity controller damped the force, or slowed the change to a new contact
+    /// wrench.
     fn acting(&self) -> f64 {
         let acts = |tick: &&Tick| tick.events.has_any(&[Event::Damped, Event::Unpaid]);
         self.ticks.iter().filter(acts).count() as f64 / self.ticks.len() as f64
     }
 
     /// Static force, N: cushion and virtual coupling are springs in series, pressed to where the device is at the end
-    /// of the hold; it is cut at the force limit.
+    /// of the hold; the force is cut at the force limit.
     fn at_rest(&self) -> f64 {
         let device = self.held().last().unwrap().reading.unwrap().state.position.y;
         (-device / (1.0 / self.felt + 1.0 / self.coupling)).min(self.limit)
@@ -242,7 +249,10 @@ fn a_steady_force_is_played_as_it_is_and_the_controller_leaves_it_alone() {
                     came.of_step(),
                     came.at_rest()
                 );
-                assert!(deviation < (STILL[0] * force).max(STILL[1]), "{name}: force {force} N +- {deviation} N");
+                assert!(
+                    deviation < (STILL[0] * force).max(STILL[1]),
+                    "{name}: mean force {force} N, standard deviation {deviation} N"
+                );
                 assert!(
                     came.acting() < ACTING,
                     "{name}: the passivity controller acts in a share of {} of all ticks",
@@ -252,7 +262,7 @@ fn a_steady_force_is_played_as_it_is_and_the_controller_leaves_it_alone() {
                 let (unpaid, most) = came.unpaid(quantum);
                 assert!(
                     unpaid <= most && came.greatest_loan() <= most,
-                    "{name}: {unpaid} J unpaid, {} J lent",
+                    "{name}: {unpaid} J unpaid, {} J lent, {most} J allowed for each",
                     came.greatest_loan()
                 );
             }
@@ -267,19 +277,22 @@ fn a_force_that_needs_more_than_the_device_has_is_the_limit_everywhere() {
     let came = Case { depth: Some(0.045), ..case }.run();
     let profile = Profile::named(case.profile).unwrap();
     let (force, deviation) = came.force();
-    assert!((force - profile.max_force).abs() < 1e-3 && deviation < 1e-3, "force {force} N +- {deviation} N");
+    assert!(
+        (force - profile.max_force).abs() < 1e-3 && deviation < 1e-3,
+        "mean force {force} N, standard deviation {deviation} N"
+    );
     assert!((came.of_step() - profile.max_force).abs() < 0.03, "the simulation presses with {} N", came.of_step());
 }
 
-/// Steps of 125 and 250 ms with a fast hand still give the static force. Energy is lent only where the body reports no
-/// gap before contact, and then at most for the depth that the hand went unopposed.
+/// Even with steps of up to 250 ms and a fast hand the force at rest is the static force. Energy is lent only where the
+/// body reports no gap before contact, and then at most the greatest contact force times the depth of the press.
 #[test]
 fn slow_steps_do_not_mute() {
     for (profile, is_scripted) in PROFILES.into_iter().flat_map(|name| [(name, false), (name, true)]) {
         for (rate, tells_gap) in [(8.0, true), (8.0, false), (4.0, true)] {
             let case = Case { profile, is_scripted, rate, tells_gap, speed: 0.05, hold: 6.0, ..SLOW };
             let (mut came, name) = (case.run(), case.name());
-            // At these rates a few steps take a second, so the force settles later.
+            // At these step rates a few steps take a second, so the force needs longer to settle.
             came.hold[0] += 4.0;
             let (force, _) = came.force();
             let still = came.at_rest();
@@ -331,7 +344,8 @@ fn whatever_the_simulation_does_the_hand_gets_no_more_than_it_is_lent() {
 
 #[test]
 fn repeated_stalls_lend_no_more_than_one() {
-    // Stalls shorter than the watchdog's limit of 1 s, as long as it, and so long that the force fades in each of them.
+    // The watchdog lets the force fade when the newest contact wrench is more than 1 s out of date. The stalls are
+    // shorter than 1 s, about as long, and so long that the force fades in each of them.
     let stalls: [[&[[u64; 2]]; 2]; 3] = [
         [&[[2000, 2900]], &[[2000, 2900], [3500, 4400], [5000, 5900], [6500, 7400]]],
         [&[[2000, 3000]], &[[2000, 3000], [3500, 4500], [5000, 6000], [6500, 7500]]],
@@ -345,7 +359,7 @@ fn repeated_stalls_lend_no_more_than_one() {
             });
             assert!(
                 all <= 1.05 * one + 1e-6,
-                "{profile}, gap {tells_gap}: {all} J lent in the stalls {often:?}, {one} J in the first alone"
+                "{profile}, gap reported {tells_gap}: {all} J lent in the stalls {often:?}, {one} J in the first alone"
             );
         }
     }

@@ -1,4 +1,4 @@
-//! Compiles GLSL to SPIR-V by shaderc, with the same options for the build script and for tests.
+//! Compiles GLSL shaders to SPIR-V by shaderc, with the same options for palpate's build script and for tests.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +8,7 @@ use shaderc::{
     TargetEnv,
 };
 
-/// The shader stage that a file's extension stands for.
+/// The shader stage that a file's extension names; `None` if it names no stage.
 pub fn kind(path: &Path) -> Option<ShaderKind> {
     match path.extension()?.to_str()? {
         "comp" => Some(ShaderKind::Compute),
@@ -18,8 +18,8 @@ pub fn kind(path: &Path) -> Option<ShaderKind> {
     }
 }
 
-/// Everything that the binary of the shader `source` depends on: how it is compiled (this file), its own text, and all
-/// files that it includes, in order. If this text has not changed, neither has the binary.
+/// The text of everything that the binary of the shader `source` depends on: how it is compiled (this file), the
+/// shader's own file, and all files that it includes, in order. If this text has not changed, neither has the binary.
 pub fn ingredients(root: &Path, source: &Path) -> Result<String, String> {
     let (mut files, mut text) = (vec![source.to_path_buf()], include_str!("lib.rs").to_string());
     let mut next = 0;
@@ -37,7 +37,7 @@ pub fn ingredients(root: &Path, source: &Path) -> Result<String, String> {
     Ok(text)
 }
 
-/// How a shader accesses its read-only arrays of vectors: see `shaders/shared/arrays.glsl`.
+/// How a shader reads its read-only arrays of vectors; `shaders/shared/arrays.glsl` declares both ways.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Arrays {
     /// Through texel buffers.

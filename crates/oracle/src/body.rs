@@ -1,5 +1,5 @@
 //! State of soft bodies and their dynamic cores (rigid cores inside soft bodies, whose motion the solver finds) in the
-//! f64 reference implementation, and what follows from it.
+//! f64 reference implementation, and quantities that follow from the state.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::{Embedding, Layer, Materials, Skin};
@@ -15,7 +15,7 @@ use crate::tool::{self, Device};
 /// frame of the undeformed layer.
 #[derive(Debug, Clone)]
 pub struct SoftBody {
-    /// Its tetrahedra, with masses and the rotation of its rest frame.
+    /// Tetrahedra of the layer, with the masses of its nodes and the rotation from rest axes to world axes.
     pub elements: Elements,
     /// The layer at rest.
     pub layer: Layer,
@@ -23,15 +23,15 @@ pub struct SoftBody {
     pub position: DVec3,
     /// Displacement of each node from rest, rest axes, m.
     pub displacement: Vec<DVec3>,
-    /// Velocity of each node, world axes, m/s. For a node attached to a core it is the velocity over the next step,
-    /// which the caller sets; it is zero where the core rests.
+    /// Velocity of each node, world axes, m/s. For a node attached to a core of prescribed motion it is the velocity
+    /// over the next step, which the caller sets; it is zero where the core rests.
     pub velocity: Vec<DVec3>,
-    /// Element rotations for the next steps; `None`: the exact polar rotations at the present displacements.
+    /// Rotation of each tetrahedron for the next steps; `None`: the exact polar rotations at the present displacements.
     pub given_rotations: Option<Vec<DQuat>>,
 }
 
 impl SoftBody {
-    /// An undeformed body, placed by `position` and `orientation`; free nodes move with `velocity` (world).
+    /// An undeformed body, placed by `position` (m) and `orientation`; free nodes move with `velocity` (world, m/s).
     pub fn new(
         layer: Layer,
         materials: impl Into<Materials>,
@@ -51,7 +51,7 @@ impl SoftBody {
         }
     }
 
-    /// Element rotations that the next step uses.
+    /// Rotation of each tetrahedron that the next step uses.
     pub fn rotations(&self) -> Vec<DQuat> {
         self.given_rotations.clone().unwrap_or_else(|| self.elements.rotations(&self.displacement))
     }
@@ -68,7 +68,7 @@ impl SoftBody {
         self.elements.frame * (self.layer.nodes[node] + self.displacement[node]) + self.position
     }
 
-    /// The deformed skin in the world, for contact tests. `body`: this body's index in the simulation.
+    /// The deformed skin at its world position, for contact tests. `body` is the index of this body in the simulation.
     pub fn surface<'a>(&'a self, body: usize, skin: &'a Skin, embedding: &'a [Embedding]) -> Surface<'a> {
         Surface {
             positions: skin::embed(embedding, &self.layer, &self.world_nodes()),
@@ -95,7 +95,7 @@ impl SoftBody {
 /// its centre must be their centre of mass, or a point of its hinge.
 #[derive(Debug, Clone)]
 pub struct Core {
-    /// Body and index of each attached node.
+    /// Each attached node: the index of its body, and its index in the body's layer.
     pub nodes: Vec<(usize, u32)>,
     /// Position of the centre, world, m.
     pub centre: DVec3,
@@ -103,8 +103,8 @@ pub struct Core {
     pub velocity: DVec3,
     /// Angular velocity, world, rad/s.
     pub spin: DVec3,
-    /// Axis (unit, world) of a hinge through the centre, which then rests: the core only rotates about it. `None`: no
-    /// hinge.
+    /// Axis (unit, world) of a hinge through the centre: the centre rests, and the core only rotates about the axis.
+    /// `None`: no hinge.
     pub hinge: Option<DVec3>,
 }
 
@@ -113,15 +113,17 @@ pub struct Core {
 pub struct CoupledCore {
     /// Index of the core.
     pub core: usize,
-    /// Rotation from core axes to world axes; the coupling's angular spring is relaxed where it equals the device's.
+    /// Rotation from core axes to world axes; where it equals the device's orientation, the coupling's angular spring
+    /// is relaxed.
     pub orientation: DQuat,
     /// Virtual coupling to the device: spring and damper.
     pub coupling: Coupling,
 }
 
 impl CoupledCore {
-    /// Adds the virtual coupling over a step of `h` seconds to the six equations of its core, which begin at unknown
-    /// `first`, projected onto the motions that a hinge allows.
+    /// Adds the virtual coupling over a step of `h` seconds to the step's system, matrix `a` and right-hand side `b`:
+    /// to the six equations of the core, which begin at unknown `first`, projected onto the motions that a hinge
+    /// allows.
     pub fn add_terms(&self, core: &Core, a: &mut Entries, b: &mut [f64], first: usize, h: f64, device: &Device) {
         let (pose, twist) = ((core.centre, self.orientation), (core.velocity, core.spin));
         let (sizes, impulses) = tool::coupling_terms(&self.coupling, pose, twist, h, device);

@@ -1,5 +1,6 @@
 //! The coarse space of the solver's two-level additive Schwarz preconditioner, with dense f64 matrices: the modes P
-//! (basis of the coarse space) of aggregates (blocks of nodes), the Galerkin matrix P^T A P, and the coarse correction.
+//! (basis of the coarse space) of aggregates (blocks of nodes), the Galerkin matrix P^T A P with the matrix A of a
+//! step's system, and the coarse correction.
 
 use std::collections::BTreeSet;
 
@@ -9,8 +10,9 @@ use glam::{DMat3, DQuat, DVec3};
 use super::linear::Entries;
 use super::step::Simulation;
 
-/// Number of modes of a block, the columns of P: for free nodes, a constant and the coordinates x, y and z, each along
-/// three axes; for a rigid core, its linear and angular motion.
+/// Number of modes of a block, that is of its columns of P. Free nodes have four functions (a constant and the
+/// coordinates x, y and z), each along three axes; a rigid core has its linear and its angular motion, and its other
+/// columns are zero.
 pub const BLOCK_UNKNOWNS: usize = 12;
 
 /// Least eigenvalue of P^T P, relative to the largest, at which a combination of modes counts as independent.
@@ -29,10 +31,11 @@ pub struct Block {
     pub turn: DQuat,
 }
 
-/// The matrix P of modes, with a row for each unknown and a column for each mode. A free node moves as R (c0 + c1 x +
-/// c2 y + c3 z), with R the block's rotation and (x, y, z) the node's rest position relative to the middle of its
-/// block, divided by the greatest such distance in the block. A rigid core has one set of modes, in the columns of its
-/// first block: its linear and angular velocity along the axes of R.
+/// The matrix P of modes, with a row for each unknown and a column for each mode. A free node moves as
+/// R (c0 + c1 x + c2 y + c3 z), with the block's rotation R and mode coefficients c0 to c3 (vectors); (x, y, z) is the
+/// node's rest position relative to the middle of its block, divided by the greatest distance of a node of the block
+/// from the middle. A rigid core has one set of modes, in the columns of its first block: its linear and angular
+/// velocity along the axes of R.
 pub fn prolongation(simulation: &Simulation, blocks: &[Block]) -> Mat<f64> {
     let unknowns = simulation.unknowns();
     let mut p = Mat::zeros(unknowns.count, BLOCK_UNKNOWNS * blocks.len());

@@ -1,8 +1,8 @@
-//! Narrow phase in f64: the depth by which each facing vertex lies below the other body's skin, by exact rays, and the
-//! resulting contacts. Reference implementation of the depth and contact stages.
+//! Narrow phase in f64: how deep each skin vertex lies below the other body's skin, found by exact rays, and the
+//! resulting contacts. Reference implementation of the depth and contact stages of a step.
 //!
-//! A contact patch is an area in which bodies A and B may touch, with one normal. A skin "gathers" contacts if its
-//! vertices are tested and become contacts.
+//! A contact patch is an area in which bodies A and B may touch, with one normal. A skin (surface mesh of a body)
+//! "gathers" contacts if its vertices are tested and become contacts.
 
 use std::collections::BTreeMap;
 
@@ -17,9 +17,9 @@ use crate::skin;
 pub struct Hit {
     /// Penetration depth along the normal, m, positive.
     pub depth: f64,
-    /// Triangle of the other skin that is hit.
+    /// Index of the triangle of the other skin that is hit.
     pub triangle: u32,
-    /// Barycentric coordinates of the hit on that triangle.
+    /// Barycentric coordinates of the hit on the triangle.
     pub barycentric: [f64; 3],
 }
 
@@ -39,33 +39,33 @@ pub enum Carrier {
 pub struct Point {
     /// World position, m.
     pub position: DVec3,
-    /// What moves it.
+    /// What moves the point.
     pub carrier: Carrier,
 }
 
-/// A contact. The force on body A at `first` is -area (k depth + d depth') normal; the opposite acts on body B at
-/// `second`.
+/// A contact. The force on body A at `first` is -area (k depth + d depth') normal, with stiffness k, damping d and the
+/// depth's rate depth'; the opposite force acts on body B at `second`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contact {
     /// Unit normal from body A to body B.
     pub normal: DVec3,
-    /// Area projected on the normal, m^2.
+    /// Area of the contact, projected on the normal, m^2.
     pub area: f64,
-    /// Penetration depth normal . (first - second), m.
+    /// Penetration depth, m: normal . (first - second).
     pub depth: f64,
     /// Penalty stiffness per projected area, N/m^3.
     pub stiffness: f64,
     /// Penalty damping per projected area, N s/m^3.
     pub damping: f64,
-    /// Its point on body A.
+    /// The contact's point on body A.
     pub first: Point,
-    /// Its point on body B.
+    /// The contact's point on body B.
     pub second: Point,
-    /// Whether its skin vertex belongs to body A.
+    /// Whether the skin vertex that became this contact belongs to body A.
     pub of_first: bool,
-    /// The skin vertex that became this contact.
+    /// Index of the skin vertex that became this contact.
     pub vertex: u32,
-    /// Where the vertex's ray met the other skin; `None` against a plane.
+    /// Where the skin vertex's ray met the other skin; `None` for a contact with a plane.
     pub hit: Option<Hit>,
 }
 
@@ -83,20 +83,21 @@ pub struct ContactLaw {
 /// A skin at its present position.
 #[derive(Debug, Clone)]
 pub struct Surface<'a> {
-    /// World positions of its vertices, m.
+    /// World positions of the vertices, m.
     pub positions: Vec<DVec3>,
     /// Triangles, counter-clockwise from outside.
     pub triangles: &'a [[u32; 3]],
     /// Rest area of each vertex, m^2.
     pub areas: &'a [f64],
-    /// What moves its vertices.
+    /// What moves the vertices.
     pub support: Support<'a>,
 }
 
 /// What moves a skin.
 #[derive(Debug, Clone, Copy)]
 pub enum Support<'a> {
-    /// A soft body: its index in the simulation, its layer (tetrahedral mesh), the embedding of each vertex.
+    /// A soft body: its index in the simulation, its layer (tetrahedral mesh), and for each vertex its tetrahedron and
+    /// weights.
     Soft(usize, &'a Layer, &'a [Embedding]),
     /// The rigid tool.
     Tool,
@@ -126,10 +127,11 @@ impl Surface<'_> {
     }
 }
 
-/// Depths of the vertices of A within B. A vertex that faces along `normal` (unit, from A to B) has a ray along
-/// -`normal`. Of the triangles of B that the ray hits, front or back, the nearest decides: if it faces A, the vertex
-/// lies within B, and its depth is the distance to the hit, where that is at most `depth_limit`; triangles of B further
-/// away do not matter. For the depths of the vertices of B within A, call it with -normal and the bodies swapped.
+/// Depths of the vertices of A within B. A vertex whose normal points along `normal` (unit, from A to B) has a ray
+/// along -`normal`. Of the triangles of B that the ray hits, front or back, the nearest decides: if the ray leaves B
+/// there, the vertex lies within B, and its depth is the distance to the hit, where that is at most `depth_limit`;
+/// triangles of B further away do not matter. For the depths of the vertices of B within A, this function is called
+/// with -normal and with the bodies swapped.
 pub fn ray_depths(
     normal: DVec3,
     a_positions: &[DVec3],
@@ -149,15 +151,15 @@ pub fn ray_depths(
 }
 
 /// Contacts of two skins along the normal of a contact patch: first those of A's vertices, then those of B's, each in
-/// ascending order. All areas are halved, because vertices of both skins become contacts.
+/// ascending order of the vertices. All areas are halved, because vertices of both skins become contacts.
 pub fn gather(normal: DVec3, a: &Surface, b: &Surface, law: &ContactLaw) -> Vec<Contact> {
     let mut contacts = gather_side(normal, a, b, law, true, 0.5);
     contacts.extend(gather_side(-normal, b, a, law, false, 0.5));
     contacts
 }
 
-/// Contacts of two skins if only the finer one gathers, with its whole area: the skin with less area per vertex, or A's
-/// where these areas are equal.
+/// Contacts of two skins if only the finer skin gathers, with its whole area: the skin with less area per vertex, or
+/// A's skin where these areas are equal.
 pub fn gather_finer(normal: DVec3, a: &Surface, b: &Surface, law: &ContactLaw) -> Vec<Contact> {
     let mean_area = |surface: &Surface| surface.areas.iter().sum::<f64>() / surface.areas.len() as f64;
     if mean_area(b) < mean_area(a) {
@@ -199,7 +201,8 @@ fn gather_side(
     hits.into_iter().enumerate().filter_map(|(v, hit)| Some((v, hit?))).map(contact).collect()
 }
 
-/// Contacts of a skin with the fixed half-space `plane . x <= offset`. Only the skin gathers, with its whole area.
+/// Contacts of a skin with the fixed half-space `plane . x <= offset`, where `plane` is a unit normal. Only the skin
+/// gathers, with its whole area.
 pub fn gather_plane(a: &Surface, plane: DVec3, offset: f64, law: &ContactLaw) -> Vec<Contact> {
     let facing = skin::normals(&a.positions, a.triangles);
     let contact = |(vertex, x): (usize, &DVec3)| {

@@ -9,9 +9,9 @@ use crate::contact::Contact;
 /// Penalty stiffness and damping between two bodies, per projected area.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Penalty {
-    /// k, N/m^3.
+    /// Stiffness k, N/m^3.
     pub stiffness: f64,
-    /// d, N s/m^3.
+    /// Damping d, N s/m^3.
     pub damping: f64,
 }
 
@@ -39,7 +39,7 @@ impl Contact {
     }
 }
 
-/// Coulomb's friction, viscous below a speed.
+/// Coulomb friction, which is viscous at low speed.
 #[derive(Debug, Clone, Copy)]
 pub struct Friction {
     /// Coefficient of friction.
@@ -49,15 +49,17 @@ pub struct Friction {
 }
 
 impl Friction {
-    /// Ratio of friction to tangential velocity, N s/m, from normal force (N) and sliding speed (m/s) at the start.
+    /// Ratio of friction to tangential velocity, N s/m, from normal force (N) and sliding speed (m/s) at the start of a
+    /// step.
     pub fn viscosity(&self, force: f64, sliding: f64) -> f64 {
         self.coefficient * force.max(0.0) / sliding.hypot(self.speed)
     }
 }
 
-/// Penalty stiffness "auto", N/m^3: 20 E / (1 - nu^2) / (mean edge length of the layer), with Young's modulus E and
-/// Poisson's ratio nu, of the softer body: the one with the smaller E / (1 - nu^2), or, if equal, the smaller result. A
-/// layer is a body's tetrahedral mesh. `None`: there is no soft body.
+/// Penalty stiffness "auto" of a scene, N/m^3: 20 times the modulus E / (1 - nu^2), divided by the mean edge length of
+/// the layer (tetrahedral mesh), with Young's modulus E and Poisson's ratio nu, all of the softer body. That is the
+/// body with the smaller modulus, or, if the moduli are equal, with the smaller stiffness. `None`: there is no soft
+/// body.
 pub fn auto_stiffness(soft: &[(&Layer, &Material)]) -> Option<f64> {
     let modulus = |m: &Material| m.young / (1.0 - m.poisson * m.poisson);
     let result = |(layer, m): &(&Layer, &Material)| (modulus(m), 20.0 * modulus(m) / mean_edge(layer));

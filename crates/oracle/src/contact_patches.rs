@@ -1,14 +1,16 @@
 //! Contact patches in f64. A contact patch is a column of space in which two bodies may touch, with one contact normal.
-//! Here are boxes of chunks (groups of at most 64 skin vertices) along a patch's axes, and the depth and normal of a
-//! vertex that lies in several patches. Reference implementation of cull/chunks and contact/candidates.
+//! This file computes boxes of chunks (groups of at most 64 skin vertices) along a patch's axes, and the depth and
+//! normal of a vertex that lies in several patches. Reference implementation of the shaders `cull/chunks` and
+//! `contact/candidates`.
 
 use glam::{DMat3, DQuat, DVec3};
 
-/// Least and greatest corner, along a contact patch's axes, of a chunk's skin after its nodes were displaced. The
-/// chunk's rest box has this centre and half-extent along `axes`, all in its coordinate frame; `weight_bound` is the
-/// greatest sum of absolute embedding weights w_i of a vertex. A skin vertex x = c + R sum w_i (r_i + d_i), with
-/// sum w_i = 1, rest positions r_i and displacements d_i of nodes, moves from its rest position by the middle of the
-/// displacements and at most weight_bound times half their spread.
+/// Least and greatest corner, along `patch_axes`, of a box that holds a chunk's skin after its nodes were displaced. At
+/// rest the chunk lies in the box with the given centre and with `half_extent` along `axes`, in the coordinates of a
+/// rigid frame, which lies at `place` with the given rotation. A skin vertex x = c + R sum w_i (r_i + d_i), with the
+/// frame's place c and rotation R, embedding weights w_i whose sum is 1, and rest positions r_i and displacements d_i
+/// of nodes, moves from its rest position by the middle of the displacements and at most `weight_bound` times half
+/// their spread; `weight_bound` is the greatest sum of |w_i| of a vertex.
 pub fn chunk_box(
     (centre, axes, half_extent): (DVec3, DMat3, DVec3),
     (displacements, weight_bound): (&[DVec3], f64),
@@ -33,10 +35,10 @@ pub fn along(axes: [DVec3; 3], x: DVec3) -> DVec3 {
     DVec3::from_array(axes.map(|axis| axis.dot(x)))
 }
 
-/// Depth and normal of a vertex that lies in several contact patches, each given by the weight of the patch at the
-/// vertex (share), the depth along its normal, and its normal. The patch with the greatest strength, share / depth^2,
-/// has full weight. The weight of another patch rises smoothly from zero at half of that strength to full weight at
-/// equal strength. The normal is `None` where the normals cancel.
+/// Depth and normal of a vertex that lies in several contact patches. Each element of `seen` is one patch: its share
+/// (the weight of the patch at the vertex), the depth along its normal, and its normal. The patch with the greatest
+/// strength, share / depth^2, has full weight. The weight of another patch rises smoothly from zero at half of the
+/// greatest strength to full weight at equal strength. The returned normal is `None` where the normals cancel.
 pub fn blend(seen: &[(f64, f64, DVec3)]) -> Option<(f64, Option<DVec3>)> {
     let strength = |(share, depth, _): &(f64, f64, DVec3)| share / (depth * depth);
     let strongest = seen.iter().map(strength).fold(0.0, f64::max);
@@ -75,11 +77,11 @@ mod tests {
         let rest = (DVec3::X, DMat3::IDENTITY, DVec3::new(0.1, 0.2, 0.3));
         let still = (DVec3::ZERO, DQuat::IDENTITY);
         let (low, high) = chunk_box(rest, (&[DVec3::Y, 1.2 * DVec3::Y], 1.5), still, DVec3::AXES);
-        assert!((low - DVec3::new(0.9, 0.75, -0.3)).length() < 1e-12, "{low}");
-        assert!((high - DVec3::new(1.1, 1.45, 0.3)).length() < 1e-12, "{high}");
+        assert!((low - DVec3::new(0.9, 0.75, -0.3)).length() < 1e-12, "least corner {low}");
+        assert!((high - DVec3::new(1.1, 1.45, 0.3)).length() < 1e-12, "greatest corner {high}");
         let turn = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
         let (low, high) = chunk_box(rest, (&[], 1.0), (DVec3::Z, turn), DVec3::AXES);
-        assert!((low - DVec3::new(-0.2, 0.9, 0.7)).length() < 1e-12, "{low}");
-        assert!((high - DVec3::new(0.2, 1.1, 1.3)).length() < 1e-12, "{high}");
+        assert!((low - DVec3::new(-0.2, 0.9, 0.7)).length() < 1e-12, "least corner {low}");
+        assert!((high - DVec3::new(0.2, 1.1, 1.3)).length() < 1e-12, "greatest corner {high}");
     }
 }

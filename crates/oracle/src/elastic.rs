@@ -1,10 +1,12 @@
 //! Elasticity of tetrahedra in f64: rotations, forces and the stiffness operator, for corotational and
-//! (`neo_hookean.rs`) neo-Hookean materials. Reference implementation of the elastic stage.
+//! (`neo_hookean.rs`) neo-Hookean materials. Reference implementation of the elastic stage of a step. The strain of a
+//! tetrahedron is E = R^T F - I, with its rotation R and deformation gradient F; mu and lambda are Lamé's parameters.
 //!
-//! A layer (tetrahedral mesh of a soft body) may have F-bar patches: groups of tetrahedra that share one volumetric
-//! strain theta, the mean of their tr(E) weighted by volume, against volumetric locking (de Souza Neto, Andrade Pires
-//! and Owen 2005). The energy sum V (mu |E|^2 + lambda/2 theta^2) keeps the stiffness symmetric positive semi-definite.
-//! The term of mu is each tetrahedron's own, which makes a patch internally as stable as with Poisson's ratio zero.
+//! A layer (tetrahedral mesh of a soft body) may have F-bar patches against volumetric locking: groups of tetrahedra
+//! that share one volumetric strain theta, the mean of their tr(E) weighted by their volumes V (de Souza Neto, Andrade
+//! Pires and Owen 2005). The energy sum V (mu |E|^2 + lambda/2 theta^2) keeps the stiffness symmetric positive
+//! semi-definite. Each tetrahedron has a term of mu of its own, which makes a patch internally as stable as a material
+//! whose Poisson's ratio is zero.
 //!
 //! Methods: Müller and Gross, "Interactive Virtual Materials" (2004); the polar rotation by singular value
 //! decomposition has the sign convention of Irving, Teran and Fedkiw, "Invertible Finite Elements" (2004).
@@ -19,7 +21,7 @@ use palpate::scene::Material;
 use super::material_law;
 
 /// Principal stretch below which the compression penalty stiffens a tetrahedron. Corotational elasticity alone resists
-/// a tetrahedron that is pressed flat hardly more than one at half its height, and lets it turn inside out.
+/// pressing a tetrahedron flat hardly more than pressing it to half its height, and lets it turn inside out.
 pub const LEAST_STRETCH: f64 = 0.3;
 /// Modulus of the compression penalty along the compressed axis, in units of lambda + 2 mu.
 pub const STIFFENING: f64 = 10.0;
@@ -35,33 +37,37 @@ pub struct Elements {
     pub volumes: Vec<f64>,
     /// Lumped node masses, kg: density times a quarter of each adjacent volume.
     pub masses: Vec<f64>,
-    /// Mass-proportional damping of each node, kg/s: alpha times density times a quarter of each adjacent volume.
+    /// Mass-proportional damping of each node, kg/s: the material's damping coefficient alpha (1/s) times density times
+    /// a quarter of each adjacent volume.
     pub damping: Vec<f64>,
     /// Rotation from rest axes to world axes.
     pub frame: DMat3,
     /// The material of each tetrahedron.
     pub materials: Vec<Material>,
-    /// Moduli and gradients of each tetrahedron's part of the stiffness K; see [`Elements::linearised`].
+    /// Stiffness of each tetrahedron, its part of the whole stiffness K; see [`Elements::linearised`].
     pub operators: Vec<Operator>,
-    /// F-bar patch of each tetrahedron, only if all materials are corotational; empty: each tetrahedron has its own
-    /// volumetric strain.
+    /// Index of the F-bar patch of each tetrahedron, only if all materials are corotational; empty: each tetrahedron
+    /// has its own volumetric strain.
     pub patches: Vec<u32>,
 }
 
-/// Stiffness of a tetrahedron: K p = V (2 mu sym(W) + lambda tr(W) I) g'_i with W = sum p_i g'_i^T and g'_i = R `fold`
-/// g_i, for node vectors p_i, rest gradients g_i, rotation R and rest volume V.
+/// Stiffness K of a tetrahedron: the product with node vectors p_j is, at node i,
+/// (K p)_i = V (2 mu sym(W) + lambda tr(W) I) g'_i with W = sum p_j g'_j^T over its nodes j and g'_j = R `fold` g_j,
+/// for rest gradients g_j of the shape functions, rotation R and rest volume V.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Operator {
     /// Shear modulus, Pa.
     pub mu: f64,
-    /// Lame's first parameter, Pa.
+    /// Lamé's first parameter, Pa.
     pub lambda: f64,
-    /// Symmetric matrix that maps rest gradients to those of the deformed tetrahedron, or the identity.
+    /// Symmetric matrix that maps rest gradients to gradients of the deformed tetrahedron; the identity for linear
+    /// elasticity.
     pub fold: DMat3,
 }
 
 impl Operator {
-    /// Operator of linear elasticity; `lambda` is Lame's parameter without the part that an F-bar patch applies, Pa.
+    /// Operator of linear elasticity; `lambda` is Lamé's first parameter without the part that an F-bar patch applies,
+    /// Pa.
     pub(super) fn linear(material: &Material, lambda: f64) -> Operator {
         Operator { mu: lame(material).0, lambda, fold: DMat3::IDENTITY }
     }
@@ -107,7 +113,7 @@ impl Elements {
         self.masses.len()
     }
 
-    /// Gradient G = sum d_i g_i^T of node vectors `d` (rest axes) in a tetrahedron.
+    /// Gradient G = sum d_i g_i^T of node vectors d_i (rest axes) in a tetrahedron with rest gradients g_i.
     pub fn gradient(&self, element: usize, d: &[DVec3]) -> DMat3 {
         let nodes = self.tetrahedra[element];
         let mut sum = DMat3::ZERO;
@@ -117,12 +123,13 @@ impl Elements {
         sum
     }
 
-    /// Proper polar rotation of F = I + G of every tetrahedron. `d`: displacements, m, rest axes.
+    /// Proper polar rotation of F = I + G of every tetrahedron, with the gradient G of the displacements `d` (m, rest
+    /// axes).
     pub fn rotations(&self, d: &[DVec3]) -> Vec<DQuat> {
         (0..self.tetrahedra.len()).map(|e| polar_rotation(DMat3::IDENTITY + self.gradient(e, d))).collect()
     }
 
-    /// Elastic forces on nodes, N, world axes. `d`: displacements, m, rest axes; `rotations`: one a tetrahedron.
+    /// Elastic forces on nodes, N, world axes. `d`: displacements, m, rest axes; `rotations`: one for each tetrahedron.
     pub fn forces(&self, d: &[DVec3], rotations: &[DQuat]) -> Vec<DVec3> {
         let mut forces = vec![DVec3::ZERO; self.node_count()];
         let strains: Vec<_> =
@@ -138,12 +145,13 @@ impl Elements {
         forces
     }
 
-    /// Stiffness product K p with rotations held fixed, world axes in and out.
+    /// Stiffness product K p with rotations held fixed; p and the product are in world axes.
     pub fn apply_stiffness(&self, p: &[DVec3], rotations: &[DQuat]) -> Vec<DVec3> {
         self.apply_weighted(p, rotations, |_| 1.0)
     }
 
-    /// Stiffness product K p with the K of every tetrahedron times a weight of its material.
+    /// Stiffness product K p in which the K of every tetrahedron is multiplied by a weight that depends on its
+    /// material.
     pub fn apply_weighted(&self, p: &[DVec3], rotations: &[DQuat], weight: impl Fn(&Material) -> f64) -> Vec<DVec3> {
         let to_rest = self.frame.transpose();
         let local: Vec<DVec3> = p.iter().map(|p| to_rest * *p).collect();
@@ -163,8 +171,9 @@ impl Elements {
         product
     }
 
-    /// The 3x3 blocks K_ij of one tetrahedron, world axes, rotations held fixed: V (mu ((g'_i . g'_j) I + g'_j g'_i^T)
-    /// + lambda g'_i g'_j^T). The term of lambda of F-bar patches is in [`Elements::patch_rows`].
+    /// The 3x3 blocks K_ij of one tetrahedron, world axes, rotations held fixed:
+    /// K_ij = V (mu ((g'_i . g'_j) I + g'_j g'_i^T) + lambda g'_i g'_j^T), see [`Operator`]. The term of lambda of
+    /// F-bar patches is in [`Elements::patch_rows`].
     pub fn stiffness_blocks(&self, element: usize, rotation: DQuat) -> [[DMat3; 4]; 4] {
         let operator = &self.operators[element];
         let r = self.frame * DMat3::from_quat(rotation.normalize()) * operator.fold;
@@ -176,13 +185,15 @@ impl Elements {
         std::array::from_fn(|i| std::array::from_fn(|j| block(i, j)))
     }
 
-    /// The contribution c c^T of each F-bar patch to the stiffness: its nodes j and c_j = sqrt(lambda / V) sum V_e R_e
-    /// g_ej, sqrt(N/m), world axes, summed over its tetrahedra e, with V the volume of the patch.
+    /// The contribution c c^T of each F-bar patch to the stiffness, as its nodes j with their vectors
+    /// c_j = sqrt(lambda / V) sum V_e R_e g_ej, sqrt(N/m), world axes. The sum is over the tetrahedra e of the patch
+    /// with volume V_e, rotation R_e and rest gradient g_ej; V is the volume of the patch.
     pub fn patch_rows(&self, rotations: &[DQuat]) -> Vec<BTreeMap<u32, DVec3>> {
         self.weighted_patch_rows(rotations, |_| 1.0)
     }
 
-    /// Rows c_j of each F-bar patch, with the patch's stiffness times a weight that depends on its material.
+    /// The vectors c_j of [`Elements::patch_rows`], with the stiffness of each F-bar patch multiplied by a weight that
+    /// depends on its material.
     pub fn weighted_patch_rows(
         &self,
         rotations: &[DQuat],
@@ -202,15 +213,15 @@ impl Elements {
         rows
     }
 
-    /// Volume of each patch, m^3.
+    /// Volume of each F-bar patch, m^3.
     fn patch_volumes(&self) -> Vec<f64> {
         let mut volumes = vec![0.0; self.patches.iter().max().map_or(0, |last| *last as usize + 1)];
         self.patches.iter().zip(&self.volumes).for_each(|(patch, volume)| volumes[*patch as usize] += volume);
         volumes
     }
 
-    /// Pressure lambda theta I in tetrahedra, Pa, with theta the volume-weighted mean of tr(E) in its patch; zero
-    /// without patches.
+    /// Stress lambda theta I that the F-bar patch of each tetrahedron causes, Pa, with theta the volume-weighted mean
+    /// of tr(E) in the patch; zero without patches.
     fn patch_pressures(&self, strains: &[DMat3]) -> Vec<DMat3> {
         if self.patches.is_empty() {
             return vec![DMat3::ZERO; strains.len()];
@@ -220,12 +231,14 @@ impl Elements {
         means.into_iter().enumerate().map(pressure).collect()
     }
 
-    /// Lame's lambda of a tetrahedron without its F-bar patch, Pa; zero where patches apply lambda.
+    /// Lamé's lambda of a tetrahedron without the part that its F-bar patch applies, Pa; zero where patches apply all
+    /// of it.
     fn own_lambda(&self, element: usize) -> f64 {
         if self.patches.is_empty() { lame(&self.materials[element]).1 } else { 0.0 }
     }
 
-    /// Volumetric strain of each tetrahedron: tr(E), or its mean over the patch, weighted by volume.
+    /// Volumetric strain of each tetrahedron: tr(E) of its strain E, or the mean of tr(E) over its F-bar patch,
+    /// weighted by volume.
     pub fn dilatations(&self, strains: &[DMat3]) -> Vec<f64> {
         if self.patches.is_empty() {
             return strains.iter().map(|e| trace(*e)).collect();
@@ -238,13 +251,13 @@ impl Elements {
         self.patches.iter().map(|patch| means[*patch as usize]).collect()
     }
 
-    /// Elastic energy, J.
+    /// Elastic energy, J, at displacements `d` (m, rest axes).
     pub fn energy(&self, d: &[DVec3], rotations: &[DQuat]) -> f64 {
         self.densities(d, rotations).iter().zip(&self.volumes).map(|(density, volume)| volume * density).sum()
     }
 
     /// Elastic energy density of each tetrahedron, J/m^3: for corotational materials mu |E|^2 + lambda/2 theta^2, with
-    /// E = sym(R^T F) - I and theta its trace, or the mean trace over the F-bar patch; for other materials the density
+    /// E = sym(R^T F) - I and theta the trace of E, or its mean over the F-bar patch; for other materials the density
     /// of their law. The density of the compression penalty is added.
     pub fn densities(&self, d: &[DVec3], rotations: &[DQuat]) -> Vec<f64> {
         let strains: Vec<_> =
@@ -254,7 +267,7 @@ impl Elements {
         (0..self.tetrahedra.len()).map(density).collect()
     }
 
-    /// A copy of these elements, with the operator linearised at displacements `d`.
+    /// A copy of these elements, with the operators linearised at displacements `d` (m, rest axes).
     pub fn linearised(&self, d: &[DVec3], rotations: &[DQuat]) -> Self {
         let operator = |e: usize| {
             let strain = strain(rotations[e].normalize(), self.gradient(e, d));
@@ -269,11 +282,12 @@ pub(super) fn stiffening((mu, lambda): (f64, f64)) -> f64 {
     STIFFENING * (lambda + 2.0 * mu)
 }
 
-/// Compression: sum min(0, s_k - [`LEAST_STRETCH`]) n_k n_k^T over principal stretches s_k and axes n_k of I + sym(E).
+/// Excess compression, the part of the strain below [`LEAST_STRETCH`]: sum min(0, s_k - [`LEAST_STRETCH`]) n_k n_k^T
+/// over the principal stretches s_k and principal axes n_k of I + sym(E).
 pub(super) fn excess_compression(strain: DMat3) -> DMat3 {
     let stretch = symmetric(strain);
-    // For nearly all tetrahedra Gershgorin's circles show that no stretch is below the bound, so no eigenvalues are
-    // needed.
+    // For nearly all tetrahedra Gershgorin's circles show that no stretch is below [`LEAST_STRETCH`], so no eigenvalues
+    // are needed.
     let least = |k: usize| {
         let column = stretch.col(k);
         1.0 + column[k] + column[k].abs() - column.abs().element_sum()
@@ -295,7 +309,8 @@ pub fn lame(material: &Material) -> (f64, f64) {
     (mu, material.young * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)))
 }
 
-/// Strain E = R^T F - I = R^T G + (R^T - I), the last term from the quaternion's vector part, so that nothing cancels.
+/// Strain E = R^T F - I = R^T G + (R^T - I) with F = I + G; the last term is computed from the quaternion's vector
+/// part, so that nothing cancels.
 pub fn strain(rotation: DQuat, gradient: DMat3) -> DMat3 {
     let v = DVec3::new(rotation.x, rotation.y, rotation.z);
     let cross = DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0));
@@ -303,10 +318,12 @@ pub fn strain(rotation: DQuat, gradient: DMat3) -> DMat3 {
     DMat3::from_quat(rotation).transpose() * gradient + minus_identity
 }
 
-/// The rotation nearest to F; where F is inverted, the one that flips the direction of the least singular value.
+/// The rotation nearest to F; where F is inverted (negative determinant), the direction of its least singular value is
+/// flipped first.
 pub fn polar_rotation(f: DMat3) -> DQuat {
     let matrix = Mat::from_fn(3, 3, |i, j| f.col(j)[i]);
-    // A matrix with non-finite numbers has no decomposition; with the identity the failure still shows in the forces.
+    // A matrix with non-finite numbers has no decomposition. The identity is returned for it; the non-finite numbers
+    // still show in the forces.
     let Ok(svd) = matrix.svd() else { return DQuat::IDENTITY };
     let to_glam = |m: faer::MatRef<'_, f64>| DMat3::from_cols_array(&std::array::from_fn(|k| m[(k % 3, k / 3)]));
     let (u, v) = (to_glam(svd.U()), to_glam(svd.V()));

@@ -1,5 +1,5 @@
-//! Friction in f64: regularised Coulomb friction, implicit in the velocity, with a coefficient from the start of the
-//! step.
+//! Friction in f64: regularised Coulomb friction, implicit in the velocity. The ratio c of friction to tangential
+//! velocity is computed from the state at the start of the step.
 
 use glam::DVec3;
 
@@ -7,7 +7,8 @@ use crate::contact::{Carrier, Contact};
 use crate::linear::Entries;
 use crate::step::{Simulation, Unknowns, dot};
 
-/// Friction of one contact: two tangents, and along each the row of the Jacobian J and the velocity at the start (m/s).
+/// Friction of one contact: two tangents, and along each the row of the contact's Jacobian J and the relative velocity
+/// at the start of the step (m/s).
 #[derive(Default)]
 pub struct Drag {
     along: [DVec3; 2],
@@ -18,7 +19,8 @@ pub struct Drag {
 }
 
 impl Drag {
-    /// Adds h c J^T (I - n n^T) J to A and -h c J^T (I - n n^T) v to b; Jacobian J, normal n, velocity v.
+    /// Adds h c J^T (I - n n^T) J to the matrix A (`a`) of the step's system and -h c J^T (I - n n^T) v to its
+    /// right-hand side b, with Jacobian J, normal n and relative velocity v at the start.
     pub(super) fn add(&self, a: &mut Entries, b: &mut [f64], h: f64) {
         for (row, speed) in self.rows.iter().zip(self.speeds) {
             a.add_outer(row, h * self.viscosity);
@@ -26,12 +28,13 @@ impl Drag {
         }
     }
 
-    /// Tangential velocity at the start, m/s.
+    /// Tangential velocity at the start of the step, m/s.
     pub fn slip(&self) -> DVec3 {
         self.speeds[0] * self.along[0] + self.speeds[1] * self.along[1]
     }
 
-    /// Friction on body A at the end of the step, N; its opposite acts on body B.
+    /// Friction on body A at the end of the step, N, where the unknown velocities have changed by `change`; its
+    /// opposite acts on body B.
     pub(super) fn force(&self, change: &[f64]) -> DVec3 {
         let of = |k: usize| -self.viscosity * (self.speeds[k] + dot(&self.rows[k], change)) * self.along[k];
         of(0) + of(1)
@@ -39,9 +42,10 @@ impl Drag {
 }
 
 impl Simulation {
-    /// Friction of a contact, with the coefficient c = mu f / sqrt(|v|^2 + speed^2) at the start of the step:
-    /// coefficient of friction mu, normal force f, tangential velocity v. Friction on the tool acts at the contact's
-    /// point on the other body, so that both forces act at one point.
+    /// Friction of a contact, with c = mu f / sqrt(|v|^2 + w^2) at the start of the step: coefficient of friction mu,
+    /// normal force f, tangential velocity v, and w the speed below which friction is viscous. Friction on the tool
+    /// (rigid body that the haptic device moves) acts at the contact's point on the other body, so that both forces act
+    /// at one point.
     pub fn drag(&self, unknowns: &Unknowns, start: &[f64], contact: &Contact) -> Drag {
         let Some(friction) = self.friction else { return Drag::default() };
         let mut at_one = contact.clone();

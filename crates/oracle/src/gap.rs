@@ -1,9 +1,9 @@
-//! The shortest ways from a tool to a skin, by trying all pairs of vertices and triangles. Reference implementation of
-//! wrench/gap.
+//! The shortest ways from a tool (rigid body that a haptic device moves) to a skin (surface mesh of a soft body), by
+//! trying all pairs of vertices and triangles. Reference implementation of the shader `wrench/gap`.
 
 use glam::DVec3;
 
-/// A triangle mesh: vertices, m, and triangles.
+/// A triangle mesh: positions of its vertices, m, and vertex indices of its triangles.
 pub type Mesh<'a> = (&'a [DVec3], &'a [[u32; 3]]);
 
 /// A way from the tool to a skin: from a vertex of the tool to the nearest point of a triangle of the skin, or from the
@@ -12,7 +12,7 @@ pub type Mesh<'a> = (&'a [DVec3], &'a [[u32; 3]]);
 pub struct Way {
     /// Vector from the tool to the skin, m.
     pub along: DVec3,
-    /// The triangle, of the skin or of the tool.
+    /// Index of the triangle, in the skin or in the tool.
     pub triangle: usize,
     /// Whether the triangle faces the vertex.
     pub faces: bool,
@@ -61,8 +61,8 @@ pub fn from_surface<'a>(tool: Mesh<'a>, skin: Mesh<'a>) -> impl Iterator<Item = 
     to_triangles.chain(skin.0.iter().flat_map(back))
 }
 
-/// The shortest of the ways whose triangle faces the vertex; if `faces` is false, of those whose triangle faces away
-/// from it. `None` if there is no such way.
+/// The shortest of the ways whose triangle faces the vertex (`faces` true) or faces away from the vertex (`faces`
+/// false); `None` if there is no such way.
 pub fn shortest(ways: impl Iterator<Item = Way>, faces: bool) -> Option<Way> {
     ways.filter(|way| way.faces == faces).min_by(|a, b| a.along.length().total_cmp(&b.along.length()))
 }
@@ -98,6 +98,6 @@ mod tests {
         let ways: Vec<Way> = from_surface((&tool.0, &tool.1), skin).collect();
         assert_eq!(ways.len(), 6);
         let least = shortest(ways.into_iter(), true).unwrap();
-        assert!((least.along + DVec3::Z).length() < 1e-15, "{least:?}");
+        assert!((least.along + DVec3::Z).length() < 1e-15, "shortest way: {least:?}");
     }
 }

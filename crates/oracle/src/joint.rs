@@ -1,6 +1,7 @@
-//! Ball joints between two dynamic cores (rigid cores of soft bodies), or between a dynamic core and a body of
-//! prescribed motion, as implicit springs. A side is one of the two bodies that a joint connects; its end is the point
-//! of it that the joint holds.
+//! Ball joints between two dynamic cores (rigid cores inside soft bodies, whose motion the solver finds), or between a
+//! dynamic core and a body of prescribed motion, as implicit springs. A side is one of the two bodies that a joint
+//! connects; an end is the point of a side that the joint holds. Swing is the angle between the joint's axis as rotated
+//! with one and with the other side; twist is the rotation of the second side about this axis.
 
 use glam::{DQuat, DVec3};
 use palpate::scene::Resistance;
@@ -27,19 +28,20 @@ pub struct Side {
 /// A ball joint.
 #[derive(Debug, Clone)]
 pub struct Joint {
-    /// Its two sides; angles are those of the second relative to the first.
+    /// The two sides; angles are those of the second side relative to the first.
     pub sides: [Side; 2],
     /// Stiffness of the spring between the two ends, N/m.
     pub stiffness: f64,
     /// Stiffness of the springs beyond the limits of swing and of twist, N m/rad.
     pub limit_stiffness: [f64; 2],
-    /// Springs, damping and limits of the joint's rotation; the axis is in world axes at rest.
+    /// Springs, damping and limits of the joint's rotation; its axis is given in world axes at rest.
     pub resistance: Resistance,
 }
 
 impl Joint {
-    /// Adds the joint's springs to A and b of a step of `h` seconds: h^2 k to A, and to b -h k times the stretch that
-    /// the springs would have at the end of the step if no velocity changed.
+    /// Adds the joint's springs to the system of a step of `h` seconds. A spring of stiffness k adds h^2 k to the
+    /// matrix A, and to the right-hand side b it adds -h k times the stretch that it would have at the end of the step
+    /// if no velocity changed.
     pub fn add_terms(&self, cores: &[Core], firsts: &[usize], a: &mut Entries, b: &mut [f64], h: f64) {
         let [first, second] = &self.sides;
         let middle = 0.5 * (first.end + second.end);
@@ -52,7 +54,7 @@ impl Joint {
         let (ways, apart) = ([way(first), way(second)], first.end - second.end);
         let turned = (second.turn * first.turn.inverse()).to_scaled_axis();
         for axis in DVec3::AXES {
-            // First the spring along the axis between the two ends, then the spring and damper of rotation about the
+            // First the spring between the two ends along this axis, then the spring and damper of rotation about this
             // axis.
             let stretch = axis.dot(apart + ways[0].0 - ways[1].0);
             let row = self.row(cores, firsts, [axis, -axis], [0, 1].map(|k| arm(&self.sides[k]).cross(axis)));
@@ -86,8 +88,9 @@ impl Joint {
         }
     }
 
-    /// Coefficients of the unknowns (a row of the Jacobian), projected onto the motions that hinges allow, of: `linear`
-    /// times each side's velocity, plus `angular` times the first side's angular velocity minus the second side's.
+    /// A row of the Jacobian, projected onto the motions that hinges allow: the coefficients of the unknowns in a sum
+    /// of scalar products, `linear[k]` with the velocity of side k for both sides, plus `angular[0]` with the angular
+    /// velocity of the first side, minus `angular[1]` with the angular velocity of the second side.
     fn row(&self, cores: &[Core], firsts: &[usize], linear: [DVec3; 2], angular: [DVec3; 2]) -> Vec<(usize, f64)> {
         let mut row = Vec::new();
         for (k, sign) in [(0, 1.0), (1, -1.0)] {
@@ -99,7 +102,7 @@ impl Joint {
         row
     }
 
-    /// Advances the ends and rotations of its sides by `h` seconds; the cores must have been advanced.
+    /// Advances the ends and rotations of the joint's sides by `h` seconds; the cores must have been advanced before.
     pub fn advance(&mut self, cores: &[Core], h: f64) {
         for side in &mut self.sides {
             (side.end, side.turn) = match side.core.map(|core| &cores[core]) {
@@ -119,12 +122,13 @@ fn add_spring(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], size: f64, i
     row.iter().for_each(|(i, x)| b[*i] += impulse * x);
 }
 
-/// Angle between the joint's axis as rotated with the first and with the second side, rad.
+/// Swing, rad: the angle between the joint's axis as rotated with the first and with the second side.
 fn swing(axis: DVec3, first: DQuat, second: DQuat) -> f64 {
     (first * axis).dot(second * axis).clamp(-1.0, 1.0).acos()
 }
 
-/// Angle by which the second side is rotated about its axis, after the smallest rotation that aligns the axes, rad.
+/// Twist, rad: the angle by which the second side is rotated about the joint's axis relative to the first side, after
+/// the smallest rotation that aligns both sides' axes.
 fn twist(axis: DVec3, first: DQuat, second: DQuat) -> f64 {
     let across = axis.any_orthonormal_vector();
     let (along, from) = (second * axis, DQuat::from_rotation_arc(first * axis, second * axis) * (first * across));

@@ -1,15 +1,17 @@
-//! f64 reference implementations ("twins", "oracle") of every stage and of the whole step; they share no code with
-//! `shaders/`.
+//! f64 reference implementations ("twins", together the "oracle") of every stage of a simulation step and of the whole
+//! step; they share no code with the engine's `shaders/`.
 //!
-//! vk-tests compare each shader with its reference implementation here, and error reports take their reference
-//! trajectory from [`step::Simulation`]. Units are SI; axes are the world's unless a name says `rest`.
+//! vk-tests compare each shader with its reference implementation here, and reports of the engine's error compare its
+//! motion with that of [`step::Simulation`]. Units are SI; axes are the world's unless a name or comment says `rest`
+//! (axes of the undeformed body).
 //!
 //! A layered body is a skin (high-resolution surface mesh) embedded in a layer (tetrahedral simulation mesh), some of
-//! whose nodes are attached to rigid cores. A core is dynamic if the solver finds its motion. A proxy is a convex
-//! collision proxy. A contact patch is a column of space in which two bodies may touch, with one normal. The haptic
-//! device moves the tool by virtual coupling (spring and damper).
+//! whose nodes are attached to rigid cores. A core is dynamic if the solver finds its motion. A proxy is a convex hull
+//! of part of a skin, for the broad phase of collision detection. A contact patch is a column of space in which two
+//! bodies may touch, with one normal. The tool is the rigid body that the haptic device moves by virtual coupling
+//! (spring and damper).
 //!
-//! | module | stage |
+//! | module | content |
 //! | --- | --- |
 //! | [`body`] | state of soft bodies and dynamic cores |
 //! | [`elastic`] | element rotations, elastic forces, the stiffness operator |

@@ -1,4 +1,5 @@
-//! The assembled symmetric positive definite system of a step, factorised by faer's sparse Cholesky decomposition.
+//! The assembled symmetric positive definite linear system A x = b of a step, factorised by faer's sparse Cholesky
+//! decomposition.
 
 use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
@@ -57,7 +58,8 @@ impl Entries {
     }
 }
 
-/// Direct solver, which keeps its symbolic factorisation while the rows and columns of the entries stay the same.
+/// Direct solver, which keeps its symbolic factorisation while the rows and columns of the matrix entries stay the
+/// same.
 #[derive(Default)]
 pub struct Solver {
     pattern: Option<Pattern>,

@@ -1,5 +1,6 @@
-//! The material law in f64: stress, operator and energy density of a tetrahedron from its strain R^T F - I, with the
-//! compression penalty. Reference implementation of `shaders/shared/material_law.glsl`.
+//! The material law in f64: stress, stiffness operator and energy density of a tetrahedron from its strain
+//! E = R^T F - I, with rotation R and deformation gradient F. A compression penalty stiffens strongly compressed
+//! tetrahedra. Reference implementation of `shaders/shared/material_law.glsl`.
 
 use glam::DMat3;
 use palpate::scene::{Material, MaterialLaw};
@@ -7,8 +8,8 @@ use palpate::scene::{Material, MaterialLaw};
 use super::elastic::{Operator, excess_compression, lame, stiffening, symmetric};
 use super::neo_hookean;
 
-/// Stress R^T P, Pa, with the first Piola-Kirchhoff stress P. `lambda` is Lame's parameter, Pa, without the part that
-/// an F-bar patch (tetrahedra that share one volumetric strain) applies.
+/// Stress R^T P, Pa, with the first Piola-Kirchhoff stress P. `lambda` is Lamé's first parameter, Pa, without the part
+/// that an F-bar patch (tetrahedra that share one volumetric strain) applies.
 pub fn stress(material: &Material, lambda: f64, strain: DMat3) -> DMat3 {
     let of_law = match material.law {
         MaterialLaw::Corotational => Operator::linear(material, lambda).stress(strain),
@@ -17,8 +18,8 @@ pub fn stress(material: &Material, lambda: f64, strain: DMat3) -> DMat3 {
     of_law + excess_compression(strain) * stiffening(lame(material))
 }
 
-/// Stiffness operator. A compressed corotational tetrahedron gets half the modulus of the compression penalty as shear
-/// modulus, which is at least as stiff as the penalty in every direction, and isotropic.
+/// Stiffness operator at a strain. The shear modulus of a compressed corotational tetrahedron is increased by half the
+/// modulus of the compression penalty; this is at least as stiff as the penalty in every direction, and isotropic.
 pub fn operator(material: &Material, lambda: f64, strain: DMat3) -> Operator {
     let compression = excess_compression(strain);
     let linear = Operator::linear(material, lambda);
@@ -29,7 +30,7 @@ pub fn operator(material: &Material, lambda: f64, strain: DMat3) -> Operator {
     }
 }
 
-/// Energy density, J/m^3, zero at rest; `dilatation` is tr(E), or its mean over the F-bar patch.
+/// Energy density, J/m^3, zero at rest; `dilatation` is tr(E), or the mean of tr(E) over the F-bar patch.
 pub fn energy(material: &Material, strain: DMat3, dilatation: f64) -> f64 {
     let (mu, lambda) = lame(material);
     let square = |m: DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>();

@@ -1,9 +1,9 @@
 //! The stable neo-Hookean law of one tetrahedron in f64.
 //!
 //! Smith, de Goes and Kim, "Stable Neo-Hookean Flesh Simulation" (2018), equation 14: energy density
-//! m/2 (I - 3) + l/2 (J - a)^2 - m/2 log(I + 1), I = tr(F^T F), J = det F, a = 1 + 3 m / (4 l), F the deformation
-//! gradient. At small strain it is Hooke's law with Lame parameters mu and lambda where m = 4/3 mu and
-//! l = lambda + 5/6 mu (their section 3.4).
+//! m/2 (I - 3) + l/2 (J - a)^2 - m/2 log(I + 1), with I = tr(F^T F), J = det F, a = 1 + 3 m / (4 l) and the deformation
+//! gradient F. At small strain it is Hooke's law with Lamé's parameters mu and lambda where m = 4/3 mu and
+//! l = lambda + 5/6 mu (section 3.4 of that paper).
 
 use glam::{DMat3, DVec3};
 
@@ -20,7 +20,7 @@ fn cofactors(m: DMat3) -> DMat3 {
     DMat3::from_cols(b.cross(c), c.cross(a), a.cross(b))
 }
 
-/// m and l of a material, Pa.
+/// The parameters m and l of a material, Pa, from mu and lambda.
 fn parameters((mu, lambda): (f64, f64)) -> (f64, f64) {
     (4.0 / 3.0 * mu, lambda + 5.0 / 6.0 * mu)
 }
@@ -34,7 +34,7 @@ pub fn energy(lame: (f64, f64), strain: DMat3) -> f64 {
     density(square(f), f.determinant()) - density(3.0, 1.0)
 }
 
-/// First Piola-Kirchhoff stress P as R^T P, Pa, free of cancellation at small strain.
+/// First Piola-Kirchhoff stress P as R^T P, Pa, computed without cancellation at small strain.
 pub fn stress(lame: (f64, f64), strain: DMat3) -> DMat3 {
     let (mu, _) = lame;
     let (_, l) = parameters(lame);
@@ -47,13 +47,14 @@ pub fn stress(lame: (f64, f64), strain: DMat3) -> DMat3 {
         + all_cofactors * (l * volume)
 }
 
-/// The stiffness operator at a strain. Symbols: the stretch S in F = R S, p = l (J - 1) - mu, b = S^2, c = m (1 - 1 /
-/// (I + 1)), and D and O the symmetric and skew parts of L, the change of F in gradients S^-1 g of the deformed
-/// tetrahedron. The second derivative of the energy is c tr(L b L^T) - p J (|D|^2 - |O|^2) + J (l J + p) tr(D)^2 + 2 m
-/// (b:D)^2 / (I + 1)^2, which is isotropic except for b. The operator replaces b by the mean of its eigenvalues, or,
-/// where that is more, takes c times its greatest eigenvalue as twice the shear modulus, since a linearised implicit
-/// step is stable if its operator has half the true stiffness for every wave. O, a pure rotation, is left out.
-/// Subtracting `compression`, from `excess_compression` in elastic.rs, keeps S from being singular.
+/// The stiffness operator at a strain. Symbols: the rotation R and stretch S in F = R S, p = l (J - 1) - mu, b = S^2,
+/// c = m (1 - 1 / (I + 1)), and L the change of F in the gradients S^-1 g of the deformed tetrahedron, with its
+/// symmetric part D and skew part O. The second derivative of the energy is
+/// c tr(L b L^T) - p J (|D|^2 - |O|^2) + J (l J + p) tr(D)^2 + 2 m (b:D)^2 / (I + 1)^2, which is isotropic except for
+/// b. The operator must be isotropic, so its doubled shear modulus is c times the mean of the eigenvalues of b, less
+/// p J, or c times the greatest eigenvalue of b where that is more: a linearised implicit step is stable if its
+/// operator has half the true stiffness for every wave. O, a pure rotation, is left out. Subtracting `compression`,
+/// from `excess_compression` in elastic.rs, keeps S from being singular.
 pub fn operator(lame: (f64, f64), strain: DMat3, compression: DMat3) -> Operator {
     let (mu, _) = lame;
     let (m, l) = parameters(lame);

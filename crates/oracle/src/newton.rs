@@ -1,7 +1,8 @@
-//! Newton iterations of a step: elasticity is linearised again at the trial state that results from the last solve.
-//! Each solve is for the whole change of velocity from the start of the step, so the solution of the last solve is the
-//! result of the step. Terms that do not depend on displacement here (inertia, contacts, arms of rigid cores) keep
-//! their values from the start. Apart from these terms, implicit Euler is solved exactly at the fixed point.
+//! Newton iterations of a step: elasticity is linearised again at the trial state, the state that results from the last
+//! solve. Each solve is for the whole change of velocity from the start of the step, so the solution of the last solve
+//! is the result of the step. Terms that do not depend on displacement here (inertia, contacts, and the lever arms of
+//! nodes on rigid cores inside the bodies) keep their values from the start of the step. Apart from these terms,
+//! implicit Euler is solved exactly at the fixed point.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::scene::Material;
@@ -15,8 +16,8 @@ use super::step::{Map, Simulation, Unknowns, add_mapped};
 pub(super) struct Trial {
     /// Displacement of each node, rest axes, m.
     pub displacement: Vec<DVec3>,
-    /// Velocity of each node at the end of the step that the displacements already contain, world, m/s; zero in the
-    /// first iteration, which linearises at the start of the step.
+    /// Velocity v_t of each node at the end of the step, world, m/s; `displacement` already contains the motion at v_t
+    /// over the step. It is zero in the first iteration, which linearises at the start of the step.
     pub velocity: Vec<DVec3>,
     /// Rotation of each tetrahedron.
     pub rotations: Vec<DQuat>,
@@ -34,16 +35,17 @@ impl Trial {
 }
 
 impl Simulation {
-    /// Adds a body to A and b: (1 + h alpha) M + (h^2 + h beta) K and
-    /// h [M g + f_el - alpha M v - (beta + h) K v + h K v_t], with mass M, gravity g, damping alpha and beta of each
-    /// element, velocity v, and elastic force f_el, stiffness K and velocity v_t of the trial state.
+    /// Adds a body to the system A x = b of a step of h seconds: to A (1 + h alpha) M + (h^2 + h beta) K, and to b
+    /// h [M g + f_el - alpha M v - (beta + h) K v + h K v_t], with mass M, gravity g, damping coefficients alpha and
+    /// beta of each element, velocity v at the start, and elastic force f_el, stiffness K and velocity v_t of the trial
+    /// state.
     pub(super) fn add_body(&self, a: &mut Entries, b: &mut [f64], body: &SoftBody, trial: &Trial, unknowns: &[Map]) {
         let Trial { displacement, rotations, .. } = trial;
         let (h, mut elements) = (self.dt, body.elements.linearised(displacement, rotations));
         for (nodes, operator) in elements.tetrahedra.iter().zip(&mut elements.operators) {
             // A tetrahedron whose nodes are all attached to one core does not deform. Its operator at the trial state
-            // is left out, because it would respond to the core's motion, while arms on the core are those of the
-            // start.
+            // is left out, because it would respond to the core's motion, while the lever arms on the core are those of
+            // the start.
             let [first, others @ ..] = nodes.map(|n| &unknowns[n as usize]);
             if first.len() > 1 && others.iter().all(|map| map.len() > 1 && map[0].0 == first[0].0) {
                 (operator.mu, operator.lambda) = (0.0, 0.0);
@@ -82,7 +84,8 @@ impl Simulation {
         }
     }
 
-    /// The trial states at the end of the step that result from this change of the unknowns.
+    /// The trial states of the bodies at the end of the step that result from `change`, the change of the unknown
+    /// velocities.
     pub(super) fn trials(&self, unknowns: &Unknowns, change: &[f64]) -> Vec<Trial> {
         let three = |first: usize| DVec3::from_slice(&change[first..first + 3]);
         let mut trials = Vec::new();

@@ -1,12 +1,13 @@
-//! Broad phase in f64: placement and bounds of collision proxies (convex hulls), embedding of skin (surface mesh), and
-//! the contact normal of a pair of proxies. Reference implementation of the pose, skin and cull stages; bounds of parts
-//! of a skin are in [`super::contact_patches`], contacts in [`super::contact`].
+//! Broad phase of collision detection in f64: placement and bounds of collision proxies (convex hulls of parts of a
+//! skin), embedding of the skin (surface mesh of a body), and the contact normal of a pair of proxies. Reference
+//! implementation of the pose, skin and cull stages of a step; bounds of parts of a skin are in
+//! [`super::contact_patches`], contacts in [`super::contact`].
 
 use glam::{DQuat, DVec3};
 
 use super::cull::{exact_distance, separation_along};
 
-/// A face plane: unit normal and offset.
+/// A face plane, n . x = offset: its unit normal n and its offset, m.
 pub type Face = (DVec3, f64);
 
 /// World position of a point of a rigid coordinate frame, given by its rest position.
@@ -20,7 +21,8 @@ pub fn place_face(centre: DVec3, rotation: DQuat, rest: Face) -> Face {
     (normal, rest.1 + normal.dot(centre))
 }
 
-/// World position of a skin vertex, from the positions of its four nodes in their frame.
+/// World position of a skin vertex, from the positions of the four nodes of its tetrahedron in their rigid coordinate
+/// frame, and from its weights on these nodes.
 pub fn embed(centre: DVec3, rotation: DQuat, nodes: [DVec3; 4], weights: [f64; 4]) -> DVec3 {
     place(centre, rotation, nodes.iter().zip(weights).map(|(x, w)| *x * w).sum())
 }
@@ -36,7 +38,8 @@ pub struct Bounds {
     pub inflation: f64,
 }
 
-/// Bounds of a hull: its box, and margin + (greatest sum of absolute weights) x (greatest displacement).
+/// Bounds of a hull: its box, and the inflation margin + weight_bound * (greatest displacement of a node);
+/// `weight_bound` is the greatest sum of the absolute weights of a skin vertex.
 pub fn bounds(hull: &[DVec3], margin: f64, weight_bound: f64, displacements: &[DVec3]) -> Bounds {
     let low = hull.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = hull.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -44,25 +47,27 @@ pub fn bounds(hull: &[DVec3], margin: f64, weight_bound: f64, displacements: &[D
     Bounds { low, high, inflation: margin + weight_bound * largest }
 }
 
-/// Whether two hulls are no farther apart than `reach`, by parry3d; `None` where parry finds no answer.
+/// Whether two hulls are no farther apart than `reach` (m), by the library parry3d; `None` where parry3d finds no
+/// answer.
 pub fn pairs(a: &[DVec3], b: &[DVec3], reach: f64) -> Option<bool> {
     Some(exact_distance(a, b)?.1 <= reach)
 }
 
-/// Blended contact normal from a to b, and the greatest separation s_max along a face normal. A face normal n with
-/// separation s has the weight max(0, 1 - (s_max - s) / blend)^2. Where the normals cancel, the first face normal with
-/// s_max is returned. `None` without faces.
+/// Blended contact normal from hull a to hull b, and the greatest separation s_max along a face normal, m. A face
+/// normal n with separation s has the weight max(0, 1 - (s_max - s) / blend)^2. Where the normals cancel, the first
+/// face normal with s_max is returned. `None` without faces.
 pub fn direction(a: &[DVec3], a_faces: &[Face], b: &[DVec3], b_faces: &[Face], blend: f64) -> Option<(DVec3, f64)> {
     let (sum, weights, best, greatest) = blended(a, a_faces, b, b_faces, blend)?;
     Some((if sum.length() > CANCELLED * weights { sum.normalize() } else { best }, greatest))
 }
 
-/// Whether rounding may decide if [`direction`] returns the blended normal or the best face normal.
+/// Whether rounding may decide if [`direction`] returns the blended normal or the first face normal with s_max.
 pub fn nearly_cancels(a: &[DVec3], a_faces: &[Face], b: &[DVec3], b_faces: &[Face], blend: f64) -> bool {
     blended(a, a_faces, b, b_faces, blend).is_none_or(|(sum, weights, ..)| sum.length() < 1.01 * CANCELLED * weights)
 }
 
-/// Weighted sum of normals, sum of weights, first of the best normals, greatest separation.
+/// The weighted sum of the face normals, the sum of their weights, the first normal with the greatest separation, and
+/// this separation, m.
 fn blended(
     a: &[DVec3],
     a_faces: &[Face],
@@ -79,10 +84,11 @@ fn blended(
     Some((sum, separations.iter().map(weight).sum(), normals[best], greatest))
 }
 
-/// Length below which a weighted mean of directions counts as cancelled.
+/// Length of a weighted mean of unit directions below which they count as cancelled.
 pub const CANCELLED: f64 = 0.1;
 
-/// Weighted mean of directions; where they cancel, the direction of the greatest weight; `None` where none has weight.
+/// Weighted mean of directions, normalised; where the directions cancel, the direction of the greatest weight; `None`
+/// where no direction has weight.
 pub fn mean_direction(directions: &[(DVec3, f64)]) -> Option<DVec3> {
     let sum: DVec3 = directions.iter().map(|(n, w)| *n * *w).sum();
     let weights: f64 = directions.iter().map(|d| d.1).sum();
@@ -90,7 +96,7 @@ pub fn mean_direction(directions: &[(DVec3, f64)]) -> Option<DVec3> {
     Some(if sum.length() > CANCELLED * weights { sum.normalize() } else { heaviest.0 })
 }
 
-/// Box of inflated hulls along three axes: least and greatest corner.
+/// Box of hulls along three axes, each hull given with its inflation (m): least and greatest corner.
 pub fn side_box(axes: [DVec3; 3], hulls: &[(&[DVec3], f64)]) -> (DVec3, DVec3) {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for (hull, inflation) in hulls {

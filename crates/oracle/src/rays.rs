@@ -1,6 +1,6 @@
 //! Narrow phase in f64: rays along one direction against a skin (triangle mesh), the first triangle that each ray hits,
-//! and whether a ray passes an outline so closely that rounding decides. Triangles are kept in a grid on a plane
-//! perpendicular to the direction.
+//! and whether a ray passes an outline (an edge at which its hits change) so closely that rounding decides. Triangles
+//! are kept in a grid on a plane perpendicular to the direction.
 
 use glam::{DVec2, DVec3};
 
@@ -24,7 +24,7 @@ pub struct Rays<'a> {
     plane: Plane,
     positions: &'a [DVec3],
     triangles: &'a [[u32; 3]],
-    /// Vertices projected to the plane.
+    /// Vertices projected onto the plane.
     flat: Vec<DVec2>,
     cells: Cells,
 }
@@ -44,7 +44,7 @@ impl<'a> Rays<'a> {
         Rays { plane, positions, triangles, flat, cells: Cells::new(&boxes) }
     }
 
-    /// First hit of the ray from `x` along -`normal`.
+    /// First hit of the ray from `x` along -`normal`; `None` if the ray hits no triangle.
     pub fn first(&self, x: DVec3) -> Option<RayHit> {
         let (at, height) = (self.plane.project(x), self.plane.normal.dot(x));
         let mut best: Option<(f64, u32, [f64; 3])> = None;
@@ -93,7 +93,8 @@ impl Outline {
         Outline { plane, edges, cells: Cells::new(&boxes), within }
     }
 
-    /// Whether the line through `x` along the normal passes an outline within the distance given to [`Outline::new`].
+    /// Whether the line through `x` along the normal passes an outline within the distance `within` given to
+    /// [`Outline::new`].
     pub fn is_near(&self, x: DVec3) -> bool {
         let at = self.plane.project(x);
         let near = |&e: &u32| {
@@ -122,7 +123,7 @@ impl Plane {
     }
 }
 
-/// A grid whose cells list the boxes that overlap them.
+/// A grid of squares on a plane; each cell lists the boxes that overlap it.
 struct Cells {
     low: DVec2,
     cell: f64,
@@ -133,7 +134,8 @@ struct Cells {
 }
 
 impl Cells {
-    /// Makes about one cell for each box, but at most 1024 cells a side, since slender outlines would need far more.
+    /// Makes about one cell for each box, but at most 1024 cells a side, since a long and narrow grid would have far
+    /// more along its length.
     fn new(boxes: &[[DVec2; 2]]) -> Self {
         let low = boxes.iter().fold(DVec2::INFINITY, |low, b| low.min(b[0]));
         let high = boxes.iter().fold(DVec2::NEG_INFINITY, |high, b| high.max(b[1]));
@@ -176,7 +178,7 @@ impl Cells {
 }
 
 /// Barycentric coordinates of `at` in a projected triangle of either orientation; `None` outside it. The test is
-/// watertight: the two triangles of an edge compute the same number with opposite sign.
+/// watertight: the two triangles that share an edge compute the same number for it with opposite sign.
 fn barycentric(corners: [DVec2; 3], at: DVec2) -> Option<[f64; 3]> {
     let [a, b, c] = corners.map(|p| p - at);
     let weights = [b.perp_dot(c), c.perp_dot(a), a.perp_dot(b)];
@@ -191,7 +193,7 @@ mod tests {
 
     use super::*;
 
-    /// A cube from 0 to 1 and a smaller one above it, from 2 to 2.5.
+    /// A cube with z from 0 to 1, and a smaller cube above it with z from 2 to 2.5.
     fn cubes() -> (Vec<DVec3>, Vec<[u32; 3]>) {
         let boxed = |low: DVec3, high: DVec3| layer::boundary(&layer::kuhn_box(low, high, [2, 2, 2]));
         let (mut vertices, mut triangles, _) = boxed(DVec3::ZERO, DVec3::ONE);
@@ -229,6 +231,6 @@ mod tests {
         let (vertices, triangles) = sphere::icosphere(1.0);
         let outline = Outline::new(DVec3::new(0.3, 0.2, 0.9).normalize(), &vertices, &triangles, 1e-3);
         let count = vertices.iter().filter(|x| outline.is_near(**x)).count();
-        assert!(count > 10 && count < vertices.len() / 5, "{count}");
+        assert!(count > 10 && count < vertices.len() / 5, "{count} vertices near the outline");
     }
 }

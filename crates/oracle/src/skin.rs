@@ -1,5 +1,5 @@
-//! The skin (surface mesh embedded in a tetrahedral mesh, the layer) in f64: vertices from nodes, normals, areas.
-//! Reference implementation of the skin stage.
+//! The skin (surface mesh embedded in a tetrahedral mesh, the layer) in f64: vertex positions from the positions of the
+//! layer's nodes, normals, areas. Reference implementation of the skin stage of a step.
 
 use glam::DVec3;
 use palpate::internal::prepare::{Embedding, Layer};
@@ -31,7 +31,7 @@ pub fn area_vector(positions: &[DVec3], triangle: &[u32; 3]) -> DVec3 {
     (b - a).cross(c - a) * 0.5
 }
 
-/// Area of each vertex: a third of the adjacent triangles' areas, m^2.
+/// Area of each vertex, m^2: a third of the areas of the adjacent triangles.
 pub fn areas(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<f64> {
     let mut areas = vec![0.0; positions.len()];
     for t in triangles {
@@ -44,7 +44,7 @@ pub fn areas(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<f64> {
 }
 
 /// The embedding of a skin whose vertices are all the layer's nodes, in order: a vertex has weight exactly 1 on its
-/// node, in the first tetrahedron with that node. Nodes that belong to no tetrahedron get weight 0.
+/// node, in the first tetrahedron with that node. Vertices whose node belongs to no tetrahedron get weights of 0.
 pub fn node_embedding(layer: &Layer) -> Vec<Embedding> {
     let mut embedding = vec![Embedding { tetrahedron: 0, weights: [0.0; 4] }; layer.nodes.len()];
     for (t, corners) in layer.tetrahedra.iter().enumerate().rev() {

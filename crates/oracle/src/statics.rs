@@ -1,5 +1,5 @@
-//! Linear static equilibrium of a layer (tetrahedral mesh), for tests against closed solutions; it is not part of the
-//! step.
+//! Linear static equilibrium of a layer (tetrahedral mesh), for tests against closed-form solutions; it is not part of
+//! the step.
 
 use glam::{DQuat, DVec3};
 use palpate::Result;
@@ -8,7 +8,8 @@ use crate::elastic::{Elements, outer};
 use crate::linear::{Entries, Solver};
 
 /// Solves for the displacements (m, world axes) under `loads` (N on each node, world axes), at small strain about rest.
-/// `fixed` marks components of nodes that are held at zero. Returns an error if these do not prevent rigid motion.
+/// `fixed` marks components of nodes that are held at zero. Returns an error if the fixed components do not prevent
+/// rigid motion.
 pub fn solve(elements: &Elements, fixed: &[[bool; 3]], loads: &[DVec3]) -> Result<Vec<DVec3>> {
     let mut unknowns = vec![[None; 3]; elements.node_count()];
     let mut count = 0;

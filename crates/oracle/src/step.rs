@@ -1,5 +1,6 @@
-//! The whole step in f64: implicit Euler of soft bodies, dynamic cores (rigid cores inside soft bodies), contacts and
-//! the tool, solved directly (README.md, "The step in detail"). The unknowns are changes of velocity over the step.
+//! The whole step in f64: implicit Euler of soft bodies, dynamic cores (rigid cores inside soft bodies, whose motion
+//! the solver finds), contacts and the tool (rigid body that the haptic device moves), solved directly (README.md, "The
+//! step in detail"). The unknowns are changes of velocity over the step.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -16,10 +17,10 @@ use crate::wrench::{self, Wrench};
 
 /// Flag of a step: contacts were under tension even after the last repeated solve; their force counts as zero.
 pub const TENSION_REMAINS: u32 = 256;
-/// Most repeated solves after contacts under tension are released; the engine has the same number.
+/// Greatest number of repeated solves after contacts under tension are released; the GPU engine has the same number.
 pub const MAX_RETRIES: usize = 4;
 
-/// A contact and its forces in the solution.
+/// A contact with its forces at the end of the step.
 #[derive(Debug, Clone)]
 pub struct Resolved {
     /// The contact.
@@ -30,7 +31,7 @@ pub struct Resolved {
     pub friction: DVec3,
     /// Ratio of friction to the tangential velocity at the end of the step, N s/m.
     pub viscosity: f64,
-    /// Whether the contact was in the last solve and is not under tension.
+    /// Whether the contact was part of the last solve and is not under tension.
     pub active: bool,
 }
 
@@ -41,7 +42,7 @@ pub struct Report {
     pub contacts: Vec<Resolved>,
     /// Contact wrench on the tool, or on the body whose core the device holds; zero if there is neither.
     pub wrench: Wrench,
-    /// Bit mask of flags.
+    /// Bit mask of flags, such as [`TENSION_REMAINS`].
     pub flags: u32,
 }
 
@@ -58,7 +59,7 @@ pub struct Simulation {
     pub tool: Option<Tool>,
     /// Dynamic cores.
     pub cores: Vec<Core>,
-    /// Joints between the cores.
+    /// Joints of the cores.
     pub joints: Vec<Joint>,
     /// The core that the haptic device holds, if any.
     pub coupled: Option<CoupledCore>,
@@ -66,17 +67,18 @@ pub struct Simulation {
     pub friction: Option<Friction>,
     /// Newton iterations of a step.
     pub newton: usize,
-    /// Direct solver; keeps its symbolic factorisation.
+    /// Direct solver, which keeps its symbolic factorisation from step to step.
     pub solver: Solver,
 }
 
 /// How a node's change of velocity follows from the unknowns: a sum of 3x3 matrices, each times three unknowns from the
-/// given index on. It is empty where the node's motion is prescribed.
+/// given index on. The map is empty where the node's motion is prescribed.
 pub type Map = Vec<(usize, DMat3)>;
 
 /// Indices of nodes, cores and the tool among the unknowns.
 pub struct Unknowns {
-    /// Map of each node of each body: a free node has three unknowns, one attached to a dynamic core the core's six.
+    /// Map of each node of each body: a free node has three unknowns of its own; a node attached to a dynamic core
+    /// depends on the core's six unknowns.
     pub nodes: Vec<Vec<Map>>,
     /// First of the six unknowns of each core.
     pub cores: Vec<usize>,
@@ -171,7 +173,7 @@ impl Simulation {
         Unknowns { nodes, cores, tool, count: tool + if self.tool.is_some() { 6 } else { 0 } }
     }
 
-    /// System A and b of the next step, with all of the given contacts in it.
+    /// Matrix A and right-hand side b of the system of the next step, with all of the given contacts in it.
     pub fn assemble(&self, device: Option<&Device>, contacts: &[Contact]) -> (Entries, Vec<f64>) {
         let unknowns = self.unknowns();
         let trials: Vec<_> = self.bodies.iter().map(Trial::start).collect();
@@ -186,7 +188,8 @@ impl Simulation {
         (a, b)
     }
 
-    /// System A and b without contacts, with the elasticity of each body linearised at its trial state.
+    /// Matrix A and right-hand side b of a step's system without contacts, with the elasticity of each body linearised
+    /// at its trial state.
     fn system(&self, unknowns: &Unknowns, trials: &[Trial], device: Option<&Device>) -> (Entries, Vec<f64>) {
         let (mut a, mut b) = (Entries::default(), vec![0.0; unknowns.count]);
         for ((body, nodes), trial) in self.bodies.iter().zip(&unknowns.nodes).zip(trials) {
@@ -220,12 +223,14 @@ impl Simulation {
         (a, b)
     }
 
-    /// Row c of a contact's Jacobian: the rate of the contact's depth is c . velocities.
+    /// Row c of a contact's Jacobian: c . v is the rate of the contact's depth, with the vector v of the velocities
+    /// whose changes are the unknowns.
     pub fn row(&self, unknowns: &Unknowns, contact: &Contact) -> Vec<(usize, f64)> {
         self.row_along(unknowns, contact, contact.normal)
     }
 
-    /// Row c of a contact's Jacobian along a direction: the relative velocity along it is c . velocities.
+    /// Row c of a contact's Jacobian along a direction: c . v is the relative velocity along it, with the vector v of
+    /// the velocities whose changes are the unknowns.
     pub(super) fn row_along(&self, unknowns: &Unknowns, contact: &Contact, direction: DVec3) -> Vec<(usize, f64)> {
         let mut row = Vec::new();
         self.add_point(&mut row, unknowns, &contact.first, direction);
@@ -272,7 +277,7 @@ impl Simulation {
         all
     }
 
-    /// Part of the depth's rate that comes from nodes whose motion is prescribed, m/s.
+    /// Part of the rate of the contact's depth that comes from nodes whose motion is prescribed, m/s.
     pub(super) fn known_rate(&self, unknowns: &Unknowns, contact: &Contact) -> f64 {
         self.known_along(unknowns, contact, contact.normal)
     }
@@ -289,13 +294,14 @@ impl Simulation {
         of(&contact.first, along) + of(&contact.second, -along)
     }
 
-    /// Pressure at the end of the step, N/m^2, if the depth then has this rate.
+    /// Pressure of a contact at the end of the step, N/m^2, if the contact's depth then has the given rate, m/s.
     fn pressure(&self, contact: &Contact, rate: f64) -> f64 {
         contact.penalty().end_pressure(contact.depth, rate, self.dt)
     }
 
-    /// Commits the solution: v1 = v0 + dv, d1 = d0 + h R^T v1. Attached nodes of prescribed motion keep the velocity
-    /// that the caller gave them; cores and the tool move with their new twist.
+    /// Commits the solution dv over a step of h seconds: velocities v1 = v0 + dv, and displacements d1 = d0 + h R^T v1
+    /// with the rotation R from rest axes to world axes. Attached nodes of prescribed motion keep the velocity that the
+    /// caller gave them; cores and the tool move with their new twist.
     fn commit(&mut self, unknowns: &Unknowns, change: &[f64]) {
         for (body, nodes) in self.bodies.iter_mut().zip(&unknowns.nodes) {
             let to_rest = body.elements.frame.transpose();
@@ -333,8 +339,9 @@ impl Simulation {
     }
 }
 
-/// Adds a contact to the system: (h^2 k + h d) a c c^T to A, and -h a (k depth + (d + h k) depth') c to b, with its
-/// Jacobian row c, area a, stiffness k and damping d; `rate` is depth' at the start, m/s.
+/// Adds a contact to the system of a step of `h` seconds: (h^2 k + h d) a c c^T to its matrix, and
+/// -h a (k depth + (d + h k) depth') c to its right-hand side, with the contact's Jacobian row c, area a, stiffness k
+/// and damping d; `rate` is depth', the rate of the depth, at the start of the step, m/s.
 fn add_contact(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], contact: &Contact, rate: f64, h: f64) {
     let penalty = contact.penalty();
     a.add_outer(row, h * penalty.slope(h) * contact.area);
@@ -344,7 +351,7 @@ fn add_contact(a: &mut Entries, b: &mut [f64], row: &[(usize, f64)], contact: &C
     }
 }
 
-/// Adds a block B between two nodes in terms of their unknowns: P_i^T B P_j, with the nodes' maps P.
+/// Adds a 3x3 block B between two nodes i and j in terms of their unknowns: P_i^T B P_j, with the nodes' maps P.
 pub(super) fn add_mapped(a: &mut Entries, rows: &Map, columns: &Map, block: &DMat3) {
     for (row, left) in rows {
         for (column, right) in columns {

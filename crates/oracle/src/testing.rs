@@ -8,7 +8,7 @@ pub fn boundary(layer: &Layer) -> Vec<[u32; 3]> {
     layer::boundary_faces(&layer.tetrahedra).into_iter().map(|(triangle, _)| triangle).collect()
 }
 
-/// Pseudo-random numbers in [-1, 1], from a seed.
+/// Pseudo-random numbers in [-1, 1], generated from a seed.
 pub struct Random(pub u64);
 
 impl Random {

@@ -1,5 +1,5 @@
-//! The rigid tool that the haptic device moves by virtual coupling (spring and damper): its inertia, coupling and pose
-//! update.
+//! The tool, a rigid body that the haptic device leads by virtual coupling (spring and damper), in f64: its inertia,
+//! its terms in the linear system A x = b of a time step, and its motion over the step.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::scene::Coupling;
@@ -7,7 +7,7 @@ use palpate::scene::Coupling;
 use crate::elastic::outer;
 use crate::linear::Entries;
 
-/// A rigid body with six degrees of freedom; its unknowns are the change of `velocity`, then of `angular_velocity`.
+/// A rigid body with six unknowns in the system: the change of `velocity`, then of `angular_velocity`, over the step.
 #[derive(Debug, Clone)]
 pub struct Tool {
     /// Mass, kg.
@@ -31,11 +31,11 @@ pub struct Tool {
 pub struct Device {
     /// Position of the device's handle, m.
     pub position: DVec3,
-    /// Orientation of the handle.
+    /// Rotation from the handle's axes to world axes.
     pub orientation: DQuat,
-    /// Velocity, m/s.
+    /// Velocity of the handle, m/s.
     pub velocity: DVec3,
-    /// Angular velocity, rad/s.
+    /// Angular velocity of the handle, rad/s, world axes.
     pub angular_velocity: DVec3,
 }
 
@@ -47,20 +47,20 @@ impl Tool {
         Self { mass, inertia, centre, orientation: DQuat::IDENTITY, velocity, angular_velocity, coupling: None }
     }
 
-    /// Inertia tensor about the centre, world axes.
+    /// Inertia tensor about the centre, kg m^2, world axes.
     pub fn world_inertia(&self) -> DMat3 {
         let r = DMat3::from_quat(self.orientation);
         r * self.inertia * r.transpose()
     }
 
-    /// World position of a point given in tool axes from the centre.
+    /// World position, m, of the point `local`, given in tool axes relative to the centre.
     pub fn place(&self, local: DVec3) -> DVec3 {
         self.centre + self.orientation * local
     }
 
-    /// Adds the tool's terms over a step of `h` seconds to A and b, at its six unknowns, which begin at `first`:
-    /// inertia, gravity, the gyroscopic torque, and the virtual coupling to the device's pose and twist at the end of
-    /// the step.
+    /// Adds the tool's terms of a step of `h` seconds to the system's matrix `a` and right-hand side `b`, at the tool's
+    /// six unknowns, which begin at `first`: inertia, gravity, the gyroscopic torque, and the virtual coupling to the
+    /// device's pose and twist at the end of the step.
     pub fn add_terms(
         &self,
         a: &mut Entries,
@@ -105,8 +105,8 @@ impl Tool {
         (force + spring.damping * (device.velocity - self.velocity), torque + spring.angular_damping * slip)
     }
 
-    /// Adds `change` to the twist (u, w), then moves the tool by the new twist for `h` seconds: c1 = c0 + h u1, q1 =
-    /// exp(h w1) q0.
+    /// Adds `change` to the velocity and angular velocity, then moves the tool for `h` seconds: c1 = c0 + h u1 and q1 =
+    /// exp(h w1) q0, with centre c, orientation q, velocity u and angular velocity w, before (0) and after (1).
     pub fn advance(&mut self, h: f64, change: [f64; 6]) {
         self.velocity += DVec3::from_slice(&change[..3]);
         self.angular_velocity += DVec3::from_slice(&change[3..]);
@@ -121,9 +121,9 @@ impl Tool {
     }
 }
 
-/// Terms of a virtual coupling in the six equations of a body at `pose` (centre, orientation) that moves with the twist
-/// (linear `u`, angular `w`), over a step of `h` seconds, with stiffness K and damping D: h^2 K + h D and impulses,
-/// each linear and angular.
+/// Terms of a virtual coupling in the six equations of a body at `pose` (centre, orientation) with velocity `u` and
+/// angular velocity `w`, over a step of `h` seconds. The first array, for A, holds h^2 K + h D of the coupling's
+/// stiffness K and damping D, linear, then angular; the second, for b, the coupling's impulse and angular impulse.
 pub fn coupling_terms(
     spring: &Coupling,
     pose: (DVec3, DQuat),
@@ -139,7 +139,7 @@ pub fn coupling_terms(
     ([along, about], [h * pull, h * wrest])
 }
 
-/// The rotation vector of a unit quaternion for the shorter of the two ways of rotation, rad.
+/// The rotation vector (axis times angle, rad) of a unit quaternion, with the angle at most pi.
 pub fn rotation_vector(q: DQuat) -> DVec3 {
     let q = if q.w < 0.0 { -q } else { q };
     let axis = DVec3::new(q.x, q.y, q.z);
@@ -148,8 +148,9 @@ pub fn rotation_vector(q: DQuat) -> DVec3 {
     if sine < 1e-9 { axis * 2.0 } else { axis * (2.0 * sine.atan2(q.w) / sine) }
 }
 
-/// Gyroscopic impulse I (w1 - w0) = -h w1 x I w1 of implicit Euler, N m s, for inertia I and angular velocity w0 at the
-/// start and w1 at the end. It is solved by Newton's method, for a sequence of step lengths that grow to h.
+/// Gyroscopic impulse I (w1 - w0) = -h w1 x I w1 of a step of implicit Euler, N m s, for `inertia` I and angular
+/// velocity `w` = w0 at the start and w1 at the end. Newton's method finds w1, for a sequence of step lengths that grow
+/// to `h`.
 pub fn gyroscopic(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
     // The solution for each step length is the guess for the next. Newton's matrix is computed by central differences,
     // which are exact for a quadratic.
@@ -167,7 +168,7 @@ pub fn gyroscopic(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
     inertia * (end - w)
 }
 
-/// Inertia tensor of a point mass at `r` from the centre, kg m^2.
+/// Inertia tensor about the centre, kg m^2, of a point `mass` at `r` (m) from the centre.
 pub fn point_inertia(mass: f64, r: DVec3) -> DMat3 {
     (DMat3::from_diagonal(DVec3::splat(r.length_squared())) - outer(r, r)) * mass
 }

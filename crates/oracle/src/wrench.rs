@@ -1,13 +1,14 @@
-//! Net force, torque, 6x6 stiffness and damping of contacts on the tool. f64 reference implementation of the wrench
-//! stage.
+//! Net force, net torque, 6x6 stiffness and 6x6 damping of the contacts on the tool (the rigid body that the haptic
+//! device leads), or on the rigid core inside a soft body that the device holds in place of a tool. f64 reference
+//! implementation of the wrench stage, the last stage of a time step.
 
 use glam::DVec3;
 
 use crate::contact::Carrier;
 use crate::step::{Core, Resolved};
 
-/// Wrench of the contacts on the tool, with stiffness and damping, about the tool's centre, world axes. Rows of the 6x6
-/// matrices are force, then torque.
+/// Wrench of the contacts on the tool or core, with stiffness and damping, about its centre, world axes. The first
+/// three rows of the 6x6 matrices belong to the force, the last three to the torque.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Wrench {
     /// Net force, N.
@@ -16,22 +17,22 @@ pub struct Wrench {
     pub torque: DVec3,
     /// Sum of the magnitudes of the contacts' normal forces, N.
     pub pressing: f64,
-    /// K = sum k a c c^T over the active contacts, with stiffness k, area a and c = (n, (s - centre) x n), n the normal
-    /// and s the contact's point; symmetric positive semi-definite.
+    /// K = sum k a c c^T over the active contacts (those that press), with stiffness k (N/m^3), area a, normal n,
+    /// contact point s and c = (n, (s - centre) x n); symmetric positive semi-definite.
     pub stiffness: [[f64; 6]; 6],
-    /// D = sum d a c c^T with damping d, plus terms of the same form for friction along two tangents, at the point
-    /// where friction acts.
+    /// D = sum d a c c^T with damping d (N s/m^3), plus a term for friction along each of two tangents: the viscosity
+    /// of friction (N s/m) times c c^T, where c has the tangent for n and the point where friction acts for s.
     pub damping: [[f64; 6]; 6],
 }
 
 /// Sums the contacts on the tool; `centre` is the tool's centre at the start of the step. Friction acts at the
-/// contact's point on the other body.
+/// contact's point on the body that the tool touches.
 pub fn on_tool(contacts: &[Resolved], centre: DVec3) -> Wrench {
     sum(contacts, centre, |carrier| matches!(carrier, Carrier::Tool), false)
 }
 
 /// Sums the contacts of the soft body whose rigid core the device holds, about that core's centre at the start of the
-/// step, as if the whole body were rigid. Friction acts at the body's own point.
+/// step, as if the whole body were rigid. Friction acts at the contact's point on this body.
 pub fn on_core(contacts: &[Resolved], core: &Core) -> Wrench {
     let body = core.nodes.first().map(|(body, _)| *body);
     sum(contacts, core.centre, |carrier| matches!(carrier, Carrier::Nodes(own, _) if Some(*own) == body), true)

@@ -1,18 +1,20 @@
-//! The camera of a rendered image: its pose, its projection of points to pixels, and what a cursor's movement means in
-//! the world. World y is up; pixels are counted from the image's upper left corner.
+//! The camera of a rendered image: its pose, its projection of points to pixels, and the displacement in the world that
+//! belongs to a movement of the mouse cursor. The *eye* is the camera's position, the *target* the point that it looks
+//! at. World y is up; pixels are counted from the image's upper left corner.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
-/// Near and far clipping plane, as multiples of the eye's distance from the target.
+/// Distances of the near and the far clipping plane from the eye, as multiples of the eye's distance from the target.
 const NEAR: f64 = 0.01;
 const FAR: f64 = 100.0;
 /// Vertical field of view, rad.
 const FOVY: f64 = 40.0 * PI / 180.0;
-/// Factor by which the view is larger than the sphere around a box that is to be shown.
+/// Factor by which the view is larger than the sphere around the box that it is to show.
 const ROOM: f64 = 1.15;
-/// Greatest pitch upwards and downwards, rad, short of vertical, where left and right are undefined.
+/// Greatest angle of the eye above and below the horizon, rad: a little short of vertical, so that the image is never
+/// upside down.
 const STEEPEST: f64 = FRAC_PI_2 - 0.01;
 /// Least and greatest distance of the eye from the target, m.
 const NEAREST: f64 = 1e-4;
@@ -21,7 +23,7 @@ const FARTHEST: f64 = 1e4;
 /// An eye that looks at a target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// The point that is looked at, m.
+    /// The point that the eye looks at, m.
     pub target: DVec3,
     /// Distance of the eye from the target, m.
     pub distance: f64,
@@ -79,7 +81,7 @@ impl Camera {
         }
     }
 
-    /// Near and far clipping plane, m from the eye along [`Axes::forward`].
+    /// Distances of the near and the far clipping plane from the eye along [`Axes::forward`], m.
     pub fn planes(&self) -> [f64; 2] {
         [NEAR * self.distance, FAR * self.distance]
     }
@@ -106,14 +108,14 @@ impl Camera {
         projection * self.view()
     }
 
-    /// The pixel that shows a point; `None` if the point is behind the eye.
+    /// The pixel that shows a point in an image of this size; `None` if the point is behind the eye.
     pub fn project(&self, point: DVec3, width: u32, height: u32) -> Option<DVec2> {
         let clip = self.matrix(width, height) * point.extend(1.0);
         let size = DVec2::new(width.into(), height.into());
         (clip.w > 0.0).then(|| 0.5 * (DVec2::new(clip.x, clip.y) / clip.w + 1.0) * size)
     }
 
-    /// The ray from the eye through a pixel.
+    /// The ray from the eye through the pixel (`x`, `y`) of an image of this size.
     pub fn ray(&self, x: f64, y: f64, width: u32, height: u32) -> Ray {
         let (Axes { right, up, forward }, pixel) = (self.axes(), self.pixel(1.0, height));
         let [across, down] = [x - 0.5 * f64::from(width), y - 0.5 * f64::from(height)].map(|d| pixel * d);
@@ -121,25 +123,27 @@ impl Camera {
     }
 
     /// World displacement, m, of a point that is dragged parallel to the image by a cursor's movement of (`dx`, `dy`)
-    /// pixels.
+    /// pixels, in an image of this height, pixels.
     pub fn drag(&self, point: DVec3, dx: f64, dy: f64, height: u32) -> DVec3 {
         let Axes { right, up, forward } = self.axes();
         let pixel = self.pixel(forward.dot(point - self.eye()).max(self.planes()[0]), height);
         pixel * (dx * right - dy * up)
     }
 
-    /// Turns the camera about its target, rad.
+    /// Turns the camera about its target by these angles, rad.
     pub fn orbit(&mut self, yaw: f64, pitch: f64) {
         self.yaw = (self.yaw + yaw).rem_euclid(2.0 * PI);
         self.pitch = (self.pitch + pitch).clamp(-STEEPEST, STEEPEST);
     }
 
-    /// Moves the camera parallel to the image, so that a point at the target follows the cursor's movement, pixels.
+    /// Moves the camera parallel to the image, so that the point at the target follows a cursor's movement of (`dx`,
+    /// `dy`) pixels.
     pub fn pan(&mut self, dx: f64, dy: f64, height: u32) {
         self.target -= self.drag(self.target, dx, dy, height);
     }
 
-    /// Changes the distance by a factor; a point at the target's depth under the cursor stays there.
+    /// Multiplies the eye's distance from the target by a factor; the point at the target's depth that the pixel (`x`,
+    /// `y`) shows stays at that pixel.
     pub fn zoom(&mut self, factor: f64, x: f64, y: f64, width: u32, height: u32) {
         let distance = (factor * self.distance).clamp(NEAREST, FARTHEST);
         let (dx, dy) = (x - 0.5 * f64::from(width), y - 0.5 * f64::from(height));
@@ -148,7 +152,7 @@ impl Camera {
         self.distance = distance;
     }
 
-    /// Width of a pixel at a depth, m.
+    /// Width, m, that a pixel covers at `depth`, the distance (m) from the eye along [`Axes::forward`].
     fn pixel(&self, depth: f64, height: u32) -> f64 {
         2.0 * depth * (0.5 * self.fovy).tan() / f64::from(height.max(1))
     }
@@ -207,7 +211,7 @@ mod tests {
                 for depth in [0.1, 1.0, 30.0] {
                     let point = ray.origin + depth * camera.distance * ray.direction;
                     let pixel = camera.project(point, SIZE.0, SIZE.1).unwrap();
-                    assert!((pixel - DVec2::new(x, y)).length() < 1e-7, "the point is at pixel {pixel}");
+                    assert!((pixel - DVec2::new(x, y)).length() < 1e-7, "the point is at {pixel}, not at ({x}, {y})");
                 }
             }
         }
@@ -238,7 +242,7 @@ mod tests {
                 let mut zoomed = camera;
                 zoomed.zoom(factor, x, y, SIZE.0, SIZE.1);
                 let pixel = zoomed.project(point, SIZE.0, SIZE.1).unwrap();
-                assert!((pixel - DVec2::new(x, y)).length() < 1e-6, "zoom by {factor}: pixel {pixel}");
+                assert!((pixel - DVec2::new(x, y)).length() < 1e-6, "zoom by {factor}: the point moved to {pixel}");
                 assert!((NEAREST..=FARTHEST).contains(&zoomed.distance));
             }
         }
@@ -254,12 +258,12 @@ mod tests {
                 let pick = |k: usize| if corner >> k & 1 == 0 { low[k] } else { high[k] };
                 let pixel = camera.project(DVec3::new(pick(0), pick(1), pick(2)), SIZE.0, SIZE.1).unwrap();
                 let inside = |x: f64, size: u32| (0.0..=f64::from(size)).contains(&x);
-                assert!(inside(pixel.x, SIZE.0) && inside(pixel.y, SIZE.1), "a corner is at pixel {pixel}");
+                assert!(inside(pixel.x, SIZE.0) && inside(pixel.y, SIZE.1), "a corner is outside, at pixel {pixel}");
             }
         }
         for corner in [DVec3::ZERO, DVec3::INFINITY, DVec3::NAN] {
             let camera = Camera::around(corner, corner);
-            assert!(camera.matrix(640, 0).is_finite(), "without a box the matrix must be finite");
+            assert!(camera.matrix(640, 0).is_finite(), "the matrix must be finite for a box without extent");
         }
     }
 }

@@ -1,12 +1,13 @@
-//! Decimation of the meshes that cast shadows: fewer triangles over the same vertices, by clustering vertices on a
-//! lattice (J. Rossignac and P. Borrel 1993, "Multi-resolution 3D approximations for rendering complex scenes").
+//! Decimation of the meshes that cast shadows in a rendered image: fewer triangles over the same vertices, by
+//! clustering vertices on a lattice (J. Rossignac and P. Borrel 1993, "Multi-resolution 3D approximations for rendering
+//! complex scenes").
 
 use std::collections::{HashMap, HashSet};
 
 use glam::DVec3;
 
-/// The triangles after each corner was replaced by the first vertex in its lattice cell, without those that collapsed.
-/// Cells have edges of `cell` m.
+/// The triangles with each corner replaced by the first vertex in the corner's lattice cell. Triangles of which two
+/// corners are then equal are left out. Lattice cells have edges of `cell` m.
 pub fn clustered(vertices: &[DVec3], triangles: &[[u32; 3]], cell: f64) -> Vec<[u32; 3]> {
     let mut first: HashMap<[i64; 3], u32> = HashMap::new();
     let place = |x: &DVec3| (*x / cell).floor().to_array().map(|x| x as i64);
@@ -16,7 +17,7 @@ pub fn clustered(vertices: &[DVec3], triangles: &[[u32; 3]], cell: f64) -> Vec<[
     moved
         .filter(|[a, b, c]| a != b && b != c && c != a)
         .filter(|t| {
-            // Triangles with the same corners in the same cyclic order count as one.
+            // Of triangles with equal corners in the same cyclic order only the first is kept.
             let least = (0..3).min_by_key(|k| t[*k]).unwrap_or(0);
             seen.insert([t[least], t[(least + 1) % 3], t[(least + 2) % 3]])
         })
@@ -27,7 +28,7 @@ pub fn clustered(vertices: &[DVec3], triangles: &[[u32; 3]], cell: f64) -> Vec<[
 mod tests {
     use super::*;
 
-    /// A unit square in the plane, of n x n cells with two triangles each.
+    /// A unit square in the plane z = 0, of n x n cells with two triangles each.
     fn square(n: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         let at = |i: u32, k: u32| DVec3::new(f64::from(i) / f64::from(n), f64::from(k) / f64::from(n), 0.0);
         let vertices = (0..=n).flat_map(|k| (0..=n).map(move |i| at(i, k))).collect();
@@ -44,13 +45,13 @@ mod tests {
     fn few_triangles_cover_what_many_did() {
         let (vertices, triangles) = square(64);
         let few = clustered(&vertices, &triangles, 0.125);
-        assert!(few.len() <= 2 * 9 * 9 && few.len() >= 2 * 7 * 7, "{} triangles", few.len());
+        assert!(few.len() <= 2 * 9 * 9 && few.len() >= 2 * 7 * 7, "clustering left {} triangles", few.len());
         let area = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|i| vertices[i as usize]);
             0.5 * (b - a).cross(c - a).z
         };
         let total: f64 = few.iter().map(area).sum();
-        assert!((total - 1.0).abs() < 0.15, "total area {total} m^2");
+        assert!((total - 1.0).abs() < 0.15, "total area {total} m^2, expected about 1 m^2");
         assert!(few.iter().all(|t| area(t) > 0.0), "no triangle may be reversed");
     }
 

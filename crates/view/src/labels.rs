@@ -1,4 +1,4 @@
-//! The legend of a rendered image: what its colours and arrows stand for, drawn onto it.
+//! The legend, which is drawn onto a rendered image and says what the image's colours and arrows stand for.
 
 use std::sync::Arc;
 
@@ -15,14 +15,15 @@ use super::renderer::Legend;
 use super::scale::with_unit;
 use super::tessellated;
 
-/// Height of an image, pixels, up to which a point (egui's unit of length) is a pixel; on higher images the legend is
-/// scaled up.
+/// Height of an image, pixels, up to which a point (unit of length of egui, the user interface library) is one pixel;
+/// on higher images the legend is scaled up.
 const PLAIN: f32 = 720.0;
-/// Sizes in points: margin to the image's edge, the colour bar, the letters.
+/// Sizes in points: margin between the legend and the image's edge, width and height of the colour bar, height of the
+/// letters.
 const EDGE: f32 = 18.0;
 const BAR: Vec2 = Vec2::new(230.0, 12.0);
 const LETTERS: f32 = 15.0;
-/// Colours of the legend's background, which keeps the letters legible over any image, and of the letters.
+/// Colour of the legend's background, which keeps the letters legible over any image, and colour of the letters.
 const PAPER: Color32 = Color32::from_rgba_premultiplied(190, 191, 193, 200);
 const INK: Color32 = Color32::from_rgb(40, 42, 48);
 
@@ -39,8 +40,8 @@ impl Labels {
         Ok(Labels { egui: egui::Context::default(), painter: Painter::new(context)?, atlas: Atlas::default() })
     }
 
-    /// The recording that draws the legend onto an image with one sample a pixel; `None` if there is nothing to
-    /// explain. The GPU must have finished the recording returned before.
+    /// The recording of GPU commands that draw the legend onto an image with one sample per pixel; `None` if the image
+    /// needs no legend. The GPU must have finished the recording that the call before this one returned.
     pub fn paint(&mut self, moment: &Moment, legend: &Legend, image: &Image) -> Result<Option<Recording>> {
         let lines = lines(moment, legend);
         if lines.is_empty() && legend.field.is_none() {
@@ -51,7 +52,7 @@ impl Labels {
         self.egui.set_pixels_per_point(scale);
         let screen = Rect::from_min_size(Pos2::ZERO, Vec2::new(size[0] as f32, size[1] as f32) / scale);
         let input = egui::RawInput { screen_rect: Some(screen), ..egui::RawInput::default() };
-        // egui takes up a new scale only in the next run, so the first run is repeated.
+        // After a change of scale, egui uses the new scale only from the second run on, so two runs are made.
         let rounds = if self.egui.pixels_per_point() == scale { 1 } else { 2 };
         let mut written = Default::default();
         for _ in 0..rounds {
@@ -69,7 +70,7 @@ impl Labels {
     }
 }
 
-/// The legend's lines on force and torque, with their colours.
+/// The legend's lines about the force and the torque on the tool, with the colours of the lines.
 fn lines(moment: &Moment, legend: &Legend) -> Vec<(Color32, String)> {
     if !moment.shown.has(Overlay::Arrows) || moment.tool.is_none() {
         return Vec::new();

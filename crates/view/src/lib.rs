@@ -1,5 +1,5 @@
 //! Rendering of a simulation: the camera, the images, and the thread on which the simulation runs while it is drawn.
-//! There is no window here: `palpate view`, which opens one, and `palpate film`, which writes files, build on this.
+//! This crate opens no window itself: `palpate view`, which opens one, and `palpate film`, which writes files, use it.
 
 pub mod camera;
 mod decimate;

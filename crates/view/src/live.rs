@@ -1,6 +1,7 @@
-//! The thread on which a simulation runs while other threads draw it. Its tool is held by a haptic device or follows
-//! the scene's keys (key frames of the desired pose). Between two steps the thread executes commands; after each step
-//! it publishes the results. It waits for drawing only at the GPU's queue, which both use in turns (see [`Turns`]).
+//! The thread on which a simulation runs while other threads draw it. The simulation's *tool* (a rigid body) is held by
+//! a haptic device or follows the scene's keys (key frames of the desired pose). Between two steps the thread executes
+//! commands; after each step it publishes the results. The thread waits for drawing only at the GPU's queue, which
+//! steps and *slices* (the parts in which an image is drawn) use in turns (see [`Turns`]).
 
 mod haptic_session;
 mod snapshot;
@@ -23,13 +24,15 @@ use super::turns::Turns;
 pub use snapshot::{LoopState, Sample, Settings, Snapshot, State};
 use worker::Worker;
 
-/// Capacity of the queue of samples (time, force and torque of a step); where it is full, new samples are dropped.
+/// Capacity of the queue of samples (time, force and torque of a step); while the queue is full, new samples are
+/// dropped.
 const SAMPLES: usize = 1 << 14;
 
-/// Makes the haptic device for a session (one run of the haptic loop) that begins at a pose.
+/// Makes the haptic device for a session (one run of the haptic loop). Its arguments are the simulation and the pose at
+/// which the session begins.
 pub type MakeDevice = Box<dyn FnMut(&Simulation, Key) -> Result<Box<dyn Device>> + Send>;
 
-/// Is called with every step report; an error ends the run.
+/// A function that is called with every step report; if it returns an error, the simulation stops stepping.
 pub type Watch = Box<dyn FnMut(&StepReport) -> Result<()> + Send>;
 
 /// A function that is called with the simulation between two steps, and with a number that changes when the simulation
@@ -38,13 +41,14 @@ pub type Question = Box<dyn FnOnce(&mut Simulation, u64) + Send>;
 
 /// What moves the tool.
 pub enum Lead {
-    /// The scene's keys, step after step, no faster than real time.
+    /// The scene's keys, which the tool follows step after step, no faster than real time.
     Script,
     /// A haptic device, through the haptic loop.
     Device {
-        /// Name by which the user chose the device.
+        /// The name by which the user chose the device.
         name: String,
-        /// Makes the device of each session; another session begins after each pause, reset, or change of the coupling.
+        /// Makes the device of each session. Another session begins after each pause, each reset, and each change of
+        /// the virtual coupling (spring and damper between device and tool).
         make: MakeDevice,
     },
 }
@@ -52,11 +56,11 @@ pub enum Lead {
 /// When the simulation ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Extent {
-    /// It ends only by [`Command::Quit`].
+    /// The simulation ends only by [`Command::Quit`].
     Endless,
-    /// It ends after this number of steps along the keys.
+    /// The simulation ends after this number of steps along the scene's keys.
     Steps(u64),
-    /// It ends after this time of a session, s.
+    /// The simulation ends when a session has lasted for this time, s.
     Seconds(f64),
 }
 
@@ -64,19 +68,19 @@ pub enum Extent {
 pub struct Begin {
     /// The simulation, which must not have stepped yet.
     pub simulation: Simulation,
-    /// What moves its tool.
+    /// What moves the simulation's tool.
     pub lead: Lead,
-    /// When it ends.
+    /// When the simulation ends.
     pub extent: Extent,
-    /// Is called with every step report.
+    /// The function that is called with every step report.
     pub watch: Watch,
-    /// Folder for recordings.
+    /// Folder into which recordings of sessions are written.
     pub folder: PathBuf,
 }
 
 /// A command, which is executed between two steps.
 pub enum Command {
-    /// Pause, or go on.
+    /// Pause the simulation, or, if it is paused, go on.
     Pause,
     /// Do one step, then pause.
     Step,
@@ -86,21 +90,22 @@ pub enum Command {
     Material(usize, usize, Material),
     /// Change the contact law.
     Contact(Contact),
-    /// Change the virtual coupling. A session begins anew with it, because the haptic loop limits the gains when it
-    /// begins.
+    /// Change the virtual coupling. A running session is replaced by a new one, because the haptic loop limits the
+    /// coupling's gains only when a session begins.
     Coupling(Coupling),
-    /// Record a new session from the state before the first step, or end the recording.
+    /// Record a new session from the state before the first step, or, if a session is being recorded, end the
+    /// recording.
     Record,
     /// Replace the scene and its bodies.
     Replace(Box<(Scene, Bodies)>),
     /// End the thread.
     Quit,
-    /// Call a function with the simulation between two steps. While it runs it has the turn at the GPU's queue that
-    /// belongs to drawing.
+    /// Call a function with the simulation between two steps. While the function runs, it has the turn of a slice at
+    /// the GPU's queue.
     Ask(Question),
 }
 
-/// The running thread; when this is dropped, it ends after the current step.
+/// The running thread; when this value is dropped, the thread ends after the current step.
 pub struct Live {
     link: Link,
     thread: Option<JoinHandle<()>>,
@@ -110,7 +115,7 @@ pub struct Live {
     sessions: Receiver<Report>,
 }
 
-/// Sends commands to the thread; each thread that sends commands has a clone of it.
+/// Sends commands to the simulation's thread; each thread that sends commands has its own clone of this value.
 #[derive(Clone)]
 pub struct Link {
     commands: Sender<Command>,
@@ -118,7 +123,7 @@ pub struct Link {
 }
 
 impl Live {
-    /// Starts the thread, which begins to step.
+    /// Starts the thread, which begins to step the simulation.
     ///
     /// # Errors
     /// The initial state cannot be saved, or no thread can be started.
@@ -141,7 +146,7 @@ impl Live {
         Ok(Live { link: Link { commands, turns }, thread: Some(thread), snapshots, samples, notes, sessions })
     }
 
-    /// The sender of commands, which may be cloned for another thread.
+    /// The sender of commands to the thread; a clone of it may be given to another thread.
     pub fn link(&self) -> &Link {
         &self.link
     }
@@ -151,17 +156,17 @@ impl Live {
         self.snapshots.read()
     }
 
-    /// Samples of the steps since the last call, the oldest first.
+    /// Samples of the steps since the last call of this function, the oldest first.
     pub fn samples(&mut self) -> impl Iterator<Item = Sample> + '_ {
         std::iter::from_fn(|| self.samples.pop().ok())
     }
 
-    /// Lines that the user should read, since the last call.
+    /// Lines for the user to read, which the thread sent since the last call of this function.
     pub fn notes(&self) -> impl Iterator<Item = String> + '_ {
         self.notes.try_iter()
     }
 
-    /// Reports of sessions with a device that ended since the last call, the oldest first.
+    /// Reports of the sessions that ended since the last call of this function, the oldest first.
     pub fn sessions(&self) -> impl Iterator<Item = Report> + '_ {
         self.sessions.try_iter()
     }
@@ -171,7 +176,8 @@ impl Live {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// Ends the thread after the current step and releases the device. Returns whether it ended without a panic.
+    /// Ends the thread after the current step and releases the device. Returns whether the thread ended without a
+    /// panic.
     pub fn quit(&mut self) -> bool {
         self.link.tell(Command::Quit);
         self.thread.take().is_none_or(|thread| thread.join().is_ok())
@@ -185,7 +191,7 @@ impl Drop for Live {
 }
 
 impl Link {
-    /// Sends a command; nothing happens if the thread has ended.
+    /// Sends a command to the thread; nothing happens if the thread has ended.
     pub fn tell(&self, command: Command) {
         let _ = self.commands.send(command);
     }
@@ -201,7 +207,7 @@ impl Link {
         answer.recv().ok()
     }
 
-    /// The turns at the GPU's queue, which a slice (part) of drawing must take.
+    /// The turns at the GPU's queue; whoever draws a slice must take a turn first.
     pub fn turns(&self) -> &Arc<Turns> {
         &self.turns
     }

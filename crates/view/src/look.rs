@@ -1,5 +1,5 @@
-//! Colours and materials of rendered images. How light falls on them is computed in shaders/shared/look.glsl and
-//! surface.glsl.
+//! Colours and materials of rendered images. `look.glsl` in shaders/shared declares the materials for the shaders, and
+//! `surface.glsl` beside it computes their colours under light.
 
 use glam::{DMat4, DVec3};
 use palpate::internal::shaders;
@@ -13,8 +13,8 @@ pub mod flags {
 
 /// Background colour, sRGB.
 pub const BACKGROUND: [f32; 4] = [0.93, 0.94, 0.95, 1.0];
-/// Colours of bodies, in order, sRGB: warm and cold in turn, of similar lightness, and distinguishable for the
-/// colour-blind.
+/// Colours of the first, second and following bodies, sRGB: warm and cold in turn, of similar lightness, and
+/// distinguishable for the colour-blind.
 const BODIES: [[u8; 3]; 6] =
     [[226, 178, 146], [142, 176, 204], [212, 196, 120], [176, 160, 200], [150, 190, 164], [205, 160, 165]];
 
@@ -22,7 +22,7 @@ const BODIES: [[u8; 3]; 6] =
 pub trait Look: Sized {
     /// A material of one colour (sRGB).
     fn plain(colour: [u8; 3]) -> Self;
-    /// The material of the `index`-th body.
+    /// The material of the body with this index.
     fn body(index: usize) -> Self;
     /// The material with these flags added.
     fn with(self, flags: u32) -> Self;
@@ -50,8 +50,8 @@ impl Look for Material {
     }
 }
 
-/// Number of colours of a field's scale. As many others follow in [`colours`], by which numbered things are
-/// distinguished.
+/// Number of colours of a field's colour scale. In [`colours`] the same number of other colours follows, by which
+/// numbered meshes (collision proxies) are distinguished.
 pub const SCALE_COLOURS: usize = shaders::SCALE_COLOURS as usize;
 
 /// The colour map of a field: perceptually uniform, and legible for the colour-blind.
@@ -63,8 +63,8 @@ pub fn map(field: Field) -> colorous::Gradient {
     }
 }
 
-/// The colours of a field's map, then the colours by which numbered things (collision proxies) are distinguished;
-/// linear intensities.
+/// The colours of a field's colour map, then the colours by which numbered meshes (collision proxies) are
+/// distinguished, as linear intensities.
 pub fn colours(field: Option<Field>) -> Vec<[f32; 4]> {
     let shown = |colour: colorous::Color| {
         let [r, g, b] = [colour.r, colour.g, colour.b].map(linear);
@@ -85,19 +85,19 @@ pub fn linear(byte: u8) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The columns of a matrix, as the GPU reads them.
+/// The columns of a matrix in single precision, as the GPU reads them.
 pub fn columns(matrix: DMat4) -> [[f32; 4]; 4] {
     matrix.as_mat4().to_cols_array_2d()
 }
 
-/// Two unit vectors perpendicular to the sun's rays and to each other.
+/// Two unit vectors perpendicular to each other and to `sun`, the unit vector towards the sun.
 pub fn across(sun: DVec3) -> [DVec3; 2] {
     let right = sun.any_orthonormal_vector();
     [right, sun.cross(right)]
 }
 
-/// The shadow map's matrix: from the world to what the sun sees of a sphere around `middle` of radius `reach` (m), with
-/// x and y from 0 to 1 and depth from 0 (nearest to the sun) to 1.
+/// The shadow map's matrix. It maps the sphere around `middle` of radius `reach` (m), as seen from the sun (in the
+/// direction of the unit vector `sun`), to x and y from 0 to 1 and depth from 0 (nearest to the sun) to 1.
 pub fn light(sun: DVec3, middle: DVec3, reach: f64) -> DMat4 {
     let [right, up] = across(sun);
     let scale = 0.5 / reach;

@@ -1,4 +1,4 @@
-//! Meshes of arrows, rods and rectangles, which the CPU makes for each rendered image.
+//! Meshes of arrows, rods and rectangles, which the CPU makes for each rendered image to mark forces and places.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -15,7 +15,7 @@ const SIDES: u32 = 20;
 /// Length and radius of an arrow's head, in radii of its shaft.
 const HEAD: [f64; 2] = [6.0, 2.6];
 
-/// Triangles with normals, positions relative to an origin.
+/// A triangle mesh with a normal at each vertex; positions, m, are relative to `origin`.
 #[derive(Debug, Clone)]
 pub struct Marks {
     origin: DVec3,
@@ -29,8 +29,8 @@ impl Marks {
         Marks { origin, positions: Vec::new(), normals: Vec::new(), triangles: Vec::new() }
     }
 
-    /// Adds an arrow from one point to another; returns the range of its indices, which is empty if the points
-    /// coincide.
+    /// Adds an arrow from one point to another, with a shaft of this radius (m); returns the range of the arrow's
+    /// indices, which is empty if the points coincide.
     pub fn arrow(&mut self, from: DVec3, to: DVec3, radius: f64) -> Range<u32> {
         let length = from.distance(to);
         let first = self.index_count();
@@ -46,7 +46,7 @@ impl Marks {
         first..self.index_count()
     }
 
-    /// Adds a rod from one point to another; returns the range of its indices.
+    /// Adds a rod of this radius (m) from one point to another; returns the range of the rod's indices.
     pub fn rod(&mut self, from: DVec3, to: DVec3, radius: f64) -> Range<u32> {
         let first = self.index_count();
         if from != to {
@@ -55,7 +55,7 @@ impl Marks {
         first..self.index_count()
     }
 
-    /// Adds both sides of a rectangle with these half sides; returns the range of its indices.
+    /// Adds both sides of a rectangle whose edges are twice the vectors `half` (m); returns the range of its indices.
     pub fn rectangle(&mut self, centre: DVec3, half: [DVec3; 2]) -> Range<u32> {
         let first = self.index_count();
         let [u, v] = half;
@@ -79,7 +79,7 @@ impl Marks {
         self.positions.len() as u32 - 1
     }
 
-    /// Adds the lateral surface of a cone between two circles.
+    /// Adds the lateral surface of a truncated cone between two circles with these centres and radii, m.
     fn cone(&mut self, ends: [DVec3; 2], radii: [f64; 2]) {
         let along = ends[1] - ends[0];
         let Some(axis) = along.try_normalize() else { return };
@@ -100,7 +100,7 @@ impl Marks {
         }
     }
 
-    /// Adds a flat ring between two circles, the inner radius first.
+    /// Adds a flat ring between two circles with these radii (m), the inner radius first.
     fn ring(&mut self, centre: DVec3, normal: DVec3, radii: [f64; 2]) {
         let (u, v) = normal.any_orthonormal_pair();
         let first = self.positions.len() as u32;
@@ -135,7 +135,7 @@ impl Marks {
 mod tests {
     use super::*;
 
-    /// Every triangle's winding agrees with its corners' normals, and the enclosed volume is that of shaft and head.
+    /// Every triangle's winding agrees with its corners' normals, and an arrow encloses the volume of shaft and head.
     #[test]
     fn arrows_are_closed_and_face_outwards() {
         let mut marks = Marks::new(DVec3::new(5.0, 0.0, 0.0));
@@ -150,12 +150,12 @@ mod tests {
             let [a, b, c] = t.map(|i| point(&marks.positions, i));
             let face = (b - a).cross(c - a);
             let mean: DVec3 = t.iter().map(|i| point(&marks.normals, *i)).sum();
-            assert!(face.length() < 1e-12 || face.dot(mean) > 0.0, "face normal {face}, sum of corner normals {mean}");
+            assert!(face.length() < 1e-12 || face.dot(mean) > 0.0, "face normal {face} against corner normals {mean}");
             volume += a.dot(b.cross(c)) / 6.0;
         }
         let circle = std::f64::consts::PI * 0.05 * 0.05;
         let expected = circle * (2.0 - 0.3) + circle * HEAD[1] * HEAD[1] * 0.3 / 3.0;
         assert!((volume / expected - 1.0).abs() < 0.05, "volume {volume} m^3, expected {expected} m^3");
-        assert!(marks.arrow(DVec3::ZERO, DVec3::ZERO, 0.1).is_empty(), "no direction, no arrow");
+        assert!(marks.arrow(DVec3::ZERO, DVec3::ZERO, 0.1).is_empty(), "between equal points no arrow is added");
     }
 }

@@ -7,24 +7,25 @@ use palpate::{Result, Simulation};
 
 use super::overlay::{Overlay, Overlays};
 
-/// A simulation as it was when [`Moment::of`] was called. The arrays that it refers to keep their content until the
-/// next call.
+/// A simulation as it was when [`Moment::of`] was called. The arrays that it refers to keep their content until
+/// [`Moment::of`] is called again.
 #[derive(Clone)]
 pub struct Moment {
     /// What is shown besides the skins (the bodies' surface meshes).
     pub shown: Overlays,
-    /// Position of the tool, m.
+    /// Position of the tool (the rigid body that the haptic device leads), m.
     pub tool: Option<DVec3>,
-    /// Position of the haptic device that holds the tool, m; set by a caller that knows it.
+    /// Position of the haptic device that holds the tool, m; set by a caller that knows this position.
     pub device: Option<DVec3>,
     /// Contact force on the tool, N.
     pub force: DVec3,
     /// Contact torque on the tool about its centre, N m.
     pub torque: DVec3,
-    /// Positions of the vertices of all skins; a new buffer if the simulation made its arrays anew since the last call.
+    /// Positions of the vertices of all skins; another buffer than in the [`Moment`] before if the simulation has made
+    /// its arrays anew.
     pub(super) positions: Buffer,
     pub(super) normals: Buffer,
-    /// Origin of the first rigid coordinate frame of each body, the tool's last, m.
+    /// Origin of each body's first rigid coordinate frame, and last the tool's centre, m.
     pub(super) frames: Vec<Option<DVec3>>,
     /// The scalar field that skins are coloured by.
     pub(super) field: Option<FieldValues>,
@@ -33,7 +34,8 @@ pub struct Moment {
 }
 
 impl Moment {
-    /// Fills the arrays of what is shown, with positions relative to `origin`. Must be called between two steps.
+    /// Fills the arrays that an image with these overlays shows, with positions relative to `origin`. Must be called
+    /// between two steps.
     pub fn of(simulation: &mut Simulation, origin: DVec3, shown: Overlays) -> Result<Moment> {
         let skins = simulation.skins(origin)?;
         let (positions, normals) = (skins.positions.clone(), skins.normals.clone());

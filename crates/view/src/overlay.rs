@@ -1,4 +1,5 @@
-//! Overlays: what an image can show besides the skins (the bodies' surface meshes), each toggled by a key.
+//! Overlays: what an image can show besides the skins (the bodies' surface meshes). A key toggles each overlay. The
+//! *tool* is the rigid body that the haptic device leads.
 
 use palpate::internal::step::Field;
 
@@ -14,20 +15,20 @@ pub enum Overlay {
     Arrows,
     /// Collision proxies (convex hulls).
     Proxies,
-    /// Contact patches (areas with one contact normal) as rectangles with normals.
+    /// Contact patches (places where a pair of bodies may touch along one normal) as rectangles with normals.
     ContactPatches,
-    /// The tetrahedral mesh (layer), cut open.
+    /// The layers (tetrahedral meshes of soft bodies), cut open.
     Layer,
-    /// Rigid cores (bodies inside soft ones, to which nodes are attached) and bones.
+    /// Rigid cores (rigid bodies inside soft ones, to which nodes of the layer are attached) and bones.
     Cores,
     /// Strain energy density as colours.
     Energy,
-    /// Displacement of nodes as colours.
+    /// Displacement of the layer's nodes as colours.
     Displacement,
 }
 
 impl Overlay {
-    /// Every overlay with its name; its key is its number in this list, from 1.
+    /// Every overlay with its name. The key that toggles an overlay is the overlay's number in this list, from 1.
     pub const ALL: [(Overlay, &'static str); 9] = [
         (Overlay::Pressure, "pressure"),
         (Overlay::Depth, "depth"),
@@ -40,11 +41,11 @@ impl Overlay {
         (Overlay::Displacement, "displacement"),
     ];
 
-    /// Overlays that colour the skin; only one of them is shown at a time.
+    /// Overlays that colour the skins; at most one of them is shown at a time.
     const COLOURS: [Overlay; 4] = [Overlay::Pressure, Overlay::Depth, Overlay::Energy, Overlay::Displacement];
 }
 
-/// A set of overlays that are shown.
+/// The set of the overlays that are shown.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Overlays(u32);
 
@@ -65,7 +66,7 @@ impl Overlays {
         all.iter().fold(Overlays::default(), show)
     }
 
-    /// The scalar field that skins are coloured by.
+    /// The scalar field that skins are coloured by; `None` if no shown overlay colours them.
     pub fn field(self) -> Option<Field> {
         let all = [
             (Overlay::Pressure, Field::Pressure),
@@ -76,7 +77,8 @@ impl Overlays {
         all.into_iter().find(|(overlay, _)| self.has(*overlay)).map(|(_, field)| field)
     }
 
-    /// Shows or hides an overlay. One that colours the skin hides the others that do.
+    /// Shows an overlay that is hidden, hides one that is shown. An overlay that colours the skins hides the others
+    /// that colour them.
     pub fn toggle(&mut self, overlay: Overlay) {
         let had = self.has(overlay);
         if Overlay::COLOURS.contains(&overlay) {
@@ -98,7 +100,7 @@ mod tests {
             assert!(shown.has(overlay));
         }
         let left = Overlay::ALL.into_iter().filter(|(overlay, _)| shown.has(*overlay)).count();
-        assert_eq!(left, 6, "one of the four colourings, and the five others");
+        assert_eq!(left, 6, "one of the four overlays that colour skins must stay, and the five others");
         shown.toggle(Overlay::Displacement);
         shown.toggle(Overlay::Arrows);
         assert!(!shown.has(Overlay::Displacement) && !shown.has(Overlay::Arrows) && shown.has(Overlay::Cores));

@@ -1,5 +1,6 @@
-//! Paints flat triangles over a rendered image, for the panel and the legend. Their corners are written by the CPU for
-//! each image, and so is the atlas (the texture with the letters) whenever it changes.
+//! Paints flat triangles over a rendered image, for the legend and for the panel (the controls in the window of
+//! `palpate view`). The CPU writes the triangles' corners for each image, and the atlas (the texture with the letters)
+//! whenever the atlas changes. A *point* is the user interface's unit of length: a pixel or more.
 
 use std::sync::Arc;
 
@@ -7,9 +8,10 @@ use palpate::internal::gpu::{Before, Buffer, Canvas, Drawn, Image, Memory, Onto,
 use palpate::internal::shaders;
 use palpate::{Context, Error, Result};
 
-/// Number of words of a corner: position (2), position in the atlas (2), colour.
+/// Number of 32-bit words of a triangle's corner: two for its position, two for its position in the atlas, one for its
+/// colour.
 pub const CORNER_WORDS: usize = 5;
-/// Arrays grow to the next multiple of this, bytes.
+/// The sizes of the arrays on the GPU are multiples of this, bytes.
 const GROWTH: u64 = 1 << 18;
 
 /// Triangles that are drawn with one clipping rectangle.
@@ -17,7 +19,7 @@ const GROWTH: u64 = 1 << 18;
 pub struct Piece {
     /// Clipping rectangle: left, top, width, height, pixels.
     pub part: [u32; 4],
-    /// First index, and number of indices.
+    /// Place of the triangles' first index in [`Flat::indices`], and number of the triangles' indices.
     pub range: (u32, u32),
 }
 
@@ -27,7 +29,7 @@ pub struct Flat {
     /// [`CORNER_WORDS`] words per corner: x and y in points from the upper left; x and y in the atlas from 0 to 1; red,
     /// green, blue and alpha, a byte each, sRGB and multiplied by alpha.
     pub corners: Vec<u32>,
-    /// Three corners per triangle.
+    /// Numbers of corners, from 0, three per triangle.
     pub indices: Vec<u32>,
     /// The pieces, in the order in which they are painted.
     pub pieces: Vec<Piece>,
@@ -35,7 +37,7 @@ pub struct Flat {
     pub points: [f32; 2],
 }
 
-/// Texture that triangles are filled with.
+/// The texture that triangles are filled with.
 #[derive(Debug, Clone, Default)]
 pub struct Atlas {
     /// Width and height, texels.
@@ -44,7 +46,7 @@ pub struct Atlas {
     pub texels: Vec<[u8; 4]>,
 }
 
-/// Paints onto images with one sample a pixel.
+/// Paints triangles onto images with one sample per pixel.
 pub struct Painter {
     context: Arc<Context>,
     pipeline: RasterPipeline,
@@ -69,14 +71,15 @@ impl Painter {
         })
     }
 
-    /// Replaces the atlas. The GPU must have finished the recording returned last.
+    /// Replaces the atlas. The GPU must have finished the recording that [`Painter::paint`] returned last.
     pub fn set_atlas(&mut self, atlas: &Atlas) -> Result<()> {
         write(&self.context, &mut self.atlas, bytemuck::cast_slice(&atlas.texels))?;
         self.size = atlas.size.map(|side| side as u32);
         Ok(())
     }
 
-    /// The recording that paints triangles onto an image. The GPU must have finished the recording returned before.
+    /// The recording of GPU commands that paint triangles onto an image. The GPU must have finished the recording that
+    /// the call before this one returned.
     pub fn paint(&mut self, flat: &Flat, image: &Image) -> Result<Recording> {
         let corners = (flat.corners.len() / CORNER_WORDS) as u32;
         if flat.indices.iter().any(|index| *index >= corners) {
@@ -105,7 +108,7 @@ impl Painter {
     }
 }
 
-/// Writes bytes to the start of an array, which is replaced by a larger one where it is too small.
+/// Writes bytes to the start of an array; an array that is too small is replaced by a larger one.
 fn write(context: &Arc<Context>, array: &mut Buffer, bytes: &[u8]) -> Result<()> {
     if array.bytes() < bytes.len() as u64 {
         let room = (bytes.len() as u64).next_multiple_of(GROWTH);

@@ -1,5 +1,5 @@
-//! The skins (surface meshes) that are drawn of a simulation's bodies: their triangles, their materials, and where the
-//! bodies were at first.
+//! The skins (surface meshes) of a simulation's bodies as an image shows them: the skins' triangles and materials, and
+//! the places of the bodies when rendering began. The *tool* is the rigid body that the haptic device leads.
 
 use std::sync::Arc;
 
@@ -11,37 +11,38 @@ use palpate::{Context, Result, Simulation};
 use super::decimate::clustered;
 use super::look::{Look, Material};
 
-/// Number of lattice cells along a body's largest extent, to which the mesh that casts its shadow is decimated.
+/// Number of lattice cells along a body's largest extent; on this lattice the mesh that casts the body's shadow is
+/// decimated.
 const SHADOW_CELLS: f64 = 32.0;
 /// Colour of a tool that is not one of the bodies, sRGB.
 const TOOL: [u8; 3] = [90, 130, 170];
 /// Opacity of a tool that is not one of the bodies.
 const TOOL_ALPHA: f32 = 0.42;
 
-/// Skin of a body or of the tool.
+/// The skin of a body or of the tool.
 pub struct Part {
-    /// Index of the body; the tool comes after the bodies.
+    /// Index of the body; the tool's index follows those of the bodies.
     pub body: usize,
-    /// Three vertices per triangle, indices into the vertices of all skins.
+    /// Three indices per triangle, into the vertices of all skins.
     pub indices: Buffer,
     /// Number of indices.
     pub index_count: u32,
     pub material: Material,
-    /// Whether it is the tool, which is transparent.
+    /// Whether this is the skin of a tool that is not one of the bodies; such a skin is drawn transparent.
     pub is_tool: bool,
     /// Whether the body is soft.
     pub is_soft: bool,
-    /// Mean edge of its triangles, m.
+    /// Mean length of the triangles' first edges, m.
     pub edge: f64,
-    /// Whether its triangles are so small, compared with the shadow map's texels, that it is shaded per vertex.
+    /// Whether the triangles are so small, compared with the shadow map's texels, that the skin is shaded per vertex.
     pub is_fine: bool,
-    /// Sphere around its initial vertices: centre and radius, m.
+    /// Sphere around the skin's initial vertices: centre and radius, m.
     pub ball: (DVec3, f64),
     /// Initial origin of the body's first rigid coordinate frame, m.
     pub frame: Option<DVec3>,
 }
 
-/// All skins, the tool's last, and the triangles that cast shadows.
+/// All skins, the tool's last; the triangles that cast shadows; the ground on which shadows fall.
 pub struct Parts {
     pub skins: Vec<Part>,
     pub casters: Buffer,
@@ -51,7 +52,7 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// The parts of a simulation as it is now.
+    /// The skins, shadow-casting triangles and ground of a simulation as it is now.
     pub fn new(context: &Arc<Context>, simulation: &Simulation) -> Result<Parts> {
         let ranges = simulation.skin_ranges();
         let (mut skins, mut casters, mut lowest) = (Vec::new(), Vec::new(), f64::INFINITY);

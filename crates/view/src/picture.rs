@@ -1,8 +1,8 @@
-//! Images in the CPU's memory, and as PNG files.
+//! Images in the CPU's memory, which can be written as PNG files.
 
 use std::io::Write;
 
-/// An image: rows from the top, sRGB.
+/// An image in sRGB, stored row by row from the top.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Picture {
     /// Pixels per row.
@@ -24,7 +24,7 @@ impl Picture {
         Ok(writer.finish()?)
     }
 
-    /// Joins images from left to right; lower ones are filled up with white.
+    /// Joins images from left to right; images that are lower than the highest get white rows at the bottom.
     pub fn beside(pictures: &[Picture]) -> Picture {
         let width = pictures.iter().map(|picture| picture.width).sum();
         let height = pictures.iter().map(|picture| picture.height).max().unwrap_or(0);

@@ -1,5 +1,6 @@
 //! The list of meshes that a rendered image shows, each with its style and material. A *skin* is a body's surface mesh;
-//! a *rigid core* lies inside a soft body, whose nodes are attached to it.
+//! a *rigid core* is a rigid body inside a soft one, to which nodes are attached; a *contact patch* is a place where a
+//! pair of bodies may touch; the *tool* is the rigid body that the haptic device leads.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -18,8 +19,8 @@ use super::renderer::Legend;
 
 /// Opacity of a skin through which cores are seen, and of the rectangle of a contact patch.
 const SHEER: f32 = 0.28;
-/// Colours, sRGB: the inside of a tetrahedral mesh (layer) that is cut open, cores and bones, force, torque, contact
-/// patches, and the rod from the tool to the haptic device.
+/// Colours, sRGB, in this order: the inside of a tetrahedral mesh (layer) that is cut open, cores and bones, force,
+/// torque, contact patches, and the rod from the tool to the haptic device.
 const INSIDE: [u8; 3] = [240, 200, 120];
 const BONE: [u8; 3] = [236, 228, 206];
 const FORCE: [u8; 3] = [200, 50, 40];
@@ -55,7 +56,7 @@ pub struct Arrays {
 /// Triangles that are drawn together.
 pub struct Piece {
     pub arrays: Arrays,
-    /// Range of indices.
+    /// Range among the indices in `arrays`.
     pub range: Range<u32>,
     pub style: Style,
     /// Index among the image's materials.
@@ -69,7 +70,7 @@ pub struct Pieces {
     pub materials: Vec<Material>,
 }
 
-/// Inputs that pieces are made from.
+/// The inputs from which pieces are made.
 pub struct Source<'a> {
     pub context: &'a Arc<Context>,
     pub moment: &'a Moment,
@@ -82,7 +83,7 @@ pub struct Source<'a> {
     pub legend: &'a Legend,
 }
 
-/// Whether a field has values everywhere in a body, and not only in contact.
+/// Whether a field has values everywhere in a body, and not only where bodies touch.
 pub fn is_of_bodies(field: Field) -> bool {
     matches!(field, Field::StrainEnergy | Field::Displacement)
 }
@@ -114,7 +115,7 @@ impl Source<'_> {
     fn coloured(&self, material: Material) -> Material {
         let Some((field, high)) = self.legend.field else { return material };
         let flags = if is_of_bodies(field) { flags::VALUED | flags::EVEN } else { flags::VALUED };
-        // Until a value was above zero, the scale's end is arbitrary, and everything has the colour of zero.
+        // Before any value was above zero, the scale's upper end is arbitrary: everything has the colour of zero.
         Material { low: 0.0, high: if high > 0.0 { high as f32 } else { 1.0 }, ..material.with(flags) }
     }
 
@@ -148,7 +149,7 @@ impl Source<'_> {
         for (overlay, mesh) in &self.moment.meshes {
             let arrays = Arrays {
                 positions: mesh.positions.clone(),
-                // Normals are not used, as the mesh is shaded flat, by its faces.
+                // These normals are not used, because the mesh is shaded with one normal per face.
                 normals: mesh.positions.known_as(&["normals"]),
                 values: mesh.values.clone(),
                 indices: mesh.triangles.clone(),

@@ -1,5 +1,6 @@
-//! Renders a simulation's arrays to an image in *slices*, parts that are submitted one by one so that the simulation
-//! can step between two of them. No mesh is read back to the CPU. A *skin* is a body's surface mesh.
+//! Renders a simulation's arrays to an image in *slices*, parts that are submitted to the GPU one by one so that the
+//! simulation can step between two slices. No mesh is read back to the CPU. A *skin* is a body's surface mesh; a
+//! *piece* is a mesh, or part of one, with one material.
 
 use std::sync::Arc;
 
@@ -21,14 +22,15 @@ use super::picture::Picture;
 use super::pieces::{Piece, Pieces, Source, Style, is_of_bodies};
 use super::scale::Scale;
 
-/// Texels along a side of the shadow map. Shaders read it from a texel buffer with four depths per element, which may
-/// have 65,536 elements on every Vulkan device.
+/// Number of texels along a side of the shadow map. Shaders read the map from a texel buffer with four depths per
+/// element; every Vulkan device permits 65,536 elements.
 const SHADOW_SIDE: u32 = 508;
-/// Shadow bias: by how much something must be nearer to the sun to shade a point, as a share of the shadow map's depth.
+/// Shadow bias: by how much something must be nearer to the sun than a point to shade that point, as a share of the
+/// shadow map's depth.
 const BIAS: f64 = 0.006;
 /// Direction towards the sun.
 const SUN: DVec3 = DVec3::new(-0.25, 0.85, 0.8);
-/// Extent of the shadow map, as a multiple of the sphere around all bodies.
+/// Extent of the shadow map, as a multiple of the diameter of the sphere around all bodies.
 const ROOM: f64 = 1.05;
 /// Half the edge of the box that the first camera shows, as a share of the radius of the sphere around all bodies.
 /// Bodies seldom fill that sphere.
@@ -37,7 +39,7 @@ const SNUG: f64 = 0.5;
 const FINE: f64 = 4.0;
 /// Greatest number of materials in an image.
 const MATERIALS: usize = 1024;
-/// Greatest number of triangles in a slice, on a device that draws on the CPU and on a GPU.
+/// Greatest numbers of triangles in a slice: the first for a Vulkan device that draws on the CPU, the second for a GPU.
 const CPU_SLICE: u32 = 30_000;
 const GPU_SLICE: u32 = 1 << 22;
 
@@ -65,9 +67,9 @@ pub struct Legend {
 pub struct Renderer {
     context: Arc<Context>,
     settings: Settings,
-    /// World position that positions are relative to, m.
+    /// World position to which the positions on the GPU are relative, m.
     origin: DVec3,
-    /// Radius of the sphere around all initial bodies, m; its centre is the origin.
+    /// Radius of the sphere around the bodies when rendering began, m; the sphere's centre is `origin`.
     reach: f64,
     parts: Parts,
     no_values: Buffer,
@@ -96,12 +98,12 @@ struct Pipelines {
     caster: RasterPipeline,
 }
 
-/// Indices of the scales of force and torque, which follow those of the fields.
+/// Indices of the scales of force and torque in `Renderer::scales`, which begins with the scales of the four fields.
 const FORCE: usize = 4;
 const TORQUE: usize = 5;
 
 impl Renderer {
-    /// A renderer for a simulation, whose present bodies determine the world position that positions are relative to.
+    /// A renderer for a simulation. The present places of the bodies determine [`Renderer::origin`].
     pub fn new(simulation: &mut Simulation, settings: Settings) -> Result<Renderer> {
         let context = simulation.context().clone();
         let mut parts = Parts::new(&context, simulation)?;
@@ -134,12 +136,12 @@ impl Renderer {
         })
     }
 
-    /// World position that positions are relative to, m; to be given to [`Moment::of`].
+    /// World position to which the positions on the GPU are relative, m; must be given to [`Moment::of`].
     pub fn origin(&self) -> DVec3 {
         self.origin
     }
 
-    /// A camera that shows all bodies as they were at first.
+    /// A camera that shows all bodies where they were when the renderer was made.
     pub fn camera(&self) -> Camera {
         Camera::around(self.origin - SNUG * self.reach, self.origin + SNUG * self.reach)
     }
@@ -233,7 +235,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// The slices that draw the image, in order; each is submitted by itself.
+    /// The slices that draw the image, in the order in which they must be submitted.
     pub fn slices(&self) -> &[Recording] {
         &self.slices
     }
@@ -256,13 +258,14 @@ impl Renderer {
         Ok(Picture { width, height, pixels: array.read()? })
     }
 
-    /// The image that the slices draw, with one sample a pixel.
+    /// The image that the slices draw, with one sample per pixel.
     pub fn image(&self) -> Result<&Image> {
         let seen = self.canvas.mean.as_ref().or(self.canvas.colour.as_ref());
         seen.ok_or_else(|| Error::Simulation("internal error: the canvas has no colour image".into()))
     }
 
-    /// Records the shadow map and the opaque pieces, slice by slice, and with the last slice all transparent pieces.
+    /// Records the slices: the first draws the shadow map, all of them draw opaque pieces, the last draws the ground
+    /// and all transparent pieces.
     fn record(&self, pieces: &[Piece], positions: &Buffer) -> Result<Vec<Recording>> {
         let (glass, opaque): (Vec<&Piece>, Vec<&Piece>) = pieces.iter().partition(|piece| piece.style == Style::Glass);
         let glass = glass.into_iter().map(|piece| (piece, piece.range.clone()));
@@ -350,7 +353,7 @@ impl Renderer {
     }
 }
 
-/// A draw without indices, of six vertices that the vertex shader makes up itself.
+/// A draw of six vertices without indices; the vertex shader computes their positions.
 fn whole<'a>(pipeline: &'a RasterPipeline, arguments: &'a dyn Arguments) -> Drawn<'a> {
     Drawn { pipeline, arguments, indices: None, range: (0, 6), instances: 1, part: None }
 }
@@ -375,8 +378,8 @@ impl Pipelines {
     }
 }
 
-/// Whether something shown is coloured by a field: a soft body's skin, or its tetrahedral mesh if the field has values
-/// at nodes.
+/// Whether the image shows something that is coloured by the field: a soft body's skin, or its tetrahedral mesh if the
+/// field has values at nodes.
 fn shows(moment: &Moment, field: Field, skins: &[Part]) -> bool {
     let has_skins = !moment.shown.has(Overlay::Proxies) && !moment.shown.has(Overlay::Layer);
     let has_layers = moment.shown.has(Overlay::Layer) && is_of_bodies(field);
@@ -418,7 +421,7 @@ fn canvas(context: &Arc<Context>, settings: &Settings) -> Result<Canvas> {
     })
 }
 
-/// A sphere around spheres: centre and radius, m.
+/// A sphere that encloses these spheres: centre and radius, m.
 fn around(balls: impl Iterator<Item = (DVec3, f64)> + Clone) -> (DVec3, f64) {
     let corners = balls.clone().flat_map(|(x, r)| [x - r, x + r]);
     let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);

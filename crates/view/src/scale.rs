@@ -1,13 +1,14 @@
-//! Scales of colours and of arrow lengths, which end at round numbers and change seldom; numbers with units as text.
+//! Scales of colours and of arrow lengths, which end at round numbers and change seldom; and numbers with units as
+//! text.
 
 /// A scale from zero to a round number.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Scale {
-    /// Upper end of the scale; 0 if nothing was shown yet.
+    /// Upper end of the scale; 0 until a value above zero was shown.
     pub high: f64,
 }
 
-/// If the greatest value falls below this share of the scale, the scale is made smaller.
+/// If the greatest value is below this share of the scale's upper end, the scale is made smaller.
 const SMALL: f64 = 0.15;
 
 impl Scale {
@@ -19,14 +20,14 @@ impl Scale {
     }
 }
 
-/// The least of 1, 2 and 5 times a power of ten that is no less than a positive number.
+/// The least number of the form 1, 2 or 5 times a power of ten that is no less than the positive number `x`.
 fn round_up(x: f64) -> f64 {
     let power = 10f64.powf(x.log10().floor());
     let leading = [1.0, 2.0, 5.0, 10.0].into_iter().find(|digit| digit * power >= x * (1.0 - 1e-12));
     leading.unwrap_or(10.0) * power
 }
 
-/// A number with unit and prefix, in three digits: `0.0123` N is `12.3 mN`.
+/// A number as text with three digits and a unit with its prefix: `0.0123` in N gives `12.3 mN`.
 pub fn with_unit(x: f64, unit: &str) -> String {
     const PREFIXES: [(f64, &str); 7] =
         [(1e-9, "n"), (1e-6, "\u{b5}"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"), (1e9, "G")];
@@ -57,7 +58,11 @@ mod tests {
             [0.0, 3.1e-3, 4.9e-3, 1e-3, 5.1e-3, 2e-3, 1e-3].map(&mut high).map(|x| (x * 1e6).round()),
             [0.0, 5000.0, 5000.0, 5000.0, 10000.0, 10000.0, 1000.0]
         );
-        assert_eq!([f64::NAN, f64::INFINITY, -1.0].map(high), [1e-3; 3], "such values must not change the scale");
+        assert_eq!(
+            [f64::NAN, f64::INFINITY, -1.0].map(high),
+            [1e-3; 3],
+            "only positive finite values may change the scale"
+        );
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! Renders images of a simulation without a window, for films, figures and tests. On one GPU the same state gives the
-//! same image.
+//! Renders images of a simulation without a window, for films, figures and tests. On one GPU, equal states of the
+//! simulation give equal images.
 
 use palpate::{Result, Simulation};
 
@@ -21,7 +21,7 @@ pub struct Studio {
 }
 
 impl Studio {
-    /// A studio whose camera shows all of a simulation as it is now.
+    /// A studio whose camera shows all bodies of a simulation as they are now.
     pub fn new(simulation: &mut Simulation, settings: Settings) -> Result<Studio> {
         let renderer = Renderer::new(simulation, settings)?;
         let labels = Labels::new(simulation.context())?;
@@ -33,7 +33,7 @@ impl Studio {
         &mut self.renderer
     }
 
-    /// Renders the simulation as it is now. Must be called between two steps; it changes nothing of the simulation.
+    /// Renders the simulation as it is now. Must be called between two steps; the simulation is not changed.
     pub fn picture(&mut self, simulation: &mut Simulation) -> Result<Picture> {
         let moment = Moment::of(simulation, self.renderer.origin(), self.shown)?;
         self.renderer.look(&moment, &self.camera)?;

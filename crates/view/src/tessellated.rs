@@ -1,4 +1,5 @@
-//! Converts the triangles and textures of egui (the user interface library) to the painter's form.
+//! Converts the triangles and textures of egui (the user interface library) to the form in which the *painter*
+//! (`painter.rs`) draws them over an image.
 
 use egui::epaint::textures::TexturesDelta;
 use egui::epaint::{ImageData, Primitive};
@@ -6,10 +7,10 @@ use egui::{ClippedPrimitive, TextureId};
 
 use super::painter::{Atlas, CORNER_WORDS, Flat, Piece};
 
-/// The texture with the fonts, the only texture of the panel.
+/// The texture with the fonts, the only texture that this program's user interface has.
 const FONTS: TextureId = TextureId::Managed(0);
 
-/// egui's triangles in the painter's form, for an image of this size, pixels.
+/// The triangles of egui in the painter's form, for an image of this size, pixels.
 pub fn flat(primitives: &[ClippedPrimitive], pixels_per_point: f32, size: [u32; 2]) -> Flat {
     let points = size.map(|side| side as f32 / pixels_per_point);
     let mut flat = Flat { points, ..Flat::default() };
@@ -34,7 +35,7 @@ pub fn flat(primitives: &[ClippedPrimitive], pixels_per_point: f32, size: [u32; 
     flat
 }
 
-/// Brings the atlas (the texture with the letters) up to date; returns whether it changed.
+/// Brings the atlas (the painter's texture with the letters) up to date; returns whether the atlas changed.
 pub fn update(atlas: &mut Atlas, delta: &TexturesDelta) -> bool {
     let Some(changes) = delta.set.get(&FONTS) else { return false };
     for change in changes {

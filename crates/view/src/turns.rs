@@ -1,6 +1,6 @@
 //! Turns at the GPU's queue, which the simulation's steps share with *slices*, the parts in which an image is drawn.
-//! While both want the queue they alternate: a step is delayed by at most one slice, and drawing makes progress even if
-//! the simulation never pauses. The haptic loop takes no turns: it runs on the CPU and waits for nobody.
+//! While a step and a slice wait for the queue, turns alternate: a step is delayed by at most one slice, and drawing
+//! makes progress even if the simulation never pauses. The haptic loop runs on the CPU and takes no turns.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard};
@@ -12,9 +12,9 @@ use palpate::internal::haptics::clock::Lateness;
 const RECENT: usize = 128;
 /// Time within which a due step must ask for its turn; after this time slices no longer wait for that step.
 const SOON: Duration = Duration::from_millis(20);
-/// Greatest duration of a slice, in durations of a step.
+/// Greatest duration of a slice, as a multiple of the duration of a step.
 const SLICE: f64 = 1.5;
-/// Number of steps whose durations are kept; few, because durations change at once where contact begins.
+/// Number of steps whose durations are kept; it is small, because durations change at once when contact begins.
 const NEWEST: usize = 7;
 
 /// The turns at the GPU's queue.
@@ -34,15 +34,16 @@ enum Who {
 #[derive(Debug)]
 struct State {
     is_taken: bool,
-    /// Numbers of steps and of slices that wait.
+    /// Number of steps that wait for a turn, and number of slices that wait for one.
     waiting: [u32; 2],
     /// Whether the last turn was a step's or a slice's.
     last: Who,
-    /// Set where a slice was drawn while a step was due: that step comes next, and has been delayed by this time.
+    /// Time by which slices that were drawn before a due step have delayed that step; `None` without such a slice.
     owed: Option<Duration>,
+    /// When the last slice before a due step ended.
     owed_since: Option<Instant>,
     delays: VecDeque<Duration>,
-    /// Durations of recent steps, without waiting.
+    /// Durations of recent steps, without the time that they waited for their turns.
     lengths: VecDeque<Duration>,
     steps: u64,
     slices: u64,
@@ -81,7 +82,7 @@ pub struct Delays {
     pub steps: u64,
     /// Number of slices so far.
     pub slices: u64,
-    /// Duration of the longest slice since the last call, s.
+    /// Duration of the longest slice since the last call of [`Turns::delays`], s.
     pub longest_slice: f64,
 }
 
@@ -96,12 +97,12 @@ pub struct Turn<'a> {
 }
 
 impl Turns {
-    /// Turns of which none is taken.
+    /// Turns at a queue that nobody uses yet.
     pub fn new() -> Turns {
         Turns::default()
     }
 
-    /// Takes the turn for a step; waits for it.
+    /// Waits until a step may use the queue, and takes the turn for it.
     pub fn step(&self) -> Turn<'_> {
         let asked = Instant::now();
         let turn = self.take(Who::Step);
@@ -114,25 +115,26 @@ impl Turns {
         turn
     }
 
-    /// Takes the turn for a slice; waits for it.
+    /// Waits until a slice may use the queue, and takes the turn for it.
     pub fn slice(&self) -> Turn<'_> {
         self.take(Who::Slice)
     }
 
-    /// Takes the turn for a slice that the simulation's thread draws itself before its next step, which it delays. No
-    /// other slice begins until that step, if it comes soon, or until [`Turns::rest`].
+    /// Takes the turn for a slice that the simulation's thread draws itself before its next step. The slice delays that
+    /// step; no other slice begins until the step has had its turn, 20 ms have passed, or [`Turns::rest`] is called.
     pub fn slice_before_step(&self) -> Turn<'_> {
         self.take_as(Who::Slice, true)
     }
 
-    /// Declares that no step is due, so that slices need not wait for one.
+    /// Declares that no step is due, so that slices need not wait for a step.
     pub fn rest(&self) {
         self.state().owed = None;
         self.freed.notify_all();
     }
 
     /// Greatest duration of a slice, s: one and a half times the median duration of the last steps. Drawing then leaves
-    /// the simulation at least two fifths of its speed, and an image that takes no longer is drawn in one slice.
+    /// the simulation at least two fifths of its speed, and an image that takes no longer than this is drawn in one
+    /// slice.
     pub fn slice_length(&self) -> f64 {
         let lengths = self.state().lengths.clone();
         SLICE * median(lengths).as_secs_f64()
@@ -213,7 +215,7 @@ impl Drop for Turn<'_> {
     }
 }
 
-/// Appends the newest value and keeps at most `most`.
+/// Appends the newest value and keeps at most the `most` newest values.
 fn keep(recent: &mut VecDeque<Duration>, newest: Duration, most: usize) {
     if recent.len() == most {
         recent.pop_front();
@@ -238,7 +240,7 @@ mod tests {
     fn until(what: impl Fn() -> bool) {
         let begun = Instant::now();
         while !what() {
-            assert!(begun.elapsed() < Duration::from_secs(20), "the awaited condition did not hold in time");
+            assert!(begun.elapsed() < Duration::from_secs(20), "the awaited condition did not hold within 20 s");
             thread::sleep(Duration::from_micros(200));
         }
     }
@@ -254,7 +256,7 @@ mod tests {
             let order = Mutex::new(Vec::new());
             thread::scope(|scope| {
                 let slice = turns.slice();
-                // A second slice asks before the step does, and still comes after it.
+                // A second slice asks for the turn before the step does, and must still come after the step.
                 scope.spawn(|| {
                     let _turn = turns.slice();
                     order.lock().unwrap().push("slice");
@@ -267,7 +269,7 @@ mod tests {
                 until(|| waiting(&turns, Who::Step) == 1);
                 drop(slice);
             });
-            assert_eq!(*order.lock().unwrap(), ["step", "slice"], "round {round}");
+            assert_eq!(*order.lock().unwrap(), ["step", "slice"], "wrong order of turns in round {round}");
         }
     }
 
@@ -294,8 +296,8 @@ mod tests {
             }
             stop.store(true, Ordering::Relaxed);
         });
-        // Between reading the count and asking for the turn, one slice may end and another begin; then two are counted.
-        // The test before this one is exact.
+        // Between reading the count and asking for the turn, one slice may end and another begin; then two are counted
+        // although the step waits for one. The test before this one counts exactly.
         assert!(worst <= 2, "a step waited for {worst} slices");
         assert!(slices.load(Ordering::SeqCst) > 250, "only {slices:?} slices during 1000 steps");
         let delays = turns.delays();
@@ -322,8 +324,9 @@ mod tests {
             drop(step);
         });
         assert_eq!(*order.lock().unwrap(), ["step", "slice"]);
-        assert!(turns.delays().last >= 5e-3, "delays {:?}", turns.delays());
-        // The simulation's thread never waits for its own step.
+        assert!(turns.delays().last >= 5e-3, "the step's delay must be 5 ms at least: {:?}", turns.delays());
+        // A second slice before the step must not make the simulation's thread wait for its own step, which never
+        // comes.
         (0..2).for_each(|_| drop(turns.slice_before_step()));
         turns.rest();
         drop(turns.slice());

@@ -1,4 +1,6 @@
-//! Physical groups of a Gmsh mesh: their names, and in MSH 4.1 the group that each volume is in.
+//! Reads the physical groups of a mesh file of the mesh generator Gmsh: their names and, in version 4.1 of the file
+//! format (MSH), the group that each volume is in. An *entity* is a point, curve, surface or volume of the geometry, a
+//! *tag* is the number of an entity, and a *physical group* is a set of entities with a number.
 
 use std::collections::HashMap;
 
@@ -10,8 +12,8 @@ use crate::Result;
 /// Number of dimensions of a volume; only groups of volumes contain tetrahedra.
 const VOLUME: usize = 3;
 
-/// Reads `$PhysicalNames`: on each line a dimension, a number and a quoted name. The section is text in binary files
-/// too.
+/// Reads the section `$PhysicalNames`, which is text in binary files too. Each line has the dimension of a group's
+/// entities, the group's number and its quoted name.
 pub(super) fn names(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     const WHAT: &str = "a physical name (dimension, number, name)";
     let line = cursor.need("the number of physical names")?;
@@ -31,8 +33,8 @@ pub(super) fn names(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
     cursor.expect("$EndPhysicalNames")
 }
 
-/// Reads `$Entities` of MSH 4.1: the first physical group of each volume, by the volume's tag. Adds a note for a volume
-/// that is in several groups.
+/// Reads the section `$Entities` of MSH 4.1, and returns the first physical group of each volume, by the volume's tag.
+/// Adds a note for a volume that is in several groups.
 pub(super) fn volumes(cursor: &mut Cursor, file: &mut Contents) -> Result<HashMap<i64, i64>> {
     let counts = whole(cursor, "the counts of $Entities", 0, 4)?;
     let mut groups = HashMap::new();
@@ -40,7 +42,7 @@ pub(super) fn volumes(cursor: &mut Cursor, file: &mut Contents) -> Result<HashMa
         for _ in 0..cursor.natural(count, "a count of $Entities")? {
             let (tag, physical) = entity(cursor, dimension)?;
             let (VOLUME, Some(&first)) = (dimension, physical.first()) else { continue };
-            // A negative number means the same group with reversed orientation.
+            // The file gives a group's number with a minus sign where the entity's orientation is reversed.
             groups.insert(tag, first.abs());
             if physical.len() > 1 {
                 let all: Vec<String> = physical.iter().map(i64::to_string).collect();
@@ -53,8 +55,9 @@ pub(super) fn volumes(cursor: &mut Cursor, file: &mut Contents) -> Result<HashMa
     Ok(groups)
 }
 
-/// Reads an entity and returns its tag and physical groups. The file gives a tag, a point or a box, the number of
-/// groups and the groups, and, except for points, the number of bounding entities and these entities.
+/// Reads an entity, and returns its tag and its physical groups. An entity in the file is: its tag; its position (of a
+/// point) or bounding box; the number of its groups, and these groups; and, unless the entity is a point, the number of
+/// entities that bound it, and their tags.
 fn entity(cursor: &mut Cursor, dimension: usize) -> Result<(i64, Vec<i64>)> {
     const WHAT: &str = "an entity (tag, place, physical groups)";
     let reals = if dimension == 0 { 3 } else { 6 };
@@ -80,7 +83,7 @@ fn entity(cursor: &mut Cursor, dimension: usize) -> Result<(i64, Vec<i64>)> {
     Ok((tag, physical))
 }
 
-/// Reads binary integers that follow their number.
+/// Reads a list of four-byte binary integers; its length, an eight-byte integer, comes first.
 fn counted(cursor: &mut Cursor, what: &str) -> Result<Vec<i64>> {
     let count = whole(cursor, what, 0, 1)?[0];
     (0..cursor.natural(count, what)?).map(|_| cursor.i32(what).map(i64::from)).collect()

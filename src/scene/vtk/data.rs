@@ -1,30 +1,31 @@
-//! Reads the data on the cells of a VTK grid. One of the arrays gives the groups of tetrahedra: the array called
-//! `group`, or else the first array with one whole number per cell.
+//! Reads the data on the cells of a VTK grid. One of the data arrays gives each tetrahedron the number of its group
+//! (tetrahedra to which a scene can give a material of their own): the array called `group`, or else the first array
+//! with one whole number per cell.
 
 use super::super::cursor::{Cursor, Order, short};
 use super::{count, size_of};
 use crate::Result;
 
-/// Name of the array that gives the groups, at any position among the arrays.
+/// Name of the array that gives the groups, whatever its position among the arrays; a file need not have it.
 const GROUP: &str = "group";
 
-/// The groups found so far.
+/// The groups, from the arrays that have been read so far.
 #[derive(Default)]
 pub(super) struct CellData {
-    /// Whether the groups are from an array called [`GROUP`].
+    /// Whether the groups come from an array called [`GROUP`].
     is_named: bool,
-    /// One number per cell; empty if no array has been found.
+    /// Group number of each cell; empty if no suitable array has been found.
     pub groups: Vec<i64>,
 }
 
-/// A section of data: on cells or on points, and the number of these.
+/// What the arrays of a section of the file are about: cells or points, and how many of these there are.
 struct Section {
     is_cells: bool,
     count: u64,
 }
 
 impl CellData {
-    /// Reads from a `POINT_DATA` or `CELL_DATA` line, whose words are `words`, to the end of the file.
+    /// Reads all sections from a `POINT_DATA` or `CELL_DATA` line, whose words are `words`, to the end of the file.
     pub(super) fn read(&mut self, cursor: &mut Cursor, words: &[&str]) -> Result<()> {
         let mut section = section(cursor, words)?;
         while let Some(line) = cursor.next_filled() {
@@ -70,7 +71,8 @@ impl CellData {
         Ok(())
     }
 
-    /// Reads the arrays of a `FIELD`; each begins with a line of name, number of components, number of tuples and type.
+    /// Reads the arrays of a `FIELD`; each array begins with a line of its name, number of components, number of tuples
+    /// and type.
     fn field(&mut self, cursor: &mut Cursor, words: &[&str], section: &Section) -> Result<()> {
         for _ in 0..count(cursor, words, 2)? {
             let line = cursor.need("an array of a FIELD")?;
@@ -81,8 +83,9 @@ impl CellData {
         Ok(())
     }
 
-    /// Reads an array of (type, tuples, components); keeps it if it is a better choice for the groups than an earlier
-    /// array.
+    /// Reads an array of the given type, number of tuples, and number of components per tuple. The array replaces the
+    /// groups if it has one whole number per cell, and either no such array was read before, or this is the first one
+    /// that is called [`GROUP`].
     fn array(
         &mut self,
         cursor: &mut Cursor,
@@ -110,7 +113,7 @@ fn section(cursor: &Cursor, words: &[&str]) -> Result<Section> {
     Ok(Section { is_cells: words[0].eq_ignore_ascii_case("CELL_DATA"), count: count(cursor, words, 1)? })
 }
 
-/// Size of a binary whole number, bytes, and whether it has a sign.
+/// A type of whole numbers: its size in a binary file, bytes, and whether it has a sign.
 struct Integer {
     bytes: usize,
     signed: bool,
@@ -137,7 +140,7 @@ impl Integer {
             let word = cursor.word(WHAT)?;
             return cursor.parse(word, WHAT);
         }
-        // Binary numbers of this format are always big-endian.
+        // Binary numbers of the legacy VTK format are always big-endian.
         let raw = cursor.take(self.bytes, WHAT)?;
         let start = if self.signed && raw[0] >= 0x80 { -1 } else { 0 };
         Ok(raw.iter().fold(start, |number, &byte| (number << 8) | i64::from(byte)))
@@ -186,7 +189,7 @@ mod tests {
             assert_eq!(
                 (&mesh.groups.of[..], mesh.notes.len()),
                 (&wanted[..], 1),
-                "groups, and number of notes, of a file with {data}; notes: {:?}",
+                "groups and number of notes of a file with the data {data}; notes: {:?}",
                 mesh.notes
             );
         }

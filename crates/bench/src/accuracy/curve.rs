@@ -1,10 +1,11 @@
-//! A curve of `palpate bench accuracy`: the error and the computing time of each setting of one knob (a value of a
-//! scene that is varied), and what follows from them: the best buys (settings that no other beats in both error and
-//! time), orders of convergence, and the verdict whether the errors are within a bound.
+//! A curve of `palpate bench accuracy`: the error and the computing time of a step for each setting of one knob. A knob
+//! is a value of a scene that is varied, and a setting is one of its values. From the settings follow the best buys
+//! (settings that no other beats in both error and time), the orders of convergence, and the verdict whether the errors
+//! are within a bound.
 //!
-//! A curve is drawn in one or more panels (plots) of one or more lines. A round runs every setting once. With fewer
-//! than five rounds the samples are dealt into "hands", interleaved subsets (see [`hands`]), whose medians show the
-//! spread.
+//! A curve is drawn in one or more panels (plots), each with one or more lines, which have a point for each setting. A
+//! round runs every setting once, or more often if its run is short. With fewer than five rounds the samples of a time
+//! are dealt into "hands", interleaved subsets (see [`hands`]), whose medians show the spread.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,22 +15,25 @@ use crate::{fit, median};
 /// The just noticeable difference of a force, as a share of the force: X. D. Pang, H. Z. Tan and N. I. Durlach, "Manual
 /// discrimination of force using active finger motion" (1991), found roughly 7 %.
 pub const JUST_NOTICEABLE: f64 = 0.07;
-/// A measured order of convergence agrees with the order that theory expects when they differ by at most this.
+/// A measured order of convergence agrees with the order that theory expects if the two differ by at most this.
 pub const NEAR_ORDER: f64 = 0.25;
-/// The errors of a line should span at least so many powers of ten; where they span fewer, the report gives a reason.
+/// The errors of a line should span at least this number of powers of ten; where they span fewer, the report gives a
+/// reason.
 pub const DECADES: f64 = 2.0;
-/// Only points with relative errors below this belong to the asymptotic part, to which an order is fitted.
+/// Only points with relative errors below this belong to the asymptotic part of a line, to which an order of
+/// convergence is fitted.
 const ASYMPTOTIC: f64 = 0.1;
-/// Least slope of ln(error) between neighbouring points above the error floor (the part of a line where another source
-/// of error dominates). The slope is taken per unit of ln(knob) where a power of the knob is fitted, and per
-/// unit of the knob where a constant factor of the error per unit of the knob is fitted. From the finest setting on, points are left out as the floor until a slope
-/// exceeds this.
+/// Least slope of ln(error) outside the floor of a line. The floor is the fine end of the line, where the error hardly
+/// changes with the knob, because another source of error dominates. Seen from the finest setting, the floor ends at
+/// the first two neighbouring points between which the slope exceeds this value. The slope is per unit of ln(knob)
+/// where a power law is fitted, and per unit of the knob where each unit of the knob is expected to multiply the error
+/// by a constant factor.
 const FLOOR: f64 = 0.3;
-/// An order is fitted to at most so many points: the finest ones above the floor.
+/// An order is fitted to at most this number of points: the finest ones above the floor.
 const MOST_POINTS: usize = 5;
-/// An order is fitted to at least so many points.
+/// An order is fitted to at least this number of points.
 const LEAST_POINTS: usize = 3;
-/// An order is reported only if the order between any two neighbouring points differs from it by at most this.
+/// A fitted order is reported only if the order between each two neighbouring points differs from it by at most this.
 const SCATTER: f64 = 1.0;
 /// An error that is smaller than both neighbours' errors by more than this factor is small by chance: near such a point
 /// the signed error passes through zero.
@@ -42,33 +46,34 @@ const SAME_ERROR: f64 = 0.05;
 /// Error and time of each setting of one knob of a scene; the settings were run alternately.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Curve {
-    /// Name of the curve, and of its part of the results: `tolerance`.
+    /// Name of the curve, and of its part of the results, for example `tolerance`.
     pub name: String,
-    /// Heading of its section in the report.
+    /// Heading of the curve's section in the report.
     pub title: String,
-    /// Question that the curve answers: what is varied in which scene, and what the reference of the error is.
+    /// Question that the curve answers: what is varied in which scene, and against which reference the error is
+    /// computed.
     pub question: String,
-    /// Quantity that the knob sets, with its unit: `time step, ms`.
+    /// Quantity that the knob sets, with its unit, for example `time step, ms`.
     pub knob: String,
-    /// Stage of the step that the knob affects most; the report shows its time next to that of the whole step.
+    /// Stage of a time step that the knob affects most; the report shows its time next to that of the whole step.
     pub stage: String,
     /// Points in the order of the knob; each line has its finest setting last.
     pub points: Vec<Point>,
     /// The order of convergence that theory expects, and why; `None` where theory gives no power law.
     pub expected: Option<Expected>,
-    /// Where theory expects that each further unit of the knob multiplies the error by a constant factor (the share
-    /// that remains) instead of a power law: the reason; else empty.
+    /// Reason why theory expects, instead of a power law, that each further unit of the knob multiplies the error by a
+    /// constant factor (the share of the error that remains); empty where theory does not expect this.
     pub share: String,
     /// Reason that the report gives where the measured order differs from theory's.
     pub order_reason: String,
-    /// Reason that the report gives where the errors span less than two decades.
+    /// Reason that the report gives where the errors span less than [`DECADES`] powers of ten.
     pub span_reason: String,
     /// Largest relative error of the force that a judged setting may have.
     pub bound: f64,
     /// Which settings are judged against the bound.
     pub judged: Judged,
-    /// Title of a panel that is not judged because it shows something else than the engine, for comparison; empty where
-    /// there is none.
+    /// Title of the panel that is not judged because, for comparison, it shows something other than the engine; empty
+    /// where there is no such panel.
     pub beside: String,
 }
 
@@ -109,7 +114,7 @@ pub struct Expected {
 /// One setting of the knob, and what was measured with it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Point {
-    /// Name of the setting in tables: `jacobi to 1e-4`.
+    /// Name of the setting in tables, for example `jacobi to 1e-4`.
     pub setting: String,
     /// Name of the line that the point is on; empty where its panel has one line.
     pub line: String,
@@ -117,40 +122,40 @@ pub struct Point {
     pub panel: String,
     /// Value of the knob.
     pub value: f64,
-    /// Largest error of the force on the tool, over the reference's largest force; `None`: nothing is touched, or the
-    /// error is not finite.
+    /// Largest error of the force on the tool (rigid body that the haptic device leads) in the compared steps, divided
+    /// by the largest force of the reference; `None`: nothing is touched, or the error is not finite.
     pub force_error: Option<f64>,
-    /// Largest error of the nodes' displacements, over the reference's largest displacement; `None`: it was not
-    /// compared, or is not finite.
+    /// Largest error of a node's displacement, divided by the largest displacement of the reference; `None`:
+    /// displacements were not compared, or the error is not finite.
     pub displacement_error: Option<f64>,
     /// Solver iterations of a step, median over the steps.
     pub iterations: f64,
-    /// Names of the flags that at least one step raised.
+    /// Names of the flags (warnings of a step, for example `not_converged`) that at least one step raised.
     pub flags: Vec<String>,
     /// Time of the curve's stage in each timed step, us; one list for each round.
     pub stage_us: Vec<Vec<f64>>,
-    /// Wall time of each step, from the pose going in to the wrench coming out, us; one list for each round.
+    /// Wall time of each step, from passing in the device pose to getting the wrench, us; one list for each round.
     pub step_us: Vec<Vec<f64>>,
-    /// Keys of a scene file and the values that this setting gives them, where a preset may be chosen from the points;
-    /// empty elsewhere.
+    /// Keys of a scene file and the values that this setting gives them. They are given where a preset (named setting
+    /// of a scene) may be chosen from the points; empty elsewhere.
     pub keys: Vec<(String, String)>,
-    /// Simulated time of one step, s, where the points of the curve differ in it; else 0.
+    /// Simulated time of one step, s, where time steps differ between the points of the curve; else 0.
     pub simulated_s: f64,
 }
 
 impl Point {
-    /// Time of a step, ms: the median over the rounds of the median over the steps of each.
+    /// Time of a step, ms: the median over the rounds of the median over the steps of each round.
     pub fn step_ms(&self) -> f64 {
         ms(&self.step_us)
     }
 
-    /// Time of the curve's stage in a step, ms: the median over the rounds of the median over the steps of each.
+    /// Time of the curve's stage in a step, ms: the median over the rounds of the median over the steps of each round.
     pub fn stage_ms(&self) -> f64 {
         ms(&self.stage_us)
     }
 
-    /// Least and greatest time of a step, ms, among the medians of the rounds, or of the hands of few rounds (see
-    /// [`hands`]).
+    /// Least and greatest time of a step, ms, among the medians of the rounds or, where there are few rounds, of the
+    /// hands (see [`hands`]).
     pub fn step_range_ms(&self) -> [f64; 2] {
         let rounds: Vec<f64> = hands(&self.step_us).iter().map(|us| 1e-3 * us).collect();
         [rounds.iter().copied().fold(f64::INFINITY, f64::min), rounds.iter().copied().fold(0.0, f64::max)]
@@ -174,7 +179,7 @@ impl Point {
         if self.simulated_s > 0.0 { 1e-3 * self.step_ms() / self.simulated_s } else { self.step_ms() }
     }
 
-    /// The error that counts: that of the force, or that of the displacements where nothing is touched.
+    /// The error that counts: that of the force or, where the force has no error, that of the displacements.
     pub fn error(&self) -> Option<f64> {
         self.force_error.or(self.displacement_error)
     }
@@ -250,7 +255,7 @@ impl Curve {
 }
 
 impl Line<'_> {
-    /// The titles of the panel and of the line, without empty ones.
+    /// The titles of the panel and of the line, joined by a comma; empty ones are left out.
     pub fn title(&self) -> String {
         let parts = [self.panel, self.name];
         parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
@@ -261,7 +266,7 @@ impl Line<'_> {
         self.points.last()?.error()
     }
 
-    /// The greatest error of the line; `None` where a point has none.
+    /// The greatest error of the line; `None` where a point has no error.
     pub fn worst(&self) -> Option<f64> {
         let errors: Option<Vec<f64>> = self.points.iter().map(|point| point.error()).collect();
         errors?.into_iter().max_by(f64::total_cmp)
@@ -301,8 +306,9 @@ impl Line<'_> {
         Some((fit::exponent(&fitted)?.exp(), fitted.len()))
     }
 
-    /// Knob and error of the points in the asymptotic part, finest first: points above the floor with errors below a
-    /// tenth. `scale` maps the knob to the axis along which ln(error) falls linearly.
+    /// Knob and error of the points in the asymptotic part, finest first: the finest points above the floor with errors
+    /// below a tenth, at most five. Empty if there are fewer than three. `scale` maps the knob to the axis along which
+    /// ln(error) falls linearly.
     fn asymptotic(&self, error: &dyn Fn(&Point) -> Option<f64>, scale: fn(f64) -> f64) -> Vec<(f64, f64)> {
         let all = self.points.iter().filter_map(|point| Some((point.value, error(point)?)));
         let mut all: Vec<(f64, f64)> = all.filter(|(_, error)| *error > 0.0).collect();
@@ -318,7 +324,7 @@ impl Line<'_> {
     }
 }
 
-/// The order of convergence between the last two of the points; `None` unless two points have errors above zero.
+/// The order of convergence between the last two points with errors above zero; `None` if there are fewer than two.
 pub fn last_order(points: &[Point]) -> Option<f64> {
     let line = Line { panel: "", name: "", points: points.iter().collect() };
     line.local_orders(false).last().copied()

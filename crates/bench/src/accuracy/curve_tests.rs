@@ -1,5 +1,6 @@
 //! Tests of the curves (error and computing time of the settings of one varied value): best buys (settings that no
-//! other beats in both error and time), orders of convergence, shares of the error that a unit leaves, and the verdict.
+//! other beats in both error and time), orders of convergence, shares of the error that remain after one more unit of
+//! the varied value, and the verdict whether the errors are within a bound.
 
 use super::*;
 
@@ -33,8 +34,8 @@ fn the_best_buys_are_those_that_nothing_beats_in_both() {
 fn noise_makes_no_best_buy() {
     let rounds =
         |us: [f64; 3], error| Point { step_us: us.map(|us| vec![us]).to_vec(), ..point(1.0, 1.0, Some(error)) };
-    // The cheaper point is cheaper by only 2 %, or by 20 % with rounds that overlap. Both differences are noise, so
-    // that the more accurate point is the only best buy.
+    // The cheaper point is cheaper by only 2 %, or by 20 % with rounds whose ranges of time overlap. Both differences
+    // count as noise, so that the more accurate point is the only best buy.
     for (cheap, dear) in [([980.0; 3], [1000.0; 3]), ([700.0, 800.0, 990.0], [900.0, 1000.0, 1100.0])] {
         assert_eq!(curve(vec![rounds(cheap, 0.02), rounds(dear, 0.01)]).best(), [false, true]);
     }
@@ -56,7 +57,8 @@ fn luck_neither_spans_nor_judges_nor_makes_an_order() {
     assert!((lucky.lines()[0].local_orders(false)[0] - 2.0).abs() < 1e-9);
     let steady = curve(at(&[0.08, 0.02, 0.005, 0.00125, 0.0003125]));
     assert!((steady.lines()[0].order(false).unwrap().0 - 2.0).abs() < 1e-9 && steady.is_within());
-    // Decades are counted within one line: line `b` is far below line `a`, and the gap between the two does not count.
+    // Decades (powers of ten) are counted within one line: line `b` is far below line `a`, but the gap between the two
+    // does not count.
     let named = |line: &str, k| Point { line: line.into(), ..point(1.0, 1.0, Some(k)) };
     assert!(curve(vec![named("a", 1.0), named("a", 0.5), named("b", 1e-4), named("b", 1e-4)]).decades() < 0.31);
 }
@@ -97,14 +99,16 @@ fn orders_are_fitted_where_errors_fall_and_not_to_floor_or_ceiling() {
     let points = [1.0, 0.4, 0.2, 0.1, 0.05, 0.001, 0.0005].map(|h| point(h, 1.0, second(h))).to_vec();
     let all = curve(points.clone());
     let (order, count) = all.lines()[0].order(false).unwrap();
-    // The fit takes the points from 0.4, the first with an error below a tenth, to 0.001, where the floor begins. The
-    // error at 0.001 is above the power law, so that the fitted order is below 2.
-    assert!(count == 5 && order < 2.0, "order {order} fitted to {count} points, expected below 2, 5 points");
+    // The fit takes the points from the value 0.4, the first with an error below a tenth, to 0.001, where the floor
+    // (errors that no longer fall) begins. The error at 0.001 is above the power law, so that the fitted order is below
+    // 2.
+    assert!(count == 5 && order < 2.0, "fitted order: {order}, expected below 2; fitted points: {count}, expected 5");
     let all = curve(points[..5].to_vec());
     let (order, count) = all.lines()[0].order(false).unwrap();
-    assert!((order - 2.0).abs() < 1e-9 && count == 4, "order {order} fitted to {count} points, expected 2, 4 points");
+    assert!((order - 2.0).abs() < 1e-9 && count == 4, "order: {order}, expected 2; points: {count}, expected 4");
     assert!((all.decades() - (0.5f64 / 0.5 / 0.0025).log10()).abs() < 1e-9);
-    // Points in reverse order have the same order. Errors of displacements, which these points lack, have no order.
+    // Points listed in reverse give the same order of convergence. The error of the displacements, which these points
+    // lack, has no order of convergence.
     let turned = curve(points[..5].iter().rev().cloned().collect());
     assert!((turned.lines()[0].order(false).unwrap().0 - 2.0).abs() < 1e-9);
     assert!(turned.lines()[0].order(true).is_none());
@@ -115,7 +119,7 @@ fn orders_are_fitted_where_errors_fall_and_not_to_floor_or_ceiling() {
 fn shares_are_what_a_unit_leaves() {
     let points = (1..=6).map(|n| point(f64::from(n), 1.0, Some(0.2f64.powi(n)))).collect();
     let (share, count) = curve(points).lines()[0].share().unwrap();
-    assert!((share - 0.2).abs() < 1e-9 && count == 5, "share {share} fitted to {count} points, expected 0.2, 5 points");
+    assert!((share - 0.2).abs() < 1e-9 && count == 5, "share: {share}, expected 0.2; points: {count}, expected 5");
 }
 
 #[test]

@@ -1,5 +1,6 @@
-//! The report of the accuracy curves (error and computing time of the settings of one varied value): for each curve its
-//! table, plot and finding. All numbers of a finding are computed from the measurements.
+//! The report of the accuracy curves (error and computing time of the settings of one varied value, the knob): for each
+//! curve its table, its plot of one or more panels, and its finding (what the measurements show, in words). All numbers
+//! of a finding are computed from the measurements.
 
 use palpate::Result;
 use serde_json::Value;
@@ -9,8 +10,8 @@ use super::{Curve, Judged, Point, front, presets};
 use crate::plot::{self, Logarithmic, Panel, panels};
 use crate::{Section, Table};
 
-/// Besides the cheapest setting, the finding names the most accurate one, but only if its error is smaller by at least
-/// this factor.
+/// Besides the cheapest setting, the finding names the most accurate one, but only if the error of the cheapest setting
+/// is at least this factor times as large.
 const WORTH_TELLING: f64 = 2.0;
 /// Text of the report where a curve lacks a reason that the report asks for; no shipped curve should lack one.
 const UNKNOWN: &str = "why is not known";
@@ -32,7 +33,8 @@ pub fn preface(settings: &Value) -> String {
     )
 }
 
-/// A section for each curve; the section of the presets follows that of the curve that they are chosen from.
+/// A section for each curve; the section of the presets (named settings of a scene) follows that of the curve from
+/// which they are chosen.
 pub fn sections(curves: &[Curve]) -> Result<Vec<Section>> {
     let mut sections = Vec::new();
     for curve in curves {
@@ -96,8 +98,9 @@ fn table(curve: &Curve, is_by_time: bool) -> Table {
     table
 }
 
-/// The finding's sentence and the notes below it. The sentence is the verdict if every setting is judged or the curve
-/// is beyond its bound; otherwise it says what accuracy costs, and the verdict is a note.
+/// The finding's sentence and the notes below it. The sentence is the verdict (whether the curve is within its bound)
+/// if every setting is judged or the curve is beyond its bound; otherwise it says what accuracy costs, and the verdict
+/// is a note.
 fn finding(curve: &Curve) -> (String, Vec<String>) {
     let (verdict, bought) = (verdict(curve), bought(curve));
     let [first, second] = match (curve.judged, curve.is_within()) {
@@ -109,7 +112,7 @@ fn finding(curve: &Curve) -> (String, Vec<String>) {
     (first, notes.into_iter().filter(|text| !text.is_empty()).collect())
 }
 
-/// The verdict: whether the judged settings are within the curve's bound, and how far off they are.
+/// The verdict: whether the judged settings are within the bound of the curve, and how large their errors are.
 fn verdict(curve: &Curve) -> String {
     let bound = percent(curve.bound);
     let of = |error: Option<f64>| error.map_or("no finite force".into(), percent);
@@ -137,7 +140,7 @@ pub fn faults(curves: &[Curve]) -> Vec<String> {
 }
 
 /// For each panel: the cheapest best buy (setting that no other beats in both error and cost) with an error below the
-/// just noticeable difference, and how many times its cost the most accurate best buy has.
+/// just noticeable difference, and how many times as much the most accurate best buy costs.
 fn bought(curve: &Curve) -> String {
     let best = curve.best();
     let mut panels: Vec<&str> = curve.points.iter().map(|point| point.panel.as_str()).collect();
@@ -170,8 +173,8 @@ fn bought(curve: &Curve) -> String {
     }
 }
 
-/// The fitted orders of convergence and theory's; where they differ, also the orders between neighbouring points, and
-/// the curve's reason.
+/// The fitted orders of convergence and the order that theory expects; where these differ, also the orders between
+/// neighbouring points, and the reason that the curve gives.
 fn orders(curve: &Curve) -> String {
     let Some(expected) = &curve.expected else { return shares(curve) };
     let mut others = Vec::new();
@@ -227,7 +230,7 @@ fn named(line: &super::Line) -> String {
 
 fn span(curve: &Curve) -> String {
     let decades = curve.decades();
-    // Where no setting is finer than another, the errors follow no law: then the report always explains their span.
+    // Where no setting is finer than another, no law predicts the errors: then the report always explains their span.
     if decades >= DECADES && curve.judged != Judged::Every {
         return String::new();
     }

@@ -25,7 +25,7 @@ fn what_is_found_is_what_an_error_costs_unless_there_is_more_to_say() {
     let good = curve(&[0.5, 0.05]);
     assert!(
         super::finding(&good).0.starts_with("Cheapest below 7.0 %"),
-        "finding and notes: {:?}",
+        "the finding does not begin with the cheapest setting: {:?}",
         super::finding(&good)
     );
     assert!(super::finding(&curve(&[0.05, 0.5])).0.starts_with("NOT within"));
@@ -46,7 +46,7 @@ fn an_order_and_a_span_have_reasons_of_their_own_and_an_empty_one_shows() {
     first.span_reason = "of the span".into();
     let told = finding(&first);
     assert!(told.contains("ten: of the span") && !told.contains(UNKNOWN), "finding: {told}");
-    // The order is theory's and the errors span more than two decades, so that the finding asks for no reason.
+    // The order is the one that theory expects, and the errors span more than two decades: the finding needs no reason.
     let second = finding(&curve(&[0.08, 0.02, 0.005, 0.00125, 0.0003125]));
     assert!(!second.contains(UNKNOWN) && second.contains("close enough"), "finding: {second}");
 }
@@ -58,6 +58,6 @@ fn faults_are_the_curves_that_are_not_within() {
     let found = faults(&[good.clone(), bad, good]);
     assert!(
         found.len() == 1 && found[0].starts_with("other: NOT within 10 %") && found[0].contains("50 %"),
-        "faults: {found:?}"
+        "expected the fault of the curve `other` alone: {found:?}"
     );
 }

@@ -1,7 +1,8 @@
-//! The curve `presets` of `palpate bench accuracy`: time step, Newton iterations, solver tolerance and contact sides
-//! (contact is found at the vertices of one or of both bodies' skins, their surface meshes) are varied together on a
-//! soft and on a stiff head, which a sphere presses. The curve shows which settings no other setting beats in both
-//! error and cost; the presets of scenes are chosen from them ([`super::presets`]).
+//! The curve `presets` of `palpate bench accuracy`. Its knobs (values of a scene that are varied) are the time step,
+//! the number of Newton iterations, the solver tolerance and the contact sides (contact is found at the vertices of one
+//! or of both bodies' skins, their surface meshes). They are varied together on a soft and on a stiff head, which a
+//! sphere led by the haptic device presses. The curve shows which settings (combinations of the values) no other
+//! setting beats in both error and cost; the presets of scenes are chosen from these settings ([`super::presets`]).
 
 use glam::{DQuat, DVec3};
 use palpate::scene::{Coupling, Key, Sides};
@@ -16,11 +17,12 @@ use crate::solver::stiffness;
 
 /// Name of the curve.
 pub const NAME: &str = "presets";
-/// Distance from the first touch of the cheek down to the last desired position of the sphere, m.
+/// Distance, into the cheek, from the position of the sphere at the first touch to the last position of the device, m.
 const TRAVEL: f64 = 0.008;
-/// Height of the sphere's first desired position above the first touch, m.
+/// Distance, away from the cheek, from the position of the sphere at the first touch to the first position of the
+/// device, m.
 const ABOVE: f64 = 0.0005;
-/// Time in which the desired position moves down, in units of the longest time step ([`LONGEST`]).
+/// Time in which the device moves from its first to its last position, in units of the longest time step ([`LONGEST`]).
 const DOWN: f64 = 1.5;
 /// Simulated time of a run, in units of the longest time step.
 const UNITS: usize = 3;
@@ -28,10 +30,11 @@ const UNITS: usize = 3;
 const YOUNG: [f64; 2] = [2e4, 2e6];
 /// Solver tolerance and Newton iterations of the reference.
 const TIGHT: (f64, u32) = (1e-5, 3);
-/// Largest allowed error of the force of the most accurate setting on each head, as a share of the reference's force.
+/// Largest allowed error of the force of the most accurate setting on each head, as a share of the reference's largest
+/// force.
 const BOUND: f64 = 0.05;
 
-/// The values of each knob that are combined; the finest is last.
+/// The values of each knob that are combined; the finest value of a knob is last.
 struct Grid {
     tolerances: &'static [f64],
     newton: &'static [u32],
@@ -41,7 +44,7 @@ struct Grid {
     spared: u32,
 }
 
-/// Contact is found at the vertices of the finer skin alone, or at those of both skins.
+/// The contact sides: contact is found at the vertices of the finer skin alone, or at those of both skins.
 const SIDES: &[(&str, Sides)] = &[("one", Sides::One), ("both", Sides::Both)];
 const FULL: Grid = Grid { tolerances: &[1e-1, 1e-2, 1e-3, 1e-4], newton: &[1, 2], sides: SIDES, spared: 1 };
 const QUICK: Grid = Grid { tolerances: &[1e-1, 1e-2], newton: &[1, 2], sides: SIDES, spared: 2 };
@@ -108,8 +111,9 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
     })
 }
 
-/// Reason for the span of the errors. It compares two factors: that between the best errors of different time steps,
-/// and that between the errors within one time step; the greater belongs to the knob that causes most of the error.
+/// Reason, in words, for the span of the errors. It compares two factors: by how much the smallest errors of different
+/// time steps differ, and by how much the errors within one time step differ. If the first factor is greater, the time
+/// step causes most of the error.
 fn span_reason(points: &[Point]) -> String {
     let least = |own: &[Point]| own.iter().filter_map(Point::error).fold(f64::INFINITY, f64::min);
     let (mut steps, mut others) = (1.0f64, 1.0f64);
@@ -162,7 +166,7 @@ fn scene(settings: &Settings) -> Result<(Scene, usize)> {
     let mut scene = head::scene(&head, start);
     scene.coupling = Some(Coupling { stiffness: 500.0, damping: 5.0, angular_stiffness: 0.5, angular_damping: 0.002 });
     scene.trajectory = vec![key(0.0, start), key(DOWN * LONGEST, end)];
-    // Without gravity: the force of a head that sags while it is pressed would depend on the sagging too.
+    // Without gravity, because a head that sags while it is pressed exerts a force that depends on the sagging too.
     scene.step.gravity = DVec3::ZERO;
     let body = crate::solver::prepared(&scene)?;
     let tetrahedra = crate::solver::layer(&body)?.tetrahedra.len();
@@ -177,8 +181,8 @@ mod tests {
     fn most_of_the_error_is_the_steps_only_where_it_is() {
         let at = |line: &str, error| Point { line: line.into(), force_error: Some(error), ..Point::default() };
         let told = span_reason(&[at("4 ms", 0.4), at("4 ms", 0.5), at("2 ms", 0.2), at("2 ms", 0.2)]);
-        assert!(told.starts_with("most of") && told.contains("2.0") && told.contains("1.2"), "reason: {told}");
+        assert!(told.starts_with("most of") && told.contains("2.0") && told.contains("1.2"), "wrong reason: {told}");
         let told = span_reason(&[at("4 ms", 0.1), at("4 ms", 0.5), at("2 ms", 0.2), at("2 ms", 0.2)]);
-        assert!(told.starts_with("the time step does not"), "reason: {told}");
+        assert!(told.starts_with("the time step does not"), "wrong reason: {told}");
     }
 }

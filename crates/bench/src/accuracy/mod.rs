@@ -1,6 +1,8 @@
-//! `palpate bench accuracy`: the error of the force and the computing time of a step for each setting of each knob. A
-//! knob is a value of a scene (solver tolerance, time step, cell size and others) that is varied while all other values
-//! stay. The results of one knob are a curve.
+//! `palpate bench accuracy`: what accuracy costs. A knob is a value of a scene (solver tolerance, time step, cell size
+//! and others) that is varied while all other values stay; a setting is one of its values. For each setting the
+//! benchmark measures the error of the force on the tool (the rigid body that the haptic device leads) against a
+//! reference, and the computing time of a step. The results of one knob are a curve; only the curve `presets` varies
+//! several knobs together.
 
 pub mod curve;
 mod document;
@@ -26,20 +28,20 @@ use palpate::{Error, Options, Result};
 use super::suite::{from_value, to_value};
 use super::{Benchmark, Section};
 
-/// Sizes of the scenes, and number of their runs.
+/// Sizes of the scenes, and how often each setting is run.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Runs of each setting.
+    /// Number of rounds; a round runs every setting once, or more often if its run is short.
     pub rounds: usize,
-    /// Least number of steps of a setting in a round: see [`race::Rules`].
+    /// Least number of steps of a setting in a round; shorter runs are repeated: see [`race::Rules`].
     pub timed_steps: usize,
     /// Cells of the pressed blocks along x, y and z.
     pub cells: [u32; 3],
     /// Number of steps in which a block is pressed.
     pub steps: usize,
-    /// How many times the longest time step is halved for the shortest one.
+    /// The shortest time step is the longest one halved this number of times.
     pub halvings: u32,
-    /// Vertices of the head's skin.
+    /// Number of vertices of the skin (surface mesh) of the head that some curves press.
     pub vertices: usize,
     /// Edge of a lattice cell of the head's layer (its tetrahedral mesh), m.
     pub cell: f64,
@@ -47,12 +49,13 @@ pub struct Settings {
     pub is_quick: bool,
     /// GPU device, by name or index; `None`: the best one.
     pub device: Option<String>,
-    /// Shaders to replace, for tests that plant faults: see [`Options::replaced`].
+    /// Shaders to replace, for tests that plant faults in shaders: see [`Options::replaced`].
     #[serde(skip)]
     pub replaced: Vec<(String, Vec<u8>)>,
 }
 
-/// Reason that a curve gives where its errors end at the floor of single precision.
+/// Reason that the report gives for the span of the errors of a curve whose smallest errors are rounding errors of
+/// single precision.
 const SINGLE: &str = "the remaining error is that of single precision";
 
 type Measure = fn(&Settings, &mut dyn FnMut(&str)) -> Result<Curve>;
@@ -90,8 +93,8 @@ impl Settings {
         }
     }
 
-    /// The rules by which settings are run: `stages` names the stages whose times are summed, `options` are those with
-    /// which the engine is opened.
+    /// The rules by which the settings of a curve are run: `stages` names the stages of a step whose times are summed;
+    /// `options` are those with which the engine is opened.
     fn rules<'a>(&self, stages: &'a [&'a str], options: &'a Options) -> race::Rules<'a> {
         race::Rules { rounds: self.rounds, timed_steps: self.timed_steps, stages, options }
     }
@@ -112,15 +115,15 @@ pub fn names() -> impl Iterator<Item = &'static str> {
     CURVES.iter().map(|(name, _)| *name)
 }
 
-/// Measures one curve; `watch` is called with the name of each part of the work as it begins. Errors: no curve has this
-/// name, or opening the engine, a run or a reference fails.
+/// Measures one curve; `watch` is called with the name of each piece of work as it begins. Errors: no curve has this
+/// name, the engine cannot be opened, or a run or a reference fails.
 pub fn measure(name: &str, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let found = CURVES.iter().find(|(known, _)| *known == name);
     let (_, measure) = found.ok_or_else(|| Error::Simulation(format!("there is no curve `{name}`")))?;
     measure(settings, &mut |what| watch(&format!("{name}: {what}")))
 }
 
-/// The largest error over the smallest one; 1 where there are no errors or all are equal.
+/// The largest error divided by the smallest; 1 where there are no errors or all are equal.
 fn factor(errors: impl Iterator<Item = f64>) -> f64 {
     let (low, high) = errors.fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(x), high.max(x)));
     if low < high { high / low } else { 1.0 }
@@ -130,7 +133,7 @@ fn curves(parts: &Map<String, Value>) -> Result<Vec<Curve>> {
     names().filter_map(|name| parts.get(name)).map(from_value).collect()
 }
 
-/// The benchmark `accuracy`; each curve is a part of it.
+/// The benchmark `accuracy`; each curve is a part of it, which can be measured by itself.
 pub struct Accuracy(pub Settings);
 
 impl Benchmark for Accuracy {

@@ -1,6 +1,7 @@
-//! The curve `precision` of `palpate bench accuracy`: the error of the force that single precision causes. The engine,
-//! with its solver as tight as single precision allows, is compared with the same steps of the f64 reference
-//! implementation (the oracle).
+//! The curve `precision` of `palpate bench accuracy`: the error of the force that single precision causes when a sphere
+//! presses a block. The engine, with its solver as tight as single precision allows, is compared with the same steps of
+//! the f64 reference implementation (the oracle). Each line of the curve varies one quantity: stiffness, size, offset
+//! from the world's origin, or number of steps.
 
 use palpate::Result;
 
@@ -22,17 +23,17 @@ const YOUNG: [f64; 6] = [1e3, 1e4, 1e5, 1e6, 1e7, 1e8];
 const EDGES: [f64; 6] = [1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0];
 /// Offsets of the block from the world's origin, the same along x and z, m.
 const OFFSETS: [f64; 6] = [0.1, 1.0, 10.0, 1e2, 1e3, 1e4];
-/// Where the number of steps is varied: its values, in tenths of the number of steps on the other lines.
+/// Numbers of steps that are tried on the line `steps`, in tenths of the number of steps on the other lines.
 const TENTHS: [usize; 6] = [5, 10, 20, 30, 40, 80];
 /// Edge of the block where its size is not varied, m.
 const EDGE: f64 = 0.1;
 /// Largest allowed error of the force of any setting, as a share of the reference's largest force.
 const BOUND: f64 = 1e-3;
 
-/// The error changes little along a line if its largest value is less than this factor times its smallest.
+/// The error changes little along a line if its largest value is at most this factor times its smallest value.
 const LITTLE: f64 = 3.0;
 
-/// Varies one of stiffness, size, place and number of steps at a time, each from small to large.
+/// Varies stiffness, size, offset and number of steps, one at a time, each from small to large.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let usual = Press { cells: CELLS, ..Press::default() };
     let steps = if settings.is_quick { settings.steps / 2 } else { settings.steps };
@@ -72,7 +73,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
              solver's tolerance is {TIGHTEST:.0e}; the reference is the same steps in f64.",
             usual.tetrahedra()
         ),
-        knob: "Pa, m, m or steps".into(),
+        knob: "stiffness, Pa; size, m; offset, m; or steps".into(),
         stage: "solve".into(),
         span_reason: span_reason(&points),
         points,
@@ -82,13 +83,14 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
     })
 }
 
-/// The press `usual`, scaled to another size. All times are scaled too, so that the motion is similar.
+/// The press (scene of the sphere and the block) `usual`, scaled by `size`. All times are scaled too, so that the
+/// motion is similar to that of `usual`.
 fn alike(size: f64, usual: &Press) -> Press {
     Press { size, dt: size * usual.dt, seconds: size * usual.seconds, damping: size * usual.damping, ..*usual }
 }
 
-/// Reason for the span of the errors: the lines along which the error changes little and those along which it changes
-/// much, each with the factor by which it changes.
+/// Reason, in words, for the span of the errors: the lines along which the error changes little and those along which
+/// it changes much, each with the factor by which it changes.
 fn span_reason(points: &[Point]) -> String {
     let (mut little, mut much) = (Vec::new(), Vec::new());
     for own in points.chunk_by(|a, b| a.line == b.line) {
@@ -125,12 +127,12 @@ mod tests {
         };
         let told = span_reason(&[point("stiffness", 1e-5), point("stiffness", 12.5e-5), point("offset", 1e-5)]);
         let (little, much) = told.split_once("; it changes").unwrap();
-        assert!(little.contains("offset (1.0)") && !little.contains("stiffness"), "reason: {told}");
+        assert!(little.contains("offset (1.0)") && !little.contains("stiffness"), "wrong reason: {told}");
         assert!(
             much.contains("stiffness (12.5)") && much.contains("0.000125") && !told.contains("size"),
-            "reason: {told}"
+            "wrong reason: {told}"
         );
         let told = span_reason(&[point("stiffness", 1e-5), point("stiffness", 1.2e-5)]);
-        assert!(told.contains("little") && !told.contains("it changes"), "reason: {told}");
+        assert!(told.contains("little") && !told.contains("it changes"), "wrong reason: {told}");
     }
 }

@@ -1,5 +1,6 @@
-//! Chooses the presets (named settings of a scene: `fast`, `balanced`, `accurate`) from the settings that the curve of
-//! [`super::front`] measured on two heads, and compares them with the presets that the program ships.
+//! Chooses the presets (named settings of a scene: `fast`, `balanced`, `accurate`) and compares them with those that
+//! the program ships. It chooses from the settings whose error and computing time the curve of [`super::front`] gives
+//! for two bodies, a soft and a stiff head.
 
 use palpate::scene::preset::Preset;
 use palpate::scene::{self, Sides};
@@ -13,13 +14,13 @@ use crate::{Section, Table};
 pub const PRESETS: [(&str, f64); 3] =
     [("fast", JUST_NOTICEABLE), ("balanced", JUST_NOTICEABLE / 2.0), ("accurate", JUST_NOTICEABLE / 4.0)];
 /// A shipped time step counts as equal to a measured one if they differ by less than this factor; neighbouring measured
-/// ones differ by a factor of two.
+/// time steps differ by a factor of two.
 const SAME_STEP: f64 = 1.25;
 
 /// One setting, with its points (measurements) on all the bodies that it was measured on.
 #[derive(Debug, Clone)]
 pub struct Setting<'a> {
-    /// One point for each body; each body has a panel (plot) of the curve.
+    /// One point for each body; the points of a body are a panel (plot) of the curve.
     pub points: Vec<&'a Point>,
     /// The setting's cost relative to that of the cheapest setting on the same body, as a mean over the bodies.
     pub cost: f64,
@@ -36,7 +37,7 @@ impl Setting<'_> {
         self.points.iter().any(|point| !point.flags.is_empty())
     }
 
-    /// The value that the setting gives to a key of a scene; empty where it has none.
+    /// The value that the setting gives to a key of a scene; empty where it gives none.
     fn key(&self, name: &str) -> &str {
         let keys = self.points.iter().flat_map(|point| &point.keys);
         keys.into_iter().find(|(key, _)| key == name).map_or("", |(_, value)| value)
@@ -74,8 +75,8 @@ fn settings(curve: &Curve) -> Vec<Setting<'_>> {
     panels.first().map_or_else(Vec::new, |panel| panel.iter().map(of).collect())
 }
 
-/// Name, error bound and setting of each preset: the cheapest setting without a flag whose error is below the bound on
-/// every body, and whose tolerance is no looser than that of the previous preset.
+/// Name, error bound and setting of each preset: the cheapest setting without a flag (warning of a step) whose error is
+/// below the bound on every body, and whose solver tolerance is no looser than that of the previous preset.
 pub fn presets(curve: &Curve) -> [(&'static str, f64, Option<Setting<'_>>); 3] {
     let mut loosest = f64::INFINITY;
     PRESETS.map(|(name, below)| {
@@ -89,7 +90,8 @@ pub fn presets(curve: &Curve) -> [(&'static str, f64, Option<Setting<'_>>); 3] {
 }
 
 /// Compares a shipped preset with the setting `found` for it and returns what is wrong. `None`: the measured setting
-/// that equals the shipped one is below the preset's error, has no flag, and costs no more than `found` beyond noise.
+/// that equals the shipped one has an error below `below`, has no flag, and costs at most as much as `found`, apart
+/// from noise.
 fn disagreement(curve: &Curve, shipped: &Preset, below: f64, found: Option<&Setting>) -> Option<String> {
     let Some(own) = settings(curve).into_iter().find(|own| is_measured(shipped, own)) else {
         return Some("was not measured".into());
@@ -119,8 +121,8 @@ fn sides(shipped: &Preset) -> &'static str {
     Sides::CHOICES.iter().find(|(_, sides)| *sides == shipped.sides).map_or("", |(name, _)| *name)
 }
 
-/// The report's section on the presets: for each, a row with the setting that was found and below it a row with the
-/// shipped one.
+/// The report's section on the presets: for each preset a row with the setting that was found for it, and below it a
+/// row with the shipped setting.
 pub fn section(curve: &Curve) -> Section {
     section_of(curve, &scene::preset::PRESETS)
 }
@@ -217,7 +219,7 @@ mod tests {
         let preset = |name, dt, tolerance| Preset { name, dt, tolerance, ..scene::preset::NONE };
         let good = [preset("fast", 0.008, 1e-1), preset("balanced", 0.004, 1e-1), preset("accurate", 0.002, 1e-1)];
         let section = section_of(&curve(), &good);
-        assert!(!section.notes.concat().contains("NOT"), "notes: {:?}", section.notes);
+        assert!(!section.notes.concat().contains("NOT"), "an unexpected note: {:?}", section.notes);
         assert!(
             section.table.rows.len() == 6
                 && section.table.rows.iter().all(|row| row.len() == section.table.heads.len())
@@ -231,7 +233,7 @@ mod tests {
             let mut shipped = good;
             shipped[k] = spoilt;
             let notes = section_of(&curve(), &shipped).notes.concat();
-            assert!(notes.contains(why) && notes.matches("NOT").count() == 1, "notes: {notes}");
+            assert!(notes.contains(why) && notes.matches("NOT").count() == 1, "wrong notes: {notes}");
         }
     }
 

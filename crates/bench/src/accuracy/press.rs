@@ -1,5 +1,6 @@
-//! A scene that several accuracy curves measure: a block with a fixed bottom, and a sphere tool that the haptic device
-//! pushes into it through the virtual coupling and then holds there.
+//! A press: a scene that several accuracy curves (error and computing time of the settings of one varied value)
+//! measure. It has a block with a fixed bottom, and a sphere as the tool. The haptic device leads the tool by the
+//! virtual coupling, a spring and damper; the device pushes the tool into the block and then holds it there.
 
 use glam::{DQuat, DVec3};
 use palpate::Scene;
@@ -15,12 +16,12 @@ const RADIUS: f64 = 0.02;
 const MASS: f64 = 0.05;
 /// Gap between sphere and block at the start, m.
 const GAP: f64 = 0.0005;
-/// Nodes at the block's bottom are attached to a fixed rigid core: those whose height above the bottom is below this
-/// share of half the block's height.
+/// Nodes at the block's bottom are attached to a fixed rigid core (rigid body inside the soft one): those whose height
+/// above the bottom is below this share of half the block's height.
 const ON_FACE: f64 = 0.03;
 
-/// A press of a sphere into a block. All lengths, masses and coupling gains scale with `size`; where `dt`, `seconds`
-/// and `damping` are scaled by the caller as well, motions of different sizes are similar.
+/// A press of a sphere into a block. The scene scales lengths, masses and coupling gains by `size`; if the caller
+/// scales `dt`, `seconds` and `damping` by the size too, the motions at different sizes are similar.
 #[derive(Debug, Clone, Copy)]
 pub struct Press {
     /// Cells of the block along x, y and z.
@@ -31,13 +32,13 @@ pub struct Press {
     pub law: MaterialLaw,
     /// Time step, s.
     pub dt: f64,
-    /// Distance by which the haptic device goes down, m, at size 1.
+    /// Distance by which the haptic device goes down, m, where `size` is 1.
     pub travel: f64,
     /// Time in which the device goes down, s; after it the device stays.
     pub seconds: f64,
     /// Stiffness-proportional Rayleigh damping, s.
     pub damping: f64,
-    /// Damping of the virtual coupling, N s/m, at size 1.
+    /// Damping of the virtual coupling, N s/m, where `size` is 1.
     pub hand_damping: f64,
     /// Factor on all lengths.
     pub size: f64,
@@ -69,8 +70,9 @@ impl Press {
         let origin = DVec3::new(self.offset, 0.0, self.offset);
         let start = origin + self.size * (HALF.y + RADIUS + GAP) * DVec3::Y;
         let key = |time: f64, position: DVec3| Key { time, position, orientation: DQuat::IDENTITY };
-        // The tool scales as the block does, for times that scale with size: mass with the cube of the size, stiffness
-        // with size, damping with the square; angular gains have two more powers of size.
+        // Motions at different sizes are similar if times scale with the size, the mass with its cube, the stiffness of
+        // the coupling with the size and its damping with the square of the size; angular gains have two more powers of
+        // the size.
         let (mass, size) = (MASS * self.size.powi(3), self.size);
         let tool = Tool {
             shape: ToolShape::Sphere(RADIUS * size),

@@ -1,7 +1,7 @@
-//! Runs the settings of a curve alternately and measures their times and errors. Each setting (an entrant) does a few
-//! steps in turn, and every second turn has the reverse order, so that a change of the machine's speed favours none of
-//! them. A round is one run of every entrant, or more runs of short ones; where there are more entrants than fit into
-//! memory, a round is split into heats.
+//! Runs the settings of an accuracy curve alternately and measures their times and errors. Each setting (an entrant)
+//! does a few steps in turn, and every second turn has the reverse order, so that a change of the machine's speed
+//! favours none of them. A round is one run of every entrant, or several runs of an entrant whose run is short. Where
+//! there are more entrants than fit into memory, a round is split into heats, each with a part of the entrants.
 
 use std::time::Instant;
 
@@ -14,24 +14,25 @@ use super::curve::Point;
 const TURNS: usize = 10;
 /// Least number of steps of a turn; a run of fewer than twice this number is done in one turn.
 const TURN: usize = 6;
-/// Every so many steps the stages of a step are timed. Timestamps take time, so that the wall time of such a step does
-/// not count.
+/// One step in this number of steps has its stages timed. Timestamps take time, so that the wall time of such a step
+/// does not count.
 const TIMED_EVERY: u64 = 4;
 /// Steps at the start of each turn whose times do not count, because they find caches cold.
 const WARM_UP: usize = 1;
-/// Most simulations that are open at once, that is, most entrants of a heat: each has kernels of its own, some 150 MB
-/// on the CPU driver lavapipe. Each heat takes settings from all over the list and every second round runs the heats in
-/// reverse order, so that a change of the machine's speed does not look like a property of neighbouring settings.
+/// Largest number of simulations that are open at once, that is, of entrants in a heat: each simulation has GPU kernels
+/// of its own, which take some 150 MB on the CPU driver lavapipe. Each heat takes settings from all over the list and
+/// every second round runs the heats in reverse order, so that a change of the machine's speed does not look like a
+/// property of neighbouring settings.
 const MOST_AT_ONCE: usize = 12;
 
 /// One setting that takes part: its scene, and the number of its steps.
 #[derive(Debug, Clone)]
 pub struct Entrant {
-    /// Names and knob value of the setting; [`race`] fills in times and errors.
+    /// Names of the setting, and its value of the knob (the varied value); [`race`] fills in times and errors.
     pub point: Point,
     /// The scene, with the setting in it.
     pub scene: Scene,
-    /// Number of steps from rest.
+    /// Number of steps of a run, which starts from rest.
     pub steps: usize,
 }
 
@@ -40,7 +41,7 @@ pub struct Entrant {
 pub struct Rules<'a> {
     /// Number of rounds.
     pub rounds: usize,
-    /// Least number of steps of an entrant in a round. Shorter runs are repeated, since a median of few steps is
+    /// Least number of steps of an entrant in a round. Shorter runs are repeated, since a median over few steps is
     /// uncertain.
     pub timed_steps: usize,
     /// Names of the stages whose times are summed; see [`palpate::internal::stages`].
@@ -61,13 +62,15 @@ impl Rules<'_> {
 pub struct Run {
     /// Time at the end of each step, s.
     pub times: Vec<f64>,
-    /// Force on the tool at the end of each step, world axes, N; empty without a tool.
+    /// Force on the tool (rigid body that the haptic device leads) at the end of each step, world axes, N; empty
+    /// without a tool.
     pub forces: Vec<DVec3>,
-    /// Displacements of the first body's nodes after the last step, rest axes, m; empty where it is not soft.
+    /// Displacements of the first body's nodes after the last step, in the axes of the body at rest, m; empty if that
+    /// body is not soft.
     pub displacement: Vec<DVec3>,
     /// Solver iterations of each step.
     pub iterations: Vec<u32>,
-    /// All flags that any step raised.
+    /// All flags (warnings) that any step raised.
     pub flags: Flags,
     step_us: Vec<f64>,
     stage_us: Vec<f64>,
@@ -87,7 +90,7 @@ pub fn race(
 ) -> Result<Vec<Point>> {
     let mut points: Vec<Point> = entrants.iter().map(|entrant| entrant.point.clone()).collect();
     for round in 0..rules.rounds {
-        watch(&format!("run {} of {}", round + 1, rules.rounds));
+        watch(&format!("round {} of {}", round + 1, rules.rounds));
         for (index, (runs, point)) in one_round(&entrants, rules, round)?.into_iter().zip(&mut points).enumerate() {
             if let (0, Some(run)) = (round, runs.first()) {
                 (point.force_error, point.displacement_error) = errors(index, run);
@@ -184,8 +187,9 @@ impl Run {
         Ok(())
     }
 
-    /// Adds the summed time of `stages`. In every second timed step the stages of the proximity query are timed as one,
-    /// so that `stages` may be missing from `times`; then nothing is added.
+    /// Adds the summed time of `stages`. In every second timed step the stages of the proximity query (those from pose
+    /// to contact, which find the contacts) are timed as one, so that `stages` may be missing from `times`; then
+    /// nothing is added.
     fn add_stage(&mut self, times: &[(String, f64)], stages: &[&str]) {
         let own: Vec<f64> =
             times.iter().filter(|(name, _)| stages.contains(&name.as_str())).map(|(_, us)| *us).collect();
@@ -200,8 +204,8 @@ impl Run {
     }
 }
 
-/// The largest difference between `found` and `reference`, over the largest length in `reference`. `None` where that is
-/// not finite, the reference is zero, or the lists differ in length.
+/// The largest difference between `found` and `reference`, divided by the largest length in `reference`. `None` where
+/// the quotient is not finite, all of `reference` is zero, or the lists differ in length.
 pub fn relative_error(found: &[DVec3], reference: &[DVec3]) -> Option<f64> {
     let largest = reference.iter().map(|x| x.length()).fold(0.0, f64::max);
     let differences = found.iter().zip(reference).map(|(a, b)| a.distance(*b));

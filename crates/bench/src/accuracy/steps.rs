@@ -1,5 +1,5 @@
-//! The curves `time-step` and `newton` of `palpate bench accuracy`: the error and computing time for ever shorter time
-//! steps, and for ever more Newton iterations.
+//! The curves `time-step` and `newton` of `palpate bench accuracy`: the error of the force on a sphere that is pressed
+//! into a block, and the computing time, for ever shorter time steps, and for ever more Newton iterations.
 
 use glam::DVec3;
 use palpate::scene::MaterialLaw;
@@ -10,24 +10,24 @@ use super::race::{Entrant, Run, race, relative_error, run};
 use super::twin::{Reference, reference};
 use super::{Curve, Expected, Point, SINGLE, Settings};
 
-/// The longest time step, s: 30 steps a second. Shorter ones are this one halved repeatedly, so that at the end of
-/// every longest step a step of each shorter length ends too.
+/// The longest time step, s: 30 steps a second. Shorter time steps are this one halved repeatedly, so that at the end
+/// of every longest step a step of each shorter length ends too.
 pub const LONGEST: f64 = 0.033;
 /// Numbers of Newton iterations of a step that are tried.
 const NEWTON: [u32; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
-/// Newton iterations of the reference; more iterations change nothing.
+/// Number of Newton iterations of a step in the reference run; more iterations change nothing.
 const CONVERGED: u32 = 14;
 /// Solver tolerance of both curves; tight, because neither curve is about the solver.
 const TIGHT: f64 = 1e-6;
-/// Cap on the solver iterations; solves at this tolerance need fewer.
+/// Cap on the number of solver iterations; solves to this module's tolerances need fewer.
 pub const MANY: u32 = 2_000;
 /// Largest allowed relative error of the force with the shortest step.
 const STEP_BOUND: f64 = 0.02;
 /// Largest allowed relative error of the force with the most Newton iterations.
 const NEWTON_BOUND: f64 = 1e-3;
 
-/// Measures the force at the end of each longest step for ever shorter time steps, against its limit for vanishing
-/// steps.
+/// Measures the force at the end of each longest step ([`LONGEST`]) for ever shorter time steps, against the limit of
+/// the force for vanishing time steps.
 pub fn by_time_step(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let (units, beyond) = if settings.is_quick { (5, 1) } else { (9, 2) };
     let most = settings.halvings;
@@ -83,7 +83,7 @@ pub fn by_time_step(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
     })
 }
 
-/// Measures a deep press into a very soft block in long steps with different numbers of Newton iterations, for both
+/// Measures a deep press into a very soft block in long steps with different numbers of Newton iterations, for two
 /// material laws.
 pub fn by_newton(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve> {
     let steps = if settings.is_quick { 9 } else { 12 };
@@ -137,8 +137,9 @@ fn tight(mut scene: Scene, newton: u32) -> Scene {
     scene
 }
 
-/// The forces at the ends of `units` longest steps in the limit of vanishing time steps: Richardson extrapolation of a
-/// first-order error from two runs, whose steps are the longest one halved `halvings` times and `halvings` - 1 times.
+/// The forces at the ends of `units` longest steps ([`LONGEST`]) in the limit of vanishing time steps: Richardson
+/// extrapolation of a first-order error from two runs. The time step of one run is the longest step halved `halvings`
+/// times; that of the other is halved once less.
 pub fn extrapolated(
     scene: &dyn Fn(u32) -> Scene,
     halvings: u32,
@@ -152,7 +153,8 @@ pub fn extrapolated(
     Ok(fine.iter().zip(&coarse).map(|(fine, coarse)| 2.0 * *fine - *coarse).collect())
 }
 
-/// The forces at the ends of the longest steps; one longest step takes as long as `steps` steps of this run.
+/// The forces at the ends of the longest steps ([`LONGEST`]) in a run; one longest step takes as long as `steps` steps
+/// of the run.
 pub fn at_units(run: &Run, steps: usize) -> Vec<DVec3> {
     run.forces.chunks_exact(steps).filter_map(|unit| unit.last().copied()).collect()
 }

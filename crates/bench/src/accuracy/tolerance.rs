@@ -1,6 +1,7 @@
-//! The curves `tolerance` and `iterations` of `palpate bench accuracy`: the error and computing time for each tolerance
-//! of the solver, and for each cap on its iterations. The reference is the same steps by the f64 reference
-//! implementation (the oracle), which solves them directly.
+//! The curves `tolerance` and `iterations` of `palpate bench accuracy`: the error of the force on a sphere that is
+//! pressed into a block, and the computing time, for each tolerance of the linear solver, and for each cap on the
+//! number of its iterations. The reference is the same steps by the f64 reference implementation (the oracle), which
+//! solves each linear system directly.
 
 use palpate::scene::Preconditioner;
 use palpate::{Result, Scene};
@@ -18,9 +19,9 @@ const TOLERANCES: [f64; 7] = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7];
 /// Preconditioners, by their names in a scene file.
 const PRECONDITIONERS: [(&str, Preconditioner); 3] =
     [("jacobi", Preconditioner::Jacobi), ("coarse", Preconditioner::Coarse), ("auto", Preconditioner::Auto)];
-/// Caps on the iterations of a solve.
+/// Caps on the number of solver iterations of a step that are tried.
 const CAPS: [u32; 8] = [1, 2, 4, 8, 16, 32, 64, 128];
-/// Cap on the iterations where the tolerance is varied.
+/// Cap on the number of solver iterations where the tolerance is varied.
 const MANY: u32 = 2_000;
 /// Solver tolerance where the cap is varied; few of the capped solves reach it.
 const TIGHT: f64 = 1e-5;
@@ -28,7 +29,7 @@ const TIGHT: f64 = 1e-5;
 const BOUND: f64 = 1e-3;
 /// An error is much less than another if it is less by more than this factor.
 const MUCH: f64 = 2.0;
-/// Stages whose times are summed.
+/// Stages of a time step whose times are summed.
 const STAGES: &[&str] = &["solve"];
 
 fn press(settings: &Settings, young: f64) -> Press {
@@ -105,9 +106,9 @@ pub fn by_iterations(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result
     })
 }
 
-/// Reason why the error of the displacements (the shape) may not fall with the residual: where a preconditioner at the
-/// loosest tolerance leaves a much smaller error than Jacobi does, there is little left between that error and the
-/// floor of single precision.
+/// Reason why the error of the displacements (the shape) may not fall with the residual. A preconditioner may leave a
+/// much smaller error than Jacobi does even at the loosest tolerance; then little is left between that error and the
+/// rounding error of single precision.
 fn order_reason(points: &[Point]) -> String {
     let lines = points.chunk_by(|a, b| (&a.panel, &a.line) == (&b.panel, &b.line)).filter_map(|own| own.first());
     let lines: Vec<(&Point, f64)> = lines.filter_map(|point| Some((point, point.displacement_error?))).collect();
@@ -166,8 +167,8 @@ mod tests {
     fn the_coarse_level_is_blamed_only_where_it_leaves_less() {
         let at = |line: &str, error| Point { displacement_error: Some(error), ..point(2e6, String::new(), line, 0.1) };
         let told = order_reason(&[at("jacobi", 1.2e-3), at("jacobi", 1e-4), at("auto", 1e-4)]);
-        assert!(told.contains("12 times less with auto at 2 MPa"), "reason: {told}");
+        assert!(told.contains("12 times less with auto at 2 MPa"), "wrong reason: {told}");
         let told = order_reason(&[at("jacobi", 1.2e-3), at("auto", 1.2e-3)]);
-        assert!(told.starts_with("few settings") && !told.contains("coarse level"), "reason: {told}");
+        assert!(told.starts_with("few settings") && !told.contains("coarse level"), "wrong reason: {told}");
     }
 }

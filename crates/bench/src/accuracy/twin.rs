@@ -1,6 +1,7 @@
-//! The reference of the accuracy curves: the steps of a press by the f64 reference implementation (the oracle), with a
-//! direct solver ([`palpate_oracle::step`]) and contacts by exact rays ([`palpate_oracle::contact`]). Only the normal
-//! of the contact patch comes from the engine, from a run in parallel with the oracle's.
+//! The reference of accuracy curves in which a tool (rigid body that the haptic device leads) is pressed into a soft
+//! body: the same steps by the f64 reference implementation (the oracle), with a direct solver
+//! ([`palpate_oracle::step`]) and contacts by exact rays ([`palpate_oracle::contact`]). Only the normal of the contact
+//! patch (place where body and tool may touch) comes from the engine, which runs in parallel with the oracle.
 
 use glam::DVec3;
 use palpate::internal::prepare::{self, Shape};
@@ -24,12 +25,12 @@ const MANY: u32 = 2_000;
 pub struct Reference {
     /// Force on the tool at the end of each step, world axes, N.
     pub forces: Vec<DVec3>,
-    /// Displacements of the body's nodes after the last step, rest axes, m.
+    /// Displacements of the body's nodes after the last step, in the axes of the body at rest, m.
     pub displacement: Vec<DVec3>,
 }
 
 impl Reference {
-    /// Errors of a run of at most as many steps as the reference; a run of fewer steps has no error of the
+    /// Errors of a run that has at most as many steps as the reference; a run with fewer steps has no error of the
     /// displacements.
     pub fn errors(&self, run: &Run) -> Errors {
         let forces = &self.forces[..run.forces.len().min(self.forces.len())];
@@ -48,7 +49,7 @@ struct Twin {
 }
 
 /// The reference for `steps` steps of a scene with one soft body and a rigid tool. Errors: the scene has other bodies
-/// or no such tool, or a system cannot be factorised.
+/// or no rigid tool, or a system of equations cannot be factorised.
 pub fn reference(scene: &Scene, steps: usize, options: &Options) -> Result<Reference> {
     let mut beside = scene.clone();
     (beside.solver.tolerance, beside.solver.max_iterations) = (TIGHT, MANY);
@@ -105,7 +106,8 @@ impl Twin {
         Ok(Twin { oracle, skin: (own.clone(), embedding.clone()), tool, law })
     }
 
-    /// Contacts of the present state with a normal from the body to the tool; none if the normal is zero.
+    /// Contacts between body and tool in the present state, along `normal`, which points from the body to the tool;
+    /// none if `normal` is zero.
     fn contacts(&self, normal: DVec3) -> Vec<contact::Contact> {
         let Some(tool) = self.oracle.tool.as_ref().filter(|_| normal != DVec3::ZERO) else { return Vec::new() };
         let tool = Surface {

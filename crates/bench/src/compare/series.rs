@@ -1,4 +1,5 @@
-//! Finds the measurements in `results.json` that are compared, and their paths in it.
+//! Finds the measurements in `results.json` (the results of `palpate bench`) that are compared with those of other
+//! results, and the path of each in that file.
 
 use std::collections::BTreeMap;
 
@@ -9,15 +10,15 @@ use crate::suite::Results;
 
 /// One measurement.
 pub enum Series {
-    /// Time, us: medians of the rounds, or of their interleaved subsets.
+    /// Time, us: medians of the rounds (repeated runs), or of interleaved subsets of their samples.
     Times(Vec<f64>),
     /// Relative error; NaN where it was written as null.
     Error(f64),
     /// Solver iterations; the mean, if there is a list of them.
     Iterations(f64),
-    /// Number of passes, or of bytes.
+    /// Number of passes (kernels, fills and copies on the GPU), or of bytes.
     Size(f64),
-    /// Names of flags.
+    /// Names of flags (warnings of a step).
     Flags(Vec<String>),
 }
 
@@ -32,8 +33,9 @@ pub fn series_of(results: &Results) -> BTreeMap<String, Series> {
     all
 }
 
-/// Collects the measurements below `path`. Keys that end in `_us` hold times, as one round or a list of rounds; keys
-/// that end in `error` hold an error; iterations, sizes and flags have keys of fixed names.
+/// Collects the measurements below `path`. Keys that end in `_us` hold times, as one round or a list of rounds;
+/// `is_timed`: `path` contains such a key. Keys that end in `error` hold an error; iterations, sizes and flags have
+/// keys of fixed names.
 fn collect(all: &mut BTreeMap<String, Series>, path: &str, value: &Value, is_timed: bool) {
     let key = path.rsplit('/').next().unwrap_or_default();
     let number = || value.as_f64().or_else(|| mean(&numbers(value)?));
@@ -69,7 +71,8 @@ fn collect(all: &mut BTreeMap<String, Series>, path: &str, value: &Value, is_tim
     }
 }
 
-/// Words that distinguish an item of a list from the others, taken from its keys; `None` if it has none of these keys.
+/// Words that distinguish an item of a list from the others: the values of its keys `name`, `line`, `preconditioner`,
+/// `setting` and `tolerance`; `None` if it has none of these keys.
 fn called(item: &Value) -> Option<String> {
     let parts = ["name", "line", "preconditioner", "setting", "tolerance"].into_iter().filter_map(|key| item.get(key));
     let words: Vec<String> = parts.map(|v| v.as_str().map_or_else(|| v.to_string(), Into::into)).collect();
@@ -84,8 +87,8 @@ fn mean(all: &[f64]) -> Option<f64> {
     (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
 }
 
-/// Medians of the rounds, or, with fewer than five rounds, of their interleaved subsets (see [`hands`]); `None`: there
-/// are no samples.
+/// Medians of the rounds or, with fewer than five rounds, of interleaved subsets of their samples (see [`hands`]);
+/// `None`: there are no samples.
 fn rounds(value: &Value) -> Option<Vec<f64>> {
     let each: Vec<Vec<f64>> = match numbers(value) {
         Some(one) => vec![one],

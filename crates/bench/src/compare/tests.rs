@@ -1,4 +1,4 @@
-//! Tests of comparing two results of `palpate bench`: which differences count as worse, and which as noise.
+//! Tests of comparing an old and a new result of `palpate bench`: which differences count as worse, and which as noise.
 
 use serde_json::{Value, json};
 
@@ -79,7 +79,10 @@ fn one_round_is_dealt_out_and_few_samples_are_not_judged() {
 fn the_table_begins_with_what_is_worse() {
     let (old, new) = (timed([10.0, 11.0, 12.0]), timed([20.0, 21.0, 22.0]));
     let rows = table(&compare(&old, &new).unwrap().0).rows;
-    assert!(rows[0][0].ends_with("step_us") && rows[0][6] == "slower" && rows[1][6] == "same", "table rows: {rows:?}");
+    assert!(
+        rows[0][0].ends_with("step_us") && rows[0][6] == "slower" && rows[1][6] == "same",
+        "the slower time is not in the first row: {rows:?}"
+    );
     assert_eq!(rows[0][3..6], ["1.91", "1.67", "2.20"]);
 }
 
@@ -96,7 +99,7 @@ fn what_the_machine_took_longer_for_is_no_regression() {
     assert_eq!(only(&old, &new, "step_us").verdict, Verdict::Worse);
     assert_eq!((compared(5.0, 10.0).verdict, compared(5.0, 10.0).ratio[1]), (Verdict::Same, 1.0));
     assert_eq!(compared(5.0, 5.0).verdict, Verdict::Worse);
-    // The gauge, a fixed piece of work, measures the CPU, so that results of a GPU are not corrected by it.
+    // The gauge, the time of a fixed piece of work, measures the CPU, so results of a GPU are not corrected by it.
     let other = |us| {
         let mut results = with_gauge(if us < 6.0 { old.clone() } else { new.clone() }, us);
         results.head.is_cpu = false;
@@ -120,7 +123,7 @@ fn what_costs_no_time_is_compared_as_well() {
         assert_eq!(
             (verdict(&same, end), verdict(&worse, end)),
             (Verdict::Same, Verdict::Worse),
-            "verdicts on `{end}`, unchanged and worse"
+            "verdicts on `{end}` where it is the same and where it is worse"
         );
     }
     assert_eq!(verdict(&of(1000, [10, 12], &["frozen"]), "flags"), Verdict::Worse);
@@ -145,9 +148,10 @@ fn a_part_that_is_slower_as_a_whole_is_told_and_one_time_out_of_the_ordinary() {
     // All times of the part `q` grow by a half.
     let slower = worse(&of(&|k| if k < 8 { 10.0 } else { 15.0 }));
     assert_eq!(slower, ["solver/q"], "slower paths: {slower:?}");
-    // One time grows by a half and the others differ by a few per cent: it is an outlier among the ratios.
+    // One time grows by a half, and the other times grow by at most 3 %: its ratio of new to old is an outlier among
+    // all ratios.
     let slower = worse(&of(&|k| if k == 3 { 15.0 } else { 10.0 + 0.1 * (k % 4) as f64 }));
     assert_eq!(slower, ["solver/p/runs/3/step_us"], "slower paths: {slower:?}");
-    // Noise of a busy machine: ratios from a half to two are no outliers.
+    // On a busy machine, with ratios from a half to two, no ratio is an outlier.
     assert!(worse(&of(&|k| 10.0 * 2f64.powf((k % 5) as f64 / 2.0 - 1.0))).is_empty());
 }

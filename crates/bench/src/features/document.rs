@@ -1,4 +1,5 @@
-//! The report of what each feature of the engine costs in time and memory ([`super::Cost`]).
+//! The report of what each feature of the engine costs in time and memory ([`super::Cost`]), by scenes with the feature
+//! and without it.
 
 use palpate::Result;
 
@@ -6,7 +7,8 @@ use super::{Cost, Feature, Run};
 use crate::plot::{self, Bar};
 use crate::{Section, Table};
 
-/// The section: for each feature a row of the table and two bars (with and without the feature), and the finding.
+/// The section of the report: for each feature a row of the table and two bars of the plot (with and without the
+/// feature); and the finding in words.
 pub fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
     let heads = [
         "feature",
@@ -53,18 +55,19 @@ pub fn section(costs: &[(Feature, Cost)]) -> Result<Section> {
     Ok(Section {
         title: "Time and memory of a step with each feature, and without it".into(),
         question:
-            "What does a feature cost where it is used, and where it is not? Iterations (mean of a step), passes and \
-             dependent passes are given with the feature / without it. The ratio per iteration leaves out that a \
-             feature may make systems harder to solve. `when not used` compares a simulation in which the feature is \
-             switched off with one whose scene does not mention it: are their passes, arrays and bytes identical? \
-             Friction and damping are switched off by zero; the coarse level by the Jacobi preconditioner, on a body \
-             so soft that the engine chooses no other; stiffness and timestamps by no longer asking for them. `-`: a \
-             scene without the feature has no key for it."
+            "What does a feature cost where it is used, and where it is not? Iterations (mean of a step), passes \
+             (kernels, fills and copies on the GPU) and dependent passes (those that wait for an earlier pass) are \
+             given with the feature / without it. The ratio per iteration leaves out that a feature may make systems \
+             harder to solve. `when not used` compares a simulation in which the feature is switched off with one \
+             whose scene does not mention it: are their passes, arrays and bytes identical? Friction and damping are \
+             switched off by zero; the coarse level by the Jacobi preconditioner, on a body so soft that the engine \
+             chooses no other; stiffness and timestamps by no longer asking for them. `-`: no key of a scene switches \
+             the feature off."
                 .into(),
         table,
         plot: Some(plot::bars("ms a step", &bars)?),
         finding: finding(costs),
-        notes: vec![format!("Kernels and memory of each that a step without it lacks: {}.", beyond(costs))],
+        notes: vec![format!("Kernels and memory that each feature adds to a step: {}.", beyond(costs))],
     })
 }
 
@@ -75,7 +78,7 @@ fn beyond(costs: &[(Feature, Cost)]) -> String {
     costs.iter().map(one).collect::<Vec<_>>().join("; ")
 }
 
-/// The features that cost most in time and in memory, and whether features that are switched off cost nothing.
+/// The features that cost most in time and in memory, and whether each feature that is switched off costs nothing.
 fn finding(costs: &[(Feature, Cost)]) -> String {
     let time = |cost: &Cost| cost.with.ms() / cost.without.ms();
     let bytes = |cost: &Cost| cost.with.plan.bytes_device as f64 / cost.without.plan.bytes_device.max(1) as f64;

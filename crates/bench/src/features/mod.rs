@@ -1,5 +1,6 @@
-//! `palpate bench features`: the time and memory that each feature of the engine costs, by a scene with it and one
-//! without it, and whether a feature that is not used costs nothing.
+//! `palpate bench features`: the time and memory that each feature of the engine costs, measured with two scenes, one
+//! with the feature and one without it; and whether a feature that is not used costs nothing. In most scenes the tool
+//! (rigid body that the haptic device leads) is pressed into a soft body.
 
 mod document;
 mod plan;
@@ -25,9 +26,10 @@ const STEP: f64 = 0.001;
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Number of steps at the start that are not measured; in them the tool is pressed in.
+    /// Number of steps at the start that are not measured; during these steps the tool is pressed in.
     pub warm_up: usize,
-    /// Number of rounds; in each, the scenes with and without the feature are run alternately.
+    /// Number of rounds; each round runs the scene with the feature and the scene without it, every second round in
+    /// reverse order.
     pub rounds: usize,
     /// Steps of each scene in a round.
     pub steps: usize,
@@ -52,7 +54,7 @@ impl Settings {
 pub struct Run {
     /// Wall time of each step, us; one list for each round.
     pub step_us: Vec<Vec<f64>>,
-    /// Passes and memory of a step.
+    /// Passes (kernels, fills and copies on the GPU) and memory of a step.
     pub plan: Plan,
     /// Solver iterations of all measured steps together.
     pub iterations: u64,
@@ -65,8 +67,8 @@ pub struct Cost {
     pub with: Run,
     /// The scene without the feature.
     pub without: Run,
-    /// Passes and memory of two simulations that do not use the feature: in the first it is switched off, in the second
-    /// it was never mentioned. They must be equal. `None`: a scene has no key to switch the feature off.
+    /// Passes and memory of two simulations that do not use the feature: in the first the feature is switched off, in
+    /// the second nothing ever asked for it. The two must be equal. `None`: no key of a scene switches the feature off.
     pub idle: Option<[Plan; 2]>,
 }
 
@@ -83,7 +85,7 @@ impl Run {
         median(&self.step_us.iter().map(|round| 1e-3 * median(round)).collect::<Vec<_>>())
     }
 
-    /// Time of a step over its solver iterations, ms.
+    /// Time of a step divided by the mean number of its solver iterations, ms.
     fn ms_an_iteration(&self) -> f64 {
         self.ms() / self.mean_iterations()
     }
@@ -156,8 +158,9 @@ fn costs(parts: &Map<String, Value>) -> Result<Vec<(Feature, Cost)>> {
 /// A running simulation, with the feature or without it.
 struct Side {
     simulation: Simulation,
-    /// Only for [`Feature::Stiffness`]: the input of a haptic loop that holds the tool, and whether every step computes
-    /// contact stiffness and damping for the loop; if not, only the last step of the warm-up does.
+    /// Only for [`Feature::Stiffness`]: the input from a haptic loop (which reads the device and plays forces to it),
+    /// and whether every step computes contact stiffness and damping for this loop; if not, only the last step of the
+    /// warm-up does.
     input: Option<(DeviceInput, bool)>,
     run: Run,
 }
@@ -172,8 +175,8 @@ impl Side {
         Ok(Side { simulation, input, run })
     }
 
-    /// Does steps that are not measured: those in which the tool is pressed in, and for [`Feature::Stiffness`] one
-    /// more, in which the haptic loop takes over the tool.
+    /// Does `count` steps that are not measured, during which the tool is pressed in, and for [`Feature::Stiffness`]
+    /// one more, in which the haptic loop takes over the tool.
     fn warm_up(&mut self, count: usize) -> Result<()> {
         (0..count).try_for_each(|_| self.simulation.step().map(drop))?;
         self.step_device_input().map(drop)
@@ -215,7 +218,7 @@ fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     Simulation::open(scene, &options)
 }
 
-/// Input of a haptic loop whose haptic device stays at the last pose of the scene's `[drive]` keys.
+/// Input from a haptic loop whose device stays at the last pose of the scene's trajectory (its keys in `[drive]`).
 fn input(scene: &Scene) -> Option<DeviceInput> {
     let last = scene.trajectory.last()?;
     let state = RigidState::at_rest(last.position, last.orientation);
@@ -245,8 +248,8 @@ fn cost(feature: Feature, settings: &Settings) -> Result<Cost> {
             let [off, never] = both.each_ref().map(|scene| open(scene, settings).map(|s| Plan::of(&s)));
             Some([off?, never?])
         }
-        // The steps ask for the feature, not the scene. `with` has used it and now does a step without it; `never` has
-        // not used it at all.
+        // For these features it is the steps that ask for the feature, not the scene. The simulation `with` has used
+        // the feature and now does a step without it; `never` has not used it at all.
         Some(scenes::Idle::Again(scene)) => {
             with.simulation.time_every(0)?;
             with.simulation.step()?;

@@ -1,29 +1,31 @@
-//! Passes and memory of a step: costs of a feature that are known without running the step.
+//! The plan of a simulation: the passes (kernels, fills and copies on the GPU) that one time step runs, and the GPU
+//! memory that they need. `palpate bench features` compares the plans of a scene with a feature of the engine and of a
+//! scene without this feature; no step has to be run for that.
 
 use palpate::Simulation;
 use serde::{Deserialize, Serialize};
 
-/// Number of solver iterations of the step whose passes are counted.
+/// Number of iterations of the linear solver in the step whose passes are counted.
 pub const ITERATIONS: u32 = 16;
 
-/// Passes and memory of a step; steps with equal plans record the same passes and allocate the same memory.
+/// Passes and memory of a step. Simulations with equal plans run the same passes and allocate the same memory.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
-    /// Recorded kernels, fills and copies in their order, and how often each runs in a step of `ITERATIONS` solver
-    /// iterations.
+    /// Name of each kernel, fill and copy that a step runs, and the number of times that a step of `ITERATIONS` solver
+    /// iterations runs it.
     pub kernels: Vec<(String, f64)>,
-    /// GPU arrays by name, and their sizes, bytes.
+    /// Name and size (bytes) of each array of the step.
     pub arrays: Vec<(String, u64)>,
-    /// Passes of a step of `ITERATIONS` solver iterations.
+    /// Number of passes in a step of `ITERATIONS` solver iterations.
     pub passes: u32,
-    /// Passes of the same step that wait for an earlier pass.
+    /// Number of passes in such a step that wait for an earlier pass.
     pub dependent_passes: u32,
     /// GPU memory that the driver allocated for the simulation, bytes.
     pub bytes_device: u64,
 }
 
 impl Plan {
-    /// The plan of a simulation, read from its recordings.
+    /// The plan of a simulation, read from its recorded GPU commands.
     pub fn of(simulation: &Simulation) -> Plan {
         let explained = simulation.explain(ITERATIONS);
         let kernels = explained.stages.iter().flat_map(|stage| &stage.kernels).filter(|kernel| kernel.recorded);
@@ -33,12 +35,12 @@ impl Plan {
             arrays: arrays.map(|array| (array.name.clone(), array.bytes)).collect(),
             passes: explained.passes,
             dependent_passes: explained.dependent_passes,
-            // This counts all buffers of the GPU context, including those of recordings and mapped ones.
+            // This is the sum over all buffers and images of the simulation's GPU context.
             bytes_device: simulation.context().bytes_allocated(),
         }
     }
 
-    /// The kernels and the memory that this plan has beyond another one, in words.
+    /// The kernels and the memory that this plan has and the plan `other` lacks, in words.
     pub fn beyond(&self, other: &Plan) -> String {
         let new: Vec<&str> = self
             .kernels

@@ -1,4 +1,7 @@
-//! The smallest scenes that show a feature of the engine, each with the feature and without it.
+//! The scenes of `palpate bench features`: for each feature of the engine the smallest scene that shows it, once with
+//! the feature and once without it. A soft body consists of a layer (its tetrahedral mesh), a skin (surface mesh
+//! embedded in the layer) and rigid cores (rigid bodies inside it, to which nodes of the layer are attached). The tool
+//! is the rigid body that the haptic device leads.
 
 use std::path::Path;
 
@@ -11,22 +14,24 @@ pub enum Feature {
     Friction,
     /// Coarse space of the two-level preconditioner.
     CoarseLevel,
-    /// Contacts found at the vertices of both bodies' skins (surface meshes) instead of those of the finer one alone.
+    /// Contacts are searched at the vertices of the skins of both touching bodies, instead of at those of the finer
+    /// skin alone.
     SecondSide,
     /// Rayleigh damping, by mass and by stiffness.
     Damping,
-    /// A skin (surface mesh) of ten times as many vertices.
+    /// A skin of ten times as many vertices.
     Skin,
-    /// Joints between the rigid cores of a body.
+    /// A joint between the two rigid cores of a body.
     Joints,
-    /// Contact stiffness and damping (6x6 matrices), which the step computes with the wrench for a haptic loop.
+    /// Contact stiffness and damping (6x6 matrices), which a step computes in addition to the contact wrench, for a
+    /// haptic loop.
     Stiffness,
-    /// Timestamps of the stages in every step.
+    /// GPU timestamps, which time every stage of every step.
     Timestamps,
 }
 
 impl Feature {
-    /// All features, in the order of the report.
+    /// All features, in the order in which the report lists them.
     pub const ALL: [Feature; 8] = [
         Feature::Friction,
         Feature::CoarseLevel,
@@ -38,7 +43,7 @@ impl Feature {
         Feature::Timestamps,
     ];
 
-    /// Name of the feature, and of its part of the results.
+    /// Name of the feature in the report; its part of the results has the same name.
     pub fn name(self) -> &'static str {
         match self {
             Feature::Friction => "friction",
@@ -52,7 +57,7 @@ impl Feature {
         }
     }
 
-    /// What is compared in the two scenes, for the report.
+    /// The comparison of the scene with the feature and the scene without it, in words for the report.
     pub fn question(self) -> &'static str {
         match self {
             Feature::Friction => "coefficient 0.5 against none, a sphere pressed into a block",
@@ -66,8 +71,8 @@ impl Feature {
         }
     }
 
-    /// The scene with or without the feature. For [`Feature::Stiffness`] and [`Feature::Timestamps`] both scenes are
-    /// equal, and only the steps differ.
+    /// The scene with the feature if `with` is true, else the scene without it. For [`Feature::Stiffness`] and
+    /// [`Feature::Timestamps`] both scenes are equal, and only their steps differ.
     pub fn scene(self, with: bool) -> Result<Scene> {
         let pick = |yes: &'static str, no: &'static str| if with { yes } else { no };
         let text = match self {
@@ -90,16 +95,17 @@ impl Feature {
     }
 }
 
-/// How a feature is left unused in two simulations, which must cost the same.
+/// Two simulations that leave a feature unused for different reasons; both must cost the same.
 pub enum Idle {
-    /// A scene that switches the feature off, and one that does not mention it.
+    /// The simulations of two scenes: one that switches the feature off, and one that does not mention the feature.
     Scenes(Box<[Scene; 2]>),
-    /// A scene whose steps no longer ask for the feature.
+    /// Two simulations of this scene: one whose steps asked for the feature and no longer do, and one whose steps never
+    /// asked for it.
     Again(Box<Scene>),
 }
 
 impl Feature {
-    /// How the feature is left unused; `None`: a scene has no key to switch it off.
+    /// Two simulations that leave the feature unused; `None`: scene files have no key that switches the feature off.
     pub fn idle(self) -> Result<Option<Idle>> {
         let scene = |text: String| Scene::parse(Path::new(self.name()), &text);
         let plain = || scene(block("", "", MATERIAL));
@@ -114,12 +120,14 @@ impl Feature {
     }
 }
 
+/// Material of the soft bodies, in TOML: Young's modulus in Pa, Poisson's ratio, and density in kg/m^3.
 const MATERIAL: &str = "young = 2e4, poisson = 0.45, density = 1000.0";
-/// Virtual coupling between the tool and the haptic device.
+/// Virtual coupling (spring and damper) between the tool and the haptic device, in TOML.
 const COUPLING: &str =
     "[coupling]\nstiffness = 500.0\ndamping = 2.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n";
 
-/// A block into which a sphere is pressed by 4 mm within 20 ms and then held.
+/// A scene in which a sphere is pressed 4 mm deep into a block within 20 ms and then held there. The arguments are the
+/// lines of the scene's tables `[contact]` and `[solver]`, and the block's material, in TOML.
 fn block(contact: &str, solver: &str, material: &str) -> String {
     format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\n{contact}\n[solver]\n{solver}\n[[body]]\nname = \"block\"\n\
@@ -131,7 +139,8 @@ fn block(contact: &str, solver: &str, material: &str) -> String {
     )
 }
 
-/// A head into whose cheek a sphere is pressed within 20 ms and then held.
+/// A scene in which a sphere is pressed into the cheek of a head within 20 ms and then held there. The head's skin has
+/// about `vertices` vertices; `contact` holds the lines of the scene's table `[contact]`, in TOML.
 fn head(vertices: u32, contact: &str) -> String {
     format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\n{contact}\n[[body]]\nname = \"head\"\n\
@@ -142,7 +151,7 @@ fn head(vertices: u32, contact: &str) -> String {
     )
 }
 
-/// A falling bar with a dynamic rigid core at each end; a joint may connect the two.
+/// A scene of a falling bar with a dynamic rigid core at each end; a joint connects the two cores if `joined` is true.
 fn bar(joined: bool) -> String {
     let joint = if joined { "[[body.joint]]\ncores = [\"left\", \"right\"]\npoint = [0.1, 0.01, 0.01]\n" } else { "" };
     format!(
@@ -163,7 +172,7 @@ mod tests {
             for with in [true, false] {
                 assert!(
                     feature.scene(with).is_ok(),
-                    "scene of `{}` does not parse: {:?}",
+                    "the scene of feature `{}` does not parse: {:?}",
                     feature.name(),
                     feature.scene(with).err()
                 );

@@ -1,12 +1,14 @@
 //! Part `controllers` of `palpate bench haptics`: compares passivity controllers (which keep the energy that the hand
 //! receives below the energy that it gave) on a soft body that is pressed, held and released: the controller of
-//! palpate's session (its haptic loop), that of Hannaford and Ryu (2002), reference energy following (Ryu and others
-//! 2005), and none.
+//! palpate's session (its haptic loop), the controller of Hannaford and Ryu (2002), reference energy following (Ryu and
+//! others 2005), and no controller. The tool is the rigid body that the haptic device leads by the virtual coupling, a
+//! spring and damper.
 //!
-//! The two published controllers observe only the energy at the haptic device and inject damping there: F' = F - alpha
-//! v, alpha = (E_ref - E) / (T v^2), with F the force to be played (commanded to the device), v the hand's velocity, T
-//! the loop's period and E the energy that the hand gave. E_ref is zero (2002) or the energy that coupling and contact
-//! model store (2005); alpha is at most the damping that the haptic device can render.
+//! The two published controllers observe only the energy at the haptic device and inject damping there. Instead of the
+//! force F they play (command to the device) F' = F - alpha v with alpha = (E_ref - E) / (T v^2), where v is the hand's
+//! velocity, T the loop's period and E the energy that the hand gave, less the energy that it received. E_ref is zero
+//! in the paper of 2002; in the paper of 2005 it is the energy that the virtual coupling and the local contact model
+//! (the loop's force law between simulation steps) store. alpha is at most the damping that the device can render.
 
 use glam::DVec3;
 use palpate::internal::haptics::environment::Cushion;
@@ -26,17 +28,18 @@ pub const BODIES: [f64; 2] = [300.0, 2000.0];
 pub const RATES: [f64; 2] = [8.0, 60.0];
 /// Speed at which the hand presses and releases, m/s.
 pub const SPEED: f64 = 0.04;
-/// Height above the body at the start, and depth below its surface to which the hand means to press, m.
+/// Height of the tool above the body's surface at the start, and depth below this surface to which the hand means to
+/// press, m.
 const WAY: [f64; 2] = [0.005, 0.012];
-/// Time at which the press begins, and time for which it is held, s.
+/// Time at which the press begins, and time for which the hand holds the greatest depth, s.
 const TIMES: [f64; 2] = [0.3, 3.0];
 
 /// A passivity controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Controller {
-    /// The controller of palpate's session: it prevents energy from being generated at its source, and damps at the
-    /// device what still exceeds the budget.
+    /// The controller of palpate's session: it lets the contact force rise only as fast as the hand pays the energy for
+    /// it, and damps at the device if the hand has nevertheless received more energy than it gave.
     Session,
     /// B. Hannaford and J.-H. Ryu 2002.
     Observer,
@@ -67,18 +70,17 @@ pub struct Controlled {
     pub body: f64,
     /// Rate of the simulation, Hz.
     pub rate: f64,
-    /// Whether the answer of a simulation step (wrench and local contact model) also gives the gap to the body before
-    /// there is contact.
+    /// Whether a simulation step without contact reports the gap (distance and direction) from the tool to the body.
     pub gap: bool,
-    /// Mean force played in the last second of the hold, over the force that body and coupling would exert as springs
-    /// in equilibrium.
+    /// Mean force played in the last second of the hold, divided by the force that body and virtual coupling would
+    /// exert as springs in equilibrium.
     pub share: f64,
-    /// Standard deviation of the force in the last second of the hold, N.
+    /// Standard deviation of the played force in the last second of the hold, N.
     pub deviation: f64,
-    /// Energy that the hand received beyond what it gave over the whole press, J. It includes energy that the
-    /// controller lent to the hand (gave in advance) and that the hand has not repaid.
+    /// Energy that the hand received over the whole press, less the energy that it gave, J. This includes energy that
+    /// the controller lent to the hand (gave in advance) and that the hand has not repaid.
     pub net: f64,
-    /// Greatest energy that the hand at any time had been lent and had not repaid, J.
+    /// Greatest energy at any time that had been lent to the hand and that the hand had not repaid, J.
     pub lent: f64,
     /// Share of the ticks (iterations of the haptic loop) in which the controller acted.
     pub acts: f64,
@@ -101,7 +103,8 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<C
     Ok(all)
 }
 
-/// A published controller, which observes energy and damps at the haptic device.
+/// State of a published controller, which observes the energy and damps at the haptic device; for [`Controller::Off`]
+/// it only observes.
 struct Port {
     controller: Controller,
     /// Greatest damping that the controller may inject, N s/m.
@@ -113,7 +116,7 @@ struct Port {
 }
 
 impl Port {
-    /// The wrench to be played instead of the one that the tick commands.
+    /// Returns the wrench to be played instead of the wrench that the tick commands.
     fn control(&mut self, tick: &Tick) -> Wrench {
         let state = tick.reading.map_or(tick.device, |reading| reading.state);
         if let Some((position, played)) = self.last {

@@ -1,4 +1,5 @@
-//! The report of the haptics benchmark ([`Results`]). All numbers of its findings are computed from the measurements.
+//! The report of the haptics benchmark, made from its [`Results`]. All numbers of the report's findings (the sentences
+//! that answer a section's question) are computed from the measurements. A tick is one iteration of the haptic loop.
 
 mod controllers;
 mod forces;
@@ -14,7 +15,7 @@ use super::{Punctual, Results};
 use crate::plot::{Bar, bars};
 use crate::{Section, Table};
 
-/// How the benchmark was measured.
+/// Text that says how the benchmark was measured.
 pub fn preface(_: &Value) -> String {
     let HandParameters { mass, stiffness, damping, device_damping, friction, quantum, .. } = HandParameters::default();
     format!(
@@ -65,7 +66,7 @@ fn span(numbers: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     })
 }
 
-/// The least and the greatest of the numbers as text; one text if both have the same.
+/// The least and the greatest of the numbers as text, in the form `1 to 2`; if both give the same text, this text once.
 fn range(numbers: impl Iterator<Item = f64>, text: impl Fn(f64) -> String) -> String {
     let Some((low, high)) = span(numbers) else { return "nothing".into() };
     let (low, high) = (text(low), text(high));

@@ -1,4 +1,5 @@
-//! Tests of the findings and tables of the haptics report, on made-up results.
+//! Tests of the findings (sentences that answer a section's question) and tables of the haptics report, on made-up
+//! results.
 
 use super::*;
 use crate::haptics::{Change, Changes, Controlled, Controller, HoldResult, Limit, Met, Mode, Slid, Spread, Width};

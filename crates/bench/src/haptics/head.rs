@@ -1,4 +1,5 @@
-//! The soft head of `assets/scenes/touch-head.toml` with a sphere as the tool, and tool positions above its cheek.
+//! The soft head of `assets/scenes/touch-head.toml` with a sphere as the tool (rigid body that the haptic device
+//! leads), and positions in which the tool touches the head's skin (its surface mesh).
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Shape};
@@ -13,7 +14,7 @@ use super::rig::{MASS, RADIUS};
 /// Point (x, y) at which the cheek is pressed, m.
 pub const CHEEK: [f64; 2] = [0.03, -0.02];
 
-/// A scene with the head, and a tool whose centre starts at `centre`.
+/// A scene with the head and with the tool, whose centre starts at `centre` (m).
 pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
     let material = Material {
         young: 2e4,
@@ -58,7 +59,7 @@ pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
     Scene { tool: Some(tool), ..Scene::of_body("head", body) }
 }
 
-/// Opens the engine on a scene; no step is timed stage by stage, since timestamps take time.
+/// Opens a simulation of a scene. None of its steps is timed stage by stage, since GPU timestamps take time.
 pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     let options = Options { device: settings.device.clone(), ..Options::of_program() };
     let mut simulation = Simulation::open(scene, &options)?;
@@ -66,23 +67,24 @@ pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     Ok(simulation)
 }
 
-/// The head's skin (surface mesh) at rest, by which heights above it are found.
+/// The vertices of the head's skin at rest, from which the heights at which the tool touches are computed.
 pub struct Skin {
     vertices: Vec<DVec3>,
 }
 
 impl Skin {
-    /// The skin of the scene's first body, prepared. Errors: the body cannot be prepared, or is not soft.
+    /// Prepares the scene's first body and returns its skin. Errors: there is no body, it cannot be prepared, or it is
+    /// not soft.
     pub fn of(scene: &Scene) -> Result<Skin> {
-        let missing = || Error::Simulation("a scene without a soft body".into());
+        let missing = || Error::Simulation("the first body of the scene is missing or not soft".into());
         match prepare::body(scene.bodies.first().ok_or_else(missing)?, scene)?.shape {
             Shape::Soft { skin, .. } => Ok(Skin { vertices: skin.vertices }),
             _ => Err(missing()),
         }
     }
 
-    /// Centre of the tool where it first touches a vertex when it comes down along z at (x, y). Errors: no vertex lies
-    /// beneath the tool.
+    /// Position of the tool's centre (m) when the tool, coming down along z at (x, y), first touches a vertex. Errors:
+    /// no vertex lies beneath the tool.
     pub fn touch(&self, [x, y]: [f64; 2]) -> Result<DVec3> {
         let height = |v: &DVec3| {
             let beside = (v.x - x).powi(2) + (v.y - y).powi(2);

@@ -1,5 +1,6 @@
-//! Part `hold` of `palpate bench haptics`: a simulated person presses and holds still, and the noise of the force that
-//! the haptic device plays is measured.
+//! Part `hold` of `palpate bench haptics`: a simulated person presses the tool (rigid body that the haptic device
+//! leads) against a surface and holds still, and the noise of the force that the device plays is measured. The device
+//! leads the tool by the virtual coupling, a spring and damper.
 
 use glam::DVec3;
 use palpate::Result;
@@ -14,11 +15,11 @@ use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
 use super::width::{STILL, STILL_SHARE};
 use super::{Settings, profile};
 
-/// If a hand that presses a few millimetres deep feels less force than this, the force counts as vanished, N.
+/// The force on a hand that presses a few millimetres deep counts as vanished unless it exceeds this value, N.
 const LEAST: f64 = 0.05;
-/// Height of the tool above its first touch of the surface at the start, m.
+/// Height of the tool at the start above the position in which it first touches the surface, m.
 const ABOVE: f64 = 0.003;
-/// Depth below the first touch to which the person means to press, m.
+/// Depth below the position of first touch to which the person means to press, m.
 pub const WITHIN: f64 = 0.005;
 
 /// What the tool is held against.
@@ -44,18 +45,18 @@ pub struct HoldResult {
     pub mode: Mode,
     /// Force that was played, that is, commanded to the haptic device.
     pub force: Spread,
-    /// Force that was played in a second run without friction of the haptic device, which could hold the hand still;
-    /// measured against walls only.
+    /// Force that was played in a second run with a haptic device without friction, since friction alone could hold the
+    /// hand still; measured against walls only.
     pub no_friction: Option<Spread>,
-    /// Position of the haptic device as it was read; its lengths are in m, not in N.
+    /// Mean and spread of the haptic device's position as the loop read it, m.
     pub reading: Spread,
-    /// Forces that one step of the haptic device's encoders causes, through the coupling's stiffness and through its
-    /// damping, N.
+    /// Forces that one increment of the haptic device's encoders causes: by the stiffness and by the damping of the
+    /// virtual coupling, N.
     pub quantum_forces: [f64; 2],
 }
 
-/// Whether there is a force (see `is_there`) and its standard deviation is at most `STILL_SHARE` of its mean or at
-/// most `STILL`.
+/// Whether there is a force (see `is_there`) whose standard deviation is small: at most the share `STILL_SHARE` of the
+/// mean force or at most `STILL` (N).
 pub fn is_still(force: &Spread) -> bool {
     force.deviation <= (STILL_SHARE * force.mean).max(STILL) && is_there(force)
 }
@@ -88,7 +89,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<H
     Ok(holds)
 }
 
-/// All combinations of haptic device, rate and mode.
+/// All combinations of a haptic device, a rate of the simulation (Hz) and a mode.
 pub fn cases(devices: &[&'static str], rates: &[f64]) -> Vec<(&'static str, f64, Mode)> {
     let of = |name: &&'static str| {
         let name = *name;

@@ -21,7 +21,8 @@ use super::{Settings, profile};
 pub const MORE: f64 = 1e-3;
 /// Profile of the haptic device, which follows a script and plays no force.
 const DEVICE: &str = "scripted";
-/// Height of the tool above the first touch at the start, and depth below it at the end, m.
+/// At the start the tool (rigid body that the haptic device leads) is this far above the position in which it first
+/// touches the wall or head, at the end it is meant to be this far below that position, m.
 const DEEP: f64 = 0.005;
 /// Shortest time step of the simulation, s.
 const SHORTEST_STEP: f64 = 1e-3;
@@ -29,29 +30,31 @@ const SHORTEST_STEP: f64 = 1e-3;
 /// Lateness of the loop's ticks and of the bare timer in the same run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Punctual {
-    /// Whether the engine simulates the head meanwhile, without pause; if not, there is a wall, whose simulation takes
-    /// no time.
+    /// Whether the engine simulates a soft head during the run, without pause; if not, the tool meets a wall, whose
+    /// simulation takes almost no time.
     pub is_loaded: bool,
-    /// Lateness of the loop.
+    /// Lateness of the loop's ticks.
     pub servo: Late,
-    /// Lateness of the bare timer; `None`: no thread could be started for it.
+    /// Lateness of the bare timer's wake-ups; `None`: no thread could be started for the timer.
     pub bare: Option<Late>,
     /// Number of steps of the simulation.
     pub steps: u64,
-    /// By how much the newest wrench was out of date (staleness): median and 99th percentile over the ticks, s.
+    /// Staleness, s: by how much the newest contact wrench of the simulation was out of date in a tick; the median and
+    /// the 99th percentile over all ticks.
     pub age: [f64; 2],
-    /// Remarks that the session (the haptic loop with device and simulation) made about its run.
+    /// Remarks that the session (haptic loop with device and simulation) made about its run.
     pub notes: Vec<String>,
 }
 
 impl Punctual {
-    /// Whether the loop's share of missed deadlines is at most that of the bare timer (0 without one) plus `MORE`.
+    /// Whether the share of deadlines that the loop missed is at most the share that the bare timer missed (0 if there
+    /// is no timer) plus `MORE`.
     pub fn is_punctual(&self) -> bool {
         self.servo.share_missed <= self.bare.map_or(0.0, |bare| bare.share_missed) + MORE
     }
 }
 
-/// Distribution of the lateness of ticks.
+/// Distribution of the lateness of ticks or wake-ups.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Late {
     /// Number of ticks that were run.
@@ -84,7 +87,7 @@ impl Late {
     }
 }
 
-/// Measures first without load, then while the engine simulates the head.
+/// Measures the lateness, first without load, then while the engine simulates the head.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Punctual>> {
     watch("ticks: without load");
     let idle = session(settings, false, [DVec3::Y * DEEP, DVec3::Y * -DEEP], &mut wall(500.0, 0.0, DVec3::Y * DEEP))?;

@@ -1,6 +1,7 @@
-//! `palpate bench haptics`: how the haptic loop feels to the hand: how stiff a wall may be before the loop oscillates,
-//! how still a held force is, how far a force jumps while sliding, how passivity controllers compare, and how punctual
-//! the loop's ticks (its 1 kHz iterations) are.
+//! `palpate bench haptics`: what the hand feels of the haptic loop. The benchmark measures how stiff a wall may be
+//! before the loop oscillates, how still a held force is, how far a force jumps while sliding, how passivity
+//! controllers (which bound the energy given to the hand) compare, and how punctual the loop's ticks (its 1 kHz
+//! iterations) are. The tool is the rigid body that the haptic device leads.
 
 mod controllers;
 mod document;
@@ -36,19 +37,19 @@ pub struct Settings {
     pub dampings: Vec<f64>,
     /// Delays of the force between the loop and the haptic device, s.
     pub delays: Vec<f64>,
-    /// Rates of the simulation against walls, Hz.
+    /// Rates of the simulation where the tool is pressed against walls, Hz.
     pub rates: Vec<f64>,
-    /// Relative accuracy to which the stiffest wall is bisected.
+    /// Relative accuracy to which bisection finds the stiffest wall.
     pub bisected: f64,
     /// Stiffnesses of the walls against which a force is held, N/m.
     pub walls: Vec<f64>,
-    /// Rates of the engine's simulation of the head at which a force is held, Hz.
+    /// Rates of the engine's simulation of a soft head against which a force is held, Hz.
     pub head_rates: Vec<f64>,
     /// Rates of the engine's simulation at which the tool slides over the head, Hz.
     pub slide_rates: Vec<f64>,
     /// Profiles of the haptic devices with which a force is held on the head and the tool slides over it.
     pub slide_devices: Vec<&'static str>,
-    /// Vertices of the head's skin.
+    /// Number of vertices of the head's skin (its surface mesh).
     pub vertices: usize,
     /// Edge of a lattice cell of the head's layer (its tetrahedral mesh), m.
     pub cell: f64,
@@ -61,7 +62,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The whole benchmark: under ten minutes on two cores.
+    /// The whole benchmark, which takes less than ten minutes on two CPU cores.
     pub fn full() -> Settings {
         Settings {
             devices: vec!["touch", "premium", "sigma.7"],
@@ -111,17 +112,17 @@ fn profile(name: &str) -> Result<&'static Profile> {
 /// Results of the benchmark; the lists of parts that were not measured are empty.
 #[derive(Debug, Clone, Default)]
 pub struct Results {
-    /// Stiffest walls for different dampings of the wall.
+    /// Stiffest walls without oscillation, for different dampings of the wall.
     pub widths: Vec<Width>,
-    /// Stiffest walls for different delays of the force.
+    /// Stiffest walls without oscillation, for different delays of the force.
     pub delays: Vec<Limit>,
-    /// Stiffest walls for different rates of the simulation.
+    /// Stiffest walls without oscillation, for different rates of the simulation.
     pub rates: Vec<Limit>,
-    /// Held forces.
+    /// Forces while a simulated person holds still.
     pub holds: Vec<HoldResult>,
-    /// Slides over the head.
+    /// Forces while a simulated person slides the tool over the head.
     pub slides: Vec<Slid>,
-    /// Presses with different passivity controllers.
+    /// Presses into a soft body with different passivity controllers.
     pub controllers: Vec<Controlled>,
     /// Lateness of ticks.
     pub jitter: Vec<Punctual>,
@@ -147,7 +148,7 @@ impl Results {
 /// Names of the parts of the benchmark, in the order of the lists of [`Results`].
 const PARTS: [&str; 7] = ["damping", "delay", "rate", "hold", "slide", "controllers", "ticks"];
 
-/// The benchmark `haptics`; each question is a part of it.
+/// The benchmark `haptics`; each of its parts measures one list of [`Results`].
 pub struct Haptics(pub Settings);
 
 impl Benchmark for Haptics {

@@ -1,6 +1,7 @@
 //! Runs the haptic loop as a session does, but in virtual time and with a simulated hand at the device, so that every
 //! run gives the same bits. A tick is one iteration of the loop; a force is played when it is commanded to the haptic
-//! device.
+//! device. The tool is the rigid body that the device leads by the virtual coupling, a spring and damper; a wrench is
+//! the contact wrench on the tool that a step of the simulation finds.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::haptics::Device;
@@ -46,7 +47,7 @@ impl Mode {
 /// A haptic device, the simulated hand that holds it, and how the loop uses the simulation's wrenches.
 #[derive(Debug, Clone, Copy)]
 pub struct Rig {
-    /// Profile of the haptic device; the gains are chosen from it too.
+    /// Profile of the haptic device, from which the gains of the virtual coupling are chosen.
     pub profile: &'static Profile,
     /// The simulated hand.
     pub hand: HandParameters,
@@ -55,7 +56,7 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// The gains of the virtual coupling that a session would choose with the local model.
+    /// The virtual coupling with the gains that a session with the local contact model would choose.
     pub fn coupling(&self) -> Coupling {
         self.gains().coupling
     }
@@ -64,15 +65,15 @@ impl Rig {
         coupling::choose(self.profile, PERIOD, 0.0, MASS, inertia(), None)
     }
 
-    /// Forces that one step of the device's encoders causes through the coupling, N: through its stiffness, and through
-    /// its damping with a velocity that is the difference of two ticks.
+    /// Forces that one increment of the device's encoders causes, N: by the stiffness of the virtual coupling, and by
+    /// its damping, with the velocity that the positions of two successive ticks give.
     pub fn quantum_forces(&self) -> [f64; 2] {
         let Coupling { stiffness, damping, .. } = self.coupling();
         [self.hand.quantum * stiffness, self.hand.quantum * damping / PERIOD]
     }
 
-    /// Lets the hand follow keys (desired poses) up to the last one, and returns all ticks. `tool` is the initial state
-    /// of the tool.
+    /// Lets the hand follow keys (desired poses at given times) up to the last key, and returns all ticks. `tool` is
+    /// the initial state of the tool, `environment` the source of wrenches, and `schedule` says when its steps begin.
     pub fn follow(
         &self,
         keys: &[Key],
@@ -120,7 +121,7 @@ fn inertia() -> f64 {
     0.4 * MASS * RADIUS * RADIUS
 }
 
-/// The tool at rest, with its centre at `centre`.
+/// The tool at rest, with its centre at `centre` (m).
 pub fn tool(centre: DVec3) -> Tool {
     Tool {
         mass: MASS,
@@ -138,7 +139,7 @@ pub fn key(time: f64, position: DVec3) -> Key {
     Key { time, position, orientation: DQuat::IDENTITY }
 }
 
-/// A wall of this stiffness (N/m) and damping (N s/m), for a tool that starts at `centre`.
+/// A wall of this stiffness (N/m) and damping (N s/m), for a tool whose centre starts at `centre` (m).
 pub fn wall(stiffness: f64, damping: f64, centre: DVec3) -> Wall {
     Wall { stiffness, damping, tells_gap: true, tool: tool(centre), steps: 0 }
 }
@@ -147,7 +148,7 @@ pub fn wall(stiffness: f64, damping: f64, centre: DVec3) -> Wall {
 pub struct Recorded<'a> {
     /// The environment that computes the wrenches.
     pub inner: &'a mut dyn Environment,
-    /// The wrenches that it returned, in order.
+    /// The wrenches that `inner` returned, in the order of the steps.
     pub wrenches: Vec<ContactWrench>,
 }
 
@@ -180,8 +181,8 @@ impl Spread {
         Spread { mean, deviation: variance.sqrt(), swing: (high - low).max(0.0) }
     }
 
-    /// The spread of vectors: the length of their mean, the root of the variances summed over the axes, and the
-    /// diagonal of their bounding box.
+    /// The spread of vectors. Its `mean` is the length of the mean vector, its `deviation` the root of the sum of the
+    /// variances of all axes, and its `swing` the diagonal of the vectors' bounding box.
     pub fn of_vectors(vectors: &[DVec3]) -> Spread {
         let axes: [Spread; 3] = std::array::from_fn(|k| Spread::of(vectors.iter().map(|v| v[k])));
         let length = |part: fn(&Spread) -> f64| DVec3::from(axes.each_ref().map(part)).length();
@@ -215,8 +216,8 @@ mod tests {
             (ticks.last().unwrap().played.force.y, ticks.len(), recorded.wrenches.len())
         };
         let (force, ticks, steps) = run();
-        // The force of arm, coupling and wall as springs in series; friction keeps the played force within 0.05 N of
-        // it.
+        // The force in equilibrium of arm, virtual coupling and wall as springs in series. Friction of the device lets
+        // the played force differ from this by up to 0.05 N.
         let exact = 0.005 / (1.0 / 300.0 + 1.0 / 500.0 + 1.0 / rig.coupling().stiffness);
         assert!((force - exact).abs() < 0.05, "played force {force} N, expected {exact} N");
         assert_eq!((ticks, steps), (1000, 100));

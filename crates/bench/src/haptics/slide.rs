@@ -1,5 +1,6 @@
-//! Part `slide` of `palpate bench haptics`: a simulated person slides over the head's cheek, and the greatest jump of
-//! the force from one tick (iteration of the haptic loop) to the next is measured.
+//! Part `slide` of `palpate bench haptics`: a simulated person slides the tool (rigid body that the haptic device leads
+//! by a spring and damper, the virtual coupling) over the cheek of a soft head, and the greatest jump of the force from
+//! one tick (iteration of the haptic loop) to the next is measured. The head's skin is its surface mesh.
 
 use glam::DVec3;
 use palpate::Result;
@@ -17,24 +18,26 @@ use super::{Settings, profile};
 
 /// Speed of the slide, m/s.
 pub const SPEED: f64 = 0.02;
-/// Length of the slide along y, up from the cheek, m.
+/// Length of the slide, which goes from the cheek upwards along y, m.
 pub const WAY: f64 = 0.03;
-/// A change of the force between ticks is allowed up to this share of the force, or up to [`ALLOWED`].
+/// A change of the force from one tick to the next is allowed up to this share of the force or up to [`ALLOWED`],
+/// whichever is greater.
 pub const ALLOWED_SHARE: f64 = 0.05;
 /// A change of the force by up to this much is always allowed, N.
 pub const ALLOWED: f64 = 0.05;
-/// Height above the skin at the start, m.
+/// Height of the tool at the start above the position in which it first touches the skin, m.
 const ABOVE: f64 = 0.003;
-/// Depth below the skin to which the person means to press, m.
+/// Depth below the position of first touch to which the person means to press, m.
 const WITHIN: f64 = 0.005;
-/// Distance between keys of the desired path, m.
+/// Distance between keys (desired poses at given times) of the path along the skin, m.
 const SPACING: f64 = 0.0025;
 /// Times at which the person begins to press, means to have reached the full depth, and begins to slide, s.
 const TIMES: [f64; 3] = [0.3, 0.6, 1.0];
-/// Number of ticks between points of the trace.
+/// Number of ticks from one point of [`Slid::trace`] to the next.
 const TRACED: usize = 5;
 
-/// The change of a force that is the greatest relative to what is allowed.
+/// Among the changes of a force in a phase, the change that is the greatest relative to what is allowed. The phases are
+/// the time before the slide and the slide itself.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Change {
     /// Length of the change, N.
@@ -43,19 +46,19 @@ pub struct Change {
     pub force: f64,
     /// When the change happened, s.
     pub time: f64,
-    /// The change over what is allowed; above 1 it is too great.
+    /// Length of the change divided by the allowed length; the change is too great if this exceeds 1.
     pub excess: f64,
 }
 
-/// The worst changes of a phase (touch or slide), by their ratio to what is allowed.
+/// The worst change of each of three forces in one phase, that is, the change with the greatest [`Change::excess`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Changes {
     /// Change of the played force (commanded to the haptic device) from tick to tick.
     pub played: Change,
     /// Change of the contact force of the loop's local model (its force law between wrenches) from tick to tick.
     pub contact: Change,
-    /// Change of the force that the simulation found, from step to step; a force that is kept between steps jumps by
-    /// this.
+    /// Change of the contact force that the simulation found, from one simulation step to the next. A loop that played
+    /// this force unchanged between steps would let the played force jump by this change.
     pub raw: Change,
 }
 
@@ -68,10 +71,10 @@ pub struct Slid {
     pub rate: f64,
     /// How the haptic loop used the simulation's wrenches.
     pub mode: Mode,
-    /// Magnitude of the played force while sliding.
+    /// Magnitude of the played force while sliding, N.
     pub force: Spread,
-    /// Forces that one step of the haptic device's encoders causes, through the coupling's stiffness and through its
-    /// damping, N.
+    /// Forces that one increment of the haptic device's encoders causes: by the stiffness and by the damping of the
+    /// virtual coupling, N.
     pub quantum_forces: [f64; 2],
     /// Worst changes before the slide, including the first touch.
     pub touch: Changes,
@@ -137,7 +140,7 @@ fn judge(rig: &Rig, rate: f64, ticks: &[Tick], wrenches: &[ContactWrench]) -> Sl
     }
 }
 
-/// The worst change of a force between two successive times of which the later one lies in the phase `is_in`.
+/// The worst change of a force between two successive times, among those changes for whose later time `is_in` holds.
 fn worst(forces: impl Iterator<Item = (f64, DVec3)>, is_in: &dyn Fn(f64) -> bool) -> Change {
     let (mut worst, mut last) = (Change::default(), None);
     for (time, now) in forces {

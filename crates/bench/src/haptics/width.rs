@@ -1,7 +1,9 @@
 //! Parts `damping`, `delay` and `rate` of `palpate bench haptics`: the stiffest wall that the haptic loop renders
 //! without oscillating (the Z-width), for different dampings of the wall, delays of the force and rates of the
-//! simulation. The raw force is that of the newest wrench, unchanged until the next one; the local model is the
-//! session's force law between wrenches. A tick is one iteration of the loop.
+//! simulation. A wrench is the contact wrench that a simulation step finds. The raw force is the force of the newest
+//! wrench, played unchanged until the next wrench arrives; the local model is the force law that a session plays
+//! between wrenches instead. A tick is one iteration of the loop. The virtual coupling is a spring and damper by which
+//! the haptic device leads the tool, a rigid body.
 
 use glam::DVec3;
 use palpate::Result;
@@ -17,10 +19,11 @@ use super::rig::{Mode, PERIOD, Rig, Spread, key, tool, wall};
 
 /// Stiffness of the softest and of the stiffest wall tried, N/m.
 pub const RANGE: [f64; 2] = [10.0, 1e5];
-/// Number of walls tried for each power of ten of stiffness, up to the first that oscillates; from there the limit is
-/// bisected.
+/// Number of walls tried for each power of ten of stiffness, up to the first wall that oscillates; bisection then finds
+/// the stiffest wall that does not.
 const TRIED: f64 = 4.0;
-/// A critical hand: one that dissipates little, without friction and encoders, as the linear bounds assume.
+/// A critical hand: it dissipates little, and it has neither friction nor encoders, as the linear bounds of stability
+/// (Colgate's and Gil's) assume.
 pub const CRITICAL: HandParameters = HandParameters {
     mass: 0.15,
     stiffness: 300.0,
@@ -38,20 +41,22 @@ pub const CRITICAL: HandParameters = HandParameters {
 pub const STILL_SHARE: f64 = 0.01;
 /// A force whose range is at most this is still in any case, N.
 pub const STILL: f64 = 0.01;
-/// An oscillation grows if the range of its second half is more than so many times that of its first half.
+/// An oscillation counts as growing if, in the last second of a press, its range in the second half is more than this
+/// many times its range in the first half.
 const GROWTH: f64 = 1.2;
 /// A force counts as present if it is at least this share of the force of the springs (arm, coupling, wall) in
 /// equilibrium. Without this condition a force that vanished would count as still.
 const THERE: f64 = 0.97;
 /// Depth within the wall to which the hand means to press, m.
 const WITHIN: f64 = 0.01;
-/// Oscillations with a smaller range than this are rounding, N.
+/// Oscillations with a smaller range than this count as rounding errors, N.
 const NOTHING: f64 = 1e-6;
 
 const DELAY: &str = "delay";
 const RATE: &str = "rate";
 
-/// The stiffest wall with a still force, N/m: 0 if no wall has one, the end of [`RANGE`] if all have.
+/// Stiffness of the stiffest wall with a still force, N/m: 0 if no wall that was tried has a still force, the upper end
+/// of [`RANGE`] if all have.
 pub type Stiffest = f64;
 
 /// Stiffest walls of one haptic device for one damping of the wall.
@@ -63,9 +68,9 @@ pub struct Width {
     pub coupling: f64,
     /// Damping of the wall, N s/m.
     pub damping: f64,
-    /// Stiffest wall with the local model and passivity control.
+    /// Stiffest wall with the local model and passivity control (which bounds the energy given to the hand).
     pub session: Stiffest,
-    /// Stiffest wall with the local model alone.
+    /// Stiffest wall with the local model, without passivity control.
     pub local: Stiffest,
     /// Stiffest wall with the raw force.
     pub raw: Stiffest,
@@ -91,12 +96,12 @@ pub struct Limit {
     /// Stiffest passive wall that is sampled at the simulation's rate without further delay, by Colgate and Schenkel's
     /// condition, N/m.
     pub colgate: f64,
-    /// Stiffest stable wall by Gil and others' bound, N/m, with the delay of the device and, in the part `rate`, one
-    /// interval between steps in addition.
+    /// Stiffest stable wall by Gil and others' bound, N/m. The bound takes the delay of the device and, in the part
+    /// `rate`, adds one interval between simulation steps to this delay.
     pub gil: f64,
 }
 
-/// Stiffness of coupling and wall in series, N/m.
+/// Stiffness of virtual coupling and wall as springs in series, N/m.
 pub fn in_series(coupling: f64, wall: f64) -> f64 {
     if wall > 0.0 { 1.0 / (1.0 / coupling + 1.0 / wall) } else { 0.0 }
 }
@@ -106,7 +111,7 @@ pub fn dissipation() -> f64 {
     CRITICAL.damping + CRITICAL.device_damping
 }
 
-/// Measures the stiffest walls for different dampings of the wall, simulated at 1 kHz.
+/// Measures the stiffest walls for different dampings of the wall, with simulations at 1 kHz.
 pub fn by_damping(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Width>> {
     let mut widths = Vec::new();
     for profile in settings.profiles()? {
@@ -133,7 +138,7 @@ pub fn by_damping(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Ve
     Ok(widths)
 }
 
-/// Measures the stiffest walls for different delays of the force, simulated at 1 kHz.
+/// Measures the stiffest walls for different delays of the force, with simulations at 1 kHz.
 pub fn by_delay(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Limit>> {
     let cases: Vec<(f64, f64)> = settings.delays.iter().map(|&delay| (delay, 1.0 / PERIOD)).collect();
     limits(settings, DELAY, &cases, watch)
@@ -173,7 +178,7 @@ fn limits(settings: &Settings, what: &str, cases: &[(f64, f64)], watch: &mut dyn
     Ok(limits)
 }
 
-/// Time between two steps, a whole number of ticks, s.
+/// Time from one simulation step to the next at about `rate` steps a second, s; it is a whole number of ticks.
 fn interval(rate: f64) -> f64 {
     f64::from(Schedule::at(rate, PERIOD).ticks_a_step) * PERIOD
 }
@@ -192,8 +197,8 @@ fn press(rig: &Rig, stiffness: f64, damping: f64, rate: f64) -> Result<bool> {
     Ok(keeps_still(&ticks, balance))
 }
 
-/// Whether there was a played force in the last second and it was still; `balance`: the force of the springs in
-/// equilibrium, N.
+/// Whether there was a played force in the last second and this force was still. `balance` is the force of the springs
+/// (arm, coupling, wall) in equilibrium, N.
 fn keeps_still(ticks: &[Tick], balance: f64) -> bool {
     let second = (1.0 / PERIOD) as usize;
     let last: Vec<f64> = ticks[ticks.len().saturating_sub(second)..].iter().map(|tick| tick.played.force.y).collect();
@@ -203,8 +208,8 @@ fn keeps_still(ticks: &[Tick], balance: f64) -> bool {
     whole.swing <= (STILL_SHARE * whole.mean.abs()).max(STILL) && !grows && whole.mean >= THERE * balance
 }
 
-/// The stiffest wall whose force is still: tries walls from the softest up to the first whose force is not, then
-/// bisects between the last two.
+/// The stiffest wall whose force is still: tries walls from the softest up to the first whose force is not still, then
+/// bisects between the last two walls tried.
 fn stiffest(settings: &Settings, mut is_still: impl FnMut(f64) -> Result<bool>) -> Result<Stiffest> {
     let steps = (TRIED * (RANGE[1] / RANGE[0]).log10()).round() as i32;
     let (mut still, mut swings) = (0.0, None);
@@ -239,7 +244,7 @@ mod tests {
         let found = found.unwrap();
         assert!(
             found <= 777.0 && found > 777.0 / 1.01 && tried < 20,
-            "stiffest wall {found} N/m, not 777 N/m, after {tried} presses"
+            "stiffest wall found: {found} N/m, expected just below 777 N/m, after {tried} presses"
         );
         assert_eq!(stiffest(&settings, |_| Ok(false)).unwrap(), 0.0);
         assert!((stiffest(&settings, |_| Ok(true)).unwrap() / RANGE[1] - 1.0).abs() < 1e-9);

@@ -1,6 +1,7 @@
-//! The report of the paper benchmark ([`Results`]), which measures the scenes of Galoppo and others (2007). All numbers
-//! of its findings are computed from the measurements. The query is the stages of a step that find contacts, from pose
-//! to contact; the loop is the whole step.
+//! The report of the paper benchmark, which measures the scenes of Galoppo and others (2007), made from its
+//! [`Results`]. All numbers of the report's findings (the sentences that answer a section's question) are computed from
+//! the measurements. The query is the part of a step that finds contacts: its stages from `pose` to `contact`. The loop
+//! is the whole step. A soft body's layer is its tetrahedral mesh, its skin the surface mesh.
 
 use palpate::Result;
 use palpate::internal::stages::QUERY;
@@ -14,7 +15,7 @@ use crate::{Section, Table};
 /// Stages of a step after the query.
 const REST: [&str; 4] = ["elastic", "solve", "wrench", "fit"];
 
-/// Columns of the tables that show how times grow.
+/// Columns of the tables that show how times grow with the contact area, the meshes or the number of bodies.
 const COLUMNS: [&str; 10] = [
     "bodies",
     "skin vertices",
@@ -28,7 +29,7 @@ const COLUMNS: [&str; 10] = [
     "MB on the device",
 ];
 
-/// How the benchmark was measured.
+/// Text that says how the benchmark was measured.
 pub fn preface(settings: &Value) -> String {
     format!(
         "The paper (Galoppo and others 2007, a GeForce 7800) times the query alone, the part of a step that finds \
@@ -57,7 +58,8 @@ fn ms(time: f64) -> String {
     if time < 10.0 { format!("{time:.2}") } else { format!("{time:.1}") }
 }
 
-/// The time that the paper reports for a scene, and palpate's goal; `None`: the scene is not one of the paper.
+/// The time that the paper reports for a scene, and the time that palpate aims at; `None`: the scene is not one of the
+/// paper's.
 fn told(ran: &Ran) -> Option<&'static Told> {
     SCENES.iter().find(|told| told.name == ran.name)
 }
@@ -201,7 +203,7 @@ fn digits(x: f64) -> f64 {
     (1e3 * x).round() / 1e3
 }
 
-/// Heading, quantity on the horizontal axis, and question of a section on growth.
+/// Heading, label of the horizontal axis, and question of the section on growth with the quantity `by`.
 fn words(by: By) -> (&'static str, &'static str, &'static str) {
     match by {
         By::Area => (

@@ -1,5 +1,6 @@
 //! The parts of `palpate bench paper` that measure how the time of a step grows with the contact area, with the sizes
-//! of the meshes and with the number of bodies. Each row of such a part is one scene.
+//! of the meshes and with the number of bodies. Such a part measures several scenes; the results of one scene are a
+//! row. The tool is the rigid body that the haptic device leads, here a sphere.
 
 use std::path::Path;
 
@@ -15,30 +16,30 @@ use super::watched::{Times, Watched};
 const APPROACH: usize = 80;
 /// Greatest depth to which a sphere is pressed into the head, m.
 const DEEP: f64 = 0.004;
-/// Point on the front of the head's cheek (see `touch-head.toml`), towards which spheres are pressed, m.
+/// Point on the surface of the cheek of the head (the head of `touch-head.toml`) into which spheres are pressed, m.
 const CHEEK: DVec3 = DVec3::new(0.03, -0.02, 0.084);
-/// Edge of the blocks, m, and number of cells along it.
+/// Edge of the cubic blocks, m, and number of cells along an edge.
 const BLOCK: (f64, u32) = (0.05, 5);
-/// Material of the head and of the blocks.
+/// Material of the head and of the blocks, in TOML.
 const MATERIAL: &str = "young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002";
-/// Distance from one block to the same point of the next, m.
+/// Distance between corresponding points of neighbouring blocks, m.
 const APART: f64 = 0.08;
 
 /// The quantity that is varied from row to row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum By {
-    /// Contact area, by the radius of the sphere.
+    /// Contact area; it is varied by the radius of the sphere that is pressed into the head.
     Area,
     /// Number of vertices of the head's skin (surface mesh).
     Skin,
-    /// Number of tetrahedra of the head, by the cell size of its layer (tetrahedral mesh).
+    /// Number of tetrahedra of the head's layer (tetrahedral mesh); it is varied by the layer's cell size.
     Layer,
     /// Number of blocks that lie on the ground.
     Bodies,
 }
 
 impl By {
-    /// Name of the part.
+    /// Name of the part that varies this quantity.
     pub fn name(self) -> &'static str {
         match self {
             By::Area => "area",
@@ -64,24 +65,25 @@ impl By {
 /// Sizes of one scene, and the cost of its steps.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Grown {
-    /// Name of the row.
+    /// Name of the row: `value` as text.
     pub name: String,
     /// Value that was varied: radius (m), skin vertices, cell size (m) or number of bodies.
     pub value: f64,
     /// Number of soft bodies.
     pub bodies: usize,
-    /// Tetrahedra of all soft bodies.
+    /// Number of tetrahedra of all soft bodies.
     pub tetrahedra: usize,
-    /// Skin vertices of all bodies but the tool.
+    /// Number of skin vertices of all bodies except the tool.
     pub vertices: usize,
-    /// GPU memory, bytes.
+    /// GPU memory of the simulation, bytes.
     pub bytes_device: u64,
-    /// Times and contacts.
+    /// Times, contacts and iterations of the measured steps.
     #[serde(flatten)]
     pub times: Times,
 }
 
-/// Measures a row for each value. All scenes are first brought into contact; then they do a few steps each, in turn.
+/// Measures a row for each value of the quantity `by`. All scenes are first brought into contact; then the scenes do a
+/// few steps each, in turn.
 pub fn measure(by: By, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Grown>> {
     let mut all = Vec::new();
     for &value in settings.values(by) {
@@ -111,7 +113,8 @@ pub fn measure(by: By, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Resu
     Ok(all.into_iter().map(|(_, row)| row).collect())
 }
 
-/// A sphere that is pressed into the head's cheek.
+/// A scene in which a sphere of this radius (m) is pressed into the cheek of a head with about `vertices` skin
+/// vertices; `cell` is the cell size of the head's layer, m.
 fn head(radius: f64, vertices: usize, cell: f64) -> Result<Scene> {
     let end = CHEEK + DVec3::Z * (radius - DEEP);
     let start = end + DVec3::Z * (2.0 * DEEP);
@@ -145,7 +148,7 @@ fn head(radius: f64, vertices: usize, cell: f64) -> Result<Scene> {
     Scene::parse(Path::new("head"), &text)
 }
 
-/// Blocks that lie side by side on the ground without touching each other.
+/// A scene of `count` blocks that lie side by side on the ground without touching each other.
 fn blocks(count: usize) -> Result<Scene> {
     let (edge, cells) = BLOCK;
     let columns = (count as f64).sqrt().ceil() as usize;

@@ -1,5 +1,6 @@
-//! `palpate bench paper`: the scenes of the paper (Galoppo and others 2007), with its times and palpate's, and how the
-//! time of a step grows with the contact area, with the sizes of the meshes and with the number of bodies.
+//! `palpate bench paper`: the times that palpate takes for the scenes of the paper (Galoppo and others 2007), compared
+//! with the times that the paper reports, and how the time of a step grows with the contact area, with the sizes of the
+//! meshes and with the number of bodies.
 
 mod document;
 mod growth;
@@ -23,21 +24,21 @@ use super::{Benchmark, Section};
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Folder of the scene files.
+    /// Folder of the files of the paper's scenes.
     pub scenes: PathBuf,
-    /// Number of steps of each scene after its first contact, at most.
+    /// Greatest number of steps that each of the paper's scenes does after its first contact.
     pub steps: usize,
-    /// Longest wall time that a scene is run for, s.
+    /// Longest wall time for which each of the paper's scenes is run, s.
     pub scene_seconds: f64,
-    /// Radii of the sphere that is pressed into the head, m.
+    /// Radii of the sphere that is pressed into a head, where the contact area is varied, m.
     pub radii: Vec<f64>,
-    /// Numbers of skin vertices of the head.
+    /// Numbers of vertices of the head's skin (its surface mesh), where the skin is varied.
     pub vertices: Vec<f64>,
-    /// Cell sizes of the head's layer (its tetrahedral mesh), m.
+    /// Cell sizes of the head's layer (its tetrahedral mesh), where the layer is varied, m.
     pub cells: Vec<f64>,
-    /// Numbers of blocks.
+    /// Numbers of soft blocks on the ground, where the number of bodies is varied.
     pub bodies: Vec<f64>,
-    /// Number of turns of each row that shows growth; in a turn four steps count.
+    /// Number of turns that each scene has where growth is measured; in each turn four steps of the scene are measured.
     pub growth_steps: usize,
     /// GPU device, by name or index; `None`: the best one.
     pub device: Option<String>,
@@ -59,7 +60,7 @@ impl Settings {
         }
     }
 
-    /// A short form with few samples for each question, for a first look; not for figures to quote.
+    /// A short form with few samples, for a first look; not for figures to quote.
     pub fn quick() -> Settings {
         Settings {
             steps: 16,
@@ -87,7 +88,7 @@ impl Settings {
 pub struct Results {
     /// Results of the paper's scenes.
     pub scenes: Vec<Ran>,
-    /// Rows that show growth: with the contact area, the skin, the layer and the number of bodies.
+    /// For each quantity that is varied (contact area, skin, layer, number of bodies), the results of its scenes.
     pub growth: Vec<(By, Vec<Grown>)>,
 }
 
@@ -101,7 +102,8 @@ impl Results {
     }
 }
 
-/// The benchmark `paper`. Its parts are the scenes of the paper, and the quantities with which times grow.
+/// The benchmark `paper`. It has a part for each scene of the paper, and one for each quantity that is varied to
+/// measure how times grow.
 pub struct Paper(pub Settings);
 
 impl Benchmark for Paper {

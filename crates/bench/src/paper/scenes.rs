@@ -13,13 +13,13 @@ use super::watched::{Times, Watched};
 /// of 3.4 GHz), and the time that palpate aims at on two CPU cores.
 #[derive(Debug, Clone, Copy)]
 pub struct Told {
-    /// Name of the scene's file.
+    /// Name of the scene's file, without its extension.
     pub name: &'static str,
     /// The bodies that touch, in words.
     pub what: &'static str,
-    /// Time of the query that the paper reports, an upper bound or an approximate figure, ms.
+    /// Time that the paper reports for the query, ms: an upper bound or an approximate figure.
     pub paper_ms: f64,
-    /// Time of the query that palpate aims at, ms.
+    /// Time that palpate aims at for the query, ms.
     pub goal_ms: f64,
 }
 
@@ -41,23 +41,24 @@ pub const SCENES: [Told; 5] = [
 pub struct Ran {
     /// Name of the scene.
     pub name: String,
-    /// Tetrahedra of all soft bodies.
+    /// Number of tetrahedra of all soft bodies.
     pub tetrahedra: usize,
-    /// Skin vertices of all bodies but the tool.
+    /// Number of vertices of the skins (surface meshes) of all bodies except the tool, the rigid body that the haptic
+    /// device leads.
     pub vertices: usize,
     /// Number of steps after the step of the first contact.
     pub steps: usize,
-    /// Number of steps up to the first contact, which are not timed.
+    /// Number of steps up to and including the step of the first contact; these steps are not timed.
     pub before: usize,
     /// Times and contacts of the steps with contact.
     #[serde(flatten)]
     pub times: Times,
-    /// Names of the flags that any step raised.
+    /// Names of the flags (warnings of a step) that any step raised.
     pub flags: Vec<String>,
 }
 
-/// Runs a scene. Steps up to the first contact have no timestamps, which take time; after it every second step has
-/// them.
+/// Runs a scene. Steps up to the first contact have no GPU timestamps, since timestamps take time; of the later steps
+/// every second one has timestamps.
 pub fn run(name: &str, settings: &Settings) -> Result<Ran> {
     let file = settings.scenes.join(format!("{name}.toml"));
     if !file.exists() {

@@ -1,4 +1,4 @@
-//! A simulation whose steps with contact are timed alternately: one step by the wall time of the whole, the next by GPU
+//! A simulation whose steps with contact are timed alternately: one by the wall time of the whole step, the next by GPU
 //! timestamps of its stages.
 
 use std::collections::BTreeMap;
@@ -15,22 +15,23 @@ use crate::median;
 /// stages that find contacts) as a whole.
 const TIMED_EVERY: u64 = 2;
 
-/// Times and contacts of the steps with contact; each list has an entry for each step that measured its quantity.
+/// Times and contacts of the steps with contact. Each list holds one quantity, with an entry for each step in which
+/// this quantity was measured.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Times {
     /// Number of steps with contact.
     pub touching: usize,
     /// Time of each stage by its name, us.
     pub stages_us: BTreeMap<String, Vec<f64>>,
-    /// Time of the query (stages pose to contact) as a whole, us.
+    /// Time of the query (the stages from `pose` to `contact`) as a whole, us.
     pub query_us: Vec<f64>,
-    /// Wall time of the steps without timestamps, from the pose going in to the wrench coming out, us.
+    /// Wall time of the steps without timestamps, from the input of poses to the output of the contact wrench, us.
     pub step_us: Vec<f64>,
-    /// Number of contacts, found at the vertices of both skins (surface meshes).
+    /// Number of contacts of a step, found at the vertices of both touching bodies' skins (surface meshes).
     pub contacts: Vec<u32>,
-    /// Area of the contacts, projected on the contact normals, m^2.
+    /// Total area of the contacts of a step, projected along the contact normals, m^2.
     pub areas: Vec<f64>,
-    /// Solver iterations of all solves of the step.
+    /// Number of solver iterations of a step, summed over its linear solves.
     pub iterations: Vec<u32>,
 }
 
@@ -45,7 +46,7 @@ impl Times {
         1e-3 * median(&self.step_us)
     }
 
-    /// Median time of a stage, ms; `None`: the scene has no such stage.
+    /// Median time of a stage, ms; `None`: no such stage was timed.
     pub fn stage_ms(&self, stage: &str) -> Option<f64> {
         self.stages_us.get(stage).map(|us| 1e-3 * median(us))
     }
@@ -55,7 +56,7 @@ impl Times {
         of(&self.contacts)
     }
 
-    /// Median area of the contacts, m^2.
+    /// Median of the total contact area of a step, m^2.
     pub fn area(&self) -> f64 {
         median(&self.areas)
     }
@@ -83,7 +84,8 @@ impl Watched {
         Ok(Watched(simulation))
     }
 
-    /// Number of tetrahedra and of skin vertices of all bodies; those of a tool are not counted.
+    /// Number of tetrahedra and number of skin vertices of all bodies together. The tool (rigid body that the haptic
+    /// device leads) is not counted.
     pub fn sizes(&self) -> (usize, usize) {
         let sizes = self.0.bodies().iter().map(|body| match &body.shape {
             Shape::Soft { layer, skin, .. } => (layer.tetrahedra.len(), skin.vertices.len()),
@@ -93,7 +95,7 @@ impl Watched {
         sizes.fold((0, 0), |sum, size| (sum.0 + size.0, sum.1 + size.1))
     }
 
-    /// GPU memory that the buffers take, bytes.
+    /// GPU memory that the simulation's buffers and images occupy, bytes.
     pub fn bytes(&self) -> u64 {
         self.0.context().bytes_allocated()
     }

@@ -1,5 +1,6 @@
-//! The report of the proximity benchmark ([`Results`]), which times the query for contacts (broad phase, narrow phase,
-//! contacts) by itself. All numbers of its findings are computed from the measurements.
+//! The report of the proximity benchmark, made from its [`Results`]. The benchmark times the query (the stages of a
+//! step that find contacts: broad phase, narrow phase, contacts) by itself. All numbers of the report's findings (the
+//! sentences that answer a section's question) are computed from the measurements. A skin is a body's surface mesh.
 
 use palpate::Result;
 use palpate::internal::stages::QUERY;
@@ -11,11 +12,12 @@ use crate::{Section, Table};
 
 /// Greatest allowed ratio of the query's time for the largest skin to its time for the smallest.
 const ALLOWED_RATIO: f64 = 1.5;
-/// Quoted times of closest-point queries (ms), on one CPU core of another machine: for the 713 vertices in the
-/// intersection of the bounding boxes, and for all 30,000.
+/// Quoted times of closest-point queries for the vertices of a body of 30,000 vertices, ms, on one CPU core of another
+/// machine. The first time is for the 713 vertices that lie in the intersection of both bodies' bounding boxes, the
+/// second for all vertices.
 const QUOTED_MS: [f64; 2] = [2.3, 11.0];
 
-/// How the benchmark was measured.
+/// Text that says how the benchmark was measured.
 pub fn preface(settings: &Value) -> String {
     format!(
         "Times are medians of {} runs (half as many for areas) by the device's own clock, stage by stage. A total is \
@@ -45,7 +47,7 @@ fn heads(first: &[&str]) -> Table {
     Table::new(first.chain(stages).chain(["total ms".to_string()]))
 }
 
-/// Table cells of the times: the median of each stage, and the total.
+/// Table cells with times in ms: the median time of each stage, and that of the whole query.
 fn times(place: &Place) -> impl Iterator<Item = String> {
     place.samples_us.medians_ms().into_iter().chain([place.samples_us.total_ms()]).map(ms)
 }
@@ -54,7 +56,7 @@ fn ms(time: f64) -> String {
     format!("{time:.3}")
 }
 
-/// Lines of a plot: the total time and that of each stage, over the given x values.
+/// Lines of a plot: the time of the whole query and the time of each stage, over the given x values.
 fn stage_lines<'a>(points: impl Iterator<Item = (f64, &'a Place)> + Clone) -> Vec<Line> {
     let total = points.clone().map(|(x, place)| (x, place.samples_us.total_ms())).collect();
     let stage = |(k, name): (usize, &str)| Line {
@@ -67,7 +69,7 @@ fn stage_lines<'a>(points: impl Iterator<Item = (f64, &'a Place)> + Clone) -> Ve
     all
 }
 
-/// The flags that any query raised, as a sentence; empty if none was raised.
+/// A sentence that names the flags (warnings) that any query raised; empty if no flag was raised.
 fn flagged<'a>(flags: impl Iterator<Item = &'a String>) -> String {
     let mut names: Vec<&str> = flags.map(String::as_str).collect();
     names.sort_unstable();
@@ -140,7 +142,7 @@ fn area(rows: &[Area]) -> Result<Section> {
     })
 }
 
-/// The cost of more contact area, from the first row with contacts to the last.
+/// Says in words what more contact area costs, from the first row with contacts to the last row.
 fn area_finding(rows: &[Area]) -> String {
     let touching: Vec<&Place> = rows.iter().map(|row| &row.place).filter(|place| place.contacts > 0).collect();
     let [first, second, .., before, last] = touching[..] else { return "too few rows with contacts.".into() };

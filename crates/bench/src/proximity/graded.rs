@@ -13,7 +13,7 @@ const GROWTH: f64 = 1.1;
 const GROOVE: f64 = 0.4;
 /// Number of lobes between the grooves.
 const LOBES: f64 = 5.0;
-/// Polar angle from the cap's rim over which the grooves reach their depth, rad.
+/// Range of polar angles, from the cap's rim on, over which the depth of the grooves rises smoothly from zero, rad.
 const ONSET: f64 = 0.7;
 
 /// The properties that all bodies of a family share.
@@ -25,7 +25,7 @@ pub struct Family {
     pub cap: f64,
     /// Edge length of the triangles within the cap, m.
     pub spacing: f64,
-    /// Whether grooves run down the body beyond the cap, as on a pumpkin; without them it is a sphere.
+    /// Whether grooves run down the body beyond the cap, as on a pumpkin; a body without grooves is a sphere.
     pub is_lobed: bool,
 }
 
@@ -45,8 +45,9 @@ struct Ring {
 }
 
 impl Family {
-    /// The body whose number of vertices is nearest to `count`. It differs from `count` by a few per cent, unless the
-    /// cap and the transition from it already have more vertices.
+    /// The body whose number of vertices is nearest to `count`. The two numbers differ by a few per cent, unless the
+    /// cap and the rings next to it, whose spacing is still close to the cap's, already have more vertices than
+    /// `count`.
     pub fn member(&self, count: usize) -> Graded {
         let (mut fine, mut coarse) = (0.05 * self.spacing / self.radius, 0.5_f64);
         for _ in 0..50 {
@@ -62,7 +63,7 @@ impl Family {
         self.surface(if is_nearer { &more } else { &fewer })
     }
 
-    /// Number of vertices and number of triangles of the cap.
+    /// Number of vertices and number of triangles in the cap.
     pub fn cap_counts(&self) -> (usize, usize) {
         let rings = self.cap_rings();
         (1 + 3 * rings * (rings + 1), 6 * rings * rings)
@@ -128,8 +129,8 @@ fn total(rings: &[Ring]) -> usize {
     2 + rings.iter().map(|ring| ring.points).sum::<usize>()
 }
 
-/// Joins two rings, each given by its first vertex and its number of vertices, by triangles; each new triangle advances
-/// on the ring whose next vertex is nearer.
+/// Joins two rings by triangles. Each ring is given by its first vertex and its number of vertices; each new triangle
+/// advances on the ring whose next vertex has the smaller angle about the z axis.
 fn zip(triangles: &mut Vec<[usize; 3]>, (inner, m): (usize, usize), (outer, n): (usize, usize)) {
     let (mut i, mut j) = (0, 0);
     while i < m || j < n {
@@ -161,7 +162,7 @@ mod tests {
                 "the body has {} vertices, {count} were requested",
                 vertices.len()
             );
-            // By Euler's formula, the surface is closed, in one piece and without handles.
+            // By Euler's formula, a closed surface in one piece and without handles has this number of triangles.
             assert_eq!(triangles.len(), 2 * vertices.len() - 4);
             assert_eq!(skin::defects(&triangles), (0, 0));
             assert_eq!(skin::parts(vertices.len(), &triangles).1, 1);

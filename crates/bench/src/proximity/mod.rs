@@ -1,5 +1,6 @@
-//! `palpate bench proximity`: the cost of the proximity query (broad phase, narrow phase, contacts) by itself, and how
-//! that cost depends on the meshes and on the contact area.
+//! `palpate bench proximity`: the cost of the proximity query (the stages of a step that find contacts: broad phase,
+//! narrow phase, contacts) by itself, and how this cost depends on the meshes and on the contact area. A contact patch
+//! is an area with one normal where two bodies may touch.
 
 mod document;
 pub mod graded;
@@ -21,9 +22,10 @@ use super::{Benchmark, Section};
 /// How much is measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Settings {
-    /// Timed runs of each query; half as many where the contact area is varied.
+    /// Number of runs of each query that are timed stage by stage; as many runs are timed as a whole. Where the contact
+    /// area is varied, both numbers are halved.
     pub runs: usize,
-    /// Untimed runs of each query before the timed ones.
+    /// Number of runs of each query that are not counted, before the counted ones.
     pub warm_up: usize,
     /// Approximate numbers of vertices of the skins (surface meshes) that have the same contact patch, for the part
     /// `sensitivity`.
@@ -34,7 +36,7 @@ pub struct Settings {
     pub area_vertices: usize,
     /// Numbers of vertices of the pumpkin and the head in the part `peers`.
     pub peer_vertices: [usize; 2],
-    /// Approximate number of the pumpkin's vertices that are within the head.
+    /// Approximate number of the pumpkin's vertices that are within the head in the part `peers`.
     pub peer_colliding: usize,
     /// Whether this is the short form of the benchmark (`--quick`).
     pub is_quick: bool,
@@ -58,7 +60,7 @@ impl Settings {
         }
     }
 
-    /// A short form with few samples for each question, for a first look; not for figures to quote.
+    /// A short form with few samples, for a first look; not for figures to quote.
     pub fn quick() -> Settings {
         Settings {
             runs: 20,
@@ -74,11 +76,11 @@ impl Settings {
 /// Results of the benchmark; the results of parts that were not measured are empty.
 #[derive(Debug, Clone, Default)]
 pub struct Results {
-    /// Queries of one contact patch on skins of several sizes.
+    /// Results of queries of the same contact patch on skins of several sizes.
     pub sensitivity: Vec<Sensitivity>,
-    /// Queries of two skins that are pressed together ever deeper.
+    /// Results of queries of two skins that are pressed together ever deeper.
     pub area: Vec<Area>,
-    /// One pose solved by the query and by other software; `None`: not measured.
+    /// Comparison of palpate's query with other software in one pose of two bodies; `None`: not measured.
     pub peers: Option<Peers>,
 }
 
@@ -94,7 +96,7 @@ impl Results {
 /// Names of the benchmark's parts.
 const PARTS: [&str; 3] = ["sensitivity", "area", "peers"];
 
-/// The benchmark `proximity`; each question is a part of it.
+/// The benchmark `proximity`; each of its parts measures one field of [`Results`].
 pub struct Proximity(pub Settings);
 
 impl Benchmark for Proximity {
@@ -149,7 +151,7 @@ fn rigid(name: &str, vertices: Vec<glam::DVec3>, triangles: Vec<[u32; 3]>) -> Re
     })
 }
 
-/// Numbers of vertices, triangles and collision proxies of a rigid body.
+/// Numbers of vertices, triangles and collision proxies of a rigid body; zeros for any other body.
 fn counts(body: &Body) -> (usize, usize, usize) {
     match &body.shape {
         Shape::Rigid { skin, proxies, .. } => (skin.vertices.len(), skin.triangles.len(), proxies.len()),

@@ -1,5 +1,6 @@
-//! The parts `sensitivity` and `area` of `palpate bench proximity`: the same contact patch on ever larger skins
-//! (surface meshes), and ever larger contact patches on one skin.
+//! The parts `sensitivity` and `area` of `palpate bench proximity`: they time the query (the stages of a step that find
+//! contacts) for the same contact patch on ever larger skins (surface meshes), and for ever larger contact patches on
+//! one skin. A contact patch is an area with one normal where two bodies may touch.
 
 use std::sync::Arc;
 
@@ -13,44 +14,48 @@ use super::graded::{Family, Graded};
 use super::{Settings, counts, rigid};
 use crate::Samples;
 
-/// Bodies of the part `sensitivity`, identical within the contact patch.
+/// Bodies of the part `sensitivity`, which differ in their number of vertices but are identical within the contact
+/// patch.
 const BODY: Family = Family { radius: 0.1, cap: 0.015, spacing: 0.0005, is_lobed: true };
-/// The ball that is pressed into the bodies of the part `sensitivity`; its triangles have the same size at the contact.
+/// The ball that is pressed into the bodies of the part `sensitivity`; at the contact its triangles have the same size
+/// as those of the bodies.
 const BALL: Family = Family { radius: 0.02, cap: 0.01, spacing: 0.0005, is_lobed: false };
+/// Approximate number of vertices of the ball.
 const BALL_VERTICES: usize = 6_000;
-/// Depth of the press, m.
+/// Depth to which the ball is pressed into the bodies, m.
 const BALL_DEPTH: f64 = 0.001;
-/// Offset of the upper body from the lower one's pole, m; with the offset and [`TURN`], no two vertices coincide in the
-/// contact plane.
+/// Horizontal offset of the upper body from the lower body's pole, m. With this offset and the rotation by [`TURN`], no
+/// two vertices coincide in the contact plane.
 const BESIDE: DVec3 = DVec3::new(0.0007, 0.0004, 0.0);
-/// Rotation of the upper body about its axis, rad.
+/// Rotation of the upper body about its polar axis, rad.
 const TURN: f64 = 0.3;
 /// Both bodies of the part `area`, which are equal.
 const BROAD: Family = Family { radius: 0.1, cap: 0.06, spacing: 0.0008, is_lobed: true };
-/// Distance between skins that do not touch, m; so short that the query still has to test some vertices.
+/// Distance between the two skins in the pose without contact, m; it is so short that the query still has to test some
+/// vertices.
 const GAP: f64 = 0.0005;
 /// In the part `area` the number of runs of each pose is divided by this, since there are many poses and some take
 /// long.
 const AREA_RUNS: usize = 2;
 
-/// The findings of a query in one pose, and the time it took.
+/// What the query found in one pose of two bodies, and the times that it took.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Place {
-    /// Number of contacts: colliding vertices of both skins.
+    /// Number of contacts: vertices of both skins that lie within the other body.
     pub contacts: usize,
     /// Number of chunks of both skins (groups of at most 64 vertices that are culled together) that culling kept.
     pub chunks: u32,
-    /// Area of the contacts, projected on their normal, m^2.
+    /// Total area of the contacts, projected along the contact normals, m^2.
     pub area: f64,
-    /// Greatest depth, m.
+    /// Greatest depth of a contact, m.
     pub max_depth: f64,
-    /// Names of the flags that the query raised.
+    /// Names of the flags (warnings) that the query raised.
     pub flags: Vec<String>,
     /// Times of the stages, and of the query as a whole, us.
     pub samples_us: Samples,
 }
 
-/// Results of the contact patch on a skin of one size.
+/// Results for the contact patch on a skin of one size.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Sensitivity {
     /// Number of vertices of the skin.
@@ -79,15 +84,15 @@ pub struct Area {
     pub place: Place,
 }
 
-/// One pose of a query: the index of the query, and the pose of its second body.
+/// One pose in which a query is run: the index of the query, and the pose of the second of its two bodies.
 pub struct Case {
     query: usize,
     pose: (DVec3, DQuat),
 }
 
 /// Runs all cases in turn, so that a change of the machine's speed affects all of them, and returns a [`Place`] for
-/// each. Timed runs follow untimed ones, after which caches hold what the query needs, as they do from step to step.
-/// Runs are timed alternately stage by stage and as a whole.
+/// each case. The times of the first runs are not counted; after these runs, caches hold what the query needs, as in
+/// the steps of a simulation. Runs are timed alternately stage by stage and as a whole.
 pub fn measure(queries: &mut [Query], cases: &[Case], settings: &Settings) -> Result<Vec<Place>> {
     let mut places = vec![Place::default(); cases.len()];
     for run in 0..settings.warm_up + 2 * settings.runs {
@@ -109,7 +114,7 @@ pub fn measure(queries: &mut [Query], cases: &[Case], settings: &Settings) -> Re
     Ok(places)
 }
 
-/// Measures one pose of one query.
+/// Measures one query in one pose of its second body.
 pub fn measure_one(query: &mut Query, pose: (DVec3, DQuat), settings: &Settings) -> Result<Place> {
     let places = measure(std::slice::from_mut(query), &[Case { query: 0, pose }], settings)?;
     Ok(places.into_iter().next().unwrap_or_default())
@@ -160,8 +165,8 @@ pub fn area(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(&
     Ok(circles.into_iter().zip(places).map(|(circle, place)| Area { vertices, circle, place }).collect())
 }
 
-/// A pose in which the second body's pole points at the first body's, with the second body's centre `height` (m) above
-/// the first's.
+/// A pose of the second body in which its pole points at the first body's pole and its centre lies `height` (m) above
+/// the first body's centre.
 fn against(height: f64) -> (DVec3, DQuat) {
     let turned = DQuat::from_rotation_x(std::f64::consts::PI) * DQuat::from_rotation_z(TURN);
     (BESIDE + DVec3::Z * height, turned)

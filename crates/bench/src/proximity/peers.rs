@@ -1,7 +1,8 @@
-//! Part `peers` of `palpate bench proximity`: one pose solved by palpate's query and by closest points. Closest points
-//! are, for each vertex of one body, the nearest point of the other body's surface, and whether the vertex is inside,
-//! by a bounding volume hierarchy (parry3d, f64) on one CPU core. Both bodies are rigid; a body that deforms would need
-//! its hierarchy refitted, and the time of a refit is measured too.
+//! Part `peers` of `palpate bench proximity`: compares palpate's query, which finds the contacts between a pumpkin and
+//! a head in one pose, with a method of closest points. This method finds, for each vertex of the pumpkin, the nearest
+//! point of the head's surface and whether the vertex is inside, by a bounding volume hierarchy (parry3d, f64) on one
+//! CPU core. Both bodies are rigid; a head that deforms would need its hierarchy refitted in each step, and the time of
+//! a refit is measured too.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -20,15 +21,16 @@ use super::patches::{Place, measure_one};
 use super::{Settings, rigid};
 use crate::median;
 
-/// Scale of the pumpkin, at which its vertices are spaced about as those of the head.
+/// Factor by which the pumpkin is scaled, so that its vertices are about as far apart as those of the head.
 const SCALE: f64 = 0.5;
-/// Position of the pumpkin's centre, m, before it is moved along -z by the distance that is searched for.
+/// Position of the pumpkin's centre, m, before the pumpkin is moved along -z. The distance of this move is found by a
+/// search for the pose with the wanted number of vertices inside the head.
 const BEHIND: DVec3 = DVec3::new(0.0, 0.03, 0.0);
-/// Range in which the search for the pose looks for the distance of the pumpkin's centre behind the head's, m.
+/// Least and greatest distance that the search for the pose considers, m.
 const DISTANCES: [f64; 2] = [0.11, 0.5];
 /// Bisection steps of the search for the pose.
 const HALVINGS: usize = 24;
-/// Refits take longer than queries and their times vary less: one refit is measured for this many runs.
+/// One refit is measured for this many runs of closest points, since refits take longer and their times vary less.
 const REFIT_EVERY: usize = 10;
 
 /// Sizes and times of both methods.
@@ -36,19 +38,20 @@ const REFIT_EVERY: usize = 10;
 pub struct Peers {
     /// Numbers of vertices of the pumpkin and of the head.
     pub vertices: [usize; 2],
-    /// Number of the pumpkin's vertices inside the head, by closest points.
+    /// Number of the pumpkin's vertices that lie inside the head, as found by closest points.
     pub inside: usize,
     /// Number of the pumpkin's vertices in the intersection of the two bodies' bounding boxes.
     pub boxed: usize,
-    /// Numbers of colliding vertices of the pumpkin and of the head, by palpate's query.
+    /// Numbers of the vertices of the pumpkin and of the head that lie within the other body, as found by palpate's
+    /// query.
     pub colliding: [usize; 2],
     /// Results of palpate's query.
     #[serde(flatten)]
     pub place: Place,
-    /// Greatest distance up to which closest points are searched, m: the query's `depth_limit`.
+    /// Greatest distance up to which closest points are searched, m: the depth beyond which palpate's query warns.
     pub reach: f64,
-    /// Time of the closest points for the vertices in the intersection of the boxes, which are selected anew in each
-    /// run, us; one entry for each run.
+    /// Time of the closest points for the pumpkin's vertices in the intersection of the bounding boxes, us; one entry
+    /// for each run. These vertices are selected anew in each run.
     pub boxed_us: Vec<f64>,
     /// Time of the closest points for all vertices of the pumpkin, us; one entry for each run.
     pub all_us: Vec<f64>,
@@ -57,7 +60,7 @@ pub struct Peers {
 }
 
 impl Peers {
-    /// Median time of the closest points for the vertices in the box, ms.
+    /// Median time of the closest points for the vertices in the intersection of the bounding boxes, ms.
     pub fn boxed_ms(&self) -> f64 {
         1e-3 * median(&self.boxed_us)
     }
@@ -73,7 +76,8 @@ impl Peers {
     }
 }
 
-/// Finds a pose with about the wanted number of colliding vertices, and measures both methods on it.
+/// Finds a pose in which about the wanted number of the pumpkin's vertices lie inside the head, and measures both
+/// methods in this pose.
 pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Peers> {
     let [pumpkin_count, head_count] = settings.peer_vertices;
     watch(&format!("peers: a pumpkin of {pumpkin_count} vertices and a head of {head_count}"));
@@ -89,8 +93,8 @@ pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(
         let at = BEHIND - DVec3::Z * distance;
         points.iter().map(|x| *x + at).map(|x| Vector::new(x.x, x.y, x.z)).collect()
     };
-    // All of the pumpkin's vertices lie in its own bounding box, so that those in the head's box are those in the
-    // intersection of the two.
+    // All of the pumpkin's vertices lie in the pumpkin's bounding box. Its vertices in the head's bounding box are
+    // therefore those in the intersection of both boxes.
     let in_box = |x: &&Vector| (0..3).all(|k| (head_box[0][k]..=head_box[1][k]).contains(&x[k]));
     let inside = |points: &[Vector]| closest(&tree, points.iter().filter(in_box), f64::MAX).0;
     let [mut near, mut far] = DISTANCES;
@@ -131,14 +135,14 @@ pub fn peers(context: &Arc<Context>, settings: &Settings, watch: &mut dyn FnMut(
     Ok(peers)
 }
 
-/// A triangle mesh of parry3d that can distinguish inside from outside.
+/// A triangle mesh of parry3d, with its bounding volume hierarchy, that can distinguish inside from outside.
 fn tree(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Result<TriMesh> {
     let points = vertices.iter().map(|x| Vector::new(x.x, x.y, x.z)).collect();
     TriMesh::with_flags(points, triangles.to_vec(), TriMeshFlags::ORIENTED)
         .map_err(|problem| Error::Simulation(format!("parry3d refuses the head: {problem}")))
 }
 
-/// Number of points that are inside the mesh, and the sum of their depths (m); points farther than `reach` from the
+/// Number of points that are inside the mesh, and the sum of their depths (m). Points farther than `reach` (m) from the
 /// surface do not count.
 fn closest<'a>(tree: &TriMesh, points: impl Iterator<Item = &'a Vector>, reach: f64) -> (usize, f64) {
     let nearest =

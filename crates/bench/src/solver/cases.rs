@@ -1,4 +1,6 @@
-//! The scenes of the solver benchmark: soft bodies that hang from a fixed rigid core under gravity, without contact.
+//! The scenes of the solver benchmark: soft bodies that hang under gravity, without contact. Each hangs from a fixed
+//! rigid core: a rigid body inside the soft body, to which nodes of the layer (the soft body's tetrahedral mesh) are
+//! attached.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Body, Shape};
@@ -6,16 +8,17 @@ use palpate::scene::{self, Bind, Core, Layer, Material, MaterialLaw, Model, Moti
 use palpate::{Error, Result, Scene};
 use serde::{Deserialize, Serialize};
 
-/// Edge of the blocks, m.
+/// Edge of the cubic blocks, m.
 const EDGE: f64 = 0.1;
-/// Nodes within this distance of the face x = 0 are attached to the rigid core, m.
+/// Nodes of a block within this distance of its face x = 0 are attached to the rigid core, m.
 const ON_FACE: f64 = 1e-6;
 /// Number of vertices of the human's skin (surface mesh).
 const HUMAN_VERTICES: usize = 13_000;
-/// Edge of a lattice cell of the human's layer (its tetrahedral mesh), m; it gives some 10,000 tetrahedra.
+/// Edge of a lattice cell of the human's layer, m; this size gives about 10,000 tetrahedra.
 const HUMAN_CELL: f64 = 0.0459;
-/// Radius about the human's centroid within which nodes are attached to the rigid core, m.
+/// Distance from the mean position of the human's nodes up to which nodes are attached to the rigid core, m.
 const HUMAN_BOUND: f64 = 0.15;
+/// Poisson's ratio of the bodies.
 const POISSON: f64 = 0.45;
 /// Density of the bodies, kg/m^3.
 const DENSITY: f64 = 1000.0;
@@ -34,7 +37,7 @@ pub struct Case {
 }
 
 impl Case {
-    /// Name made of body, stiffness and time step, such as `block10k-20kPa-1ms`.
+    /// Name of the case, made of body, stiffness and time step, such as `block10k-20kPa-1ms`.
     pub fn name(&self) -> String {
         format!("{}-{}-{:.0}ms", self.mesh.name(), stiffness(self.young).replace(' ', ""), 1e3 * self.dt)
     }
@@ -55,18 +58,20 @@ pub fn stiffness(young: f64) -> String {
     if young < 1e6 { format!("{:.0} kPa", 1e-3 * young) } else { format!("{:.0} MPa", 1e-6 * young) }
 }
 
-/// A body that hangs from its fixed rigid core.
+/// The mesh of a body that hangs from its fixed rigid core.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mesh {
-    /// A cube with this number of Kuhn cells (six tetrahedra each) along an edge, attached at its face x = 0.
+    /// A cubic block with this number of cells along an edge, attached at its face x = 0. Each cell is a cube, which is
+    /// divided into six tetrahedra (Kuhn's subdivision).
     Block(u32),
-    /// A human, attached about its centroid.
+    /// A human, attached about the mean position of its nodes.
     Human,
 }
 
 impl Mesh {
-    /// Short name: for a block with the number of tetrahedra in thousands, as `block10k`; else `human`.
+    /// Short name: for a block it contains the number of tetrahedra in thousands, such as `block10k`; otherwise it is
+    /// `human`.
     pub fn name(self) -> String {
         match self {
             Mesh::Block(cells) => format!("block{}k", 6 * u64::from(cells).pow(3) / 1000),
@@ -129,17 +134,17 @@ impl Mesh {
     }
 }
 
-/// The first body of a scene, prepared.
+/// The first body of a scene, prepared for simulation. Errors: there is no body, or it cannot be prepared.
 pub fn prepared(scene: &Scene) -> Result<Body> {
     let body = scene.bodies.first().ok_or_else(|| Error::Simulation("the scene has no body".into()))?;
     prepare::body(body, scene)
 }
 
-/// The tetrahedral mesh of a soft body.
+/// The layer of a soft body. Errors: the body is not soft.
 pub fn layer(body: &Body) -> Result<&prepare::Layer> {
     match &body.shape {
         Shape::Soft { layer, .. } => Ok(layer),
-        _ => Err(Error::Simulation(format!("`{}` is not soft", body.name))),
+        _ => Err(Error::Simulation(format!("the body `{}` is not soft", body.name))),
     }
 }
 

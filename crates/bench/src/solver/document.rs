@@ -1,4 +1,6 @@
-//! The report of the solver benchmark ([`Results`]). All numbers of its findings are computed from the measurements.
+//! The report of the solver benchmark, made from its [`Results`]. All numbers of the report's findings (the sentences
+//! that answer a section's question) are computed from the measurements. A case is a body with a stiffness and a time
+//! step; a setting is a preconditioner with a tolerance.
 
 use palpate::Result;
 use serde_json::Value;
@@ -12,10 +14,10 @@ use crate::{Section, Table};
 
 /// Greatest allowed exponent with which the time of a solver iteration grows with the number of tetrahedra.
 const ALLOWED_EXPONENT: f64 = 1.05;
-/// Greatest allowed GPU memory for each tetrahedron, bytes.
+/// Greatest allowed GPU memory divided by the number of tetrahedra, bytes.
 const ALLOWED_BYTES: f64 = 400.0;
 
-/// How the benchmark was measured.
+/// Text that says how the benchmark was measured.
 pub fn preface(settings: &Value) -> String {
     format!(
         "Bodies hang from a fixed rigid core under gravity, without contact, starting at rest (Poisson's ratio 0.45, \
@@ -28,8 +30,8 @@ pub fn preface(settings: &Value) -> String {
     )
 }
 
-/// A section for each body, one for the comparison with other software and one for the growth with size, as far as they
-/// were measured.
+/// A section for each body, one for the comparison with other software and one for the growth with the size of the
+/// mesh, as far as each was measured.
 pub fn sections(results: &Results) -> Result<Vec<Section>> {
     let Results { cases, scaling } = results;
     let mut sections = Vec::new();
@@ -60,7 +62,7 @@ fn setting(run: &Run) -> String {
     format!("{} to {:.0e}", run.preconditioner, run.tolerance)
 }
 
-/// The section of all cases of one body: error against time.
+/// The section on all cases of one body, with the displacement error against the time of a step.
 fn accuracy(cases: &[Measured]) -> Result<Section> {
     let heads = ["case", "preconditioner", "tolerance", "ms", "from", "to", "iterations", "flagged steps", "error"];
     let mut table = Table::new(heads);
@@ -220,8 +222,8 @@ fn growth(sizes: &[Size]) -> Result<Section> {
     })
 }
 
-/// Lines of times over the number of tetrahedra. The flag with each is true if the line shows the time of an iteration,
-/// false if it shows that of a step.
+/// Lines of times over the number of tetrahedra. The bool with each line is true if the line shows the time of a solver
+/// iteration, false if it shows the time of a step.
 fn growth_lines(sizes: &[Size]) -> Vec<(Line, bool)> {
     let Some(first) = sizes.first() else { return Vec::new() };
     let points = |time: &dyn Fn(&Size) -> f64| sizes.iter().map(|size| (size.tetrahedra as f64, time(size))).collect();

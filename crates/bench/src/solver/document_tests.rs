@@ -1,4 +1,5 @@
-//! Tests of the findings and tables of the solver report, on made-up results.
+//! Tests of the findings (sentences that answer a section's question) and tables of the solver report, on made-up
+//! results.
 
 use super::*;
 use crate::solver::{Case, Iteration, Mesh, Steps};

@@ -1,5 +1,6 @@
-//! `palpate bench solver`: the time of a step for the error that its linear solver leaves, and how time and memory grow
-//! with the size of the mesh. A step without contact is measured.
+//! `palpate bench solver`: how the time of a step depends on the displacement error that its linear solver leaves, and
+//! how time and memory grow with the size of the mesh. Steps without contact are measured. A setting is a
+//! preconditioner with a tolerance.
 
 mod cases;
 mod document;
@@ -30,18 +31,18 @@ const PRECONDITIONERS: &[(&str, Preconditioner)] =
 pub struct Settings {
     /// Cases (body, stiffness and time step) whose time and error are measured.
     pub cases: Vec<Case>,
-    /// Solver tolerances (relative residuals at which to stop).
+    /// Tolerances of the solver (relative residuals at which it stops).
     pub tolerances: Vec<f64>,
     /// Cap on the solver iterations of a step.
     pub max_iterations: u32,
-    /// Most runs of each case with each preconditioner and tolerance.
+    /// Greatest number of runs of each case with each setting.
     pub repetitions: usize,
-    /// Time budget, s: a setting is not run again if all its runs would take longer, and blocks of the part `scaling`
-    /// do no further steps once this time has passed.
+    /// Time budget, s. A case is not run again with a setting if all runs with that setting would together take longer
+    /// than this; a block of the part `scaling` does no further steps once this time has passed.
     pub seconds_each: f64,
-    /// Cells along an edge of the blocks of several sizes (part `scaling`).
+    /// Numbers of cells along an edge of the blocks of several sizes that the part `scaling` measures.
     pub scaling: Vec<u32>,
-    /// Most steps of each block of the part `scaling`.
+    /// Greatest number of measured steps of each block of the part `scaling`.
     pub scaling_steps: usize,
     /// Whether this is the short form of the benchmark (`--quick`).
     pub is_quick: bool,
@@ -50,7 +51,8 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The whole benchmark: most of an hour, and a quarter of an hour more if no f64 references are cached yet.
+    /// The whole benchmark, which takes most of an hour, and a quarter of an hour more if the f64 reference solutions
+    /// are not yet in the cache.
     pub fn full() -> Settings {
         Settings {
             cases: cases(&[(Mesh::Block(12), 50), (Mesh::Block(26), 15), (Mesh::Human, 20)]),
@@ -88,7 +90,8 @@ const YOUNG: [f64; 2] = [2e4, 2e6];
 /// Time steps, s.
 const DT: [f64; 2] = [1e-3, 1e-2];
 
-/// Cases of each body with its number of steps: soft and stiff, each with the short and the long time step.
+/// The cases of each body, which is given with its number of steps: a soft and a stiff material, each with the short
+/// and the long time step.
 fn cases(meshes: &[(Mesh, usize)]) -> Vec<Case> {
     let of = |&(mesh, steps): &(Mesh, usize)| {
         YOUNG.into_iter().flat_map(move |young| DT.map(|dt| Case { mesh, young, dt, steps }))
@@ -96,7 +99,7 @@ fn cases(meshes: &[(Mesh, usize)]) -> Vec<Case> {
     meshes.iter().flat_map(of).collect()
 }
 
-/// Results of the benchmark; the results of parts that were not measured are missing.
+/// Results of the benchmark, without the results of parts that were not measured.
 #[derive(Debug, Clone, Default)]
 pub struct Results {
     /// Time and error of each case.
@@ -114,7 +117,7 @@ impl Results {
     }
 }
 
-/// The benchmark `solver`; each case is a part of it, and the blocks of several sizes are one part.
+/// The benchmark `solver`. Each case is a part of it; the blocks of several sizes together are one more part.
 pub struct Solver(pub Settings);
 
 impl Benchmark for Solver {

@@ -1,25 +1,27 @@
-//! Quoted times of other software for the cases of the solver benchmark, and the choice of palpate's settings that are
-//! compared with them.
+//! Quoted times of other software for cases of the solver benchmark (a case is a body with a stiffness and a time
+//! step), and the choice of the palpate setting (preconditioner with a tolerance) that is compared with them.
 
 use super::{Case, Measured, Mesh, Run};
 
-/// Largest allowed relative displacement error of a setting that is compared with other software.
+/// Largest allowed displacement error, relative to the largest displacement, of a setting that is compared with other
+/// software.
 pub const ALLOWED_ERROR: f64 = 1e-4;
 /// Time step of the cases that are compared with other software, s.
 const DT: f64 = 1e-3;
 
-/// Times that other software takes for a step of a case, measured on another machine with two CPU cores of the kind
-/// that palpate is developed on, and the goal for palpate's speed.
+/// Times that other software takes for a step of a case, and the goal for palpate's speed. The times were measured on
+/// another machine with two CPU cores, which are of the kind that palpate is developed on.
 pub struct Peer {
     /// The body.
     pub mesh: Mesh,
     /// Young's modulus, Pa.
     pub young: f64,
-    /// Time of Vega FEM 4.0, ms: f64, conjugate gradients with Jacobi's preconditioner to 1e-6.
+    /// Time of Vega FEM 4.0, ms, which ran in f64 and solved by conjugate gradients with Jacobi's preconditioner to a
+    /// tolerance of 1e-6.
     pub vega_ms: f64,
     /// Time of MuJoCo 4 in its fastest setting, ms; `None`: not known.
     pub mujoco_ms: Option<f64>,
-    /// How many times as fast as the fastest other software palpate should be.
+    /// Goal for the time of the fastest other software, divided by palpate's time.
     pub goal: f64,
 }
 
@@ -32,7 +34,7 @@ pub const PEERS: [Peer; 4] = [
 ];
 
 impl Peer {
-    /// The measurements of this case; `None`: the case was not measured.
+    /// The measurements of palpate for this case; `None`: the case was not measured.
     pub fn case<'a>(&self, cases: &'a [Measured]) -> Option<&'a Measured> {
         let is_its = |case: &Case| case.mesh == self.mesh && case.young == self.young && case.dt == DT;
         cases.iter().find(|measured| is_its(&measured.case))

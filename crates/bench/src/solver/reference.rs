@@ -1,6 +1,6 @@
-//! The reference of the solver benchmark: node displacements after the same steps in f64 with a direct solver
-//! ([`palpate_oracle::step`]). Factorising the larger bodies takes minutes, so that references are kept in the user's
-//! cache.
+//! The reference of the solver benchmark: node displacements after the benchmark's steps, computed in f64 with a direct
+//! solver ([`palpate_oracle::step`]). Factorising the matrices of the larger bodies takes minutes, so that references
+//! are kept in the user's cache.
 
 use std::time::Instant;
 
@@ -11,9 +11,9 @@ use palpate::{Error, Result, Scene};
 use palpate_oracle::step::{Simulation, SoftBody};
 use serde::{Deserialize, Serialize};
 
-/// Sources on which the reference depends besides its inputs; a change of any of them invalidates the cache. The
-/// library that solves the linear systems is left out, because a change of it affects no more than the thirteenth
-/// digit.
+/// Source files on which the reference depends besides its inputs; a change of any of these files invalidates the
+/// cache. The library that solves the linear systems is left out, because another version of it changes at most the
+/// thirteenth digit of the results.
 const SOURCES: &[&str] = &[
     include_str!("../../../oracle/src/body.rs"),
     include_str!("../../../oracle/src/elastic.rs"),
@@ -21,7 +21,7 @@ const SOURCES: &[&str] = &[
     include_str!("../../../oracle/src/step.rs"),
 ];
 
-/// Displacements of the nodes after the last step.
+/// Displacements of the nodes after the last step, and how long computing them took.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reference {
     /// Displacement of each node from rest, in the body's rest axes, m.
@@ -31,13 +31,14 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Largest distance of a node from its reference position, over the largest displacement; NaN if nothing moved.
+    /// Largest distance of a node from its position in the reference, divided by the reference's largest displacement.
+    /// NaN if no node moved or if a displacement is NaN.
     pub fn error(&self, displacement: &[DVec3]) -> f64 {
         let pairs = displacement.iter().zip(&self.displacement);
         pairs.map(|(x, y)| x.distance(DVec3::from_array(*y))).fold(0.0, greater) / self.largest()
     }
 
-    /// The largest displacement, m.
+    /// The largest displacement of a node, m.
     pub fn largest(&self) -> f64 {
         self.displacement.iter().map(|x| DVec3::from_array(*x).length()).fold(0.0, greater)
     }
@@ -48,8 +49,9 @@ fn greater(a: f64, b: f64) -> f64 {
     if a > b || a.is_nan() { a } else { b }
 }
 
-/// The reference of `steps` steps of a scene with one soft body on fixed rigid cores, from the cache or computed.
-/// `watch` is called before each computed step. Errors: a linear system cannot be factorised.
+/// The reference after `steps` steps of a scene with one soft body that is attached to fixed rigid cores (rigid bodies
+/// inside it). It is read from the cache or computed; `watch` is called before each computed step. Errors: a linear
+/// system cannot be factorised.
 pub fn reference(
     scene: &Scene,
     body: &Body,
@@ -58,7 +60,7 @@ pub fn reference(
     watch: &mut dyn FnMut(&str),
 ) -> Result<Reference> {
     let Shape::Soft { layer, materials, .. } = &body.shape else {
-        return Err(Error::Simulation(format!("`{}` is not soft", body.name)));
+        return Err(Error::Simulation(format!("the body `{}` is not soft", body.name)));
     };
     let twin = SoftBody::new(layer.clone(), materials, body.position, body.orientation, body.velocity);
     let key = key(scene, &twin, steps)?;
@@ -86,8 +88,8 @@ fn key(scene: &Scene, twin: &SoftBody, steps: usize) -> Result<Key> {
     maker.add(bytemuck::cast_slice(&nodes));
     maker.add(bytemuck::cast_slice(&twin.layer.tetrahedra));
     maker.add(&twin.layer.attached.iter().map(|bound| u8::from(*bound)).collect::<Vec<_>>());
-    // The debug format of a float is the shortest text that reads back as the same number, so that different inputs
-    // give different text.
+    // The debug format of a floating-point number is the shortest text that reads back as this number, so that
+    // different inputs give different texts.
     let rest = (
         &twin.elements.materials[..1],
         twin.position,
@@ -124,7 +126,7 @@ mod tests {
         }
         // The block falls, but less far than it would in free fall.
         let least = first.displacement.iter().map(|x| x[1]).fold(0.0, f64::min);
-        assert!(least < -1e-4 && least > -9.81 * 0.01 * 0.01 * 6.0, "lowest displacement {least} m");
+        assert!(least < -1e-4 && least > -9.81 * 0.01 * 0.01 * 6.0, "lowest displacement of a node: {least} m");
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! Part `scaling` of `palpate bench solver`: the time of a solver iteration, the time of a step and the memory, for
-//! blocks from small to large.
+//! Part `scaling` of `palpate bench solver`: the time of a solver iteration, the time of a step and the GPU memory, for
+//! soft blocks with meshes from small to large.
 
 use std::time::Instant;
 
@@ -12,19 +12,21 @@ use super::speed::{asking, open};
 use super::{PRECONDITIONERS, Settings, YOUNG};
 use crate::median;
 
-/// Caps on the iterations of two steps; the difference of their times gives the time of an iteration.
+/// Greatest numbers of solver iterations of two kinds of steps. The difference of the steps' times, divided by the
+/// difference of these numbers, is the time of an iteration.
 const ITERATIONS: [u32; 2] = [32, 8];
-/// A tolerance that no step reaches within the capped number of iterations.
+/// A tolerance that no step reaches within either of the numbers [`ITERATIONS`].
 const NEVER: f64 = 1e-30;
-/// Young's modulus of the block whose iterations are timed, Pa; so stiff that no step converges within the capped
-/// number of iterations.
+/// Young's modulus of the blocks whose iterations are timed, Pa; they are so stiff that no step converges within
+/// either of the numbers [`ITERATIONS`].
 const STIFF: f64 = 2e6;
 /// Time step, s.
 const DT: f64 = 0.001;
-/// Number of steps before the measured ones, unless these steps already take too long.
+/// Number of steps before the measured ones. If these steps alone exceed the time budget, the step that exceeds it is
+/// measured.
 const WARM_UP: usize = 2;
 
-/// Measurements of a block.
+/// Measurements of a block of one size.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Size {
     /// Number of tetrahedra.
@@ -42,13 +44,13 @@ pub struct Size {
 pub struct Iteration {
     /// Name of the preconditioner.
     pub preconditioner: String,
-    /// GPU memory with this preconditioner, bytes.
+    /// GPU memory of a simulation with this preconditioner, bytes.
     pub bytes_device: u64,
-    /// Times of steps with the greater cap on iterations, us.
+    /// Times of steps with the greater of the two numbers of iterations, us.
     pub long_us: Vec<f64>,
-    /// Times of steps with the smaller cap, us; steps with either cap alternate.
+    /// Times of steps with the smaller number of iterations, us; the two kinds of steps alternate.
     pub short_us: Vec<f64>,
-    /// Iterations that the two kinds of steps did: the greater and the smaller number.
+    /// Numbers of iterations that the two kinds of steps did, the greater number first.
     pub iterations: [u32; 2],
 }
 
@@ -66,8 +68,8 @@ pub struct Steps {
 }
 
 impl Iteration {
-    /// Time of an iteration, ms: the difference of the median times over the difference of the numbers of iterations;
-    /// NaN if both differences are zero.
+    /// Time of an iteration, ms: the difference of the median times of both kinds of steps, divided by the difference
+    /// of their numbers of iterations. NaN: both differences are zero.
     pub fn ms(&self) -> f64 {
         let [long, short] = [&self.long_us, &self.short_us].map(|times| 1e-3 * median(times));
         (long - short) / (f64::from(self.iterations[0]) - f64::from(self.iterations[1]))
@@ -110,7 +112,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<S
     }
     for step in 1..=settings.scaling_steps {
         watch(&format!("scaling: iterations, run {step} of {}", settings.scaling_steps));
-        // All blocks are timed in turn, so that a change of the machine's speed favours no size.
+        // All blocks are timed in turn, so that a change of the machine's speed favours no block.
         let all = sizes.iter_mut().flat_map(|size| &mut size.iterations);
         for (iteration, pair) in all.zip(&mut pairs) {
             iteration.add_steps(pair)?;
@@ -136,7 +138,8 @@ fn pair_of(scene: &Scene, settings: &Settings) -> Result<[Simulation; 2]> {
 }
 
 impl Iteration {
-    /// Times a step of each of the two simulations, each after a step that finds caches cold and is not counted.
+    /// Times a step of each of the two simulations. Each simulation first does a step that finds caches cold and is not
+    /// counted.
     fn add_steps(&mut self, pair: &mut [Simulation; 2]) -> Result<()> {
         let times = [&mut self.long_us, &mut self.short_us];
         for ((simulation, us), iterations) in pair.iter_mut().zip(times).zip(&mut self.iterations) {

@@ -1,5 +1,7 @@
-//! The parts of `palpate bench solver` that measure time and error: every case (body, stiffness and time step) with
-//! each preconditioner and tolerance.
+//! Measures time and error for `palpate bench solver`: runs each case (a body with its stiffness and time step, from
+//! rest, without contact) with each preconditioner of the linear solver and each solver tolerance. A setting is a
+//! preconditioner with a tolerance; a repetition does all steps of the case once with every setting. The error is
+//! measured against the reference, the solution of the case in f64 with a direct solver.
 
 use std::time::Instant;
 
@@ -15,8 +17,8 @@ use crate::median;
 use crate::samples::hands;
 use crate::suite::nan_of_null;
 
-/// Number of steps of one setting before the next one has its turn; so many that the median is not that of steps that
-/// find caches cold.
+/// Number of steps that one setting does before the next setting has its turn. The first steps of a turn find the
+/// caches cold; with this number of steps, the median is the time of a step that finds them warm.
 const TURN: usize = 5;
 
 /// Measurements of a case.
@@ -24,16 +26,16 @@ const TURN: usize = 5;
 pub struct Measured {
     /// Name of the case.
     pub name: String,
-    /// Body, stiffness and time step.
+    /// The case: body, stiffness, time step and number of steps.
     #[serde(flatten)]
     pub case: Case,
     /// Number of tetrahedra of the body.
     pub tetrahedra: usize,
-    /// Number of nodes of the body, including those attached to the rigid core.
+    /// Number of nodes of the body, including those attached to the rigid core (fixed rigid body inside it).
     pub nodes: usize,
-    /// Time that computing the reference took on the machine that computed it, s.
+    /// Time that the computation of the reference took, on the machine that did it, s.
     pub reference_seconds: f64,
-    /// Largest displacement after the last step in the reference, m.
+    /// Largest displacement of a node in the reference, after the last step, m.
     pub largest_displacement: f64,
     /// Measurements of each setting of the solver.
     pub runs: Vec<Run>,
@@ -44,32 +46,34 @@ pub struct Measured {
 pub struct Run {
     /// Name of the preconditioner.
     pub preconditioner: String,
-    /// Solver tolerance (relative residual at which to stop).
+    /// Solver tolerance (relative residual at which the solver stops).
     pub tolerance: f64,
-    /// Largest distance of a node from the reference after the last step, over the largest displacement: the worst of
-    /// all repetitions. NaN, which JSON writes as null, if the state is not finite.
+    /// Largest distance of a node from its position in the reference after the last step, divided by the reference's
+    /// largest displacement; the largest such value of all repetitions. NaN, which JSON writes as null, if the position
+    /// of a node is not finite.
     #[serde(deserialize_with = "nan_of_null")]
     pub error: f64,
-    /// Solver iterations of each step of the last repetition.
+    /// Number of solver iterations in each step of the last repetition.
     pub iterations: Vec<u32>,
-    /// Number of steps of the last repetition that raised a flag.
+    /// Number of steps of the last repetition that raised a flag (report of a problem in a step).
     pub flagged: usize,
     /// Names of the flags that the last repetition raised.
     pub flags: Vec<String>,
-    /// GPU memory, bytes.
+    /// GPU memory that the simulation allocated, bytes.
     pub bytes_device: u64,
     /// Wall time of each step, us; one list for each repetition.
     pub step_us: Vec<Vec<f64>>,
 }
 
 impl Run {
-    /// Time of a step, ms: the median over the repetitions of each repetition's median over its steps.
+    /// Time of a step, ms: the median, over the repetitions, of the median time of a step in each repetition.
     pub fn ms(&self) -> f64 {
         median(&self.medians_ms())
     }
 
-    /// Least and greatest time of a step, ms, among the medians of the repetitions or, with fewer than five, of
-    /// interleaved subsets of their steps (see [`hands`]).
+    /// Spread of the time of a step, ms: the least and the greatest of the repetitions' medians. With fewer than five
+    /// repetitions, the steps of all repetitions are dealt into five interleaved subsets, whose medians take the place
+    /// of the repetitions' medians (see [`hands`]).
     pub fn range_ms(&self) -> [f64; 2] {
         let hands = hands(&self.step_us);
         let (low, high) = hands.into_iter().fold((f64::INFINITY, 0.0f64), |(a, b), us| (a.min(us), b.max(us)));
@@ -81,8 +85,8 @@ impl Run {
         median(&self.iterations.iter().map(|&n| f64::from(n)).collect::<Vec<_>>())
     }
 
-    /// Whether one more repetition, if it takes as long as the earlier ones did, ends before all repetitions together
-    /// have taken this many seconds.
+    /// Whether there is time for one more repetition: whether all repetitions together take at most `seconds` seconds
+    /// if the new one takes as long as the earlier ones did on average.
     fn is_worth_another(&self, seconds: f64) -> bool {
         let spent = 1e-6 * self.step_us.iter().flatten().sum::<f64>();
         let done = self.step_us.len() as f64;
@@ -104,7 +108,7 @@ impl Run {
     }
 }
 
-/// Measures a case with every setting of the solver; `watch` is called before each part of the work.
+/// Measures a case with every setting; `watch` is called with a line of text before each piece of the work.
 pub fn measure(case: &Case, settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Measured> {
     let scene = case.scene()?;
     let body = cases::prepared(&scene)?;
@@ -134,7 +138,8 @@ pub fn measure(case: &Case, settings: &Settings, watch: &mut dyn FnMut(&str)) ->
     })
 }
 
-/// The scene with this preconditioner and tolerance, and with the settings' cap on iterations.
+/// A copy of the scene with this preconditioner and this tolerance, and with the cap on solver iterations that the
+/// benchmark's `settings` give.
 pub fn asking(scene: &Scene, preconditioner: Preconditioner, tolerance: f64, settings: &Settings) -> Scene {
     let mut scene = scene.clone();
     scene.solver.preconditioner = preconditioner;
@@ -143,7 +148,8 @@ pub fn asking(scene: &Scene, preconditioner: Preconditioner, tolerance: f64, set
     scene
 }
 
-/// Opens the engine on a scene; no step is timed stage by stage, since timestamps take time.
+/// Opens the engine on a scene, and switches off the GPU timestamps of the stages of a step, because taking them costs
+/// time.
 pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     let mut simulation =
         Simulation::open(scene, &Options { device: settings.device.clone(), ..Options::of_program() })?;
@@ -151,8 +157,8 @@ pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     Ok(simulation)
 }
 
-/// Runs all settings once more, a few steps of each in turn, so that a change of the machine's speed favours none of
-/// them.
+/// Does one more repetition, a few steps of each setting in turn, so that a change of the machine's speed affects all
+/// settings alike. A setting whose time is used up is left out.
 fn repeat(runs: &mut [(Scene, Run)], steps: usize, reference: &Reference, settings: &Settings) -> Result<()> {
     let mut under_way = Vec::new();
     for (scene, run) in runs.iter_mut() {

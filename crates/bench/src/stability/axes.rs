@@ -1,5 +1,8 @@
-//! The rows of the stability matrix (many stiff and extreme simulations, each judged by invariants): the axes
-//! (quantities that are varied) and their values. A cell of the matrix is one value of an axis.
+//! The axes and cells of the stability matrix, a set of many stiff and extreme simulations of a soft block. Each
+//! simulation is a case, which passes if it keeps all invariants (conditions that every simulation must keep) and the
+//! engine raises no flag (report of a problem in a step). An axis is a quantity that is varied, one row of the matrix;
+//! a cell is one of its values, with the cases that are run for this value. The tool is a sphere, the rigid body that
+//! the haptic device leads.
 
 use glam::DVec3;
 use palpate::Result;
@@ -11,12 +14,12 @@ use super::meshes;
 use super::setup::{Attachment, Setup};
 use crate::meshes::MeshFolder;
 
-/// A value of an axis.
+/// One value of an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cell {
     /// The value as text, with its unit.
     pub label: String,
-    /// Whether the value is in the axis's core range, in which all cases must pass.
+    /// Whether the value is in the core range of the axis, the range of values for which all cases must pass.
     pub is_core: bool,
     /// The simulations that are run for this value.
     pub cases: Vec<Case>,
@@ -63,9 +66,9 @@ pub const NAMES: [&str; 21] = [
 /// Which part of the matrix is run.
 #[derive(Debug, Clone, Copy)]
 pub struct Extent<'a> {
-    /// Whether this is the short form, with fewer values and steps.
+    /// Whether the short form of the matrix is run, with fewer values and steps.
     pub is_quick: bool,
-    /// Whether a million steps of resting contact are added.
+    /// Whether a case of a million steps is added in which the block rests on a floor.
     pub is_soak: bool,
     /// Temporary folder for the meshes that the scenes use.
     pub folder: &'a MeshFolder,
@@ -77,12 +80,12 @@ fn with(change: impl Fn(&mut Setup)) -> Setup {
     setup
 }
 
-/// Values of an axis: those of the whole matrix, and those of its short form.
+/// Values of an axis: first those of the whole matrix, then those of its short form.
 struct Values(&'static [f64], &'static [f64]);
 
 impl Values {
-    /// The axis with these values. `core` is the range of values that must pass, ends included; `None`: no value must
-    /// pass.
+    /// The axis with these values. For each value, `label` gives the text and `cases` the simulations. `core` is the
+    /// core range, ends included; `None`: the axis has no core range.
     fn axis(
         self,
         name: &'static str,
@@ -174,7 +177,7 @@ fn contact(name: &str, extent: Extent) -> Option<Axis> {
     let setup = || Setup::default().damped();
     let stiffness = |x: f64| vec![press(Setup { stiffness: Some(x), ..setup() }, sphere(0.1))];
     Some(match name {
-        // The block weighs 1 kg, so that the sphere's mass in kg is the ratio.
+        // The block weighs 1 kg, so that the ratio of the sphere's mass to the block's is the sphere's mass in kg.
         "mass-ratio" => {
             let all = &[1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5];
             let title = "Mass of tool to body";
@@ -300,8 +303,8 @@ fn motion(name: &str, extent: Extent) -> Option<Axis> {
 
 fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
     Ok(Some(match name {
-        // Young's modulus grows with the size, so that the strain under the block's own weight is the same at every
-        // size.
+        // Young's modulus grows in proportion to the block's size, so that the strain under the block's own weight is
+        // equal at all sizes.
         "size" => Values(&[1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0], &[1e-3, 100.0]).axis(
             "size",
             "Size of the body",

@@ -1,5 +1,8 @@
-//! The report of the stability matrix (many stiff and extreme simulations, each judged by invariants): the heat map,
-//! the ends of each axis's safe range, and every case that did not pass. An axis is a quantity that is varied.
+//! The report of the stability matrix, a set of many stiff and extreme simulations (the cases), each with a verdict
+//! from invariants (conditions that every simulation must keep). An axis is a quantity that is varied; a cell is one of
+//! its values, with its cases. A flag is the engine's report of a problem in a step. The report shows the verdicts of
+//! all cells as a coloured table (heat map), where the values at which all cases pass end on each axis, and every case
+//! that did not pass.
 
 use palpate::Flags;
 
@@ -64,15 +67,25 @@ fn invariants(results: &Results) -> Table {
         (Invariant::Finite, "all reported numbers are finite"),
         (
             Invariant::Energy,
-            "at most the initial energy plus the energy supplied, within 1e-3 of the sum of all energies' magnitudes",
+            "the energy is at most its initial value plus the energy supplied, within 1e-3 of the sum of all energies' \
+             magnitudes",
         ),
         (
             Invariant::Force,
-            "the wrench is the sum over contacts of area (k depth + d rate): within 1e-3, or f32's rounding",
+            "the wrench is the sum over contacts of area (stiffness * depth + damping * rate of depth): within 1e-3 of \
+             the sum of all pushes, or f32's rounding",
         ),
         (Invariant::Push, "no contact pulls by more than the bound of `force`"),
-        (Invariant::Residual, "b - A x in f64, with contacts and tool: within 1e-3 of b and weight, or f32's rounding"),
-        (Invariant::Balance, "reported force, weight and coupling move the tool: within 1e-2 of the largest impulse"),
+        (
+            Invariant::Residual,
+            "the residual b - A x of the step's linear system, with contacts and tool, in f64: within 1e-3 of b and \
+             weight, or f32's rounding",
+        ),
+        (
+            Invariant::Balance,
+            "the tool's momentum changes by the impulses of the reported force, weight and coupling: within 1e-2 of \
+             the largest impulse",
+        ),
         (
             Invariant::Rest,
             "over the last tenth of the steps, kinetic energy has decayed as the slowest mode of the mesh does, or to \
@@ -80,17 +93,19 @@ fn invariants(results: &Results) -> Table {
         ),
         (
             Invariant::Drift,
-            "the centre of a body that nothing pushes stays within 1e-5 of its edge; for a plucked one, 1e-5 of its \
-             stretch per step is added",
+            "the centre of a body that nothing pushes moves by at most 1e-5 of the length of its edge; for a plucked \
+             body, 1e-5 of its stretch is added for each step",
         ),
         (
             Invariant::Shape,
-            "over the last tenth of the steps, nodes are within a tenth of the edge of rest, if rest is due",
+            "over the last tenth of the steps, each node is within a tenth of the block's edge of its rest position, \
+             in cases that must come back to rest",
         ),
         (Invariant::Touch, "a contact presses in some step of a case in which the tool or the floor should touch"),
-        (Invariant::Parted, "over the last tenth of the steps, no contact presses after the tool left the block"),
+        (Invariant::Parted, "if the tool is to leave the block: over the last tenth of the steps, no contact presses"),
     ] {
-        // In a case without a tool these invariants have nothing to check, so that the case is not counted for them.
+        // In a case without a tool, the invariants of force, push and balance have nothing to check, so that the case
+        // is not counted for them.
         let may_be_idle = matches!(invariant, Invariant::Force | Invariant::Push | Invariant::Balance);
         let has_tool =
             |judged: &Judged| judged.findings.iter().any(|f| f.invariant == Invariant::Balance && f.worst != 0.0);
@@ -103,7 +118,7 @@ fn invariants(results: &Results) -> Table {
     table
 }
 
-/// At most so many consecutive values are listed one by one; more are written as a range.
+/// Greatest number of consecutive values that are listed one by one; more are written as a range.
 const LISTED: usize = 6;
 
 fn safe(results: &Results) -> Section {
@@ -134,8 +149,8 @@ fn safe(results: &Results) -> Section {
     }
 }
 
-/// The labels of the values that pass, or of those that do not with their verdicts; many consecutive values are written
-/// as a range.
+/// The labels of an axis's values as text: with `is_pass`, those of the values that pass, where many consecutive ones
+/// are written as a range; otherwise those of the values that do not pass, each with its verdict.
 fn values(axis: &AxisResult, is_pass: bool) -> String {
     let of = |cell: &CellResult| (cell.verdict == Verdict::Pass) == is_pass;
     let runs = axis.cells.chunk_by(|a, b| of(a) == of(b)).filter(|run| of(&run[0]));
@@ -178,7 +193,7 @@ fn rest(results: &Results) -> Section {
 fn flags(case: &Judged) -> String {
     let names: Vec<&str> = Flags(case.flags).names().collect();
     match case.first_flagged {
-        Some(step) => format!("{} in {} of {} steps, from {step}", names.join(", "), case.flagged, case.steps),
+        Some(step) => format!("{} in {} of {} steps, from step {step} on", names.join(", "), case.flagged, case.steps),
         None => "none".into(),
     }
 }

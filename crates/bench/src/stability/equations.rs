@@ -1,7 +1,9 @@
-//! The residual b - A x of a step's linear system, computed in f64, with the matrices of the equations as they are
-//! written in the literature. x is the change of the velocities of nodes and tool, b are impulses (N s) and A has the
-//! unit of mass (kg). The terms are elasticity linearised at the start of the step, damping, weight, contacts, and the
-//! tool with its virtual coupling.
+//! The residual b - A x of the linear system that the engine solves in a step, computed in f64. The stability matrix
+//! (many stiff and extreme simulations, each judged by invariants) uses the residual to check the solver. The matrices
+//! are those of the equations as they are written in the literature. x is the change of the velocities of the nodes and
+//! of the tool (rigid body that the haptic device leads by a virtual coupling, a spring and damper), b are impulses (N
+//! s), and A has the unit of mass (kg). The terms are elasticity linearised at the start of the step, damping, weight,
+//! contacts, and the tool with its virtual coupling.
 
 use glam::{DQuat, DVec3};
 use palpate::RigidState;
@@ -11,7 +13,7 @@ use palpate_oracle::step::SoftBody;
 use super::touch::{Motion, Pressing};
 use super::trace::{HALF_ULP, ROUNDINGS};
 
-/// The body and the tool at the start of a step, with elasticity linearised there.
+/// The body and the tool at the start of a step, with the body's elasticity linearised in that state.
 pub struct Before {
     body: SoftBody,
     rotations: Vec<DQuat>,
@@ -26,13 +28,15 @@ pub struct Done<'a> {
     pub gravity: DVec3,
     /// Velocities of the nodes at the end of the step, m/s.
     pub end: &'a [DVec3],
-    /// The tool at the end of the step, and the haptic device at that time.
+    /// The tool and the haptic device at the end of the step; `None` without a tool.
     pub tool: Option<(&'a Tool, RigidState)>,
-    /// Contacts that act, that is, that the solver did not release.
+    /// Contacts that act. The solver releases (gives no stiffness to) contacts that would pull; those are left out
+    /// here.
     pub contacts: &'a [Pressing],
 }
 
-/// Squared norms of vectors of the system: sums of squares, each divided by A's diagonal entry for that equation.
+/// Squared norms of vectors of the system: each is the sum of the squares of the vector's entries, each square divided
+/// by the entry of A's diagonal for that equation.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Left {
     /// Squared norm of the residual b - A x.
@@ -43,8 +47,9 @@ pub struct Left {
     pub floor2: f64,
 }
 
-/// Contact terms of the equation of a node or of the tool: impulses with the velocities at the step's end and start (N
-/// s), their rounding (N s), and the term on A's diagonal (kg).
+/// Contact terms of the three equations of a node, or of one equation of the tool: the impulses of the contacts with
+/// the velocities at the step's end and at its start (N s), the rounding error of these impulses (N s), and the
+/// contacts' term on A's diagonal (kg).
 #[derive(Clone, Copy, Default)]
 struct Pushed {
     end: DVec3,
@@ -54,7 +59,7 @@ struct Pushed {
 }
 
 impl Before {
-    /// Linearises the body's elasticity at its present state.
+    /// Linearises the body's elasticity at its present state; `rotations` has the rotation of each tetrahedron.
     pub fn of(body: &SoftBody, rotations: &[DQuat], tool: Option<&Tool>) -> Before {
         let rotations = rotations.to_vec();
         let mut body = body.clone();
@@ -62,7 +67,7 @@ impl Before {
         Before { body, rotations, tool: tool.cloned() }
     }
 
-    /// Squared norms of the residual after the step, of b, and of the rounding.
+    /// Squared norms of the residual after the step, of b, and of the residual that rounding may cause.
     pub fn left(&self, done: &Done) -> Left {
         let (h, elements) = (done.h, &self.body.elements);
         let (start, end) = (&self.body.velocity, done.end);
@@ -150,8 +155,8 @@ impl Before {
         }
     }
 
-    /// For each node: an estimate of the elastic term on A's diagonal (kg), and the sum of the magnitudes of its
-    /// elements' impulses (N s), which bounds their rounding.
+    /// For each node: an estimate of the elastic term on A's diagonal (kg), and the sum of the magnitudes of the
+    /// elastic impulses of its tetrahedra (N s), which bounds the rounding error of these impulses.
     fn sizes(&self, h: f64, start: &[DVec3], end: &[DVec3]) -> Vec<(f64, f64)> {
         let elements = &self.body.elements;
         let mut sizes = vec![(0.0, 0.0); start.len()];
@@ -172,8 +177,8 @@ impl Before {
                 + lag * (greatest(nodes, start) + greatest(nodes, end));
             for i in nodes {
                 let at = &mut sizes[*i as usize];
-                // The gradient of a node's shape function is between a third of the steepest one of its tetrahedron and
-                // all of it; for every node half of the term with the steepest gradient is taken.
+                // The gradients of the four shape functions of a tetrahedron differ; for every node half of the term
+                // with the steepest gradient is taken, as an estimate.
                 *at = (at.0 + 0.5 * lag, at.1 + size);
             }
         }

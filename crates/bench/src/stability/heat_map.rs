@@ -1,6 +1,6 @@
-//! The stability matrix (many stiff and extreme simulations, each judged by invariants) as an image (SVG): a row for
-//! each axis (varied quantity), and in it a cell for each value. A cell has a colour that colour-blind readers can
-//! distinguish, and a letter for its verdict.
+//! The stability matrix (many stiff and extreme simulations, each with a verdict from invariants) as an image (SVG): a
+//! row for each axis (varied quantity), and in the row a cell for each value of the quantity. A cell has a colour that
+//! colour-blind readers can distinguish, and a letter for the worst verdict of the simulations with this value.
 
 use std::fmt::Write;
 
@@ -14,7 +14,7 @@ const WIDTH: usize = 1240;
 const NAMES: usize = 250;
 /// Height of a row.
 const ROW: usize = 66;
-/// Approximate width of a letter of a label.
+/// Approximate width of a letter of a label (text of a cell's value), in the image's units.
 const LETTER: usize = 7;
 /// Height of the legend above the first row.
 const TOP: usize = 40;
@@ -106,8 +106,8 @@ fn cell_at(svg: &mut String, cell: &CellResult, x: usize, y: usize, width: usize
     }
 }
 
-/// Splits a label between words into lines of at most `most` letters, as far as possible; a number stays on one line
-/// with its per cent sign.
+/// Splits a label between words into lines of at most `most` letters; a longer word has a line of its own, and a number
+/// stays on one line with its per cent sign.
 fn lines(label: &str, most: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in label.split(' ') {

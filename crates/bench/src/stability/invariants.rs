@@ -1,7 +1,9 @@
-//! The invariants (`Invariant`) that every step of a case, which is one simulation of the stability matrix, must keep,
-//! judged from measured steps alone. Each finding names the first step that broke its invariant, and the verdict on a
-//! case follows from its findings. A flag of a step excuses a broken invariant only if it warns of that invariant; a
-//! break without such a flag is a silent failure.
+//! The invariants (`Invariant`), conditions that every step of a case must keep; a case is one simulation of the
+//! stability matrix (many stiff and extreme simulations). The invariants are judged from measured steps alone. A
+//! finding says how one invariant was kept and which step broke it first; the verdict on a case follows from its
+//! findings. A flag, the engine's report of a problem in a step, excuses a broken invariant only if it warns of that
+//! invariant; a break without such a flag is a silent failure. The tool is the rigid body that the haptic device leads;
+//! the wrench is the force and torque of the contacts on the tool.
 
 use glam::DVec3;
 use palpate::Flags;
@@ -9,26 +11,28 @@ use serde::Serialize;
 
 use super::trace::Sample;
 
-/// The energy may exceed its value at the start plus the energy supplied. The excess may be at most this share of the
-/// sum of all energies' magnitudes: the solver stops at 1e-5 of the right-hand side in its own norm, and the state is
-/// f32.
+/// The energy may exceed the sum of its initial value and the energy supplied by at most this share of the sum of all
+/// energies' magnitudes: the engine's solver stops at a residual of 1e-5 of the right-hand side in the solver's own
+/// norm, and the engine keeps the state in f32.
 pub const ENERGY: f64 = 1e-3;
 /// A body is at rest when its kinetic energy is below this share of the greatest sum of kinetic and elastic energy that
 /// it had.
 pub const AT_REST: f64 = 1e-4;
-/// The wrench may differ from the sum of its contacts by this share of the sum of their pushes: sums are f32, and the
-/// terms of the contact law cancel while a contact opens.
+/// The reported wrench may differ from the sum of the contacts' forces by this share of the sum of their magnitudes:
+/// the engine sums in f32, and the two terms of the contact law (of depth and of its rate) nearly cancel while a
+/// contact opens.
 pub const FORCE: f64 = 1e-3;
-/// Bound on the relative residual of a step's linear system. The engine raises a flag at ten times its tolerance of
-/// 1e-5 in its preconditioner's norm; the diagonal's norm, used here, may differ from that by a factor of ten.
+/// Bound on the relative residual of a step's linear system. The engine raises a flag if the residual in the norm of
+/// its preconditioner is above 1e-4, ten times its tolerance. The norm of the matrix's diagonal, which is used here,
+/// may differ from that norm by a factor of ten.
 pub const RESIDUAL: f64 = 1e-3;
 /// The change of the tool's momentum may differ from the sum of the impulses on it by this share of the largest
 /// impulse. The share is larger than [`RESIDUAL`], since the tool has only six of the system's many equations.
 pub const BALANCE: f64 = 1e-2;
-/// Invariants of a case's end are judged over this last share of its steps, because a single step may lie at a turning
-/// point of an oscillation.
+/// Invariants of a case's end are judged over the last steps, this share of all steps, because an oscillation may be at
+/// a turning point, without motion, in any single step.
 pub const END: f64 = 0.1;
-/// If nothing pushes a body, its centre may move by this share of its edge, which is f32 precision.
+/// The centre of a body that nothing pushes may move by this share of the body's edge, because the state is f32.
 pub const DRIFT: f64 = 1e-5;
 
 /// An invariant that is tested.
@@ -43,9 +47,9 @@ pub enum Invariant {
     Force,
     /// Contacts push and never pull.
     Push,
-    /// The linear system is solved.
+    /// The residual of the step's linear system is within its bound.
     Residual,
-    /// The reported force is the one that moves the tool.
+    /// The reported force is the force that moves the tool.
     Balance,
     /// A damped case comes to rest.
     Rest,
@@ -55,7 +59,7 @@ pub enum Invariant {
     Shape,
     /// A case that should have contact has it.
     Touch,
-    /// A tool that was drawn out or went through has no contact any more.
+    /// A tool that was drawn out of the body or went through it has no contact any more.
     Parted,
 }
 
@@ -77,8 +81,8 @@ impl Invariant {
         }
     }
 
-    /// Whether breaking the invariant makes the force at the hand wrong, so that it is a failure even if a flag warns
-    /// of it.
+    /// Whether breaking the invariant makes the force at the user's hand wrong, so that it is a failure even if a flag
+    /// warns of it.
     fn is_hard(self) -> bool {
         matches!(self, Invariant::Finite | Invariant::Energy | Invariant::Force | Invariant::Push)
     }
@@ -88,32 +92,34 @@ impl Invariant {
         match self {
             // The flag means that a number was not finite.
             Invariant::Finite => Flags::NON_FINITE,
-            // Rotations are frozen over a step, which adds energy to a spinning body. The elastic energy of an inverted
-            // tetrahedron depends on which of its several polar rotations is chosen, in this measurement as in the
-            // engine.
+            // The rotations of tetrahedra are kept constant over a step, which adds energy to a spinning body. The
+            // elastic energy of an inverted tetrahedron depends on which of its several polar rotations is chosen, in
+            // this measurement as in the engine.
             Invariant::Energy => Flags::TURNS_TOO_FAR | Flags::INVERTED,
-            // The wrench counts contacts that pull as zero, but they act in the solution.
+            // In the reported wrench, contacts that pull count as zero, but they act in the solution.
             Invariant::Push => Flags::TENSION_REMAINS,
-            // The sum computed here leaves out pulling contacts as the wrench does, so that no flag explains a
-            // difference.
+            // The sum of contact forces that is computed here leaves out contacts that pull, as the wrench does, so
+            // that no flag explains a difference. Nor does a flag explain that contact is missing.
             Invariant::Force | Invariant::Touch => Flags(0),
-            // `NOT_CONVERGED` means just that the system is not solved. The rotation of an inverted tetrahedron cannot
-            // be followed from outside the engine, so that the system computed here differs from the engine's. Blocks
-            // of 1 TPa that spin break the invariant while they gain energy, presumably by rounding of their large
-            // stress.
+            // `NOT_CONVERGED` means just that the linear system is not solved. The rotation of an inverted tetrahedron
+            // cannot be followed from outside the engine, so that the system computed here differs from the engine's.
+            // Spinning blocks with a Young's modulus of 1 TPa break the invariant while they gain energy, presumably by
+            // rounding of their large stress.
             Invariant::Residual => Flags::NOT_CONVERGED | Flags::INVERTED | Flags::TURNS_TOO_FAR,
-            // The tool's equations share the solver's residual; contacts that pull move the tool but are left out of
-            // the wrench; a step that was retried in parts reports the force of its last part; a frozen tool does not
-            // move.
+            // The tool's equations are part of the linear system, so that the residual of the system breaks this
+            // invariant too. Contacts that pull move the tool but are left out of the wrench; a step that was retried
+            // in parts reports the force of its last part; a frozen tool does not move.
             Invariant::Balance => Flags::NOT_CONVERGED | Flags::TENSION_REMAINS | Flags::STEP_RETRIED | Flags::FROZEN,
-            // The solver's residual may push the body as a whole; the spinning blocks of 1 TPa drift as well.
+            // The residual that the solver leaves may push the body as a whole; the spinning blocks of 1 TPa drift as
+            // well.
             Invariant::Drift => Flags::NOT_CONVERGED | Flags::TURNS_TOO_FAR,
-            // A body that is caught inside out creeps, and does not decay as predicted for oscillations about rest.
+            // The motion of a body that stays inside out does not decay as predicted for oscillations about the rest
+            // shape.
             Invariant::Rest => Flags::INVERTED,
-            // The flags mean that the body is not back in its rest shape, or will not come back.
+            // The flags mean that the body is not back in its rest shape (inverted), or will not come back (frozen).
             Invariant::Shape => Flags::INVERTED | Flags::FROZEN,
-            // A contact beyond the depth limit is left out, so that the body may be caught on the tool; or the body is
-            // caught inside out.
+            // The engine leaves out a contact beyond the depth limit, so that the body may stay caught on the tool; a
+            // body that is inside out or frozen may stay caught too.
             Invariant::Parted => Flags::DEPTH_BEYOND_LIMIT | Flags::INVERTED | Flags::FROZEN,
         }
     }
@@ -124,15 +130,17 @@ impl Invariant {
     }
 }
 
-/// The invariants that a case promises at its end, in addition to those of every step.
+/// The invariants that one case promises to keep in addition to those of every step. The end of a case is the last part
+/// of its steps, the share [`END`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Promise {
     /// Greatest kinetic energy at the end, as a share of the greatest sum of kinetic and elastic energy that the body
     /// had; `None`: the case need not come to rest.
     pub rest: Option<f64>,
-    /// A step, and how far from its position in that step the centre of the free nodes may be in later ones, m.
+    /// Number of a step, and the greatest distance of the centre of the free nodes in later steps from its position in
+    /// that step, m; `None`: the centre may move.
     pub drift: Option<(usize, f64)>,
-    /// How far any node may be from its rest position at the end, m.
+    /// Greatest distance of a node from its rest position at the end, m; `None`: the body need not be back in shape.
     pub shape: Option<f64>,
     /// Whether a contact must press in some step.
     pub touches: bool,
@@ -149,11 +157,12 @@ pub struct Finding {
     pub worst: f64,
     /// The bound of that value.
     pub bound: f64,
-    /// The step of `worst`, from 1; 0: the start.
+    /// Number of the step in which `worst` was measured, from 1; 0 is the state before the first step.
     pub step: usize,
-    /// The first step that broke the invariant; if any did so without an excusing flag, the first such step.
+    /// The first step that broke the invariant without an excusing flag or, if there is none, the first step that broke
+    /// it; `None`: no step broke it.
     pub broken: Option<usize>,
-    /// The flags of the step in `broken`.
+    /// Flags of the step in `broken`, as a bit mask.
     pub flags: u32,
     /// Whether any step that broke the invariant had no excusing flag.
     pub is_silent: bool,
@@ -189,7 +198,8 @@ impl Verdict {
 }
 
 impl Finding {
-    /// Records a step that broke the invariant. The first such step is kept, or the first one that no flag excuses.
+    /// Records that a step broke the invariant; `is_silent`: no flag of the step excuses it. `broken` becomes the first
+    /// step that broke the invariant without an excuse or, if there is none, the first step that broke it.
     fn note(&mut self, step: usize, flags: Flags, is_silent: bool) {
         if self.broken.is_none() || (is_silent && !self.is_silent) {
             (self.broken, self.flags) = (Some(step), flags.0);
@@ -245,7 +255,7 @@ pub fn judge(samples: &[Sample], promise: &Promise) -> Vec<Finding> {
     findings
 }
 
-/// Index of the first sample of a case's end.
+/// Index of the first sample of a case's end, the last tenth of its samples.
 pub fn end_of(samples: &[Sample]) -> usize {
     samples.len() - (END * samples.len() as f64).ceil() as usize
 }
@@ -278,8 +288,8 @@ fn energy(samples: &[Sample]) -> Finding {
     finding
 }
 
-/// Finds the sample, from step `from` on, whose value is nearest to its bound or furthest beyond it; NaN breaks any
-/// bound.
+/// Finds the sample, from index `from` on, whose value is nearest to its bound or furthest beyond it. `measure` returns
+/// value and bound of a sample; NaN breaks any bound.
 fn worst(
     invariant: Invariant,
     samples: &[Sample],
@@ -303,7 +313,7 @@ fn worst(
     finding
 }
 
-/// NaN fails the check, as a value and as a bound.
+/// Whether a value is beyond its bound; it is if either of them is NaN.
 fn is_beyond(value: f64, bound: f64) -> bool {
     value > bound || value.is_nan() || bound.is_nan()
 }

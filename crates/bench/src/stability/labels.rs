@@ -1,7 +1,7 @@
 //! Labels for the values of the axes (varied quantities) of the stability matrix (many stiff and extreme simulations,
-//! each judged by invariants).
+//! each judged by invariants, which are conditions that a simulation must keep).
 
-/// A factor of stretch along an edge, in words.
+/// The factor by which a body is stretched along an edge, in words; a factor below zero turns the body inside out.
 pub fn stretched(factor: f64) -> String {
     let percent = (100.0 * factor.abs()).round();
     match factor {

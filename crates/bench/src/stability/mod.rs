@@ -1,9 +1,10 @@
-//! `palpate stability`: a matrix of stiff and extreme simulations, each with a verdict from invariants that are checked
-//! in every step.
+//! `palpate stability`: a matrix of stiff and extreme simulations of a soft block, each with a verdict from invariants
+//! (conditions that are checked in every step). An axis, one row of the matrix, is a quantity that is varied; a cell is
+//! one of its values; a case is one simulation with this value. A flag is the engine's report of a problem in a step.
 //!
-//! `axes` lists the quantities that are varied, `cases` the treatment of the block and the invariants that must hold
-//! after it. `setup` makes the scene, `trace` measures each step from outside the engine in f64, `invariants` judges
-//! the measured steps, and `document` writes the report.
+//! `axes` lists the axes and their values. `cases` says what is done to the block in each kind of case and which
+//! invariants must hold in addition. `setup` makes the scene, `trace` measures each step from outside the engine in
+//! f64, `invariants` judges the measured steps, and `document` writes the report.
 
 pub mod axes;
 pub mod cases;
@@ -35,9 +36,9 @@ pub const SCHEMA: u32 = 2;
 /// Which part of the matrix is run, and how.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Settings {
-    /// Whether this is the short form (`--quick`), with fewer values and steps.
+    /// Whether the short form of the matrix is run (`--quick`), with fewer values and steps.
     pub is_quick: bool,
-    /// Whether a million steps of resting contact are added (`--soak`).
+    /// Whether a case of a million steps is added in which the block rests on a floor (`--soak`).
     pub is_soak: bool,
     /// Names of the axes to run; empty: all of them.
     pub only: Vec<String>,
@@ -48,10 +49,10 @@ pub struct Settings {
     pub replaced: Vec<(String, Vec<u8>)>,
 }
 
-/// One simulation (a case of the matrix) and its verdict.
+/// One case and its verdict.
 #[derive(Debug, Clone, Serialize)]
 pub struct Judged {
-    /// Name of the case within its cell (value of an axis).
+    /// Name of what is done to the block; it distinguishes the cases of a cell.
     pub scenario: String,
     /// The verdict.
     pub verdict: Verdict,
@@ -61,11 +62,11 @@ pub struct Judged {
     pub flags: u32,
     /// Number of steps that raised a flag.
     pub flagged: usize,
-    /// The first step that raised a flag.
+    /// Number of the first step that raised a flag; `None`: no step did.
     pub first_flagged: Option<usize>,
     /// Greatest number of tetrahedra that were inside out in one step.
     pub inverted: usize,
-    /// How each invariant was kept, in the worst step.
+    /// How each invariant was kept in its worst step.
     pub findings: Vec<Finding>,
     /// The engine's error message, if it refused the scene.
     pub refusal: Option<String>,
@@ -81,11 +82,12 @@ pub struct Judged {
 pub struct Traced {
     /// Number of the step, from 1; 0: the start.
     pub step: usize,
-    /// Kinetic, elastic, gravitational and coupling energy, J.
+    /// Sum of kinetic energy, elastic energy, gravitational energy and energy of the virtual coupling (spring between
+    /// haptic device and tool), J.
     pub energy: f64,
     /// Energy supplied from outside since the start, J.
     pub supplied: f64,
-    /// Contact force on the tool, N.
+    /// Magnitude of the contact force on the tool, the rigid body that the haptic device leads, N.
     pub force: f64,
     /// Residual b - A x of the step's linear system, computed in f64, relative to b.
     pub residual: f64,
@@ -103,7 +105,7 @@ impl Judged {
         let names: Vec<&str> = Flags(self.flags).names().collect();
         let mut words = vec![self.verdict.name().to_string()];
         if !names.is_empty() {
-            words.push(format!("{} in {} of {} steps", names.join(", "), self.flagged, self.steps));
+            words.push(format!("flags {} in {} of {} steps", names.join(", "), self.flagged, self.steps));
         }
         words.extend(self.findings.iter().filter_map(Finding::in_words));
         words.extend(self.refusal.clone());
@@ -111,7 +113,7 @@ impl Judged {
     }
 }
 
-/// A value of an axis, and its verdict.
+/// A cell: one value of an axis, and its verdict.
 #[derive(Debug, Clone, Serialize)]
 pub struct CellResult {
     /// The value as text, with its unit.
@@ -120,11 +122,11 @@ pub struct CellResult {
     pub is_core: bool,
     /// The worst verdict of the value's cases.
     pub verdict: Verdict,
-    /// The value's simulations.
+    /// The cases with this value.
     pub cases: Vec<Judged>,
 }
 
-/// A row of the matrix: an axis and its values.
+/// A row of the matrix: an axis with its cells.
 #[derive(Debug, Clone, Serialize)]
 pub struct AxisResult {
     /// Name of the axis on the command line.
@@ -133,7 +135,7 @@ pub struct AxisResult {
     pub title: String,
     /// Whether the values are alternatives in words instead of ascending numbers.
     pub is_listed: bool,
-    /// The values of the axis.
+    /// The cells of the axis.
     pub cells: Vec<CellResult>,
 }
 

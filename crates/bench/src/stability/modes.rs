@@ -1,14 +1,15 @@
-//! Predicts how fast a body comes to rest, from the slowest mode of vibration of a body at rest and from the damping of
-//! a mode by implicit Euler.
+//! Predicts how fast a body comes to rest, for the stability matrix (many stiff and extreme simulations, some of which
+//! must come to rest in time). The prediction follows from the slowest mode of vibration about the body's rest state,
+//! and from the damping of that mode by the material and by implicit Euler.
 
 use glam::DQuat;
 use palpate::Result;
 use palpate_oracle::linear::{Entries, Solver};
 use palpate_oracle::step::SoftBody;
 
-/// Most iterations of the inverse iteration.
+/// Greatest number of rounds of the inverse iteration, which finds the slowest mode.
 const ROUNDS: usize = 200;
-/// Relative change of the squared frequency at which the iteration ends.
+/// The inverse iteration ends when the squared frequency changes in a round by at most this share.
 const DONE: f64 = 1e-9;
 
 /// Factor by which implicit Euler scales the velocity of a body near rest in a step of `h` seconds, for its
@@ -30,7 +31,7 @@ pub fn decay(frequency: f64, damping: f64, h: f64) -> f64 {
     if inside < 0.0 {
         return (1.0 + h * damping + h * h * square).powf(-0.5);
     }
-    // The product of the two roots is w^2, so that the slow root follows from the fast one without cancellation.
+    // The product of the two roots is w^2, so that the slow root follows from the fast one without a loss of digits.
     let fast = 0.5 * damping + inside.sqrt();
     let slow = if fast > 0.0 { square / fast } else { 0.0 };
     1.0 / (1.0 + h * slow)
@@ -65,7 +66,7 @@ fn slowest_square(body: &SoftBody) -> Result<Option<f64>> {
         at.iter().for_each(|at| masses[*at..*at + 3].fill(*mass));
     }
     let (mut solver, mut square) = (Solver::default(), f64::INFINITY);
-    // The initial vector is not that of a mode, and is orthogonal to none.
+    // The initial vector is arbitrary: it is no mode, and it is orthogonal to no mode.
     let mut x: Vec<f64> = (0..3 * count).map(|k| 1.0 + 0.7 * (1.3 * k as f64).sin()).collect();
     for _ in 0..ROUNDS {
         let momentum: Vec<f64> = x.iter().zip(&masses).map(|(x, m)| x * m).collect();
@@ -132,12 +133,13 @@ mod tests {
                 (x, v) = (x / size, v / size);
                 sizes.push(size);
             }
-            // The mean over 2000 steps evens out the oscillation; before these steps the fast root has died out.
+            // The mean is taken over the last 2000 steps, which evens out the oscillation; before these steps the
+            // motion of the faster root has died out.
             let mean = (sizes[2000..].iter().map(|s| s.ln()).sum::<f64>() / 2000.0).exp();
             let want = decay(w, a, h);
             assert!(
                 (mean - want).abs() < 2e-3 * (1.0 - want),
-                "w {w} rad/s, a {a} 1/s, h {h} s: mean factor {mean} a step, expected {want}"
+                "frequency {w} rad/s, damping {a} 1/s, step {h} s: mean decay factor {mean} a step, expected {want}"
             );
         }
     }

@@ -1,12 +1,14 @@
-//! Explanations, for the stability report, of why a case did not pass: what was done to the block, what happened to it,
-//! and a remedy if there is one.
+//! Explanations, for the report of the stability matrix (many stiff and extreme simulations of a soft block), of why a
+//! case, which is one simulation, did not pass: what was done to the block, what happened to it, and a remedy if there
+//! is one. A flag is the engine's report of a problem in a step.
 
 use palpate::Flags;
 
 use super::invariants::Verdict;
 use super::{AxisResult, CellResult, Judged};
 
-/// Meaning of each flag, for cases whose cause is not known in more detail; the gravest flag first.
+/// Meaning of each flag except the two of full buffers, for cases whose cause is not known in more detail; the gravest
+/// flag first.
 const FLAGS: [(Flags, &str); 9] = [
     (Flags::FROZEN, "not even the shortest step could be solved, and all motion was stopped"),
     (Flags::NON_FINITE, "a number left single precision's range, and the step was done again in halves"),
@@ -19,7 +21,7 @@ const FLAGS: [(Flags, &str); 9] = [
     (Flags::NOT_A_HEIGHT_FIELD, "the skin folds over itself in front of the sphere"),
 ];
 
-/// The cause of a case's being degraded or failing, and the remedy.
+/// Text that says why a case is degraded or fails, and what helps if something does.
 pub fn reason(axis: &AxisResult, cell: &CellResult, case: &Judged) -> String {
     let flags = Flags(case.flags);
     let plain = FLAGS.iter().find(|(flag, _)| flags.contains(*flag)).map(|(_, why)| capital(why));
@@ -33,7 +35,7 @@ pub fn reason(axis: &AxisResult, cell: &CellResult, case: &Judged) -> String {
         let share = 100 * steps / case.trace.len().max(1);
         let rare = if share == 0 { "under 1".into() } else { share.to_string() };
         words += &format!(
-            " At most {} tetrahedra were inside out in one step; some were in {rare} % of the recorded steps.",
+            " At most {} tetrahedra were inside out in one step; in {rare} % of the recorded steps at least one was.",
             case.inverted
         );
     }
@@ -43,7 +45,7 @@ pub fn reason(axis: &AxisResult, cell: &CellResult, case: &Judged) -> String {
     remedy.map_or(words.clone(), |remedy| format!("{words} {remedy}.")).trim().into()
 }
 
-/// Cause and remedy of the cases that are understood.
+/// Cause and remedy of a case that is understood; `None`: it is not.
 fn known(axis: &AxisResult, cell: &CellResult, case: &Judged) -> Option<(String, Option<&'static str>)> {
     let flags = Flags(case.flags);
     let is_deep = flags.contains(Flags::DEPTH_BEYOND_LIMIT);
@@ -128,7 +130,7 @@ mod tests {
         let words = reason(&axis("spin"), &cell("300 rad/s"), &spin);
         assert!(
             words.contains("No flag warns of it. With `newton = 2`") && words.ends_with('.'),
-            "explanation: {words}"
+            "the explanation must tell of the missing flag and of the remedy, and end with a full stop: {words}"
         );
         let odd = case("pluck", Flags::NOT_CONVERGED, Verdict::Degraded);
         let words = reason(&axis("young"), &cell("1 TPa"), &odd);

@@ -1,5 +1,6 @@
 //! Runs the cases of the stability matrix (many stiff and extreme simulations, each judged by invariants), several in
-//! parallel; each is a small simulation that runs on one thread.
+//! parallel. A case is a small simulation, which runs on one thread; a cell of the matrix has the cases with one value
+//! of a varied quantity, the axis.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
@@ -16,16 +17,16 @@ use super::trace::{Observer, Sample};
 use super::{AxisResult, CellResult, Judged, Results, Settings, Traced, modes};
 use crate::meshes::MeshFolder;
 
-/// A body that was released must be back in its shape only if the bound on its kinetic energy, which includes a safety
-/// factor of ten, is at most this share of the body's greatest energy: then at most a twentieth of the displacement is
-/// left.
+/// A case whose block was let go promises that the block is back in its rest shape only if the bound on the kinetic
+/// energy at the end, which includes a safety factor of ten, is below this share of the block's greatest energy. Then
+/// at most a twentieth of the displacement is left.
 const SHAPED: f64 = 1e-2;
-/// About how many steps of a case are kept as its trace.
+/// A long case keeps about this number of evenly spaced steps as its trace (measurements for the report).
 const TRACED: usize = 200;
 /// Greatest number of simulations in parallel; each opens a Vulkan device of its own.
 const MOST_WORKERS: usize = 8;
 
-/// Runs the matrix; `watch` is called after each case.
+/// Runs the matrix; `watch` is called with the name and verdict of each case that has ended.
 pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> {
     let begun = Instant::now();
     // The device is opened before the workers start, since the number of the driver's threads must be chosen while the
@@ -150,9 +151,10 @@ fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
     Ok(judged(case, &samples, &promise(case, decay, &samples), begun))
 }
 
-/// The case's promise, with a bound on the kinetic energy that may be left: ten times what the slowest mode keeps,
-/// since the motion begins in several modes. If that bound is too high to show rest or shape, nothing is promised of
-/// them. `decay` is the factor on the body's velocity in a step.
+/// The case's promise (invariants that it must keep in addition to those of every step), with a bound on the kinetic
+/// energy at the end: ten times what the slowest mode keeps, since the motion begins in several modes. If that bound is
+/// too high to show that the block is at rest, or in its rest shape, the case does not promise it. `decay` is the
+/// factor by which the velocity of the slowest mode changes in a step.
 fn promise(case: &Case, decay: f64, samples: &[Sample]) -> Promise {
     let Some(settling) = case.settling else { return case.promise };
     let since_pressed = || samples.iter().rev().take_while(|sample| sample.pressed == 0.0).count();

@@ -1,5 +1,7 @@
 //! Scenes of the stability matrix (many stiff and extreme simulations, each judged by invariants): a block that is
-//! attached at a face, floats freely or stands on a floor, and in some cases a sphere tool.
+//! attached at a face, floats freely or stands on a floor, and in some scenes a sphere. The sphere is the tool, the
+//! rigid body that the haptic device leads by a virtual coupling (spring and damper). Some lengths are given in block
+//! edges, that is as multiples of the length of the block's edge.
 
 use std::path::PathBuf;
 
@@ -9,14 +11,14 @@ use palpate::scene::{
     Bind, Body, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Shape, Tool, ToolShape,
 };
 
-/// Nodes whose distance from a face is within this share of the block's edge lie on it.
+/// A node lies on a face of the block if its distance from the face is at most this share of the block's edge.
 const ON_FACE: f64 = 1e-6;
 /// Radius of the sphere, in block edges.
 pub const RADIUS: f64 = 0.2;
-/// Height of the sphere above the block at the start, in block edges.
+/// Gap between sphere and block at the start, in block edges, if the haptic device has no path.
 const GAP: f64 = 0.02;
 
-/// The nodes that are attached to the fixed rigid core.
+/// The nodes that are attached to the fixed rigid core (rigid body inside the block, which holds these nodes in place).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Attachment {
     /// The face x = 0, from which the block hangs out sideways.
@@ -31,16 +33,16 @@ pub enum Attachment {
     AllButOne,
 }
 
-/// Path of the haptic device: times (s), and heights (m) of the sphere's centre above its position when it touches the
-/// block.
+/// Path of the haptic device: times (s), and heights (m) above the position of the sphere's centre at which the sphere
+/// touches the top of the undeformed block.
 pub type Way = Vec<(f64, f64)>;
 
-/// The sphere tool.
+/// The sphere, which is the tool.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sphere {
     /// Mass, kg.
     pub mass: f64,
-    /// Stiffness (N/m) and damping (N s/m) of the sphere's virtual coupling; `None`: it moves freely.
+    /// Stiffness (N/m) and damping (N s/m) of the sphere's virtual coupling; `None`: the sphere moves freely.
     pub coupling: Option<(f64, f64)>,
     /// Downward speed at the start, m/s.
     pub speed: f64,
@@ -55,7 +57,7 @@ pub struct Setup {
     pub edge: f64,
     /// Number of cells along the edge.
     pub cells: u32,
-    /// A mesh file that replaces the cells; `None`: the block has cells.
+    /// Mesh file of the body; `None`: the body is a cube with `cells` cells along each edge.
     pub mesh: Option<PathBuf>,
     /// Material of the whole block.
     pub material: Material,
@@ -63,9 +65,9 @@ pub struct Setup {
     pub dt: f64,
     /// Gravity, downward, m/s^2.
     pub gravity: f64,
-    /// Position of the block's lowest corner, m.
+    /// Position of the block's corner with the least coordinates, m.
     pub origin: DVec3,
-    /// Nodes that are attached.
+    /// Which nodes are attached.
     pub attachment: Attachment,
     /// The sphere tool; `None`: there is none.
     pub sphere: Option<Sphere>,
@@ -102,8 +104,8 @@ impl Default for Setup {
 }
 
 impl Setup {
-    /// Angular frequency of the slowest longitudinal vibration of the block, attached at one face, rad/s. Bending is
-    /// slower, at less than half of this frequency (see `modes`).
+    /// Angular frequency of the slowest longitudinal vibration of the block, attached at one face, rad/s. The block's
+    /// bending vibration is slower, at less than half of this frequency.
     pub fn frequency(&self) -> f64 {
         0.5 * std::f64::consts::PI * (self.material.young / self.material.density).sqrt() / self.edge
     }
@@ -115,12 +117,12 @@ impl Setup {
         self
     }
 
-    /// Centre of the sphere when it touches the block's top, m.
+    /// Position of the sphere's centre at which the sphere touches the top of the undeformed block, m.
     pub fn touching(&self) -> DVec3 {
         self.origin + self.edge * DVec3::new(0.5, 1.0 + RADIUS, 0.5)
     }
 
-    /// The scene.
+    /// The scene with these parameters and this name.
     pub fn scene(&self, name: &str) -> Scene {
         let mut scene = Scene::of_body(name, self.body());
         scene.step.dt = self.dt;
@@ -152,7 +154,8 @@ impl Setup {
         let key =
             |(time, height): &(f64, f64)| Key { time: *time, position: at(*height), orientation: DQuat::IDENTITY };
         scene.trajectory = sphere.path.iter().map(key).collect();
-        // Each angular gain is the linear gain times the square of a lever arm, which is the sphere's radius.
+        // Angular stiffness and damping are the linear ones times the square of a lever arm, which is the sphere's
+        // radius.
         let arm2 = (RADIUS * self.edge).powi(2);
         scene.coupling = sphere.coupling.map(|(stiffness, damping)| Coupling {
             stiffness,

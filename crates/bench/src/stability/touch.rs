@@ -1,5 +1,7 @@
-//! The contacts of a step, evaluated in f64: how the depth of each depends on the motion of nodes and tool, and its
-//! force by the contact law. Stiffness and damping are computed from the scene, not read from the GPU.
+//! Evaluates the contacts of a step in f64, for the stability matrix (many stiff and extreme simulations): how the
+//! depth of each contact depends on the motion of the nodes and of the tool (rigid body that the haptic device leads),
+//! and the contact's force by the contact law, pressure = stiffness * depth + damping * rate of depth. Stiffness and
+//! damping are computed from the scene, not read from the GPU.
 
 use glam::DVec3;
 use palpate::internal::prepare::Shape;
@@ -17,24 +19,25 @@ pub struct Skin {
     penalty: Penalty,
 }
 
-/// Velocities of the nodes (m/s) and of the tool (m/s, rad/s).
+/// Velocities of the nodes and of the tool.
 #[derive(Clone, Copy)]
 pub struct Motion<'a> {
-    /// Velocities of the nodes, world axes.
+    /// Velocities of the nodes, world axes, m/s.
     pub nodes: &'a [DVec3],
-    /// Velocity of the tool's centre; zero without a tool.
+    /// Velocity of the tool's centre, m/s; zero without a tool.
     pub linear: DVec3,
-    /// Angular velocity of the tool; zero without a tool.
+    /// Angular velocity of the tool, rad/s; zero without a tool.
     pub angular: DVec3,
 }
 
-/// A contact that acts, that is, that the solver did not release.
+/// A contact that acts. The solver releases (gives no stiffness to) contacts that would pull; those are left out.
 pub struct Pressing {
     normal: DVec3,
-    /// Weights of the nodes in the rate of depth along the normal; weights of the pair's second body are negative.
+    /// Nodes on which the contact acts, and their weights: the rate of depth is the sum of weight times velocity along
+    /// the normal. Weights are negative for nodes of the second body of the pair in contact.
     pub nodes: Vec<(usize, f64)>,
-    /// Coefficients of the tool's velocity and angular velocity in the rate of depth; zero if the contact is not on the
-    /// tool.
+    /// Coefficients of the tool's velocity and of its angular velocity in the rate of depth; zero if the contact is not
+    /// on the tool.
     pub tool: [DVec3; 2],
     area: f64,
     depth: f64,
@@ -48,8 +51,8 @@ pub struct ContactSums {
     pub pressed: f64,
     /// Largest pull of a contact, N; zero or less if no contact pulls.
     pub tension: f64,
-    /// Distance of the reported force from the sum of the contacts' forces, plus that of the torques over the tool's
-    /// radius, N.
+    /// Distance of the reported force from the sum of the contacts' forces, plus the corresponding distance of the
+    /// torques divided by the tool's radius, N.
     pub missed: f64,
     /// Error that f32 rounding may cause in the sum of the contacts' forces, N.
     pub rounding: f64,
@@ -74,8 +77,8 @@ impl Skin {
         })
     }
 
-    /// The contacts that act. The body is the scene's first one, so that its vertices and triangles are numbered from 0
-    /// in the contacts.
+    /// Those of the engine's contacts that act. The skin must be that of the scene's first body, whose vertices and
+    /// triangles are numbered from 0 in the contacts.
     pub fn pressing(&self, contacts: &[shaders::Contact]) -> Vec<Pressing> {
         contacts.iter().filter(|contact| contact.stiffness != 0.0).map(|contact| self.one(contact)).collect()
     }
@@ -111,19 +114,20 @@ impl Skin {
 }
 
 impl Pressing {
-    /// Rate of depth, m/s.
+    /// Rate of depth, m/s; positive while the depth grows.
     fn rate(&self, motion: &Motion) -> f64 {
         let nodes: f64 = self.nodes.iter().map(|(node, weight)| weight * self.normal.dot(motion.nodes[*node])).sum();
         nodes + self.tool[0].dot(motion.linear) + self.tool[1].dot(motion.angular)
     }
 
-    /// Slope of the force over the rate of depth at the end of a step of `h` seconds, N s/m.
+    /// Derivative of the force at the end of a step of `h` seconds by the rate of depth at the end, N s/m.
     pub fn slope(&self, h: f64) -> f64 {
         self.area * self.penalty.slope(h)
     }
 
     /// Force at the end of a step of `h` seconds that ends with this motion, N: area (k depth + (h k + d) rate) with
-    /// stiffness k and damping d; below zero it pulls.
+    /// stiffness k, damping d, the depth at the start of the step and its rate at the end; below zero the contact
+    /// pulls.
     pub fn push(&self, h: f64, motion: &Motion) -> f64 {
         self.area * self.penalty.end_pressure(self.depth, self.rate(motion), h)
     }
@@ -136,14 +140,15 @@ impl Pressing {
         ROUNDINGS * HALF_ULP * size
     }
 
-    /// Direction of the impulse on a node whose weight is one.
+    /// Unit normal, from the first body of the pair to the second; a contact that presses pushes the first body against
+    /// it.
     pub fn normal(&self) -> DVec3 {
         self.normal
     }
 }
 
-/// Compares the reported wrench with the sum of the contacts; `radius` is that of the tool (m), and `told` is the
-/// tool's part of the step report, `None` without a tool.
+/// Compares the reported wrench (force and torque on the tool) with the sum of the contacts' forces and torques.
+/// `radius` is that of the tool (m), and `told` is the tool's part of the step report, `None` without a tool.
 pub fn held(contacts: &[Pressing], h: f64, motion: &Motion, told: Option<&ToolReport>, radius: f64) -> ContactSums {
     let mut held = ContactSums::default();
     let (mut force, mut torque) = (DVec3::ZERO, DVec3::ZERO);
@@ -166,8 +171,8 @@ pub fn held(contacts: &[Pressing], h: f64, motion: &Motion, told: Option<&ToolRe
 mod tests {
     use super::*;
 
-    /// A contact of a vertex that coincides with a node, with a tool above it, which is the pair's second body: area 2
-    /// m^2, stiffness 100 N/m^3, damping 10 N s/m^3, depth 0.1 m.
+    /// A contact between a vertex, which coincides with a node of the pair's first body, and a tool above it, the
+    /// second body: area 2 m^2, stiffness 100 N/m^3, damping 10 N s/m^3, depth 0.1 m.
     fn one() -> Pressing {
         Pressing {
             normal: DVec3::Y,
@@ -181,7 +186,8 @@ mod tests {
 
     #[test]
     fn the_law_by_hand_and_what_misses_it() {
-        // By hand: 2 (100 0.1 + (0.01 100 + 10) (0.5 - 0.2)) = 26.6 N, upwards on the tool.
+        // By hand, area (k depth + (h k + d) rate): 2 * (100 * 0.1 + (0.01 * 100 + 10) * (0.5 - 0.2)) = 26.6 N, upwards
+        // on the tool.
         let nodes = [DVec3::Y * 0.5];
         let motion = Motion { nodes: &nodes, linear: DVec3::Y * 0.2, angular: DVec3::ZERO };
         let told = ToolReport { force: DVec3::Y * 26.6, ..ToolReport::default() };
@@ -199,7 +205,8 @@ mod tests {
     fn what_parts_faster_than_the_spring_pushes_pulls() {
         let nodes = [DVec3::Y * -2.0];
         let motion = Motion { nodes: &nodes, linear: DVec3::ZERO, angular: DVec3::ZERO };
-        // By hand: 2 (10 - 11 2) = -24 N, a pull; the wrench leaves it out.
+        // By hand, area (k depth + (h k + d) rate): 2 * (10 - 11 * 2) = -24 N. This is a pull, which the wrench leaves
+        // out.
         let pulling = held(&[one()], 0.01, &motion, Some(&ToolReport::default()), 0.02);
         assert!(
             (pulling.tension - 24.0).abs() < 1e-3 && pulling.missed == 0.0 && pulling.pressed == 0.0,

@@ -1,5 +1,7 @@
-//! Measures a step of the stability matrix (many stiff and extreme simulations) from outside the engine in f64:
-//! energies, work, and the residuals of the equations of motion. It shares no code with the shaders.
+//! Measures a step of the stability matrix (many stiff and extreme simulations, each judged by invariants) from outside
+//! the engine in f64: energies, work, and the residuals of the equations of motion. It shares no code with the shaders.
+//! The tool is the rigid body that the haptic device leads by a virtual coupling (spring and damper); the wrench is the
+//! force and torque of the contacts on the tool.
 
 use std::collections::{HashMap, HashSet};
 
@@ -25,35 +27,37 @@ pub const ROUNDINGS: f64 = 16.0;
 pub struct Sample {
     /// Whether all numbers that the step reports are finite.
     pub is_finite: bool,
-    /// Sum of kinetic, elastic, gravitational (relative to the start) and coupling energy, J.
+    /// Sum of kinetic energy, elastic energy, gravitational energy (relative to the start) and energy of the virtual
+    /// coupling, J.
     pub energy: f64,
     /// Energy supplied since the start, J: work of the haptic device, and energy of contacts that were already deep
     /// when they were found.
     pub supplied: f64,
     /// Sum of the magnitudes of the terms of `energy` and of `supplied`, which bounds their rounding, J.
     pub turned_over: f64,
-    /// Kinetic energy of the body, and of the tool if it has a coupling, J; it must vanish when a case comes to rest.
+    /// Kinetic energy of the body, and of the tool if it has a coupling, J; it must vanish in a case (one simulation
+    /// of the matrix) that comes to rest.
     pub motion: f64,
     /// `motion` plus the body's elastic energy, J.
     pub stirred: f64,
-    /// Residual of the step's linear system relative to the right-hand sides of this step and the last, in the norm of
-    /// the diagonal. It includes the residual that the last step carried over to this one.
+    /// Residual of the step's linear system in the norm of its diagonal, relative to the sum of the norms of the
+    /// right-hand sides of this step and of the step before. It includes the residual that the step before left.
     pub residual: f64,
     /// The part of `residual` that f32 rounding alone may cause.
     pub residual_floor: f64,
-    /// Difference of the tool's change of momentum from the impulses of force, weight and coupling, over the largest
-    /// impulse so far.
+    /// Difference of the tool's change of momentum from the impulses of contact force, weight and coupling, over the
+    /// largest impulse so far.
     pub balance: f64,
-    /// Contact force on the tool, N.
+    /// Magnitude of the contact force on the tool, N.
     pub force: f64,
     /// Sum of the magnitudes of all contacts' pushes, N.
     pub pressed: f64,
-    /// Difference between the wrench on the tool and the sum of its contacts: that of the forces, plus that of the
-    /// torques over the tool's radius, N.
+    /// Difference between the wrench that the step reports and the sum of its contacts: the difference of the forces
+    /// plus that of the torques over the tool's radius, N.
     pub missed: f64,
     /// Largest pull of a contact, N.
     pub tension: f64,
-    /// Error that f32 rounding may cause in the sum of the contacts, N.
+    /// Error that f32 rounding may cause in the sum of the contacts' forces, N.
     pub touch_floor: f64,
     /// Displacement of the centre of mass of the free nodes since the start, m.
     pub moved: DVec3,
@@ -61,30 +65,30 @@ pub struct Sample {
     pub inverted: usize,
     /// Largest displacement of a node from rest, m.
     pub deformed: f64,
-    /// Flags of the step.
+    /// Flags of the step, the engine's reports of problems in it.
     pub flags: Flags,
 }
 
 /// Follows a simulation step by step and measures it.
 pub struct Observer {
     body: SoftBody,
-    /// Polar rotation of each tetrahedron, followed from step to step: an inverted tetrahedron has several, of which
-    /// the one nearest to that of the last step is taken.
+    /// Polar rotation of each tetrahedron, followed from step to step: an inverted tetrahedron has several polar
+    /// rotations, of which the one nearest to that of the last step is taken.
     rotations: Vec<DQuat>,
     skin: Skin,
     /// Largest impulse on the tool so far, N s.
     largest: f64,
     gravity: DVec3,
     dt: f64,
-    /// Norm of the last step's right-hand side: this step's residual includes what the last step carried over. `None`:
+    /// Norm of the right-hand side of the last step, whose remaining residual is part of this step's residual. `None`:
     /// unknown, since the last step was retried in parts.
     last_size: Option<f64>,
     /// Error of the tool's balance of momentum in the last step, N s; the next step compensates for it.
     tool_carried_residual: DVec3,
     tool: Option<Tool>,
     device: Option<(DVec3, DQuat)>,
-    /// Contacts of the last step, by vertex and side (twice the index of the pair of bodies, plus 1 for its second
-    /// body).
+    /// Contacts of the last step, by side (twice the index of the pair of bodies, plus 1 for its second body) and by
+    /// vertex.
     touching: HashSet<(u32, u32)>,
     /// Greatest energy that the contact at each vertex has had, J, by side and vertex as in `touching`.
     pressed: HashMap<(u32, u32), f64>,
@@ -162,7 +166,7 @@ impl Observer {
         sample
     }
 
-    /// Does a step and measures it.
+    /// Does a step of the simulation and measures it.
     pub fn step(&mut self, simulation: &mut Simulation) -> Result<Sample> {
         let before = Before::of(&self.body, &self.rotations, self.tool.as_ref());
         let row = simulation.step()?;
@@ -190,8 +194,8 @@ impl Observer {
             let (h, gravity) = (self.dt, self.gravity);
             let done = Done { h, gravity, end: &self.body.velocity, tool, contacts: &pressing };
             let left = before.left(&done);
-            // The residual includes the share that the last step carried over, which is not subtracted: f32 rounds
-            // alike in every step of a body at rest, and subtracting would add up these errors over many steps.
+            // The residual includes the share that the last step left, which is not subtracted: f32 rounds in the same
+            // way in every step of a body at rest, and subtracting would add up these errors over many steps.
             let size = left.size2.sqrt();
             if let Some(all) = last.map(|last| size + last).filter(|all| *all > 0.0) {
                 (sample.residual, sample.residual_floor) = (left.left2.sqrt() / all, left.floor2.sqrt() / all);
@@ -204,7 +208,7 @@ impl Observer {
         Ok(sample)
     }
 
-    /// Compares the wrench with the sum of the contacts.
+    /// Compares the reported wrench with the sum of the contacts' forces, and enters the result into `sample`.
     fn touching_invariants(
         &self,
         pressing: &[touch::Pressing],
@@ -300,12 +304,13 @@ impl Observer {
     }
 }
 
-/// Most iterations of [`followed`].
+/// Greatest number of iterations in [`followed`].
 const ROUNDS: usize = 200;
-/// Rotation below which the iteration has converged, rad.
+/// The iteration in [`followed`] has converged when it turns by less than this angle, rad.
 const DONE: f64 = 1e-12;
 
-/// The polar rotation of F that is nearest to `from`, that of the last step, by the iteration of Mueller et al. (2016).
+/// The polar rotation of the deformation gradient `f` that is nearest to `from`, the rotation after the last step, by
+/// the iteration of Mueller et al. (2016).
 fn followed(f: DMat3, from: DQuat) -> DQuat {
     let mut q = from;
     for _ in 0..ROUNDS {

@@ -1,12 +1,13 @@
-//! Tests of the worker thread that does submitted steps, without a GPU: a substitute for the simulation ends each step
-//! as the test orders it to.
+//! Tests of the worker thread that does submitted steps (steps for which the caller does not wait), without a GPU: a
+//! substitute for the simulation ends each step as the test orders. The result of a step is a wrench: contact force and
+//! torque on the tool, the rigid body that the haptic device leads.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use super::*;
 
-/// An object whose step waits for an order, then succeeds, fails or panics as ordered. It sends a message when it is
-/// dropped.
+/// The substitute for the simulation: an object whose step waits for an order of the test, and then succeeds, fails or
+/// panics as ordered. When the object is dropped, it sends a message on the channel `gone`.
 struct Told {
     orders: Receiver<Order>,
     gone: Sender<()>,
@@ -49,6 +50,8 @@ impl Stepped for Told {
     }
 }
 
+/// Makes a substitute; returns its handle, its worker thread with the results of its steps, the sender of orders, and
+/// the receiver of the message that the substitute was dropped.
 fn servant() -> (usize, Arc<Steps<Told>>, Sender<Order>, Receiver<()>) {
     let ((order, orders), (gone, goes)) = (channel(), channel());
     let told = Told { orders, gone, steps: 0, has_failed: false };
@@ -66,9 +69,10 @@ fn is_done(steps: &Steps<Told>) -> bool {
     rests
 }
 
+/// Number of the newest step, and the time since that step was submitted, s.
 fn newest(steps: &Steps<Told>) -> (u64, f64) {
     let (mut wrench, mut age) = (palpate_wrench::unset(), 0.0);
-    // SAFETY: both places are live locals of the right types.
+    // SAFETY: both pointers lead to live local variables of the right types.
     unsafe { steps.shared.lock().newest.tell(&mut wrench, &mut age) }.unwrap();
     (wrench.step, age)
 }
@@ -113,7 +117,7 @@ fn a_step_that_fails_is_told_until_the_end_and_leaves_the_last_wrench() {
     }
     assert_eq!(newest(&steps).0, 1);
     assert_eq!(submit(&steps, handle), palpate_status::Simulation);
-    // Restoring a state calls `forget`, which clears the failure.
+    // When a saved state is restored, the library calls `forget`, which clears the failure and the newest wrench.
     steps.forget();
     assert!(is_done(&steps) && newest(&steps).0 == 0);
     steps.wait().unwrap();

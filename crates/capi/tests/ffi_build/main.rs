@@ -1,5 +1,7 @@
-//! Tests of scenes that are built by calls of the C ABI: a simulation of such a scene computes the same bits as one of
-//! the equal scene file, and wrong values are refused by name and change nothing.
+//! Tests of scenes that are built by calls of the C ABI of palpate: a simulation of such a scene computes the same bits
+//! as a simulation of the equal scene file, and wrong values are refused with a message that names them, and change
+//! nothing. The tool is the rigid body that the haptic device leads, by a spring and damper, the virtual coupling; a
+//! rigid core is a rigid body inside a soft body, to which nodes of the soft body are attached.
 #![allow(unsafe_code)]
 
 mod prepare;
@@ -26,11 +28,11 @@ use palpate_capi::simulation::{
 use palpate_capi::status::{palpate_last_error, palpate_status};
 use palpate_status::{Argument, Busy, Cancelled, Handle, Input, Null};
 
-/// Number of steps that are compared.
+/// Number of steps of each simulation.
 const STEPS: usize = 25;
 
 fn last_error() -> String {
-    // SAFETY: the library's message is never null and is terminated by a zero.
+    // SAFETY: the library's message is never null and is terminated by a zero byte.
     unsafe { CStr::from_ptr(palpate_last_error()) }.to_str().unwrap().into()
 }
 
@@ -46,9 +48,9 @@ fn refused(status: palpate_status, expected: palpate_status, words: &str) {
     assert!(error.contains(words) && error.lines().count() == 1, "wrong error: {error}");
 }
 
-/// A struct of the interface, all zero but its size.
+/// Returns a struct of palpate.h whose size field is set and whose other fields are zero.
 fn zeros<T: Copy>() -> T {
-    // SAFETY: it is used only for structs of numbers and pointers that begin with a `u32` of their size.
+    // SAFETY: the function is used only for structs of numbers and pointers, whose first field, a `u32`, is their size.
     unsafe {
         let mut made: T = std::mem::zeroed();
         (&raw mut made).cast::<u32>().write(size_of::<T>() as u32);
@@ -56,7 +58,7 @@ fn zeros<T: Copy>() -> T {
     }
 }
 
-/// An empty scene with default settings.
+/// Makes an empty scene with default settings.
 fn empty() -> *mut palpate_scene {
     let mut scene = null_mut();
     // SAFETY: null settings are allowed, and the output pointer leads to a live local variable.
@@ -87,20 +89,21 @@ fn set_tool(scene: *mut palpate_scene, tool: &palpate_tool) -> palpate_status {
 fn parsed(text: &str, folder: &Path) -> *mut palpate_scene {
     let (text, folder) = (CString::new(text).unwrap(), CString::new(folder.to_str().unwrap()).unwrap());
     let mut scene = null_mut();
-    // SAFETY: the strings are terminated by a zero, and the output pointer leads to a live local variable.
+    // SAFETY: the strings are terminated by a zero byte, and the output pointer leads to a live local variable.
     ok(unsafe { palpate_scene_parse(text.as_ptr(), folder.as_ptr(), &mut scene) });
     scene
 }
 
-/// Makes a simulation of the scene, steps it, and destroys both. Returns the bits of the force and torque of each step,
-/// and of the node positions of the first `bodies` bodies at the end. Fails if there is no force at the end.
+/// Makes a simulation of the scene, does its steps, and destroys scene and simulation. Returns the bits of the force
+/// and torque on the tool at each step, and of the node positions of the first `bodies` bodies at the end. Fails if
+/// there is no force at the end.
 fn felt(scene: *mut palpate_scene, bodies: u32) -> Vec<u64> {
     let (bits, has_force) = stepped(scene, bodies);
     assert!(has_force, "the tool felt no force at the end");
     bits
 }
 
-/// Does the same as [`felt`], but returns whether there is a force at the end instead of failing.
+/// Does what [`felt`] does, but returns also whether there is a force at the end, and does not fail without a force.
 fn stepped(scene: *mut palpate_scene, bodies: u32) -> (Vec<u64>, bool) {
     let (mut context, mut simulation): (*mut palpate_context, _) = (null_mut(), null_mut());
     let mut wrench: palpate_wrench = zeros::<palpate_wrench>();
@@ -147,14 +150,14 @@ const COUPLING: &str =
     "[coupling]\nstiffness = 500.0\ndamping = 2.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n";
 const SPHERE: &str = "[tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.0702, 0.0]\n";
 
-/// A body of soft material, to which the caller adds name and shape.
+/// Returns a body that has a soft material, but no name and no shape yet.
 fn soft() -> palpate_body {
     palpate_body { young: 2e4, poisson: 0.45, density: 1000.0, damping_stiffness: 1e-3, ..zeros() }
 }
 
 const SOFT: &str = "material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 1e-3 }\n";
 
-/// A soft block with these rigid cores (rigid bodies to which its nodes are attached).
+/// Returns a soft block with these rigid cores.
 fn block(cores: &[palpate_core]) -> palpate_body {
     palpate_body {
         name: c"block".as_ptr(),
@@ -167,6 +170,7 @@ fn block(cores: &[palpate_core]) -> palpate_body {
     }
 }
 
+/// Returns a fixed rigid core to which the nodes at the bottom of the block are attached.
 fn bottom() -> palpate_core {
     palpate_core { name: c"bottom".as_ptr(), box_low: [-0.06, -0.02, -0.06], box_high: [0.06, -0.009, 0.06], ..zeros() }
 }
@@ -189,19 +193,19 @@ fn a_box_built_by_calls_is_the_box_of_the_text() {
         let keys = [palpate_key { time: 0.0, pose: start }, palpate_key { time: 0.5, pose: turned(end) }];
         let core = palpate_core { motion: PALPATE_MOTION_DRIVEN, keys: keys.as_ptr(), key_count: 2, ..bottom() };
         let mut scene = null_mut();
-        // SAFETY: the settings and the output are live local variables.
+        // SAFETY: the settings and the output variable are live local variables.
         ok(unsafe { palpate_scene_create(&settings, &mut scene) });
         ok(set_tool(scene, &presser()));
         ok(add_body(scene, &block(&[core])));
         felt(scene, 1)
     };
     assert_eq!(built(0.4, [0.0, 0.6, 0.0, 0.8]), told);
-    // The comparison can fail: another friction or another last key gives other bits.
+    // The comparison above can fail: with another friction coefficient or another last keyframe the bits differ.
     assert_ne!(built(0.3, [0.0, 0.6, 0.0, 0.8]), told);
     assert_ne!(built(0.4, [0.0, 0.8, 0.0, 0.6]), told);
 }
 
-/// Writes an OBJ file; `{:?}` prints numbers such that they are read back to the same bits.
+/// Writes an OBJ file. Numbers printed by the format `{:?}` are read back to the same bits.
 fn write_obj(file: &Path, (vertices, triangles): &(Vec<DVec3>, Vec<[u32; 3]>)) {
     let vertex = |v: &DVec3| format!("v {:?} {:?} {:?}\n", v.x, v.y, v.z);
     let face = |t: &[u32; 3]| format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1);
@@ -218,14 +222,15 @@ fn write_tetgen(file: &Path, (nodes, tetrahedra): &(Vec<DVec3>, Vec<[u32; 4]>)) 
     std::fs::write(file.with_extension("ele"), elements).unwrap();
 }
 
-/// A ball with one triangle turned inside out, which preparing repairs.
+/// Makes a ball with one triangle turned inside out. The preparation of the body repairs this defect.
 fn ball(radius: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let (vertices, mut triangles) = sphere::icosphere(radius);
     triangles[7].swap(0, 1);
     (vertices, triangles)
 }
 
-/// A cube around a ball of this radius, with one inverted tetrahedron and one node that no tetrahedron uses.
+/// Makes a tetrahedral mesh of a cube around a ball of this radius, with one inverted tetrahedron and one node that no
+/// tetrahedron uses.
 fn cube(radius: f64) -> (Vec<DVec3>, Vec<[u32; 4]>) {
     let made = layer::kuhn_box(DVec3::splat(-1.1 * radius), DVec3::splat(1.1 * radius), [5, 5, 5]);
     let (mut nodes, mut tetrahedra) = (made.nodes, made.tetrahedra);
@@ -268,15 +273,28 @@ fn bodies_from_arrays_are_those_from_files() {
     for (keys, body) in &bodies {
         let text = format!("[[body]]\nname = \"ball\"\n{keys}\n{SOFT}{held}{tool}{COUPLING}");
         let told = felt(parsed(&text, folder.path()), 1);
-        assert_eq!(built(&skin, &hand, &inside, body), told, "bits of the built scene, and of the file with {keys}");
-        // The comparison can fail: a coordinate that is off by a micrometre in any of the arrays changes the bits.
+        assert_eq!(
+            built(&skin, &hand, &inside, body),
+            told,
+            "bits of the built scene (left) and of the scene file with `{keys}` (right)"
+        );
+        // The comparison above can fail: coordinates that are off by a micrometre, in the surface of the tool or in the
+        // meshes of the body, change the bits.
         let mut spoiled = hand.clone();
         spoiled.0[0] += DVec3::splat(1e-6);
-        assert_ne!(built(&skin, &spoiled, &inside, body), told, "changed tool, body with {keys}");
+        assert_ne!(
+            built(&skin, &spoiled, &inside, body),
+            told,
+            "a tool with a moved vertex gave equal bits; body with `{keys}`"
+        );
         let mut spoiled = (skin.clone(), inside.clone());
         spoiled.0.0[0] += DVec3::splat(1e-6);
         spoiled.1.0[0] += DVec3::splat(1e-6);
-        assert_ne!(built(&spoiled.0, &hand, &spoiled.1, body), told, "changed body with {keys}");
+        assert_ne!(
+            built(&spoiled.0, &hand, &spoiled.1, body),
+            told,
+            "a body with a moved vertex and a moved node gave equal bits; body with `{keys}`"
+        );
     }
 }
 
@@ -302,7 +320,7 @@ fn a_rigid_body_from_arrays_and_tables_from_a_text_go_together() {
             ..zeros()
         };
         ok(add_body(scene, &body));
-        // SAFETY: the string is terminated by a zero; the library checks the handle.
+        // SAFETY: the string is terminated by a zero byte; the library checks the handle.
         ok(unsafe { palpate_scene_add(scene, CString::new(rest).unwrap().as_ptr()) });
         ok(set_tool(scene, &presser()));
         felt(scene, 1)
@@ -319,7 +337,7 @@ fn a_body_with_a_list_of_none_is_not_felt() {
         ok(add_body(scene, &block(&cores)));
         ok(set_tool(scene, &presser()));
         if with_list {
-            // SAFETY: the list is not null, and the library reads none of its elements, because the count is 0.
+            // SAFETY: the pointer to the list is not null, and the library reads no element, because the count is 0.
             ok(unsafe { palpate_scene_set_collides(scene, 0, [null()].as_ptr(), 0) });
         }
         stepped(scene, 1).1
@@ -333,7 +351,7 @@ fn a_scene_from_a_file_takes_more() {
     let file = folder.path().join("scene.toml");
     std::fs::write(&file, format!("{SPHERE}{COUPLING}")).unwrap();
     let mut scene = null_mut();
-    // SAFETY: the string is terminated by a zero, and the output pointer leads to a live local variable.
+    // SAFETY: the string is terminated by a zero byte, and the output pointer leads to a live local variable.
     ok(unsafe { palpate_scene_load(CString::new(file.to_str().unwrap()).unwrap().as_ptr(), &mut scene) });
     let mut index = 7;
     let cores = [bottom()];

@@ -1,18 +1,19 @@
-//! Tests of preparing bodies (making their simulation meshes and collision proxies) with a progress callback, which may
-//! cancel the preparation.
+//! Tests of the preparation of bodies with a progress callback, which may cancel it. To prepare a body is to make its
+//! tetrahedral simulation mesh and its collision proxies (convex hulls); this has several stages.
 
 use super::*;
 
-/// Record of the calls of the progress callback (body, stage, done, total), and the number of calls (`most`) after
-/// which it cancels.
+/// Data of the progress callback: the scene in preparation; a record of the callback's calls (`seen`: body, stage,
+/// number of bodies that are ready, and number of all bodies); and the number of calls after which it cancels (`most`).
 struct Watcher {
     scene: *mut palpate_scene,
     seen: Vec<(String, String, u32, u32)>,
     most: usize,
 }
 
+/// The progress callback: checks that a call on the scene in preparation is refused as busy, and records its own call.
 unsafe extern "C" fn watch(user: *mut c_void, body: *const c_char, stage: *const c_char, done: u32, total: u32) -> i32 {
-    // SAFETY: `user` is the `Watcher` that the test passed, and both texts are terminated by a zero.
+    // SAFETY: `user` is the `Watcher` that the test passed, and both texts are terminated by a zero byte.
     let (watcher, [body, stage]) = unsafe {
         let text = |text| CStr::from_ptr(text).to_str().unwrap().to_owned();
         (&mut *user.cast::<Watcher>(), [body, stage].map(text))
@@ -27,7 +28,7 @@ fn preparing_tells_its_stages_and_ends_where_the_callback_wants() {
     let scene = empty();
     let (home, radius) = (tempfile::tempdir().unwrap(), 0.05);
     let folder = CString::new(home.path().to_str().unwrap()).unwrap();
-    // SAFETY: the string is terminated by a zero; the library checks the handle.
+    // SAFETY: the string is terminated by a zero byte; the library checks the handle.
     ok(unsafe { palpate_scene_cache(scene, folder.as_ptr()) });
     ok(add_surface(scene, c"skin", &ball(radius)));
     let cores = [palpate_core { name: c"held".as_ptr(), sphere_radius: 0.02, ..zeros() }];
@@ -56,17 +57,17 @@ fn preparing_tells_its_stages_and_ends_where_the_callback_wants() {
     assert_eq!(stages("ball"), ["cache", "read", "repair", "layer", "embed", "proxies", "cache", "bind"]);
     assert!(stages("tool").starts_with(&["cache"]));
     assert!(seen.iter().all(|(name, _, done, total)| *total == 3 && *done == if name == "tool" { 2 } else { 1 }));
-    // All bodies are ready: there are no more calls, until a body is added.
+    // All bodies are ready now, so the callback is not called until another body is added.
     assert_eq!(prepare(0), (palpate_status::Ok, Vec::new()));
     ok(add_body(scene, &palpate_body { name: c"other".as_ptr(), ..body }));
     let (status, seen) = prepare(usize::MAX);
     ok(status);
     assert!(
         seen.iter().all(|s| s.0 == "other" || s.0 == "tool") && seen.iter().any(|s| s.0 == "other"),
-        "calls of the callback: {seen:?}"
+        "only calls about `other` and the tool expected; calls of the callback: {seen:?}"
     );
-    // A scene that was prepared in pieces gives the same simulation as one prepared at once; a null callback is
-    // allowed.
+    // A scene that was prepared by several calls gives the same simulation as a scene that is prepared by one call. The
+    // callback may be null.
     let again = empty();
     ok(add_surface(again, c"skin", &ball(radius)));
     ok(add_body(again, &floor));
@@ -78,7 +79,8 @@ fn preparing_tells_its_stages_and_ends_where_the_callback_wants() {
     assert_eq!(felt(scene, 3), felt(again, 3));
 }
 
-/// Prepares a new scene with a ball of this radius, with this cache folder, and returns the stages that were reported.
+/// Makes a scene of one soft ball of this radius, sets its cache folder (which keeps prepared bodies), prepares it, and
+/// returns the stages that the callback received.
 fn stages_with(folder: Option<&CStr>, radius: f64) -> Vec<String> {
     let scene = empty();
     ok(add_surface(scene, c"skin", &ball(radius)));
@@ -86,7 +88,8 @@ fn stages_with(folder: Option<&CStr>, radius: f64) -> Vec<String> {
     ok(add_body(scene, &body));
     let folder = folder.map_or(null(), CStr::as_ptr);
     let mut watcher = Watcher { scene, seen: Vec::new(), most: usize::MAX };
-    // SAFETY (all calls): the folder is a string or null, and `watcher`, which the callback uses, outlives the call.
+    // SAFETY (all calls in this block): the pointer `folder` leads to a string or is null, and `watcher`, which the
+    // callback uses, outlives the call.
     unsafe {
         ok(palpate_scene_cache(scene, folder));
         ok(palpate_scene_prepare(scene, Some(watch), (&raw mut watcher).cast()));
@@ -101,11 +104,11 @@ fn prepared_bodies_are_kept_where_a_folder_is_named_and_nowhere_else() {
     let folder = CString::new(home.path().join("kept").to_str().unwrap()).unwrap();
     let is_made = |stages: Vec<String>| stages.iter().any(|stage| stage == "layer");
     assert!(is_made(stages_with(None, 0.05)));
-    assert!(is_made(stages_with(None, 0.05)), "without a cache folder no prepared body is kept");
+    assert!(is_made(stages_with(None, 0.05)), "without a cache folder the ball was not made again");
     assert!(!home.path().join("kept").exists());
     assert!(is_made(stages_with(Some(&folder), 0.05)));
-    assert!(!is_made(stages_with(Some(&folder), 0.05)), "the cache folder has the prepared body");
-    assert!(is_made(stages_with(Some(&folder), 0.06)), "the cache folder has no ball of this radius");
+    assert!(!is_made(stages_with(Some(&folder), 0.05)), "the ball was made again, although the cache folder has it");
+    assert!(is_made(stages_with(Some(&folder), 0.06)), "a ball of another radius was taken from the cache folder");
 }
 
 #[test]
@@ -116,7 +119,7 @@ fn a_context_refuses_what_it_cannot_be_told() {
         (palpate_context_options { validation: 7, ..zeros() }, "palpate_context_options.validation is 7; give 0 or 1"),
     ] {
         let mut none = null_mut();
-        // SAFETY: the options and the output are live local variables.
+        // SAFETY: the options and the output variable are live local variables.
         refused(unsafe { palpate_context_create(&wrong, &mut none) }, Argument, words);
         assert!(none.is_null());
     }

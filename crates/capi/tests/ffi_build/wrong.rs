@@ -1,4 +1,5 @@
-//! Tests of wrong values: each is refused with a message that names it, and changes nothing.
+//! Tests of wrong values in calls that build a scene: each is refused with a message that names the value, and changes
+//! nothing.
 
 use super::*;
 
@@ -94,7 +95,8 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
         refused(set_tool(scene, &wrong), Argument, words);
     }
     wrong_arrays(scene, &skin, &inside);
-    // SAFETY (all calls): pointers are null, where that is tried, or live; the library checks handles.
+    // SAFETY (all calls in this block): each pointer is null, which the library must refuse, or leads to live memory;
+    // the library checks handles.
     unsafe {
         refused(palpate_scene_add_body(scene, null(), null_mut()), Null, "body is null; give a palpate_body");
         refused(palpate_scene_set_tool(scene, null()), Null, "tool is null");
@@ -105,8 +107,8 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
         refused(add_body(scene.cast::<u8>().wrapping_add(1 << 40).cast(), &good), Handle, "scene was destroyed");
     }
     wrong_settings();
-    // The refused calls left nothing behind: the scene is still empty, and after one tool and one body are added, it
-    // equals a new scene with only these two.
+    // The refused calls must have added nothing: the scene must still be empty, and after a tool and a body are added,
+    // it must give the same bits as a new scene with the same tool and body.
     let mut context = null_mut();
     // SAFETY: the output pointers lead to live local variables.
     unsafe {
@@ -126,17 +128,18 @@ fn wrong_values_are_told_by_name_and_change_nothing() {
     assert_eq!(felt(scene, 1), felt(alone, 1));
 }
 
-/// Tries wrong lists of collision partners in a scene of one body and a tool. The scene must stay as it is.
+/// Tries wrong lists of collision partners (names of the bodies with which a body collides) in a scene of one body and
+/// a tool. The last call, with a right list, leaves the contacts of the scene as they are.
 fn wrong_partners(scene: *mut palpate_scene) {
     let names = [c"tool".as_ptr(), c"nobody".as_ptr(), null()];
     let collides = |body, first: usize, count| {
-        // SAFETY: the array has at least `count` names from `first` on, each a string or null.
+        // SAFETY: from index `first` on, the array has at least `count` pointers, each to a string or null.
         unsafe { palpate_scene_set_collides(scene, body, names[first..].as_ptr(), count) }
     };
     refused(collides(0, 0, 2), Argument, "`body.block.collides`: there is no body \"nobody\"");
     refused(collides(0, 2, 1), Null, "names[..] is null");
     refused(collides(1, 0, 1), Argument, "`body`: is 1; the scene has 1");
-    // SAFETY: null is what the test tries; the library reads no name.
+    // SAFETY: the pointer to the names is null, which the library must refuse before it reads a name.
     refused(unsafe { palpate_scene_set_collides(scene, 0, null(), 1) }, Null, "names is null");
     ok(collides(0, 0, 1));
 }
@@ -174,7 +177,8 @@ fn wrong_arrays(scene: *mut palpate_scene, skin: &(Vec<DVec3>, Vec<[u32; 3]>), i
     refused(add_layer(scene, c"inside", inside), Argument, "the name is already taken");
     let (numbers, indices) = ([0.0; 9], [0, 1, 2]);
     let raw = |vertices, count, triangles, many| {
-        // SAFETY: the arrays are null or misaligned, or their counts are refused before the library reads an element.
+        // SAFETY: in each of these calls an array is null or misaligned, or its count is too large; the library must
+        // refuse the call before it reads an element.
         unsafe { palpate_scene_add_surface(scene, c"wrong".as_ptr(), vertices, count, triangles, many) }
     };
     refused(raw(null(), 3, indices.as_ptr(), 1), Null, "vertices is null");
@@ -198,10 +202,10 @@ fn wrong_settings() {
         (palpate_settings { size: 0, ..good }, "palpate_settings.size is 0"),
     ] {
         let mut none = std::ptr::dangling_mut();
-        // SAFETY: the settings and the output are live local variables.
+        // SAFETY: the settings and the output variable are live local variables.
         refused(unsafe { palpate_scene_create(&wrong, &mut none) }, Argument, words);
         assert!(none.is_null() || words.contains("size"));
     }
-    // SAFETY: the settings are a live local; null is what the test tries.
+    // SAFETY: the settings are a live local variable; the output pointer is null, which the library must refuse.
     refused(unsafe { palpate_scene_create(&good, null_mut()) }, Null, "scene is null");
 }

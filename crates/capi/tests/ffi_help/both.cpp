@@ -1,5 +1,5 @@
-// Test program of palpate.hpp: a submitted step, then a haptic loop with a simulated device that presses down. Prints
-// "right" if all checks hold, else "wrong".
+// Test program of palpate.hpp: does a submitted step (a step without waiting), then runs a haptic loop with a simulated
+// haptic device that presses down. Prints "right" if all checks hold, and otherwise "wrong".
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -10,6 +10,7 @@
 
 namespace {
 
+// Data of the simulated device.
 struct Hand {
     std::atomic<double> time{0.0};
     std::atomic<bool> is_closed{false};

@@ -1,4 +1,5 @@
-//! Helpers that the tests of the C ABI share: scenes, checks of statuses, and compilers for the programs in C and C++.
+//! Helpers that the tests of the C ABI of palpate share: scenes, checks of the status that a call returns, and calls of
+//! the compilers for the programs in C and C++. In a scene, the tool is the rigid body that the haptic device leads.
 #![allow(dead_code, unsafe_code)]
 
 use std::ffi::{CStr, CString};
@@ -26,7 +27,7 @@ motion = "fixed"
 bind = { box = [[-0.06, -0.04, -0.06], [0.06, -0.029, 0.06]] }
 "#;
 
-/// Scene text: a spherical tool just above the block.
+/// Scene text: a spherical tool, 0.2 mm above the block of [`BLOCK`].
 pub const SPHERE: &str = r#"
 [tool]
 sphere = 0.02
@@ -39,11 +40,11 @@ angular_stiffness = 0.5
 angular_damping = 0.002
 "#;
 
-/// Device pose at which the sphere is deep in the block.
+/// Pose of the haptic device with which the spherical tool is deep in the block.
 pub const DEEP: palpate_pose = palpate_pose { position: [0.0, 0.046, 0.0], orientation: [0.0, 0.0, 0.0, 1.0] };
 
 pub fn last_error() -> String {
-    // SAFETY: the library's message is never null and is terminated by a zero.
+    // SAFETY: the library's message is never null and is terminated by a zero byte.
     unsafe { CStr::from_ptr(palpate_last_error()) }.to_str().unwrap().into()
 }
 
@@ -59,7 +60,7 @@ pub fn refused(status: palpate_status, expected: palpate_status, words: &str) {
     assert!(error.contains(words) && error.lines().count() == 1, "wrong error: {error}");
 }
 
-/// Waits until `done` is true, for two minutes at most.
+/// Waits until the condition `done` returns true; fails if this takes more than two minutes.
 #[track_caller]
 pub fn wait_for(mut done: impl FnMut() -> bool) {
     let begun = Instant::now();
@@ -79,7 +80,7 @@ pub fn context() -> *mut palpate_context {
 pub fn simulation(context: *mut palpate_context, text: &str) -> *mut palpate_simulation {
     let (mut scene, mut simulation) = (null_mut(), null_mut());
     let text = CString::new(text).unwrap();
-    // SAFETY: the text is terminated by a zero, and the output pointers lead to live local variables.
+    // SAFETY: the text is terminated by a zero byte, and the output pointers lead to live local variables.
     unsafe {
         ok(palpate_scene_parse(text.as_ptr(), null(), &mut scene));
         ok(palpate_simulation_create(context, scene, &mut simulation));
@@ -88,9 +89,9 @@ pub fn simulation(context: *mut palpate_context, text: &str) -> *mut palpate_sim
     simulation
 }
 
-/// A struct of the interface, all zero but its size.
+/// Returns a struct of palpate.h whose size field is set and whose other fields are zero.
 pub fn zeroed<T: Copy>() -> T {
-    // SAFETY: it is used only for structs of numbers and pointers that begin with a `u32` of their size.
+    // SAFETY: the function is used only for structs of numbers and pointers, whose first field, a `u32`, is their size.
     unsafe {
         let mut value: T = std::mem::zeroed();
         (&raw mut value).cast::<u32>().write(size_of::<T>() as u32);
@@ -102,7 +103,7 @@ pub fn wrench() -> palpate_wrench {
     zeroed()
 }
 
-/// Bytes of GPU memory that the simulations of a context occupy.
+/// Returns the number of bytes of GPU memory that the simulations of a context occupy.
 pub fn memory(context: *mut palpate_context) -> u64 {
     let mut bytes = 0;
     // SAFETY: the output pointer leads to a live local variable; the library checks handles.
@@ -110,10 +111,10 @@ pub fn memory(context: *mut palpate_context) -> u64 {
     bytes
 }
 
-/// World positions of the nodes of the first body, m.
+/// Returns the world positions of the nodes of the first body, m.
 pub fn nodes(simulation: *mut palpate_simulation) -> Vec<[f64; 3]> {
     let mut count = 0;
-    // SAFETY: a null array is allowed where the capacity is 0, and the output pointer leads to a live local variable.
+    // SAFETY: the array may be null because the capacity is 0; the output pointer leads to a live local variable.
     ok(unsafe { palpate_nodes(simulation, 0, null_mut(), 0, &mut count) });
     let mut nodes = vec![[0.0; 3]; count];
     // SAFETY: the array has the length that is passed, and the output pointer leads to a live local variable.
@@ -125,17 +126,17 @@ pub fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
 }
 
-/// Folder in which cargo built the shared library of this test run.
+/// Returns the folder that has the newest build of the shared library, which cargo made for this test run.
 pub fn library() -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let deps = test.parent().unwrap();
     let newest = [deps, deps.parent().unwrap()].map(|folder| folder.join("libpalpate_capi.so"));
     let when = |path: &PathBuf| path.metadata().and_then(|m| m.modified()).ok();
     let found = newest.into_iter().filter(|path| path.exists()).max_by_key(when);
-    found.expect("cargo builds libpalpate_capi.so").parent().unwrap().to_path_buf()
+    found.expect("cargo has built no libpalpate_capi.so").parent().unwrap().to_path_buf()
 }
 
-/// Compiles a program of the repository with warnings as errors; returns its path.
+/// Compiles a C or C++ program of the repository, with warnings as errors; returns the path of the executable.
 pub fn compiled(compiler: &str, standard: &str, source: &str, folder: &Path) -> PathBuf {
     let program = folder.join(format!("{}-{compiler}", Path::new(source).file_stem().unwrap().display()));
     let library = library();
@@ -147,17 +148,17 @@ pub fn compiled(compiler: &str, standard: &str, source: &str, folder: &Path) -> 
         .arg(&program)
         .arg("-L")
         .arg(&library)
-        // With the old dynamic tags (DT_RPATH) the loader searches the path in the program before LD_LIBRARY_PATH,
-        // which cargo sets to folders that may hold other builds of the library.
+        // With the old dynamic tag DT_RPATH the loader first searches the path that is written in the program, and only
+        // then LD_LIBRARY_PATH, which cargo sets to folders that may hold other builds of the library.
         .args(["-lpalpate_capi", "-lvulkan", "-lm", "-pthread", "-Wl,--disable-new-dtags"])
         .arg(format!("-Wl,-rpath,{}", library.display()))
         .output()
-        .unwrap_or_else(|error| panic!("{compiler}: {error}; ./setup.sh --tests installs it"));
+        .unwrap_or_else(|error| panic!("cannot run {compiler}: {error}; ./setup.sh --tests installs it"));
     assert!(done.status.success(), "{compiler} reported: {}", String::from_utf8_lossy(&done.stderr));
     program
 }
 
-/// Compiles and runs a program of the repository; returns what it prints.
+/// Compiles and runs a C or C++ program of the repository; returns what the program prints.
 pub fn output(compiler: &str, standard: &str, source: &str, arguments: &[&Path]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let done = Command::new(compiled(compiler, standard, source, folder.path())).args(arguments).output().unwrap();

@@ -1,6 +1,7 @@
-/* Test program: creates, steps and destroys a simulation again and again: rounds SCENE WARM ROUNDS STEPS. Prints the
- * force of the last step (N), and the allocated bytes and the pages in use after the first WARM rounds and after ROUNDS
- * more. */
+/* Test program for memory leaks, called as: rounds SCENE WARM ROUNDS STEPS. In each round it creates a simulation of
+ * the scene file, does STEPS steps, and destroys the simulation. It prints the y component of the force on the tool at
+ * the last step (N), and then the allocated bytes and the memory pages in use, each first after WARM rounds and then
+ * after ROUNDS further rounds. */
 #include "flat.h"
 
 int main(int argc, char **argv) {
@@ -33,7 +34,7 @@ int main(int argc, char **argv) {
         check(palpate_contacts(simulation, NULL, 0, &count));
         palpate_skins skins = {.size = sizeof skins};
         check(palpate_skin_buffers(simulation, NULL, &skins));
-        /* A wrong call, so that the library stores an error message for this thread. */
+        /* This call is wrong, since there is no body 77, so the library stores an error message for this thread. */
         if (palpate_nodes(simulation, 77, NULL, 0, &count) == PALPATE_STATUS_OK) {
             return EXIT_FAILURE;
         }

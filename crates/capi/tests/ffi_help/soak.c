@@ -1,5 +1,6 @@
-/* Test program: does very many steps: soak SCENE STEPS. Prints the greatest force (N), and the allocated bytes (of
- * library and driver) and the pages in use after the first 1000 steps and after STEPS more. */
+/* Test program for memory leaks, called as: soak SCENE STEPS. It does 1000 steps of a simulation of the scene file, and
+ * then STEPS further steps. It prints the greatest y component of the force on the tool (N), and then the bytes that
+ * library and driver have allocated and the memory pages in use, each first after 1000 steps and then at the end. */
 #include "flat.h"
 
 int main(int argc, char **argv) {

@@ -1,5 +1,5 @@
-//! The image of a query: both bodies from the side, and a map of their penetration depth along the normal, with a
-//! legend.
+//! The image of a query (search for the overlap of two undeformed bodies, a and b): both bodies from the side, and a
+//! map of their penetration depth along the contact normal, with a legend.
 //!
 //! The map is computed from the surfaces themselves and not from the contacts, so that it shows independently where
 //! contacts must be. Each pixel has a line parallel to the normal; the depth at the pixel is the length of the longest
@@ -23,7 +23,8 @@ const ROOM: f64 = 1.25;
 const LEAST_ROOM: f64 = 2.0;
 /// Greatest number of times that the map is doubled in size because the overlap reaches its rim.
 const DOUBLINGS: usize = 5;
-/// Contacts belong to the same contact patch if the cosine between their normals is greater than this.
+/// Contacts belong to the same contact patch (place with one contact normal) if the cosine between their normals is
+/// greater than this value.
 const SAME_NORMAL: f64 = 0.999;
 const A: [f64; 3] = [0.80, 0.52, 0.36];
 const B: [f64; 3] = [0.36, 0.55, 0.74];
@@ -44,9 +45,9 @@ impl Solid {
     }
 }
 
-/// Image of bodies a and b from the side, with a on the left; beside it the depth map of the contact patch with the
-/// deepest contact, seen from the side to which its normal points, so that a lies behind b. If there is no contact, the
-/// image shows only the bodies.
+/// Image of bodies a and b from the side, with a on the left; beside this image the depth map of the contact patch with
+/// the deepest contact, seen from the side to which the patch's normal points, so that a lies behind b. If there is no
+/// contact, the image shows only the bodies.
 pub fn picture(solids: [&Solid; 2], contacts: &[QueryContact]) -> Picture {
     let deepest = contacts.iter().max_by(|x, y| x.depth.total_cmp(&y.depth));
     let normal = deepest.map_or(DVec3::X, |contact| contact.normal);
@@ -65,7 +66,7 @@ fn bodies(solids: [&Solid; 2], right: DVec3) -> Picture {
     draw(&faces(0).chain(faces(1)).collect::<Vec<_>>(), &view, SIDE)
 }
 
-/// The image in the middle of a white square.
+/// Puts an image in the middle of a white square.
 fn square(picture: Picture) -> Picture {
     let (left, top) = (SIDE.saturating_sub(picture.width) / 2, SIDE.saturating_sub(picture.height) / 2);
     let mut canvas = blank(SIDE, SIDE);
@@ -89,7 +90,7 @@ struct Field {
     half: f64,
     /// Depth of each pixel, m, rows from the top; 0 without overlap.
     depth: Vec<f64>,
-    /// Whether each body covers the pixel.
+    /// For each pixel, whether body a covers it and whether body b covers it.
     covered: Vec<[bool; 2]>,
 }
 
@@ -136,7 +137,7 @@ impl Field {
         let from = x - self.middle;
         let scale = SIDE as f64 / (2.0 * self.half);
         let middle = 0.5 * SIDE as f64;
-        // A small offset, so that no line runs along an edge of a box that is aligned with the axes.
+        // A small offset keeps the pixels' lines off the edges of boxes that are aligned with the axes.
         let (right, up) = (scale * from.dot(self.axes[0]) + 0.137, scale * from.dot(self.axes[1]) + 0.071);
         DVec3::new(middle + right, middle - up, from.dot(self.axes[2]))
     }
@@ -165,7 +166,7 @@ impl Field {
         }
     }
 
-    /// Adds the hits of all pixels' lines with a triangle.
+    /// Adds the points at which the pixels' lines meet a triangle.
     fn cross(&self, body: u8, corners: [DVec3; 3], ray_hits: &mut Vec<RayHit>) {
         let p = corners.map(|x| self.project(x));
         let edge = |a: DVec3, b: DVec3, x: f64, y: f64| (b.x - a.x) * (y - a.y) - (b.y - a.y) * (x - a.x);
@@ -184,8 +185,8 @@ impl Field {
                 let w = [0, 1, 2].map(|k| edge(p[(k + 1) % 3], p[(k + 2) % 3], x, y) / area);
                 if w.iter().all(|w| *w >= 0.0) {
                     let height = w[0] * p[0].z + w[1] * p[1].z + w[2] * p[2].z;
-                    // Rows run down, so that faces towards the viewer have a negative area; there the line leaves the
-                    // body.
+                    // Rows run down, so that a face towards the viewer has a negative area; through such a face the
+                    // line, which runs towards the viewer, leaves the body.
                     ray_hits.push(RayHit { pixel: (row * SIDE + column) as u32, body, height, enters: area > 0.0 });
                 }
             }
@@ -196,8 +197,8 @@ impl Field {
         self.depth.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Image of the map: depths in colour, the bodies around them in pale colours; colliding vertices of a as white
-    /// dots, those of b as black dots.
+    /// Image of the map: depths in colour, the bodies beyond their overlap in pale colours; colliding vertices of a as
+    /// white dots, colliding vertices of b as black dots.
     fn picture(&self, solids: [&Solid; 2], contacts: &[&QueryContact]) -> Picture {
         let mut picture = blank(SIDE, SIDE);
         let greatest = self.greatest().max(f64::MIN_POSITIVE);
@@ -237,7 +238,7 @@ impl Field {
             dot(&mut picture, 12.0, row as f64 + 7.0, is_a);
             write(&mut picture, 26, row, name);
         }
-        // The scale bar has a round length of at most a hundred pixels.
+        // The scale bar shows a round length and is at most a hundred pixels long.
         let pixel = 2.0 * self.half / SIDE as f64;
         let decade = 10f64.powf((100.0 * pixel).log10().floor());
         let length = [5.0, 2.0, 1.0].map(|k| k * decade).into_iter().find(|l| *l <= 100.0 * pixel).unwrap_or(decade);
@@ -283,7 +284,7 @@ fn write(picture: &mut Picture, left: usize, top: usize, text: &str) {
     }
 }
 
-/// Draws a white dot with a dark rim, or a dark one with a white rim.
+/// Draws a white dot with a dark rim, or a dark dot with a white rim.
 fn dot(picture: &mut Picture, x: f64, y: f64, is_white: bool) {
     let (inner, rim) = if is_white { (WHITE, INK) } else { (INK, WHITE) };
     for (row, column) in (-3..=3).flat_map(|row| (-3..=3).map(move |column| (row, column))) {

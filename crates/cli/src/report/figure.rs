@@ -12,8 +12,8 @@ use super::picture::{Colour, Face, Picture, View, draw};
 pub const SIDE: usize = 900;
 /// Direction from the body to the viewer: a little from the right and from above its front.
 const TOWARDS: DVec3 = DVec3::new(0.5, 0.35, 1.0);
-/// A corner of a triangle is shaded with the triangle's own normal if the cosine between this normal and the mean
-/// normal at the vertex is less than this.
+/// A corner of a triangle is shaded with the triangle's own normal unless the cosine between this normal and the mean
+/// normal at the vertex is greater than this value.
 const SHARP: f64 = 0.8;
 const SKIN: Colour = [0.80, 0.58, 0.44];
 const OUTSIDE: Colour = [0.36, 0.55, 0.74];
@@ -33,7 +33,7 @@ pub fn skin(skin: &Skin, view: &View) -> Picture {
         let [a, b, c] = corners(t);
         t.iter().for_each(|&i| normals[i as usize] += (b - a).cross(c - a));
     }
-    // Sharp edges stay sharp: where a corner's mean normal differs much from the face's, the face's is used.
+    // Sharp edges stay sharp: where a corner's mean normal differs much from the face's normal, the latter is used.
     let faces = skin.triangles.iter().map(|t| {
         let mut face = Face::flat(corners(t), SKIN, false);
         for k in 0..3 {
@@ -59,8 +59,8 @@ pub fn proxies(proxies: &[Proxy], view: &View) -> Picture {
     draw(&faces, view, SIDE)
 }
 
-/// The tetrahedra of a layer, without the quarter towards the viewer's right. A tetrahedron whose nodes are all
-/// attached to a rigid core is pale.
+/// The tetrahedra of a layer, without the quarter that lies at the right and towards the viewer. A tetrahedron whose
+/// nodes are all attached to a rigid core is pale.
 pub fn layer(layer: &Layer, view: &View) -> Picture {
     let [right, _, towards] = view.axes();
     let low = layer.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
@@ -92,7 +92,7 @@ fn sorted(mut triangle: [u32; 3]) -> [u32; 3] {
     triangle
 }
 
-/// A colour for each index, well apart from those of the neighbouring indices: hues in steps of the golden ratio.
+/// A colour for each index, well apart from the colours of neighbouring indices: hues in steps of the golden ratio.
 fn hue(index: usize) -> Colour {
     let at = (index as f64 * 0.618_033_988_749_895 + 0.05).fract() * 6.0;
     let ramp = |shift: f64| (((at + shift) % 6.0 - 3.0).abs() - 1.0).clamp(0.0, 1.0);

@@ -1,6 +1,8 @@
 //! The report of a session (one run of the haptic loop with a device), for `summary.json` and for the terminal. A
 //! *tick* is one iteration of the loop; a force is *played* when it is commanded to the device. The passivity
-//! controller *lends* the hand energy for a contact force that appears late, after the hand has moved unopposed.
+//! controller limits the energy that the user's hand receives to what the hand gave and what the controller *lends* it
+//! for a contact force that appears late, after the hand has moved unopposed. The *bare timer* is a thread that only
+//! waits for ticks, for comparison with the loop.
 
 use std::fmt;
 
@@ -9,7 +11,7 @@ use palpate::internal::haptics::event::EventCounts;
 use palpate::internal::haptics::session::Report;
 use serde_json::{Value, json};
 
-/// The entry `haptics` of `summary.json`. Units are part of the names; `null` means not measured.
+/// The entry `haptics` of `summary.json`. Units are part of the names; `null` stands for what was not measured.
 pub fn summary(report: &Report) -> Value {
     let energy = report.energy;
     let events: serde_json::Map<String, Value> = report

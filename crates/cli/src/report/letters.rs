@@ -1,13 +1,14 @@
 //! A font for legends, of five by seven dots a letter, with only the letters that legends need.
 
-/// Dots in a row of a letter.
+/// Number of dots in a row of a letter.
 const WIDTH: usize = 5;
-/// Distance from letter to letter, dots.
+/// Distance from one letter's left side to the next letter's, dots.
 pub const ADVANCE: usize = 6;
 /// Number of rows of a letter.
 pub const HEIGHT: usize = 7;
 
-/// Letters with their rows from the top; the leftmost dot is the highest of five bits.
+/// Letters with their rows from the top. Each row is a number of five bits, one for each dot; the leftmost dot is the
+/// highest bit.
 const LETTERS: [(char, [u8; HEIGHT]); 29] = [
     ('0', [0b01110, 0b10001, 0b10011, 0b10101, 0b11001, 0b10001, 0b01110]),
     ('1', [0b00100, 0b01100, 0b00100, 0b00100, 0b00100, 0b00100, 0b01110]),
@@ -40,7 +41,7 @@ const LETTERS: [(char, [u8; HEIGHT]); 29] = [
     ('v', [0b00000, 0b00000, 0b10001, 0b10001, 0b10001, 0b01010, 0b00100]),
 ];
 
-/// Positions (column, row) of a text's dots from its upper left corner; a character without a letter is a gap.
+/// Positions (column, row) of a text's dots from its upper left corner; a character that the font lacks is a gap.
 pub fn dots(text: &str) -> impl Iterator<Item = (usize, usize)> {
     let of = |(place, c): (usize, char)| {
         let rows = LETTERS.iter().find(|(letter, _)| *letter == c).map_or([0; HEIGHT], |(_, rows)| *rows);

@@ -1,5 +1,5 @@
-//! The files and tables that runs and queries write: a trace with a row per step, summaries, images, and a directory
-//! that appears complete or not at all.
+//! The files and tables that runs of scenes and queries (searches for the overlap of two surfaces) write: a trace with
+//! a row per step, summaries, images, and a directory that appears complete or not at all.
 
 pub mod field;
 pub mod figure;

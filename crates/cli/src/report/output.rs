@@ -1,7 +1,7 @@
-//! A directory of results that appears complete or not at all.
+//! A directory of results, whose files appear all together or not at all.
 //!
 //! Files are written into a hidden folder inside the directory and moved to their names by [`Output::commit`]. If an
-//! [`Output`] is dropped before that, nothing is left, not even the directory if it was made for the run. A killed
+//! [`Output`] is dropped without a commit, nothing is left, not even the directory if it was made for the run. A killed
 //! process can leave the hidden folder, but never a half-written result.
 
 use std::fs::{self, File};
@@ -35,7 +35,8 @@ impl Output {
     /// A new file that will be called `name`.
     pub fn file(&mut self, name: &str) -> Result<BufWriter<File>> {
         let failed = |source| Error::Output { file: self.path(name), source };
-        // This is checked here, because by the time of the commit other files may already have their final names.
+        // A directory of this name is refused here, because at the commit other files may already have their final
+        // names.
         if self.path(name).is_dir() {
             return Err(failed(std::io::ErrorKind::IsADirectory.into()));
         }
@@ -56,12 +57,13 @@ impl Output {
             .map_err(|source| Error::Output { file: self.path(name), source })
     }
 
-    /// Where a file called `name` will be.
+    /// Path at which a file called `name` will be after the commit.
     pub fn path(&self, name: &str) -> PathBuf {
         self.directory.join(name)
     }
 
-    /// Gives every file its name, in the order they were made; files of the same name are replaced.
+    /// Moves every file to its final name, in the order in which the files were made; older files of these names are
+    /// replaced.
     pub fn commit(mut self) -> Result<()> {
         for name in &self.names {
             let target = self.path(name);
@@ -73,8 +75,8 @@ impl Output {
 }
 
 impl Drop for Output {
-    /// Removes the hidden folder, and after a failure the directories made for the run if they are empty. What cannot
-    /// be removed is left without an error.
+    /// Removes the hidden folder, and without a commit also those directories made for the run that are empty. What
+    /// cannot be removed stays, and is not an error.
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(&self.hidden);
         if !self.is_committed {

@@ -1,7 +1,7 @@
 //! Images without a GPU: a z-buffered orthographic rasteriser, smoothed by supersampling, and PNG files of its images.
 //!
-//! It is made for reports, not for speed. The same faces give the same bytes on every machine, because it uses only
-//! correctly rounded operations in a fixed order.
+//! The rasteriser is made for reports, not for speed. The same faces give the same bytes on every machine, because the
+//! rasteriser uses only correctly rounded operations in a fixed order.
 
 use std::io::Write;
 
@@ -11,13 +11,14 @@ use glam::DVec3;
 const SAMPLES: usize = 3;
 /// Width of a drawn edge, samples.
 const EDGE: f64 = 1.3;
-/// Share of a face's colour that is left on its edges.
+/// Brightness of a drawn edge, as a share of the face's brightness.
 const EDGE_SHADE: f64 = 0.35;
-/// Distance, in samples, of the neighbours that a sample's depth is compared with.
+/// Distance from a sample to the neighbours with whose depth its own depth is compared, samples.
 const RELIEF_REACH: i64 = 5;
-/// Strength with which a jump in depth darkens the farther surface; jumps are measured as shares of the image's width.
+/// Strength with which a jump in depth darkens the farther surface; a jump is measured as a share of the image's longer
+/// side.
 const RELIEF: f64 = 9.0;
-/// Share of the image's width and height left free around what is drawn.
+/// Width of the free border on each side of what is drawn, as a share of the larger extent of what is drawn.
 const BORDER: f64 = 0.04;
 
 /// Red, green and blue, linear, 0 to 1.
@@ -32,7 +33,7 @@ pub struct Face {
     pub normals: [DVec3; 3],
     /// Colour in full light.
     pub colour: Colour,
-    /// Whether its edges are drawn.
+    /// Whether the triangle's edges are drawn.
     pub has_edges: bool,
 }
 
@@ -70,7 +71,7 @@ impl View {
         let centre = (0..3).map(|k| axes[k] * (0.5 * (spans[k].0 + spans[k].1))).sum();
         let half = [0, 1].map(|k| 0.5 * (spans[k].1 - spans[k].0));
         let border = 2.0 * BORDER * half[0].max(half[1]);
-        // Nothing, or a single point, is shown as an empty square.
+        // If there is no point or only one, the view is a square of 2 m.
         let half = if border > 0.0 { half.map(|h| h + border) } else { [1.0; 2] };
         View { axes, centre, half }
     }
@@ -179,8 +180,8 @@ impl<'a> Canvas<'a> {
         face.colour.map(|c| (edge * (c * light + shine)) as f32)
     }
 
-    /// Darkens what lies behind its neighbours, so that folds and outlines show (after C. Boucheny 2009, eye-dome
-    /// lighting).
+    /// Darkens samples that lie behind their neighbours, so that folds and outlines show (after C. Boucheny 2009,
+    /// eye-dome lighting).
     fn relief(&mut self) {
         let [columns, rows] = self.size.map(|samples| samples as i64);
         let width = 2.0 * self.view.half[0].max(self.view.half[1]);
@@ -223,7 +224,8 @@ impl<'a> Canvas<'a> {
     }
 }
 
-/// Gamma 2, close to sRGB's curve and correctly rounded everywhere.
+/// Encodes a linear value by its square root (gamma 2), which is close to sRGB's curve and, unlike that, rounded alike
+/// on every machine.
 fn srgb(linear: f64) -> u8 {
     (255.0 * linear.clamp(0.0, 1.0).sqrt()).round() as u8
 }
@@ -246,7 +248,7 @@ impl Picture {
         Picture { width, height, pixels }
     }
 
-    /// Writes a PNG.
+    /// Writes the image as a PNG file.
     pub fn write_png(&self, w: &mut impl Write) -> std::io::Result<()> {
         let mut encoder = png::Encoder::new(w, self.width as u32, self.height as u32);
         encoder.set_color(png::ColorType::Rgb);

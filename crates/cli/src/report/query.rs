@@ -1,4 +1,5 @@
-//! The output of `palpate query`: a table on the terminal, `contacts.csv` and `query.json`.
+//! The output of `palpate query`, which finds where two undeformed surfaces, a and b, overlap: a table on the terminal,
+//! `contacts.csv` and `query.json`. The query runs in *stages* on the GPU.
 
 use std::fmt;
 use std::io::Write;
@@ -14,7 +15,7 @@ use super::summary::quantiles;
 
 const HEAD: &str = "body,vertex,depth_m,nx,ny,nz,triangle,u,v,w";
 
-/// A surface of the query.
+/// One of the two surfaces.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Subject {
     /// File or model of the surface.
@@ -23,9 +24,9 @@ pub struct Subject {
     pub vertices: usize,
     /// Number of triangles.
     pub triangles: usize,
-    /// Number of its vertices that lie within the other surface.
+    /// Number of this surface's vertices that lie within the other surface.
     pub contacts: usize,
-    /// Notes on what preparation changed in the data of the file, one line each.
+    /// Notes on what preparation changed in the data of the surface's file, one line each.
     pub notes: Vec<String>,
 }
 
@@ -34,13 +35,13 @@ pub struct Subject {
 pub struct QueryReport {
     /// Name of the Vulkan device.
     pub device: String,
-    /// Name and version of its driver.
+    /// Name and version of the device's driver.
     pub driver: String,
     /// Implementation of the depth stage, which finds where triangles meet the rays of opposing vertices.
     pub depth_path: String,
     /// The first surface.
     pub a: Subject,
-    /// The second one.
+    /// The second surface.
     pub b: Subject,
     /// Position (m) and orientation (x y z w) of b.
     pub pose_b: [f64; 7],
@@ -48,26 +49,27 @@ pub struct QueryReport {
     pub depth_limit_m: f64,
     /// Number of runs; every run gives the same answer.
     pub runs: usize,
-    /// `median` and `p99`, microseconds: of each stage; of all stages timed as one (`pose to contact`, in every other
-    /// run); and of the whole `query` (wall time, timestamps included).
+    /// `median` and `p99` (99th percentile) of times, microseconds: of each stage; of all stages timed as one (`pose to
+    /// contact`, in every other run); and of the whole `query` (wall time, which includes writing the timestamps).
     pub stage_us: Map<String, Value>,
     /// Number of GPU passes (dispatches, draws, fills and copies) by stage.
     pub passes: Map<String, Value>,
-    /// Number of chunks (groups of at most 64 skin vertices, the unit of culling) that passed culling.
+    /// Number of chunks (groups of at most 64 vertices of a surface, culled as a whole) that passed culling.
     pub chunks: u32,
-    /// Number of ray hits: triangles met by the ray along the normal from an opposing vertex.
+    /// Number of ray hits: a vertex's ray along the contact normal meets a triangle of the other surface.
     pub crossings: u32,
     /// Number of colliding vertices of both surfaces.
     pub contacts: usize,
     /// Greatest depth, m; null without contact.
     pub max_depth_m: Option<f64>,
-    /// `normal` of each contact patch, and its `extent_m` along the two tangents.
+    /// For each contact patch (place with one contact normal) the `normal`, and the patch's `extent_m` along its two
+    /// tangents.
     pub regions: Vec<Value>,
     /// Names of the flags that were raised.
     pub flags: Vec<&'static str>,
     /// Version of palpate.
     pub version: &'static str,
-    /// Body (0 a, 1 b) and vertex of the greatest depth; printed in the table, left out of the file.
+    /// Body (0 for a, 1 for b) and vertex with the greatest depth; printed in the table, left out of the file.
     #[serde(skip)]
     pub deepest: Option<(usize, u32)>,
 }
@@ -79,7 +81,7 @@ impl QueryReport {
         (self.a.contacts, self.b.contacts) = (of(0), of(1));
         (self.chunks, self.crossings) = (answer.counts.chunks, answer.counts.hits);
         self.contacts = answer.contacts.len();
-        // The deepest contact, the first of equals.
+        // The deepest contact; if several are equally deep, the first of them.
         let deepest = answer.contacts.iter().rev().max_by(|x, y| x.depth.total_cmp(&y.depth));
         self.max_depth_m = deepest.map(|contact| contact.depth);
         self.deepest = deepest.map(|contact| (contact.body, contact.vertex));
@@ -94,7 +96,7 @@ impl QueryReport {
         self.version = env!("CARGO_PKG_VERSION");
     }
 
-    /// Adds times: those of the stages, and the wall time of each run.
+    /// Adds the times of the stages, and the wall time of each run, microseconds.
     pub fn add_times(&mut self, stages: &[StageSamples], wall_us: &[f64]) {
         self.runs = wall_us.len();
         let times = |(median, p99): (f64, f64)| json!({ "median": median, "p99": p99 });
@@ -129,8 +131,8 @@ impl fmt::Display for QueryReport {
     }
 }
 
-/// Writes contacts as CSV: one row per colliding vertex, those of a first. Numbers have the shortest form that reads
-/// back the same.
+/// Writes contacts as CSV: one row per colliding vertex, first the vertices of a. Each number has the shortest form
+/// that is read back as the same f64.
 pub fn write_contacts(w: &mut impl Write, contacts: &[QueryContact]) -> std::io::Result<()> {
     writeln!(w, "{HEAD}")?;
     for contact in contacts {

@@ -1,4 +1,5 @@
-//! The summary of a run, as `summary.json` and as the closing table on the terminal.
+//! The summary of a run, as `summary.json` and as the closing table on the terminal. A step consists of *stages*;
+//! before the first step those stages that the scene needs are recorded as GPU commands.
 
 use std::fmt;
 
@@ -14,11 +15,11 @@ use serde_json::{Map, Value, json};
 pub struct Facts {
     /// Name of the Vulkan device.
     pub device: String,
-    /// Name and version of its driver.
+    /// Name and version of the device's driver.
     pub driver: String,
-    /// The kind of buffers through which kernels read their arrays, and why.
+    /// The kind of buffers through which GPU kernels read their arrays, and the reason for this kind.
     pub arrays: String,
-    /// Which stages the step records, and which it leaves out and why.
+    /// The stages that are recorded and those that are left out, with reasons.
     pub plan: Vec<Plan>,
     /// Number of GPU passes (dispatches, draws, fills and copies) in a step.
     pub passes_per_step: u32,
@@ -26,18 +27,18 @@ pub struct Facts {
     pub bytes_device: u64,
     /// Times of the stages.
     pub stages: Vec<StageSamples>,
-    /// Findings in the mesh files of each body and of the tool, with the body's name.
+    /// For each body and for the tool: the name, and the findings in the mesh files.
     pub files: Vec<(String, BodyReport)>,
 }
 
-/// A stage in the step plan, the list of stages that a step records or leaves out.
+/// A stage, recorded or left out.
 #[derive(Debug, Clone)]
 pub struct Plan {
     /// Name of the stage.
     pub stage: String,
-    /// Whether the step records it.
+    /// Whether the stage is recorded.
     pub recorded: bool,
-    /// Reason for recording it or leaving it out.
+    /// Reason for recording the stage or leaving it out.
     pub reason: String,
 }
 
@@ -48,7 +49,7 @@ pub struct StageSamples {
     pub stage: String,
     /// Number of GPU passes of this stage in a step.
     pub passes: u32,
-    /// Time in each step, microseconds.
+    /// Time of the stage in each step, microseconds.
     pub us: Vec<f64>,
 }
 
@@ -59,7 +60,7 @@ impl StageSamples {
     }
 }
 
-/// Median and 99th percentile by nearest rank; `None` without samples.
+/// Median and 99th percentile of samples, by nearest rank; `None` without samples.
 pub fn quantiles(samples: &[f64]) -> Option<(f64, f64)> {
     let mut sorted = samples.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -67,8 +68,8 @@ pub fn quantiles(samples: &[f64]) -> Option<(f64, f64)> {
     if sorted.is_empty() { None } else { Some((sorted[rank(50)], sorted[rank(99)])) }
 }
 
-/// Least distance that the tool must move in a step, m, for the ratio of a normal's turn to that distance to be
-/// meaningful.
+/// Least distance that the tool must move in a step, m, for the ratio of a contact normal's rotation to that distance
+/// to be meaningful.
 const SLIDING: f64 = 1e-6;
 
 /// Sums and extremes over the step reports of a run.
@@ -81,13 +82,13 @@ pub struct Tally {
     /// Greatest angle by which the normal of a contact patch (area with one contact normal) turned in a step, rad;
     /// `None` where nothing can collide.
     pub normal_turn: Option<f64>,
-    /// Greatest such angle per distance that the tool moved in the step, rad/mm, over steps in which it moved at least
-    /// [`SLIDING`].
+    /// Greatest ratio of such an angle to the distance that the tool moved in the same step, rad/mm, among the steps in
+    /// which the tool moved at least [`SLIDING`].
     pub normal_turn_per_mm: Option<f64>,
     last_tool: Option<DVec3>,
-    /// Conjugate gradient iterations of all steps together.
+    /// Number of conjugate gradient iterations in all steps together.
     pub iterations: u64,
-    /// Greatest number of iterations in a step.
+    /// Greatest number of conjugate gradient iterations in a step.
     pub most_iterations: u32,
     /// Number of steps that raised each flag, in the order of [`Flags::ALL`].
     pub flags: [u64; Flags::ALL.len()],
@@ -118,7 +119,7 @@ impl Tally {
         self.step_us.push(row.step_us);
     }
 
-    /// Names and counts of the flags that were raised.
+    /// The flags that were raised: each one's name, and the number of steps that raised it.
     pub fn raised(&self) -> impl Iterator<Item = (&'static str, u64)> {
         Flags::ALL.iter().zip(self.flags).filter(|(_, count)| *count > 0).map(|(&(_, name), count)| (name, count))
     }
@@ -129,9 +130,9 @@ impl Tally {
 pub struct Summary {
     /// Name of the Vulkan device.
     pub device: String,
-    /// Name and version of its driver.
+    /// Name and version of the device's driver.
     pub driver: String,
-    /// The kind of buffers through which kernels read their arrays, and why.
+    /// The kind of buffers through which GPU kernels read their arrays, and the reason for this kind.
     pub arrays: String,
     /// Name of the scene.
     pub scene: String,
@@ -139,28 +140,31 @@ pub struct Summary {
     pub steps: u64,
     /// Time step, s.
     pub dt_s: f64,
-    /// `median` and `p99` by stage, and of the whole `step` (wall time), microseconds.
+    /// `median` and `p99` (99th percentile) of the time of each stage, and of the whole `step` (wall time),
+    /// microseconds.
     pub stage_us: Map<String, Value>,
     /// Number of GPU passes in a step.
     pub passes_per_step: u32,
-    /// `recorded`: names of the stages recorded; `reasons`: the reason for each of them; `left_out`: stages left out,
-    /// with reasons.
+    /// `recorded`: names of the recorded stages; `reasons`: the reason for recording each of these; `left_out`: the
+    /// stages left out, with reasons.
     pub plan: Value,
     /// Memory allocated on the Vulkan device, bytes.
     pub bytes_device: u64,
     /// Greatest contact force on the tool, N; null without a tool.
     pub peak_force_n: Option<f64>,
-    /// Greatest angle by which a contact patch's normal turned in a step: `most_rad`, and `most_rad_per_mm` per
-    /// distance that the tool moved; null where nothing can collide.
+    /// Greatest angle by which a contact patch's normal turned in a step (`most_rad`), and greatest ratio of that angle
+    /// to the distance that the tool moved in the step (`most_rad_per_mm`); null where nothing can collide.
     pub normal_turn: Value,
-    /// How many steps raised each flag; every flag is listed.
+    /// For each flag, the number of steps that raised it; every flag is listed.
     pub flags: Map<String, Value>,
-    /// By body: the findings in its files (`repair`, `notes`); bodies without findings are left out.
+    /// By name of the body: the findings in the body's files (`repair`, `notes`); bodies without findings are left out.
     pub files: Map<String, Value>,
-    /// The preset that the scene names, and the settings that it chose; left out without one.
+    /// The preset (named set of settings) that the scene names, and the settings whose values come from it; left out if
+    /// the scene names no preset.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<Chosen>,
-    /// Report of a session with a haptic device, see [`summary`](super::haptics::summary); left out of other runs.
+    /// Report of a session (run of the haptic loop with a device), see [`summary`](super::haptics::summary); left out
+    /// if the run had no device.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub haptics: Option<Value>,
     /// Version of palpate.

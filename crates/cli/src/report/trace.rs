@@ -7,11 +7,11 @@ use palpate::StepReport;
 const HEAD: &str = "step,time_s,tool_x,tool_y,tool_z,tool_qx,tool_qy,tool_qz,tool_qw,device_x,device_y,device_z,\
 device_qx,device_qy,device_qz,device_qw,force_x,force_y,force_z,torque_x,torque_y,torque_z,contacts,max_depth_m,\
 iterations,residual,flags,step_us";
-/// Number of columns that a scene without a tool leaves empty: two poses, force and torque.
+/// Number of columns that a scene without a tool leaves empty: poses of tool and device, force and torque.
 const TOOL_COLUMNS: usize = 20;
 
-/// Writes step reports as rows of CSV. Numbers have the shortest form that reads back as the same f64 (`step_us` has
-/// one decimal).
+/// Writes step reports as rows of CSV. Each number has the shortest form that is read back as the same f64, except
+/// `step_us`, which has one decimal.
 pub struct Trace<W: Write> {
     writer: W,
     probes: usize,
@@ -54,13 +54,14 @@ impl<W: Write> Trace<W> {
         writeln!(w)
     }
 
-    /// Writes out what is buffered.
+    /// Writes out the rows that are still buffered.
     pub fn finish(mut self) -> std::io::Result<()> {
         self.writer.flush()
     }
 }
 
-/// Writes numbers in f64's debug form, the shortest that reads back the same, with an exponent where that is shorter.
+/// Writes each number after a comma, in the debug form of f64: the shortest that is read back as the same number; very
+/// small and very large numbers have an exponent.
 fn write_numbers(w: &mut impl Write, numbers: &[f64]) -> std::io::Result<()> {
     numbers.iter().try_for_each(|number| write!(w, ",{number:?}"))
 }

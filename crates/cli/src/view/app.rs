@@ -1,5 +1,5 @@
-//! The window's thread: it handles events, lays out the panel, and orders frames (rendered images) from the drawing
-//! thread. It waits for neither the simulation nor the GPU.
+//! The window's thread: it handles events, lays out the panel (texts and sliders at the right), and orders frames
+//! (rendered images) from the drawing thread. It waits for neither the simulation nor the GPU.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -36,22 +36,22 @@ const FRAME: Duration = Duration::from_millis(15);
 pub enum Said {
     /// A frame was drawn, or drawing has failed.
     Frame(Result<Drawn>),
-    /// Progress in preparing a dropped file.
+    /// Progress in preparing a surface file that was dropped onto the window.
     Progress(String),
-    /// A dropped file is prepared, or cannot be used.
+    /// A file that was dropped onto the window is prepared, or cannot be used.
     Ready(Result<Box<(Scene, Bodies)>>),
 }
 
 /// Settings of the window.
 pub struct Setup {
     pub size: [u32; 2],
-    /// Goal pose that the mouse moves, if the mouse moves the tool.
+    /// Goal pose of the tool (the rigid body that the user moves), if the mouse sets it.
     pub goal: Option<Goal>,
     /// Folder for image files.
     pub folder: PathBuf,
     /// Whether the window closes by itself after a number of steps or seconds.
     pub ends: bool,
-    /// Set when a signal asks the program to end.
+    /// Flag that is set when a signal asks the program to end.
     pub stop: Arc<AtomicBool>,
     pub scene: Scene,
 }
@@ -123,7 +123,8 @@ impl App {
         }
         self.error.take().map_or(Ok(()), Err)?;
         print(&self.frames.summary(&delays))?;
-        // Each pause ends a session (run of the haptic loop with a device); the last session's report is printed.
+        // Each pause ends a session (run of the haptic loop with a device), so there may be several; only the report of
+        // the last session is printed.
         self.live.sessions().last().map_or(Ok(()), |report| print(&Closing(&report).to_string()))
     }
 

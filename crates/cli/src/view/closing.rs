@@ -1,11 +1,12 @@
 //! The lines that are printed when a window closes: how fast frames (rendered images) were drawn, and how much drawing
-//! delayed the simulation's steps. A frame is drawn in *slices*, parts that are submitted to the GPU one by one.
+//! delayed the simulation's steps. A frame is drawn in *slices*, each of them short, between which the simulation can
+//! do steps.
 
 use std::time::Instant;
 
 use palpate::internal::haptics::clock::Lateness;
 
-/// Statistics of a window's frames.
+/// Statistics of the frames that a window showed.
 #[derive(Default)]
 pub struct Frames {
     first: Option<Instant>,
@@ -29,7 +30,8 @@ impl Frames {
         self.slices += slices;
     }
 
-    /// Two lines of text; none if no frame was shown.
+    /// Two lines of text on the frames, and on `delays`, the times that steps waited for drawing; an empty text if no
+    /// frame was counted.
     pub fn summary(&self, delays: &Lateness) -> String {
         let (Some(first), Some(last), false) = (self.first, self.last, self.took.is_empty()) else {
             return String::new();
@@ -69,11 +71,11 @@ mod tests {
         assert!(
             said.starts_with("frames: 4 in ")
                 && said.contains("in 2.0 parts between steps; each took 30.0 ms (median), 40.0 ms (longest)"),
-            "{said}"
+            "wrong summary: {said}"
         );
         assert!(
             said.ends_with("steps: 3; each waited for drawing 2.00 ms (median), 3.00 ms (p99), 3.00 ms (longest)\n"),
-            "{said}"
+            "wrong summary: {said}"
         );
     }
 }

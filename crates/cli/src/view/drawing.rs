@@ -1,5 +1,6 @@
-//! The drawing thread: it draws a frame (rendered image) at a time in *slices*, parts that take turns at the GPU's
-//! queue with the simulation's steps, so that the window's thread never waits for the GPU.
+//! The drawing thread: it draws one frame (rendered image) after the other, so that the window's thread never waits for
+//! the GPU. A frame is drawn in *slices*, short periods that take turns at the GPU's queue with the simulation's steps;
+//! in each slice one or more parts of the frame are drawn.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -31,34 +32,34 @@ pub struct Order {
     pub panel: Flat,
     /// The atlas (the texture with the letters), if it changed.
     pub atlas: Option<Atlas>,
-    /// File for an image of the scene, if one is asked for.
+    /// File to write an image of the scene into, if an image is asked for.
     pub picture: Option<PathBuf>,
 }
 
 /// A frame that was drawn.
 #[derive(Debug, Default)]
 pub struct Drawn {
-    /// Whether the frame was shown; it is left out if the window cannot show it.
+    /// Whether the frame was shown; if the window can show none, nothing is drawn.
     pub is_shown: bool,
-    /// Duration of the frame, s.
+    /// Time that drawing the frame took, s.
     pub took: f64,
     /// Number of slices.
     pub slices: usize,
-    /// A camera that shows all of the simulation, if that was replaced since the frame before.
+    /// A camera that shows all bodies; given if this frame is the first of a simulation.
     pub framed: Option<Camera>,
-    /// The image file that was written, or the error; `None` if none was asked for.
+    /// The image file that was written, or the error in writing it; `None` if no image was asked for.
     pub picture: Option<Result<PathBuf>>,
 }
 
-/// The thread; when this is dropped, it ends after the current frame.
+/// Handle of the drawing thread; when the handle is dropped, the thread ends after the current frame.
 pub struct Drawing {
     orders: Option<Sender<Order>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Drawing {
-    /// Starts the thread, which draws into a window; `tell` is called with each frame, or with the error that ended the
-    /// thread.
+    /// Starts the thread, which draws into a window; the thread calls `tell` for each frame that it drew, and with the
+    /// error that ends it.
     pub fn start(
         window: Window,
         context: Arc<Context>,
@@ -92,8 +93,8 @@ impl Drop for Drawing {
 
 /// State of the drawing thread.
 struct Artist {
-    /// The renderer and the window. They move to the simulation's thread and back for each frame; `None` if that thread
-    /// has ended.
+    /// The renderer and the window, which move to the simulation's thread and back for each frame; `None` if the
+    /// simulation's thread has ended.
     easel: Option<Easel>,
     link: Link,
 }
@@ -120,8 +121,8 @@ impl Artist {
         }
         let turns = self.link.turns().clone();
         let most = Duration::from_secs_f64(turns.slice_length());
-        // The simulation's thread captures the scene between two steps, and at once draws the parts that fit into a
-        // slice.
+        // The simulation's thread captures the scene between two steps, and at once draws as many parts of the frame as
+        // fit into a slice.
         let answer = self.link.ask(move |simulation, generation| {
             let looked = Instant::now();
             let frame = easel.begin(simulation, generation, order);

@@ -11,7 +11,7 @@ use winit::event_loop::EventLoopProxy;
 
 use super::app::Said;
 
-/// Prepares a file on a new thread; progress and result go to the window's thread.
+/// Prepares a surface file on a new thread, which sends its progress and the result to the window's thread.
 pub fn prepare(file: PathBuf, said: EventLoopProxy<Said>) {
     let tell = said.clone();
     let work = move || {
@@ -57,7 +57,10 @@ mod tests {
         let (scene, bodies) = made(&good, &mut |line| lines.push(line)).unwrap();
         assert!(scene.tool.is_some() && scene.coupling.is_some() && scene.haptics.has_device);
         assert_eq!((bodies.bodies.len(), bodies.tool.is_some()), (1, true));
-        assert!(lines.iter().all(|line| line.starts_with("preparing box.obj: ")) && lines.len() > 3, "{lines:?}");
+        assert!(
+            lines.iter().all(|line| line.starts_with("preparing box.obj: ")) && lines.len() > 3,
+            "progress: {lines:?}"
+        );
         let error = made(&bad, &mut |_| {}).map(drop).unwrap_err().to_string();
         assert!(error.contains("bad.obj") && !error.contains('\n'), "wrong error: {error}");
     }

@@ -1,5 +1,6 @@
 //! Draws a frame (rendered image) in parts: drawing begins on the simulation's thread, between two steps, and continues
-//! on the drawing thread, part by part, in turns with the simulation's steps.
+//! on the drawing thread, part by part, in turns with the simulation's steps. The panel (texts and sliders) is drawn
+//! over the image.
 
 use std::fs::{self, File};
 use std::io::BufWriter;
@@ -18,7 +19,7 @@ use super::drawing::{Drawn, Order};
 /// Samples per pixel; 1 means no antialiasing.
 const SAMPLES: u32 = 1;
 
-/// The window, the renderer, and what paints legend and panel onto its images.
+/// The window, the renderer, and the painters that add legend and panel to the renderer's images.
 pub struct Easel {
     painter: Painter,
     labels: Labels,
@@ -28,7 +29,8 @@ pub struct Easel {
     took: Vec<Duration>,
 }
 
-/// A simulation's renderer; `generation` is the simulation's number, which changes when it is replaced.
+/// A simulation's renderer; `generation` is a number that changes when the simulation, or the GPU arrays that it uses,
+/// are replaced.
 struct Seen {
     renderer: Renderer,
     generation: u64,
@@ -47,7 +49,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Whether all parts are drawn, and the frame is shown.
+    /// Whether all parts are drawn and the frame is therefore shown.
     pub fn is_done(&self) -> bool {
         self.took.len() == self.parts
     }
@@ -65,7 +67,7 @@ impl Easel {
         self.window.acquire(width, height)
     }
 
-    /// Captures a simulation between two steps; nothing is drawn yet.
+    /// Captures the state of a simulation between two steps; nothing is drawn yet.
     pub fn begin(&mut self, simulation: &mut Simulation, generation: u64, order: Order) -> Result<Frame> {
         if let Some(atlas) = &order.atlas {
             self.painter.set_atlas(atlas)?;
@@ -90,12 +92,13 @@ impl Easel {
         let panel = self.painter.paint(&order.panel, renderer.image()?)?;
         let framed = (before != Some(generation)).then(|| renderer.camera());
         let drawn = Drawn { is_shown: true, framed, ..Drawn::default() };
-        // The last part paints legend and panel onto the image and shows it.
+        // The renderer's slices draw the first parts; the last part paints legend and panel onto the image and shows
+        // it.
         let parts = renderer.slices().len() + 1;
         Ok(Frame { order, labels, panel, parts, took: Vec::new(), picture: None, drawn })
     }
 
-    /// Draws the next parts, as long as the durations in the previous frame predict that they end before `until`.
+    /// Draws the next parts, as long as they will end before `until` if each takes as long as in the previous frame.
     pub fn go_on(&mut self, frame: &mut Frame, until: Instant) -> Result<()> {
         while let Some(part) = self.took.get(frame.took.len()) {
             if frame.is_done() || Instant::now() + *part > until {
@@ -139,13 +142,14 @@ impl Easel {
 
 /// Writes an image file completely or not at all.
 fn write(picture: &Picture, file: &Path) -> Result<()> {
-    // No `Output` is used here, because `palpate view --out` may be writing another one into the same folder.
+    // `Output`, which collects files in a hidden folder, is not used here, because `palpate view --out` may already use
+    // the same hidden folder.
     let partial = file.with_extension("png.partial");
     let written = File::create(&partial)
         .and_then(|out| picture.write_png(BufWriter::new(out)))
         .and_then(|()| fs::rename(&partial, file));
     written.map_err(|source| {
-        // If the partial file cannot be removed it is left; the error below is the one to report.
+        // If the partial file cannot be removed, it stays; the error that is reported is that of writing.
         let _ = fs::remove_file(&partial);
         Error::Output { file: file.into(), source }
     })

@@ -1,4 +1,4 @@
-//! Input of the window: what mouse and keys do to the tool and to the camera.
+//! Input of the window: how mouse and keys move the tool (the rigid body that the user holds) and the camera.
 
 use glam::{DVec2, DVec3};
 use palpate_devices::mouse::Goal;
@@ -12,12 +12,12 @@ const ORBIT: f64 = 0.006;
 const ZOOM: f64 = 0.9;
 /// Movement of the held tool into the image per notch of the wheel, as a share of the camera's distance.
 const DEPTH: f64 = 0.01;
-/// Pixels that count as a notch, for touch pads, which report pixels.
+/// Number of pixels that count as a notch of the wheel, for touch pads, which report pixels.
 const NOTCH: f64 = 40.0;
 /// Turn of the tool per key press, rad.
 const TURN: f64 = 0.087;
 
-/// Position of the cursor, and what it drags.
+/// Position of the cursor, and what is being dragged.
 #[derive(Debug, Default)]
 pub struct Hand {
     cursor: DVec2,
@@ -28,10 +28,11 @@ pub struct Hand {
 }
 
 impl Hand {
-    /// Handles an event. Events over the panel, which begins `edge` pixels from the left, belong to the panel, except
-    /// releases of buttons.
+    /// Handles an event; `goal` is the tool's goal pose, if the mouse moves the tool. Events over the panel (texts and
+    /// sliders), which begins `edge` pixels from the left, belong to the panel, except releases of buttons.
     pub fn hear(&mut self, event: &WindowEvent, edge: f64, camera: &mut Camera, goal: Option<&Goal>, size: [u32; 2]) {
-        // The panel itself is not asked: until it is laid out again it knows only the cursor's earlier position.
+        // The panel's own answer is not used: until the panel is laid out again, it knows only an earlier position of
+        // the cursor.
         let over_panel = self.cursor.x >= edge;
         match event {
             WindowEvent::ModifiersChanged(modifiers) => self.modifiers = modifiers.state(),
@@ -93,7 +94,7 @@ impl Hand {
     }
 }
 
-/// The axis about which a key turns the tool, as seen by the camera.
+/// The axis about which a key turns the tool, one of the camera's axes; zero if the key does not turn the tool.
 fn turn_of(code: KeyCode, camera: &Camera) -> DVec3 {
     let axes = camera.axes();
     match code {

@@ -1,5 +1,6 @@
-//! The panel of the window: contact force and state of the simulation, times of steps and frames, and sliders for
-//! materials, contact and coupling.
+//! The panel of the window: contact force and state of the simulation, times of steps and frames (rendered images), and
+//! sliders for materials, contact and the virtual coupling (spring and damper between haptic device and tool). A frame
+//! is drawn in *slices*, between which the simulation can do steps.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -18,9 +19,9 @@ const SPAN: f64 = 4.0;
 const TRACE: f32 = 56.0;
 /// Least time between two commands of a slider that is being dragged: setting a material takes as long as a few steps.
 const OFTEN: Duration = Duration::from_millis(200);
-/// Number of lines of text that are kept.
+/// Number of notes, lines of text at the end of the panel, that are kept.
 const LINES: usize = 5;
-/// Number of stages that are listed, the slowest first.
+/// Number of stages of a step whose times are listed, the slowest first.
 const STAGES: usize = 6;
 
 const HELP: &str = "left drag: move the tool   with wheel: in depth\narrows, q, e: turn the tool\nright drag: orbit   \
@@ -33,13 +34,15 @@ pub struct Panel {
     samples: VecDeque<Sample>,
     lines: VecDeque<String>,
     frame: Frames,
-    /// The settings whose slider is being dragged; whether their present value was sent; when a value was last sent.
+    /// The settings whose slider is being dragged.
     dragged: Option<Dragged>,
+    /// Whether the present values of the dragged settings were sent to the simulation.
     is_sent: bool,
+    /// When a value was last sent to the simulation.
     sent: Instant,
     pub shows_help: bool,
     pub overlays: Overlays,
-    /// Progress in preparing a dropped file.
+    /// Progress in preparing a surface file that was dropped onto the window.
     pub progress: Option<String>,
 }
 
@@ -82,7 +85,7 @@ impl Panel {
         }
     }
 
-    /// Adds a line of text.
+    /// Adds a line of text at the end of the panel.
     pub fn say(&mut self, line: String) {
         self.lines.push_back(line);
         while self.lines.len() > LINES {
@@ -90,7 +93,8 @@ impl Panel {
         }
     }
 
-    /// Adds samples to the plot; drops samples that are older than the plot shows, and all samples from before a reset.
+    /// Adds samples to the force plot; drops samples that are too old for the plot, and all samples from before a
+    /// reset.
     pub fn take(&mut self, samples: impl Iterator<Item = Sample>) {
         for sample in samples {
             if self.samples.back().is_some_and(|last| sample.time < last.time) {
@@ -114,7 +118,7 @@ impl Panel {
         }
     }
 
-    /// Lays out the panel; returns the command that a slider gives.
+    /// Lays out the panel; returns the command that a slider gives to the simulation, if any.
     pub fn show(&mut self, ui: &mut Ui, snapshot: &Snapshot, delays: &Delays) -> Option<Command> {
         let mut command = None;
         egui::Panel::right("panel").exact_size(WIDTH).show(ui, |ui| {
@@ -172,7 +176,8 @@ impl Panel {
         }
     }
 
-    /// Plots the force over the last seconds, scaled to its greatest value.
+    /// Plots the contact force over the last seconds; the full height of the plot stands for the greatest of these
+    /// forces.
     fn trace(&self, ui: &mut Ui) {
         let (response, painter) = ui.allocate_painter(Vec2::new(ui.available_width(), TRACE), Sense::hover());
         let area = response.rect;
@@ -185,10 +190,10 @@ impl Panel {
             let x = f64::from(area.right()) - ago * f64::from(area.width());
             Pos2::new(x as f32, (f64::from(area.bottom() - 2.0) - scale * sample.force.length()) as f32)
         };
-        // No more points are drawn than can be distinguished.
+        // Only about as many points are drawn as can be distinguished.
         let every = (self.samples.len() / 400).max(1);
         painter.line(self.samples.iter().step_by(every).map(place).collect(), Stroke::new(1.5, Color32::LIGHT_BLUE));
-        let text = format!("up to {most:.3} N in {SPAN} s");
+        let text = format!("force up to {most:.3} N in the last {SPAN} s");
         let font = egui::FontId::proportional(10.0);
         painter.text(area.left_top() + Vec2::new(3.0, 1.0), egui::Align2::LEFT_TOP, text, font, Color32::GRAY);
     }
@@ -208,7 +213,7 @@ impl Panel {
         }
     }
 
-    /// Lays out the sliders. They give commands while they are dragged, but not too often, and when they are released.
+    /// Lays out the sliders. A slider gives commands while it is dragged, but not too often, and when it is released.
     fn sliders(&mut self, ui: &mut Ui, settings: &Settings) -> Option<Command> {
         let mut touched = None;
         let mut is_let_go = false;
@@ -261,7 +266,7 @@ impl Panel {
                 changed |= slide(ui, &mut new.damping, [0.0, 100.0], "damping, N s/m", false);
                 if settings.has_device {
                     ui.label(
-                        RichText::new("requested; the haptic loop limits it to stable gains and restarts").small(),
+                        RichText::new("requested gains; the haptic loop lowers unstable ones and restarts").small(),
                     );
                 }
                 if changed {
@@ -270,7 +275,7 @@ impl Panel {
             });
         }
         let Some(touched) = touched else {
-            // If the mouse rests during a drag, the last value is sent as well.
+            // If the mouse rests during a drag, the value at which it rests is sent as well.
             let is_due = !self.is_sent && self.sent.elapsed() >= OFTEN;
             let waiting = self.dragged.as_ref().filter(|dragged| is_due && !matches!(dragged, Dragged::Coupling(_)));
             let command = waiting.map(Dragged::command)?;
@@ -289,7 +294,7 @@ impl Panel {
     }
 }
 
-/// A slider's value as text, with four digits.
+/// A slider's value as text, with at most four significant digits.
 fn shown(x: f64) -> String {
     if x == 0.0 {
         return "0".into();

@@ -63,7 +63,7 @@ impl Display {
     pub fn xdotool(&self, arguments: &[&str]) -> String {
         let output = Command::new("xdotool").args(arguments).env("DISPLAY", &self.name).output();
         let output = output.expect("xdotool is installed by setup.sh --tests");
-        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        assert!(output.status.success(), "xdotool {arguments:?} failed: {}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap().trim().into()
     }
 
@@ -79,7 +79,7 @@ impl Display {
             if let Some(status) = program.try_wait().unwrap() {
                 let mut text = String::new();
                 program.stderr.take().unwrap().read_to_string(&mut text).unwrap();
-                panic!("the program ended with {status}: {text}");
+                panic!("the program ended before its window appeared, with {status} and the errors: {text}");
             }
             assert!(begun.elapsed() < PATIENCE, "the window did not appear");
             std::thread::sleep(Duration::from_millis(50));

@@ -1,12 +1,13 @@
-//! One step of the simulated hand in translation or in rotation: a mass on a spring and a damper, with friction. The
-//! implicit midpoint rule is stable at any stiffness and keeps an exact energy balance: work, loss and change of the
-//! stored energy add up, to rounding. Coulomb friction acts afterwards as an impulse that slows the mass and never
-//! reverses it.
+//! One step of the simulated hand (a person's hand that holds a haptic device) in translation or in rotation: a mass on
+//! a spring and a damper, with friction. The implicit midpoint rule is stable at any stiffness and keeps an exact
+//! energy balance: work, loss and change of the stored energy add up, to rounding. Coulomb friction acts afterwards as
+//! an impulse that slows the mass and never reverses its motion.
 
 use glam::DVec3;
 use palpate::scene::HandParameters;
 
-/// Constants in the units of translation; for rotation they are kg m^2, N m/rad, N m s/rad and N m.
+/// Constants of the arm or of the wrist. Units are given for the arm, in translation; for the wrist, in rotation, they
+/// are kg m^2, N m/rad, N m s/rad and N m.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limb {
     /// Mass, kg.
@@ -45,18 +46,18 @@ impl Limb {
     }
 }
 
-/// What acts on a limb during a step.
+/// What acts on a limb (arm or wrist) during a step; units are those of the arm.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Load {
     /// Actual minus intended position at the start, m.
     pub(super) stretch: DVec3,
     /// Mean intended velocity, m/s.
     pub(super) intended: DVec3,
-    /// Force played, N.
+    /// Force that the device plays, that is exerts on the hand, N.
     pub(super) force: DVec3,
 }
 
-/// Result of a step.
+/// Result of a step; units are those of the arm.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stride {
     /// Mean velocity over the step, m/s; times the step's length it is the displacement.
@@ -72,7 +73,7 @@ pub(super) struct Stride {
 }
 
 impl Limb {
-    /// Does a step of `h` seconds that begins at a velocity, m/s.
+    /// Does a step of `h` seconds that begins at `velocity` (m/s).
     pub(super) fn step(&self, h: f64, velocity: DVec3, load: &Load) -> Stride {
         let Load { stretch, intended, force } = *load;
         // The equation of motion at the midpoint is inertia * (mean - velocity) + resistance * mean = push.
@@ -96,7 +97,7 @@ impl Limb {
         }
     }
 
-    /// Energy of motion and of the spring, J.
+    /// Energy of the motion at `velocity` and of the spring stretched by `stretch`, J.
     pub(super) fn stored(&self, stretch: DVec3, velocity: DVec3) -> f64 {
         0.5 * (self.mass * velocity.length_squared() + self.stiffness * stretch.length_squared())
     }

@@ -1,5 +1,7 @@
-//! Tests of the simulated hand: its motion, friction, energy balance, quantised readings and delay. A *tick* is one
-//! iteration of the haptic loop, in which the loop reads the hand and writes a force.
+//! Tests of the simulated hand (a haptic device with the person who holds it): its motion, friction, energy balance,
+//! quantised readings and delay. A *tick* is one iteration of the haptic loop, in which the loop reads the hand and
+//! writes a force; a *substep* is the time step of the hand's equations of motion. A force or torque is *played* when
+//! the device exerts it.
 
 use palpate::scene::Key;
 
@@ -39,8 +41,8 @@ fn assert_near(found: f64, expected: f64, tolerance: f64, what: &str) {
     assert!((found - expected).abs() <= tolerance, "{what}: {found} is not within {tolerance} of {expected}");
 }
 
-/// Greatest errors of position and of angle over 0.1 s, each relative to its initial value, of a hand that is released
-/// at rest away from the intended pose. The exact motion is e^(-d t) (cos w t + d / w sin w t) times the initial value,
+/// Greatest errors of position and of angle in 0.1 s, each relative to its initial value, of a hand that is released at
+/// rest away from the intended pose. The exact motion is e^(-d t) (cos w t + d / w sin w t) times the initial value,
 /// with d = damping / (2 mass) and w^2 = stiffness / mass - d^2.
 fn error_of_swing(substep: f64) -> (f64, f64) {
     let parameters = HandParameters { damping: 2.0, device_damping: 1.0, angular_damping: 0.02, substep, ..IDEAL };
@@ -68,7 +70,7 @@ fn error_of_swing(substep: f64) -> (f64, f64) {
 fn a_free_swing_is_the_damped_oscillator() {
     let (coarse, fine) = (error_of_swing(1e-4), error_of_swing(5e-5));
     for (name, coarse, fine) in [("position", coarse.0, fine.0), ("rotation", coarse.1, fine.1)] {
-        println!("{name}: relative error {coarse:.2e}, with half the substep {fine:.2e}");
+        println!("{name}: relative error {coarse:.2e}; with half the substep, relative error {fine:.2e}");
         assert!(coarse < 1e-4, "{name}: relative error {coarse}");
         assert_near(coarse / fine, 4.0, 0.05, name);
     }
@@ -87,7 +89,7 @@ fn a_constant_wrench_deflects_by_force_over_stiffness() {
     assert_near((rotation_vector(hand.state().orientation) - wrench.torque / 2.0).length(), 0.0, 1e-12, "angle");
 }
 
-/// A device that plays no torque leaves the wrist alone, and one that senses no rotation reports none.
+/// A device that plays no torque does not turn the wrist, and a device that senses no rotation reports no rotation.
 #[test]
 fn torque_and_rotation_are_the_profiles() {
     let turning = [key(0.0, DVec3::ZERO, DVec3::ZERO), key(1.0, DVec3::ZERO, DVec3::Y)];
@@ -149,7 +151,7 @@ fn coulomb_friction_stops_and_never_reverses() {
     assert_near(hand.energy().lost, 0.5 * 0.1 * 0.05 * 0.05, 1e-18, "energy lost, J");
 }
 
-/// Only rounding may change the energy: 100,000 substeps of a few units in the last place each.
+/// Only rounding may change the energy: by a few units in the last place in each of 100,000 substeps.
 #[test]
 fn without_damping_energy_stays() {
     let mut hand = hand(IDEAL, &[]);
@@ -165,7 +167,7 @@ fn without_damping_energy_stays() {
     assert!(drift < 1e-10, "relative drift of the energy {drift}");
 }
 
-/// Where the axis of rotation changes, integration loses a little energy and never adds any.
+/// Where the axis of rotation changes, the integration in time loses a little energy and never adds any.
 #[test]
 fn turning_about_many_axes_makes_no_energy() {
     let mut hand = hand(IDEAL, &[]);
@@ -178,7 +180,7 @@ fn turning_about_many_axes_makes_no_energy() {
         assert!(hand.stored() <= last * (1.0 + 1e-12), "energy rose to {} J from {last} J", hand.stored());
         last = hand.stored();
     }
-    println!("after 10 s a share of {:.4} of the energy {start} J is left", last / start);
+    println!("after 10 s, the share {:.4} of the initial energy of {start} J is left", last / start);
 }
 
 #[test]
@@ -218,7 +220,11 @@ fn energy_is_accounted_for() {
         assert_near(balance, hand.stored(), 1e-9 * greatest, "energy balance, J");
     }
     let HandEnergy { force, torque, intent, lost } = hand.energy();
-    assert!([force, torque, intent, lost].iter().all(|joules| joules.abs() > 1e-4), "energies {:?}", hand.energy());
+    assert!(
+        [force, torque, intent, lost].iter().all(|joules| joules.abs() > 1e-4),
+        "an energy is at most 1e-4 J: {:?}",
+        hand.energy()
+    );
     hand.reset_energy();
     assert_eq!(hand.energy(), HandEnergy::default());
 }
@@ -265,7 +271,7 @@ fn a_delayed_force_acts_from_its_time_plus_the_delay() {
         hand.write(&push(DVec3::ONE * 9.0)).unwrap();
         hand.write(&push(DVec3::X)).unwrap();
         assert_eq!(hand.coming.len(), 1);
-        assert_eq!(hand.read(0.004 + delay).unwrap().state.position, DVec3::ZERO, "moved before {delay} s");
+        assert_eq!(hand.read(0.004 + delay).unwrap().state.position, DVec3::ZERO, "moved before the delay");
         let after = hand.read(0.0041 + delay).unwrap();
         let accelerated = 0.5 * 1e-8 / 0.1;
         assert_near(after.state.position.x, accelerated, 1e-4 * accelerated, "displacement, m");
@@ -347,7 +353,10 @@ fn parameters_out_of_range_are_named() {
     let profile = Profile::named("scripted").unwrap();
     let refused = |parameters: HandParameters, name: &str| {
         let line = parameters.check().unwrap_err();
-        assert!(line.contains(name) && line.contains("give") && !line.contains('\n'), "wrong error: {line}");
+        assert!(
+            line.contains(name) && line.contains("give") && !line.contains('\n'),
+            "the error must be one line that names `{name}` and the values to give: {line}"
+        );
         assert!(
             Hand::new(parameters, Trajectory::new(&[], key(0.0, DVec3::ZERO, DVec3::ZERO)), profile.clone()).is_err()
         );

@@ -1,6 +1,6 @@
-//! Tests of the simplest closed loop: the simulated hand presses on a virtual wall, a spring that turns each reading
-//! into a force at 1 kHz, without the engine's haptic loop. The stiffness at which the loop becomes unstable is
-//! compared with theory.
+//! Tests of the simplest closed loop: the simulated hand (a person's hand that holds a haptic device) presses on a
+//! virtual wall, a spring that turns each reading of the position into a force at 1 kHz, without the engine's haptic
+//! loop. The stiffness of the wall above which the loop is unstable is compared with theory.
 
 use palpate::scene::Key;
 
@@ -9,7 +9,7 @@ use super::*;
 const TICK: f64 = 1e-3;
 /// Viscous damping of the devices tried, N s/m.
 const DAMPINGS: [f64; 5] = [0.1, 0.3, 0.8, 2.0, 5.0];
-/// Damping of the person's arm, N s/m: the worst case, which dissipates nothing, and the default.
+/// Damping of the person's arm, N s/m: an arm that dissipates nothing, which is the worst case, and the default.
 const PERSONS: [f64; 2] = [0.0, 5.0];
 /// Depth within the wall at which the person intends to be, m.
 const WITHIN: f64 = 0.01;
@@ -26,8 +26,8 @@ fn peaks(parameters: HandParameters, stiffness: f64, start: f64, seconds: usize)
     let mut hand = Hand::new(parameters, Trajectory::new(&[], intended), profile).unwrap();
     hand.place(RigidState::at_rest(DVec3::X * start, DQuat::IDENTITY));
     let wall = |x: f64| Wrench { force: DVec3::X * (-stiffness * x).min(0.0), torque: DVec3::ZERO };
-    // The force that acts first, and the force that is written first and acts after the delay, are those of a hand held
-    // at `start`.
+    // The force that acts first is that of a hand held at `start`, and so is the force that is written first, which
+    // acts after the device's delay.
     hand.write(&wall(start)).unwrap();
     hand.played = wall(start);
     let mut peaks = vec![0.0f64; seconds];
@@ -39,7 +39,7 @@ fn peaks(parameters: HandParameters, stiffness: f64, start: f64, seconds: usize)
     peaks
 }
 
-/// Parameters without friction and encoder resolution, which the linear theory leaves out.
+/// Parameters without friction and without encoder resolution, both of which the linear theory leaves out.
 fn linear(damping: f64, device_damping: f64, delay: f64) -> HandParameters {
     HandParameters { damping, device_damping, delay, friction: 0.0, quantum: 0.0, ..Default::default() }
 }
@@ -80,8 +80,8 @@ fn exact_limit(p: &HandParameters) -> f64 {
     (1.0 - kept * kept) / (b[1] * a[0][1] - b[0] * a[1][1])
 }
 
-/// J. E. Colgate and G. G. Schenkel 1997, "Passivity of a class of sampled-data systems": passive for b > K T / 2, with
-/// the device's damping b, the wall's stiffness K and the tick's length T.
+/// J. E. Colgate and G. G. Schenkel 1997, "Passivity of a class of sampled-data systems": the loop is passive for b > K
+/// T / 2, with the device's damping b, the wall's stiffness K and the tick's length T.
 #[test]
 fn a_wall_is_stable_below_the_passivity_bound_and_unstable_above_its_limit() {
     for damping in PERSONS {
@@ -90,11 +90,11 @@ fn a_wall_is_stable_below_the_passivity_bound_and_unstable_above_its_limit() {
             let bound = 2.0 * device_damping / TICK;
             let (found, exact) = (found_limit(parameters), exact_limit(&parameters));
             println!(
-                "damping of arm {damping}, device {device_damping} N s/m: limit {found:.0} N/m, {:.3} of the bound",
+                "damping of arm {damping}, device {device_damping} N s/m: limit {found:.0} N/m, {:.3} times bound",
                 found / bound
             );
             assert!((found / exact - 1.0).abs() < 0.01, "limit found {found} N/m, exact {exact} N/m");
-            // Without damping of the arm the passivity bound is the stability limit itself, to less than the bisection
+            // Without damping of the arm the passivity bound equals the stability limit, to less than the bisection
             // resolves.
             assert!(exact >= bound && found >= bound * (1.0 - 2.0 * BISECTED), "limit {found} N/m, bound {bound} N/m");
             for part in [0.5, 0.95] {
@@ -109,8 +109,9 @@ fn a_wall_is_stable_below_the_passivity_bound_and_unstable_above_its_limit() {
     }
 }
 
-/// With a delay d the bound is K < b / (T / 2 + d) for damping b and tick T (J. J. Gil, E. Sánchez, T. Hulin, C.
-/// Preusche and G. Hirzinger 2009, "Stability boundary for haptic rendering: influence of damping and delay").
+/// With a delay d of the force, the loop is stable for K < b / (T / 2 + d), with the device's damping b, the wall's
+/// stiffness K and the tick's length T (J. J. Gil, E. Sánchez, T. Hulin, C. Preusche and G. Hirzinger 2009, "Stability
+/// boundary for haptic rendering: influence of damping and delay").
 #[test]
 fn delay_lowers_the_limit_to_the_bound_with_delay() {
     for delay in [0.001, 0.002, 0.005] {
@@ -118,11 +119,11 @@ fn delay_lowers_the_limit_to_the_bound_with_delay() {
             let bound = device_damping / (0.5 * TICK + delay);
             let found = found_limit(linear(0.0, device_damping, delay));
             println!(
-                "delay {delay} s, device damping {device_damping} N s/m: limit {found:.0} N/m, {:.3} of the bound",
+                "delay {delay} s, device damping {device_damping} N s/m: limit {found:.0} N/m, {:.3} times bound",
                 found / bound
             );
-            // The bound is exact for slow oscillations. The phase of the fastest oscillations here advances by 0.5 rad
-            // within the delay, and their limit lies 4 % above the bound.
+            // The bound is exact for slow oscillations. In this test the phase of the fastest oscillations advances by
+            // 0.5 rad within the delay, and their stability limit lies 4 % above the bound.
             assert!((1.0 - 2.0 * BISECTED..1.05).contains(&(found / bound)), "limit {found} N/m, bound {bound} N/m");
         }
     }

@@ -1,7 +1,7 @@
-//! The thread that talks to Haply's Inverse service (see `mod.rs`): each period it sends a message with a force and
-//! reads a *frame*, the service's JSON text with the state of the device. It shares with the haptic loop only the
-//! newest state and the newest force, through wait-free triple buffers, and sends zero force where the loop or the
-//! service is silent.
+//! The thread that talks to Haply's Inverse service, a program on the same machine that passes forces to Haply's haptic
+//! devices: each period it sends a message with a force and reads a *frame*, the service's JSON text with the state of
+//! the device. It shares with the haptic loop only the newest state and the newest force, through wait-free triple
+//! buffers, and sends zero force where the loop or the service is silent.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -20,32 +20,32 @@ use super::kind::Identity;
 use super::link::{Address, Link};
 use super::protocol::{self, State};
 
-/// Greatest age of a state that still counts as the device's, and the longest wait for an answer before the next
-/// message is sent.
+/// Greatest age of a state that still counts as the device's present one, and the longest wait for an answer before the
+/// next message is sent.
 pub const STATE_LIFE: Duration = Duration::from_millis(50);
 /// Number of garbled (malformed or implausible) frames in a row after which reading the device is a fault.
 pub const MANY_GARBLED: u32 = 5;
-/// Greatest age of a force from the haptic loop that is still sent; zero force is sent after it.
+/// Greatest age of a force from the haptic loop that is still sent; instead of an older force, zero is sent.
 pub const FORCE_LIFE: Duration = Duration::from_millis(20);
 /// A connection that gives no usable state for this long is replaced by a new one.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Longest wait for a new connection's inventory, the first frame, which lists the devices.
 const INVENTORY_WAIT: Duration = Duration::from_millis(500);
-/// Pauses before another connection is tried: the first one, and the longest, up to which they double.
+/// Pause before another connection is tried; it doubles after each failure, up to `LAST_WAIT`.
 const FIRST_WAIT: Duration = Duration::from_millis(100);
 const LAST_WAIT: Duration = Duration::from_secs(2);
 /// Greatest number of messages that the service may leave unanswered, and of frames that it may send unrequested within
 /// a period.
 const MOST_OWED: u32 = 16;
 
-/// What the thread knows of the device at a moment; the haptic loop reads the newest one.
+/// What the thread knows of the device at a moment; the haptic loop reads the newest such record.
 #[derive(Debug, Clone, Default)]
 pub struct Shot {
     /// The newest usable state, and when it arrived.
     pub state: Option<(Instant, State)>,
-    /// Number of garbled frames since that state.
+    /// Number of garbled frames since that state arrived.
     pub garbled: u32,
-    /// The last fault since that state.
+    /// The last fault since that state arrived.
     pub trouble: Option<Fault>,
     /// Identity of the device, once the service has reported it. From then on any other device is refused, because it
     /// would be at another position and might bear less force.
@@ -75,24 +75,25 @@ fn count(counter: &AtomicU64) {
     counter.fetch_add(1, Relaxed);
 }
 
-/// The thread's side of the exchange.
+/// The thread's side of the exchange of states and forces with the haptic loop.
 pub struct Exchange {
     pub address: Address,
-    /// Id of the device to talk to as long as none was found; `None`: the first one listed.
+    /// Id of the device to talk to until one was found; `None`: the first device that the service lists.
     pub device_id: Option<String>,
     /// Dialect (key under which a force is written) to use; `None`: the one that the service's version asks for.
     pub dialect: Option<Dialect>,
     /// Time from one message to the next.
     pub period: Duration,
-    /// Profile that the user asks for; it can only lower the limits of the device's own.
+    /// Profile (limits of force, workspace and so on) that the user asks for; it can only lower the limits of the
+    /// device's own profile.
     pub asked: Option<&'static Profile>,
-    /// Greatest force, N: that of the connected device's profile.
+    /// Greatest force that may be sent, N: that of the connected device's profile.
     pub max_force: f64,
     pub shots: Input<Shot>,
     pub orders: Output<Order>,
     pub stop: Arc<AtomicBool>,
     pub tally: Arc<Tally>,
-    /// The value that was published last through `shots`.
+    /// The record that was published last through `shots`.
     pub shot: Shot,
 }
 
@@ -176,7 +177,7 @@ impl Exchange {
             }
             due = (due + self.period).max(Instant::now());
             thread::sleep(due.saturating_duration_since(Instant::now()));
-            // Read the answers that came late; the newest one counts.
+            // Answers that came late are read here; the newest one counts.
             let mut late = 0;
             while let Some(text) = partner.link.receive(sent)? {
                 self.take(&text, &mut owed);
@@ -197,7 +198,7 @@ impl Exchange {
         Ok(())
     }
 
-    /// Publishes the state in a frame, or the fault if the frame has none that is usable.
+    /// Publishes the state that a frame contains, or a fault if the frame contains no usable state.
     fn take(&mut self, text: &str, owed: &mut u32) {
         *owed = owed.saturating_sub(1);
         count(&self.tally.frames);
@@ -224,7 +225,7 @@ impl Exchange {
         self.shots.write(self.shot.clone());
     }
 
-    /// The force to send: the haptic loop's, or zero where the loop or the service is silent.
+    /// The force to send: the haptic loop's newest force, or zero where the loop or the service is silent.
     fn force(&mut self) -> DVec3 {
         let order = self.orders.read();
         let is_seen = self.shot.state.is_some_and(|(at, _)| at.elapsed() <= STATE_LIFE);
@@ -238,7 +239,7 @@ impl Exchange {
         DVec3::ZERO
     }
 
-    /// Sends a force, shortened to the greatest that the device's profile allows.
+    /// Sends a force, shortened to the greatest force that the device's profile allows.
     fn play(&mut self, partner: &mut Partner, force: DVec3) -> Result<(), Fault> {
         let limited = if force.is_finite() { force.clamp_length_max(self.max_force) } else { DVec3::ZERO };
         if limited != force {

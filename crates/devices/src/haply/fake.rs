@@ -1,6 +1,7 @@
-//! A fake Inverse service for the tests. On each connection it sends an inventory (the frame that lists the devices),
-//! then reacts to each message as a script says. A *frame* is a JSON text with the state of all devices and their
-//! grips.
+//! A fake Inverse service for the tests; the real one is the program of Haply's that passes forces to its haptic
+//! devices. A *frame* is a JSON text with the state of all devices and of their *grips* (handles that sense
+//! orientation). On each connection the fake service sends an inventory (the first frame, which lists the devices),
+//! then reacts to each message as a script says.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -22,7 +23,7 @@ pub enum Act {
     Late(Duration, String),
     /// Answers with a binary message.
     Binary,
-    /// Answers several times: the number, and the text.
+    /// Answers several times with the same text: the number of times, and the text.
     Flood(usize, String),
     /// Does not answer.
     Silence,
@@ -46,13 +47,14 @@ impl Heard {
     }
 }
 
-/// Chooses the reaction to a message by the number of its connection and by its own number within it, both from 0.
+/// Chooses the reaction to a message by the number of its connection and by the number of the message within the
+/// connection, both from 0.
 pub type Script = dyn Fn(usize, usize) -> Act + Send + Sync;
 
 /// Gives the inventory of a connection by the connection's number, from 0.
 pub type Inventory = dyn Fn(usize) -> String + Send + Sync;
 
-/// What all threads of a service share.
+/// What all threads of a fake service share.
 struct Shared {
     version: Option<&'static str>,
     inventory: Box<Inventory>,
@@ -63,14 +65,14 @@ struct Shared {
     stop: AtomicBool,
 }
 
-/// A running service on a port of its own; it ends when it is dropped.
+/// A running fake service on a port of its own; the service ends when it is dropped.
 pub struct Fake {
     shared: Arc<Shared>,
     url: String,
     thread: Option<JoinHandle<()>>,
 }
 
-/// A frame of one device, without grips (handles that sense orientation).
+/// A frame of one device, without grips.
 pub fn frame(id: &str, position: [f64; 3], velocity: [f64; 3]) -> String {
     json!({"session_id": 7, "inverse3": [arm(id, position, velocity)], "verse_grip": []}).to_string()
 }
@@ -81,12 +83,12 @@ pub fn grips(id: &str, wired: Value, wireless: Value) -> String {
     json!({"inverse3": arms, "verse_grip": wired, "wireless_verse_grip": wireless}).to_string()
 }
 
-/// The entry of one Inverse3 in a frame.
+/// The entry of one Inverse3 (a haptic device of Haply) in a frame.
 pub fn arm(id: &str, position: [f64; 3], velocity: [f64; 3]) -> Value {
     arm_of(json!({"type": "inverse3"}), id, position, velocity)
 }
 
-/// An inventory of one device "A" at rest, of this type.
+/// An inventory of one device "A" at rest, with the device type `kind`.
 pub fn inventory(kind: Value) -> String {
     json!({ "inverse3": [arm_of(json!({ "type": kind }), "A", [0.0, -0.12, 0.15], [0.0; 3])] }).to_string()
 }
@@ -146,7 +148,7 @@ impl Fake {
         self.shared.heard.lock().unwrap().clone()
     }
 
-    /// Number of frames sent so far, without inventories.
+    /// Number of frames sent so far, not counting inventories.
     pub fn sent(&self) -> usize {
         self.shared.sent.load(SeqCst)
     }
@@ -218,7 +220,7 @@ fn serve(mut stream: TcpStream, shared: &Shared) -> Option<()> {
         number += 1;
         for answer in answers {
             shared.sent.fetch_add(1, SeqCst);
-            // If sending fails because the client has gone, reading goes on: messages from before may still arrive.
+            // If sending fails because the client has gone, reading goes on: messages sent before may still arrive.
             let _ = socket.send(answer);
         }
     }

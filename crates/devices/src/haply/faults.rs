@@ -1,5 +1,6 @@
-//! Tests of the Haply device against a fake service that goes wrong: silence, garbage, floods, closed connections, and
-//! no service at all.
+//! Tests of the Haply device (`mod.rs`) against a fake of Haply's Inverse service, which sends *frames* (JSON texts
+//! with the device's state) and takes messages with forces. The fake goes wrong here: it falls silent, sends garbage or
+//! floods of frames, closes connections, or does not run at all.
 
 use std::net::TcpListener;
 use std::time::{Duration, Instant};
@@ -11,8 +12,8 @@ use super::fake::{Act, Fake, frame, resting};
 use super::tests::{device, force, last_force, ms, opened, tick_until, wait_until};
 use super::*;
 
-/// A script that leaves messages of the first connection, from number `first` on, unanswered for a time, and answers
-/// all other messages.
+/// A script of the fake service: of the first connection it leaves the messages from number `first` on unanswered for
+/// the time `lasting`; it answers all other messages.
 fn silence(first: usize, lasting: Duration) -> impl Fn(usize, usize) -> Act + Send + Sync {
     let began = std::sync::OnceLock::<Instant>::new();
     move |connection, number| {
@@ -29,9 +30,13 @@ fn a_silent_service_is_lost_gets_zeros_and_recovers() {
     let swallowed = fake.heard().len();
     tick_until(&mut device, DVec3::X, |reading| reading.is_ok());
     let heard = fake.heard();
-    assert!(heard.len() > swallowed, "messages of zero force must go on");
-    // Every message after the first unanswered one and before the first answer has zero force.
-    assert!(heard[101..=swallowed].iter().all(|h| force(h) == DVec3::ZERO), "not zero: {:?}", &heard[101..=swallowed]);
+    assert!(heard.len() > swallowed, "messages of zero force must be sent during the silence");
+    // Every message after the first unanswered one has zero force, until the service answers again.
+    assert!(
+        heard[101..=swallowed].iter().all(|h| force(h) == DVec3::ZERO),
+        "every message must have zero force: {:?}",
+        &heard[101..=swallowed]
+    );
     tick_until(&mut device, DVec3::X, |_| last_force(&fake) == DVec3::X);
     assert_eq!(device.counts().connections, 1);
 }
@@ -44,10 +49,14 @@ fn a_service_that_stalls_and_then_answers_all_is_caught_up_with() {
     tick_until(&mut device, DVec3::X, |reading| reading.is_err());
     tick_until(&mut device, DVec3::X, |reading| reading.is_ok());
     tick_until(&mut device, DVec3::X, |_| last_force(&fake) == DVec3::X);
-    // All frames sent up to now are read soon, however busy the machine is.
+    // All frames that the service has sent up to now are read within 5 s, however busy the machine is.
     let (sent, begun) = (fake.sent(), Instant::now());
     while (device.counts().frames as usize) < sent {
-        assert!(begun.elapsed() < ms(5000), "{} of {sent} frames read", device.counts().frames);
+        assert!(
+            begun.elapsed() < ms(5000),
+            "only {} of the {sent} frames that were sent were read within 5 s",
+            device.counts().frames
+        );
         tick_until(&mut device, DVec3::X, |_| true);
     }
     assert_eq!(device.counts().connections, 1);
@@ -76,14 +85,17 @@ fn a_garbled_frame_is_passed_over_and_several_are_a_fault() {
     let fake = Fake::start(script);
     let mut device = opened(&fake);
     tick_until(&mut device, DVec3::X, |reading| {
-        // Four garbled frames in a row are no fault, and none of them is used as a reading.
-        assert!(fake.heard().len() >= 100 || reading.as_ref().is_ok_and(|r| r.state.position.y == 2.0), "{reading:?}");
+        // Four garbled (malformed or implausible) frames in a row are no fault, and none of them is used as a reading.
+        assert!(
+            fake.heard().len() >= 100 || reading.as_ref().is_ok_and(|r| r.state.position.y == 2.0),
+            "wrong reading: {reading:?}"
+        );
         matches!(reading, Err(Fault::Garbled(why)) if why.contains("cursor_position"))
     });
     tick_until(&mut device, DVec3::X, |reading| reading.is_ok());
     assert_eq!(device.counts().garbled, 44);
     let heard = fake.heard();
-    // The fifth garbled frame in a row answers message 104; zero force is sent after it.
+    // Message 104 is answered by the fifth garbled frame in a row; all messages after that frame have zero force.
     assert!(heard[106..140].iter().all(|h| force(h) == DVec3::ZERO));
 }
 
@@ -103,7 +115,11 @@ fn an_oversized_message_or_one_without_text_ends_the_connection_and_another_is_m
         let counts = device.counts();
         assert_eq!((counts.connections, counts.garbled), (2, 1));
         let first: Vec<_> = fake.heard().into_iter().filter(|h| h.connection == 0).collect();
-        assert_eq!(first.last().map(force), Some(DVec3::ZERO), "binary {is_binary}: the last force must be zero");
+        assert_eq!(
+            first.last().map(force),
+            Some(DVec3::ZERO),
+            "the last force must be zero (binary message: {is_binary})"
+        );
         assert_eq!(first.len(), 52);
     }
 }
@@ -132,7 +148,7 @@ fn another_machine_is_refused_unless_trusted_and_so_is_a_rate_beyond_bounds() {
             rate,
             ..Settings::default()
         });
-        assert!(matches!(device.open(), Err(Fault::Lost(why)) if why.contains(word)), "address {url}");
+        assert!(matches!(device.open(), Err(Fault::Lost(why)) if why.contains(word)), "address {url}, rate {rate} Hz");
         assert_eq!(device.counts().connections, 0);
     }
 }
@@ -141,7 +157,7 @@ fn another_machine_is_refused_unless_trusted_and_so_is_a_rate_beyond_bounds() {
 fn nobody_there_or_nothing_plugged_in_is_said_with_a_remedy() {
     let free = TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("ws://{}", free.local_addr().unwrap());
-    // A port that accepts connections and never answers.
+    // The address is that of a port that accepts connections and never answers.
     let mut mute = Haply::new(Settings {
         service: HaplyService { url: url.clone(), ..HaplyService::default() },
         ..Settings::default()
@@ -156,8 +172,8 @@ fn nobody_there_or_nothing_plugged_in_is_said_with_a_remedy() {
     });
     assert!(matches!(nobody.open(), Err(Fault::Lost(why)) if why.contains(&url) && why.contains("refused")));
     let empty = Fake::with(None, r#"{"inverse3":[]}"#.into(), |_, _| Act::Silence);
-    assert!(matches!(device(&empty).open(), Err(Fault::Lost(why)) if why.contains("plug it in")));
-    assert!(empty.heard().is_empty(), "without a device no message is sent");
+    assert!(matches!(device(&empty).open(), Err(Fault::Lost(why)) if why.contains("plug the device in")));
+    assert!(empty.heard().is_empty(), "no message may be sent if the service lists no device");
 }
 
 #[test]

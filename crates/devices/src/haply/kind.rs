@@ -1,6 +1,6 @@
-//! Types of Haply's haptic devices as the Inverse service reports them, and the profile (limits of force, workspace and
-//! so on) that each gets. The reported type decides and not the user, because an Inverse3 may exert several times the
-//! force of a Minverse.
+//! Types of Haply's haptic devices as Haply's Inverse service (a program on the same machine, see `mod.rs`) reports
+//! them, and the profile (limits of force, workspace and so on) that each type gets. The profile follows from the
+//! reported type and not from the user's word, because an Inverse3 may exert several times the force of a Minverse.
 
 use std::fmt;
 use std::sync::Arc;
@@ -8,12 +8,12 @@ use std::sync::Arc;
 use palpate::scene::profile::{HAPLY_SMALLEST, INVERSE3, MINVERSE, Profile};
 use serde_json::Value;
 
-/// The types that the service reports as `config.type` in its inventory, as Haply's own client library lists them
-/// (crate `haply` 1.3, `device_model/enums.rs`), and their profiles. No figures are published for the Inverse3x by
-/// itself; Haply's tutorials use one set of figures for it and the Inverse3 (docs.haply.co, Inverse service 3.5,
-/// tutorial 06).
+/// The types that the service reports under the key `config.type` in its inventory (list of devices), as Haply's own
+/// client library names them (crate `haply` 1.3, `device_model/enums.rs`), and their profiles. Haply publishes no
+/// separate limits for the Inverse3x; its tutorials use the same limits for the Inverse3x as for the Inverse3
+/// (docs.haply.co, Inverse service 3.5, tutorial 06).
 const KNOWN: [(&str, &Profile); 3] = [("inverse3", &INVERSE3), ("inverse3x", &INVERSE3), ("minverse", &MINVERSE)];
-/// Greatest length of a type's name in messages to the user, characters; the rest is cut off.
+/// Greatest length of a type's name in messages to the user, characters; longer names are cut off.
 const LONGEST: usize = 40;
 
 /// A device type as the service reports it; it may report none.
@@ -23,14 +23,13 @@ pub struct Kind(Option<Arc<str>>);
 /// Identity of a device that the service lists.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Identity {
-    /// Id by which messages address the device.
+    /// Id by which messages to the service name the device.
     pub device_id: String,
     pub kind: Kind,
 }
 
 impl Kind {
-    /// Reads the type from the `config` of a device in an inventory (the first frame of a connection, which lists the
-    /// devices).
+    /// Reads the type from `config`, an entry that a device has in the inventory, the first message of a connection.
     pub fn of_config(config: Option<&Value>) -> Kind {
         let told = config.and_then(|config| config.get("type")).filter(|told| !told.is_null());
         let text = |told: &Value| told.as_str().map_or_else(|| told.to_string(), String::from);
@@ -42,21 +41,22 @@ impl Kind {
         KNOWN.iter().find(|(known, _)| *known == name).map(|(_, profile)| *profile)
     }
 
-    /// The profile used for a device of this type: its own, or the smallest of Haply's where the type is not known. A
-    /// profile that the user asks for replaces it only if it is one of Haply's and none of its figures is greater.
+    /// The profile used for a device of this type: the type's own, or the Haply profile with the lowest limits where
+    /// the type is not known. The profile `asked`, which the user asks for, is used instead only if it is that of a
+    /// Haply device and none of its limits is higher.
     pub fn profile(&self, asked: Option<&'static Profile>) -> &'static Profile {
         let own = self.known().unwrap_or(&HAPLY_SMALLEST);
         asked.filter(|asked| asked.is_haplys() && asked.is_within(own)).unwrap_or(own)
     }
 
-    /// What the user should know about the profile that is used, one line each.
+    /// Notes for the user on the profile that is used, each of one line.
     pub fn notes(&self, asked: Option<&'static Profile>) -> Vec<String> {
         let granted = self.profile(asked);
         let mut notes = Vec::new();
         if self.known().is_none() {
             notes.push(format!(
-                "the Inverse service reports {self}, and this version knows no limits for that: the profile {} with \
-                 the lowest limits of Haply's devices is used ({} N, {} m)",
+                "the Inverse service reports {self}, for which palpate knows no limits: the profile {} with the lowest \
+                 limits of Haply's devices is used (greatest force {} N, workspace radius {} m)",
                 granted.name, granted.max_force, granted.workspace
             ));
         }
@@ -101,15 +101,18 @@ mod tests {
             let kind = kind(told.clone());
             assert_eq!(kind.profile(None), &HAPLY_SMALLEST, "reported type {told}");
             let notes = kind.notes(None);
-            assert!(notes.len() == 1 && notes[0].contains("2 N, 0.04 m") && !notes[0].contains('\n'), "{notes:?}");
+            assert!(
+                notes.len() == 1 && notes[0].contains("2 N, workspace radius 0.04 m") && !notes[0].contains('\n'),
+                "wrong notes: {notes:?}"
+            );
         }
         for none in [None, Some(json!({})), Some(json!({"type": null})), Some(json!(7))] {
             let kind = Kind::of_config(none.as_ref());
             assert_eq!(kind.profile(None), &HAPLY_SMALLEST);
-            assert!(kind.notes(None)[0].contains("reports no device type"), "{:?}", kind.notes(None));
+            assert!(kind.notes(None)[0].contains("reports no device type"), "wrong notes: {:?}", kind.notes(None));
         }
         let long = kind(json!("x".repeat(1000))).notes(None);
-        assert!(long[0].len() < 300, "{long:?}");
+        assert!(long[0].len() < 300, "the note is too long: {long:?}");
     }
 
     #[test]

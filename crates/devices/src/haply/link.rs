@@ -1,5 +1,6 @@
-//! The connection to Haply's Inverse service: which addresses are allowed, and a WebSocket on which no call waits
-//! beyond a deadline and no message is larger than a limit.
+//! The connection to Haply's Inverse service, a program that passes on the state of Haply's haptic devices and takes
+//! forces for them: which addresses of the service are allowed, and a WebSocket on which no call waits beyond a
+//! deadline and no message is larger than a limit.
 
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{IpAddr, Shutdown, SocketAddr, TcpStream, ToSocketAddrs};
@@ -12,16 +13,17 @@ use tungstenite::http::Uri;
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, Message, Utf8Bytes, WebSocket};
 
-/// Greatest size of a message, B; an inventory (list) of several devices has about 5 kB.
+/// Greatest size of a message, bytes; the service's list of several devices has about 5000 bytes.
 const LARGEST: usize = 64 * 1024;
-/// Greatest size of the answer to the HTTP request for the service's version, B.
+/// Greatest size of the answer to the HTTP request for the service's version, bytes.
 const LARGEST_VERSION: u64 = 16 * 1024;
-/// Longest waits: for a connection with its handshake, for the service's version over HTTP, and until the service
-/// accepts a message.
+/// Longest wait for a connection, its handshake included.
 const CONNECT_WAIT: Duration = Duration::from_millis(500);
+/// Longest wait for the service's version over HTTP.
 const VERSION_WAIT: Duration = Duration::from_millis(300);
+/// Longest wait until the service accepts a message.
 const SEND_WAIT: Duration = Duration::from_millis(20);
-/// Greatest number of messages without text that are skipped in search of one with text; more count as a flood.
+/// Number of messages without text in a row after which receiving fails with [`Fault::Garbled`].
 const MOST_OTHERS: usize = 64;
 /// The service's default port, used where a URL names none.
 const PORT: u16 = 10001;
@@ -39,8 +41,8 @@ impl Address {
     /// Reads a URL such as `ws://localhost:10001`.
     ///
     /// # Errors
-    /// [`Fault::Lost`] if it is no such URL, or if its host is neither `localhost` nor a loopback address and a remote
-    /// service is not trusted.
+    /// [`Fault::Lost`] if the text is no such URL, or if its host is neither `localhost` nor a loopback address and
+    /// `trust_remote` is not set.
     pub fn new(url: &str, trust_remote: bool) -> Result<Address, Fault> {
         let refuse = |why: &str| Err(Fault::Lost(format!("{url:?} {why}")));
         let Some(uri) = url.parse::<Uri>().ok().filter(|uri| uri.host().is_some()) else {
@@ -78,7 +80,7 @@ impl Address {
         if allowed.is_empty() { Err(none()) } else { Ok(allowed) }
     }
 
-    /// Connects to the first socket address of the host that answers.
+    /// Connects to the host at the first of its socket addresses that answers.
     ///
     /// # Errors
     /// The failure of the last address that was tried.
@@ -119,7 +121,8 @@ impl Link {
         }
     }
 
-    /// The service's version, which it gives only over HTTP, on the same port; `None` if it gives none.
+    /// The service's version, which the service reports only over HTTP, on the port of the WebSocket; `None` if it
+    /// reports no version.
     pub fn version(&self) -> Option<String> {
         #[derive(Deserialize)]
         struct Version {
@@ -143,11 +146,11 @@ impl Link {
         Some(version.project_version)
     }
 
-    /// The next text that arrives by `deadline`; `None` if none does. A deadline in the past takes only what has
-    /// arrived already.
+    /// The next text message that arrives by `deadline`; `None` if no text arrives until then. If the deadline is past,
+    /// only a message that has already arrived is returned.
     ///
     /// # Errors
-    /// [`Fault::Garbled`] for a message that is not text or is too large, [`Fault::Lost`] where the connection has
+    /// [`Fault::Garbled`] for a binary message or one that is too large, [`Fault::Lost`] where the connection has
     /// ended.
     pub fn receive(&mut self, deadline: Instant) -> Result<Option<Utf8Bytes>, Fault> {
         self.socket.get_mut().deadline = deadline;
@@ -169,14 +172,14 @@ impl Link {
     /// Sends a text message.
     ///
     /// # Errors
-    /// [`Fault::Lost`] if the service does not accept it in time.
+    /// [`Fault::Lost`] if the service does not accept the message in time.
     pub fn send(&mut self, text: String) -> Result<(), Fault> {
         self.socket.get_mut().deadline = Instant::now() + SEND_WAIT;
         self.socket.send(Message::text(text)).map_err(|e| lost(&e))
     }
 
-    /// Closes the connection so that the last message still arrives: if a socket is closed with unread input, TCP
-    /// resets the connection and may discard what was sent.
+    /// Closes the connection so that the last message still arrives. All input is read first, because TCP resets a
+    /// connection that is closed with unread input, and may then discard what was sent.
     pub fn close(mut self) {
         let deadline = Instant::now() + SEND_WAIT;
         self.socket.get_mut().deadline = deadline;
@@ -207,7 +210,7 @@ impl Timed {
     }
 }
 
-/// Gives timeouts the one error kind `WouldBlock`; which kind they have differs between operating systems.
+/// Gives a timeout the error kind `WouldBlock`, because the kind that a timeout has differs between operating systems.
 fn late(e: io::Error) -> io::Error {
     if e.kind() == ErrorKind::TimedOut { ErrorKind::WouldBlock.into() } else { e }
 }
@@ -255,7 +258,10 @@ mod tests {
         let remote =
             ["ws://192.168.0.7:10001", "ws://example.org", "ws://localhost.example.org", "ws://0.0.0.0", "ws://[::2]"];
         for url in remote {
-            assert!(matches!(Address::new(url, false), Err(Fault::Lost(why)) if why.contains("trusted")), "URL {url}");
+            assert!(
+                matches!(Address::new(url, false), Err(Fault::Lost(why)) if why.contains("trusted")),
+                "address {url}"
+            );
             assert!(Address::new(url, true).is_ok(), "address {url}");
         }
         for url in [

@@ -1,8 +1,9 @@
 //! Haply's haptic devices Inverse3 and Minverse, through the WebSocket of Haply's Inverse service, a program on the
-//! same machine that sends *frames* (JSON texts with the devices' state) and takes forces. The protocol is implemented
-//! here on the crate `tungstenite`. Haply's own crate `haply` (1.3) reaches 1 kHz too, but it accepts messages of up to
-//! 64 MiB and parts of malformed ones, supports version 3.5 of the service only, and loops for ever once a connection
-//! has ended.
+//! same machine that sends *frames* (JSON texts with the devices' state) and takes forces. A thread of its own, the
+//! *exchange thread* (`exchange.rs`), talks to the service, so that the haptic loop never waits for it. The protocol is
+//! implemented here on the crate `tungstenite`. Haply's own crate `haply` (1.3) reaches 1 kHz too, but it accepts
+//! messages of up to 64 MiB and parts of malformed ones, supports version 3.5 of the service only, and loops for ever
+//! once a connection has ended.
 
 mod exchange;
 #[cfg(test)]
@@ -32,23 +33,25 @@ use exchange::{Exchange, MANY_GARBLED, Order, STATE_LIFE, Shot, Tally};
 use kind::Identity;
 use link::Address;
 
-/// Longest time that opening waits for the first state of the device.
+/// Longest time that [`Haply::open`](Device::open) waits for the device's first state.
 const OPEN_WAIT: Duration = Duration::from_secs(2);
-/// Longest time that closing waits for the thread's end; a slower thread ends by itself later.
+/// Longest time that closing waits for the end of the exchange thread; a slower thread ends by itself later.
 const CLOSE_WAIT: Duration = Duration::from_millis(200);
-/// Rates at which messages can be exchanged with the service, Hz.
+/// Rates at which messages may be exchanged with the service, Hz.
 const RATES: std::ops::RangeInclusive<f64> = 50.0..=4000.0;
 
 /// Settings of the connection: where the service is, and how it is used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// Address of the service, and which device and which dialect to use there.
+    /// Address of the service, id of the device there, and JSON key under which the service expects forces.
     pub service: HaplyService,
-    /// World position of the first reading, m; later readings are displaced from it by the displacement of the device.
+    /// World position given to the first reading, m; a later reading is this position plus the displacement of the
+    /// device since the first reading.
     pub home: DVec3,
-    /// Messages a second, 50 to 4000 Hz: the rate of the haptic loop.
+    /// Messages exchanged with the service per second, Hz, from 50 to 4000: the rate of the haptic loop.
     pub rate: f64,
-    /// A profile of Haply's whose limits are not to be exceeded; it has no effect where it is above the device's own.
+    /// A Haply profile (limits of a device) to be used, provided that it exceeds no limit of the device's own profile;
+    /// otherwise the device's own profile is used.
     pub profile: Option<&'static Profile>,
 }
 
@@ -58,36 +61,38 @@ impl Default for Settings {
     }
 }
 
-/// Counts of what has happened since the device was made.
+/// Numbers of events since this [`Haply`] was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Frames received.
     pub frames: u64,
-    /// Frames that were refused as malformed or implausible, and connections that ended for such a reason.
+    /// Frames that were refused as malformed or implausible, and connections that were ended because of bad messages.
     pub garbled: u64,
     /// Connections made.
     pub connections: u64,
-    /// Forces above the profile's greatest, which were shortened to it, and forces that were not finite, sent as zero.
+    /// Forces greater than the profile allows, which were shortened to the greatest force allowed, and forces that were
+    /// not finite, which were replaced with zero.
     pub limited: u64,
-    /// Forces instead of which zero was sent, because the loop or the service was silent.
+    /// Forces that were replaced with zero because the haptic loop or the service had been silent for too long.
     pub withheld: u64,
 }
 
-/// A haptic device of Haply. The type that the service reports decides the profile, which is the smallest of Haply's as
-/// long as the type is not reported, or if this version does not know it. Orientation and buttons come from a Verse
-/// grip (a handle that senses orientation) that the service lists; without one the orientation is the identity. The
-/// angular velocity of a grip is not known, and is reported as zero.
+/// A haptic device of Haply. Its profile follows from the device type that the service reports; it is the Haply profile
+/// with the lowest limits as long as the service has reported no type, or if this version of palpate does not know the
+/// type. Orientation and buttons come from a Verse grip (a handle that senses orientation) that the service lists;
+/// without a grip the orientation is the identity. The angular velocity of a grip is not known, and is reported as
+/// zero.
 pub struct Haply {
     settings: Settings,
     profile: Profile,
-    /// Identity of the device that was found first, by [`Haply::identify`] or on opening; any other is refused from
-    /// then on.
+    /// Identity of the device that was found first, by [`Haply::identify`] or on opening; from then on any other device
+    /// is refused.
     identity: Option<Arc<Identity>>,
     tally: Arc<Tally>,
     line: Option<Line>,
 }
 
-/// The haptic loop's side of the exchange with the thread.
+/// The haptic loop's end of the connection to the exchange thread.
 struct Line {
     shots: Output<Shot>,
     orders: Input<Order>,
@@ -96,17 +101,17 @@ struct Line {
     url: String,
     /// World position of the device's origin, m.
     offset: DVec3,
-    /// The newest orientation of the grip, which is kept while the grip sleeps.
+    /// The newest orientation of the grip; it stays in use while the grip sleeps.
     orientation: DQuat,
 }
 
 impl Haply {
-    /// A device that is not open yet; the service is not contacted.
+    /// A device that is not open yet; the service is not contacted here.
     pub fn new(settings: Settings) -> Haply {
         Haply { settings, profile: HAPLY_SMALLEST, identity: None, tally: Arc::default(), line: None }
     }
 
-    /// Opens and closes the device without playing a force, to learn its type and thereby its profile. A caller that
+    /// Opens and closes the device without exerting a force, to learn its type and thereby its profile. A caller that
     /// takes limits from [`Device::profile`] before [`Device::open`] must call this first; otherwise it gets the
     /// smallest limits.
     ///
@@ -162,7 +167,8 @@ impl Haply {
 }
 
 impl Device for Haply {
-    /// Connects and waits for the first state, 2 s at most. Any device but the one found before is refused.
+    /// Connects to the service and waits for the device's first state, 2 s at most. If a device was found before, any
+    /// other device is refused.
     fn open(&mut self) -> Result<(), Fault> {
         self.close();
         let line = self.line.insert(self.start()?);
@@ -213,8 +219,8 @@ impl Device for Haply {
         Ok(Reading { time: time - age.as_secs_f64(), state: rigid, buttons: state.buttons })
     }
 
-    /// Hands the force to the thread, which sends it with its next message; the torque is not played. Does not wait. If
-    /// no other force follows within 20 ms, the thread sends zero.
+    /// Hands the force to the exchange thread, which sends it with its next message; the torque is ignored. Does not
+    /// wait. If no other force follows within 20 ms, the exchange thread sends zero.
     fn write(&mut self, wrench: &Wrench) -> Result<(), Fault> {
         let line = self.line.as_mut().ok_or_else(closed)?;
         line.orders.write(Order { force: wrench.force, written: Some(Instant::now()) });

@@ -1,7 +1,9 @@
-//! The messages between this program and Haply's Inverse service: JSON text in SI units, z up, quaternions w x y z
+//! The messages between this program and Haply's Inverse service, a program on the same machine that reads Haply's
+//! haptic devices and takes forces for them: JSON text in SI units, z up, quaternions in the order w x y z
 //! (docs.haply.co, Inverse service 3.5, "Simulation channel" and "Control commands"). A *frame* is a text with the
-//! state of all devices; the *cursor* is the point of the device that the user moves. Nothing from the service is
-//! trusted: all that is needed must be there, of the right type, finite and plausible.
+//! state of all devices; a *grip* is a handle that senses orientation; the *cursor* is the point of the device that the
+//! user moves. Nothing from the service is trusted: all that is needed must be there, of the right type, finite and
+//! plausible.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::haptics::Fault;
@@ -11,15 +13,17 @@ use serde_json::{Value, json};
 
 use super::kind::{Identity, Kind};
 
-/// Greatest plausible distance of a cursor from the device's origin, m: seven times the workspace.
+/// Greatest plausible distance of a cursor from the device's origin, m: about seven times the radius of an Inverse3's
+/// workspace.
 const FARTHEST: f64 = 1.0;
 /// Greatest plausible speed of a cursor, m/s.
 const FASTEST: f64 = 50.0;
-/// Greatest plausible difference of a quaternion's norm from 1; real grips send it rounded, off by 0.2 %.
+/// Greatest plausible difference of a quaternion's norm from 1; real grips send rounded quaternions, whose norms are
+/// off by 0.2 %.
 const NORM_ERROR: f64 = 0.01;
 
-/// The dialect (key under which a force is written) of a service of a version such as `3.5.0`; `None` if the text is no
-/// version.
+/// The dialect (JSON key under which a force is sent) that a service of the given version, such as `3.5.0`, expects;
+/// `None` if the text is no version.
 pub fn dialect_of(version: &str) -> Option<Dialect> {
     let mut numbers = version.split('.').map(|part| part.parse::<u32>().ok());
     let (major, minor) = (numbers.next()??, numbers.next()??);
@@ -40,9 +44,9 @@ pub struct State {
     pub position: DVec3,
     /// Velocity of the cursor, m/s.
     pub velocity: DVec3,
-    /// Orientation of the first grip (handle that senses orientation) that is awake; `None` if there is none.
+    /// Orientation of the first grip that is awake; `None` if no grip is awake.
     pub orientation: Option<DQuat>,
-    /// Pressed buttons of that grip, one bit each.
+    /// Pressed buttons of the grip whose orientation is given, one bit each.
     pub buttons: u32,
 }
 
@@ -56,7 +60,7 @@ fn to_service(v: DVec3) -> DVec3 {
     DVec3::new(v.x, -v.z, v.y)
 }
 
-/// The message of one tick: it commands a finite force, given in palpate's axes, N.
+/// The message that is sent each period: it commands a finite force, given in palpate's axes, N.
 pub fn command(device_id: &str, dialect: Dialect, force: DVec3) -> String {
     tick(device_id, dialect, force).to_string()
 }
@@ -74,8 +78,9 @@ fn tick(device_id: &str, dialect: Dialect, force: DVec3) -> Value {
     json!({"inverse3": [{"device_id": device_id, "commands": {"set_cursor_force": force}}]})
 }
 
-/// Identity and state of the wanted device in a frame, or of the first one listed if `wanted` is `None`. Only the
-/// inventory, a connection's first frame, gives the type: later frames have no `config`.
+/// Identity and state, in a frame, of the device whose id is `wanted`, or of the first device listed if `wanted` is
+/// `None`. The type of the device is known only from the *inventory*, the first frame of a connection: later frames
+/// have no `config`.
 ///
 /// # Errors
 /// [`Fault::Lost`] if the service does not list the device, [`Fault::Garbled`] if the text is not a plausible frame.
@@ -86,7 +91,10 @@ pub fn find(text: &str, wanted: Option<&str>) -> Result<(Identity, State), Fault
     let listed = frame.inverse3.unwrap_or_default();
     let Some(arm) = listed.iter().find(is_wanted) else {
         let name = wanted.map_or(String::from("no inverse3"), |id| format!("no inverse3 {id:?}"));
-        return Err(Fault::Lost(format!("the service lists {name} among {} devices: plug it in", listed.len())));
+        return Err(Fault::Lost(format!(
+            "the service lists {name} among {} devices: plug the device in",
+            listed.len()
+        )));
     };
     let state = arm.state.as_ref().ok_or_else(|| garbled("an inverse3 without its state".into()))?;
     let grips = [frame.verse_grip, frame.wireless_verse_grip].into_iter().flatten().flatten();
@@ -132,7 +140,7 @@ struct Grip {
 }
 
 impl Grip {
-    /// Whether the listed state is current: a wireless grip that sleeps or is out of reach is listed with its last
+    /// Whether the grip's state is current: a wireless grip that sleeps or is out of reach is listed with its last
     /// state.
     fn is_awake(&self) -> bool {
         self.status.as_ref().is_none_or(|s| s.connected.unwrap_or(true) && s.awake.unwrap_or(true))
@@ -184,7 +192,7 @@ struct Vector {
 impl Vector {
     fn checked(&self, name: &str, longest: f64) -> Result<DVec3, Fault> {
         let v = DVec3::new(self.x, self.y, self.z);
-        // `<=` instead of a negated `>`, so that NaN is refused too.
+        // `<=` is used, and not a negated `>`, so that NaN is refused too.
         if v.length() <= longest { Ok(v) } else { Err(garbled(format!("an implausible {name} of {v}"))) }
     }
 }
@@ -198,7 +206,7 @@ struct Quaternion {
 }
 
 impl Quaternion {
-    /// The rotation in palpate's axes, normalised; refused if its norm is implausible.
+    /// The rotation in palpate's axes, normalised; an error if the quaternion's norm is implausible.
     fn checked(&self) -> Result<DQuat, Fault> {
         let v = from_service(DVec3::new(self.x, self.y, self.z));
         let q = DQuat::from_xyzw(v.x, v.y, v.z, self.w);
@@ -235,7 +243,8 @@ mod tests {
         let read = state(&grips("A", wired, json!([]))).unwrap();
         assert!(read.orientation.unwrap().dot(DQuat::from_rotation_y(2.0 * half)).abs() > 1.0 - 1e-12);
         assert_eq!(read.buttons, 1);
-        // The orientation read turns any vector, in palpate's axes, as the orientation sent does in the service's axes.
+        // In palpate's axes the orientation that was read turns any vector as the orientation that was sent turns it in
+        // the service's axes.
         let sent = DQuat::from_xyzw(0.48, -0.36, 0.64, 0.48);
         let q = json!({"w": sent.w, "x": sent.x, "y": sent.y, "z": sent.z});
         let wireless = json!([{"state": {"orientation": q, "buttons": {"a": false, "b": true, "c": true}}}]);
@@ -292,7 +301,7 @@ mod tests {
             format!(r#"{{"inverse3":[{{"device_id":"A","config":{deep}"#),
         ];
         for text in spoiled.iter().chain(&others) {
-            assert!(matches!(state(text), Err(Fault::Garbled(_))), "{}", &text[..text.len().min(200)]);
+            assert!(matches!(state(text), Err(Fault::Garbled(_))), "accepted: {}", &text[..text.len().min(200)]);
         }
     }
 

@@ -1,5 +1,6 @@
-//! Tests of the Haply device against a fake service: what must reach the service, and what must not. Waits are bounded,
-//! and the only times that are tested are the fake's own delays.
+//! Tests of the Haply device (`mod.rs`) against a fake of Haply's Inverse service: which messages must reach the
+//! service, and which must not. The fake sends *frames* (JSON texts with the device's state) and reacts to each message
+//! as a test's script says. Every wait is bounded.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
@@ -14,7 +15,7 @@ use serde_json::json;
 use super::fake::{Act, Fake, Heard, arm, frame, grips, inventory, resting};
 use super::*;
 
-/// Longest wait of a test, longer than anything here takes.
+/// Longest time that a test waits for a condition; each condition here holds sooner.
 const PATIENCE: Duration = Duration::from_secs(8);
 
 pub const fn ms(count: u64) -> Duration {
@@ -41,8 +42,8 @@ fn push(force: DVec3) -> Wrench {
     Wrench { force, torque: DVec3::ZERO }
 }
 
-/// Reads the device and writes a force, once a millisecond, until a condition on the reading holds; panics if it never
-/// does.
+/// Reads the device and writes a force to it, once a millisecond, until a condition on the reading holds; panics if the
+/// condition does not hold within [`PATIENCE`].
 pub fn tick_until(device: &mut Haply, force: DVec3, mut done: impl FnMut(Result<Reading, Fault>) -> bool) {
     let started = Instant::now();
     loop {
@@ -51,7 +52,7 @@ pub fn tick_until(device: &mut Haply, force: DVec3, mut done: impl FnMut(Result<
         if done(reading) {
             return;
         }
-        assert!(started.elapsed() < PATIENCE, "the condition did not hold in time; counts {:?}", device.counts());
+        assert!(started.elapsed() < PATIENCE, "the condition did not hold; device counts: {:?}", device.counts());
         thread::sleep(ms(1));
     }
 }
@@ -59,7 +60,7 @@ pub fn tick_until(device: &mut Haply, force: DVec3, mut done: impl FnMut(Result<
 pub fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
     let started = Instant::now();
     while !done() {
-        assert!(started.elapsed() < PATIENCE, "timed out in wait for {what}");
+        assert!(started.elapsed() < PATIENCE, "timed out while waiting for {what}");
         thread::sleep(ms(1));
     }
 }
@@ -77,7 +78,7 @@ fn a_push_up_arrives_as_a_push_up() {
     let fake = Fake::start(|_, n| Act::Reply(frame("A", [0.0, -0.12, 0.15 + 1e-4 * n as f64], [0.1, 0.2, 0.3])));
     let mut device = opened(&fake);
     assert_eq!(device.profile(), Profile::named("inverse3").unwrap());
-    // palpate's +y is up, which is the service's +z; +z is towards the user, the service's -y.
+    // palpate's +y is up, which is the service's +z; palpate's +z points to the user, which is the service's -y.
     tick_until(&mut device, DVec3::new(1.0, 2.0, 3.0), |_| fake.heard().iter().any(|h| force(h) != DVec3::ZERO));
     assert!(fake.heard().iter().all(|h| [DVec3::ZERO, DVec3::new(1.0, -3.0, 2.0)].contains(&force(h))));
     let mut last = f64::MIN;
@@ -105,7 +106,7 @@ fn one_message_a_frame_and_the_session_in_the_first_only() {
     assert_eq!(heard[0].message["session"], json!({"configure": {"profile": {"name": "palpate:hand"}}}));
     assert!(heard[1..].iter().all(|h| h.message.get("session").is_none()));
     assert!(heard.iter().all(|h| h.message["inverse3"][0]["device_id"] == "A" && force(h) == DVec3::ZERO));
-    // The last message, the zero force on closing, is answered by a frame that is not read any more.
+    // The last message is the zero force on closing; the frame that answers it is not read any more.
     let frames = device.counts().frames as usize;
     assert!(
         frames + 2 >= heard.len() && frames <= heard.len(),
@@ -127,7 +128,7 @@ fn older_services_get_values_and_an_option_forces_either() {
         device.open().unwrap();
         assert!(
             fake.heard().iter().all(|h| h.force(key).is_some()),
-            "version {version:?}, dialect {dialect:?}: {:?}",
+            "version {version:?}, dialect {dialect:?}: wrong messages {:?}",
             fake.heard()
         );
     }
@@ -161,7 +162,7 @@ fn nothing_is_played_once_the_loop_is_silent() {
     wait_until("a zero force", || last_force(&fake) == DVec3::ZERO);
     let since = |h: &Heard| h.at.saturating_duration_since(stopped);
     let played = fake.heard().into_iter().filter(|h| force(h) != DVec3::ZERO && since(h) > exchange::FORCE_LIFE);
-    // A message reaches the fake later than it was sent, so one may have been on its way.
+    // A message reaches the fake later than it was sent, so one message with force may have been on its way.
     assert!(played.count() <= 1);
     assert!(device.counts().withheld > 0);
     assert!(device.read(0.0).is_ok(), "the device must still be readable");
@@ -215,10 +216,10 @@ fn the_type_that_the_service_reports_decides_what_is_played() {
         let profile = Profile::named(name).unwrap();
         let fake = Fake::with(None, inventory(json!(kind)), |_, _| Act::Reply(resting()));
         let mut device = device(&fake);
-        assert_eq!(device.profile(), &HAPLY_SMALLEST, "before it is opened the type is unknown");
+        assert_eq!(device.profile(), &HAPLY_SMALLEST, "before the device is opened its type is unknown");
         device.open().unwrap();
         assert_eq!((device.profile(), device.notes().len()), (profile, usize::from(kind == "maxverse")), "type {kind}");
-        assert!((most_played(&fake, &mut device) - profile.max_force).abs() < 1e-9, "greatest force, type {kind}");
+        assert!((most_played(&fake, &mut device) - profile.max_force).abs() < 1e-9, "greatest force of type {kind}");
     }
 }
 
@@ -229,7 +230,7 @@ fn an_identified_device_has_its_profile_before_it_is_opened_and_has_played_nothi
     device.identify().unwrap();
     assert_eq!(device.profile(), Profile::named("inverse3").unwrap());
     assert!(fake.heard().iter().all(|h| force(h) == DVec3::ZERO));
-    assert!(device.write(&push(DVec3::X)).is_err(), "the device is closed");
+    assert!(device.write(&push(DVec3::X)).is_err(), "a closed device must refuse a force");
     device.open().unwrap();
     assert!((most_played(&fake, &mut device) - 10.0).abs() < 1e-9);
 }
@@ -247,7 +248,7 @@ fn a_profile_of_the_users_lowers_what_is_played_and_never_raises_it() {
         let mut device = Haply::new(settings);
         device.open().unwrap();
         assert_eq!((device.profile().max_force, device.notes().len()), (most, notes), "type {kind}, profile {asked}");
-        assert!((most_played(&fake, &mut device) - most).abs() < 1e-9, "greatest force: type {kind}, profile {asked}");
+        assert!((most_played(&fake, &mut device) - most).abs() < 1e-9, "wrong force: type {kind}, profile {asked}");
     }
 }
 
@@ -264,7 +265,7 @@ fn a_device_that_comes_back_as_another_type_is_lost_and_plays_nothing() {
         DVec3::X,
         |reading| matches!(reading, Err(Fault::Lost(why)) if why.contains("\"inverse3\"") && why.contains("\"minverse\"")),
     );
-    assert!(fake.heard().iter().all(|h| h.connection == 0), "no message is sent to the other type");
+    assert!(fake.heard().iter().all(|h| h.connection == 0), "no message may be sent to the other device");
     // A `Haply` that has found a device of another type before refuses to open this one.
     let mut before = super::tests::device(&fake);
     before.identity = Some(Arc::new(Identity { device_id: "A".into(), kind: kind::Kind::default() }));
@@ -280,12 +281,12 @@ fn slow_answers_hold_nobody_up() {
     let mut device = opened(&fake);
     let (frames, started) = (device.counts().frames, Instant::now());
     for _ in 0..CALLS {
-        // A state 30 ms old is still valid. The result is not checked, because a busy machine may deliver the state too
-        // late.
+        // A state that is 30 ms old is still valid. The result of reading is not checked, because a busy machine may
+        // deliver the state too late.
         let _ = device.read(0.0);
         device.write(&push(DVec3::X)).unwrap();
     }
-    // If each call had waited for a frame, there would be as many frames as calls, and 30 s would have passed.
+    // If each reading had waited for a frame, there would be as many frames as readings, and 30 s would have passed.
     assert!(started.elapsed() < DELAY * CALLS / 10);
     assert!(device.counts().frames - frames < u64::from(CALLS) / 10);
     let mut oldest = 0.0_f64;
@@ -327,7 +328,7 @@ fn the_first_device_stays_the_one_however_they_are_listed_later() {
     assert!(fake.heard().iter().all(|h| h.message["inverse3"][0]["device_id"] == "A"));
 }
 
-/// Measures messages per second and the intervals between them, as the fake service receives them.
+/// Measures how many messages per second the fake service receives, and the intervals between them.
 #[test]
 #[ignore = "lasting: a measurement"]
 fn lasting_rate_held() {
@@ -354,7 +355,8 @@ fn lasting_rate_held() {
         let at = |p: f64| gaps[((gaps.len() - 1) as f64 * p) as usize];
         let seconds = (heard[heard.len() - 1].at - heard[0].at).as_secs_f64();
         println!(
-            "requested {rate} Hz: {:.1} messages/s; intervals p50 {:.3}, p99 {:.3}, p99.9 {:.3}, longest {:.3} ms",
+            "requested {rate} Hz: {:.1} messages/s; intervals between messages: median {:.3} ms, 99th percentile \
+             {:.3} ms, 99.9th percentile {:.3} ms, longest {:.3} ms",
             heard.len() as f64 / seconds,
             at(0.5),
             at(0.99),

@@ -13,7 +13,7 @@ use palpate::{RigidState, Wrench};
 use super::Step;
 
 const XYZ: [&str; 3] = ["_x", "_y", "_z"];
-/// Suffixes of linear, then angular components.
+/// Suffixes of the names of six components: three linear ones, then three angular ones.
 const SIX: [&str; 6] = ["_x", "_y", "_z", "_rx", "_ry", "_rz"];
 
 /// One named value; the name is made of up to three parts.
@@ -42,7 +42,7 @@ impl Field {
         self.name.concat()
     }
 
-    /// The value as text: a number as the shortest one that reads back the same.
+    /// The value as text; a number in the shortest form that reads back as the same f64.
     pub fn text(&self) -> String {
         match self.value {
             Value::Nothing => String::new(),
@@ -75,9 +75,10 @@ impl Field {
     }
 }
 
-/// All values of a tick. Poses are `_x _y _z` (m) and `_qx _qy _qz _qw`, twists `_vx _vy _vz` (m/s) and `_wx _wy _wz`
-/// (rad/s), in world axes. Energies (J) are given per axis, `_rx _ry _rz` for rotation about it; the net energy given
-/// to the hand is `energy_given` minus `energy_taken`.
+/// All values of a tick, in world axes. The names of a pose's values end in `_x _y _z` (m) and `_qx _qy _qz _qw`, those
+/// of a twist (velocity and angular velocity) in `_vx _vy _vz` (m/s) and `_wx _wy _wz` (rad/s). The energies
+/// `energy_taken` and `energy_given` (J) are listed for motion along each axis (`_x _y _z`) and for rotation about it
+/// (`_rx _ry _rz`); the net energy given to the hand is `energy_given` minus `energy_taken`.
 pub fn of_tick(tick: &Tick) -> Vec<Field> {
     let Tick {
         index,
@@ -118,7 +119,7 @@ pub fn of_tick(tick: &Tick) -> Vec<Field> {
     fields.0
 }
 
-/// All values of a step.
+/// All values of a simulation step: its inputs (named `held_...`), its length, and the contact wrench that it returned.
 pub fn of_step(step: &Step) -> Vec<Field> {
     let Step { input, h, wrench } = *step;
     let mut fields = List::default();
@@ -189,7 +190,7 @@ impl List {
         self.numbers(angular, XYZ, wrench.torque.to_array());
     }
 
-    /// Adds a reading as the device gave it, or empty values if it gave none.
+    /// Adds a reading as the device gave it, or empty values if there is no reading.
     fn reading(&mut self, reading: Option<Reading>) {
         let first = self.0.len();
         let nothing = Reading { time: 0.0, state: RigidState::at_rest(DVec3::ZERO, Default::default()), buttons: 0 };

@@ -1,4 +1,5 @@
-//! Reads recordings back. A file may come from anywhere: nothing in it is trusted before it is checked.
+//! Reads recordings of sessions with a haptic device back (`record.rs` describes the format: a header, then entries). A
+//! file may come from anywhere: nothing in it is trusted before it is checked.
 
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -11,8 +12,8 @@ use super::{Entry, Header, MAGIC, MOST_BYTES, Totals, VERSION};
 
 const REMEDY: &str = "give a file that `palpate run --record` wrote";
 
-/// An open recording, which iterates over its entries. If the file was cut short they end after the last whole one,
-/// without [`Entry::End`].
+/// An open recording, which iterates over its entries. If the file was cut short, the iteration ends after the last
+/// whole entry, without [`Entry::End`].
 pub struct Recorded {
     /// Header of the recording.
     pub header: Header,
@@ -34,7 +35,7 @@ impl Recorded {
         Recorded::read(path, BufReader::new(file))
     }
 
-    /// Reads the header from any reader of a recording; `path` is the name used in errors.
+    /// Reads the header of a recording from any source of bytes; `path` is the file's name in errors.
     pub fn read(path: &Path, bytes: impl Read + 'static) -> Result<Recorded> {
         let mut bytes: Box<dyn Read> = Box::new(bytes);
         let not_one = |problem: String| Error::input(path, None, problem, REMEDY);
@@ -61,7 +62,7 @@ impl Recorded {
         &self.file
     }
 
-    /// Reads the next entry and checks that it is consistent with those before.
+    /// Reads the next entry and checks that it is consistent with the entries before; `None` where the file ends.
     fn entry(&mut self) -> Result<Option<Entry>> {
         let at = self.position;
         let Some(entry) = value::<Entry>(&self.file, &mut self.bytes, &mut self.position)? else { return Ok(None) };
@@ -104,7 +105,7 @@ impl Iterator for Recorded {
     }
 }
 
-/// Reads a value that is preceded by its length; `None` where the file ends before the value does.
+/// Reads a value that is preceded by its length; `None` where the file ends before the end of the value.
 fn value<T: DeserializeOwned>(file: &Path, bytes: &mut impl Read, position: &mut u64) -> Result<Option<T>> {
     let at = *position;
     let mut length = [0; 4];

@@ -1,5 +1,5 @@
-//! Tests of recordings: writing, reading back, damaged files and tables. The tests of `replay` use their session too. A
-//! *tick* is one iteration of the haptic loop.
+//! Tests of recordings: writing, reading back, damaged files and tables. The tests of `replay` use the session of these
+//! tests too. A *tick* is one iteration of the haptic loop.
 
 use std::path::{Path, PathBuf};
 
@@ -14,13 +14,14 @@ use palpate::scene::{Coupling, Lowered, Profile};
 
 use super::*;
 
-/// Ticks from one simulation step to the next, and from a step's beginning until the loop has its wrench.
+/// Ticks from one simulation step to the next.
 const EVERY: u64 = 20;
+/// Ticks from the beginning of a step until the loop has the step's wrench.
 const DELAY: u64 = 5;
-/// Simulation steps before the first tick.
+/// Number of simulation steps before the first tick.
 const FIRST: u64 = 2;
-/// Ticks with a fault of the haptic device: its reading fails as lost; fails as garbled; holds a NaN; the device
-/// refuses the wrench to be played.
+/// Ticks with a fault of the haptic device, one for each kind of fault: reading fails with `Fault::Lost`; reading fails
+/// with `Fault::Garbled`; the reading holds a NaN; the device refuses the wrench that it is commanded to exert.
 const FAULTS: [u64; 4] = [301, 351, 401, 451];
 pub const TICKS: u64 = 500;
 
@@ -49,7 +50,8 @@ fn tool() -> Tool {
     }
 }
 
-/// Environment of the tests' session: a wall, of which one step returns a NaN.
+/// The source of contact wrenches in the tests' session, in place of the simulation: a wall, of which one step returns
+/// a NaN.
 pub struct Walled(Wall);
 
 impl Walled {
@@ -78,7 +80,7 @@ fn reading(time: f64) -> Reading {
     Reading { time, state, buttons: u32::from(time > 0.1) }
 }
 
-/// Runs a session in virtual time and passes on its entries in the order in which the program would record them.
+/// Runs a session in virtual time and gives its entries to `keep`, in the order in which the program would record them.
 fn session(mut keep: impl FnMut(Entry)) {
     let (limits, _) = Limits::new(Profile::named("premium").unwrap(), &Lowered::default());
     let settings = Settings {
@@ -119,7 +121,7 @@ fn session(mut keep: impl FnMut(Entry)) {
             servo.unplayed(&mut tick);
         }
         waiting.push(Entry::Tick(Box::new(tick)));
-        // A step is recorded before the ticks that ran during it, except every third one, which comes after them.
+        // A step is recorded before the ticks that ran during it, but every third step is recorded after them.
         if k % EVERY == DELAY + 2 || k + 1 == TICKS {
             let step = under_way.take().map(|step| Entry::Step(Box::new(step)));
             let at = if (k / EVERY).is_multiple_of(3) { waiting.len() } else { 0 };
@@ -147,7 +149,7 @@ fn write_all(recording: &mut Recording, entries: &[Entry]) {
     }
 }
 
-/// Records the tests' session, each entry changed by `spoil`, up to its regular end; returns the file.
+/// Records the tests' session, each entry changed by `spoil`, with its regular end; returns the file's path.
 pub fn recorded(folder: &Path, spoil: impl Fn(&mut Entry)) -> PathBuf {
     let path = folder.join("session.palpate");
     let mut recording = Recording::create(&path, &header()).unwrap();
@@ -175,7 +177,7 @@ fn error_of(path: &Path) -> String {
     };
     assert_eq!(error.exit_status(), 2);
     let message = error.to_string();
-    assert!(message.contains("session.palpate") && !message.contains('\n'), "wrong error: {message}");
+    assert!(message.contains("session.palpate") && !message.contains('\n'), "wrong message: {message}");
     message
 }
 
@@ -250,11 +252,11 @@ fn every_way_a_file_can_be_wrong_is_one_line_that_says_where() {
         std::fs::write(&path, &spoiled).unwrap();
         assert!(error_of(&path).contains(&words), "expected `{words}` in: {}", error_of(&path));
     }
-    // A tick is repeated.
+    // In this file a tick is repeated.
     let mut twice = bytes.clone();
     twice.splice(at..at, bytes[at..places[31]].to_vec());
     std::fs::write(&path, &twice).unwrap();
-    assert!(error_of(&path).contains("is repeated"), "{}", error_of(&path));
+    assert!(error_of(&path).contains("is repeated"), "wrong error: {}", error_of(&path));
 }
 
 #[test]
@@ -280,7 +282,11 @@ fn a_name_that_ends_in_csv_gives_a_table_of_the_ticks_in_full_precision() {
     recording.finish().unwrap();
     let mut table = csv::Reader::from_path(&path).unwrap();
     let heads: Vec<String> = table.headers().unwrap().iter().map(String::from).collect();
-    assert_eq!(heads.iter().collect::<std::collections::BTreeSet<_>>().len(), heads.len(), "headings: {heads:?}");
+    assert_eq!(
+        heads.iter().collect::<std::collections::BTreeSet<_>>().len(),
+        heads.len(),
+        "the headings must differ: {heads:?}"
+    );
     let rows: Vec<csv::StringRecord> = table.records().map(|row| row.unwrap()).collect();
     let cell = |row: usize, head: &str| rows[row][heads.iter().position(|name| name == head).unwrap()].to_string();
     let number = |row: usize, head: &str| cell(row, head).parse::<f64>().unwrap();

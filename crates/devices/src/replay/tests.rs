@@ -1,4 +1,5 @@
-//! Tests of replays: of whole, shortened and changed recordings, and of the replaying device.
+//! Tests of the replay of whole, shortened and changed recordings of sessions, and of the device that gives recorded
+//! readings again. A *tick* is one iteration of the haptic loop, a *step* one step of the simulation.
 
 use std::path::Path;
 
@@ -24,7 +25,7 @@ fn refusal(spoil: impl Fn(&mut Entry)) -> String {
     error.to_string()
 }
 
-/// Changes one tick.
+/// Makes a function that changes one tick of a recording and no other entry.
 fn tick(index: u64, change: impl Fn(&mut Tick)) -> impl Fn(&mut Entry) {
     move |entry| {
         if let Entry::Tick(tick) = entry
@@ -35,7 +36,7 @@ fn tick(index: u64, change: impl Fn(&mut Tick)) -> impl Fn(&mut Entry) {
     }
 }
 
-/// Changes one step, numbered from 1.
+/// Makes a function that changes one step, numbered from 1, and no other entry.
 fn step(number: u64, change: impl Fn(&mut Step)) -> impl Fn(&mut Entry) {
     move |entry| {
         if let Entry::Step(step) = entry
@@ -73,7 +74,7 @@ fn a_session_with_every_fault_replays_to_the_same_bits() {
 
 #[test]
 fn one_bit_is_found_and_named_where_it_is() {
-    let starts = |message: String, words: &str| assert!(message.starts_with(words), "{message}\nshould start: {words}");
+    let starts = |message: String, words: &str| assert!(message.starts_with(words), "got {message}\nexpected {words}");
     starts(difference(tick(137, |tick| flip(&mut tick.played.force.y))), "tick 137 differs first in played_force_y: ");
     starts(difference(tick(0, |tick| flip(&mut tick.energy.given[3]))), "tick 0 differs first in energy_given_rx: ");
     starts(difference(tick(499, |tick| tick.events.raise(Event::Clamped))), "tick 499 differs first in events: ");
@@ -103,7 +104,10 @@ fn what_is_no_session_is_refused() {
     });
     assert!(lost.contains("ticks 61 to 62 were lost"), "wrong error: {lost}");
     let never = refusal(tick(300, |tick| tick.step = 1000));
-    assert!(never.contains("tick 300 uses the wrench of step 1000, which is missing or out of order"), "{never}");
+    assert!(
+        never.contains("tick 300 uses the wrench of step 1000, which is missing or out of order"),
+        "wrong error: {never}"
+    );
     for h in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         assert!(refusal(step(4, |step| step.h = h)).contains("step 4 is "), "step length {h} s");
     }
@@ -118,7 +122,10 @@ fn what_is_no_session_is_refused() {
     let past = refusal(step(8, |step| step.input.ticks = 3));
     assert!(past.contains("step 8 starts from tick 3"), "wrong error: {past}");
     let beyond = refusal(step(27, |step| step.input.ticks = 10_000));
-    assert!(beyond.contains("tick 485 uses the wrench of step 27") || beyond.contains("after the last"), "{beyond}");
+    assert!(
+        beyond.contains("tick 485 uses the wrench of step 27") || beyond.contains("after the last"),
+        "wrong error: {beyond}"
+    );
 }
 
 #[test]
@@ -146,8 +153,8 @@ fn no_spoiled_byte_ends_in_a_panic() {
     let folder = tempfile::tempdir().unwrap();
     let path = recorded(folder.path(), |_| {});
     let bytes = std::fs::read(&path).unwrap();
-    // Each of the first bytes, which hold the settings of the servo (the loop's controller), is changed, and then every
-    // 1499th byte. The changed bits include sign, exponent and last bit of a number.
+    // Each of the first 3000 bytes, which hold the settings of the servo (the loop's controller), is changed, and then
+    // every 1499th byte. The changed bits include sign, exponent and last bit of a number.
     let begin = 3000;
     for at in (0..begin).chain((begin..bytes.len()).step_by(1499)) {
         for flip in [1, 0x40, 0x80, 0xff] {

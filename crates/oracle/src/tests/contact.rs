@@ -1,5 +1,5 @@
-//! Invariants of contact and culling: depths by rays against brute force and the analytic sphere, convex hulls against
-//! parry.
+//! Invariants of contact and culling: depths found by rays against brute force and the analytic sphere, and distances
+//! of convex hulls against the collision library parry.
 
 use glam::{DQuat, DVec3};
 
@@ -7,7 +7,7 @@ use crate::contact::{ContactLaw, Support, Surface, gather, ray_depths};
 use crate::testing::Random;
 use crate::{cull, skin};
 
-/// Vertices and triangles of a sphere: an octahedron subdivided `levels` times and projected.
+/// Vertices and triangles of a sphere: an octahedron subdivided `levels` times, its vertices projected onto the sphere.
 pub(super) fn sphere(radius: f64, centre: DVec3, levels: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut vertices = vec![DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
     let mut triangles: Vec<[u32; 3]> =
@@ -30,7 +30,7 @@ pub(super) fn sphere(radius: f64, centre: DVec3, levels: usize) -> (Vec<DVec3>, 
     (vertices.iter().map(|v| centre + radius * *v).collect(), triangles)
 }
 
-/// Depth of `x` below a skin along `normal`, by a plane equation for every triangle, without a grid.
+/// Depth of `x` below a skin (triangle mesh) along `normal`, by a plane equation for every triangle, without a grid.
 fn brute(normal: DVec3, x: DVec3, positions: &[DVec3], triangles: &[[u32; 3]]) -> Option<f64> {
     let ray_hit = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|i| positions[i as usize]);
@@ -114,8 +114,8 @@ fn gathering_is_symmetric_and_its_area_does_not_depend_on_the_cut() {
         }
         (contacts.len(), contacts.iter().map(|c| c.area * c.stiffness * c.depth).sum::<f64>())
     };
-    // The exact force is k times the volume of the overlap of two equal spheres of radius R: that of two spherical caps
-    // of height c = 5 mm, each pi c^2 (6 R - 2 c) / 6.
+    // The exact force is the stiffness k = 1e6 N/m^3 times the volume of the overlap of two equal spheres of radius R,
+    // which is that of two spherical caps of height c = 5 mm, each pi c^2 (6 R - 2 c) / 6.
     let cap = 0.005f64;
     let exact = 1e6 * 2.0 * std::f64::consts::PI * cap * cap * (0.3 - cap) / 3.0;
     let ((n, coarse), (_, fine), (m, flipped)) = (force(5, false), force(6, false), force(5, true));

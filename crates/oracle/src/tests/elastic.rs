@@ -1,5 +1,7 @@
-//! Invariants of elasticity: rigid motion, the patch test of uniform strain, symmetry of the stiffness, energy,
-//! rotations.
+//! Tests of the f64 reference implementation of corotational elasticity: rigid motion, the patch test of uniform
+//! strain, symmetry of the stiffness, forces as gradient of the energy. F is a tetrahedron's deformation gradient and R
+//! its polar rotation, the rotation nearest to F. The compression penalty is a stiffness that is added where a
+//! principal stretch of a tetrahedron falls below 0.3.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::Layer;
@@ -11,7 +13,7 @@ use crate::testing::Random;
 
 /// Relative tolerance for the rounding of f64 sums of a few hundred terms.
 const ROUNDING: f64 = 1e-12;
-/// Tolerance for central differences of step 1e-6 on numbers of order one: truncation 1e-12, cancellation 1e-10.
+/// Relative tolerance for central differences; it is larger than their truncation and cancellation errors.
 const DIFFERENCE: f64 = 1e-7;
 
 fn bent_box(seed: u64) -> (Layer, Elements, Vec<DVec3>) {
@@ -38,8 +40,8 @@ fn rigid_motion_gives_no_force() {
     let d: Vec<_> = layer.nodes.iter().map(|r| turn * *r + DVec3::new(3.0, -1.0, 2.0) - *r).collect();
     let force = greatest(&elements.forces(&d, &elements.rotations(&d)));
     let scale = greatest(&elements.forces(&bent, &elements.rotations(&bent)));
-    println!("largest nodal force: {force:.1e} N in rigid motion, {scale:.1e} N when bent");
-    // Displacements of metres on a body of centimetres cost two digits.
+    println!("largest nodal force: in rigid motion {force:.1e} N, in the bent box {scale:.1e} N");
+    // Displacements are metres in rigid motion and centimetres in the bent box, so rounding is about 100 times larger.
     assert!(force < 100.0 * ROUNDING * scale);
 }
 
@@ -53,7 +55,8 @@ fn bent_body_pushes_back_as_one_at_rest() {
     let scale = greatest(&forces);
     assert!(scale > 0.1, "the bent box must have elastic forces");
     assert!(net.length() < ROUNDING * scale);
-    // R P F^T is symmetric where R is the exact polar rotation, so no net torque appears.
+    // R T F^T, with T the stress in the axes that R rotates, is symmetric if R is the exact polar rotation of F. Then
+    // the forces have no net torque.
     assert!(torque.length() < ROUNDING * scale, "net torque {torque} N m, expected zero");
     let spoiled = vec![DQuat::from_rotation_x(0.1); elements.tetrahedra.len()];
     let forces = elements.forces(&d, &spoiled);
@@ -84,7 +87,7 @@ fn patch_of_uniform_strain_has_the_stress_of_hooke() {
         |axis: usize| -layer.nodes.iter().zip(&forces).map(|(r, f)| (turn * *f)[axis] * r[axis]).sum::<f64>() / volume;
     let (mu, lambda) = lame(&elements.materials[0]);
     let expected = (lambda + 2.0 * mu) * 0.01;
-    assert!((virial(0) - expected).abs() < ROUNDING * expected, "stress {} Pa, expected {expected} Pa", virial(0));
+    assert!((virial(0) - expected).abs() < ROUNDING * expected, "stress xx {} Pa, expected {expected} Pa", virial(0));
     assert!((virial(1) - lambda * 0.01).abs() < ROUNDING * expected);
 }
 
@@ -114,8 +117,9 @@ fn stiffness_is_symmetric_positive_and_agrees_with_its_blocks() {
     assert!(greatest(&elements.apply_stiffness(&constant, &rotations)) < ROUNDING * greatest(&kx));
 }
 
-/// With R the exact polar rotation, R . F is stationary in R, so the force is the gradient of the corotational energy
-/// although R changes with the displacements; the stiffness is the gradient of the force at fixed R.
+/// R, the rotation nearest to F, makes the corotational energy stationary with respect to R. So the force is minus the
+/// gradient of this energy although R changes with the displacements. The stiffness is minus the gradient of the force
+/// with R held fixed.
 #[test]
 fn forces_are_the_gradient_of_the_energy() {
     let (layer, elements, d) = bent_box(6);
@@ -140,8 +144,9 @@ fn forces_are_the_gradient_of_the_energy() {
     assert!(greatest(&error) < DIFFERENCE * greatest(&product));
 }
 
-/// In a box pressed to a tenth of its height with random displacements, the compression penalty acts nearly everywhere:
-/// the force is still the gradient of the energy, and the operator is at least as stiff as the force's slope.
+/// In a box pressed to a tenth of its height, with random displacements added, the compression penalty acts in most
+/// tetrahedra. The force must still be minus the gradient of the energy, and the stiffness operator, linearised at
+/// these displacements, at least as stiff as the slope of the force.
 #[test]
 fn a_squeezed_box_pushes_back_by_its_energy() {
     let (layer, elements, noise) = bent_box(16);
@@ -169,7 +174,11 @@ fn a_squeezed_box_pushes_back_by_its_energy() {
         true_slope > 1.5 * dot(&elements.apply_stiffness(&world, &rotations), &world),
         "compression must stiffen the box"
     );
-    assert!(product >= true_slope, "operator {product} J, slope of the forces {true_slope} J");
+    assert!(
+        product >= true_slope,
+        "p . K p, with the linearised operator K, is {product} J, must be at least {true_slope} J, minus p times the \
+         slope of the forces along p"
+    );
 }
 
 #[test]
@@ -182,7 +191,7 @@ fn rotations_are_proper_and_nearest() {
         let s = r.transpose() * f;
         let skew = s - s.transpose();
         assert!(skew.to_cols_array().iter().all(|x| x.abs() < ROUNDING), "R^T F must be symmetric");
-        // R is the nearest of all rotations: no nearby rotation is nearer to F.
+        // R is the rotation nearest to F, so no other rotation may be nearer to F.
         let near = |r: DMat3| (r - f).to_cols_array().iter().map(|x| x * x).sum::<f64>();
         let other = DMat3::from_quat(DQuat::from_scaled_axis(0.1 * random.vector())) * r;
         assert!(near(r) <= near(other) + ROUNDING);
@@ -195,7 +204,7 @@ fn strain_of_tiny_displacements_keeps_its_digits() {
     let g = DMat3::from_cols(DVec3::new(e, w, 0.0), DVec3::new(-w, 0.0, 0.0), DVec3::ZERO);
     let q = polar_rotation(DMat3::IDENTITY + g);
     let strain = strain(q, g);
-    // A rotation by w shortens by w^2 / 2, far below e: to two digits the strain is e along x.
+    // The skew part w of the gradient g adds a strain of w^2 / 2, far below e: to two digits the strain is e along x.
     assert!((strain.x_axis.x - e).abs() < 0.01 * e, "strain {:e}, expected 1e-14", strain.x_axis.x);
     assert!(strain.y_axis.y.abs() < 0.01 * e);
 }

@@ -1,4 +1,5 @@
-//! Invariants of friction: Coulomb's law on a slope, momentum, the wrench (force and torque) on the tool.
+//! Tests of friction in the f64 reference implementation of a time step: Coulomb's law on a slope, momentum, and the
+//! wrench (force and torque) on the tool, a rigid body that a haptic device may lead; here it moves freely.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -13,17 +14,20 @@ use crate::step::{Report, Simulation, SoftBody};
 use crate::testing::boundary;
 use crate::tool::Tool;
 
-/// Relative tolerance for the rounding of a well-conditioned direct solve of a few hundred unknowns.
+/// Tolerance for the rounding of a well-conditioned direct solve of a few hundred unknowns.
 const SOLVE: f64 = 1e-10;
+/// Regularised Coulomb friction: mu N v / sqrt(v^2 + speed^2) at normal force N and sliding velocity v, with mu the
+/// coefficient of friction.
 const FRICTION: Friction = Friction { coefficient: 0.4, speed: 1e-3 };
+/// Time step, s.
 const H: f64 = 1e-3;
 
-/// Gravity in the axes of a slope, given by the tangent of its angle; the slope falls along x.
+/// Gravity, m/s^2, in the axes of a slope that falls along x; `tangent` is the tangent of the slope's angle.
 fn slope(tangent: f64) -> DVec3 {
     9.81 * DVec3::new(tangent, -1.0, 0.0).normalize()
 }
 
-/// Velocity along the slope, after each step, of a free rigid box of 0.2 kg on a plane.
+/// Velocity down the slope, m/s, after each of `steps` steps, of a rigid box of 0.2 kg (the tool) that slides on it.
 fn slide(tangent: f64, steps: usize) -> Vec<f64> {
     let layer = kuhn_box(DVec3::new(-0.05, -0.02, -0.05), DVec3::new(0.05, 0.02, 0.05), [4, 2, 4]);
     let triangles = boundary(&layer);
@@ -49,9 +53,10 @@ fn slide(tangent: f64, steps: usize) -> Vec<f64> {
 fn below_the_friction_angle_a_box_creeps_as_the_regularisation_says() {
     for tangent in [0.1, 0.3, 0.39] {
         let velocity = slide(tangent, 800)[799];
-        // Balance of friction and gravity along the slope: mu N v / sqrt(v^2 + speed^2) = N tan, with normal force N.
+        // Friction and gravity along the slope balance: mu N v / sqrt(v^2 + speed^2) = N tangent, with normal force N
+        // and coefficient of friction mu. The velocity v that solves this equation is `creep`.
         let creep = FRICTION.speed * tangent / (FRICTION.coefficient.powi(2) - tangent * tangent).sqrt();
-        println!("slope {tangent}: creeps at {velocity:.6e} m/s, by the regularised law {creep:.6e} m/s");
+        println!("slope of tangent {tangent}: velocity {velocity:.6e} m/s, by the regularised law {creep:.6e} m/s");
         assert!((velocity - creep).abs() < 1e-3 * creep);
     }
 }
@@ -64,12 +69,13 @@ fn above_the_friction_angle_a_box_slides_as_coulomb_says() {
         let want = 9.81 * cosine * (tangent - FRICTION.coefficient);
         let got = (velocity[599] - velocity[299]) / (300.0 * H);
         println!(
-            "slope {tangent}: {got:.4} m/s^2, by Coulomb's law {want:.4} m/s^2; after 0.6 s {:.4} m/s, \
-             expected {:.4} m/s",
+            "slope of tangent {tangent}: acceleration {got:.4} m/s^2, by Coulomb's law {want:.4} m/s^2; velocity after \
+             0.6 s {:.4} m/s, expected {:.4} m/s",
             velocity[599],
             0.6 * want
         );
-        // Friction uses the speed at the step's start: with acceleration a it is too large by h a / v at speed v.
+        // Friction is mu N / v, with the speed v at the start of a step, times the velocity at its end. So at
+        // acceleration a it is too large by the fraction H a / v. From step 300 to 600 this costs the velocity `late`.
         let late = FRICTION.coefficient * 9.81 * cosine * H * (velocity[599] / velocity[299]).ln();
         assert!(
             (got - want + late / (300.0 * H)).abs() < 1e-3 * want,
@@ -78,7 +84,7 @@ fn above_the_friction_angle_a_box_slides_as_coulomb_says() {
     }
 }
 
-/// A moving block and a fixed point, with a contact of the given depth between a node of the block and that point.
+/// A moving soft block, and a contact of depth `deep` (m) between its node 13 and a point fixed in space.
 fn pair(deep: f64) -> (Simulation, Contact) {
     let mut simulation = Simulation::new(H, DVec3::ZERO);
     simulation.friction = Some(FRICTION);
@@ -101,7 +107,8 @@ fn pair(deep: f64) -> (Simulation, Contact) {
     (simulation, contact)
 }
 
-/// Linear and angular momentum of the bodies' nodes and of the tool, with the nodes at the positions `places`.
+/// Linear momentum (N s) of all nodes and the tool, and their angular momentum (N m s) about the tool's centre or,
+/// without tool, about the origin. `places`: positions of each body's nodes relative to that point, m.
 fn momentum(simulation: &Simulation, places: &[Vec<DVec3>]) -> (DVec3, DVec3) {
     let (mut linear, mut angular) = (DVec3::ZERO, DVec3::ZERO);
     for (body, places) in simulation.bodies.iter().zip(places) {
@@ -117,10 +124,11 @@ fn momentum(simulation: &Simulation, places: &[Vec<DVec3>]) -> (DVec3, DVec3) {
     (linear, angular)
 }
 
-/// Takes one step; returns the changes of linear and angular momentum, with the positions at the start, and the report.
+/// Takes one step; returns the changes of linear and angular momentum and the step's report. Both momenta are computed
+/// with the nodes' positions at the start of the step.
 fn changes(simulation: &mut Simulation, contact: Contact) -> (DVec3, DVec3, Report) {
     let places: Vec<_> = simulation.bodies.iter().map(|b| b.world_nodes()).collect();
-    // Angular momentum is taken about the tool's centre.
+    // Angular momentum is taken about the tool's centre or, without tool, about the origin.
     let centre = simulation.tool.as_ref().map_or(DVec3::ZERO, |t| t.centre);
     let places: Vec<Vec<_>> = places.iter().map(|p| p.iter().map(|x| *x - centre).collect()).collect();
     let before = momentum(simulation, &places);
@@ -140,9 +148,9 @@ fn a_tool_and_a_body_that_rub_keep_linear_and_angular_momentum() {
     let size = report.wrench.force.length() * H;
     assert!(
         linear.length() < SOLVE && angular.length() < SOLVE * 0.1,
-        "momentum changes by {linear} N s and {angular} N m s; contact impulse {size} N s"
+        "linear momentum changes by {linear} N s, angular momentum by {angular} N m s; contact impulse {size} N s"
     );
-    // Only the contact wrench changed the free tool's momentum.
+    // The tool is free, so nothing but the contact's wrench changes its momentum.
     let end = simulation.tool.as_ref().unwrap();
     let force = 0.05 * (end.velocity - tool.velocity) / H;
     let torque = tool.world_inertia() * (end.angular_velocity - tool.angular_velocity) / H;
@@ -155,7 +163,7 @@ fn a_tool_and_a_body_that_rub_keep_linear_and_angular_momentum() {
     );
     let friction = report.contacts[0].friction;
     assert!(friction.x < 0.0 && friction.y.abs() < 1e-12 && friction.length() < 0.4 * report.contacts[0].force * 1.01);
-    // The tool's damping along a tangent is the ratio of friction to sliding velocity.
+    // Along x, a tangent of the contact, the tool's damping is the ratio of friction to sliding velocity.
     assert!((wrench.damping[0][0] - report.contacts[0].viscosity).abs() < 1e-12);
 }
 
@@ -213,7 +221,7 @@ fn a_block_thrown_on_a_plane_loses_energy_and_comes_to_rest() {
         let contacts = gather_plane(&skin, DVec3::Y, 0.0, &law);
         let report = simulation.step(None, &contacts).unwrap();
         last = energy(&simulation);
-        assert!(last <= first * (1.0 + 1e-9), "energy {last} J exceeds the initial {first} J");
+        assert!(last <= first * (1.0 + 1e-9), "energy {last} J exceeds the initial energy {first} J");
         let force: f64 = report.contacts.iter().map(|c| c.force).sum();
         let drag: f64 = report.contacts.iter().map(|c| c.friction.length()).sum();
         pushed += force;
@@ -222,8 +230,8 @@ fn a_block_thrown_on_a_plane_loses_energy_and_comes_to_rest() {
     }
     let speed = simulation.bodies[0].momentum().reject_from_normalized(DVec3::Y).length();
     println!(
-        "thrown block: energy {first:.4} J to {last:.4} J, momentum at the end {speed:.1e} N s; \
-         friction over normal force {:.3} on average, at most {worst:.3}",
+        "thrown block: energy at the start {first:.4} J, at the end {last:.4} J; horizontal momentum at the end \
+         {speed:.1e} N s; ratio of friction to normal force: mean {:.3}, greatest {worst:.3}",
         rubbed / pushed
     );
     assert!(speed < 1e-4 && rubbed > 0.0);

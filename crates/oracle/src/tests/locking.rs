@@ -1,5 +1,6 @@
-//! Invariants of F-bar patches, whose tetrahedra share one volumetric strain: they remove volumetric locking, and the
-//! operator stays symmetric positive semi-definite, as the solver needs it.
+//! Tests of F-bar patches, groups of tetrahedra that share one volumetric strain. They must remove volumetric locking
+//! (linear tetrahedra become much too stiff near Poisson's ratio 0.5), and the stiffness must stay symmetric positive
+//! semi-definite, as the solver needs it.
 
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
@@ -12,12 +13,13 @@ use crate::elastic::Elements;
 use crate::testing::{Random, boundary};
 use crate::{skin, statics};
 
-/// Reference values by quadratic elements, within 0.2 % of convergence, made by the script in the folder of the file.
+/// Reference values from quadratic elements, within 0.2 % of their limit; `locking.py` in that folder computes them.
 const REFERENCE: &str = include_str!("../../../../assets/reference/locking.csv");
 /// Relative tolerance for the rounding of f64 sums of a few hundred terms.
 const ROUNDING: f64 = 1e-12;
 
-/// Reference values at this Poisson's ratio: deflection of a cantilever; force and bulge of a pressed block.
+/// Reference values at Young's modulus 1 Pa and this Poisson's ratio, in this order: deflection of a cantilever, m;
+/// force on a pressed block, N; bulge (mean outward displacement of the sides) of this block, m.
 fn reference(poisson: f64) -> [f64; 3] {
     let rows = REFERENCE.lines().skip(1).map(|line| line.split(',').collect::<Vec<_>>());
     let own: Vec<f64> = rows.filter(|r| r[0].parse() == Ok(poisson)).map(|r| r[2].parse().unwrap()).collect();
@@ -32,7 +34,7 @@ fn elements(mut layer: Layer, material: &Material, patched: bool) -> (Layer, Ele
     (layer, elements)
 }
 
-/// Share of each node in the area of the face where coordinate `axis` equals `at`.
+/// Share of each node in the area of the face of a box where coordinate `axis` equals `at` (m); zero off this face.
 fn face(layer: &Layer, axis: usize, at: f64) -> Vec<f64> {
     let on = |t: &[u32; 3]| t.iter().all(|i| (layer.nodes[*i as usize][axis] - at).abs() < 1e-9);
     let triangles: Vec<_> = boundary(layer).into_iter().filter(on).collect();
@@ -41,7 +43,7 @@ fn face(layer: &Layer, axis: usize, at: f64) -> Vec<f64> {
     areas.iter().map(|a| a / total).collect()
 }
 
-/// Deflection of a cantilever, weighted with the load on its end, with `n` cells across.
+/// Mean deflection of the end of a cantilever, m, under 1 N spread evenly over this end, with `n` cells across it.
 fn cantilever(poisson: f64, n: u32, patched: bool) -> f64 {
     let layer = kuhn_box(DVec3::ZERO, DVec3::new(1.0, 0.2, 0.2), [5 * n, n, n]);
     let (layer, elements) = elements(layer, &material(1.0, poisson), patched);
@@ -50,7 +52,7 @@ fn cantilever(poisson: f64, n: u32, patched: bool) -> f64 {
     dot(&statics::solve(&elements, &fixed, &loads).unwrap(), &loads)
 }
 
-/// Force and bulge of a pressed block, with `n` cells a side.
+/// Force, N, and bulge, m, of a cube of 0.1 m that is pressed together by 0.01 m, with `n` cells across it.
 fn block(poisson: f64, n: u32, patched: bool) -> [f64; 2] {
     let (side, pressed) = (0.1, 0.01);
     let layer = kuhn_box(DVec3::ZERO, DVec3::splat(side), [n; 3]);
@@ -75,7 +77,7 @@ fn greatest(v: &[DVec3]) -> f64 {
     v.iter().map(|x| x.length()).fold(0.0, f64::max)
 }
 
-/// Errors in percent of the cantilever's deflection and the block's force and bulge, with `n` cells a side.
+/// Errors, %, of the cantilever's deflection and of the block's force and bulge, with `n` cells across each body.
 fn errors(poisson: f64, n: u32, patched: bool) -> [f64; 3] {
     let [force, bulge] = block(poisson, n, patched);
     let got = [cantilever(poisson, n, patched), force, bulge];
@@ -84,16 +86,19 @@ fn errors(poisson: f64, n: u32, patched: bool) -> [f64; 3] {
 
 #[test]
 fn patches_free_bodies_from_volumetric_locking() {
-    println!("errors against quadratic elements, %: deflection of a cantilever; force, bulge of a pressed block");
+    println!("errors against quadratic elements, %: [cantilever's deflection, pressed block's force, its bulge]");
     let bending = [2, 4, 8].map(|n| errors(0.3, n, true));
     for poisson in [0.3, 0.45, 0.49, 0.499] {
         for (k, n) in [2, 4, 8].into_iter().enumerate() {
             let (without, with) = (errors(poisson, n, false), errors(poisson, n, true));
-            println!("Poisson's ratio {poisson}, {n} cells a side: without patches {without:6.1?}, with {with:6.1?}");
+            println!("Poisson's ratio {poisson}, cells across {n}: no patches {without:6.1?}, patches {with:6.1?}");
             assert!((0..3).all(|q| with[q].abs() < without[q].abs()), "patches must reduce all three errors");
-            // The error that remains is that of linear elements in bending, whatever Poisson's ratio.
-            assert!((with[0] - bending[k][0]).abs() < 2.0, "the error must not depend on Poisson's ratio");
-            assert!(with[0] < 0.0 && with[1] > 0.0, "elements must be too stiff, not too soft");
+            // With patches, the cantilever's error is that of linear elements in bending, at every Poisson's ratio.
+            assert!(
+                (with[0] - bending[k][0]).abs() < 2.0,
+                "the cantilever's error with patches must hardly depend on Poisson's ratio"
+            );
+            assert!(with[0] < 0.0 && with[1] > 0.0, "linear elements must be too stiff, not too soft");
         }
     }
     let (without, with) = (errors(0.45, 8, false), errors(0.45, 8, true));
@@ -102,7 +107,8 @@ fn patches_free_bodies_from_volumetric_locking() {
     assert!(without[0] < -80.0 && with[0] > -5.0 && without[1] > 150.0 && with[1] < 5.0);
 }
 
-/// A rotated box with randomly moved nodes and patches, and random displacements.
+/// A rotated box that has F-bar patches and randomly moved nodes, and random displacements of its nodes by at most
+/// `amplitude` (m) along each axis.
 fn bent_box(seed: u64, amplitude: f64) -> (Layer, Elements, Vec<DVec3>) {
     let mut layer = kuhn_box(DVec3::ZERO, DVec3::new(0.3, 0.2, 0.1), [3, 3, 2]);
     let mut random = Random(seed);
@@ -119,12 +125,13 @@ fn rigid_motion_of_patches_gives_no_force_and_bent_ones_balance() {
     let turn = DMat3::from_quat(DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 2.9));
     let d: Vec<_> = layer.nodes.iter().map(|r| turn * *r + DVec3::new(3.0, -1.0, 2.0) - *r).collect();
     let forces = elements.forces(&bent, &elements.rotations(&bent));
-    // Displacements of metres on a body of centimetres cost two digits.
+    // Displacements are metres in rigid motion and centimetres in the bent box, so rounding is about 100 times larger.
     assert!(greatest(&elements.forces(&d, &elements.rotations(&d))) < 100.0 * ROUNDING * greatest(&forces));
     let place = |(r, d): (&DVec3, &DVec3)| elements.frame * (*r + *d);
     let torque: DVec3 = layer.nodes.iter().zip(&bent).map(place).zip(&forces).map(|(x, f)| x.cross(*f)).sum();
     assert!(forces.iter().sum::<DVec3>().length() < ROUNDING * greatest(&forces));
-    // The patch's pressure acts through R_e, not F_e^-T: R P F^T stays symmetric, so no net torque appears.
+    // With deformation gradient F, its polar rotation R, and the stress T in the axes that R rotates, R T F^T is
+    // symmetric, also with the patch's pressure in T. Then the forces have no net torque.
     assert!(torque.length() < ROUNDING * greatest(&forces), "net torque {torque} N m, expected zero");
 }
 
@@ -164,7 +171,7 @@ fn forces_of_patches_are_the_gradient_of_their_energy() {
     let energy = |t: f64| elements.energy(&moved(t), &elements.rotations(&moved(t)));
     let slope = (energy(step) - energy(-step)) / (2.0 * step);
     let work = -dot(&elements.forces(&d, &rotations), &world);
-    // Central differences of step 1e-4 on numbers of order one: truncation 1e-8, cancellation 1e-12.
+    // Central differences with a step of 1e-4 have errors of about 1e-8 by truncation and 1e-12 by cancellation.
     assert!((slope - work).abs() < 1e-7 * work.abs(), "slope of the energy {slope} J, work of the forces {work} J");
     let (up, down) = (elements.forces(&moved(step), &rotations), elements.forces(&moved(-step), &rotations));
     let difference: Vec<_> = up.iter().zip(&down).map(|(u, w)| -(*u - *w) / (2.0 * step)).collect();
@@ -173,7 +180,7 @@ fn forces_of_patches_are_the_gradient_of_their_energy() {
     assert!(greatest(&error) < 1e-7 * greatest(&product));
 }
 
-/// Eigenvalues of the stiffness at rest, ascending, N/m.
+/// Eigenvalues of the stiffness matrix at rest, ascending, N/m.
 fn eigenvalues(elements: &Elements) -> Vec<f64> {
     let rotations = vec![DQuat::IDENTITY; elements.tetrahedra.len()];
     let count = 3 * elements.node_count();
@@ -192,7 +199,8 @@ fn eigenvalues(elements: &Elements) -> Vec<f64> {
 fn no_mode_of_patches_is_softer_than_shear_alone() {
     let (_, elements, _) = bent_box(37, 0.0);
     let modes = eigenvalues(&elements);
-    // The operators of `elements` have no lambda, since patches apply it; linearised without patches they have it.
+    // `elements` has operators without Lame's lambda, because its patches apply lambda, and `without` has copies of
+    // these operators. Linearising `without` anew adds lambda, because it has no patches.
     let without = Elements { patches: vec![], ..elements.clone() };
     let shear = eigenvalues(&without);
     let (d, unturned) = (vec![DVec3::ZERO; elements.node_count()], vec![DQuat::IDENTITY; elements.tetrahedra.len()]);

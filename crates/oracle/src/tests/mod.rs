@@ -1,5 +1,5 @@
-//! Invariants that the f64 reference implementations must satisfy, independent of how they are written: conservation,
-//! closed solutions, convergence. Tests print what they measure: run with `--nocapture`.
+//! Tests of what the f64 reference implementations must satisfy however they are written: conservation laws, solutions
+//! in closed form, orders of convergence. Tests print what they measure; run them with `--nocapture`.
 
 mod contact;
 mod elastic;
@@ -13,7 +13,7 @@ mod step;
 
 use palpate::scene::{Material, MaterialLaw};
 
-/// A corotational material of density 1000 kg/m^3 without damping.
+/// An undamped corotational material of density 1000 kg/m^3, with Young's modulus (Pa) and Poisson's ratio.
 pub(crate) fn material(young: f64, poisson: f64) -> Material {
     Material {
         law: MaterialLaw::Corotational,

@@ -1,6 +1,7 @@
-//! Invariants of stable neo-Hookean elasticity: force as gradient of the energy, small strain, rigid motion, and the
-//! positive definite operator that stands for the second derivative of the energy; then the error of linearised steps
-//! against steps solved to convergence.
+//! Tests of the stable neo-Hookean law in f64: force as gradient of the energy, small strain, rigid motion, and the
+//! operator, a positive semi-definite approximation of the energy's second derivative; then the error of linearised
+//! steps against steps solved to convergence. F is the deformation gradient, R its polar rotation, R^T F - I the
+//! strain.
 
 use faer::{Mat, Side};
 use glam::{DMat3, DQuat, DVec3};
@@ -16,7 +17,7 @@ use crate::testing::Random;
 
 /// Lame parameters mu and lambda, Pa.
 const LAME: (f64, f64) = (2e4, 9e4);
-/// Tolerance for central differences of step 1e-6 on numbers of order one.
+/// Relative tolerance for central differences.
 const DIFFERENCE: f64 = 1e-7;
 
 fn matter(young: f64, poisson: f64) -> Material {
@@ -37,19 +38,19 @@ fn stress_is_the_gradient_of_the_energy_and_free_of_cancellation() {
     let mut random = Random(1);
     for size in [1.5, 0.3, 1e-2] {
         for _ in 0..50 {
-            // Some of these states are inverted.
+            // Some of these strains turn a tetrahedron inside out (det F < 0).
             let (e, along) = (random_matrix(&mut random) * size, random_matrix(&mut random));
             let step = 1e-5 * size;
             let slope = (energy(LAME, e + along * step) - energy(LAME, e - along * step)) / (2.0 * step);
             let work = inner(stress(LAME, e), along);
             assert!(
                 (slope - work).abs() < 10.0 * DIFFERENCE * LAME.1 * size,
-                "strain {size}: slope of the energy {slope} Pa, stress {work} Pa"
+                "strain of size {size}: slope of the energy along a direction {slope} Pa, stress along it {work} Pa"
             );
         }
     }
-    // At strains far below the rounding of numbers of order one, the law is Hooke's to within a relative error of the
-    // strain.
+    // At a strain of 1e-12 the law is Hooke's. Subtracting numbers of order one would leave only four correct digits of
+    // the stress.
     let e = random_matrix(&mut random) * 1e-12;
     let (mu, lambda) = LAME;
     let hooke =
@@ -89,7 +90,8 @@ fn rigid_motion_gives_no_force_and_small_strain_that_of_the_other_law() {
     assert!(torque.length() < 1e-12 * greatest(&large.0), "there must be no net torque");
 }
 
-/// Exact derivative of the stress P along dF, in rest axes, from the Lame parameters and F.
+/// Exact change, Pa, of the first Piola-Kirchhoff stress when F = `f` changes by `df`, to first order in `df`, from the
+/// Lame parameters mu and lambda.
 fn derivative((mu, lambda): (f64, f64), f: DMat3, df: DMat3) -> DMat3 {
     let (m, l) = (4.0 / 3.0 * mu, lambda + 5.0 / 6.0 * mu);
     let cof = |f: DMat3| DMat3::from_cols(f.y_axis.cross(f.z_axis), f.z_axis.cross(f.x_axis), f.x_axis.cross(f.y_axis));
@@ -107,7 +109,7 @@ fn unit(k: usize) -> DMat3 {
     DMat3::from_cols_array(&std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 }))
 }
 
-/// The derivative as a 9x9 matrix, with its negative eigenvalues set to zero.
+/// The derivative of the first Piola-Kirchhoff stress by F, as a 9x9 matrix with its negative eigenvalues set to zero.
 fn projected(lame: (f64, f64), f: DMat3) -> Mat<f64> {
     let columns: Vec<[f64; 9]> = (0..9).map(|k| derivative(lame, f, unit(k)).to_cols_array()).collect();
     let full = Mat::from_fn(9, 9, |i, j| columns[j][i]);
@@ -123,12 +125,13 @@ fn the_derivative_is_that_of_the_stress() {
         let (e, along) = (random_matrix(&mut random), random_matrix(&mut random));
         let slope = (stress(LAME, e + along * 1e-6) - stress(LAME, e - along * 1e-6)) * (0.5 / 1e-6);
         let error = slope - derivative(LAME, DMat3::IDENTITY + e, along);
-        assert!(inner(error, error).sqrt() < 1e-7 * LAME.1, "{error}");
+        assert!(inner(error, error).sqrt() < 1e-7 * LAME.1, "error of the derivative of the stress: {error} Pa");
     }
 }
 
-/// Quadratic form of the engine's operator for dF, where R^T F = I + strain: 2 mu |sym W|^2 + lambda tr(W)^2 with W =
-/// dF fold, where `fold` takes gradients at rest to those of the deformed tetrahedron.
+/// Quadratic form, Pa, of the engine's operator at `strain`, for a change `df` of R^T F: 2 mu |sym W|^2 + lambda
+/// tr(W)^2 with the operator's moduli mu and lambda and W = `df` `fold`. The operator's matrix `fold` maps gradients at
+/// rest to gradients of the deformed tetrahedron.
 fn offered(lame: (f64, f64), strain: DMat3, df: DMat3) -> f64 {
     let operator = operator(lame, strain, crate::elastic::excess_compression(strain));
     let w = df * operator.fold;
@@ -136,8 +139,8 @@ fn offered(lame: (f64, f64), strain: DMat3, df: DMat3) -> f64 {
     2.0 * operator.mu * inner(s, s) + operator.lambda * trace * trace
 }
 
-/// A linearised implicit step is stable if its operator has at least half the true stiffness for waves, dF = a k^T,
-/// which are the possible motions within a solid; and the operator is exact at rest.
+/// A linearised implicit step is stable if its operator has at least half the true stiffness for plane waves: changes
+/// a k^T of F, with amplitude a and wave vector k. At rest the operator is exact for every change of F.
 #[test]
 fn the_operator_is_exact_at_rest_and_enough_for_waves_at_any_stretch() {
     let mut random = Random(4);
@@ -153,7 +156,7 @@ fn the_operator_is_exact_at_rest_and_enough_for_waves_at_any_stretch() {
     for lame in [LAME, (2e4, 0.0), (2e4, 2e6)] {
         for _ in 0..20_000 {
             let axes = DMat3::from_quat(DQuat::from_scaled_axis(3.0 * random.vector()));
-            // Principal stretches range from inverted to twice the rest length.
+            // Principal stretches range from -0.5 (inside out) to 2.
             let stretch = DVec3::splat(0.75) + 1.25 * random.vector();
             let s = axes * DMat3::from_diagonal(stretch) * axes.transpose();
             let wave = outer(random.vector().normalize(), random.vector().normalize());
@@ -166,10 +169,10 @@ fn the_operator_is_exact_at_rest_and_enough_for_waves_at_any_stretch() {
         }
     }
     println!(
-        "stiffness over the true one, for waves: operator {least:.3} to {most:.3}, that at rest at least {at_rest:.3}"
+        "share of true stiffness for waves: operator {least:.3} to {most:.3}, operator at rest at least {at_rest:.3}"
     );
-    assert!(at_rest < 0.4, "the operator at rest must be too soft for waves: {at_rest} of the true stiffness");
-    assert!(least > 0.5, "stiffness for waves {least} of the true one, must exceed half");
+    assert!(at_rest < 0.4, "the operator at rest has the share {at_rest} of the true stiffness, must be below 0.4");
+    assert!(least > 0.5, "the operator has the share {least} of the true stiffness for waves, must exceed 0.5");
 }
 
 /// Operators with which a step may be linearised.
@@ -177,13 +180,13 @@ fn the_operator_is_exact_at_rest_and_enough_for_waves_at_any_stretch() {
 enum Linear {
     /// The operator at rest, rotated with the tetrahedron, as in the corotational law.
     Rest,
-    /// Isotropic, in gradients of the deformed tetrahedron: the engine's operator.
+    /// The engine's operator, which is isotropic in gradients of the deformed tetrahedron.
     Deformed,
     /// The engine's operator and a third modulus, which resists rotation of the deformed tetrahedron.
     Turning,
-    /// The whole second derivative, projected to be positive semi-definite.
+    /// The second derivative of the energy, whose negative eigenvalues in each tetrahedron are set to zero.
     Full,
-    /// The whole second derivative, iterated to convergence.
+    /// Newton's method: `Full`, repeated within each step to convergence.
     Newton,
 }
 
@@ -210,7 +213,8 @@ impl Block {
         self.elements.forces(d, &self.elements.rotations(d))
     }
 
-    /// Passes the stiffness at displacements d to `add`, one 3x3 block of a pair of nodes at a time.
+    /// Passes the stiffness matrix at displacements `d` to `add`: two nodes and their 3x3 block of one tetrahedron a
+    /// call.
     fn stiffness(&self, how: Linear, d: &[DVec3], mut add: impl FnMut(usize, usize, DMat3)) {
         let rotations = self.elements.rotations(d);
         let now = match how {
@@ -255,7 +259,8 @@ impl Block {
         }
     }
 
-    /// Solves (M + h^2 K) x = b over free nodes; with `velocity`, h^2 K v is first subtracted from b.
+    /// Solves (M + h^2 K) x = b over free nodes, with masses M, stiffness matrix K at displacements `d` and a step of
+    /// `h` seconds; if `velocity`, h^2 K v is first subtracted from b, with v the velocities.
     fn solve(&mut self, how: Linear, h: f64, d: &[DVec3], mut b: Vec<DVec3>, velocity: bool) -> Vec<DVec3> {
         let free: Vec<usize> = (0..d.len()).filter(|i| !self.layer.attached[*i]).collect();
         let mut place = vec![usize::MAX; d.len()];
@@ -305,8 +310,8 @@ impl Block {
     }
 }
 
-/// The greatest error of a node's position over 100 ms, in steps of `h` seconds, against `reference`, steps of 1 ms
-/// solved to convergence; relative to the greatest initial displacement.
+/// Greatest error of a node's position over 100 ms in steps of `h` seconds, relative to the greatest initial
+/// displacement. `reference`: displacements after each of 100 steps of 1 ms, solved to convergence.
 fn error(how: Linear, h: f64, reference: &[Vec<DVec3>], deform: impl Fn(DVec3) -> DVec3) -> f64 {
     let mut block = Block::new(deform);
     let greatest = block.d.iter().map(|d| d.length()).fold(0.0, f64::max);
@@ -350,13 +355,14 @@ fn a_step_in_deformed_gradients_is_near_a_converged_one() {
         let [rest, deformed, turning, full] = hows.map(|how| of(how, 1e-3));
         let finer = of(Linear::Newton, 2.5e-4);
         println!(
-            "{name}: relative error of position by the operator at rest {rest:.2e}, by the engine's {deformed:.2e}, by \
-             that with rotation {turning:.2e}, by the whole second derivative {full:.2e}; \
-             error of the step's length of 1 ms {finer:.2e}"
+            "{name}: relative error of position with the operator at rest {rest:.2e}, with the engine's operator \
+             {deformed:.2e}, with a modulus for rotation added {turning:.2e}, with the second derivative of the energy \
+             {full:.2e}; relative difference of converged steps of 0.25 ms and 1 ms {finer:.2e}"
         );
         assert!(
             full < deformed && deformed < share * finer,
-            "{name}: the error of linearising must be below the error of the step's length"
+            "{name}: the engine's operator must be worse than the second derivative, and its error must be less than \
+             {share} times that of steps of 1 ms"
         );
     }
 }

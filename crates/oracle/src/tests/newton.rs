@@ -14,7 +14,7 @@ use crate::step::{Simulation, SoftBody};
 const ROUNDING: f64 = 1e-13;
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
 
-/// A bar of 20 cm whose nodes at the left end are attached, bent by `angle` (rad) over its length, with zero velocity.
+/// A bar of 20 cm whose nodes at x = 0 are held, bent by `angle` (rad) over its length, with zero velocity.
 fn bent(material: Material, patched: bool, angle: f64) -> SoftBody {
     let mut layer = kuhn_box(DVec3::new(0.0, -0.02, -0.02), DVec3::new(0.2, 0.02, 0.02), [10, 2, 2]);
     layer.attached = layer.nodes.iter().map(|x| x.x < 1e-9).collect();
@@ -33,9 +33,9 @@ fn bent(material: Material, patched: bool, angle: f64) -> SoftBody {
 }
 
 /// Relative residual of implicit Euler over free nodes: the norm of
-/// M (v1 - v0) - h (M g - alpha M v1 + f_el(d1) - beta K(d1) v1) over that of h f_el(d0), with mass M, gravity g,
-/// elastic force f_el, stiffness K, damping alpha and beta, and displacement d and velocity v before (0) and after (1)
-/// a step of `h` seconds.
+/// M (v1 - v0) - h (M g - alpha M v1 + f_el(d1) - beta K(d1) v1), divided by the norm of h f_el(d0), with mass M,
+/// gravity g, elastic force f_el, stiffness K, damping coefficients alpha (of M) and beta (of K), displacements d0 and
+/// velocities v0 before a step of `h` seconds, and d1 and v1 after it.
 fn left(before: &SoftBody, after: &SoftBody, h: f64) -> f64 {
     let forces = |body: &SoftBody| body.elements.forces(&body.displacement, &body.rotations());
     let rotations = after.rotations();

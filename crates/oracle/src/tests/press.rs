@@ -1,4 +1,5 @@
-//! Invariants of whole scenes: two soft blocks in contact, and a tool that its haptic device presses into a block.
+//! Tests of whole scenes in f64: two soft blocks in contact, and a rigid tool that a haptic device presses into a soft
+//! block by virtual coupling (spring and damper).
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -16,7 +17,7 @@ use crate::tool::{Device, Tool};
 /// Relative tolerance for the rounding of a direct solve of a few thousand unknowns.
 const SOLVE: f64 = 1e-9;
 
-/// A block whose skin vertices are its nodes.
+/// A soft cube from -`half` to `half` (m) about `centre`, with `cells` cells along each side.
 fn block(half: f64, cells: u32, centre: DVec3, velocity: DVec3) -> SoftBody {
     let layer = kuhn_box(DVec3::splat(-half), DVec3::splat(half), [cells; 3]);
     SoftBody::new(layer, material(2e4, 0.4), centre, DQuat::IDENTITY, velocity)
@@ -52,7 +53,7 @@ fn two_blocks_in_contact_keep_their_momentum() {
         assert!((now - start).length() < SOLVE * start.length(), "momentum {now} kg m/s, expected {start} kg m/s");
     }
     let passed = simulation.bodies[1].momentum().y / start.y;
-    println!("two blocks: {touched} contacts; the second block has {passed:.3} of the momentum");
+    println!("two blocks: {touched} contacts in 60 steps; the second block's share of the momentum is {passed:.3}");
     assert!(touched > 100 && passed > 0.5, "the blocks must collide");
 }
 
@@ -91,7 +92,7 @@ fn the_wrench_at_rest_balances_the_coupling() {
         wrench = simulation.step(Some(&device), &contacts).unwrap().wrench;
     }
     let (pull, twist) = simulation.tool.as_ref().unwrap().coupling_wrench(&device);
-    println!("pressed block: contact force {:.5} N, coupling force {:.5} N", wrench.force, pull);
+    println!("force on the tool: by the contacts {:.5} N, by the coupling {:.5} N", wrench.force, pull);
     assert!(wrench.force.y > 0.1, "the block must push the tool up");
     assert!((wrench.force + pull).length() < 1e-3 * pull.length());
     assert!((wrench.torque + twist).length() < 1e-3 * pull.length() * 0.02);

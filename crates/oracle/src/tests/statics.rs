@@ -1,4 +1,4 @@
-//! Closed solutions of linear static equilibrium: a column under its weight, a cantilever.
+//! Tests of linear static equilibrium in f64 against solutions in closed form: a column under its weight, a cantilever.
 
 use glam::{DMat3, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -8,9 +8,10 @@ use crate::elastic::{Elements, lame};
 use crate::testing::boundary;
 use crate::{skin, statics};
 
-/// Greatest error of the mean height of a section of a column between frictionless side walls, relative to the
-/// settlement of its top, under its own weight and `pressure` on its top. In the closed solution the stress is sigma(y)
-/// = rho g (y - H) - p = M u', with density rho, gravity g, height H, pressure p, displacement u and M = lambda + 2 mu.
+/// A column between frictionless side walls bears its weight at `gravity` (m/s^2) and `pressure` (Pa) on its top.
+/// Returns the greatest error of the mean height of a horizontal section, relative to the settlement of the top. The
+/// stress in closed form is rho g (y - H) - p = (lambda + 2 mu) du/dy, with density rho, gravity g, column height H,
+/// pressure p, vertical displacement u at height y, and Lame parameters lambda and mu.
 fn column(cells: u32, gravity: f64, pressure: f64) -> f64 {
     let (height, side) = (0.4, 0.1);
     let layer = kuhn_box(DVec3::ZERO, DVec3::new(side, height, side), [cells / 4, cells, cells / 4]);
@@ -41,16 +42,17 @@ fn column_between_rollers_settles_as_in_the_closed_solution() {
     let (coarse, fine) = (column(8, 9.81, 0.0), column(16, 9.81, 0.0));
     println!(
         "column, error relative to the settlement of its top: under pressure {pressed:.1e}, under its weight \
-         {coarse:.1e}, under its weight with a finer mesh {fine:.1e}"
+         {coarse:.1e}, under its weight with cells of half the size {fine:.1e}"
     );
     assert!(pressed < 1e-11, "uniform strain must be exact");
     // The corners of a Kuhn cell (a cube of six tetrahedra) carry unequal shares of its weight, so a section does not
-    // stay quite flat; the error is of second order.
+    // stay quite flat; the error is of second order in the size of the cells.
     assert!(coarse < 5e-4 && coarse / fine > 3.5);
 }
 
-/// Compliance (deflection weighted with the load) of a 1 x 0.2 x 0.2 m cantilever with Poisson's ratio 0 under a
-/// parabolic shear load at its tip, with `n` cells across, relative to Timoshenko's P L^3 / 3 E I + 6/5 P L / G A.
+/// Tip deflection, weighted with the load, of a 1 x 0.2 x 0.2 m cantilever with Poisson's ratio 0 under a parabolic
+/// shear load at its tip, with `n` cells across; relative to Timoshenko's P L^3 / (3 E I) + 6/5 P L / (G A), with load
+/// P, length L, Young's modulus E, second moment of area I, shear modulus G and section area A.
 fn cantilever(n: u32) -> f64 {
     let (length, side, young) = (1.0, 0.2, 1e6);
     let layer = kuhn_box(DVec3::ZERO, DVec3::new(length, side, side), [5 * n, n, n]);
@@ -70,9 +72,10 @@ fn cantilever(n: u32) -> f64 {
     deflection / timoshenko
 }
 
-/// Share of a parabolic traction 6 t (1 - t) that a linear node at height `t` with spacing `h` carries.
+/// Share of a parabolic load 6 x (1 - x), for heights x from 0 to 1, that falls on the node at height `t` of linear
+/// elements of size `h`.
 fn parabola(t: f64, h: f64) -> f64 {
-    // Simpson's rule is exact for the product of the parabola and the half of a linear hat function, a cubic.
+    // Simpson's rule is exact here: the parabola times half of a node's linear hat function is a cubic.
     let half = |s: f64| {
         let at = |x: f64| if (-1e-9..=1.0 + 1e-9).contains(&x) { 6.0 * x * (1.0 - x) } else { 0.0 };
         if !(-1e-9..=1.0 + 1e-9).contains(&(t + s * h)) { 0.0 } else { h / 6.0 * (at(t) + 2.0 * at(t + 0.5 * s * h)) }
@@ -85,7 +88,7 @@ fn cantilever_converges_to_timoshenko() {
     let ratios: Vec<f64> = [2, 4, 8].into_iter().map(cantilever).collect();
     let errors: Vec<f64> = ratios.iter().map(|r| (1.0 - r).abs()).collect();
     let orders: Vec<f64> = errors.windows(2).map(|e| (e[0] / e[1]).log2()).collect();
-    println!("cantilever: deflection over Timoshenko's {ratios:.4?}, observed orders of convergence {orders:.2?}");
+    println!("ratios of deflection to Timoshenko's {ratios:.4?}, observed orders of convergence {orders:.2?}");
     assert!(ratios.iter().all(|r| *r < 1.0), "linear elements must be too stiff, not too soft");
-    assert!(orders[1] > 1.7 && orders[1] > orders[0], "{orders:?}");
+    assert!(orders[1] > 1.7 && orders[1] > orders[0], "orders of convergence {orders:?} must rise above 1.7");
 }

@@ -1,4 +1,5 @@
-//! Invariants of the step: free fall, momentum, energy, virtual coupling of the tool, contact of the tool.
+//! Tests of the f64 reference implementation of a time step by implicit Euler: free fall, momentum, energy, and contact
+//! and virtual coupling of the tool, a rigid body that the haptic device leads by a spring and damper.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -31,7 +32,8 @@ fn free_fall_is_exact() {
     for _ in 0..steps {
         simulation.step(None, &[]).unwrap();
     }
-    // After n steps of implicit Euler: v = v0 + n h g, x = x0 + n h v0 + h^2 g n (n + 1) / 2.
+    // In n steps of h seconds of implicit Euler, a point with initial velocity v0 travels n h v0 + h^2 g n (n + 1) / 2
+    // under gravity g.
     let (n, h) = (f64::from(steps), 1e-3);
     let travel = n * h * start + h * h * GRAVITY * n * (n + 1.0) / 2.0;
     for (x0, x1) in before.iter().zip(simulation.bodies[0].world_nodes()) {
@@ -51,7 +53,7 @@ fn free_bodies_keep_their_momentum_while_they_wobble() {
     for _ in 0..50 {
         simulation.step(None, &[]).unwrap();
         let now = simulation.bodies[0].energy();
-        assert!(now <= last * (1.0 + SOLVE), "implicit Euler must not add energy: {last} J to {now} J");
+        assert!(now <= last * (1.0 + SOLVE), "a step must not add energy: before it {last} J, after it {now} J");
         last = now;
     }
     assert!(last < 0.9 * energy, "the body must lose energy as it deforms");
@@ -77,8 +79,9 @@ fn one_step_satisfies_the_equation_of_motion() {
     let before = body.clone();
     simulation.step(None, &[]).unwrap();
     let after = &simulation.bodies[0];
-    // Equation of motion with the linearised force at the end of the step: M (v1 - v0) = h [M g + f(d0) - h K v1 -
-    // alpha M v1 - beta K v1].
+    // Equation of motion with the linearised force at the end of a step of h seconds: M (v1 - v0) = h [M g + f(d0) -
+    // h K v1 - alpha M v1 - beta K v1], with masses M, gravity g, elastic force f at displacements d0, stiffness K,
+    // damping coefficients alpha and beta, velocities v0 at the start and v1 at the end.
     let (h, rotations) = (2e-3, before.rotations());
     let force = before.elements.forces(&before.displacement, &rotations);
     let stiff =
@@ -125,15 +128,19 @@ fn a_block_dropped_on_a_plane_never_rebounds_higher() {
         deepest = gathered.iter().map(|c| c.depth).fold(deepest, f64::max);
         let report = simulation.step(None, &gathered).unwrap();
         contacts += gathered.len();
-        // The energy includes that stored in the penalty springs at the end of the step.
+        // `now` includes the energy stored in the contacts' penalty springs at the end of the step.
         let rest = on_floor(&simulation, &triangles, &areas, &law);
         let stored: f64 = rest.iter().map(|c| 0.5 * c.stiffness * c.area * c.depth * c.depth).sum();
         let now = energy(&simulation) + stored;
         last = now;
-        assert!(now <= first * (1.0 + 1e-6), "energy {now} J exceeds the initial {first} J");
+        assert!(now <= first * (1.0 + 1e-6), "energy {now} J exceeds the initial energy {first} J");
         assert!(report.contacts.iter().all(|c| c.force >= 0.0));
     }
-    println!("dropped block: energy {first:.4} J to {last:.4} J, {contacts} contacts, deepest {:.2} mm", deepest * 1e3);
+    println!(
+        "dropped block: energy at the start {first:.4} J, at the end {last:.4} J; contacts in all steps {contacts}, \
+         greatest depth {:.2} mm",
+        deepest * 1e3
+    );
     assert!(contacts > 100 && deepest < 0.01);
 }
 
@@ -238,9 +245,9 @@ fn a_contact_pair_keeps_momentum_and_counts_no_pull() {
     let report = simulation.step(None, &contacts).unwrap();
     assert!((momentum(&simulation) - before).length() < SOLVE * before.length());
     assert!(report.contacts[0].active && report.contacts[0].force > 0.0);
-    assert!(!report.contacts[1].active && report.contacts[1].force == 0.0, "a contact across a gap must be released");
+    assert!(!report.contacts[1].active && report.contacts[1].force == 0.0, "a contact across a gap must be inactive");
     assert_eq!(report.flags & TENSION_REMAINS, 0);
-    // The wrench is what the solver applied: only this wrench changed the free tool's momentum.
+    // The report's wrench (force and torque) is what the solver applied: nothing else changes the free tool's momentum.
     let change = 0.05 * (simulation.tool.as_ref().unwrap().velocity - u0) / 1e-3;
     assert!(
         (report.wrench.force - change).length() < SOLVE * change.length(),
@@ -255,7 +262,7 @@ fn a_contact_pair_keeps_momentum_and_counts_no_pull() {
 #[test]
 fn auto_stiffness_follows_the_softer_body() {
     let layer = kuhn_box(DVec3::ZERO, DVec3::ONE, [1; 3]);
-    // A Kuhn cell has 12 edges, 6 face diagonals and one body diagonal.
+    // A Kuhn cell (a cube of six tetrahedra) has 12 edges, 6 face diagonals and one body diagonal.
     let edge = (12.0 + 6.0 * 2f64.sqrt() + 3f64.sqrt()) / 19.0;
     assert!((mean_edge(&layer) - edge).abs() < SOLVE);
     let (soft, hard) = (material(1e4, 0.5 - 0.1), material(1e6, 0.3));

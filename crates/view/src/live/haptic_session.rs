@@ -1,5 +1,5 @@
-//! A session with a haptic device (one run of the haptic loop) on the simulation's thread: each step takes its turn at
-//! the GPU's queue, and commands are executed between two steps.
+//! A session (one run of the haptic loop with a haptic device that holds the tool), as the simulation's thread runs it:
+//! each step takes its turn at the GPU's queue, and commands are executed between two steps.
 
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -22,11 +22,11 @@ use super::snapshot::LoopState;
 use super::worker::{Next, Worker, no_tool};
 use super::{Extent, Lead};
 
-/// Time between two evaluations of the quantiles of the ticks' lateness, which go through a large histogram. A tick is
-/// an iteration of the haptic loop.
+/// Time between two evaluations of the quantiles of the ticks' lateness; an evaluation goes through a large histogram.
+/// A tick is an iteration of the haptic loop.
 const REFRESH: Duration = Duration::from_millis(250);
 
-/// What the haptic loop has reported.
+/// What the haptic loop has reported to the simulation's thread.
 struct Heard {
     state: LoopState,
     lateness: Lateness,
@@ -36,7 +36,7 @@ struct Heard {
 }
 
 impl Heard {
-    /// The loop's state for the next snapshot; the events are reset.
+    /// The loop's state for the next snapshot; the collected events are reset.
     fn taken(&mut self) -> LoopState {
         if self.lateness.ticks() > 0 && self.refreshed.is_none_or(|at| at.elapsed() > REFRESH) {
             self.state.late = [self.lateness.quantile(0.5), self.lateness.quantile(0.99), self.lateness.worst()];
@@ -48,7 +48,7 @@ impl Heard {
     }
 }
 
-/// The environment of the haptic loop: the simulation, of which a snapshot is published after each step.
+/// The environment of the haptic loop: it steps the simulation, and publishes a snapshot after each step.
 struct Felt<'a, 'b> {
     worker: &'a RefCell<&'b mut Worker>,
     heard: Rc<RefCell<Heard>>,
@@ -68,8 +68,8 @@ impl Environment for Felt<'_, '_> {
 }
 
 impl Worker {
-    /// Runs a session until another task is requested, its time is over, or the device stays lost. Records it if a file
-    /// is given.
+    /// Runs a session until another task is requested, the session's time is over, or the device is lost for good.
+    /// Records the session if a file is given.
     pub fn hold(&mut self, record: Option<PathBuf>) -> Result<()> {
         let scene = self.simulation.scene().clone();
         let mut tool = self.simulation.tool().cloned().ok_or_else(|| no_tool(&scene))?;
@@ -131,8 +131,8 @@ impl Worker {
                 (Some(recording), Moment::Step(input, h, wrench)) => recording.step(input, h, wrench)?,
                 _ => {}
             }
-            // Commands are executed here, between two steps: the loop already has the wrench of this step, and the
-            // inputs of the next step are read afterwards.
+            // Commands are executed here, between two steps: the loop already has the wrench (force and torque) of the
+            // last step, and the inputs of the next step are read afterwards.
             if let Moment::Step(..) = moment {
                 let mut worker = worker.borrow_mut();
                 worker.obey_all();

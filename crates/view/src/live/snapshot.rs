@@ -1,5 +1,6 @@
 //! What the simulation's thread publishes: a snapshot of the newest state, which replaces the previous snapshot; a
-//! sample (time, force and torque) of each step; and lines for the user.
+//! sample (time, force and torque) of each step; and lines for the user. A *session* is one run of the haptic loop, in
+//! which a haptic device holds the *tool*, a rigid body of the simulation.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -13,20 +14,20 @@ use palpate::{Simulation, StepReport, Wrench};
 /// What the thread is doing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub enum State {
-    /// It steps.
+    /// The thread steps the simulation.
     #[default]
     Running,
-    /// It waits for a command to go on.
+    /// The thread waits for a command to go on.
     Paused,
-    /// It steps, and the session is recorded into this file.
+    /// The thread steps the simulation, and the session is recorded into this file.
     Recording(PathBuf),
-    /// A step failed for this reason, and it waits for a command.
+    /// A step failed for this reason, and the thread waits for a command.
     Failed(String),
-    /// It has done all steps, or the session's time is over.
+    /// The thread has done all steps, or the session's time is over; the thread waits for a command.
     Ended,
 }
 
-/// What the user can change, with its present values.
+/// The quantities that the user can change, with their present values.
 #[derive(Debug, Clone, Default)]
 pub struct Settings {
     /// For each material: index of the body, index among the body's materials, name for the user, and the material.
@@ -35,9 +36,9 @@ pub struct Settings {
     pub contact: Option<Contact>,
     /// Contact stiffness of the stiffest pair of bodies, N/m^3, which is used where the scene says "auto".
     pub stiffness: f64,
-    /// The virtual coupling that was asked for.
+    /// The virtual coupling (spring and damper between device and tool) that was asked for.
     pub coupling: Option<Coupling>,
-    /// Whether the tool is held by a device, so that the haptic loop limits the coupling.
+    /// Whether a device holds the tool; then the haptic loop limits the coupling's gains.
     pub has_device: bool,
 }
 
@@ -48,16 +49,16 @@ pub struct LoopState {
     pub ticks: u64,
     /// How late ticks came: the median, the 99th percentile and the worst of the session, s.
     pub late: [f64; 3],
-    /// The wrench played last (commanded to the device).
+    /// The wrench (force and torque) that was commanded to the device last.
     pub played: Wrench,
-    /// Names of the loop's events since the step before.
+    /// Names of the unusual events in the haptic loop since the previous step.
     pub events: Vec<&'static str>,
 }
 
 /// The newest state of the simulation.
 #[derive(Debug, Clone, Default)]
 pub struct Snapshot {
-    /// Number of the simulation, which changes when it is replaced.
+    /// Number of the simulation; another number means that the simulation or its arrays were replaced.
     pub generation: u64,
     /// What the thread is doing.
     pub state: State,
@@ -65,15 +66,15 @@ pub struct Snapshot {
     pub row: Option<StepReport>,
     /// Names of the probes (points of skins whose paths are recorded) in the step report.
     pub probes: Arc<Vec<String>>,
-    /// Stages of the last step that was timed, with their times, microseconds.
+    /// Names of the stages of the last step that was timed, each with its time, microseconds.
     pub stages: Vec<(String, f64)>,
     /// State of the haptic loop; `None` if no device holds the tool.
     pub haptics: Option<LoopState>,
-    /// What the user can change.
+    /// The quantities that the user can change.
     pub settings: Arc<Settings>,
 }
 
-/// Values of one step, for the panel's plots.
+/// Values of one step, for the force plot in the window of `palpate view`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
     /// Simulated time, s.
@@ -84,12 +85,12 @@ pub struct Sample {
     pub torque: DVec3,
 }
 
-/// The thread's ends of the channels to its users.
+/// The sending ends of the channels through which the thread publishes.
 pub(super) struct Out {
     pub out: triple_buffer::Input<Snapshot>,
     pub samples: rtrb::Producer<Sample>,
     pub notes: Sender<String>,
-    /// Reports of sessions with a device.
+    /// Takes the report of each session that ended.
     pub sessions: Sender<Report>,
 }
 
@@ -100,7 +101,7 @@ impl Out {
         let _ = self.notes.send(line.into());
     }
 
-    /// Publishes the sample of a step; it is dropped if the queue is full.
+    /// Publishes the sample of a step; the sample is dropped if the queue is full.
     pub fn sample(&mut self, row: &StepReport) {
         if let Some(tool) = &row.tool {
             let _ = self.samples.push(Sample { time: row.time, force: tool.force, torque: tool.torque });
@@ -108,7 +109,7 @@ impl Out {
     }
 }
 
-/// What the user can change of a simulation, with its present values.
+/// The quantities of a simulation that the user can change, with their present values.
 pub(super) fn settings(simulation: &Simulation, has_device: bool) -> Settings {
     let scene = simulation.scene();
     let of_body = |(index, body): (usize, &palpate::scene::Body)| {

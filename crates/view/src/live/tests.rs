@@ -1,6 +1,7 @@
-//! Tests of the thread on which a simulation runs: another thread draws at the same time; commands; a step that fails;
-//! a recorded session (run of the haptic loop). A *slice* is a part of an image's drawing that takes a turn at the
-//! GPU's queue.
+//! Tests of the thread on which a simulation runs: another thread draws at the same time, commands are executed, a step
+//! fails, and a session (run of the haptic loop) is recorded. A *slice* is a part of an image's drawing that takes a
+//! turn at the GPU's queue; the *tool* is the rigid body that the scene's keys or a haptic device move; *skins* are the
+//! bodies' surface meshes.
 
 use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,8 +25,8 @@ const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block
     [coupling]\nstiffness = 500.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.005\n\
     [drive]\nkeys = [[0.0, 0.0, 0.053, 0.0], [0.06, 0.0, 0.04, 0.0]]\n";
 
-/// Waits until no other test uses the validation layer, and reserves it until the test's thread ends, as the harness of
-/// the vk-tests does.
+/// Waits until no other test uses Vulkan's validation layer, and reserves that layer until this test's thread ends, as
+/// the harness of the tests in `vk-tests` does.
 fn turn() {
     static TURN: Mutex<()> = Mutex::new(());
     thread_local!(static HELD: Cell<Option<MutexGuard<'static, ()>>> = const { Cell::new(None) });
@@ -72,7 +73,7 @@ fn until(live: &mut Live, what: impl Fn(&Snapshot) -> bool) -> Snapshot {
         if what(&snapshot) {
             return snapshot;
         }
-        assert!(begun.elapsed() < Duration::from_secs(60), "the awaited snapshot never came: {:?}", snapshot.state);
+        assert!(begun.elapsed() < Duration::from_secs(60), "the awaited snapshot did not come: {:?}", snapshot.state);
         std::thread::sleep(Duration::from_millis(2));
     }
 }
@@ -92,7 +93,7 @@ fn beside_drawing_the_trace_is_the_same_bits() {
     std::thread::scope(|scope| {
         scope.spawn(|| {
             while !stop.load(Ordering::Relaxed) {
-                // Captures the skins relative to a changing origin, then submits slices that read them.
+                // Reads the skins relative to a changing origin, then submits four slices that copy their positions.
                 let origin = DVec3::X * f64::from(captures % 7);
                 let copy = link.ask(move |simulation, _| {
                     let context = simulation.context().clone();
@@ -121,7 +122,7 @@ fn beside_drawing_the_trace_is_the_same_bits() {
         until(&mut live, |snapshot| snapshot.state == State::Ended);
         stop.store(true, Ordering::Relaxed);
     });
-    assert!(captures > 10 && slices > 40, "{captures} captures, {slices} slices");
+    assert!(captures > 10 && slices > 40, "skins were read {captures} times, {slices} slices were drawn");
     let rows: Vec<String> = rows.lock().unwrap().iter().map(bits).collect();
     assert_eq!(rows, expected);
     let messages = live.link().ask(|simulation, _| simulation.context().validation_messages()).unwrap();
@@ -202,7 +203,7 @@ fn a_mouse_presses_is_recorded_from_the_start_and_replays_to_the_same_bits() {
         tool.is_some_and(|tool| tool.force.y > 0.01)
     };
     until(&mut live, pressed);
-    // Changes a material and the coupling; the recording must be made with the values of the scene's file.
+    // A material and the virtual coupling are changed; the recording must still use the values in the scene's file.
     let material = Material { young: 5e4, ..live.snapshot().settings.materials[0].3 };
     live.link().tell(Command::Material(0, 0, material));
     let coupling = Coupling { stiffness: 300.0, damping: 3.0, angular_stiffness: 0.1, angular_damping: 0.001 };
@@ -224,7 +225,10 @@ fn a_mouse_presses_is_recorded_from_the_start_and_replays_to_the_same_bits() {
     assert!(live.quit());
     let notes: Vec<String> = live.notes().collect();
     let file = folder.path().join("scene-1.palpate");
-    assert!(notes.iter().any(|note| note.contains("palpate replay") && note.contains("scene-1.palpate")), "{notes:?}");
+    assert!(
+        notes.iter().any(|note| note.contains("palpate replay") && note.contains("scene-1.palpate")),
+        "notes: {notes:?}"
+    );
 
     let recorded = palpate_devices::record::Recorded::open(&file).unwrap();
     assert_eq!((recorded.header.profile.as_str(), recorded.header.haptic_device.as_str()), ("mouse", "mouse"));
@@ -233,9 +237,9 @@ fn a_mouse_presses_is_recorded_from_the_start_and_replays_to_the_same_bits() {
     for entry in recorded {
         if let palpate_devices::record::Entry::Step(step) = entry.unwrap() {
             again.step_device_input(&step.input, step.h).unwrap();
-            assert_eq!(again.contact_wrench(), Some(&step.wrench), "wrench of step {steps}");
+            assert_eq!(again.contact_wrench(), Some(&step.wrench), "the replayed wrench of step {steps} differs");
             steps += 1;
         }
     }
-    assert!(steps > 20, "only {steps} steps");
+    assert!(steps > 20, "only {steps} steps were recorded");
 }

@@ -1,6 +1,7 @@
 //! The work of the simulation's thread: it does one task after another (run, pause, reset, record, replace, quit) and
-//! executes commands between two steps. It shares the GPU's queue with the thread that draws *slices* (parts) of
-//! images: each takes turns.
+//! executes commands between two steps. Its steps and the *slices* (parts of images) that another thread draws take
+//! turns at the GPU's queue. A *session* is one run of the haptic loop, in which a haptic device holds the *tool*, a
+//! rigid body.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -25,20 +26,20 @@ pub(super) struct Worker {
     pub snapshot: Snapshot,
     /// Inputs of the last step of a session: pose and twist of haptic device and tool.
     pub last_input: Option<DeviceInput>,
-    /// The next task, once it is requested; the present one then ends.
+    /// The next task, once one is requested; the present task then ends.
     pub next: Option<Next>,
     watch: Watch,
     turns: Arc<Turns>,
     commands: Receiver<Command>,
     /// The scene as it was given, without changes by commands.
     given: Scene,
-    /// Saved state before the first step.
+    /// The simulation's state before the first step, as saved by [`Simulation::save`].
     first: Vec<u8>,
     is_changed: bool,
-    /// Whether the scene was replaced: then its steps are not passed to `watch`, and it cannot be recorded, as there is
-    /// no scene file for a replay.
+    /// Whether the scene was replaced. The steps of the new scene are not passed to `watch`, and sessions with it
+    /// cannot be recorded, because there is no scene file for a replay.
     is_replaced: bool,
-    /// Number of steps of [`Extent::Steps`] done.
+    /// Number of steps along the scene's keys that were done; [`Extent::Steps`] limits it.
     done: u64,
 }
 
@@ -104,14 +105,14 @@ impl Worker {
                 Err(error) => {
                     let line = error.to_string().lines().collect::<Vec<_>>().join(" ");
                     self.out.note(line.clone());
-                    // A task that was requested meanwhile goes first.
+                    // A task that was requested meanwhile is done; otherwise the thread shows the failure and waits.
                     self.next.take().unwrap_or(Next::Rest(State::Failed(line)))
                 }
             };
         }
     }
 
-    /// Steps until another task is requested or the end is reached.
+    /// Steps until another task is requested or the end is reached; records a session if a file is given.
     pub fn go(&mut self, record: Option<PathBuf>) -> Result<()> {
         self.set_state(record.as_ref().map_or(State::Running, |file| State::Recording(file.clone())));
         let done = match self.lead {
@@ -132,7 +133,7 @@ impl Worker {
             let row = self.in_turn(Simulation::step)?;
             self.done += 1;
             self.found(&row)?;
-            // Time lost by a slow step is not made up for by faster ones.
+            // Time lost by a slow step is not made up for by faster steps.
             due = (due + Duration::from_secs_f64(self.simulation.scene().step.dt)).max(Instant::now());
             self.obey_until(due);
         }
@@ -181,8 +182,8 @@ impl Worker {
         self.publish();
     }
 
-    /// Executes waiting commands until another task is requested, no command is left, or a slice was drawn; so the next
-    /// step waits for one slice at most.
+    /// Executes waiting commands until another task is requested, no command is left, or a [`Command::Ask`] was
+    /// executed. As [`Command::Ask`] takes the turn of a slice, the next step waits for one slice at most.
     pub fn obey_all(&mut self) {
         while self.next.is_none() {
             match self.commands.try_recv() {
@@ -198,7 +199,7 @@ impl Worker {
         }
     }
 
-    /// Executes waiting commands, and those that arrive before the next step is due.
+    /// Executes waiting commands, and commands that arrive before `due`, the time of the next step.
     fn obey_until(&mut self, due: Instant) {
         self.obey_all();
         while self.next.is_none() && Instant::now() < due {
@@ -211,7 +212,7 @@ impl Worker {
         }
     }
 
-    /// Executes commands without stepping, until another task is requested.
+    /// Publishes this state and executes commands, until another task is requested.
     fn rest(&mut self, state: State) {
         self.set_loop(None);
         self.set_state(state);
@@ -250,8 +251,8 @@ impl Worker {
         }
     }
 
-    /// Changes a material, the contact law or the coupling; refused during a recording, which would not hold the
-    /// change.
+    /// Changes a material, the contact law or the virtual coupling. A change is refused while a session is recorded,
+    /// because the recording would not contain it.
     fn change(&mut self, command: Command) {
         if matches!(self.snapshot.state, State::Recording(_)) {
             self.out.note("sliders are disabled while a session is recorded");
@@ -284,7 +285,7 @@ impl Worker {
         self.show_settings();
     }
 
-    /// Does a single step while paused, with the inputs that the device gave last.
+    /// Does a single step while the simulation is paused, with the last inputs from the device.
     fn step_once(&mut self) {
         let h = self.simulation.scene().step.dt;
         let input = self.simulation.tool().map(|tool| {
@@ -315,8 +316,8 @@ impl Worker {
         Ok(())
     }
 
-    /// Records a session from the state before the first step, without changes by commands, so that a replay of the
-    /// scene's file gives the same.
+    /// Records a session from the state before the first step, without changes by commands, so that a replay with the
+    /// scene's file gives equal results.
     fn record(&mut self) -> Result<()> {
         if self.is_changed {
             let (context, path) = (self.simulation.context().clone(), self.simulation.depth_path());
@@ -332,7 +333,7 @@ impl Worker {
         self.go(file)
     }
 
-    /// Replaces the scene; where the new one cannot be simulated, the old one goes on.
+    /// Replaces the scene; if the new scene cannot be simulated, the simulation of the old scene goes on.
     fn replace(&mut self, (scene, bodies): (Scene, Bodies)) {
         let context = self.simulation.context().clone();
         let made =
@@ -355,13 +356,13 @@ impl Worker {
 }
 
 impl Drop for Worker {
-    /// Lets drawing continue, even if the thread ends by a panic.
+    /// Declares that no step is due, so that drawing continues even if this thread ends by a panic.
     fn drop(&mut self) {
         self.turns.rest();
     }
 }
 
-/// The error for a scene without a tool, which no device can hold.
+/// The error for a scene without a tool, where a haptic device has nothing to hold.
 pub(super) fn no_tool(scene: &Scene) -> Error {
     Error::key(&scene.file, "tool", "is missing, but a haptic device needs a tool to hold", "add a [tool]")
 }

@@ -16,7 +16,7 @@ use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Expected, Settings};
 use crate::meshes::MeshFolder;
 
-/// Cells across the blocks and the dome: in the whole benchmark and in its short form.
+/// Numbers of cells across the blocks and the dome: in the whole benchmark and in its short form.
 const CELLS: [[u32; 6]; 2] = [[4, 6, 8, 10, 12, 16], [4, 6, 8, 10, 12, 14]];
 /// Cells across the two meshes from which the limit is extrapolated: in the whole benchmark and in its short form.
 const REFERENCES: [[u32; 2]; 2] = [[12, 24], [10, 20]];
@@ -31,14 +31,15 @@ const BALL: (u32, f64) = (32, 3.0);
 const DOME_SKIN: u32 = 48;
 /// Radius of the ball, m; so large that the ball touches several cells.
 const RADIUS: f64 = 0.1;
-/// Depth of the press, m.
+/// Depth to which the ball is pressed, m.
 const DEPTH: f64 = 0.004;
 /// Largest allowed error of the force with the finest layer, as a share of the limit.
 const BOUND: f64 = 0.12;
-/// Stages whose times are summed.
+/// Stages of a time step whose times are summed.
 const STAGES: &[&str] = &["solve"];
 
-/// A line of the curve: one body, meshed with different numbers of cells.
+/// A line of the curve: one body, meshed with different numbers of cells. In its name, nu is Poisson's ratio, and
+/// `patch` means that patches of tetrahedra share their volumetric strain (F-bar) against locking.
 struct Line {
     name: &'static str,
     is_dome: bool,
@@ -53,19 +54,19 @@ const LINES: [Line; 3] = [
 ];
 const PATCHED: Line =
     Line { name: "block, nu 0.49, patch", is_dome: false, poisson: 0.49, dilatation: Dilatation::Patch };
-/// The block whose elements lock (nearly incompressible, linear tetrahedra); the report says by how much it is too
-/// stiff.
+/// The block whose elements lock, that is, are much too stiff, because its linear tetrahedra are nearly incompressible;
+/// the report says by how much the block is too stiff.
 const LOCKING: Line = Line { name: "block, nu 0.49", dilatation: Dilatation::Element, ..PATCHED };
 
-/// Writes the block of these presses as a mesh file; where the ball touches, its cells are finer than even ones by the
-/// factor 1 + `grades` along each axis.
+/// Writes the block that the ball is pressed into as a mesh file. Where the ball touches the block, the block's cells
+/// are finer than even ones by the factor 1 + `grades` along each axis.
 pub fn block(folder: &MeshFolder, cells: u32, grades: DVec3) -> Result<Layer> {
     let size = DVec3::new(HALF_WIDTH, HEIGHT, HALF_WIDTH);
     let file = graded_block(folder, &format!("block{cells}"), size, [cells, cells.div_ceil(2), cells], grades)?;
     Ok(Layer::File(file))
 }
 
-/// Writes the mesh of the ball, which is fine where it touches.
+/// Writes the mesh of the ball, which is finest where the ball touches the body.
 pub fn fine_ball(folder: &MeshFolder, radius: f64) -> Result<std::path::PathBuf> {
     folder.surface("ball", &ball(radius, BALL.0, BALL.1))
 }
@@ -91,7 +92,7 @@ pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
     let skin = folder.surface("dome", &dome(HEIGHT, DOME_SKIN))?;
     let quick = usize::from(settings.is_quick);
     let (references, all_cells) = (REFERENCES[quick], CELLS[quick]);
-    // The short form leaves out the block of nu 0.49, which takes longest.
+    // The short form leaves out the block with a Poisson's ratio of 0.49, which takes longest.
     let lines = if settings.is_quick { &LINES[..2] } else { &LINES[..] };
     let mut limits = Vec::new();
     let mut entrants: Vec<Entrant> = Vec::new();
@@ -114,7 +115,7 @@ pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
     } else {
         watch("reference: block whose elements lock");
         let locked = force(&LOCKING.press(&folder, &skin, finest)?.scene(), settings)?;
-        // The last line is the same block with `dilatation = "patch"`, which does not lock.
+        // The last line of the curve is the same block with `dilatation = "patch"`, which does not lock.
         let too_stiff = limits.last().map_or(f64::NAN, |limit| 100.0 * (locked / limit - 1.0));
         format!(
             " The line `patch` has `dilatation = \"patch\"` in its scene: without it the block of nu 0.49 locks, and \

@@ -1,7 +1,7 @@
 //! Richardson extrapolation: the limit of an answer as the mesh is refined.
 
-/// The limit of two answers at two mesh sizes, the second of which is the smaller, if the error falls with the power
-/// `order` of the size.
+/// The limit of an answer for vanishing mesh size, if its error is proportional to the power `order` of the size.
+/// `first` is the answer at the size `coarse`, and `second` that at the smaller size `fine`.
 pub fn limit([(coarse, first), (fine, second)]: [(f64, f64); 2], order: f64) -> f64 {
     second + (second - first) / ((coarse / fine).powf(order) - 1.0)
 }

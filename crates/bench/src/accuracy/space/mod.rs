@@ -1,7 +1,8 @@
-//! The accuracy curves (error and computing time for the settings of one varied value) about resolution in space: cells
-//! of the layer (tetrahedral mesh), vertices of skins (surface meshes), contact stiffness, texels, collision proxies.
-//! In all of them a stiffly coupled ball is pressed into a body ([`press`]), and the contact force is compared once
-//! everything is at rest.
+//! The accuracy curves (error and computing time for the settings of one varied value, the knob) about resolution in
+//! space. The varied values are the cells of the layer (tetrahedral mesh), the vertices of the skins (surface meshes),
+//! the contact stiffness, the texels (cells of the depth stage's grid) and the collision proxies (convex hulls). For
+//! all these curves a stiffly coupled ball is pressed into a body ([`press`]), and the contact force is compared with a
+//! reference once everything is at rest.
 
 mod layer;
 mod limit;
@@ -26,8 +27,8 @@ use super::race::{self, Entrant, Errors, Run};
 use super::{Point, Settings};
 use press::Press;
 
-/// An entrant, that is, a setting that is run against others: a press, the panel and line of its point, its name and
-/// the knob's value.
+/// Makes an entrant, that is, a setting that is run alternately with others. `press` makes its scene, `panel` (plot)
+/// and `line` say where its point is drawn, `setting` is its name, and `value` is its value of the knob.
 fn entrant(press: &Press, panel: &str, line: &str, setting: String, value: f64) -> Entrant {
     let point = Point { setting, panel: panel.into(), line: line.into(), value, ..Point::default() };
     Entrant { point, scene: press.scene(), steps: press::STEPS }
@@ -43,7 +44,8 @@ fn force(scene: &Scene, settings: &Settings) -> Result<f64> {
     Ok(at_rest(&race::run(scene, press::STEPS, &settings.options())?).length())
 }
 
-/// Relative error of the magnitude of a run's force at rest; there is no error of displacements.
+/// Relative error of the magnitude of a run's force at rest, against the magnitude `reference`; there is no error of
+/// the displacements.
 fn error_against(reference: f64, run: &Run) -> Errors {
     let error = (at_rest(run).length() - reference).abs() / reference.abs();
     (error.is_finite().then_some(error), None)

@@ -1,6 +1,7 @@
-//! The scene of the accuracy curves about resolution in space. A body lies so that the point that is touched is the
-//! origin (of a head, a point of its cheek). A ball, stiffly coupled to the haptic device, is pushed into it along -y
-//! (into a head along -z) and held there until everything is at rest.
+//! The scene of the accuracy curves about resolution in space. A ball is the tool: the haptic device leads it by the
+//! virtual coupling, a stiff spring and damper. The body is placed so that the ball touches it at the origin; a head is
+//! touched at a point of its cheek instead. The ball is pushed into the body along -y (into a head along -z) and held
+//! there until everything is at rest.
 
 use std::path::PathBuf;
 
@@ -25,9 +26,9 @@ pub const HEIGHT: f64 = 0.04;
 pub const HALF_WIDTH: f64 = 0.06;
 /// Gap between ball and body at the start, as a share of the press depth.
 const GAP: f64 = 0.1;
-/// Nodes within this distance of the base are attached to the fixed rigid core, m.
+/// Nodes within this distance of the base are attached to a fixed rigid core (rigid body inside the soft one), m.
 const ON_BASE: f64 = 1e-4;
-/// Point of the head near which a ball that comes along -z meets it, m.
+/// Point of the head near which a ball that comes along -z first touches the head, m.
 const CHEEK: DVec3 = DVec3::new(0.03, -0.02, 0.08);
 /// Young's modulus of the body, Pa.
 pub const YOUNG: f64 = 2e4;
@@ -66,7 +67,8 @@ pub enum Body {
     /// A body whose base, [`HEIGHT`] below the origin, is attached to a fixed rigid core: its skin, or surface mesh
     /// (`None`: the layer's boundary), and its layer, or tetrahedral mesh.
     Based(Option<Surface>, Layer),
-    /// The generated head, pressed in its cheek: number of skin vertices, and largest number of collision proxies.
+    /// The generated head, pressed in its cheek: number of skin vertices, and largest number of collision proxies
+    /// (convex hulls that select which parts may touch).
     Head(usize, Option<u32>),
 }
 
@@ -86,7 +88,7 @@ impl Press {
         }
     }
 
-    /// Centre of the ball at its full depth, m, and the body's outward direction, against which the ball is pushed.
+    /// Centre of the ball at its full depth, m, and the body's outward direction, opposite to which the ball is pushed.
     pub fn pressed(&self) -> (DVec3, DVec3) {
         let (touch, outward) = self.touch();
         (touch + (self.radius - self.depth) * outward, outward)
@@ -117,7 +119,8 @@ impl Press {
             scale: 1.0,
             repair: true,
         };
-        // The coupling is so stiff that the ball stays within a few micrometres of its desired position.
+        // The coupling is so stiff that the ball stays within a few micrometres of the position that the haptic device
+        // demands.
         let coupling = Coupling { stiffness: 1e6, damping: 2e3, angular_stiffness: 50.0, angular_damping: 1.0 };
         let mut scene = Scene {
             tool: Some(tool),

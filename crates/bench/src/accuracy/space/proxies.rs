@@ -1,5 +1,5 @@
-//! The curve `proxies` of `palpate bench accuracy`: the force must not depend on the number of collision proxies
-//! (convex hulls for the broad phase), since these only select which parts may touch.
+//! The curve `proxies` of `palpate bench accuracy`: the force on a ball that is pressed into a head must not depend on
+//! the number of collision proxies (convex hulls for the broad phase), since these only select which parts may touch.
 
 use palpate::Result;
 
@@ -8,17 +8,17 @@ use super::{at_rest, entrant, error_against, force};
 use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Judged, Settings};
 
-/// Largest numbers of convex hulls that are allowed, one for each setting.
+/// Largest numbers of convex hulls that a body may have, one for each setting.
 const HULLS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 /// Largest number of hulls of the reference, which is none of [`HULLS`].
 const REFERENCE: u32 = 40;
-/// Skin vertices of the head: in the whole benchmark and in its short form.
+/// Number of vertices of the head's skin (surface mesh): in the whole benchmark and in its short form.
 const VERTICES: [usize; 2] = [20_000, 8_000];
 /// Radius of the ball, m.
 const RADIUS: f64 = 0.02;
 /// Largest allowed relative error of the force with any number of hulls; only rounding may differ.
 const BOUND: f64 = 1e-3;
-/// Stages whose times are summed.
+/// Stages of a time step whose times are summed.
 const STAGES: &[&str] = &["cull"];
 
 /// Measures the force on a head with different numbers of collision proxies.

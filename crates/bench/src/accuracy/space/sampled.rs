@@ -1,6 +1,6 @@
-//! The error that a depth texture would cause, computed in f64 on the CPU. It compares contact depths as the paper
-//! finds them, from heights of both skins (surface meshes) sampled at the centres of texels, with depths found by exact
-//! rays, which the engine uses.
+//! The error that a depth texture would cause, computed in f64 on the CPU. Contact depths as in the paper of Galoppo
+//! and others (2007), from heights of both skins (surface meshes) sampled at the centres of texels, are compared with
+//! depths found by exact rays, which the engine uses.
 
 use glam::DVec3;
 use palpate_oracle::rays::Rays;
@@ -20,7 +20,7 @@ pub struct Pose<'a> {
 
 impl Pose<'_> {
     /// Volume of the overlap, m^3, with the depth at each vertex of the first skin found by a ray of its own: the sum
-    /// of depth times projected area, which is the force of a penalty contact over its stiffness.
+    /// of depth times projected area, which is the force of a penalty contact divided by its stiffness.
     pub fn exact(&self) -> f64 {
         let rays = Rays::new(self.normal, self.second.0, self.second.1);
         self.sum(|x| self.depth(&rays, x))
@@ -76,7 +76,7 @@ mod tests {
         let pose = Pose { first, second: (&block, &faces), normal: DVec3::NEG_Y };
         let cap = std::f64::consts::PI * depth * depth * (radius - depth / 3.0);
         let exact = pose.exact();
-        assert!((exact / cap - 1.0).abs() < 0.01, "overlap {exact} m^3, spherical cap {cap} m^3");
+        assert!((exact / cap - 1.0).abs() < 0.01, "overlap: {exact} m^3; spherical cap: {cap} m^3");
         let error = |texel: f64| (pose.sampled(texel) / exact - 1.0).abs();
         let errors = [0.008, 0.002, 0.0001].map(error);
         assert!(

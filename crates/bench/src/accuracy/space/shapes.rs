@@ -1,5 +1,5 @@
-//! Meshes for the presses of the accuracy curves: blocks whose cells are finest where the ball touches them, skins
-//! (surface meshes) of such blocks with any number of cells, a dome, and a ball.
+//! Meshes for the accuracy curves in which a ball is pressed into a body: blocks whose cells are finest where the ball
+//! touches them, skins (surface meshes) of such blocks with any number of cells, a dome, and a ball.
 
 use std::path::PathBuf;
 
@@ -9,8 +9,8 @@ use palpate::internal::prepare::layer::kuhn_box;
 
 use crate::meshes::{MeshFolder, Surface};
 
-/// Writes a tetrahedral block with its top at y = 0 and `cells` along each axis, [`graded`] by `grades`; returns the
-/// file's path.
+/// Writes a block of tetrahedra with its top at y = 0 and `cells` along each axis, [`graded`] by `grades`; returns the
+/// path of the file. `size`: half width along x, height, half width along z.
 pub fn graded_block(folder: &MeshFolder, name: &str, size: DVec3, cells: [u32; 3], grades: DVec3) -> Result<PathBuf> {
     let mut layer = kuhn_box(DVec3::new(-1.0, -1.0, -1.0), DVec3::new(1.0, 0.0, 1.0), cells);
     layer.nodes.iter_mut().for_each(|x| *x = block_point(*x, size, grades));
@@ -29,7 +29,7 @@ fn block_point(x: DVec3, size: DVec3, grades: DVec3) -> DVec3 {
     size * DVec3::new(graded(x.x, grades.x), graded(x.y, grades.y), graded(x.z, grades.z))
 }
 
-/// Surface of the block of [`graded_block`]; its shape does not depend on the number of cells.
+/// Surface of the block of [`graded_block`]; the shape of the surface does not depend on the number of cells.
 pub fn block_skin(size: DVec3, cells: [u32; 3], grades: DVec3) -> Surface {
     let (vertices, triangles) = unit_box(cells);
     let place = |x: &DVec3| block_point(DVec3::new(2.0 * x.x - 1.0, x.y - 1.0, 2.0 * x.z - 1.0), size, grades);
@@ -101,11 +101,11 @@ mod tests {
         let size = DVec3::new(0.04, 0.03, 0.05);
         let (vertices, triangles) = block_skin(size, [5, 4, 3], DVec3::new(2.0, 1.0, 0.0));
         let volume = properties(&vertices, &triangles).volume;
-        assert!((volume / (0.08 * 0.03 * 0.1) - 1.0).abs() < 1e-12, "volume {volume} m^3, expected 0.00024 m^3");
+        assert!((volume / (0.08 * 0.03 * 0.1) - 1.0).abs() < 1e-12, "volume: {volume} m^3, expected 0.00024 m^3");
         let (vertices, triangles) = ball(0.02, 24, 3.0);
         let sphere = 4.0 / 3.0 * std::f64::consts::PI * 8e-6;
         let volume = properties(&vertices, &triangles).volume;
-        assert!(volume < sphere && volume > 0.98 * sphere, "volume {volume} m^3, that of the sphere {sphere} m^3");
+        assert!(volume < sphere && volume > 0.98 * sphere, "volume: {volume} m^3; sphere: {sphere} m^3");
         let (vertices, triangles) = dome(0.02, 32);
         let volume = properties(&vertices, &triangles).volume;
         assert!(

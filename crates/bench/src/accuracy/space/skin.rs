@@ -1,6 +1,6 @@
-//! The curves `skin` and `sides` of `palpate bench accuracy`: how fine skins (surface meshes) must be. The shapes of
-//! block and ball stay the same and only the number of their skin vertices changes, so that the force should not
-//! change.
+//! The curves `skin` and `sides` of `palpate bench accuracy`: how fine the skins (surface meshes) of a block and of a
+//! ball that is pressed into it must be. The shapes of block and ball stay the same and only the number of their skin
+//! vertices changes, so that the force should not change.
 
 use std::path::PathBuf;
 
@@ -18,16 +18,16 @@ use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Expected, Point, Settings};
 use crate::meshes::MeshFolder;
 
-/// Cells across the block's skin, and along a quarter of the ball's girth.
+/// Numbers of cells across the block's skin, and along a quarter of the ball's girth.
 const CELLS: [u32; 6] = [6, 8, 12, 16, 24, 32];
-/// Cells of the two meshes from which the limit is extrapolated; both are finer than any of [`CELLS`].
+/// Numbers of cells of the two meshes from which the limit is extrapolated; both are finer than any of [`CELLS`].
 const REFERENCE: [u32; 2] = [40, 80];
-/// Cells of the other skin while one is varied. It is no divisor or multiple of the varied numbers, so that vertices of
-/// the two skins do not coincide.
+/// Number of cells of the other skin while one skin is varied. It is no divisor or multiple of the varied numbers, so
+/// that vertices of the two skins do not coincide.
 const OTHER: u32 = 44;
 /// Where the skins touch, their cells are finer than even ones by the factor 1 + this.
 const GRADE: f64 = 2.0;
-/// Cells across the layer.
+/// Number of cells across the layer, the block's tetrahedral mesh.
 const LAYER: u32 = 8;
 /// Order of convergence of the force in the size of the skin's cells.
 const ORDER: f64 = 2.0;
@@ -61,7 +61,8 @@ pub fn by_skin(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
              cells; each of the two lines is compared with its own limit.",
             scene()
         ),
-        span_reason: "each skin's contacts carry half of the force, so that coarse vertices of one spoil at most half"
+        span_reason: "each skin's contacts carry half of the force, so that coarse vertices of one skin spoil at \
+                      most half of it"
             .into(),
         ..curve(points)
     })
@@ -125,8 +126,8 @@ impl Line {
     }
 }
 
-/// The points of both lines, and the limit of the force on each, N; `is_shared`: the errors of both lines are relative
-/// to the first limit.
+/// The points of both lines, and the limit of the force on each line, N. The errors of both lines are relative to the
+/// first limit if `is_shared`, else to the limit of their own line.
 fn compared(
     lines: &[Line; 2],
     is_shared: bool,

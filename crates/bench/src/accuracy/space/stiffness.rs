@@ -1,5 +1,5 @@
-//! The curve `stiffness` of `palpate bench accuracy`: how stiff penalty contact must be. The force is compared with its
-//! limit for ever stiffer contact on the same mesh, and with Hertz's law.
+//! The curve `stiffness` of `palpate bench accuracy`: how stiff penalty contact must be when a ball is pressed into a
+//! block. The contact force is compared with its limit for ever stiffer contact on the same mesh, and with Hertz's law.
 
 use glam::DVec3;
 use palpate::Result;
@@ -16,26 +16,26 @@ use crate::meshes::MeshFolder;
 const STIFFNESSES: [f64; 10] = [1e4, 1e5, 1e6, 1e7, 3e7, 6e7, 1e8, 2e8, 3e8, 1e9];
 /// The two stiffnesses from which the limit is extrapolated, N/m^3.
 const LAST: [f64; 2] = [3e8, 1e9];
-/// Order of convergence in the reciprocal of the stiffness: the depth of a penalty contact is its pressure over its
-/// stiffness.
+/// Order of convergence of the force in the reciprocal of the contact stiffness: the depth of a penalty contact is its
+/// pressure over its stiffness.
 const ORDER: f64 = 1.0;
 /// Cells across the block: in the whole benchmark and in its short form.
 const CELLS: [u32; 2] = [16, 12];
 /// Cells across the two blocks from which the error of the mesh is extrapolated: in the whole benchmark and in its
 /// short form.
 const MESHES: [[u32; 2]; 2] = [[12, 24], [8, 12]];
-/// Where the ball touches, cells are finer than even ones by the factor 1 + this: the contact area is small, and
-/// several cells should lie under it.
+/// Where the ball touches the block, cells are finer than even ones by the factor 1 + this along each axis: the contact
+/// area is small, and several cells should lie under it.
 const GRADES: DVec3 = DVec3::new(2.0, 1.0, 2.0);
 /// Poisson's ratio; so low that elements hardly lock, since Hertz's law does not include locking.
 const POISSON: f64 = 0.3;
 /// Radius of the ball, m.
 const RADIUS: f64 = 0.06;
-/// Depth of the press, m; small compared with ball and block, as Hertz's law assumes.
+/// Depth to which the ball is pressed, m; small compared with ball and block, as Hertz's law assumes.
 const DEPTH: f64 = 0.001;
 /// Largest allowed relative error of the force with the stiffest contact, against the limit and against Hertz's law.
 const BOUND: f64 = 0.05;
-/// Stages whose times are summed.
+/// Stages of a time step whose times are summed.
 const STAGES: &[&str] = &["solve"];
 const LIMIT: &str = "against ever stiffer contact";
 const HERTZ: &str = "against Hertz's law";
@@ -79,7 +79,7 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
     let rules = settings.rules(STAGES, &options);
     let mut by_law = Vec::new();
     let mut points = race(entrants, &rules, watch, &mut |_, run| {
-        // Hertz's law is for a continuum, so that its force is multiplied by the factor by which the mesh is too stiff.
+        // Hertz's law is for a continuum, so its force is multiplied by the factor by which the mesh is too stiff.
         by_law.push(error_against(law * mesh, run).0);
         error_against(limit_force, run)
     })?;
@@ -125,8 +125,8 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
 }
 
 /// Force of a rigid ball pressed [`DEPTH`] into a layer of thickness [`HEIGHT`] bonded to a rigid base, N: Hertz's law
-/// times the series of Dimitriadis, Horkay, Maresca, Kachar and Chadwick (2002, equation 13) in x = sqrt(radius depth)
-/// / thickness.
+/// times a series in x, which is the square root of radius times depth, divided by the thickness (Dimitriadis, Horkay,
+/// Maresca, Kachar and Chadwick 2002, equation 13).
 fn hertz(radius: f64) -> f64 {
     let nu = POISSON;
     let a = -(1.2876 - 1.4678 * nu + 1.3442 * nu * nu) / (1.0 - nu);
@@ -149,11 +149,11 @@ mod tests {
         let ratio = hertz(0.06) / plain;
         assert!(
             (0.9..1.5).contains(&(ratio / 1.1)) && ratio > 1.1,
-            "force over that of Hertz's law without a base: {ratio}, expected 1.1 to 1.65"
+            "force divided by that of Hertz's law for a body of infinite depth: {ratio}, expected 1.1 to 1.65"
         );
         // The series at x = sqrt(6e-5) / 0.04, with its coefficients for nu = 0.3 computed by hand.
         let x: f64 = 6e-5f64.sqrt() / 0.04;
         let by_hand = 1.0 + 0.8806 * x + 0.7754 * x * x + 0.2298 * x.powi(3) - 0.296 * x.powi(4);
-        assert!((ratio - by_hand).abs() < 1e-3, "factor on Hertz's law: {ratio}, by hand {by_hand}");
+        assert!((ratio - by_hand).abs() < 1e-3, "factor on Hertz's law: {ratio}; by hand: {by_hand}");
     }
 }

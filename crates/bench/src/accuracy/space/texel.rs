@@ -1,6 +1,8 @@
-//! The curve `texel` of `palpate bench accuracy`: the cell size of the min-max depth grid (`contact.texel`) and the
-//! path of the depth stage (its implementation, by compute or by graphics) change the time, not the force. For
-//! comparison the curve also shows the error of depths sampled at texel centres, as in the paper.
+//! The curve `texel` of `palpate bench accuracy`. It shows that two choices change the computing time, not the force of
+//! a ball that is pressed into a head. One is the cell size (`contact.texel`) of the min-max depth grid, which keeps
+//! the least and greatest height of both skins (surface meshes) in each cell. The other is the path of the depth stage:
+//! its implementation by compute shaders or by the graphics pipeline. For comparison the curve also shows the error of
+//! depths sampled at texel centres, as in the paper of Galoppo and others (2007).
 
 use std::time::Instant;
 
@@ -21,19 +23,19 @@ const TEXELS: [f64; 6] = [1e-2, 5e-3, 3e-3, 2e-3, 1e-3, 5e-4];
 /// Texel sizes of the sampled depths, m.
 const SAMPLED: [f64; 7] = [1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4];
 const PATHS: [DepthPath; 2] = [DepthPath::Compute, DepthPath::Graphics];
-/// Skin vertices of the head: in the whole benchmark and in its short form.
+/// Number of vertices of the head's skin: in the whole benchmark and in its short form.
 const VERTICES: [usize; 2] = [20_000, 8_000];
 /// Radius of the ball, m.
 const RADIUS: f64 = 0.02;
-/// Stages whose times are summed.
+/// Stages of a time step whose times are summed.
 const STAGES: &[&str] = &["depth"];
 /// Largest allowed relative error of the engine's forces: in every step they must equal, bit for bit, the forces with
 /// the cell size that the engine chooses.
 const BOUND: f64 = 0.0;
-/// Title of the engine's panel; nothing is drawn there, since errors of zero have no logarithm.
+/// Title of the panel (plot) of the engine's forces; nothing is drawn there, since errors of zero have no logarithm.
 const ENGINE: &str = "the engine: exact rays, no error to draw";
-/// Title of the panel of sampled depths, which is not judged; its times are those of computing the force on the CPU,
-/// not of steps.
+/// Title of the panel of sampled depths, which is not judged. The times in it are those of computing one force on the
+/// CPU, not those of steps.
 const CPU: &str = "depths at the centres of texels, f64, CPU";
 
 /// Measures the depth stage with different cell sizes on both paths, and the error of sampled depths.

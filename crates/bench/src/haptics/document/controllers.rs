@@ -1,4 +1,5 @@
-//! The section of the haptics report that compares passivity controllers, which keep the hand from receiving energy.
+//! The section of the haptics report that compares passivity controllers, which keep the hand from receiving more
+//! energy than it gave.
 
 use palpate::Result;
 
@@ -7,10 +8,13 @@ use crate::haptics::controllers::SPEED;
 use crate::haptics::{Controlled, Controller};
 use crate::{Section, Table};
 
-/// A force counts as kept if it differs from that of the springs in equilibrium by at most this share.
+/// A controller counts as keeping a steady force if the force differs by at most this share from the force that the
+/// body and the virtual coupling (spring and damper between the haptic device and the simulation) would exert as
+/// springs in equilibrium.
 const WITHIN: f64 = 0.03;
 
-/// The section: the share of a steady force that each controller leaves, and the energy that the hand gains.
+/// The section with a table of all cases: the share of a steady force that each controller leaves, and the energy that
+/// the hand gains.
 pub fn controllers(all: &[Controlled]) -> Result<Section> {
     let heads = [
         "controller",

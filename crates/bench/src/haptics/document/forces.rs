@@ -1,5 +1,5 @@
 //! The sections of the haptics report about forces while a simulated person holds still, and about forces while
-//! sliding. A tick is one iteration of the haptic loop.
+//! sliding. A tick is one iteration of the haptic loop; a wrench is the contact wrench that a simulation step finds.
 
 use palpate::Result;
 
@@ -11,9 +11,9 @@ use crate::haptics::{Change, Changes, HoldResult, Met, Mode, Slid, Spread};
 use crate::plot::{Axis, Line, Logarithmic, Panel, lines, panels};
 use crate::{Section, Table};
 
-/// Smaller forces are drawn at this value, N, since the axis is logarithmic.
+/// Noise (standard deviation of a force) below this value is drawn at this value, N, since the axis is logarithmic.
 const DRAWN: f64 = 1e-6;
-/// The plot shows the last points of the slide, at most so many.
+/// Greatest number of points that the plot of a slide shows; earlier points are left out.
 const POINTS: usize = 60;
 
 fn name_of(met: Met) -> String {
@@ -69,8 +69,8 @@ pub fn holds(holds: &[HoldResult]) -> Result<Section> {
     })
 }
 
-/// The noisiest held force of all haptic devices at each rate, with a line for each mode (the way in which the loop
-/// uses wrenches); rates are in the order of the measurements.
+/// A plot with a line for each mode (way in which the loop uses wrenches): the noise of the noisiest held force among
+/// all haptic devices, against the rate of the simulation.
 fn noise(holds: &[HoldResult]) -> Panel {
     let short = [(Mode::Session, "session"), (Mode::Local, "local"), (Mode::Raw, "raw")];
     let line = |(mode, name)| {
@@ -103,7 +103,8 @@ fn hold_finding(holds: &[HoldResult]) -> String {
     format!("Number of forces that are still enough: {}.", Mode::ALL.map(of).join("; "))
 }
 
-/// How many of the forces are still, which one is the noisiest, and how many have vanished.
+/// Says how many of the forces are still (have no more noise than is allowed), which force is the noisiest, and how
+/// many forces have vanished.
 fn judged(forces: &[(&HoldResult, Spread)]) -> String {
     let still = forces.iter().filter(|(_, force)| is_still(force)).count();
     let there = || forces.iter().filter(|(_, force)| is_there(force));
@@ -117,7 +118,7 @@ fn judged(forces: &[(&HoldResult, Spread)]) -> String {
     format!("{still} of {}{worst}{gone}", forces.len())
 }
 
-/// The section about forces while sliding: how far they jump between ticks.
+/// The section about forces while sliding: how much they change from one tick to the next.
 pub fn slides(slides: &[Slid]) -> Result<Section> {
     let mut table = Table::new(["device", "rate, Hz", "loop", "force, N"]);
     for phase in ["touch", "slide"] {

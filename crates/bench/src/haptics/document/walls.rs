@@ -1,6 +1,6 @@
 //! The sections of the haptics report about the stiffest wall that the haptic loop renders without oscillating. The
-//! stiffness of that wall is called the limit; Gil's bound is the stiffest wall that is stable by the theory of Gil and
-//! others.
+//! stiffness of that wall is called the limit; Gil's bound is the stiffness of the stiffest wall that is stable by the
+//! theory of Gil and others.
 
 use palpate::Result;
 
@@ -10,10 +10,11 @@ use crate::haptics::{Limit, Width};
 use crate::plot::{Line, Logarithmic, Panel, panels};
 use crate::{Section, Table};
 
-/// A limit counts as beyond the range if it is at least this share of the stiffest wall that was tried.
+/// A limit counts as beyond the range of walls that were tried if it is at least this share of the greatest stiffness
+/// that was tried.
 const END: f64 = 0.999;
 
-/// Whether no limit was found within the range of walls that were tried.
+/// Whether the limit `stiffness` (N/m) is beyond the range of walls that were tried.
 fn is_above(stiffness: f64) -> bool {
     stiffness >= END * RANGE[1]
 }
@@ -30,7 +31,7 @@ fn from_to(limits: impl Iterator<Item = f64> + Clone) -> String {
     range(limits, newtons_a_metre)
 }
 
-/// The section about the stiffest wall by the wall's damping.
+/// The section about how the limit depends on the wall's damping.
 pub fn widths(widths: &[Width]) -> Result<Section> {
     let heads =
         ["device", "coupling", "wall's damping", "in a session", "no passivity control", "raw force", "felt, raw"];
@@ -92,7 +93,7 @@ fn width_finding(widths: &[Width]) -> String {
     )
 }
 
-/// The section about the stiffest wall by the delay of the force.
+/// The section about how the limit depends on the delay of the force.
 pub fn delays(limits: &[Limit]) -> Result<Section> {
     let x = |limit: &Limit| 1e3 * limit.delay + 0.5;
     Ok(Section {
@@ -109,7 +110,7 @@ pub fn delays(limits: &[Limit]) -> Result<Section> {
     })
 }
 
-/// The section about the stiffest wall by the simulation's rate.
+/// The section about how the limit depends on the rate of the simulation.
 pub fn rates(limits: &[Limit]) -> Result<Section> {
     Ok(Section {
         title: "How stiff a wall may be, by the simulation's rate".into(),
@@ -158,8 +159,8 @@ fn plot(limits: &[Limit], x: &str, at: impl Fn(&Limit) -> f64) -> Result<String>
     panels(&Logarithmic { x, y: "stiffest wall, N/m", level: None }, &drawn)
 }
 
-/// The limits in the easiest and in the hardest case (those with the greatest and the least bound of Gil), and how all
-/// limits compare with Gil's bound.
+/// Text that gives the limits in the easiest and in the hardest case (the cases with the greatest and with the least of
+/// Gil's bounds), and says how all limits compare with Gil's bounds.
 fn limits_finding(limits: &[Limit], of: impl Fn(&Limit) -> String) -> String {
     let Some((low, high)) = span(limits.iter().map(|limit| limit.gil)) else { return "nothing was measured.".into() };
     let at = |gil: f64| {

@@ -1,10 +1,11 @@
-//! Tests of the invariants of the stability matrix (many stiff and extreme simulations): each invariant is broken once,
-//! with a flag that excuses the break and without; a case (one simulation) that keeps all invariants passes.
+//! Tests of the invariants of the stability matrix (conditions that each of its many simulations, the cases, must
+//! keep): each invariant is broken once, with a flag (the engine's report of a problem) that excuses the break and
+//! without one; a case that keeps all invariants passes. A sample is the measurements of one step.
 
 use super::*;
 
-/// The start and ten steps, which keep every invariant: energy falls from 1 J, and contacts press with 0.5 N until
-/// shortly before the end.
+/// Samples of the start and of ten steps, which keep every invariant: energy falls from 1 J, and contacts press with
+/// 0.5 N until shortly before the end.
 fn kept() -> Vec<Sample> {
     let step = |k: usize| {
         let energy = 1.0 - 0.05 * k as f64;
@@ -30,7 +31,10 @@ fn what_keeps_every_invariant_passes() {
     assert_eq!(verdict_of(&samples), Verdict::Pass);
     let findings = judge(&samples, &PROMISE);
     assert_eq!(findings.len(), 11);
-    assert!(findings.iter().all(|f| f.broken.is_none() && f.in_words().is_none()), "findings: {findings:?}");
+    assert!(
+        findings.iter().all(|f| f.broken.is_none() && f.in_words().is_none()),
+        "no finding may be a broken invariant: {findings:?}"
+    );
 }
 
 #[test]
@@ -75,9 +79,9 @@ fn each_invariant_can_be_broken_and_a_flag_of_another_step_excuses_nothing() {
             let words = judge(&samples, &PROMISE).iter().find_map(Finding::in_words).unwrap();
             assert!(
                 words.starts_with(invariant.name()) && words.contains(&format!("step {step}")),
-                "finding in words: {words}"
+                "the text must begin with the invariant's name and contain the number of the step: {words}"
             );
-            assert!(words.contains(name), "the name of the flag is missing in: {words}");
+            assert!(words.contains(name), "the text must contain the name of the flag: {words}");
         }
     }
 }
@@ -96,7 +100,7 @@ fn the_worst_of_an_invariant_is_a_step_and_never_the_start() {
     let samples = kept();
     let energy = judge(&samples, &PROMISE).into_iter().find(|f| f.invariant == Invariant::Energy).unwrap();
     assert_eq!((energy.step, energy.bound), (1, ENERGY));
-    assert!((energy.worst + 0.05).abs() < 1e-12, "finding on energy: {energy:?}");
+    assert!((energy.worst + 0.05).abs() < 1e-12, "the worst change of energy must be -0.05 J: {energy:?}");
 }
 
 #[test]
@@ -122,7 +126,8 @@ fn a_flagged_step_excuses_no_later_one() {
     assert_eq!(verdict_of(&samples), Verdict::Degraded);
     samples[8].residual = 2e-3;
     assert_eq!(verdict_of(&samples), Verdict::Silent);
-    // Energy that a flagged step gained stays and is excused; energy gained on top of it is not.
+    // Energy that a flagged step gained stays in the body and is excused; energy that a later step gains on top of it
+    // is not.
     let mut samples = kept();
     samples.iter_mut().skip(6).for_each(|s| s.energy = 1.5);
     samples[6].flags = Flags::TURNS_TOO_FAR;
