@@ -125,9 +125,10 @@ fn integer(kind: &str) -> Option<Integer> {
         "unsigned_char" => (1, false),
         "short" => (2, true),
         "unsigned_short" => (2, false),
-        "int" | "vtktypeint32" => (4, true),
+        // VTK's writer stores vtkIdType in 32 bits, whatever its size in memory.
+        "int" | "vtktypeint32" | "vtkidtype" => (4, true),
         "unsigned_int" => (4, false),
-        "long" | "vtktypeint64" | "vtkidtype" => (8, true),
+        "long" | "vtktypeint64" => (8, true),
         _ => return None,
     };
     Some(Integer { bytes, signed })
@@ -215,10 +216,11 @@ mod tests {
 
     #[test]
     fn binary_numbers_of_every_size() {
-        let kinds: [(&str, &[u8]); 4] = [
+        let kinds: [(&str, &[u8]); 5] = [
             ("unsigned_char", &[9, 4, 251]),
             ("short", &[0, 9, 0, 4, 255, 251]),
             ("int", &[0, 0, 0, 9, 0, 0, 0, 4, 255, 255, 255, 251]),
+            ("vtkidtype", &[0, 0, 0, 9, 0, 0, 0, 4, 255, 255, 255, 251]),
             ("unsigned_int", &[0, 0, 0, 9, 0, 0, 0, 4, 255, 255, 255, 251]),
         ];
         for (kind, raw) in kinds {
