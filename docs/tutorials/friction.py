@@ -1,0 +1,20 @@
+"""Horizontal over vertical force of a trace while a body is dragged: python3 friction.py TRACE.csv OUT.csv"""
+
+import sys
+
+import numpy as np
+
+DRAGGED, SLIDING = 0.15, 0.35  # s
+
+
+def main(file, out):
+    trace = np.genfromtxt(file, delimiter=",", names=True)
+    trace = trace[trace["time_s"] > DRAGGED]
+    ratio = np.hypot(trace["force_x"], trace["force_z"]) / trace["force_y"]
+    print(f"at most {ratio.max():.3f}; from {SLIDING} s on {ratio[trace['time_s'] > SLIDING].mean():.3f}")
+    np.savetxt(out, np.column_stack([trace["time_s"], ratio]), delimiter=",", fmt="%.5g",
+               header="time (s),horizontal over vertical force", comments="")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
