@@ -1,7 +1,7 @@
 //! The scene as a user describes it: bodies, materials, tool and settings, and readers and writers of meshes. This
 //! module has neither GPU code nor the preparation of meshes.
 //!
-//! [`Scene::load`] reads a TOML file (the README shows every table) into plain types and checks it: every number is
+//! [`Scene::load`] reads a TOML file (docs/reference/scene.md lists every table) into plain types and checks it: every number is
 //! finite and in range, and every name refers to something that exists. [`SceneBuilder`] makes a scene piece by piece,
 //! from Rust values, from TOML tables or from meshes in memory. Units are SI; quaternions are x y z w.
 //!

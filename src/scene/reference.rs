@@ -190,8 +190,8 @@ pub const CONTACT: TableKeys = TableKeys {
 /// Keys of `[[body]]`.
 pub const BODY: TableKeys = TableKeys {
     heading: "[[body]]",
-    meaning: "A body: soft with a `layer`, rigid with a `surface` alone, or a `plane`. Lengths are in metres; boxes, \
-             spheres, nodes and probes are in the coordinates of the body's file, before scale and pose.",
+    meaning: "A body: soft with a `layer`, rigid with a `surface` alone, or a `plane`. The file's units are those \
+             of the body's mesh files, which `scale` turns into metres; the body's pose comes after that.",
     keys: &[
         key(
             "name",
@@ -241,7 +241,7 @@ pub const BODY: TableKeys = TableKeys {
             "`\"element\"` or `\"patch\"`",
             "\"element\"",
             "Volume over which the volumetric strain is constant: each tetrahedron, or a patch of tetrahedra (F-bar), \
-             which prevents locking as Poisson's ratio nears 0.5.",
+             which prevents locking as Poisson's ratio nears 0.5; not with the neo-Hookean law.",
         ),
         key(
             "collides",
@@ -318,7 +318,12 @@ pub const LAYER: TableKeys = TableKeys {
     heading: "layer = { .. }",
     meaning: "A tetrahedral mesh that is generated: cells that fill the surface, or a box.",
     keys: &[
-        key("cell", "m, > 0", ONE_OF, "Edge of the cells that fill the surface (isosurface stuffing)."),
+        key(
+            "cell",
+            "in the file's units, > 0",
+            ONE_OF,
+            "Edge of the cells that fill the surface (isosurface stuffing).",
+        ),
         key(
             "across",
             "1 to 1000",
@@ -333,11 +338,11 @@ pub const LAYER: TableKeys = TableKeys {
         ),
         key(
             "thickness",
-            "m, > 0",
+            "in the file's units, > 0",
             "(the whole inside)",
             "Thickness of a shell below the surface; what is deeper stays empty.",
         ),
-        key("box", "[[x, y, z], [x, y, z]], m", ONE_OF, "Least and greatest corner of a box."),
+        key("box", "[[x, y, z], [x, y, z]], in the file's units", ONE_OF, "Least and greatest corner of a box."),
         key(
             "cells",
             "[i, j, k]",
@@ -378,8 +383,13 @@ pub const REGION: TableKeys = TableKeys {
             "A group of the layer's file: a physical group of volumes of Gmsh, the first attribute of TetGen, or the \
              cell data `group` of VTK (else its first array of whole numbers).",
         ),
-        key("box", "[[x, y, z], [x, y, z]], m", ONE_OF, "The tetrahedra whose centroid lies in a box."),
-        key("sphere", "[x, y, z, r], m", ONE_OF, "The tetrahedra whose centroid lies in a sphere."),
+        key(
+            "box",
+            "[[x, y, z], [x, y, z]], in the file's units",
+            ONE_OF,
+            "The tetrahedra whose centroid lies in a box.",
+        ),
+        key("sphere", "[x, y, z, r], in the file's units", ONE_OF, "The tetrahedra whose centroid lies in a sphere."),
         key("material", "table", REQUIRED, "The material of the region."),
     ],
 };
@@ -415,7 +425,7 @@ pub const HINGE: TableKeys = TableKeys {
     heading: "hinge = { .. }",
     meaning: "A line fixed in the world.",
     keys: &[
-        key("point", "[x, y, z], m", REQUIRED, "A point of the line, in the coordinates of `bind`."),
+        key("point", "[x, y, z], in the file's units", REQUIRED, "A point of the line, in the coordinates of `bind`."),
         key("axis", "[x, y, z]", REQUIRED, "Direction of the line, in the coordinates of `bind`."),
     ],
 };
@@ -425,9 +435,9 @@ pub const BIND: TableKeys = TableKeys {
     heading: "bind = { .. }",
     meaning: "The nodes that are attached to a core.",
     keys: &[
-        key("inset", "m, >= 0", ONE_OF, "Nodes that lie at least so deep below the surface."),
-        key("box", "[[x, y, z], [x, y, z]], m", ONE_OF, "Nodes in a box."),
-        key("sphere", "[x, y, z, r], m", ONE_OF, "Nodes in a sphere."),
+        key("inset", "in the file's units, >= 0", ONE_OF, "Nodes that lie at least so deep below the surface."),
+        key("box", "[[x, y, z], [x, y, z]], in the file's units", ONE_OF, "Nodes in a box."),
+        key("sphere", "[x, y, z, r], in the file's units", ONE_OF, "Nodes in a sphere."),
         key("nodes", "array of numbers", ONE_OF, "Nodes by their number in the layer's file, from 0."),
         key("all", "true", ONE_OF, "All nodes."),
     ],
@@ -439,7 +449,12 @@ pub const JOINT: TableKeys = TableKeys {
     meaning: "A ball joint between two cores, one of them dynamic. Joints between dynamic cores must not form loops.",
     keys: &[
         key("cores", "two names", REQUIRED, "The two cores; the second turns about the first."),
-        key("point", "[x, y, z], m", REQUIRED, "Where they are joined, in the coordinates of `bind`."),
+        key(
+            "point",
+            "[x, y, z], in the file's units",
+            REQUIRED,
+            "Where they are joined, in the coordinates of `bind`.",
+        ),
         key(
             "axis",
             "[x, y, z]",
@@ -624,7 +639,7 @@ pub const PROBE: TableKeys = TableKeys {
     keys: &[
         key("name", "a name", REQUIRED, "Begins the names of its columns."),
         key("body", "a name", REQUIRED, "The body whose skin it is on."),
-        key("nearest", "[x, y, z], m", REQUIRED, "The vertex nearest to this point."),
+        key("nearest", "[x, y, z], in the file's units", REQUIRED, "The vertex nearest to this point."),
     ],
 };
 
@@ -644,10 +659,10 @@ pub const BONE: TableKeys = TableKeys {
     keys: &[
         key("name", "a name", REQUIRED, "Name of the bone."),
         key("parent", "a name", "(none: a root)", "A bone before this one."),
-        key("joint", "[x, y, z], m", REQUIRED, "Where the bone turns about its parent."),
-        key("ends", "[[x, y, z], [x, y, z]], m", REQUIRED, "Ends of the capsule's axis."),
-        key("radius", "m, > 0", ONE_OF, "Radius of the capsule."),
-        key("radii", "[r, r], m", ONE_OF, "Radii at the two ends."),
+        key("joint", "[x, y, z], in the file's units", REQUIRED, "Where the bone turns about its parent."),
+        key("ends", "[[x, y, z], [x, y, z]], in the file's units", REQUIRED, "Ends of the capsule's axis."),
+        key("radius", "in the file's units, > 0", ONE_OF, "Radius of the capsule."),
+        key("radii", "[r, r], in the file's units", ONE_OF, "Radii at the two ends."),
         key("stiffness", "N m/rad, >= 0", "0.0", "Stiffness towards the pose at rest."),
         key("damping", "N m s/rad, >= 0", "0.0", "Damping of the relative rotation."),
         key("swing", "rad, > 0, < pi", "(no limit)", "How far the axis may turn from its direction at rest."),

@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use super::*;
 use crate::Result;
 
-/// An example of a scene file, with the tables that the README describes.
+/// An example of a scene file, with the tables that docs/reference/scene.md lists.
 const EXAMPLE: &str = r#"[step]
 dt = 0.001                      # s
 gravity = [0.0, -9.81, 0.0]     # m/s^2

@@ -80,8 +80,8 @@ pub struct palpate_core {
     pub motion: u32,
     /// Name of the core, different from those of the body's other cores.
     pub name: *const c_char,
-    /// Keyframes of a driven core, `key_count` of them: poses of the centre of mass of the part of the body that is
-    /// attached to the core. Null for other cores.
+    /// Keyframes of a driven core, `key_count` of them: world poses of the body's own coordinates, as in a scene file:
+    /// a key that equals the body's position and orientation leaves the core where it is at rest. Null for other cores.
     pub keys: *const palpate_key,
     /// Number of elements of `keys`.
     pub key_count: usize,

@@ -86,7 +86,7 @@ pub struct palpate_haptic_device {
     /// release.
     pub close: Option<unsafe extern "C" fn(user: *mut c_void)>,
     /// Name of the profile, which holds the limits of the device: "scripted", "premium", "touch", "omega.x", "delta.6",
-    /// "sigma.7", "falcon", "inverse3", "minverse" or "mouse" (README, "The hand"). Null: the scene's
+    /// "sigma.7", "falcon", "inverse3", "minverse" or "mouse" (docs/reference/scene.md). Null: the scene's
     /// `haptics.profile`.
     pub profile: *const c_char,
 }

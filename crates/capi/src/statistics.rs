@@ -12,7 +12,7 @@ use super::{handles, sized};
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_stage {
-    /// Name of the stage, as in the README: "pose", "cull", "skin", "depth", "contact", "elastic", "solve", "wrench"
+    /// Name of the stage, as in docs/understanding/step.md: "pose", "cull", "skin", "depth", "contact", "elastic", "solve", "wrench"
     /// and so on. In every second timed step, "pose to contact" stands for the first five of these stages, which are
     /// then timed together.
     pub name: [c_char; 32],

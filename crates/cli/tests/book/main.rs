@@ -31,7 +31,7 @@ const SEEN: [&str; 8] = ["assets", "examples", "docs", "crates", "src", "vk-test
 /// Rings and sectors of the closed surface `my-organ.obj`, and its radius, m.
 const ORGAN: (u32, u32, f64) = (40, 50, 0.025);
 /// What the message about a missing haptic device contains.
-const NO_DEVICE: &str = "haptics.haply";
+const NO_DEVICE: &str = "the haptic device is lost";
 
 /// A fenced block of code, or a command in running text.
 struct Code {
@@ -137,7 +137,7 @@ fn organ() -> String {
 }
 
 /// Scripts in `bin`, first on the path, and at the root of `folder`, that stand in for what commands name:
-/// - `palpate` is the program of this build; `view` shows two steps, since nobody closes its window;
+/// - `palpate` is the program of this build; `view` ends after a second, since nobody closes its window;
 /// - `cargo run --release -- ..` is that program; other calls of cargo, which would build the repository again, only have
 ///   their tests' and packages' names checked;
 /// - `python3` is one that has NumPy;
@@ -150,7 +150,7 @@ fn stand_ins(folder: &Path, bin: &Path) {
     executable(
         &bin.join("palpate"),
         &format!(
-            "#!/bin/bash\nif [ \"${{1-}}\" = view ]; then\n  case \" $* \" in *' --steps '*) ;; *) set -- \"$@\" --steps 2 ;; esac\nfi\n\
+            "#!/bin/bash\nif [ \"${{1-}}\" = view ]; then\n  case \" $* \" in *' --steps '*|*' --seconds '*) ;; *) set -- \"$@\" --seconds 1 ;; esac\nfi\n\
              exec {program} \"$@\"\n"
         ),
     );

@@ -1,0 +1,34 @@
+"""Presents the trials of a two-interval forced choice on a haptic device: python3 ask.py FOLDER PARTICIPANT [DEVICE]
+
+Writes PARTICIPANT.csv, a line NUMBER,FIRST,SECOND,ANSWER a trial, and a recording of every interval."""
+
+import csv
+import subprocess
+import sys
+from pathlib import Path
+
+SECONDS = "4"  # of an interval
+
+
+def main(folder, participant, device="haply"):
+    recordings = Path(folder) / participant
+    recordings.mkdir(exist_ok=True)
+    with open(f"{folder}/trials.csv") as file:
+        trials = list(csv.reader(file))
+    with open(f"{folder}/{participant}.csv", "w") as results:
+        for number, trial in enumerate(trials, 1):
+            for interval, sample in enumerate(trial, 1):
+                print(f"Trial {number} of {len(trials)}, sample {interval}: press into it", flush=True)
+                name = recordings / f"{number}-{interval}"
+                command = ["palpate", "run", f"{folder}/{sample}.toml", "--haptics", device, "--seconds", SECONDS]
+                command += ["--record", f"{name}.palpate", "--out", name]
+                subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+            answer = ""
+            while answer not in ("1", "2"):
+                answer = input("Which was stiffer, 1 or 2? ")
+            results.write(f"{number},{trial[0]},{trial[1]},{answer}\n")
+            results.flush()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
