@@ -24,11 +24,13 @@ pub enum Overlay {
     Energy,
     /// Displacement of nodes as colours.
     Displacement,
+    /// Materials of bodies and of their material regions as colours, on the tetrahedral mesh (layer) cut open.
+    Materials,
 }
 
 impl Overlay {
-    /// Every overlay with its name; its key is its number in this list, from 1.
-    pub const ALL: [(Overlay, &'static str); 9] = [
+    /// Every overlay with its name; its key is its number in this list, from 1; that of the tenth is 0.
+    pub const ALL: [(Overlay, &'static str); 10] = [
         (Overlay::Pressure, "pressure"),
         (Overlay::Depth, "depth"),
         (Overlay::Arrows, "force and torque"),
@@ -38,10 +40,12 @@ impl Overlay {
         (Overlay::Cores, "cores and bones"),
         (Overlay::Energy, "strain energy"),
         (Overlay::Displacement, "displacement"),
+        (Overlay::Materials, "materials"),
     ];
 
-    /// Overlays that colour the skin; only one of them is shown at a time.
-    const COLOURS: [Overlay; 4] = [Overlay::Pressure, Overlay::Depth, Overlay::Energy, Overlay::Displacement];
+    /// Overlays that colour the bodies; only one of them is shown at a time.
+    pub const COLOURS: [Overlay; 5] =
+        [Overlay::Pressure, Overlay::Depth, Overlay::Energy, Overlay::Displacement, Overlay::Materials];
 }
 
 /// A set of overlays that are shown.
@@ -65,6 +69,11 @@ impl Overlays {
         all.iter().fold(Overlays::default(), show)
     }
 
+    /// Whether tetrahedral meshes (layers) are shown, cut open, in place of the skins (surface meshes) of soft bodies.
+    pub fn opens_layers(self) -> bool {
+        self.has(Overlay::Layer) || self.has(Overlay::Materials)
+    }
+
     /// The scalar field that skins are coloured by.
     pub fn field(self) -> Option<Field> {
         let all = [
@@ -76,7 +85,7 @@ impl Overlays {
         all.into_iter().find(|(overlay, _)| self.has(*overlay)).map(|(_, field)| field)
     }
 
-    /// Shows or hides an overlay. One that colours the skin hides the others that do.
+    /// Shows or hides an overlay. One that colours the bodies hides the others that do.
     pub fn toggle(&mut self, overlay: Overlay) {
         let had = self.has(overlay);
         if Overlay::COLOURS.contains(&overlay) {
@@ -98,7 +107,8 @@ mod tests {
             assert!(shown.has(overlay));
         }
         let left = Overlay::ALL.into_iter().filter(|(overlay, _)| shown.has(*overlay)).count();
-        assert_eq!(left, 6, "one of the four colourings, and the five others");
+        assert_eq!(left, 6, "one of the five colourings, and the five others");
+        assert!(shown.opens_layers() && Overlays::of(&[Overlay::Materials]).opens_layers());
         shown.toggle(Overlay::Displacement);
         shown.toggle(Overlay::Arrows);
         assert!(!shown.has(Overlay::Displacement) && !shown.has(Overlay::Arrows) && shown.has(Overlay::Cores));
