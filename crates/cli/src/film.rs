@@ -131,9 +131,9 @@ impl Look {
         let shown = Overlays::of(&self.show);
         match CHOICES.iter().find(|(_, overlay)| self.show.contains(overlay) && !shown.has(*overlay)) {
             None => Ok(shown),
-            Some((name, _)) => {
-                Err(Error::Usage(format!("--show {name}: show only one of pressure, depth, energy, displacement and materials")))
-            }
+            Some((name, _)) => Err(Error::Usage(format!(
+                "--show {name}: show only one of pressure, depth, energy, displacement and materials"
+            ))),
         }
     }
 

@@ -64,16 +64,15 @@ pub fn coloured(simulation: &Simulation) -> Vec<Coloured> {
         let name = shortened(&of.name);
         let names = (0..materials.len()).map(|index| match (index, is_divided) {
             (0, false) => name.clone(),
-            (0, true) => format!("{name}, elsewhere"),
+            (0, true) => format!("{name}, own material"),
             _ => format!("{name}, {}", region_name(of, index)),
         });
         let all = names.zip(materials).enumerate();
         all.map(|(index, (name, material))| (body, index, name, material.young)).collect::<Vec<_>>()
     };
     let all = simulation.scene().bodies.iter().enumerate().flat_map(of_body);
-    let paint = |(place, (body, index, name, young)): (usize, _)| {
-        Coloured { body, index, colour: colour(place), name, young }
-    };
+    let paint =
+        |(place, (body, index, name, young)): (usize, _)| Coloured { body, index, colour: colour(place), name, young };
     all.enumerate().map(paint).collect()
 }
 
@@ -105,8 +104,7 @@ mod tests {
 
     /// A linear colour in CIELAB.
     fn lab(colour: [f64; 3]) -> [f64; 3] {
-        const XYZ: [[f64; 3]; 3] =
-            [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]];
+        const XYZ: [[f64; 3]; 3] = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]];
         let white = times(&XYZ, [1.0; 3]);
         let xyz = times(&XYZ, colour.map(|c| c.clamp(0.0, 1.0)));
         let [x, y, z] = [0, 1, 2].map(|k| {
