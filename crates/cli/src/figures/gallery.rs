@@ -28,28 +28,28 @@ pub const GALLERY: [Figure; 8] = [
     figure(
         "lump",
         "gallery-lump",
-        &[one("lump", 0.45, &[Overlay::Materials, Overlay::Arrows], [20.0, 18.0, 1.5], [0.0; 3])],
+        &[one("lump", 0.45, &[Overlay::Materials, Overlay::Arrows], [20.0, 18.0, 1.15], [0.0, -0.01, 0.0])],
     ),
     figure(
         "forearm",
         "gallery-forearm",
-        &[one("forearm", 0.4, &[Overlay::Materials, Overlay::Cores, Overlay::Arrows], [35.0, 18.0, 1.4], [0.0; 3])],
+        &[one("forearm", 0.4, &[Overlay::Materials, Overlay::Cores, Overlay::Arrows], [25.0, 18.0, 1.2], [0.0; 3])],
     ),
     figure(
         "two-bodies",
         "gallery-two-bodies",
         &[one("two-bodies", 0.5, &[Overlay::Materials], [20.0, 12.0, 1.2], [0.0; 3])],
     ),
-    figure("gears", "gallery-gears", &[one("gears", 0.5, &[Overlay::Energy], [15.0, 20.0, 1.7], [0.0; 3])]),
+    figure("gears", "gallery-gears", &[one("gears", 0.5, &[Overlay::Energy], [15.0, 20.0, 1.15], [0.0; 3])]),
     figure(
         "pad-in-hand",
         "gallery-pad-in-hand",
-        &[one("pad-in-hand", 0.4, &[Overlay::Energy, Overlay::Arrows], [50.0, 20.0, 2.0], [0.0, 0.0, 0.1])],
+        &[one("pad-in-hand", 0.4, &[Overlay::Arrows], [65.0, 18.0, 1.6], [0.0, 0.0, 0.07])],
     ),
     figure(
         "finger",
         "gallery-finger",
-        &[one("finger", 0.5, &[Overlay::Cores, Overlay::Arrows], [20.0, 15.0, 1.3], [0.0; 3])],
+        &[one("finger", 0.5, &[Overlay::Cores, Overlay::Arrows], [20.0, 15.0, 0.95], [0.0, -0.012, 0.0])],
     ),
     figure(
         "drag",
