@@ -22,7 +22,9 @@ def main(folder, participant, device="haply"):
                 name = recordings / f"{number}-{interval}"
                 command = ["palpate", "run", f"{folder}/{sample}.toml", "--haptics", device, "--seconds", SECONDS]
                 command += ["--record", f"{name}.palpate", "--out", name]
-                subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+                status = subprocess.run(command, stdout=subprocess.DEVNULL).returncode
+                if status != 0:
+                    sys.exit(status)
             answer = ""
             while answer not in ("1", "2"):
                 answer = input("Which was stiffer, 1 or 2? ")

@@ -26,7 +26,8 @@ def main(table, picture, label):
     (x0, x1), (y0, y1) = ((np.nanmin(a), np.nanmax(a)) for a in (x, np.append(columns, 0.0)))
     to_x = lambda v: LEFT + (v - x0) / (x1 - x0) * (WIDTH - LEFT - RIGHT)
     to_y = lambda v: HEIGHT - BOTTOM - (v - y0) / (y1 - y0) * (HEIGHT - TOP - BOTTOM)
-    svg = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" font-size="13">',
+    svg = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}"',
+           ' font-family="sans-serif" font-size="13">',
            f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>']
     text = lambda x, y, words, more: svg.append(f'<text x="{x:.0f}" y="{y:.0f}" {more}>{words}</text>')
     for v in ticks(x0, x1):

@@ -130,6 +130,37 @@ fn proxies_ride_on_their_frames() {
     assert!(messages.is_empty(), "{messages:#?}");
 }
 
+/// Every triangle of a part is a face of a tetrahedron that has the part's material, and all parts together are the whole
+/// mesh.
+#[test]
+fn the_parts_of_a_layer_go_by_material() {
+    let text = std::fs::read_to_string("crates/cli/tests/golden/parts.toml").unwrap();
+    let mut simulation = open(&scene(&text), None);
+    let mesh = simulation.overlay(Overlay::Layers(Field::StrainEnergy), DVec3::ZERO).unwrap();
+    let (places, triangles) = read(&mesh, DVec3::ZERO);
+    check_parts(&mesh, &triangles);
+    let named: Vec<_> = mesh.parts.iter().map(|part| (part.body, part.name.as_str(), part.material)).collect();
+    let slab = [(0, "skin", 0), (0, "cut", 0), (0, "skin", 1), (0, "cut", 1), (0, "skin", 2), (0, "cut", 2)];
+    assert_eq!(named, [&slab[..], &[(1, "skin", 0), (1, "cut", 0)]].concat());
+    expect_closed("two layers", &places, &triangles);
+    // Only the sphere (material 1) has no face on the boundary of the slab.
+    for part in mesh.parts.iter() {
+        let is_hidden = (part.body, part.name.as_str(), part.material) == (0, "skin", 1);
+        assert_eq!(part.triangles.is_empty(), is_hidden, "{part:?}");
+    }
+    let Shape::Soft { layer, materials, .. } = &simulation.bodies()[0].shape else { panic!("rigid") };
+    let now = simulation.node_positions(0).unwrap();
+    let node_of = |x: DVec3| (0..now.len()).min_by(|a, b| now[*a].distance(x).total_cmp(&now[*b].distance(x))).unwrap();
+    for part in mesh.parts.iter().filter(|part| part.body == 0) {
+        for triangle in of(part, &triangles) {
+            let nodes = triangle.map(|v| node_of(places[v as usize]) as u32);
+            let around = layer.tetrahedra.iter().enumerate().filter(|(_, t)| nodes.iter().all(|node| t.contains(node)));
+            let found: Vec<usize> = around.map(|(t, _)| materials.index(t)).collect();
+            assert!(found.contains(&part.material), "a face of material {} lies between {found:?}", part.material);
+        }
+    }
+}
+
 #[test]
 fn a_layer_is_cut_open_where_its_nodes_are() {
     let (mut simulation, origin) = pressed();

@@ -1,7 +1,9 @@
-//! `palpate figures`: renders the README's images, each after a figure of the paper (Galoppo et al. 2007), from the
-//! scenes of this repository.
+//! `palpate figures`: renders the README's images, each after a figure of the paper (Galoppo et al. 2007), and those of
+//! the gallery, from the scenes of this repository.
 
-use std::path::PathBuf;
+mod gallery;
+
+use std::path::{Path, PathBuf};
 
 use clap::builder::NonEmptyStringValueParser;
 use glam::DVec3;
@@ -19,13 +21,16 @@ pub struct Arguments {
     /// Directory to write the images into
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Folder of the scene files
-    #[arg(long, value_name = "DIR", default_value = "assets/scenes")]
-    scenes: PathBuf,
-    /// Numbers of the figures to render [default: all]
-    #[arg(long, value_name = "N,..", value_delimiter = ',')]
-    only: Vec<u32>,
-    /// Vulkan device: its name, or its index in the list of `palpate devices`
+    /// Folder of the scenes [default: assets/scenes for the paper's figures, assets/gallery for the gallery]
+    #[arg(long, value_name = "DIR")]
+    scenes: Option<PathBuf>,
+    /// Figures to render: numbers of the paper's, names of scenes of the gallery [default: all of the paper's]
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',', conflicts_with = "gallery")]
+    only: Vec<String>,
+    /// Render all pictures of the gallery instead of the paper's figures
+    #[arg(long)]
+    gallery: bool,
+    /// Vulkan device, by name or by index in `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
 }
@@ -41,12 +46,18 @@ struct Shot {
     aside: [f64; 3],
     /// Width and height, pixels.
     size: [u32; 2],
+    /// Whether the simulated time stands in a corner.
+    shows_time: bool,
 }
 
 /// A figure: images side by side.
 struct Figure {
-    number: u32,
+    /// By what name `--only` asks for it.
     name: &'static str,
+    /// Its file's name without the ending.
+    file: &'static str,
+    /// Folder of its scenes, unless another one is given.
+    scenes: &'static str,
     shots: &'static [Shot],
 }
 
@@ -58,13 +69,17 @@ const fn shot(
     aside: [f64; 3],
     size: [u32; 2],
 ) -> Shot {
-    Shot { scene, time, shown, from: View { yaw, pitch, nearer }, aside, size }
+    Shot { scene, time, shown, from: View { yaw, pitch, nearer }, aside, size, shows_time: false }
 }
+
+/// Folder of the scenes of the paper's figures.
+const PAPER: &str = "assets/scenes";
 
 const FIGURES: [Figure; 6] = [
     Figure {
-        number: 1,
-        name: "touched-head",
+        name: "1",
+        file: "figure-1-touched-head",
+        scenes: PAPER,
         shots: &[
             shot("touch-head", 0.3, &[], [25.0, 8.0, 1.1], [0.0; 3], [560, 560]),
             shot(
@@ -78,8 +93,9 @@ const FIGURES: [Figure; 6] = [
         ],
     },
     Figure {
-        number: 2,
-        name: "layers",
+        name: "2",
+        file: "figure-2-layers",
+        scenes: PAPER,
         shots: &[
             shot("touch-head", 0.0, &[Overlay::Proxies], [25.0, 8.0, 1.1], [0.0; 3], [427, 480]),
             shot("touch-head", 0.0, &[Overlay::Layer, Overlay::Cores], [25.0, 8.0, 1.1], [0.0; 3], [427, 480]),
@@ -87,8 +103,9 @@ const FIGURES: [Figure; 6] = [
         ],
     },
     Figure {
-        number: 4,
-        name: "contact",
+        name: "4",
+        file: "figure-4-contact",
+        scenes: PAPER,
         shots: &[
             shot("two-heads", 0.1, &[Overlay::Proxies], [60.0, 10.0, 1.0], [0.0; 3], [427, 480]),
             shot("two-heads", 0.1, &[Overlay::Cores, Overlay::ContactPatches], [60.0, 10.0, 1.0], [0.0; 3], [427, 480]),
@@ -96,24 +113,27 @@ const FIGURES: [Figure; 6] = [
         ],
     },
     Figure {
-        number: 5,
-        name: "two-heads",
+        name: "5",
+        file: "figure-5-two-heads",
+        scenes: PAPER,
         shots: &[
             shot("two-heads", 0.0, &[], [70.0, 8.0, 1.3], [0.0; 3], [640, 480]),
             shot("two-heads", 0.14, &[Overlay::Displacement], [70.0, 8.0, 1.3], [0.0; 3], [640, 480]),
         ],
     },
     Figure {
-        number: 6,
-        name: "gears",
+        name: "6",
+        file: "figure-6-gears",
+        scenes: PAPER,
         shots: &[
             shot("gears", 0.2, &[], [20.0, 12.0, 1.2], [0.0; 3], [640, 480]),
             shot("gears", 0.2, &[Overlay::Energy], [5.0, 5.0, 3.4], [0.0; 3], [640, 480]),
         ],
     },
     Figure {
-        number: 7,
-        name: "pumpkins-and-human",
+        name: "7",
+        file: "figure-7-pumpkins-and-human",
+        scenes: PAPER,
         shots: &[
             shot("pumpkins", 0.0, &[], [20.0, 10.0, 0.95], [0.0; 3], [427, 480]),
             shot("pumpkins", 0.25, &[], [20.0, 10.0, 0.95], [0.0; 3], [427, 480]),
@@ -122,38 +142,51 @@ const FIGURES: [Figure; 6] = [
     },
 ];
 
-/// Renders all figures, or only those with the numbers that `--only` gives.
-pub fn figures(arguments: &Arguments) -> Result<()> {
-    let known = FIGURES.map(|figure| figure.number);
-    if let Some(number) = arguments.only.iter().find(|number| !known.contains(number)) {
-        return Err(Error::Usage(format!("--only {number}: there is no such figure; give some of {known:?}")));
+/// The figures that are asked for. Errors: a name that no figure has.
+fn wanted(arguments: &Arguments) -> Result<Vec<&'static Figure>> {
+    if arguments.gallery {
+        return Ok(gallery::GALLERY.iter().collect());
     }
-    let wanted = |figure: &&Figure| arguments.only.is_empty() || arguments.only.contains(&figure.number);
-    let wanted: Vec<&Figure> = FIGURES.iter().filter(wanted).collect();
+    if arguments.only.is_empty() {
+        return Ok(FIGURES.iter().collect());
+    }
+    let known = || FIGURES.iter().chain(&gallery::GALLERY);
+    if let Some(name) = arguments.only.iter().find(|name| known().all(|figure| figure.name != **name)) {
+        let names: Vec<&str> = known().map(|figure| figure.name).collect();
+        return Err(Error::Usage(format!("--only {name}: there is no such figure; give some of {}", names.join(", "))));
+    }
+    Ok(known().filter(|figure| arguments.only.iter().any(|name| name == figure.name)).collect())
+}
+
+/// Renders the figures that are asked for.
+pub fn figures(arguments: &Arguments) -> Result<()> {
+    let wanted = wanted(arguments)?;
     let mut output = Output::create(&arguments.out)?;
     let bar = ProgressBar::new(wanted.iter().map(|figure| figure.shots.len() as u64).sum());
     let bar = bar.with_finish(ProgressFinish::AndClear);
     for figure in wanted {
         let take = |shot: &Shot| {
-            let picture = take(shot, arguments);
+            let scenes = arguments.scenes.as_deref().unwrap_or(Path::new(figure.scenes));
+            let picture = take(shot, scenes, arguments);
             bar.inc(1);
             picture
         };
         let pictures: Vec<Picture> = figure.shots.iter().map(take).collect::<Result<_>>()?;
         let whole = Picture::beside(&pictures);
-        output.write(&format!("figure-{}-{}.png", figure.number, figure.name), |w| whole.write_png(w))?;
+        output.write(&format!("{}.png", figure.file), |w| whole.write_png(w))?;
     }
     output.commit()
 }
 
-fn take(shot: &Shot, arguments: &Arguments) -> Result<Picture> {
-    let scene = Scene::load(&arguments.scenes.join(format!("{}.toml", shot.scene)))?;
+fn take(shot: &Shot, scenes: &Path, arguments: &Arguments) -> Result<Picture> {
+    let scene = Scene::load(&scenes.join(format!("{}.toml", shot.scene)))?;
     let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::of_program() };
     let mut simulation = Simulation::open(&scene, &options)?;
     let mut studio = Studio::new(&mut simulation, Settings { size: shot.size, samples: SAMPLES })?;
     shot.from.aim(&mut studio);
     studio.camera.target += DVec3::from(shot.aside);
     studio.shown = Overlays::of(shot.shown);
+    studio.shows_time = shot.shows_time;
     while simulation.time() + 0.5 * scene.step.dt < shot.time {
         simulation.step()?;
     }

@@ -20,8 +20,10 @@ pub const SIZE: [u32; 2] = [1280, 720];
 const LARGEST: u32 = 16_384;
 /// Greatest number of images in a film.
 const MOST_PICTURES: f64 = 1e5;
+/// Endings of the names of videos and of other animated images, which are refused.
+const VIDEOS: [&str; 6] = ["mp4", "gif", "webm", "avi", "mov", "mkv"];
 /// Overlays that `--show` accepts, by name.
-const CHOICES: [(&str, Overlay); 9] = [
+const CHOICES: [(&str, Overlay); 10] = [
     ("pressure", Overlay::Pressure),
     ("depth", Overlay::Depth),
     ("force", Overlay::Arrows),
@@ -31,6 +33,7 @@ const CHOICES: [(&str, Overlay); 9] = [
     ("cores", Overlay::Cores),
     ("energy", Overlay::Energy),
     ("displacement", Overlay::Displacement),
+    ("materials", Overlay::Materials),
 ];
 
 /// Options of `palpate film`.
@@ -70,11 +73,14 @@ pub struct Look {
     /// Point that the camera looks at, m [default: the middle of all bodies]
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
     at: Option<glam::DVec3>,
-    /// What to show besides the skins (surface meshes): at most one of pressure, depth, energy, displacement (drawn as
-    /// colours), and any of force (arrows), proxies (convex collision hulls), regions (contact patches), layer
-    /// (tetrahedra, cut open), cores (rigid cores of soft bodies)
+    /// What to show besides the skins (surface meshes): one of pressure, depth, energy, displacement, materials (as
+    /// colours; materials on the tetrahedra, cut open); and force (arrows), proxies (convex collision hulls), regions
+    /// (contact patches), layer (tetrahedra, cut open), cores (rigid cores of soft bodies)
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = overlay)]
     show: Vec<Overlay>,
+    /// Leave out the simulated time in the images' upper left corner
+    #[arg(long)]
+    no_time: bool,
 }
 
 /// Camera of an image.
@@ -127,9 +133,9 @@ impl Look {
         let shown = Overlays::of(&self.show);
         match CHOICES.iter().find(|(_, overlay)| self.show.contains(overlay) && !shown.has(*overlay)) {
             None => Ok(shown),
-            Some((name, _)) => {
-                Err(Error::Usage(format!("--show {name}: show only one of pressure, depth, energy and displacement")))
-            }
+            Some((name, _)) => Err(Error::Usage(format!(
+                "--show {name}: show only one of pressure, depth, energy, displacement and materials"
+            ))),
         }
     }
 
@@ -139,7 +145,7 @@ impl Look {
 
     /// Whether any of these options was given.
     pub fn is_asked_for(&self) -> bool {
-        self.size.is_some() || self.camera.is_some() || self.at.is_some() || !self.show.is_empty()
+        self.size.is_some() || self.camera.is_some() || self.at.is_some() || !self.show.is_empty() || self.no_time
     }
 
     /// A studio (renderer without a window) that makes images of a simulation with these options.
@@ -147,6 +153,7 @@ impl Look {
         let shown = self.shown()?;
         let mut studio = Studio::new(simulation, Settings { size: self.size(), samples: SAMPLES })?;
         studio.shown = shown;
+        studio.shows_time = !self.no_time;
         if let Some(view) = self.camera {
             view.aim(&mut studio);
         }
@@ -170,6 +177,7 @@ impl View {
 /// Renders the film or the folder of images.
 pub fn film(arguments: &Arguments) -> Result<()> {
     arguments.look.shown()?;
+    refuse_video(arguments)?;
     let scene = Scene::load(&arguments.scene)?;
     let duration = arguments.seconds.unwrap_or(scene.duration());
     let apart = arguments.speed / f64::from(arguments.fps);
@@ -209,6 +217,23 @@ pub fn film(arguments: &Arguments) -> Result<()> {
         }
     }
     output.commit()
+}
+
+/// Refuses names of videos and GIF images, which are not written.
+fn refuse_video(arguments: &Arguments) -> Result<()> {
+    let out = arguments.out.display();
+    let end = arguments.out.extension().and_then(|end| end.to_str()).unwrap_or_default().to_ascii_lowercase();
+    if !VIDEOS.contains(&end.as_str()) {
+        return Ok(());
+    }
+    let remedy = "give FILE.apng, or a directory of images and then";
+    let fps = arguments.fps;
+    // Most players need this pixel format, which needs an even width and height.
+    let pixels = if end == "gif" { "" } else { " -vf 'pad=ceil(iw/2)*2:ceil(ih/2)*2' -pix_fmt yuv420p" };
+    Err(Error::Usage(format!(
+        "--out {out}: films in the format .{end} are not written; {remedy}: \
+         ffmpeg -framerate {fps} -i DIRECTORY/frame-%05d.png{pixels} {out}"
+    )))
 }
 
 /// The folder to write into, and the file's name if the film is one animated image.

@@ -169,7 +169,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.look.shown()?;
     #[cfg(feature = "view")]
     if arguments.snapshot.is_none() && arguments.look.is_asked_for() {
-        let what = "--size, --camera, --at and --show apply to images only, and none are requested";
+        let what = "--size, --camera, --at, --show and --no-time apply to images only, and none are requested";
         return Err(palpate::Error::Usage(format!("{what}: give --snapshot N as well")));
     }
     let mut scene = Scene::load(&arguments.scene)?;

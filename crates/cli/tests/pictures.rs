@@ -12,31 +12,22 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use glam::DVec3;
-use image_compare::Algorithm;
 use image_compare::prelude::{ImageBuffer, Rgb, RgbImage};
 use palpate::{Options, Scene, Simulation, Threads};
 use palpate_view::picture::Picture;
 use palpate_view::{Overlay, Overlays, Settings, Studio};
 use tempfile::TempDir;
 
+#[path = "harness/likeness.rs"]
+mod likeness;
 #[path = "../../../vk-tests/harness/spoil.rs"]
 mod spoil;
 
+use likeness::{ALIKE, likeness, read};
+
 /// Width and height of the images, pixels.
 const SIZE: [u32; 2] = [480, 270];
-/// Side, in pixels, of the squares whose mean colours are compared; the mean removes noise of single pixels, which no
-/// viewer sees.
-const BLUR: u32 = 3;
-/// Width and height of a tile, in squares of [`BLUR`] pixels. Images are compared tile by tile, and the least similar
-/// tile decides, because a contact patch is a small part of an image.
-const TILE: [u32; 2] = [16, 15];
-/// Two images count as alike if the structural similarity (Wang et al. 2004) of each tile, in its worst colour channel,
-/// is no less than this. Noise of 1/255 lowers it from 1 to 0.94 (the crate `image_compare` sums variances over a
-/// window where the paper takes their mean, which is stricter); a turn of the camera by two degrees lowers it to 0.8.
-const ALIKE: f64 = 0.87;
-
-/// A golden image: its name, and the scene, number of steps, camera and overlays (what is shown besides the surfaces of
-/// the bodies) with which it is rendered.
+/// A golden image: the scene and the camera that it is made with.
 struct Golden {
     name: &'static str,
     scene: &'static str,
@@ -49,7 +40,7 @@ struct Golden {
     aside: [f64; 3],
 }
 
-const GOLDEN: [Golden; 8] = [
+const GOLDEN: [Golden; 9] = [
     Golden { name: "head", scene: "touch", steps: 60, shown: &[], from: [25.0, 12.0, 1.0], aside: [0.0; 3] },
     Golden {
         name: "pressure",
@@ -100,6 +91,14 @@ const GOLDEN: [Golden; 8] = [
         from: [20.0, 10.0, 1.0],
         aside: [0.0; 3],
     },
+    Golden {
+        name: "materials",
+        scene: "parts",
+        steps: 10,
+        shown: &[Overlay::Materials],
+        from: [25.0, 20.0, 1.0],
+        aside: [0.0; 3],
+    },
 ];
 
 fn golden_folder() -> PathBuf {
@@ -138,48 +137,10 @@ fn image(picture: &Picture) -> RgbImage {
     ImageBuffer::from_raw(picture.width, picture.height, picture.rgb()).unwrap()
 }
 
-fn read(file: &Path) -> RgbImage {
-    let decoder =
-        png::Decoder::new(BufReader::new(fs::File::open(file).unwrap_or_else(|e| panic!("{}: {e}", file.display()))));
-    let mut reader = decoder.read_info().unwrap();
-    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
-    let info = reader.next_frame(&mut bytes).unwrap();
-    assert_eq!(info.color_type, png::ColorType::Rgb);
-    ImageBuffer::from_raw(info.width, info.height, bytes).unwrap()
-}
-
-/// A smaller image, in which each pixel is the mean of a square of the given image with a side of [`BLUR`] pixels.
-fn blurred(image: &RgbImage) -> RgbImage {
-    RgbImage::from_fn(SIZE[0] / BLUR, SIZE[1] / BLUR, |x, y| {
-        let pixels = (0..BLUR * BLUR).map(|k| image.get_pixel(BLUR * x + k % BLUR, BLUR * y + k / BLUR));
-        let mut sums = [0; 3];
-        pixels.for_each(|pixel| (0..3).for_each(|c| sums[c] += u32::from(pixel[c])));
-        Rgb(sums.map(|sum| ((sum + BLUR * BLUR / 2) / (BLUR * BLUR)) as u8))
-    })
-}
-
-/// Structural similarity of two images in their least similar tile; 1 if the images are equal.
-fn likeness(a: &RgbImage, b: &RgbImage) -> f64 {
-    assert_eq!((a.dimensions(), b.dimensions()), (SIZE.into(), SIZE.into()));
-    let (a, b) = (blurred(a), blurred(b));
-    let part = |of: &RgbImage, left: u32, top: u32| {
-        RgbImage::from_fn(TILE[0], TILE[1], |x, y| *of.get_pixel(left + x, top + y))
-    };
-    let mut least = 1.0f64;
-    for top in (0..a.height()).step_by(TILE[1] as usize) {
-        for left in (0..a.width()).step_by(TILE[0] as usize) {
-            let [a, b] = [part(&a, left, top), part(&b, left, top)];
-            let alike = image_compare::rgb_similarity_structure(&Algorithm::MSSIMSimple, &a, &b).unwrap();
-            least = least.min(alike.score);
-        }
-    }
-    least
-}
-
 #[test]
 fn pictures_look_like_the_golden_ones() {
     let is_written = std::env::var_os("PALPATE_WRITE_GOLDEN").is_some();
-    for scene in ["touch", "fine", "pair"] {
+    for scene in ["touch", "fine", "pair", "parts"] {
         let all: Vec<&Golden> = GOLDEN.iter().filter(|golden| golden.scene == scene).collect();
         let steps = all[0].steps;
         assert!(all.iter().all(|golden| golden.steps == steps));
@@ -383,7 +344,30 @@ fn films_are_the_same_every_time() {
     assert_eq!(names(folder.path()), ["frames", "one.apng", "scene.toml", "slow.apng", "two.png"]);
 }
 
-/// The rows of a trace (`trace.csv`: a row per step) without the column `step_us`, the computing time of the step.
+#[test]
+fn films_tell_the_time_in_a_corner() {
+    let folder = folder();
+    let film = |out: &str, more: &[&str]| {
+        let look = ["--size", "480x270", "--fps", "100", "--seconds", "0.01", "--camera", "25,12,0.5"];
+        succeed(folder.path(), &[&["film", "scene.toml", "--out", out][..], &look, more].concat());
+        // A folder may have a dot in its name, if the ending is none of a video.
+        [0, 1].map(|k| read(&folder.path().join(format!("{out}/frame-{k:05}.png"))))
+    };
+    let (with, without) = (film("with.time", &[]), film("without", &["--no-time"]));
+    let is_in_corner = |x: u32, y: u32| x < 100 && y < 35;
+    for (with, without) in with.iter().zip(&without) {
+        let changed = with.enumerate_pixels().filter(|(x, y, pixel)| *pixel != without.get_pixel(*x, *y));
+        let changed: Vec<(u32, u32)> = changed.map(|(x, y, _)| (x, y)).collect();
+        assert!(changed.len() > 200, "only {} pixels tell the time", changed.len());
+        assert!(changed.iter().all(|(x, y)| is_in_corner(*x, *y)), "the time is outside of its corner");
+    }
+    let differ = |[a, b]: &[RgbImage; 2]| {
+        a.enumerate_pixels().any(|(x, y, pixel)| is_in_corner(x, y) && pixel != b.get_pixel(x, y))
+    };
+    assert!(differ(&with) && !differ(&without), "the time must change from image to image, and nothing else there");
+}
+
+/// A trace without the column of the steps' times.
 fn untimed(file: &Path) -> Vec<Vec<String>> {
     let mut reader = csv::Reader::from_path(file).unwrap();
     let timed = reader.headers().unwrap().iter().position(|name| name == "step_us").unwrap();
@@ -398,7 +382,7 @@ fn snapshots_leave_the_trace_as_it_is() {
     let folder = folder();
     let run = ["run", "scene.toml", "--steps", "30", "--out"];
     succeed(folder.path(), &[&run[..], &["without"]].concat());
-    let look = ["--snapshot", "10", "--size", "96x54", "--show", "depth,force,layer,cores,regions,proxies"];
+    let look = ["--snapshot", "10", "--size", "96x54", "--show", "materials,force,layer,cores,regions,proxies"];
     succeed(folder.path(), &[&run[..], &["with"], &look].concat());
     let [without, with] = ["without", "with"].map(|name| folder.path().join(name));
     let trace = untimed(&without.join("trace.csv"));
@@ -422,6 +406,7 @@ fn a_snapshot_is_what_the_studio_takes() {
     let [_, golden, ..] = &GOLDEN;
     golden.aim(&mut studio);
     let at = studio.camera.target.to_array().map(|x| format!("{x:?}")).join(",");
+    studio.shows_time = true;
     let taken = image(&studio.picture(&mut simulation).unwrap());
     let folder = tempfile::tempdir().unwrap();
     let scene = golden_folder().join("touch.toml");
@@ -465,6 +450,7 @@ fn what_cannot_be_pictured_is_refused_in_one_line() {
         (&["--show", "nonsense"], "give some of pressure, depth, force"),
         (&["--show", ""], "give some of pressure, depth, force"),
         (&["--show", "depth,pressure"], "show only one of pressure, depth"),
+        (&["--show", "materials,depth"], "show only one of pressure, depth"),
         (&["--camera", "x"], "give two angles in degrees"),
         (&["--camera", "1,2,0"], "give two angles in degrees"),
         (&["--camera", "1,2,3,4"], "give two angles in degrees"),
@@ -504,7 +490,17 @@ fn what_cannot_be_pictured_is_refused_in_one_line() {
         assert!(message.contains(words), "options {more:?}: wrong error: {message}");
     }
     let message = refusal(folder, &["figures", "--out", "out", "--only", "3"]);
-    assert!(message.contains("give some of [1, 2, 4, 5, 6, 7]"), "wrong error: {message}");
+    assert!(message.contains("give some of 1, 2, 4, 5, 6, 7, lump, forearm"), "wrong error: {message}");
+    let message = refusal(folder, &["figures", "--out", "out", "--only", "lump", "--gallery"]);
+    assert!(message.contains("--gallery"), "wrong error: {message}");
+    for name in ["x.mp4", "x.gif", "x.WebM", "x.avi", "x.mov", "x.mkv", "sub/x.mp4"] {
+        let message = refusal(folder, &["film", "scene.toml", "--out", name, "--fps", "30"]);
+        assert!(message.contains(name) && message.contains("give FILE.apng"), "--out {name}: {message}");
+        let command = "ffmpeg -framerate 30 -i DIRECTORY/frame-%05d.png";
+        assert!(message.contains(command) && message.trim_end().ends_with(name), "--out {name}: {message}");
+    }
+    let message = refusal(folder, &["run", "scene.toml", "--steps", "1", "--no-time"]);
+    assert!(message.contains("give --snapshot N"), "wrong error: {message}");
     let message = refusal(folder, &["figures", "--out", "out", "--only", "1", "--scenes", "nowhere"]);
     assert!(message.contains("touch-head.toml"), "wrong error: {message}");
     assert_eq!(fs::read_to_string(folder.join("file")).unwrap(), "mine");

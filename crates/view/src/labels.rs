@@ -1,4 +1,5 @@
-//! The legend, which is drawn onto a rendered image and says what the image's colours and arrows stand for.
+//! The legend of a rendered image: what its colours and arrows stand for, drawn onto it; and a text in its upper left
+//! corner, such as the simulated time.
 
 use std::sync::Arc;
 
@@ -18,12 +19,18 @@ use super::tessellated;
 /// Height of an image, pixels, up to which a point (unit of length of egui, the user interface library) is one pixel;
 /// on higher images the legend is scaled up.
 const PLAIN: f32 = 720.0;
-/// Sizes in points: margin between the legend and the image's edge, width and height of the colour bar, height of the
-/// letters.
+/// Sizes in points: margin of the legend to the image's edge, the colour bar, the
+/// square in a material's colour, margin of the text in the corner, the letters.
 const EDGE: f32 = 18.0;
 const BAR: Vec2 = Vec2::new(230.0, 12.0);
+const SWATCH: f32 = 13.0;
+const CORNER: f32 = 10.0;
 const LETTERS: f32 = 15.0;
-/// Colour of the legend's background, which keeps the letters legible over any image, and colour of the letters.
+/// Distance between the feet of two lines, points.
+const LINE: f32 = 1.35 * LETTERS;
+/// Greatest number of materials that the legend names; how many more there are is said in a line of its own.
+const MATERIALS: usize = 16;
+/// Colours of the legend's background, which keeps the letters legible over any image, and of the letters.
 const PAPER: Color32 = Color32::from_rgba_premultiplied(190, 191, 193, 200);
 const INK: Color32 = Color32::from_rgb(40, 42, 48);
 
@@ -40,11 +47,11 @@ impl Labels {
         Ok(Labels { egui: egui::Context::default(), painter: Painter::new(context)?, atlas: Atlas::default() })
     }
 
-    /// The recording of GPU commands that draw the legend onto an image with one sample per pixel; `None` if the image
-    /// needs no legend. The GPU must have finished the recording that the call before this one returned.
+    /// The recording that draws the legend onto an image with one sample a pixel; `None` if there is nothing to
+    /// explain and the corner is empty. The GPU must have finished the recording returned before.
     pub fn paint(&mut self, moment: &Moment, legend: &Legend, image: &Image) -> Result<Option<Recording>> {
         let lines = lines(moment, legend);
-        if lines.is_empty() && legend.field.is_none() {
+        if lines.is_empty() && legend.field.is_none() && moment.corner.is_none() {
             return Ok(None);
         }
         let size = image.size();
@@ -58,7 +65,10 @@ impl Labels {
         for _ in 0..rounds {
             let output = self.egui.run_ui(input.clone(), |ui| {
                 let painter = ui.ctx().layer_painter(egui::LayerId::background());
-                write(&painter, screen, &lines, legend);
+                if !lines.is_empty() || legend.field.is_some() {
+                    write(&painter, screen, &lines, legend);
+                }
+                moment.corner.iter().for_each(|text| write_corner(&painter, screen, text));
             });
             if tessellated::update(&mut self.atlas, &output.textures_delta) {
                 self.painter.set_atlas(&self.atlas)?;
@@ -70,33 +80,76 @@ impl Labels {
     }
 }
 
-/// The legend's lines about the force and the torque on the tool, with the colours of the lines.
-fn lines(moment: &Moment, legend: &Legend) -> Vec<(Color32, String)> {
-    if !moment.shown.has(Overlay::Arrows) || moment.tool.is_none() {
-        return Vec::new();
+/// A line of the legend.
+struct Line {
+    /// Colour of the square in front of the text; `None`: there is no square.
+    swatch: Option<Color32>,
+    /// Colour of the text.
+    ink: Color32,
+    text: String,
+}
+
+/// The legend's lines on materials, then those on force and torque.
+fn lines(moment: &Moment, legend: &Legend) -> Vec<Line> {
+    let mut lines = materials(moment);
+    if moment.shown.has(Overlay::Arrows) && moment.tool.is_some() {
+        lines.extend(arrows(moment, legend));
     }
+    lines
+}
+
+/// The legend's lines on materials, each with a square in the material's colour.
+fn materials(moment: &Moment) -> Vec<Line> {
+    let named = moment.materials.iter().take(MATERIALS).map(|material| {
+        let [r, g, b] = material.colour;
+        let text = format!("{}: {}", material.name, with_unit(material.young, "Pa"));
+        Line { swatch: Some(Color32::from_rgb(r, g, b)), ink: INK, text }
+    });
+    let more = moment.materials.len().saturating_sub(MATERIALS);
+    let rest = (more > 0).then(|| Line { swatch: None, ink: INK, text: format!("and {more} more materials") });
+    named.chain(rest).collect()
+}
+
+/// The legend's lines on force and torque, in the colours of the arrows.
+fn arrows(moment: &Moment, legend: &Legend) -> [Line; 2] {
     let line = |name: &str, x: f64, high: f64, unit: &str| {
         let longest = if high > 0.0 { format!(" (longest arrow {})", with_unit(high, unit)) } else { String::new() };
         format!("{name} {}{longest}", with_unit(x, unit))
     };
-    vec![
-        (Color32::from_rgb(200, 50, 40), line("force", moment.force.length(), legend.force, "N")),
-        (Color32::from_rgb(70, 80, 190), line("torque", moment.torque.length(), legend.torque, "N m")),
+    let of = |ink: Color32, text: String| Line { swatch: None, ink, text };
+    [
+        of(Color32::from_rgb(200, 50, 40), line("force", moment.force.length(), legend.force, "N")),
+        of(Color32::from_rgb(70, 80, 190), line("torque", moment.torque.length(), legend.torque, "N m")),
     ]
 }
 
-fn write(painter: &egui::Painter, screen: Rect, lines: &[(Color32, String)], legend: &Legend) {
+/// Writes the text of the upper left corner.
+fn write_corner(painter: &egui::Painter, screen: Rect, text: &str) {
+    let text = painter.layout_no_wrap(text.into(), FontId::proportional(LETTERS), INK);
+    let at = screen.left_top() + Vec2::splat(CORNER);
+    painter.rect_filled(Rect::from_min_size(at, text.size()).expand(4.0), 3.0, PAPER);
+    painter.galley(at, text, INK);
+}
+
+/// Writes the legend into the lower left corner.
+fn write(painter: &egui::Painter, screen: Rect, lines: &[Line], legend: &Legend) {
     let font = FontId::proportional(LETTERS);
     let mut at = Pos2::new(EDGE, screen.bottom() - EDGE);
     let scale = if legend.field.is_some() { 2.7 * LETTERS + BAR.y + 4.0 } else { 0.0 };
-    let height = 1.35 * LETTERS * lines.len() as f32 + scale;
-    let width = lines.iter().map(|(_, line)| painter.layout_no_wrap(line.clone(), font.clone(), INK).size().x);
+    let height = LINE * lines.len() as f32 + scale;
+    let indent = |line: &Line| if line.swatch.is_some() { LINE } else { 0.0 };
+    let width =
+        lines.iter().map(|line| indent(line) + painter.layout_no_wrap(line.text.clone(), font.clone(), INK).size().x);
     let width = width.fold(if legend.field.is_some() { BAR.x } else { 0.0 }, f32::max);
     let behind = Rect::from_min_max(at - Vec2::new(0.0, height), at + Vec2::new(width, 0.0)).expand(8.0);
     painter.rect_filled(behind, 4.0, PAPER);
-    for (colour, line) in lines.iter().rev() {
-        painter.text(at, Align2::LEFT_BOTTOM, line, font.clone(), *colour);
-        at.y -= 1.35 * LETTERS;
+    for line in lines.iter().rev() {
+        if let Some(colour) = line.swatch {
+            let square = Rect::from_min_size(at - Vec2::new(0.0, LETTERS), Vec2::splat(SWATCH));
+            painter.rect_filled(square, 2.0, colour);
+        }
+        painter.text(at + Vec2::new(indent(line), 0.0), Align2::LEFT_BOTTOM, &line.text, font.clone(), line.ink);
+        at.y -= LINE;
     }
     let Some((field, high)) = legend.field else { return };
     if high == 0.0 {
@@ -108,7 +161,7 @@ fn write(painter: &egui::Painter, screen: Rect, lines: &[(Color32, String)], leg
         let place = Pos2::new(at.x + share * BAR.x, at.y);
         painter.text(place, align, tick(field, f64::from(share) * high), font.clone(), INK);
     }
-    at.y -= 1.35 * LETTERS + BAR.y;
+    at.y -= LINE + BAR.y;
     let steps = 64;
     for k in 0..steps {
         let colour = map(field).eval_rational(k, steps);

@@ -5,6 +5,7 @@ use palpate::internal::gpu::Buffer;
 use palpate::internal::step::{self, ContactPatchRectangle, Field, FieldValues, Mesh};
 use palpate::{Result, Simulation};
 
+use super::materials::{self, Coloured};
 use super::overlay::{Overlay, Overlays};
 
 /// A simulation as it was when [`Moment::of`] was called. The arrays that it refers to keep their content until
@@ -17,6 +18,8 @@ pub struct Moment {
     pub tool: Option<DVec3>,
     /// Position of the haptic device that holds the tool, m; set by a caller that knows this position.
     pub device: Option<DVec3>,
+    /// Text in the image's upper left corner, such as the simulated time; set by a caller that wants one: see [`clock`].
+    pub corner: Option<String>,
     /// Contact force on the tool, N.
     pub force: DVec3,
     /// Contact torque on the tool about its centre, N m.
@@ -31,6 +34,14 @@ pub struct Moment {
     pub(super) field: Option<FieldValues>,
     pub(super) meshes: Vec<(step::Overlay, Mesh)>,
     pub(super) contact_patches: Vec<ContactPatchRectangle>,
+    /// The materials of soft bodies with their colours; empty unless they are shown.
+    pub(super) materials: Vec<Coloured>,
+}
+
+/// The simulated time as text, in as many digits as a step needs, three at least: `t = 0.125 s`.
+pub fn clock(simulation: &Simulation) -> String {
+    let digits = (-simulation.scene().step.dt.log10()).ceil().clamp(3.0, 9.0) as usize;
+    format!("t = {:.digits$} s", simulation.time())
 }
 
 impl Moment {
@@ -42,13 +53,13 @@ impl Moment {
         let field = shown.field().map(|field| simulation.field(field)).transpose()?;
         let layers = step::Overlay::Layers(shown.field().unwrap_or(Field::StrainEnergy));
         let wanted = [
-            (Overlay::Proxies, step::Overlay::Proxies),
-            (Overlay::Layer, layers),
-            (Overlay::Cores, step::Overlay::Cores),
-            (Overlay::Cores, step::Overlay::Bones),
+            (shown.has(Overlay::Proxies), step::Overlay::Proxies),
+            (shown.opens_layers(), layers),
+            (shown.has(Overlay::Cores), step::Overlay::Cores),
+            (shown.has(Overlay::Cores), step::Overlay::Bones),
         ];
         let mut meshes = Vec::new();
-        for (_, overlay) in wanted.into_iter().filter(|(overlay, _)| shown.has(*overlay)) {
+        for (_, overlay) in wanted.into_iter().filter(|(is_wanted, _)| *is_wanted) {
             let mesh = simulation.overlay(overlay, origin)?;
             if mesh.triangle_count > 0 {
                 meshes.push((overlay, mesh));
@@ -63,6 +74,8 @@ impl Moment {
             shown,
             tool,
             device: None,
+            corner: None,
+            materials: if shown.has(Overlay::Materials) { materials::coloured(simulation) } else { Vec::new() },
             force: wrench.force,
             torque: wrench.torque,
             positions,

@@ -25,11 +25,13 @@ pub enum Overlay {
     Energy,
     /// Displacement of the layer's nodes as colours.
     Displacement,
+    /// Materials of bodies and of their material regions as colours, on the tetrahedral mesh (layer) cut open.
+    Materials,
 }
 
 impl Overlay {
-    /// Every overlay with its name. The key that toggles an overlay is the overlay's number in this list, from 1.
-    pub const ALL: [(Overlay, &'static str); 9] = [
+    /// Every overlay with its name; its key is its number in this list, from 1; that of the tenth is 0.
+    pub const ALL: [(Overlay, &'static str); 10] = [
         (Overlay::Pressure, "pressure"),
         (Overlay::Depth, "depth"),
         (Overlay::Arrows, "force and torque"),
@@ -39,10 +41,12 @@ impl Overlay {
         (Overlay::Cores, "cores and bones"),
         (Overlay::Energy, "strain energy"),
         (Overlay::Displacement, "displacement"),
+        (Overlay::Materials, "materials"),
     ];
 
-    /// Overlays that colour the skins; at most one of them is shown at a time.
-    const COLOURS: [Overlay; 4] = [Overlay::Pressure, Overlay::Depth, Overlay::Energy, Overlay::Displacement];
+    /// Overlays that colour the bodies; only one of them is shown at a time.
+    pub const COLOURS: [Overlay; 5] =
+        [Overlay::Pressure, Overlay::Depth, Overlay::Energy, Overlay::Displacement, Overlay::Materials];
 }
 
 /// The set of the overlays that are shown.
@@ -66,7 +70,12 @@ impl Overlays {
         all.iter().fold(Overlays::default(), show)
     }
 
-    /// The scalar field that skins are coloured by; `None` if no shown overlay colours them.
+    /// Whether tetrahedral meshes (layers) are shown, cut open, in place of the skins (surface meshes) of soft bodies.
+    pub fn opens_layers(self) -> bool {
+        self.has(Overlay::Layer) || self.has(Overlay::Materials)
+    }
+
+    /// The scalar field that skins are coloured by.
     pub fn field(self) -> Option<Field> {
         let all = [
             (Overlay::Pressure, Field::Pressure),
@@ -77,8 +86,7 @@ impl Overlays {
         all.into_iter().find(|(overlay, _)| self.has(*overlay)).map(|(_, field)| field)
     }
 
-    /// Shows an overlay that is hidden, hides one that is shown. An overlay that colours the skins hides the others
-    /// that colour them.
+    /// Shows or hides an overlay. One that colours the bodies hides the others that do.
     pub fn toggle(&mut self, overlay: Overlay) {
         let had = self.has(overlay);
         if Overlay::COLOURS.contains(&overlay) {
@@ -100,7 +108,8 @@ mod tests {
             assert!(shown.has(overlay));
         }
         let left = Overlay::ALL.into_iter().filter(|(overlay, _)| shown.has(*overlay)).count();
-        assert_eq!(left, 6, "one of the four overlays that colour skins must stay, and the five others");
+        assert_eq!(left, 6, "one of the five colourings, and the five others");
+        assert!(shown.opens_layers() && Overlays::of(&[Overlay::Materials]).opens_layers());
         shown.toggle(Overlay::Displacement);
         shown.toggle(Overlay::Arrows);
         assert!(!shown.has(Overlay::Displacement) && !shown.has(Overlay::Arrows) && shown.has(Overlay::Cores));

@@ -122,7 +122,7 @@ impl Source<'_> {
     fn skins(&self, pieces: &mut Pieces) {
         let shown = self.moment.shown;
         for part in self.skins {
-            let is_replaced = part.is_soft && shown.has(Overlay::Layer) || shown.has(Overlay::Proxies) && !part.is_tool;
+            let is_replaced = part.is_soft && shown.opens_layers() || shown.has(Overlay::Proxies) && !part.is_tool;
             if is_replaced {
                 continue;
             }
@@ -156,12 +156,13 @@ impl Source<'_> {
             };
             for part in mesh.parts.iter() {
                 let body = Material::body(part.body);
+                let own = self.moment.materials.iter().find(|own| (own.body, own.index) == (part.body, part.material));
                 let (style, material) = match overlay {
                     step::Overlay::Proxies => (Style::Solid, body.with(flags::NUMBERED)),
-                    step::Overlay::Layers(_) if part.name == "cut" => {
-                        (Style::Open, self.coloured(Material::plain(INSIDE)))
+                    step::Overlay::Layers(_) => {
+                        let without = if part.name == "cut" { Material::plain(INSIDE) } else { body };
+                        (Style::Open, own.map_or(self.coloured(without), |own| Material::plain(own.colour)))
                     }
-                    step::Overlay::Layers(_) => (Style::Open, self.coloured(body)),
                     step::Overlay::Cores | step::Overlay::Bones => (Style::Open, Material::plain(BONE)),
                 };
                 let range = 3 * part.triangles.start as u32..3 * part.triangles.end as u32;

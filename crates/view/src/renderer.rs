@@ -381,14 +381,14 @@ impl Pipelines {
 /// Whether the image shows something that is coloured by the field: a soft body's skin, or its tetrahedral mesh if the
 /// field has values at nodes.
 fn shows(moment: &Moment, field: Field, skins: &[Part]) -> bool {
-    let has_skins = !moment.shown.has(Overlay::Proxies) && !moment.shown.has(Overlay::Layer);
-    let has_layers = moment.shown.has(Overlay::Layer) && is_of_bodies(field);
+    let has_skins = !moment.shown.has(Overlay::Proxies) && !moment.shown.opens_layers();
+    let has_layers = moment.shown.opens_layers() && is_of_bodies(field);
     (has_skins || has_layers) && skins.iter().any(|part| part.is_soft)
 }
 
 /// The greatest value of the field on the meshes that are coloured by it.
 fn greatest_shown(moment: &Moment, values: &FieldValues, skins: &[Part]) -> f32 {
-    let soft = skins.iter().filter(|part| part.is_soft && !moment.shown.has(Overlay::Layer));
+    let soft = skins.iter().filter(|part| part.is_soft && !moment.shown.opens_layers());
     let of_skins = soft.filter_map(|part| values.greatest.get(part.body));
     let layers = moment.meshes.iter().filter(|(overlay, _)| matches!(overlay, step::Overlay::Layers(_)));
     of_skins.copied().chain(layers.map(|(_, mesh)| mesh.greatest)).fold(0.0, f32::max)

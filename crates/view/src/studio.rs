@@ -5,7 +5,7 @@ use palpate::{Result, Simulation};
 
 use super::camera::Camera;
 use super::labels::Labels;
-use super::moment::Moment;
+use super::moment::{Moment, clock};
 use super::overlay::Overlays;
 use super::picture::Picture;
 use super::renderer::{Renderer, Settings};
@@ -18,6 +18,8 @@ pub struct Studio {
     pub camera: Camera,
     /// What the next image shows besides the skins (the bodies' surface meshes).
     pub shown: Overlays,
+    /// Whether the next image tells the simulated time in a corner; at first it does not.
+    pub shows_time: bool,
 }
 
 impl Studio {
@@ -25,7 +27,7 @@ impl Studio {
     pub fn new(simulation: &mut Simulation, settings: Settings) -> Result<Studio> {
         let renderer = Renderer::new(simulation, settings)?;
         let labels = Labels::new(simulation.context())?;
-        Ok(Studio { camera: renderer.camera(), renderer, labels, shown: Overlays::default() })
+        Ok(Studio { camera: renderer.camera(), renderer, labels, shown: Overlays::default(), shows_time: false })
     }
 
     /// The renderer of the images.
@@ -35,7 +37,8 @@ impl Studio {
 
     /// Renders the simulation as it is now. Must be called between two steps; the simulation is not changed.
     pub fn picture(&mut self, simulation: &mut Simulation) -> Result<Picture> {
-        let moment = Moment::of(simulation, self.renderer.origin(), self.shown)?;
+        let mut moment = Moment::of(simulation, self.renderer.origin(), self.shown)?;
+        moment.corner = self.shows_time.then(|| clock(simulation));
         self.renderer.look(&moment, &self.camera)?;
         for slice in self.renderer.slices() {
             slice.submit_and_wait()?;

@@ -23,9 +23,9 @@ pub enum Overlay {
     /// The convex hulls of all bodies' collision proxies, attached to their frames; one part per body. Values: the
     /// index of the proxy among all.
     Proxies,
-    /// Tetrahedral meshes (layers) cut open (see [`Simulation::cut_layer`]), with nodes where they are now; two parts
-    /// per soft body, "skin" for faces on the mesh's boundary and "cut" for those that the cut laid open. Values: the
-    /// field at each node, zero for a field that is defined by contacts.
+    /// Tetrahedral meshes (layers) cut open (see [`Simulation::cut_layer`]), with nodes where they are now; for each
+    /// material of a soft body two parts, "skin" for faces on the mesh's boundary and "cut" for those that the cut laid
+    /// open. Values: the field at each node, zero for a field that is defined by contacts.
     Layers(Field),
     /// The boundary of the tetrahedra whose four nodes are all attached to one core; one part per core, with its name.
     /// Values: the core's index in its body.
@@ -61,6 +61,9 @@ pub struct Part {
     pub vertices: Range<usize>,
     /// The range of its triangles.
     pub triangles: Range<usize>,
+    /// In [`Overlay::Layers`] the material of the tetrahedra that its triangles belong to, as an index into
+    /// [`Simulation::materials`]; otherwise zero.
+    pub material: usize,
 }
 
 /// An overlay's mesh on the GPU, as it was when it was asked for. Every call returns handles of the same arrays.
@@ -230,10 +233,18 @@ impl Simulation {
     fn layers_outline(&self) -> (Outline, Vec<Part>) {
         let mut building = Building::default();
         for (index, body, _) in self.shown_bodies() {
-            let (Shape::Soft { layer, .. }, Some(cut)) = (&body.shape, self.layer_cut(index)) else { continue };
+            let (Shape::Soft { layer, materials, .. }, Some(cut)) = (&body.shape, self.layer_cut(index)) else {
+                continue;
+            };
             let (skin, open) = opened(layer, cut);
-            building.part("skin", index, |outline| add_faces(outline, self.first_node(index), &skin, 0.0));
-            building.part("cut", index, |outline| add_faces(outline, self.first_node(index), &open, 0.0));
+            for material in 0..materials.all.len() {
+                for (name, faces) in [("skin", &skin), ("cut", &open)] {
+                    let own = faces.iter().filter(|(_, tetrahedron)| materials.index(*tetrahedron) == material);
+                    let own: Vec<[u32; 3]> = own.map(|(face, _)| *face).collect();
+                    building.part(name, index, |outline| add_faces(outline, self.first_node(index), &own, 0.0));
+                    building.parts.iter_mut().last().into_iter().for_each(|part| part.material = material);
+                }
+            }
         }
         building.done()
     }
@@ -289,7 +300,7 @@ impl Building {
         let (vertex, triangle) = (self.outline.len(), self.outline.triangles.len());
         add(&mut self.outline);
         let (vertices, triangles) = (vertex..self.outline.len(), triangle..self.outline.triangles.len());
-        self.parts.push(Part { name: name.into(), body, vertices, triangles });
+        self.parts.push(Part { name: name.into(), body, vertices, triangles, material: 0 });
     }
 
     fn done(self) -> (Outline, Vec<Part>) {
@@ -306,22 +317,26 @@ fn middle(layer: &Layer) -> Cut {
     Cut { normal, offset: normal.dot(0.5 * (low + high)) }
 }
 
+/// An outward face of a tetrahedron, and the tetrahedron's index in the whole layer.
+type OwnFace = ([u32; 3], usize);
+
 /// Outward faces of the tetrahedra that a cut leaves: those on the boundary of the whole mesh, and those that the cut
 /// laid open.
-fn opened(layer: &Layer, cut: Cut) -> (Vec<[u32; 3]>, Vec<[u32; 3]>) {
-    let behind = |t: &&[u32; 4]| {
+fn opened(layer: &Layer, cut: Cut) -> (Vec<OwnFace>, Vec<OwnFace>) {
+    let behind = |(_, t): &(usize, [u32; 4])| {
         let middle = t.iter().map(|n| layer.nodes[*n as usize]).sum::<DVec3>() / 4.0;
         cut.normal.dot(middle) <= cut.offset
     };
-    let kept: Vec<[u32; 4]> = layer.tetrahedra.iter().filter(behind).copied().collect();
+    let (numbers, kept): (Vec<usize>, Vec<[u32; 4]>) =
+        layer.tetrahedra.iter().copied().enumerate().filter(behind).unzip();
     let sorted = |mut face: [u32; 3]| {
         face.sort_unstable();
         face
     };
     let outer: BTreeSet<[u32; 3]> =
         boundary_faces(&layer.tetrahedra).into_iter().map(|(face, _)| sorted(face)).collect();
-    let faces = boundary_faces(&kept).into_iter().map(|(face, _)| face);
-    faces.partition(|face| outer.contains(&sorted(*face)))
+    let faces = boundary_faces(&kept).into_iter().map(|(face, kept)| (face, numbers[kept as usize]));
+    faces.partition(|(face, _)| outer.contains(&sorted(*face)))
 }
 
 /// Adds triangles whose corners are nodes of a body; the body's first node has the index `first` among all nodes. Each

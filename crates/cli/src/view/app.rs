@@ -241,6 +241,7 @@ impl App {
                     KeyCode::Digit7,
                     KeyCode::Digit8,
                     KeyCode::Digit9,
+                    KeyCode::Digit0,
                 ];
                 let overlay = digits.iter().position(|digit| *digit == other).map(|k| Overlay::ALL[k].0);
                 overlay.into_iter().for_each(|overlay| self.panel.overlays.toggle(overlay));

@@ -12,7 +12,7 @@ use palpate::internal::gpu::{Content, Recording, Window};
 use palpate::{Context, Error, Result, Simulation};
 use palpate_view::painter::Painter;
 use palpate_view::picture::Picture;
-use palpate_view::{Labels, Moment, Renderer, Settings};
+use palpate_view::{Labels, Moment, Renderer, Settings, clock};
 
 use super::drawing::{Drawn, Order};
 
@@ -87,6 +87,8 @@ impl Easel {
         let Seen { renderer, .. } = self.seen.insert(seen);
         let mut moment = Moment::of(simulation, renderer.origin(), order.overlays)?;
         moment.device = order.device;
+        // In the window the panel tells the time; an image file is without the panel.
+        moment.corner = order.picture.is_some().then(|| clock(simulation));
         renderer.look(&moment, &order.camera)?;
         let labels = self.labels.paint(&moment, renderer.legend(), renderer.image()?)?;
         let panel = self.painter.paint(&order.panel, renderer.image()?)?;

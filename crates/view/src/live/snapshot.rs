@@ -11,6 +11,8 @@ use palpate::internal::haptics::session::Report;
 use palpate::scene::{Contact, Coupling, Material};
 use palpate::{Simulation, StepReport, Wrench};
 
+use super::super::materials::region_name;
+
 /// What the thread is doing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub enum State {
@@ -115,10 +117,11 @@ pub(super) fn settings(simulation: &Simulation, has_device: bool) -> Settings {
     let of_body = |(index, body): (usize, &palpate::scene::Body)| {
         let name = body.name.clone();
         let materials = simulation.materials(index).to_vec();
-        materials.into_iter().enumerate().map(move |(k, material)| {
-            let name = if k == 0 { name.clone() } else { format!("{name}, region {k}") };
+        let named = materials.into_iter().enumerate().map(|(k, material)| {
+            let name = if k == 0 { name.clone() } else { format!("{name}, {}", region_name(body, k)) };
             (index, k, name, material)
-        })
+        });
+        named.collect::<Vec<_>>()
     };
     Settings {
         materials: scene.bodies.iter().enumerate().flat_map(of_body).collect(),
