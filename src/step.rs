@@ -37,7 +37,7 @@ use crate::plan::Plan;
 use crate::prepare::{Body, BodyReport, Shape};
 use crate::scene::{Coupling, Key, Scene};
 use crate::shaders::{self, ContactPatch, Counts, Frame, Link, Pair, Report, StepParams};
-pub use crate::stages::Flags;
+pub use crate::stages::{Explanation, Flags};
 use crate::stages::depth::Path;
 use crate::stages::joints::Joint;
 use crate::stages::model::{self, Model};

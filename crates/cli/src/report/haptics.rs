@@ -5,7 +5,8 @@
 use std::fmt;
 
 use palpate::internal::haptics::clock::Lateness;
-use palpate::internal::haptics::event::EventCounts;
+use palpate::Explanation;
+use palpate::internal::haptics::event::{Event, EventCounts};
 use palpate::internal::haptics::session::Report;
 use serde_json::{Value, json};
 
@@ -119,10 +120,15 @@ impl fmt::Display for Closing<'_> {
     }
 }
 
+/// For each event that happened: the words for it, how often it began, and the number of ticks in which it was present.
+pub fn happened(events: &EventCounts) -> impl Iterator<Item = (&'static Explanation, u64, u64)> {
+    let happened = Event::ALL.into_iter().map(|(event, _)| (event.explained(), events.begun(event), events.ticks(event)));
+    happened.filter(|(_, begun, _)| *begun > 0)
+}
+
 fn told(events: &EventCounts) -> String {
-    let told: Vec<String> = events
-        .happened()
-        .map(|(name, begun, ticks)| format!("{name} began {begun} times and was present in {ticks} ticks"))
+    let told: Vec<String> = happened(events)
+        .map(|(words, begun, ticks)| format!("{}: {begun} times, in {ticks} ticks together", words.title))
         .collect();
     if told.is_empty() { "none".into() } else { told.join("; ") }
 }

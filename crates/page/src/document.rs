@@ -1,4 +1,4 @@
-//! A report of the benchmarks: for each question its plot, its table and its finding (the answer).
+//! A report such as that of the benchmarks: for each question its plot, its table and its finding (the answer).
 
 use std::fmt::Write;
 
