@@ -76,25 +76,19 @@ impl Event {
         Explanation {
             title: "the device was lost",
             meaning: "The haptic device could not be read or written, and no force was played meanwhile.",
-            remedy: Some(
-                "Check the cable, the device's power and its service.",
-            ),
+            remedy: Some("Check the cable, the device's power and its service."),
         },
         Explanation {
             title: "a bad reading of the device",
             meaning: "The device gave a pose that is not finite or whose orientation is no rotation. The last \
              valid pose was used instead.",
-            remedy: Some(
-                "Check the device, its driver and its calibration.",
-            ),
+            remedy: Some("Check the device, its driver and its calibration."),
         },
         Explanation {
             title: "the device's pose jumped",
             meaning: "The pose changed by more than a hand can move in that time. The last valid pose was used \
              until the force had faded.",
-            remedy: Some(
-                "Check the device, its connection and its calibration.",
-            ),
+            remedy: Some("Check the device, its connection and its calibration."),
         },
         Explanation {
             title: "the device left its workspace",
@@ -107,30 +101,22 @@ impl Event {
             title: "the contact force was out of date",
             meaning: "The newest contact force was older than the watchdog allows, so the force faded until a \
              newer one came.",
-            remedy: Some(
-                "Make the scene cheaper, for example with larger cells, a coarser skin or preset = \"fast\".",
-            ),
+            remedy: Some("Make the scene cheaper, for example with larger cells, a coarser skin or preset = \"fast\"."),
         },
         Explanation {
             title: "a bad force from the simulation",
             meaning: "A contact force that the simulation computed was not finite and was ignored.",
-            remedy: Some(
-                "See the flags of the steps, and shorten step.dt.",
-            ),
+            remedy: Some("See the flags of the steps, and shorten step.dt."),
         },
         Explanation {
             title: "the clock jumped",
             meaning: "The clock stood still, ran backwards or leapt, and the force started again from zero.",
-            remedy: Some(
-                "Keep the computer from suspending, and do not set its clock, during a session.",
-            ),
+            remedy: Some("Keep the computer from suspending, and do not set its clock, during a session."),
         },
         Explanation {
             title: "the loop was late",
             meaning: "An update of the force began more than 2 ms after it was due.",
-            remedy: Some(
-                "Close other programs, or allow the program real-time scheduling.",
-            ),
+            remedy: Some("Close other programs, or allow the program real-time scheduling."),
         },
         Explanation {
             title: "the force was fading in",
@@ -157,9 +143,7 @@ impl Event {
             title: "more damping was needed than the device can render",
             meaning: "The passivity controller needed more damping than the device can render stably, so the hand \
              may have received energy.",
-            remedy: Some(
-                "Lower coupling.stiffness, or make the scene cheaper, so that steps take less time.",
-            ),
+            remedy: Some("Lower coupling.stiffness, or make the scene cheaper, so that steps take less time."),
         },
         Explanation {
             title: "the force was limited",
@@ -181,17 +165,13 @@ impl Event {
         Explanation {
             title: "a bad force to play",
             meaning: "The force that was to be played was not finite, and no force was played.",
-            remedy: Some(
-                "See the flags of the steps, and shorten step.dt.",
-            ),
+            remedy: Some("See the flags of the steps, and shorten step.dt."),
         },
         Explanation {
             title: "part of the recording was lost",
             meaning: "Updates of the force directly before this one are missing from the recording and from the \
              statistics.",
-            remedy: Some(
-                "Record onto a faster disk, or close other programs.",
-            ),
+            remedy: Some("Record onto a faster disk, or close other programs."),
         },
         Explanation {
             title: "a stiffer contact was felt late",
@@ -282,7 +262,8 @@ mod tests {
 
     #[test]
     fn every_event_is_explained_and_no_two_alike() {
-        let titles: std::collections::BTreeSet<_> = Event::ALL.iter().map(|(event, _)| event.explained().title).collect();
+        let titles: std::collections::BTreeSet<_> =
+            Event::ALL.iter().map(|(event, _)| event.explained().title).collect();
         assert_eq!(titles.len(), Event::ALL.len());
         for (event, name) in Event::ALL {
             let Explanation { title, meaning, remedy } = event.explained();

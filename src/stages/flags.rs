@@ -189,11 +189,10 @@ mod tests {
             assert!(!title.is_empty() && !title.ends_with('.'), "title: {title}");
             assert!(meaning.ends_with('.') && remedy.is_some_and(|remedy| remedy.ends_with('.')), "flag: {title}");
         }
-        let frozen: Vec<_> = (Flags::FROZEN | Flags::NOT_CONVERGED).explained().map(|(flag, w)| (flag, w.title)).collect();
-        let expected = [
-            (Flags::NOT_CONVERGED, "the solver did not converge"),
-            (Flags::FROZEN, "the simulation stood still"),
-        ];
+        let frozen: Vec<_> =
+            (Flags::FROZEN | Flags::NOT_CONVERGED).explained().map(|(flag, w)| (flag, w.title)).collect();
+        let expected =
+            [(Flags::NOT_CONVERGED, "the solver did not converge"), (Flags::FROZEN, "the simulation stood still")];
         assert_eq!(frozen, expected);
     }
 }

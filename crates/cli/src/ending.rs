@@ -58,7 +58,8 @@ mod rendered {
     fn aimed(whole: Camera, tool: DVec3, force: DVec3, radius: Option<f64>) -> Camera {
         let near = radius.map_or(NEARER * whole.distance, |radius| 0.5 * HEIGHT * radius / (0.5 * whole.fovy).tan());
         let at = Camera { target: tool, distance: near.min(whole.distance), ..whole };
-        let turned = (0..72).flat_map(|turn| [0.0, 0.3, 0.6].map(|pitch| (f64::from(turn - 36).to_radians() * 5.0, pitch)));
+        let turned =
+            (0..72).flat_map(|turn| [0.0, 0.3, 0.6].map(|pitch| (f64::from(turn - 36).to_radians() * 5.0, pitch)));
         let cameras = turned.map(|(turn, pitch)| (turn, Camera { yaw: whole.yaw + turn, pitch, ..at }));
         let cost = |(turn, camera): &(f64, Camera)| {
             (force.angle_between(-camera.axes().forward) - ASIDE).abs() + 0.1 * turn.abs()

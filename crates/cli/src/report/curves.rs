@@ -69,7 +69,8 @@ mod tests {
             let tool = ToolReport { tool, force: DVec3::Y * force, ..ToolReport::default() };
             let (step, contacts) = (k as u64 + 1, Some(k as u32));
             let (time, probes) = (step as f64, vec![DVec3::ONE]);
-            let row = StepReport { step, time, tool: Some(tool), contacts, iterations: 9, probes, ..Default::default() };
+            let row =
+                StepReport { step, time, tool: Some(tool), contacts, iterations: 9, probes, ..Default::default() };
             trace.write(&row).unwrap();
             touch.add(&row, &tool);
         }

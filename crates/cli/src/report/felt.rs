@@ -113,15 +113,16 @@ pub fn headline(tally: &Tally) -> String {
         return format!("The scene has no tool, so no force was felt; {contacts}.");
     };
     let felt = touch.felt();
-    let (Some(first), Some(time), Some(depth)) = (felt.first_touch_s, felt.peak_time_s, felt.indentation_at_peak_m) else {
+    let (Some(first), Some(time), Some(depth)) = (felt.first_touch_s, felt.peak_time_s, felt.indentation_at_peak_m)
+    else {
         return "The tool never touched anything.".into();
     };
     format!(
-        "The tool felt at most {} N, at {} s, with an indentation of {:.2} mm since its first touch at {} s; it was in \
+        "The tool felt at most {} N, at {} s, with an indentation of {} mm since its first touch at {} s; it was in \
          contact in {} of {} {}.",
         newtons(felt.peak_force_n),
         seconds(time),
-        1e3 * depth,
+        millimetres(depth),
         seconds(first),
         felt.steps_in_contact,
         tally.steps,
@@ -134,7 +135,7 @@ pub fn remedy(tally: &Tally, has_trajectory: bool, nearest: Option<&Distance>) -
     tally.touch.as_ref().filter(|touch| touch.first.is_none())?;
     let away = nearest.map_or(String::new(), |Distance { body, distance, is_of_surface }| {
         let what = if *is_of_surface { "surface" } else { "centre" };
-        format!("At the end the tool's {what} was {:.2} mm from body {body}, the nearest one. ", 1e3 * distance)
+        format!("At the end the tool's {what} was {} mm from body {body}, the nearest one. ", millimetres(*distance))
     });
     let remedy = match has_trajectory {
         true => "Let the keys of [drive] lead the tool into a body, or simulate for longer.",
@@ -148,9 +149,17 @@ pub fn newtons(force: f64) -> String {
     if force != 0.0 && force < 1e-3 { format!("{force:.2e}") } else { format!("{force:.4}") }
 }
 
-/// A time, s, to a millisecond or, below that, with two digits.
-pub fn seconds(time: f64) -> String {
-    if time < 0.01 { format!("{time:.1e}") } else { format!("{time:.3}") }
+/// A time, s, to a tenth of a millisecond or, if it is shorter than a millisecond, with two digits.
+fn seconds(time: f64) -> String {
+    let text = format!("{time:.4}");
+    if time < 1e-3 { format!("{time:.1e}") } else { text.trim_end_matches('0').trim_end_matches('.').into() }
+}
+
+/// A length in millimetres, to a hundredth of a millimetre.
+fn millimetres(length: f64) -> String {
+    // What rounds to 0 has no sign.
+    let text = format!("{:.2}", 1e3 * length);
+    if text == "-0.00" { "0.00".into() } else { text }
 }
 
 #[cfg(test)]
@@ -176,8 +185,8 @@ mod tests {
         assert!(felt.touched && felt.steps_in_contact == 3, "felt: {felt:?}");
         assert_eq!((felt.peak_force_n, felt.peak_time_s, felt.first_touch_s), (2.0, Some(0.1 * 3.0), Some(0.2)));
         assert!((felt.indentation_at_peak_m.unwrap() - 0.01).abs() < 1e-15, "felt: {felt:?}");
-        let expected = "The tool felt at most 2.0000 N, at 0.300 s, with an indentation of 10.00 mm since its first \
-                        touch at 0.200 s; it was in contact in 3 of 6 steps.";
+        let expected = "The tool felt at most 2.0000 N, at 0.3 s, with an indentation of 10.00 mm since its first \
+                        touch at 0.2 s; it was in contact in 3 of 6 steps.";
         assert_eq!(headline(&tally), expected);
         assert_eq!(remedy(&tally, true, None), None);
     }

@@ -4,8 +4,8 @@
 
 use std::fmt;
 
-use palpate::internal::haptics::clock::Lateness;
 use palpate::Explanation;
+use palpate::internal::haptics::clock::Lateness;
 use palpate::internal::haptics::event::{Event, EventCounts};
 use palpate::internal::haptics::session::Report;
 use serde_json::{Value, json};
@@ -122,7 +122,8 @@ impl fmt::Display for Closing<'_> {
 
 /// For each event that happened: the words for it, how often it began, and the number of ticks in which it was present.
 pub fn happened(events: &EventCounts) -> impl Iterator<Item = (&'static Explanation, u64, u64)> {
-    let happened = Event::ALL.into_iter().map(|(event, _)| (event.explained(), events.begun(event), events.ticks(event)));
+    let happened =
+        Event::ALL.into_iter().map(|(event, _)| (event.explained(), events.begun(event), events.ticks(event)));
     happened.filter(|(_, begun, _)| *begun > 0)
 }
 

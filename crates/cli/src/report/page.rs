@@ -210,7 +210,11 @@ impl Page<'_> {
             None => "none".into(),
             Some(chosen) => {
                 let set: Vec<String> = chosen.set.iter().map(|(key, value)| format!("{key} = {value}")).collect();
-                format!("{}, which set {}", chosen.preset, if set.is_empty() { "nothing".into() } else { set.join(", ") })
+                format!(
+                    "{}, which set {}",
+                    chosen.preset,
+                    if set.is_empty() { "nothing".into() } else { set.join(", ") }
+                )
             }
         };
         let bodies: Vec<&str> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
@@ -255,7 +259,7 @@ fn paragraph(body: &mut String, words: &Explanation, often: &str) {
 
 /// A list of remarks.
 fn list<'a>(notes: impl Iterator<Item = &'a String>) -> String {
-    let items: String = notes.map(|note| format!("<li>{}</li>\n", escaped(note))).collect();
+    let items: String = notes.map(|note| format!("<li>{}</li>\n", set(note))).collect();
     format!("<ul class=\"notes\">\n{items}</ul>\n")
 }
 
@@ -280,7 +284,8 @@ impl Session<'_> {
         );
         let points = played.over_time(0);
         let title = "Force played over time";
-        let curve = Curve { title, x: "time since the loop began, s", y: "force played, N", points: &points, mark: None };
+        let curve =
+            Curve { title, x: "time since the loop began, s", y: "force played, N", points: &points, mark: None };
         let reduced = if played.is_reduced() {
             format!(" It is reduced from {} updates: of each span of time the extremes are drawn.", played.count())
         } else {
