@@ -395,7 +395,7 @@ mod tests {
         let [both, none, above] = [&[1.0, -1.0][..], &[], &[2.0, 1.0]].map(|numbers| span(numbers.iter().copied()));
         assert!((both.start + 1.24).abs() < 1e-12 && both.start == -both.end, "range: {both:?}");
         assert!(none == (0.0..1.0) && above.start == 0.0 && (above.end - 2.24).abs() < 1e-12, "range: {above:?}");
-        let ticks = [(0.5, 2.24), (2e-3, 4e-3), (2e-7, 1e-6), (3e4, 1e5), (0.1 + 0.2 - 0.3, 1.0), (-1.5, 2.0)];
+        let ticks = [(0.5, 2.24), (2e-3, 4e-3), (2e-7, 1e-6), (3e4, 1e5), (0.3 - 0.2 - 0.1, 1.0), (-1.5, 2.0)];
         assert_eq!(ticks.map(|(x, length)| tick(x, length)), ["0.5", "0.002", "2.0e-7", "30000", "0", "-1.5"]);
     }
 

@@ -127,9 +127,16 @@ pub fn happened(events: &EventCounts) -> impl Iterator<Item = (&'static Explanat
     happened.filter(|(_, begun, _)| *begun > 0)
 }
 
+/// How often something happened, in words.
+pub fn times(count: u64) -> String {
+    if count == 1 { "once".into() } else { format!("{count} times") }
+}
+
 fn told(events: &EventCounts) -> String {
     let told: Vec<String> = happened(events)
-        .map(|(words, begun, ticks)| format!("{}: {begun} times, in {ticks} ticks together", words.title))
+        .map(|(words, begun, ticks)| {
+            format!("{}: {}, in {ticks} tick{} together", words.title, times(begun), if ticks == 1 { "" } else { "s" })
+        })
         .collect();
     if told.is_empty() { "none".into() } else { told.join("; ") }
 }

@@ -13,7 +13,7 @@ use palpate_page::{Reduced, Table};
 
 use super::curves::{CONTACTS, Curves, FORCE, INDENTATION, ITERATIONS};
 use super::felt::{self, Distance};
-use super::haptics::happened;
+use super::haptics::{happened, times};
 use super::summary::{Facts, Tally, quantiles};
 
 /// All that the page tells.
@@ -120,23 +120,6 @@ impl Page<'_> {
         let curves = self.curves;
         let felt = self.tally.touch.as_ref().map(|touch| touch.felt()).filter(|felt| felt.touched);
         let time = "simulated time, s";
-        let mut plots: Vec<(&str, &str, &str, Vec<(f64, f64)>, Option<(f64, f64)>)> = Vec::new();
-        if let Some(felt) = &felt {
-            let depth = felt.indentation_at_peak_m.map(|depth| 1e3 * depth);
-            let force = felt.peak_force_n;
-            let (of_force, of_depth) = (curves.over_time(FORCE), curves.over_time(INDENTATION));
-            let peak = felt.peak_time_s;
-            plots.push(("Force over time", time, "force, N", of_force, peak.map(|time| (time, force))));
-            plots.push(("Indentation over time", time, "indentation, mm", of_depth, peak.zip(depth)));
-            let over = curves.over(INDENTATION, FORCE);
-            let at = depth.map(|depth| (depth, force));
-            plots.push(("Force over indentation", "indentation, mm", "force, N", over, at));
-        }
-        if self.tally.most_contacts.is_some() {
-            plots.push(("Contacts over time", time, "contacts", curves.over_time(CONTACTS), None));
-        }
-        let iterations = curves.over_time(ITERATIONS);
-        plots.push(("Solver iterations over time", time, "iterations in a step", iterations, None));
         body.push_str("<h2>Over time</h2>\n");
         if felt.is_some() {
             let _ = writeln!(body, "<p>Force is the net force of all contacts on the tool. {}</p>", felt::INDENTATION);
@@ -151,10 +134,26 @@ impl Page<'_> {
             );
         }
         body.push_str("<div class=\"plots\">\n");
-        for (title, x, y, points, at) in &plots {
+        let mut draw = |title: &str, [x, y]: [&str; 2], points: &[(f64, f64)], at: Option<(f64, f64)>| -> Result<()> {
             let mark = at.map(|at| (at, "peak"));
             body.push_str(&figure(&plot::curve(&Curve { title, x, y, points, mark })?, &format!("{title}.")));
+            Ok(())
+        };
+        let [of_force, of_depth] = ["force, N", "indentation, mm"];
+        if let Some(felt) = &felt {
+            let (force, peak) = (felt.peak_force_n, felt.peak_time_s);
+            let depth = felt.indentation_at_peak_m.map(|depth| 1e3 * depth);
+            let at = peak.map(|time| (time, force));
+            draw("Force over time", [time, of_force], &curves.over_time(FORCE), at)?;
+            draw("Indentation over time", [time, of_depth], &curves.over_time(INDENTATION), peak.zip(depth))?;
+            let at = depth.map(|depth| (depth, force));
+            draw("Force over indentation", [of_depth, of_force], &curves.over(INDENTATION, FORCE), at)?;
         }
+        if self.tally.most_contacts.is_some() {
+            draw("Contacts over time", [time, "contacts"], &curves.over_time(CONTACTS), None)?;
+        }
+        let iterations = curves.over_time(ITERATIONS);
+        draw("Solver iterations over time", [time, "iterations in a step"], &iterations, None)?;
         body.push_str("</div>\n");
         Ok(())
     }
@@ -355,8 +354,8 @@ impl Session<'_> {
             body.push_str("<p>There were none.</p>\n");
         }
         for (words, begun, ticks) in events {
-            let times = if begun == 1 { "once".into() } else { format!("{begun} times") };
-            paragraph(body, words, &format!("{times}, in {ticks} updates of the force together"));
+            let plural = if ticks == 1 { "" } else { "s" };
+            paragraph(body, words, &format!("{}, in {ticks} update{plural} of the force together", times(begun)));
         }
     }
 }
