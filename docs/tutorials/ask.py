@@ -13,9 +13,12 @@ SECONDS = "4"  # of an interval
 def main(folder, participant, device="haply"):
     recordings = Path(folder) / participant
     recordings.mkdir(exist_ok=True)
+    answers = recordings.with_suffix(".csv")
+    if answers.exists() and answers.stat().st_size > 0:
+        sys.exit(f"{answers} has answers already: give another name")
     with open(f"{folder}/trials.csv") as file:
         trials = list(csv.reader(file))
-    with open(f"{folder}/{participant}.csv", "w") as results:
+    with open(answers, "w") as results:
         for number, trial in enumerate(trials, 1):
             for interval, sample in enumerate(trial, 1):
                 print(f"Trial {number} of {len(trials)}, sample {interval}: press into it", flush=True)

@@ -1,8 +1,10 @@
 //! Unusual events that a tick (one iteration of the haptic loop) may raise, which are recorded and reported to the
-//! user. Each event's bit and name are defined here only. The force *played* is the force commanded to the haptic
+//! user. Each event's bit, name and explanation are defined here only. The force *played* is the force commanded to the haptic
 //! device; the *newest wrench* is the contact wrench on the tool that the last finished simulation step gave back.
 
 use serde::{Deserialize, Serialize};
+
+use crate::stages::Explanation;
 
 /// Something unusual that happened in a tick. The discriminant is the event's bit in [`Events`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -68,6 +70,126 @@ impl Event {
         (Event::RecordLost, "record_lost"),
         (Event::Unpaid, "unpaid"),
     ];
+
+    /// The words for each event, in the order of [`Event::ALL`].
+    const EXPLANATIONS: [Explanation; Event::ALL.len()] = [
+        Explanation {
+            title: "the device was lost",
+            meaning: "The haptic device could not be read or written, and no force was played meanwhile.",
+            remedy: Some("Check the cable, the device's power and its service."),
+        },
+        Explanation {
+            title: "a bad reading of the device",
+            meaning: "The device gave a pose that is not finite or whose orientation is no rotation. The last \
+             valid pose was used instead.",
+            remedy: Some("Check the device, its driver and its calibration."),
+        },
+        Explanation {
+            title: "the device's pose jumped",
+            meaning: "The pose changed by more than a hand can move in that time. The last valid pose was used \
+             until the force had faded.",
+            remedy: Some("Check the device, its connection and its calibration."),
+        },
+        Explanation {
+            title: "the device left its workspace",
+            meaning: "The device was beyond the workspace of its profile, and the force faded there.",
+            remedy: Some(
+                "Move the body or the tool in the scene so that the touch lies within the device's workspace.",
+            ),
+        },
+        Explanation {
+            title: "the contact force was out of date",
+            meaning: "The newest contact force was older than the watchdog allows, so the force faded until a \
+             newer one came.",
+            remedy: Some("Make the scene cheaper, for example with larger cells, a coarser skin or preset = \"fast\"."),
+        },
+        Explanation {
+            title: "a bad force from the simulation",
+            meaning: "A contact force that the simulation computed was not finite and was ignored.",
+            remedy: Some("See the flags of the steps, and shorten step.dt."),
+        },
+        Explanation {
+            title: "the clock jumped",
+            meaning: "The clock stood still, ran backwards or leapt, and the force started again from zero.",
+            remedy: Some("Keep the computer from suspending, and do not set its clock, during a session."),
+        },
+        Explanation {
+            title: "the loop was late",
+            meaning: "An update of the force began more than 2 ms after it was due.",
+            remedy: Some("Close other programs, or allow the program real-time scheduling."),
+        },
+        Explanation {
+            title: "the force was fading in",
+            meaning: "The force rose smoothly from zero, as it does at the start and after anything that made it \
+             fade.",
+            remedy: None,
+        },
+        Explanation {
+            title: "the tool moved further than the last contact force can tell",
+            meaning: "Between two steps of the simulation the tool moved further than the local contact model is \
+             trusted, and the force did not grow further.",
+            remedy: Some(
+                "Make the scene cheaper, so that steps take less time, move more slowly, or raise \
+             haptics.trust.",
+            ),
+        },
+        Explanation {
+            title: "the force was damped to stay stable",
+            meaning: "The passivity controller damped the force, because the hand would otherwise have received \
+             more energy than it gave.",
+            remedy: None,
+        },
+        Explanation {
+            title: "more damping was needed than the device can render",
+            meaning: "The passivity controller needed more damping than the device can render stably, so the hand \
+             may have received energy.",
+            remedy: Some("Lower coupling.stiffness, or make the scene cheaper, so that steps take less time."),
+        },
+        Explanation {
+            title: "the force was limited",
+            meaning: "The force or the torque exceeded its limit and was shortened to it. What was felt is weaker \
+             than what was computed.",
+            remedy: Some(
+                "Press less deep, soften the body or the coupling, or raise haptics.max_force or \
+             haptics.max_torque if the device's profile allows more.",
+            ),
+        },
+        Explanation {
+            title: "the force was not allowed to change so fast",
+            meaning: "The force or the torque changed faster than its slew limit allows and was held back.",
+            remedy: Some(
+                "Move more slowly, soften the coupling, or raise haptics.max_slew if the device's profile \
+             allows more.",
+            ),
+        },
+        Explanation {
+            title: "a bad force to play",
+            meaning: "The force that was to be played was not finite, and no force was played.",
+            remedy: Some("See the flags of the steps, and shorten step.dt."),
+        },
+        Explanation {
+            title: "part of the recording was lost",
+            meaning: "Updates of the force directly before this one are missing from the recording and from the \
+             statistics.",
+            remedy: Some("Record onto a faster disk, or close other programs."),
+        },
+        Explanation {
+            title: "a stiffer contact was felt late",
+            meaning: "A new contact force stores more energy than the hand has supplied, so it was blended in more \
+             slowly.",
+            remedy: None,
+        },
+    ];
+
+    /// The words that explain the event to a user.
+    pub fn explained(self) -> &'static Explanation {
+        &Event::EXPLANATIONS[self as usize]
+    }
+
+    /// The event of a name.
+    pub fn named(name: &str) -> Option<Event> {
+        Event::ALL.into_iter().find(|(_, known)| *known == name).map(|(event, _)| event)
+    }
 }
 
 /// A set of events, one bit each.
@@ -137,6 +259,22 @@ impl EventCounts {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_event_is_explained_and_no_two_alike() {
+        let titles: std::collections::BTreeSet<_> =
+            Event::ALL.iter().map(|(event, _)| event.explained().title).collect();
+        assert_eq!(titles.len(), Event::ALL.len());
+        for (event, name) in Event::ALL {
+            let Explanation { title, meaning, remedy } = event.explained();
+            assert!(!title.is_empty() && !title.ends_with('.') && meaning.ends_with('.'), "event {name}");
+            assert!(remedy.is_none_or(|remedy| remedy.ends_with('.')), "event {name}");
+            assert_eq!(Event::named(name), Some(event));
+        }
+        assert_eq!(Event::named("no_event"), None);
+        assert_eq!(Event::LateTick.explained().title, "the loop was late");
+        assert_eq!(Event::Unpaid.explained().title, "a stiffer contact was felt late");
+    }
 
     #[test]
     fn bits_follow_the_table_and_beginnings_are_told_from_lasting() {

@@ -1,6 +1,18 @@
-//! Flags of a step: what went wrong in it. This is the one place that gives each flag its bit and its name.
+//! Flags of a step: what went wrong in it. This is the one place that gives each flag its bit, its name, and the words
+//! in which programs tell a user of it.
 
 use crate::shaders;
+
+/// What a flag of a step, or an event of the haptic loop, tells a user. Title and sentences are plain text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Explanation {
+    /// A few words, in lower case, such as "the solver did not converge".
+    pub title: &'static str,
+    /// What happened, and what follows for the results.
+    pub meaning: &'static str,
+    /// What the user can change; `None`: nothing needs to be changed.
+    pub remedy: Option<&'static str>,
+}
 
 /// A set of flags. The bits are those of the `flags` column of `trace.csv`, and of the shaders, which define the bits
 /// of the flags that they raise.
@@ -50,6 +62,85 @@ impl Flags {
         (Flags::INVERTED, "inverted"),
     ];
 
+    /// The words for each flag, in the order of [`Flags::ALL`].
+    const EXPLANATIONS: [Explanation; Flags::ALL.len()] = [
+        Explanation {
+            title: "the solver did not converge",
+            meaning: "The residual of the linear system stayed above ten times the solver's tolerance, so the forces and \
+                      displacements of these steps are less exact than was requested.",
+            remedy: Some(
+                "Raise solver.max_iterations, shorten step.dt, or make the stiffest and the softest material differ less.",
+            ),
+        },
+        Explanation {
+            title: "too many contact patches",
+            meaning: "Two bodies touch in more directions than the four contact patches of a pair can represent, or more \
+                      skin is near contact than there is room for, so some contacts are missing.",
+            remedy: Some("Set contact.texel to \"auto\", give coarser skins, or press on a smaller or smoother area."),
+        },
+        Explanation {
+            title: "too many contacts",
+            meaning: "More than 32,768 contacts were found, of which the deepest are kept, or more rays met triangles \
+                      than there is room for. Which of them are kept may differ from run to run.",
+            remedy: Some("Give coarser skins, set contact.sides to \"one\", or press on a smaller area."),
+        },
+        Explanation {
+            title: "a contact is deeper than the limit",
+            meaning: "A vertex lies deeper inside another body than contact.depth_limit. Some contacts as deep as that \
+                      are left out, so the force may be wrong.",
+            remedy: Some(
+                "Raise contact.stiffness or contact.depth_limit, shorten step.dt, or move the bodies more slowly.",
+            ),
+        },
+        Explanation {
+            title: "a skin folds over itself where it is touched",
+            meaning: "Seen along the direction of contact, a skin covers itself, or a body went through a thin sheet. The \
+                      depth of contact is ambiguous there, and the force may be wrong.",
+            remedy: Some("Press less deep, away from folds and thin sheets, or shorten step.dt."),
+        },
+        Explanation {
+            title: "a number was not finite",
+            meaning: "The solution of the step contained a number that is not finite. The solution was rejected, and the \
+                      step was repeated in shorter steps or given up.",
+            remedy: Some("Shorten step.dt, and give less extreme sizes, masses and stiffnesses."),
+        },
+        Explanation {
+            title: "the step was repeated in shorter steps",
+            meaning: "The step failed and was done in two, four or eight shorter steps instead.",
+            remedy: Some("Shorten step.dt, or move the bodies more slowly."),
+        },
+        Explanation {
+            title: "the simulation stood still",
+            meaning: "The step failed however short it was made, so everything that moves by itself was stopped where it \
+                      is. The results of these steps are not physical.",
+            remedy: Some("Shorten step.dt, and give less extreme masses, stiffnesses and speeds."),
+        },
+        Explanation {
+            title: "some contacts pull",
+            meaning: "Contacts that would pull bodies together are released and the step is solved again. After the last \
+                      repetition some contacts still pull, so the force may be a little too small.",
+            remedy: Some("Shorten step.dt, or lower contact.damping."),
+        },
+        Explanation {
+            title: "a body turns too far in a step",
+            meaning: "Rotations are kept constant over a step. A body or a core turned so far within one step that it may \
+                      gain energy.",
+            remedy: Some("Shorten step.dt, or set step.newton to 2."),
+        },
+        Explanation {
+            title: "a tetrahedron is inside out",
+            meaning: "A tetrahedron was inverted, or pressed so flat that its rotation was not found, so the elastic force \
+                      there is not that of the material.",
+            remedy: Some("Press less deep, shorten step.dt, or give larger cells or a stiffer material."),
+        },
+    ];
+
+    /// Each flag in this set with the words that explain it to a user, by rising bit.
+    pub fn explained(self) -> impl Iterator<Item = (Flags, &'static Explanation)> {
+        let all = Flags::ALL.iter().zip(&Flags::EXPLANATIONS);
+        all.filter(move |((flag, _), _)| self.contains(*flag)).map(|((flag, _), words)| (*flag, words))
+    }
+
     /// Whether all flags of `other` are in this set.
     pub fn contains(self, other: Flags) -> bool {
         self.0 & other.0 == other.0
@@ -86,5 +177,22 @@ mod tests {
         let set = Flags::FROZEN | Flags::NOT_CONVERGED;
         assert_eq!(set.names().collect::<Vec<_>>(), ["not_converged", "frozen"]);
         assert!(set.contains(Flags::FROZEN) && !set.contains(Flags::NON_FINITE));
+    }
+
+    #[test]
+    fn every_flag_is_explained_and_no_two_alike() {
+        let all = Flags::ALL.into_iter().fold(Flags::default(), |all, (flag, _)| all | flag);
+        let words: Vec<_> = all.explained().collect();
+        let titles: std::collections::BTreeSet<_> = words.iter().map(|(_, words)| words.title).collect();
+        assert_eq!((words.len(), titles.len()), (Flags::ALL.len(), Flags::ALL.len()));
+        for (_, Explanation { title, meaning, remedy }) in words {
+            assert!(!title.is_empty() && !title.ends_with('.'), "title: {title}");
+            assert!(meaning.ends_with('.') && remedy.is_some_and(|remedy| remedy.ends_with('.')), "flag: {title}");
+        }
+        let frozen: Vec<_> =
+            (Flags::FROZEN | Flags::NOT_CONVERGED).explained().map(|(flag, w)| (flag, w.title)).collect();
+        let expected =
+            [(Flags::NOT_CONVERGED, "the solver did not converge"), (Flags::FROZEN, "the simulation stood still")];
+        assert_eq!(frozen, expected);
     }
 }

@@ -36,7 +36,7 @@ use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Memory};
 use crate::scene::Scene;
 use crate::shaders::{self, Counts, Frame, Joint, Link, Report, StepParams};
-pub use flags::Flags;
+pub use flags::{Explanation, Flags};
 use model::Model;
 
 /// Largest number of vertices of a chunk, a group of skin vertices and triangles that is culled as a whole.

@@ -1,24 +1,22 @@
 //! The benchmarks of `palpate bench`, the stability matrix of `palpate stability`, and the reports made from them. Each
-//! benchmark has a module of its own; all benchmarks share the code that measures and merges their parts (`suite`),
-//! collects samples, draws plots, and writes reports.
+//! benchmark has a module of its own; they share the code that measures and merges their parts (`suite`), collects
+//! samples, and writes reports by the crate palpate-page.
 
 pub mod accuracy;
 pub mod compare;
-pub mod document;
 pub mod features;
 pub mod fit;
 mod gauge;
 pub mod haptics;
 pub mod meshes;
-pub(crate) mod page;
 pub mod paper;
-pub mod plot;
 pub mod proximity;
 pub mod samples;
 pub mod solver;
 pub mod stability;
 pub mod suite;
 
-pub use document::{Chapter, Document, Section, Table};
+pub use palpate_page::{Chapter, Document, Section, Table, document};
+pub(crate) use palpate_page::{page, plot};
 pub use samples::{Samples, median};
 pub use suite::{Benchmark, Results, SCHEMA};

@@ -4,11 +4,13 @@
 
 use glam::DVec3;
 use palpate::internal::gpu::DeviceInfo;
-use palpate::internal::prepare::Shape;
+use palpate::internal::prepare::{Body, Shape};
 use palpate::internal::stages::query_as_one;
 use palpate::internal::step::{ContactWrench, DeviceInput};
+use palpate::scene::ToolShape;
 use palpate::{Context, Error, Options, Result, Scene, Simulation, StepReport};
 
+use crate::report::felt::Distance;
 use crate::report::{Facts, Plan, StageSamples};
 
 /// A running simulation, and the times of its stages.
@@ -101,8 +103,9 @@ impl Engine {
         row
     }
 
-    /// Ends the run and reads back its results.
-    pub fn finish(mut self) -> Result<Outcome> {
+    /// Reads back the results of the steps done. The times of the stages are handed out, so this is called once, at the
+    /// end of a run.
+    pub fn results(&mut self) -> Result<Outcome> {
         let mean_iterations = self.iterations.div_ceil(self.steps.max(1)) as u32;
         let (passes, _) = self.simulation.passes(mean_iterations);
         for samples in &mut self.stages {
@@ -135,11 +138,32 @@ impl Engine {
                 .collect(),
             passes_per_step: passes.iter().map(|(_, n)| n).sum(),
             bytes_device: context.bytes_allocated(),
-            stages: self.stages,
+            stages: std::mem::take(&mut self.stages),
             files: self.simulation.reports().map(|(name, report)| (name.into(), report.clone())).collect(),
         };
         Ok(Outcome { facts, layers, skins })
     }
+}
+
+/// The body that is nearest to the tool, and the distance from the tool's surface if the tool is a sphere, else from its
+/// centre, as far as that can be told: rigid bodies, and the tool's own, are left out. `None` without a tool or bodies.
+pub fn nearest(simulation: &Simulation, skins: &[SkinResult]) -> Option<Distance> {
+    let tool = simulation.tool()?;
+    let shape = &simulation.scene().tool.as_ref()?.shape;
+    let radius = if let ToolShape::Sphere(radius) = shape { Some(*radius) } else { None };
+    let own = if let ToolShape::Body(body) = shape { Some(body.as_str()) } else { None };
+    let of_skin = |skin: &SkinResult| {
+        let distances = skin.vertices.iter().map(|vertex| vertex.distance(tool.centre));
+        (skin.name.clone(), distances.fold(f64::INFINITY, f64::min))
+    };
+    let of_plane = |body: &Body| match body.shape {
+        Shape::Plane { normal, offset } => Some((body.name.clone(), normal.dot(tool.centre) - offset)),
+        _ => None,
+    };
+    let skins = skins.iter().filter(|skin| Some(skin.name.as_str()) != own).map(of_skin);
+    let all = skins.chain(simulation.bodies().iter().filter_map(of_plane));
+    let (body, distance) = all.filter(|(_, distance)| distance.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some(Distance { body, distance: distance - radius.unwrap_or(0.0), is_of_surface: radius.is_some() })
 }
 
 /// The Vulkan devices of this machine, usable or not.

@@ -7,6 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use palpate::internal::haptics::Device;
 use palpate::internal::haptics::environment::Environment;
+use palpate::internal::haptics::servo::Tick;
 use palpate::internal::haptics::session::{self, Moment, Options, Report};
 use palpate::internal::step::trajectory::Trajectory;
 use palpate::internal::step::{ContactWrench, DeviceInput};
@@ -15,6 +16,7 @@ use palpate::scene::{DeviceKind, Key, NOT_HAPLYS, Profile};
 use palpate::{Error, Result, Scene, StepReport};
 use palpate_devices::record::{Header, Recording};
 use palpate_devices::{Hand, Haply, Replay, Scripted, haply};
+use palpate_page::Reduced;
 
 use crate::engine::Engine;
 use crate::tell;
@@ -104,6 +106,21 @@ impl Environment for Watched<'_> {
     }
 }
 
+/// The force played (N) over the time since the loop's first tick (s).
+#[derive(Default)]
+pub struct Played {
+    begin: Option<f64>,
+    /// The curve.
+    pub force: Reduced<1>,
+}
+
+impl Played {
+    fn add(&mut self, tick: &Tick) {
+        let begin = *self.begin.get_or_insert(tick.time);
+        self.force.add(tick.time - begin, [tick.played.force.length()]);
+    }
+}
+
 /// Runs a session with the scene's haptic device for `seconds`, or until a signal ends it, and records the session into
 /// the file `record`, if one is given. `watch` is called with the report of every step.
 pub fn hold(
@@ -112,6 +129,7 @@ pub fn hold(
     seconds: f64,
     record: Option<&Path>,
     watch: &mut dyn FnMut(&StepReport) -> Result<()>,
+    played: &mut Played,
 ) -> Result<Report> {
     let Some(tool) = engine.simulation().tool().cloned() else {
         return Err(Error::key(
@@ -130,9 +148,12 @@ pub fn hold(
             tell(note);
             Ok(())
         }
+        (recording, Moment::Tick(tick)) => {
+            played.add(tick);
+            recording.as_mut().map_or(Ok(()), |recording| recording.tick(tick))
+        }
         (None, _) => Ok(()),
         (Some(recording), Moment::Begin(settings, tool)) => recording.begin(settings, tool),
-        (Some(recording), Moment::Tick(tick)) => recording.tick(tick),
         (Some(recording), Moment::Step(input, h, wrench)) => recording.step(input, h, wrench),
     };
     let mut environment = Watched { engine, watch };

@@ -3,6 +3,7 @@
 
 mod bench;
 mod devices;
+mod ending;
 mod engine;
 #[cfg(feature = "view")]
 mod figures;

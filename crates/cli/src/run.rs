@@ -1,6 +1,7 @@
 //! `palpate run`: simulates a scene from the first step to the last, and writes a trace (one row per step) and the
 //! state at the end. The *tool* is the rigid body that the haptic device leads.
 
+use std::io::{BufReader, Write};
 use std::path::PathBuf;
 
 use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
@@ -9,19 +10,23 @@ use palpate::internal::gpu::Arrays;
 use palpate::internal::haptics::session::Report;
 use palpate::scene::profile::PROFILES;
 use palpate::scene::{DepthPath, DeviceKind, obj, vtk};
-use palpate::{Options, Result, Scene, StepReport, Threads};
+use palpate::{Error, Flags, Options, Result, Scene, StepReport, Threads};
 use palpate_devices::Replay;
 
-use crate::engine::{Engine, Outcome};
+use crate::engine::{self, Engine, Outcome};
+use crate::hold::Played;
+use crate::report::felt::{self, Distance};
 use crate::report::haptics::Closing;
-use crate::report::summary::ClosingTable;
-use crate::report::{self, Output, Summary, Tally, Trace};
-use crate::{hold, print, tell};
+use crate::report::page::{Page, Session, Shot};
+use crate::report::summary::{ClosingTable, RaisedFlags};
+use crate::report::{self, Output, Summary, Tally, Trace, curves};
+use crate::{ending, hold, print, tell};
 
 /// Greatest number of threads that `--threads` accepts.
 const MOST_THREADS: u32 = 1024;
 const TRACE: &str = "trace.csv";
 const SUMMARY: &str = "summary.json";
+const PAGE: &str = "report.html";
 /// Greatest number of steps, a little more than a day at 1 kHz; limited because the times of all steps are kept in
 /// memory for the closing table.
 const MOST_STEPS: u64 = 100_000_000;
@@ -141,7 +146,7 @@ pub fn steps(text: &str) -> std::result::Result<u64, String> {
 fn seconds_of(arguments: &Arguments, scene: &Scene) -> Result<f64> {
     if let Some(steps) = arguments.steps {
         let problem = format!("{steps} steps were requested, but a session with a haptic device is limited by time");
-        return Err(palpate::Error::key(&scene.file, "haptics.device", problem, "give --seconds instead of --steps"));
+        return Err(Error::key(&scene.file, "haptics.device", problem, "give --seconds instead of --steps"));
     }
     match (arguments.seconds, scene.haptics.device, &scene.haptics.recording) {
         (Some(seconds), ..) => Ok(seconds),
@@ -159,7 +164,7 @@ fn steps_of(arguments: &Arguments, scene: &Scene) -> Result<Extent> {
         return Ok(Extent::Steps(steps));
     }
     let problem = format!("{seconds:?} s are more than {MOST_STEPS} steps of {:?} s", scene.step.dt);
-    Err(palpate::Error::key(&scene.file, "step.dt", problem, "give a longer time step, or fewer --steps or --seconds"))
+    Err(Error::key(&scene.file, "step.dt", problem, "give a longer time step, or fewer --steps or --seconds"))
 }
 
 /// Runs a scene. Input is read and prepared before the Vulkan device is opened; the output directory is made
@@ -170,7 +175,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     #[cfg(feature = "view")]
     if arguments.snapshot.is_none() && arguments.look.is_asked_for() {
         let what = "--size, --camera, --at, --show and --no-time apply to images only, and none are requested";
-        return Err(palpate::Error::Usage(format!("{what}: give --snapshot N as well")));
+        return Err(Error::Usage(format!("{what}: give --snapshot N as well")));
     }
     let mut scene = Scene::load(&arguments.scene)?;
     if let Some(name) = &arguments.depth {
@@ -191,7 +196,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if scene.haptics.has_device && arguments.snapshot.is_some() {
         let problem = "runs in real time, and rendering images would delay it";
         let remedy = "leave out --snapshot, or use palpate view";
-        return Err(palpate::Error::key(&scene.file, "haptics.device", problem, remedy));
+        return Err(Error::key(&scene.file, "haptics.device", problem, remedy));
     }
     let extent = if scene.haptics.has_device {
         Extent::Seconds(seconds_of(arguments, &scene)?)
@@ -202,16 +207,40 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     engine.notes().for_each(tell);
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
     let done = simulate(engine, &scene, &extent, arguments, output.as_mut())?;
-    if let Some(mut output) = output {
-        write_end(&mut output, &scene, &done)?;
-        output.commit()?;
-    }
-    let closing = done.report.as_ref().map(|report| Closing(report).to_string());
+    let page = match output {
+        None => "no page was written: give --out DIR for one, with curves and pictures".into(),
+        Some(mut output) => {
+            let page = format!("report: {}", output.path(PAGE).display());
+            write_end(&mut output, &scene, &done)?;
+            output.commit()?;
+            page
+        }
+    };
+    let Done { tally, outcome, report, nearest, .. } = &done;
+    let remedy = felt::remedy(tally, !scene.trajectory.is_empty(), nearest.as_ref());
     print(&format!(
-        "{}{}",
-        ClosingTable { facts: &done.outcome.facts, tally: &done.tally },
-        closing.unwrap_or_default()
+        "{}\n{}{}{}{}{page}\n",
+        felt::headline(tally),
+        remedy.map(|remedy| format!("{remedy}\n")).unwrap_or_default(),
+        RaisedFlags(tally),
+        ClosingTable { facts: &outcome.facts, tally },
+        report.as_ref().map(|report| Closing(report).to_string()).unwrap_or_default()
     ))
+}
+
+/// The command line of this program in a form that a shell reads back.
+fn command_line() -> String {
+    let words = std::env::args_os().skip(1).map(|word| quoted(&word.to_string_lossy()));
+    std::iter::once("palpate".to_string()).chain(words).collect::<Vec<_>>().join(" ")
+}
+
+/// A word of a command line, in quotes if a shell would read it differently without.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "_-./:,=+@%".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.into();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
 }
 
 /// Prints which GPU passes a step has, which are left out, and why.
@@ -240,6 +269,12 @@ struct Done {
     tally: Tally,
     outcome: Outcome,
     report: Option<Report>,
+    /// The force played in a session.
+    played: Played,
+    /// The body that is nearest to the tool at the end.
+    nearest: Option<Distance>,
+    /// Pictures of the end, or the reason why there are none.
+    pictures: std::result::Result<Vec<Shot>, String>,
 }
 
 /// Does all steps, and writes a row of the trace for each.
@@ -252,7 +287,7 @@ fn simulate(
 ) -> Result<Done> {
     let probes: Vec<String> = scene.probes.iter().map(|probe| probe.name.clone()).collect();
     let file = output.as_ref().map(|output| output.path(TRACE)).unwrap_or_default();
-    let failed = |source| palpate::Error::Output { file: file.clone(), source };
+    let failed = |source| Error::Output { file: file.clone(), source };
     let mut trace = match &mut output {
         Some(output) => Some(Trace::new(output.file(TRACE)?, &probes).map_err(failed)?),
         None => None,
@@ -270,6 +305,7 @@ fn simulate(
         }
         Ok(())
     };
+    let mut played = Played::default();
     let report = match extent {
         Extent::Steps(steps) => {
             let mut snapshots = Snapshots::new(arguments, &mut engine)?;
@@ -280,20 +316,25 @@ fn simulate(
             (1..=*steps).try_for_each(&mut step).map(|()| None)
         }
         Extent::Seconds(seconds) => {
-            hold::hold(&mut engine, scene, *seconds, arguments.record.as_deref(), &mut watch).map(Some)
+            hold::hold(&mut engine, scene, *seconds, arguments.record.as_deref(), &mut watch, &mut played).map(Some)
         }
     }?;
     bar.finish_and_clear();
     let steps = tally.steps;
-    if tally.raised().any(|(name, count)| name == "non_finite" && count == steps) {
+    if steps > 0 && tally.count(Flags::NON_FINITE) == steps {
         let problem = format!("none of the {steps} steps had a finite solution, and nothing moved");
         let remedy = "give less extreme sizes, masses, stiffnesses and time step";
-        return Err(palpate::Error::Simulation(format!("{}: {problem}; {remedy}", scene.file.display())));
+        return Err(Error::Simulation(format!("{}: {problem}; {remedy}", scene.file.display())));
     }
     if let Some(trace) = trace {
         trace.finish().map_err(failed)?;
     }
-    Ok(Done { tally, outcome: engine.finish()?, report })
+    let outcome = engine.results()?;
+    let has_touched = tally.touch.as_ref().is_none_or(|touch| touch.first.is_some());
+    let nearest = if has_touched { None } else { engine::nearest(engine.simulation(), &outcome.skins) };
+    // Pictures come last, so that rendering changes nothing that was read before.
+    let pictures = if output.is_some() { ending::pictures(&mut engine, &tally) } else { Ok(Vec::new()) };
+    Ok(Done { tally, outcome, report, played, nearest, pictures })
 }
 
 /// Images that are written at regular intervals: the number of steps from one image to the next, and the studio
@@ -349,7 +390,7 @@ fn progress(extent: &Extent) -> ProgressBar {
 /// Writes the files that describe the end of the run: layers (tetrahedral meshes of the bodies), skins (their surface
 /// meshes) and the summary.
 fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
-    let Done { tally, outcome, report } = done;
+    let Done { tally, outcome, report, played, nearest, pictures } = done;
     for layer in &outcome.layers {
         let name = format!("{}.vtk", layer.name);
         output.write(&name, |w| vtk::write_layer(w, &layer.nodes, &layer.tetrahedra, &layer.displacement))?;
@@ -360,5 +401,31 @@ fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
     let haptics = report.as_ref().map(report::haptics::summary);
     let preset = scene.preset.clone();
     let summary = Summary { haptics, preset, ..Summary::new(&scene.name(), scene.step.dt, &outcome.facts, tally) };
-    output.write(SUMMARY, |w| serde_json::to_writer_pretty(w, &summary).map_err(Into::into))
+    output.write(SUMMARY, |w| serde_json::to_writer_pretty(w, &summary).map_err(Into::into))?;
+    let unreadable = |error: csv::Error| Error::Output { file: output.path(TRACE), source: error.into() };
+    let trace = BufReader::new(output.read(TRACE)?);
+    let page = Page {
+        scene,
+        facts: &outcome.facts,
+        tally,
+        curves: &curves::read(trace, tally.touch.as_ref()).map_err(unreadable)?,
+        session: report.as_ref().map(|report| Session { report, played: &played.force }),
+        nearest: nearest.as_ref(),
+        pictures: pictures.as_ref().map(Vec::as_slice).map_err(String::as_str),
+        command: &command_line(),
+    };
+    let html = page.html()?;
+    output.write(PAGE, |w| w.write_all(html.as_bytes()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_of_a_command_line_are_quoted_for_a_shell() {
+        let words = ["run", "a/b.toml", "", "two words", "it's", "<x>", "--size=1x2"];
+        let expected = ["run", "a/b.toml", "''", "'two words'", "'it'\\''s'", "'<x>'", "--size=1x2"];
+        assert_eq!(words.map(quoted), expected);
+    }
 }

@@ -6,8 +6,9 @@
 
 use std::fmt;
 
+use palpate::Explanation;
 use palpate::internal::haptics::clock::Lateness;
-use palpate::internal::haptics::event::EventCounts;
+use palpate::internal::haptics::event::{Event, EventCounts};
 use palpate::internal::haptics::session::Report;
 use serde_json::{Value, json};
 
@@ -121,10 +122,23 @@ impl fmt::Display for Closing<'_> {
     }
 }
 
+/// For each event that happened: the words for it, how often it began, and the number of ticks in which it was present.
+pub fn happened(events: &EventCounts) -> impl Iterator<Item = (&'static Explanation, u64, u64)> {
+    let happened =
+        Event::ALL.into_iter().map(|(event, _)| (event.explained(), events.begun(event), events.ticks(event)));
+    happened.filter(|(_, begun, _)| *begun > 0)
+}
+
+/// How often something happened, in words.
+pub fn times(count: u64) -> String {
+    if count == 1 { "once".into() } else { format!("{count} times") }
+}
+
 fn told(events: &EventCounts) -> String {
-    let told: Vec<String> = events
-        .happened()
-        .map(|(name, begun, ticks)| format!("{name} began {begun} times and was present in {ticks} ticks"))
+    let told: Vec<String> = happened(events)
+        .map(|(words, begun, ticks)| {
+            format!("{}: {}, in {ticks} tick{} together", words.title, times(begun), if ticks == 1 { "" } else { "s" })
+        })
         .collect();
     if told.is_empty() { "none".into() } else { told.join("; ") }
 }

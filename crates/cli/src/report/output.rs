@@ -57,6 +57,11 @@ impl Output {
             .map_err(|source| Error::Output { file: self.path(name), source })
     }
 
+    /// Opens a file of this output that was written already, to read it.
+    pub fn read(&self, name: &str) -> Result<File> {
+        File::open(self.hidden.join(name)).map_err(|source| Error::Output { file: self.path(name), source })
+    }
+
     /// Path at which a file called `name` will be after the commit.
     pub fn path(&self, name: &str) -> PathBuf {
         self.directory.join(name)
@@ -105,6 +110,7 @@ mod tests {
         let mut output = Output::create(&directory).unwrap();
         output.write("x.csv", |w| writeln!(w, "new")).unwrap();
         output.write("y.csv", |w| writeln!(w, "y")).unwrap();
+        assert_eq!(std::io::read_to_string(output.read("x.csv").unwrap()).unwrap(), "new\n");
         fs::write(directory.join("x.csv"), "old").unwrap();
         assert!(!directory.join("y.csv").exists());
         output.commit().unwrap();

@@ -6,9 +6,11 @@ use std::fmt;
 use glam::DVec3;
 use palpate::internal::prepare::BodyReport;
 use palpate::scene::preset::Chosen;
-use palpate::{Flags, StepReport};
+use palpate::{Explanation, Flags, StepReport};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
+
+use super::felt::{Felt, Touch};
 
 /// What the engine reports of itself at the end of a run.
 #[derive(Debug, Clone, Default)]
@@ -79,6 +81,12 @@ pub struct Tally {
     pub steps: u64,
     /// Greatest contact force on the tool, N; `None` without a tool.
     pub peak_force: Option<f64>,
+    /// What the tool felt; `None` without a tool.
+    pub touch: Option<Touch>,
+    /// Greatest number of contacts in the scene at once; `None` where nothing can collide.
+    pub most_contacts: Option<u32>,
+    /// Number of contacts in the scene at the end; `None` where nothing can collide.
+    pub last_contacts: Option<u32>,
     /// Greatest angle by which the normal of a contact patch (area with one contact normal) turned in a step, rad;
     /// `None` where nothing can collide.
     pub normal_turn: Option<f64>,
@@ -102,7 +110,9 @@ impl Tally {
         self.steps += 1;
         if let Some(tool) = &row.tool {
             self.peak_force = Some(self.peak_force.unwrap_or(0.0).max(tool.force.length()));
+            self.touch.get_or_insert_default().add(row, tool);
         }
+        (self.most_contacts, self.last_contacts) = (self.most_contacts.max(row.contacts), row.contacts);
         let way = row.tool.as_ref().zip(self.last_tool).map(|(tool, last)| tool.tool.position.distance(last));
         if let Some(turn) = row.normal_turn {
             self.normal_turn = Some(self.normal_turn.unwrap_or(0.0).max(turn));
@@ -119,9 +129,16 @@ impl Tally {
         self.step_us.push(row.step_us);
     }
 
-    /// The flags that were raised: each one's name, and the number of steps that raised it.
-    pub fn raised(&self) -> impl Iterator<Item = (&'static str, u64)> {
-        Flags::ALL.iter().zip(self.flags).filter(|(_, count)| *count > 0).map(|(&(_, name), count)| (name, count))
+    /// Number of steps that raised a flag.
+    pub fn count(&self, flag: Flags) -> u64 {
+        let all = Flags::ALL.iter().zip(self.flags);
+        all.filter(|((known, _), _)| *known == flag).map(|(_, count)| count).sum()
+    }
+
+    /// The flags that were raised, in words, and the number of steps that raised each.
+    pub fn raised(&self) -> impl Iterator<Item = (&'static Explanation, u64)> {
+        let all = Flags::ALL.into_iter().zip(self.flags).filter(|(_, count)| *count > 0);
+        all.flat_map(|((flag, _), count)| flag.explained().map(move |(_, words)| (words, count)))
     }
 }
 
@@ -152,6 +169,8 @@ pub struct Summary {
     pub bytes_device: u64,
     /// Greatest contact force on the tool, N; null without a tool.
     pub peak_force_n: Option<f64>,
+    /// What the tool felt; null without a tool.
+    pub felt: Option<Felt>,
     /// Greatest angle by which a contact patch's normal turned in a step (`most_rad`), and greatest ratio of that angle
     /// to the distance that the tool moved in the step (`most_rad_per_mm`); null where nothing can collide.
     pub normal_turn: Value,
@@ -196,6 +215,7 @@ impl Summary {
             plan: json!({ "recorded": names, "reasons": reasons, "left_out": out }),
             bytes_device: facts.bytes_device,
             peak_force_n: tally.peak_force,
+            felt: tally.touch.as_ref().map(Touch::felt),
             normal_turn: json!({ "most_rad": tally.normal_turn, "most_rad_per_mm": tally.normal_turn_per_mm }),
             flags: Flags::ALL.iter().zip(tally.flags).map(|((_, name), n)| (name.to_string(), n.into())).collect(),
             files: told.map(|(name, report)| (name.clone(), json!(report))).collect(),
@@ -206,7 +226,20 @@ impl Summary {
     }
 }
 
-/// The table that closes a run on the terminal.
+/// The flags that were raised, in words, each on a line.
+pub struct RaisedFlags<'a>(pub &'a Tally);
+
+impl fmt::Display for RaisedFlags<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        for (Explanation { title, meaning, remedy }, count) in self.0.raised() {
+            let remedy = remedy.map_or(String::new(), |remedy| format!(" Remedy: {remedy}"));
+            writeln!(f, "warning: {title}, in {count} of {} steps. {meaning}{remedy}", self.0.steps)?;
+        }
+        Ok(())
+    }
+}
+
+/// The table of what a run cost.
 pub struct ClosingTable<'a> {
     /// What the engine reports.
     pub facts: &'a Facts,
@@ -228,17 +261,8 @@ impl fmt::Display for ClosingTable<'_> {
         }
         line(f, "step", facts.passes_per_step, quantiles(&tally.step_us))?;
         writeln!(f, "device: {} ({})", facts.device, facts.driver)?;
-        if let Some(force) = tally.peak_force {
-            writeln!(f, "peak force: {force:.4} N")?;
-        }
         let mean = tally.iterations as f64 / tally.steps.max(1) as f64;
-        writeln!(
-            f,
-            "steps: {}; solver iterations: {mean:.1} per step, {} at most",
-            tally.steps, tally.most_iterations
-        )?;
-        let raised: Vec<String> = tally.raised().map(|(name, count)| format!("{name} in {count} steps")).collect();
-        writeln!(f, "flags: {}", if raised.is_empty() { "none".into() } else { raised.join(", ") })
+        writeln!(f, "steps: {}; solver iterations: {mean:.1} per step, {} at most", tally.steps, tally.most_iterations)
     }
 }
 
@@ -290,6 +314,7 @@ mod tests {
             "plan",
             "bytes_device",
             "peak_force_n",
+            "felt",
             "normal_turn",
             "flags",
             "files",
@@ -297,6 +322,7 @@ mod tests {
         ];
         assert_eq!(keys, expected);
         assert_eq!((&value["steps"], &value["peak_force_n"]), (&json!(3), &json!(5.0)));
+        assert_eq!((&value["felt"]["peak_force_n"], &value["felt"]["steps_in_contact"]), (&json!(5.0), &json!(3)));
         assert_eq!(value["stage_us"]["pose"], json!({ "median": 100.0, "p99": 198.0 }));
         assert_eq!(value["stage_us"]["step"], json!({ "median": 4.0, "p99": 5.0 }));
         assert_eq!((&value["flags"]["frozen"], &value["flags"]["not_converged"]), (&json!(2), &json!(0)));
@@ -307,16 +333,20 @@ mod tests {
     }
 
     #[test]
-    fn the_closing_table_names_stages_and_raised_flags() {
+    fn the_closing_table_names_stages_and_raised_flags_are_told_in_words() {
         let (facts, tally) = example();
         let text = ClosingTable { facts: &facts, tally: &tally }.to_string();
         assert!(text.contains("pose                  3        100.0        198.0"), "table: {text}");
-        assert!(text.contains("frozen in 2 steps") && !text.contains("not_converged"), "table: {text}");
+        let text = RaisedFlags(&tally).to_string();
+        assert!(text.starts_with("warning: the simulation stood still, in 2 of 3 steps. "), "flags: {text}");
+        assert!(text.contains(" Remedy: ") && text.lines().count() == 1, "flags: {text}");
+        assert_eq!((tally.count(Flags::FROZEN), tally.count(Flags::NON_FINITE)), (2, 0));
     }
 
     #[test]
     fn a_run_without_tool_or_steps_is_summed_up_too() {
         let value = serde_json::to_value(Summary::new("s", 0.1, &Facts::default(), &Tally::default())).unwrap();
         assert_eq!((&value["peak_force_n"], &value["stage_us"]), (&Value::Null, &json!({})));
+        assert_eq!(value["felt"], Value::Null);
     }
 }

@@ -6,6 +6,7 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use egui::{Color32, Pos2, RichText, Sense, Slider, SliderClamping, Stroke, Ui, Vec2};
+use palpate::internal::haptics::event::Event;
 use palpate::scene::{Contact, Coupling, Material};
 use palpate_view::live::{Command, Sample, Settings, Snapshot, State};
 use palpate_view::overlay::{Overlay, Overlays};
@@ -163,15 +164,16 @@ impl Panel {
         let depth = 1e3 * row.max_depth.unwrap_or(0.0);
         ui.label(format!("contacts {}   depth {depth:.2} mm", row.contacts.unwrap_or(0)));
         ui.label(format!("time {:.3} s   iterations {}   residual {:.1e}", row.time, row.iterations, row.residual));
-        let flags: Vec<&str> = row.flags.names().collect();
-        if !flags.is_empty() {
-            ui.colored_label(Color32::LIGHT_RED, flags.join(", "));
+        for (_, words) in row.flags.explained() {
+            let label = ui.colored_label(Color32::LIGHT_RED, words.title);
+            label.on_hover_text(format!("{} {}", words.meaning, words.remedy.unwrap_or_default()));
         }
         if let Some(state) = &snapshot.haptics {
             let [median, p99, most] = state.late.map(|s| 1e3 * s);
             ui.label(format!("haptic loop late by {median:.2} / {p99:.2} / {most:.2} ms (median, p99, worst)"));
-            if !state.events.is_empty() {
-                ui.label(RichText::new(state.events.join(", ")).small());
+            for words in state.events.iter().filter_map(|name| Event::named(name)).map(Event::explained) {
+                let label = ui.label(RichText::new(words.title).small());
+                label.on_hover_text(format!("{} {}", words.meaning, words.remedy.unwrap_or_default()));
             }
         }
     }

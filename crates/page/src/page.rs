@@ -11,16 +11,28 @@ const LONGEST_NUMBER: usize = 20;
 /// A table with at least this number of columns is set in smaller type.
 const WIDE: usize = 11;
 
+/// A whole page: `title` is plain text, `body` is what follows the heading, as HTML.
+pub fn whole(title: &str, body: &str) -> String {
+    let title = escaped(title);
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n<meta name=\"viewport\" \
+         content=\"width=device-width, initial-scale=1\"/>\n<meta name=\"color-scheme\" content=\"light dark\"/>\n\
+         <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n{body}</body>\n</html>\n"
+    )
+}
+
+/// A plot as a figure, with a caption as plain text unless that is empty. `svg` may begin with an XML declaration.
+pub fn figure(svg: &str, caption: &str) -> String {
+    // The XML declaration before the `<svg>` element belongs in files only.
+    let element = svg.find("<svg").map_or(svg, |at| &svg[at..]);
+    let caption = if caption.is_empty() { String::new() } else { format!("<figcaption>{}</figcaption>", set(caption)) };
+    format!("<figure>{element}{caption}</figure>\n")
+}
+
 impl Document {
     /// The report as an HTML page. Text between backquotes is set as code, as in Markdown.
     pub fn html(&self) -> String {
-        let title = escaped(&self.title);
-        let mut page = format!(
-            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
-             content=\"width=device-width, initial-scale=1\">\n<title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
-             <h1>{title}</h1>\n<p class=\"preface\">{}</p>\n",
-            set(&self.preface)
-        );
+        let mut page = format!("<p class=\"preface\">{}</p>\n", set(&self.preface));
         self.write_contents(&mut page);
         for (number, chapter) in self.chapters.iter().enumerate() {
             // Writing into a string cannot fail.
@@ -34,7 +46,7 @@ impl Document {
                 write_section(&mut page, section, &format!("c{number}s{k}"));
             }
         }
-        page + "</body>\n</html>\n"
+        whole(&self.title, &page)
     }
 
     fn write_contents(&self, page: &mut String) {
@@ -64,21 +76,22 @@ fn write_section(page: &mut String, section: &Section, id: &str) {
     );
     let _ = writeln!(page, "<p class=\"finding\"><b>Found:</b> {}</p>", set(finding));
     if let Some(svg) = plot {
-        // An XML declaration before the `<svg>` element is right in an SVG file but not within a page.
-        let element = svg.find("<svg").map_or(svg.as_str(), |at| &svg[at..]);
-        let _ = writeln!(page, "<figure>{element}</figure>");
+        page.push_str(&figure(svg, ""));
     }
     if !notes.is_empty() {
         let notes: String = notes.iter().map(|note| format!("<li>{}</li>\n", set(note))).collect();
         let _ = writeln!(page, "<ul class=\"notes\">\n{notes}</ul>");
     }
-    write_table(page, table);
+    page.push_str(&self::table(table));
     page.push_str("</section>\n");
 }
 
-fn write_table(page: &mut String, table: &Table) {
+/// A table; nothing if the table has no rows. The first column and those with words are flush left. Text between
+/// backquotes is set as code.
+pub fn table(table: &Table) -> String {
+    let mut page = String::new();
     if table.rows.is_empty() {
-        return;
+        return page;
     }
     let is_text: Vec<bool> = (0..table.heads.len()).map(|k| k == 0 || is_text(table, k)).collect();
     let row = |page: &mut String, cells: &[String], tag: &str| {
@@ -91,10 +104,11 @@ fn write_table(page: &mut String, table: &Table) {
     };
     let class = if table.heads.len() >= WIDE { " class=\"wide\"" } else { "" };
     let _ = write!(page, "<div class=\"table\"><table{class}>\n<thead>");
-    row(page, &table.heads, "th");
+    row(&mut page, &table.heads, "th");
     page.push_str("</thead>\n<tbody>\n");
-    table.rows.iter().for_each(|cells| row(page, cells, "td"));
+    table.rows.iter().for_each(|cells| row(&mut page, cells, "td"));
     page.push_str("</tbody>\n</table></div>\n");
+    page
 }
 
 /// Whether a column holds words, which are set flush left; if not, it holds numbers.
@@ -103,12 +117,16 @@ fn is_text(table: &Table, column: usize) -> bool {
     cells.any(|cell| cell.chars().count() > LONGEST_NUMBER && cell.contains(' '))
 }
 
-pub(crate) fn escaped(text: &str) -> String {
+/// Text with the characters escaped that have a meaning in HTML. Control characters other than line breaks and tabs,
+/// which XML forbids, are shown as the replacement character.
+pub fn escaped(text: &str) -> String {
+    let is_forbidden = |c: char| c.is_control() && !matches!(c, '\n' | '\r' | '\t');
+    let text = text.replace(is_forbidden, "\u{fffd}");
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Text escaped for HTML; the parts of the text that stand between backquotes are set as code.
-fn set(text: &str) -> String {
+/// Text escaped for HTML, with what is between backquotes set as code.
+pub fn set(text: &str) -> String {
     // A no-break space keeps a number and its per cent sign on one line.
     let escaped = escaped(text).replace(" %", "\u{a0}%");
     let pieces: Vec<&str> = escaped.split('`').collect();

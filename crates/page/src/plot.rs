@@ -34,6 +34,14 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
 ];
 const FONT: (&str, u32) = ("sans-serif", 15);
+/// Width and height of a curve's plot, pixels.
+const CURVE_SIZE: (u32, u32) = (1080, 680);
+/// Font of a curve's plot, which is shown at half its size.
+const LARGE: (&str, u32) = ("sans-serif", 40);
+/// A curve of at most so many points has a dot at each.
+const FEW: usize = 40;
+/// Most digits after the point of a number on a curve's axis; smaller numbers are written with an exponent.
+const MOST_DIGITS: i32 = 4;
 /// Width of the room for the names of bars, as a share of the plot's width.
 const LABELS: f64 = 0.28;
 /// Width of the room for the names of lines, to the right of their ends, pixels.
@@ -115,6 +123,29 @@ pub fn panels(axes: &Logarithmic, panels: &[Panel]) -> Result<String> {
     })
 }
 
+/// A curve of a run, drawn by [`curve`].
+#[derive(Debug, Clone, Copy)]
+pub struct Curve<'a> {
+    /// What the plot shows, for readers who hear the page.
+    pub title: &'a str,
+    /// Label of the horizontal axis, with its unit.
+    pub x: &'a str,
+    /// Label of the vertical axis, with its unit.
+    pub y: &'a str,
+    /// Points, in the units of the axes; all are finite.
+    pub points: &'a [(f64, f64)],
+    /// A point with a name, drawn as a dot.
+    pub mark: Option<((f64, f64), &'a str)>,
+}
+
+/// Draws a curve on linear axes that include 0. The plot is meant to be shown at half its size or less, so that curves
+/// are finer than a pixel and text is readable on a phone.
+pub fn curve(curve: &Curve) -> Result<String> {
+    let svg = to_svg(CURVE_SIZE, |area| draw_curve(area, curve))?;
+    let title = crate::page::escaped(curve.title);
+    Ok(svg.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{title}\" "), 1))
+}
+
 type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
 
 fn to_svg(size: (u32, u32), draw: impl FnOnce(&Area) -> Drawn) -> Result<String> {
@@ -156,6 +187,64 @@ fn draw_lines(area: &Area, x: &Axis, y_label: &str, lines: &[Line]) -> Drawn {
     }
     let ends = lines.iter().enumerate().filter_map(|(k, line)| Some((k, chart.backend_coord(line.points.last()?))));
     draw_names(area, lines, ends.collect())
+}
+
+fn draw_curve(area: &Area, curve: &Curve) -> Drawn {
+    let finite = |(x, y): &&(f64, f64)| x.is_finite() && y.is_finite();
+    let points: Vec<(f64, f64)> = curve.points.iter().filter(finite).copied().collect();
+    let [x, y] = [|p: &(f64, f64)| p.0, |p: &(f64, f64)| p.1].map(|of| span(points.iter().map(of)));
+    let mut builder = ChartBuilder::on(area);
+    builder.margin(20).margin_right(36).x_label_area_size(116).y_label_area_size(160);
+    let mut chart = builder.build_cartesian_2d(x.clone(), y.clone())?;
+    let mut mesh = chart.configure_mesh();
+    mesh.x_desc(curve.x).y_desc(curve.y).label_style(LARGE).axis_desc_style(LARGE).x_labels(6).y_labels(6);
+    let [of_x, of_y] = [x, y].map(|span| span.end - span.start);
+    let (x_ticks, y_ticks) = (|at: &f64| tick(*at, of_x), |at: &f64| tick(*at, of_y));
+    mesh.x_label_formatter(&x_ticks).y_label_formatter(&y_ticks);
+    mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12).stroke_width(2)).draw()?;
+    let colour = COLOURS[2];
+    chart.draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(3)))?;
+    if points.len() <= FEW {
+        chart.draw_series(points.iter().map(|&at| Circle::new(at, 7, colour.filled())))?;
+    }
+    if let Some((at, name)) = curve.mark.filter(|((x, y), _)| x.is_finite() && y.is_finite()) {
+        chart.draw_series([Circle::new(at, 9, COLOURS[1].filled())])?;
+        let ((x, y), (left, top)) = (chart.backend_coord(&at), area.get_base_pixel());
+        // The name stands on the side of the point where there is more room.
+        let (side, away) = if x > CURVE_SIZE.0 as i32 / 2 { (HPos::Right, -16) } else { (HPos::Left, 16) };
+        let style = TextStyle::from(LARGE.into_font()).color(&COLOURS[1]).pos(Pos::new(side, VPos::Bottom));
+        area.draw_text(name, &style, (x - left + away, y - top - 4))?;
+    }
+    Ok(())
+}
+
+/// The range of an axis for these numbers: from 0 or the least to 0 or the greatest, with room beyond an end that is
+/// not 0.
+fn span(numbers: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
+    let (low, high) = numbers.fold((0.0, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
+    let room = (HEADROOM - 1.0) * (high - low);
+    match (low < 0.0, high > 0.0) {
+        (false, false) => 0.0..1.0,
+        (below, above) => low - if below { room } else { 0.0 }..high + if above { room } else { 0.0 },
+    }
+}
+
+/// A number of an axis that is `length` long, with as many digits as tell its ticks apart.
+fn tick(x: f64, length: f64) -> String {
+    let digits = (1.0 - length.log10()).ceil() as i32;
+    // A number that rounding left beside 0 is 0.
+    if x.abs() < 1e-9 * length {
+        return "0".into();
+    }
+    match digits {
+        ..=0 if x.abs() >= 1e6 => format!("{x:.1e}"),
+        ..=MOST_DIGITS => {
+            let text = format!("{x:.*}", digits.max(0) as usize);
+            let trimmed = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+            trimmed.into()
+        }
+        _ => format!("{x:.1e}"),
+    }
 }
 
 /// Draws the names of lines at the lines' ends, from the lowest end up, so that no name overlaps the one below it.
@@ -290,6 +379,25 @@ mod tests {
         let svg = bars("time, ms", &[bar("one", 1.5, 0), bar("two", 3.0, 1)]).unwrap();
         assert!(["time, ms", "one", "two", "1.5"].iter().all(|text| svg.contains(text)), "SVG: {svg}");
         assert!(lines(&axis, "ms", &[]).is_ok() && bars("ms", &[]).is_ok());
+    }
+
+    #[test]
+    fn a_curve_is_drawn_for_any_points() {
+        let draw = |points: &[(f64, f64)]| {
+            let mark = points.last().map(|at| (*at, "peak <1>"));
+            curve(&Curve { title: "a & b", x: "time, s", y: "force, N", points, mark }).unwrap()
+        };
+        let svg = draw(&[(0.0, 0.0), (0.1, 2e-3), (0.2, 1e-3)]);
+        let parts = ["time, s", "force, N", "peak &lt;1&gt;", "<polyline", "<circle", "a &amp; b", "role=\"img\""];
+        assert!(parts.iter().all(|part| svg.contains(part)), "SVG: {svg}");
+        for points in [&[][..], &[(0.0, 0.0)], &[(0.001, 5.0)], &[(1.0, -3.0)], &[(f64::NAN, 1.0)], &[(1e9, 1e-9)]] {
+            assert!(!draw(points).contains("NaN"), "points: {points:?}");
+        }
+        let [both, none, above] = [&[1.0, -1.0][..], &[], &[2.0, 1.0]].map(|numbers| span(numbers.iter().copied()));
+        assert!((both.start + 1.24).abs() < 1e-12 && both.start == -both.end, "range: {both:?}");
+        assert!(none == (0.0..1.0) && above.start == 0.0 && (above.end - 2.24).abs() < 1e-12, "range: {above:?}");
+        let ticks = [(0.5, 2.24), (2e-3, 4e-3), (2e-7, 1e-6), (3e4, 1e5), (0.3 - 0.2 - 0.1, 1.0), (-1.5, 2.0)];
+        assert_eq!(ticks.map(|(x, length)| tick(x, length)), ["0.5", "0.002", "2.0e-7", "30000", "0", "-1.5"]);
     }
 
     #[test]

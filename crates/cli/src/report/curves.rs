@@ -1,0 +1,87 @@
+//! The curves of a run over time, reduced to what a plot can show. They are read from `trace.csv`, since the direction
+//! along which indentation is measured is known only at the end of the run, and all steps of a long one do not fit into
+//! memory.
+
+use std::io::Read;
+
+use glam::DVec3;
+use palpate_page::Reduced;
+use serde::Deserialize;
+
+use super::felt::Touch;
+
+/// Numbers of the quantities in [`Curves`].
+pub const FORCE: usize = 0;
+/// Indentation, mm, from the first touch on.
+pub const INDENTATION: usize = 1;
+/// Number of contacts in the scene.
+pub const CONTACTS: usize = 2;
+/// Iterations of the solver.
+pub const ITERATIONS: usize = 3;
+
+/// Force on the tool (N), indentation (mm), contacts and iterations of the steps of a run.
+pub type Curves = Reduced<4>;
+
+/// The columns of a trace that are drawn.
+#[derive(Deserialize)]
+struct Row {
+    time_s: f64,
+    tool_x: Option<f64>,
+    tool_y: Option<f64>,
+    tool_z: Option<f64>,
+    force_x: Option<f64>,
+    force_y: Option<f64>,
+    force_z: Option<f64>,
+    contacts: Option<u32>,
+    iterations: u32,
+}
+
+/// Reads the curves from a trace; `touch` is what the tool felt, if there is a tool.
+pub fn read(trace: impl Read, touch: Option<&Touch>) -> Result<Curves, csv::Error> {
+    let mut curves = Curves::default();
+    let vector = |x: Option<f64>, y: Option<f64>, z: Option<f64>| Some(DVec3::new(x?, y?, z?));
+    for row in csv::Reader::from_reader(trace).deserialize() {
+        let row: Row = row?;
+        let force = vector(row.force_x, row.force_y, row.force_z).map_or(f64::NAN, |force| force.length());
+        let has_touched = touch.and_then(|touch| touch.first).is_some_and(|(time, _)| row.time_s >= time);
+        let centre = vector(row.tool_x, row.tool_y, row.tool_z).filter(|_| has_touched);
+        let indentation = centre.zip(touch).and_then(|(centre, touch)| touch.indentation(centre));
+        let contacts = row.contacts.map_or(f64::NAN, f64::from);
+        let indentation = indentation.map_or(f64::NAN, |depth| 1e3 * depth);
+        curves.add(row.time_s, [force, indentation, contacts, row.iterations.into()]);
+    }
+    Ok(curves)
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate::{Pose, StepReport, ToolReport};
+
+    use super::super::Trace;
+    use super::*;
+
+    #[test]
+    fn what_a_trace_says_is_what_is_drawn() {
+        let (mut bytes, mut touch) = (Vec::new(), Touch::default());
+        let mut trace = Trace::new(&mut bytes, &["nose".into()]).unwrap();
+        for (k, (y, force)) in [(0.05, 0.0), (0.04, 1.0), (0.035, 3.0), (0.03, f64::NAN)].into_iter().enumerate() {
+            let tool = Pose { position: DVec3::Y * y, ..Pose::default() };
+            let tool = ToolReport { tool, force: DVec3::Y * force, ..ToolReport::default() };
+            let (step, contacts) = (k as u64 + 1, Some(k as u32));
+            let (time, probes) = (step as f64, vec![DVec3::ONE]);
+            let row =
+                StepReport { step, time, tool: Some(tool), contacts, iterations: 9, probes, ..Default::default() };
+            trace.write(&row).unwrap();
+            touch.add(&row, &tool);
+        }
+        trace.finish().unwrap();
+        let curves = read(bytes.as_slice(), Some(&touch)).unwrap();
+        assert_eq!(curves.over_time(FORCE), [(1.0, 0.0), (2.0, 1.0), (3.0, 3.0)]);
+        assert_eq!(curves.over_time(CONTACTS), [(1.0, 0.0), (2.0, 1.0), (3.0, 2.0), (4.0, 3.0)]);
+        assert_eq!(curves.over_time(ITERATIONS)[3], (4.0, 9.0));
+        let pressed = curves.over(INDENTATION, FORCE);
+        assert!(pressed.len() == 2 && pressed[0] == (0.0, 1.0) && (pressed[1].0 - 5.0).abs() < 1e-12, "{pressed:?}");
+        let without = read(bytes.as_slice(), None).unwrap();
+        assert!(without.over_time(INDENTATION).is_empty());
+    }
+}
