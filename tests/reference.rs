@@ -1,11 +1,14 @@
-//! The page of scene keys, docs/reference/scene.md, holds exactly the keys that the reader accepts: it is written from
-//! the same lists. `PALPATE_WRITE_DOCS=1 cargo test --test reference` writes it anew.
+//! The pages docs/reference/scene.md and docs/reference/flags.md hold exactly the keys that the reader of scenes accepts,
+//! and the flags and events that exist: they are written from the lists of the code.
+//! `PALPATE_WRITE_DOCS=1 cargo test --test reference` writes them anew.
 
 use std::fmt::Write;
 use std::path::Path;
 
+use palpate::internal::haptics::event::Event;
 use palpate::scene::profile::PROFILES;
 use palpate::scene::reference::{ONE_OF, REQUIRED, TABLES};
+use palpate::{Explanation, Flags};
 
 const HEAD: &str = "# Scene files
 
@@ -58,13 +61,64 @@ fn page() -> String {
     page
 }
 
-#[test]
-fn the_page_of_scene_keys_is_that_of_the_reader() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/reference/scene.md");
+const FLAGS_HEAD: &str = "# Flags and events
+
+For whoever sees a flag or an event in a report, and wants to know what it means and what to do.
+
+A *flag* belongs to a step of the simulation. The column `flags` of `trace.csv`, `flags` of a wrench in C and
+`StepReport::flags` in Rust are sums of the bits below; `summary.json` counts the steps of each name. A step without a
+flag has the value 0. This page is written from the code (`src/stages/flags.rs`, `src/haptics/event.rs`).
+
+## Flags of a step
+
+| bit | name | title | meaning | remedy |
+| --- | --- | --- | --- | --- |
+";
+const EVENTS_HEAD: &str = "
+## Events of the haptic loop
+
+An *event* belongs to a tick, one cycle of the haptic loop. `summary.json` counts the ticks of each name, and a recording
+written as CSV has a column `events`.
+
+| bit | name | title | meaning | remedy |
+| --- | --- | --- | --- | --- |
+";
+
+/// The page of flags and events.
+fn flags() -> String {
+    let mut page = FLAGS_HEAD.to_owned();
+    let row = |page: &mut String, bit: u32, name: &str, words: &Explanation| {
+        let remedy = words.remedy.unwrap_or("none is needed");
+        writeln!(page, "| {bit} | `{name}` | {} | {} | {remedy} |", words.title, words.meaning).unwrap();
+    };
+    for (flag, name) in Flags::ALL {
+        for (_, words) in flag.explained() {
+            row(&mut page, flag.0, name, words);
+        }
+    }
+    page += EVENTS_HEAD;
+    for (event, name) in Event::ALL {
+        row(&mut page, 1 << event as u32, name, event.explained());
+    }
+    page
+}
+
+/// Compares a page of the book with the page that the code makes; writes it where that is asked for.
+fn compare(name: &str, page: &str) {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/reference").join(name);
     if std::env::var_os("PALPATE_WRITE_DOCS").is_some() {
-        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
-        std::fs::write(&file, page()).unwrap();
+        std::fs::write(&file, page).unwrap();
     }
     let written = std::fs::read_to_string(&file).unwrap();
-    assert!(written == page(), "{} is out of date: PALPATE_WRITE_DOCS=1 cargo test --test reference", file.display());
+    assert!(written == page, "{} is out of date: PALPATE_WRITE_DOCS=1 cargo test --test reference", file.display());
+}
+
+#[test]
+fn the_page_of_scene_keys_is_that_of_the_reader() {
+    compare("scene.md", &page());
+}
+
+#[test]
+fn the_page_of_flags_has_every_flag_and_every_event() {
+    compare("flags.md", &flags());
 }
