@@ -5,7 +5,8 @@ RADIUS, HALF, EDGE, AROUND, ROUNDED = 0.012, 0.010, 0.002, 48, 4
 
 # The profile from the lower end to the upper: distance from the axis and height, m.
 profile = [(0.003 * k, -HALF) for k in (1, 2)]
-arc = [(RADIUS - EDGE + EDGE * sin(a), HALF - EDGE + EDGE * cos(a)) for a in (0.5 * pi * k / ROUNDED for k in range(ROUNDED + 1))]
+angles = [0.5 * pi * k / ROUNDED for k in range(ROUNDED + 1)]
+arc = [(RADIUS - EDGE + EDGE * sin(a), HALF - EDGE + EDGE * cos(a)) for a in angles]
 profile += [(r, -y) for r, y in arc]
 profile += [(RADIUS, -0.004), (RADIUS, 0.0), (RADIUS, 0.004)]
 profile += [(r, y) for r, y in reversed(arc)] + [(0.003 * k, HALF) for k in (2, 1)]

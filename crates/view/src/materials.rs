@@ -4,7 +4,8 @@
 use palpate::Simulation;
 use palpate::scene::{Body, Group, Place};
 
-/// Colours of materials, sRGB, which people with any colour vision can tell apart (after Okabe and Ito 2008).
+/// Colours of materials, sRGB, which people with any colour vision can tell apart (most are those of
+/// Okabe and Ito 2008; a test measures how far apart they are).
 pub const COLOURS: [[u8; 3]; 8] = [
     [86, 180, 233],
     [230, 159, 0],
@@ -12,7 +13,7 @@ pub const COLOURS: [[u8; 3]; 8] = [
     [240, 228, 66],
     [0, 158, 115],
     [213, 94, 0],
-    [0, 114, 178],
+    [40, 60, 210],
     [190, 190, 190],
 ];
 /// Brightness of the colours of each further round, where there are more materials than colours.

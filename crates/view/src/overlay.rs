@@ -110,8 +110,8 @@ mod tests {
         let left = Overlay::ALL.into_iter().filter(|(overlay, _)| shown.has(*overlay)).count();
         assert_eq!(left, 6, "one of the five colourings, and the five others");
         assert!(shown.opens_layers() && Overlays::of(&[Overlay::Materials]).opens_layers());
-        shown.toggle(Overlay::Displacement);
+        shown.toggle(Overlay::Materials);
         shown.toggle(Overlay::Arrows);
-        assert!(!shown.has(Overlay::Displacement) && !shown.has(Overlay::Arrows) && shown.has(Overlay::Cores));
+        assert!(!shown.has(Overlay::Materials) && !shown.has(Overlay::Arrows) && shown.has(Overlay::Cores));
     }
 }
