@@ -58,7 +58,7 @@ fn anchor(heading: &str) -> String {
 }
 
 /// A path without `.` and `..`.
-fn tidy(path: &Path) -> PathBuf {
+pub fn tidy(path: &Path) -> PathBuf {
     let mut result = PathBuf::new();
     for part in path.components() {
         match part {

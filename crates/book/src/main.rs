@@ -6,6 +6,7 @@
 //! No sentence of README.md stands in a page of the book as well.
 
 mod check;
+mod html;
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -24,11 +25,16 @@ fn main() -> ExitCode {
     if !problems.is_empty() {
         return ExitCode::from(2);
     }
-    match MDBook::load(root.join("docs")).and_then(|book| book.build()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: the book cannot be built: {error:#}");
-            ExitCode::from(2)
-        }
+    if let Err(error) = MDBook::load(root.join("docs")).and_then(|book| book.build()) {
+        eprintln!("error: the book cannot be built: {error:#}");
+        return ExitCode::from(2);
     }
+    let problems = match html::mend(&root, &root.join("target/book")) {
+        Ok(problems) => problems,
+        Err(error) => vec![format!("target/book cannot be read: {error}")],
+    };
+    for problem in &problems {
+        eprintln!("error: {problem}");
+    }
+    if problems.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(2) }
 }

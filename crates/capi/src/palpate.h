@@ -1,7 +1,7 @@
 /*
  * palpate.h: feel soft bodies from any program.
  *
- * A context is an opened Vulkan device. A scene is what a scene file describes (README, "A scene"). A simulation runs a scene on
+ * A context is an opened Vulkan device. A scene is what a scene file describes (docs/reference/scene.md). A simulation runs a scene on
  * a context, a step at a time: the pose of the haptic device goes in, the net wrench on the tool comes out. Scenes are read from
  * files or from text, or built by calls, or both. What a call adds is checked as strictly as a file, and may refer by name to
  * meshes, bodies and the tool that the scene has already.
@@ -36,17 +36,17 @@
 #include <stddef.h>
 #include <stdint.h>
 
-// Version number of the binary interface. It is raised when something that a compiled program relies on changes its
-// meaning or is removed. Compare it with `palpate_abi()`.
+// Version number of the binary interface that palpate.h declares. It is raised when something that a compiled program
+// relies on changes its meaning or is removed. A program should compare it with the result of `palpate_abi()`.
 #define PALPATE_ABI 1
 
-// Kind of motion of a rigid core or of a rigid body: it does not move.
+// Kind of motion of a rigid core or of a rigid body: fixed, that is, the core or body does not move.
 #define PALPATE_MOTION_FIXED 0
 
-// Kind of motion: driven (kinematic), that is, it follows `keys`.
+// Kind of motion: driven (kinematic), that is, the core or body follows its keyframes, `keys`.
 #define PALPATE_MOTION_DRIVEN 1
 
-// Kind of motion: dynamic, that is, forces move it.
+// Kind of motion: dynamic, that is, forces move the core or body.
 #define PALPATE_MOTION_DYNAMIC 2
 
 // Material law: corotational, that is, linear in the strain that remains when the rotation of a tetrahedron is
@@ -56,25 +56,25 @@
 // Material law: stable neo-Hookean.
 #define PALPATE_LAW_NEO_HOOKEAN 1
 
-// Volumetric strain of a soft body: each tetrahedron has its own.
+// Volumetric strain of a soft body: each tetrahedron has its own volumetric strain.
 #define PALPATE_DILATATION_ELEMENT 0
 
 // Volumetric strain of a soft body: averaged over patches of neighbouring tetrahedra (F-bar), against locking in
-// nearly incompressible materials (Poisson's ratio near one half).
+// nearly incompressible materials (Poisson's ratio near 0.5).
 #define PALPATE_DILATATION_PATCH 1
 
-// Feature of a lent device, for palpate_vulkan: shaderInt64 and shaderBufferInt64Atomics are enabled.
+// Feature of a lent device, for `enabled` of palpate_vulkan: shaderInt64 and shaderBufferInt64Atomics are enabled.
 #define PALPATE_VULKAN_INT64_ATOMICS 1
 
-// Feature of a lent device: fragmentStoresAndAtomics is enabled, so that the library may use the rasterizer to compute
-// penetration depths.
+// Feature of a lent device, for `enabled` of palpate_vulkan: fragmentStoresAndAtomics is enabled, so that the library
+// may use the rasterizer to compute penetration depths.
 #define PALPATE_VULKAN_FRAGMENT_STORES 2
 
-// Feature of a lent device: VK_KHR_external_memory_fd is enabled, so that skins (surface meshes of bodies) can be
-// exported.
+// Feature of a lent device, for `enabled` of palpate_vulkan: VK_KHR_external_memory_fd is enabled, so that skins
+// (surface meshes of bodies) can be exported.
 #define PALPATE_VULKAN_EXTERNAL_MEMORY_FD 4
 
-// Level of a message: a note about what was chosen, or about defects of files that were repaired.
+// Level of a message: a note about what the library chose, or about defects of files that it repaired.
 #define PALPATE_LOG_NOTE 0
 
 // Level of a message: a warning of the Vulkan validation layer.
@@ -83,19 +83,23 @@
 // Level of a message: an error of the Vulkan validation layer.
 #define PALPATE_LOG_ERROR 2
 
-// Event of a tick: the haptic device could not be read or written; nothing is played.
+// Event of a tick (one iteration of the haptic loop): the haptic device could not be read or written; no force is
+// played on it.
 #define PALPATE_EVENT_DEVICE_LOST 1
 
-// Event of a tick: the device's reading was not finite, or no rotation; the last valid reading is used instead.
+// Event of a tick: a number in the device's reading was not finite, or its orientation was no rotation; the last valid
+// pose is used instead.
 #define PALPATE_EVENT_BAD_READING 2
 
-// Event of a tick: the device jumped faster than a hand can move; its last pose is used until the force has faded out.
+// Event of a tick: the device's pose jumped further than a hand can move in a tick; the last valid pose is used until
+// the force has faded out.
 #define PALPATE_EVENT_POSE_JUMP 4
 
 // Event of a tick: the device is outside its workspace; the force fades out.
 #define PALPATE_EVENT_OUTSIDE_WORKSPACE 8
 
-// Event of a tick: the newest wrench is older than the watchdog allows; the force fades out.
+// Event of a tick: the latency of the newest wrench is above the limit `watchdog` (see palpate_loop_options); the
+// force fades out.
 #define PALPATE_EVENT_STALE_WRENCH 16
 
 // Event of a tick: a wrench of the simulation was not finite, and was ignored.
@@ -104,52 +108,56 @@
 // Event of a tick: the clock stood still, ran backwards or jumped ahead; the force rises again from zero.
 #define PALPATE_EVENT_CLOCK_JUMP 64
 
-// Event of a tick: it began more than 2 ms after its deadline.
+// Event of a tick: the tick began more than 2 ms after its deadline.
 #define PALPATE_EVENT_LATE_TICK 128
 
-// Event of a tick: less than the full force is played, because it fades in (at the start, or after a fade-out) or out.
+// Event of a tick: only a part of the force is played, because the force is fading in (at the start of the loop, or
+// after a fade-out) or fading out.
 #define PALPATE_EVENT_ENGAGING 256
 
-// Event of a tick: the tool left the neighbourhood in which the local model of contact is trusted; the contact force
-// does not grow further.
+// Event of a tick: the tool moved so far from its pose in the newest wrench that the local model (which extrapolates
+// the contact force from that pose) is no longer trusted; the contact force does not grow further.
 #define PALPATE_EVENT_BEYOND_TRUST 512
 
-// Event of a tick: the passivity controller damped the force.
+// Event of a tick: the passivity controller (see palpate_loop_options) damped the force.
 #define PALPATE_EVENT_DAMPED 1024
 
-// Event of a tick: the passivity controller wanted more damping than the device allows.
+// Event of a tick: the passivity controller wanted more damping than the haptic device can play stably.
 #define PALPATE_EVENT_DAMPING_LIMITED 2048
 
-// Event of a tick: force or torque was larger than its limit, and was shortened to it.
+// Event of a tick: the force or the torque exceeded its limit, and was reduced to that limit.
 #define PALPATE_EVENT_CLAMPED 4096
 
-// Event of a tick: force or torque changed faster than its limit, and was held back.
+// Event of a tick: the force or the torque changed faster than the limit on its rate of change allows, so only a part
+// of the change was played.
 #define PALPATE_EVENT_SLEW_LIMITED 8192
 
-// Event of a tick: the force to be played was not finite; nothing was played.
+// Event of a tick: the force to be played was not finite; no force was played.
 #define PALPATE_EVENT_BAD_FORCE 16384
 
-// Event of a tick: ticks before it were not reported, because a step of the simulation took so long that the buffer of
-// ticks overflowed.
+// Event of a tick: the ticks directly before this one were not reported, because a step of the simulation took so long
+// that the buffer of ticks overflowed.
 #define PALPATE_EVENT_RECORD_LOST 32768
 
-// Event of a tick: the loop blends from the last wrench to the newest one more slowly than otherwise, because the
-// contact of the newest wrench stores more energy than the hand has put in.
+// Event of a tick: the contact force changes to that of the newest wrench more slowly than usual, because the contact
+// of that wrench stores more energy than the user's hand has supplied.
 #define PALPATE_EVENT_UNPAID 65536
 
-// Array for palpate_skin_export: the positions of skin vertices.
+// The array that palpate_skin_export exports: the positions of skin vertices.
 #define PALPATE_SKIN_POSITIONS 0
 
-// Array for palpate_skin_export: the normals of skin vertices.
+// The array that palpate_skin_export exports: the normals of skin vertices.
 #define PALPATE_SKIN_NORMALS 1
 
-// Flag of a step: the solver stopped at its iteration limit with a residual above what single precision allows.
+// Flag of a step: at the end of the solve the residual is far above the solver's tolerance, and also far above what
+// single precision can reach.
 #define PALPATE_FLAG_NOT_CONVERGED 1
 
-// Flag of a step: there were more contact patches (parts of a contact with one normal each) than fit the arrays.
+// Flag of a step: the arrays have too little room for the contact patches (places where two bodies may touch, with one
+// normal each).
 #define PALPATE_FLAG_REGION_OVERFLOW 2
 
-// Flag of a step: there were more contacts, or more hits of the rays that search for them, than fit the arrays.
+// Flag of a step: the arrays have too little room for the contacts, or for the hits of the rays that search for them.
 #define PALPATE_FLAG_CONTACT_OVERFLOW 4
 
 // Flag of a step: a contact was deeper than the scene's `depth_limit`.
@@ -159,27 +167,30 @@
 // depth is not unique there.
 #define PALPATE_FLAG_NOT_A_HEIGHT_FIELD 16
 
-// Flag of a step: a number was not finite, and the step was recovered.
+// Flag of a step: a number was not finite, so the step was repeated (PALPATE_FLAG_STEP_RETRIED) or given up
+// (PALPATE_FLAG_FROZEN).
 #define PALPATE_FLAG_NON_FINITE 32
 
-// Flag of a step: the step failed and was repeated with smaller time steps.
+// Flag of a step: the step failed and was repeated as several shorter time steps.
 #define PALPATE_FLAG_STEP_RETRIED 64
 
-// Flag of a step: the step failed with smaller time steps too, so all that forces move was stopped where it was.
+// Flag of a step: the step failed with shorter time steps too, so everything that forces move was stopped where it
+// was.
 #define PALPATE_FLAG_FROZEN 128
 
-// Flag of a step: contacts under tension were released and the solve was repeated, but in it other contacts came under
-// tension.
+// Flag of a step: contacts under tension were released and the solve was repeated, but after the last solve other
+// contacts are under tension.
 #define PALPATE_FLAG_ADHESIVE_DROPPED_TWICE 256
 
-// Flag of a step: a rigid coordinate frame of a body turned so far within the step that the body may gain energy.
+// Flag of a step: a body, or a rigid core in it, turned so far within the step that the body may gain energy.
 #define PALPATE_FLAG_TURNS_TOO_FAR 512
 
 // Flag of a step: a tetrahedron was inverted, or pressed so flat that its rotation was not found.
 #define PALPATE_FLAG_INVERTED 1024
 
-// Result of a call. With any status but PALPATE_STATUS_OK the call changed nothing, unless its description says
-// otherwise, and `palpate_last_error` returns one line that describes the error and what to do about it.
+// Result of a call. If a call returns another status than PALPATE_STATUS_OK, it changed nothing, unless the
+// description of the function says otherwise, and `palpate_last_error` returns one line that describes the error and
+// what to do about it.
 enum palpate_status
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : int32_t
@@ -189,27 +200,30 @@ enum palpate_status
     PALPATE_STATUS_OK = 0,
     // A pointer or handle that must not be null is null.
     PALPATE_STATUS_NULL = 1,
-    // A handle was destroyed, is of another kind, or was never made.
+    // A handle is no valid handle of the required kind: it was destroyed, was never created, or stands for an object
+    // of another kind.
     PALPATE_STATUS_HANDLE = 2,
     // A value is not allowed: it is not finite or out of range, or a struct has a wrong size.
     PALPATE_STATUS_ARGUMENT = 3,
-    // The caller's array is too small; the call returned how many elements there are.
+    // An array of the caller is too small; the call wrote the number of elements that it needs to the caller's
+    // variable for that number.
     PALPATE_STATUS_TOO_SMALL = 4,
-    // The handle is in use by another thread, or by the callback that makes this call.
+    // The object of a handle is in use by another call, a submitted step (for which its caller does not wait) or a
+    // haptic loop; or a callback called a function that would wait for the callback's own loop.
     PALPATE_STATUS_BUSY = 5,
-    // A scene or a file that it names is wrong.
+    // A scene, or a file that a scene names, has an error.
     PALPATE_STATUS_INPUT = 6,
     // A file could not be written.
     PALPATE_STATUS_OUTPUT = 7,
-    // No Vulkan device can be used, or the haptic device does not open.
+    // No Vulkan device can be used, or the haptic device cannot be opened.
     PALPATE_STATUS_NO_DEVICE = 8,
     // The memory of the Vulkan device does not suffice, or a thread cannot be started.
     PALPATE_STATUS_MEMORY = 9,
     // A Vulkan call failed.
     PALPATE_STATUS_VULKAN = 10,
-    // The simulation cannot go on.
+    // The simulation can do no further step.
     PALPATE_STATUS_SIMULATION = 11,
-    // A fault of the library itself. The object that the call worked on may only be destroyed.
+    // The library itself has a fault. The object on which the call worked may only be destroyed.
     PALPATE_STATUS_FAULT = 12,
     // The caller's callback cancelled the call.
     PALPATE_STATUS_CANCELLED = 13,
@@ -248,22 +262,22 @@ typedef int32_t palpate_device_kind;
 #endif // __cplusplus
 
 // A context: an open Vulkan device. A simulation holds on to its context, so the device stays open until the context
-// is destroyed and the last of its simulations is gone.
+// is destroyed and the last simulation on it is gone.
 typedef struct palpate_context palpate_context;
 
 // A haptic loop: at the loop's rate (1000 Hz unless the scene or the options set another) a haptic device is read and
 // a force is played on it, and meanwhile a simulation does steps.
 typedef struct palpate_loop palpate_loop;
 
-// Description of bodies, tool and settings from which any number of simulations can be made: read from a file or a
-// text, or built by calls. The mesh files that it names are opened when its bodies are prepared.
+// A scene: the description of bodies, tool and settings, from which any number of simulations can be made. It is read
+// from a file or a text, or built by calls. The mesh files that it names are opened when its bodies are prepared.
 typedef struct palpate_scene palpate_scene;
 
-// A simulation: bodies and tool of a scene, moved step by step.
+// A simulation, which moves the bodies and the tool of a scene step by step.
 typedef struct palpate_simulation palpate_simulation;
 
-// Settings of a whole scene: the tables `[step]`, `[solver]` and `[contact]` of a scene file. Zero is the default of
-// all fields but `size`.
+// Settings of a whole scene: the tables `[step]`, `[solver]` and `[contact]` of a scene file. In every field but
+// `size`, zero is the default. A projected area is an area of a body's surface projected along the contact normal.
 typedef struct palpate_settings {
     // Size of the struct in bytes: sizeof(palpate_settings).
     uint32_t size;
@@ -273,7 +287,7 @@ typedef struct palpate_settings {
     double dt;
     // Acceleration of gravity, m/s^2; all zero: 0, -9.81, 0.
     double gravity[3];
-    // 1: there is no gravity, and `gravity` must be zero. 0: there is.
+    // 1: there is no gravity, and `gravity` must be zero. 0: there is gravity.
     uint32_t weightless;
     // Greatest number of conjugate gradient iterations per solve; 0: 200.
     uint32_t max_iterations;
@@ -287,7 +301,7 @@ typedef struct palpate_settings {
     double friction;
     // Sliding speed below which friction is viscous, m/s; 0: 0.001.
     double friction_speed;
-    // Depth beyond which PALPATE_FLAG_DEPTH_BEYOND_LIMIT is raised, m; 0: 0.02.
+    // Penetration depth beyond which PALPATE_FLAG_DEPTH_BEYOND_LIMIT is raised, m; 0: 0.02.
     double depth_limit;
 } palpate_settings;
 
@@ -301,15 +315,15 @@ typedef struct palpate_pose {
 
 // A keyframe: a pose at a time.
 typedef struct palpate_key {
-    // Time of the key, s; later than that of the key before.
+    // Time of the key, s; later than the time of the previous key.
     double time;
     // World pose at that time; an orientation of four zeros is no rotation.
     struct palpate_pose pose;
 } palpate_key;
 
-// A rigid core of a soft body: the nodes of the body's layer that are attached to it move as one rigid body. Exactly
-// one of `inset`, the box, the sphere, `nodes` and `all` selects them; coordinates are those of the mesh, before scale
-// and pose.
+// A rigid core of a soft body: the nodes of the body's layer (its tetrahedral simulation mesh) that are attached to
+// the core move as one rigid body. Exactly one of `inset`, the box, the sphere, `nodes` and `all` selects these nodes;
+// coordinates and lengths are those of the mesh, before scale and pose.
 typedef struct palpate_core {
     // Size of the struct in bytes: sizeof(palpate_core).
     uint32_t size;
@@ -317,14 +331,14 @@ typedef struct palpate_core {
     uint32_t motion;
     // Name of the core, different from those of the body's other cores.
     const char *name;
-    // Keyframes of a driven core, `key_count` of them: poses of the centre of mass of the attached part of the body.
-    // Null for other cores.
+    // Keyframes of a driven core, `key_count` of them: world poses of the body's own coordinates, as in a scene file:
+    // a key that equals the body's position and orientation leaves the core where it is at rest. Null for other cores.
     const struct palpate_key *keys;
     // Number of elements of `keys`.
     size_t key_count;
-    // Mass of a dynamic core, kg; 0: the mass of the attached part of the body.
+    // Mass of a dynamic core, kg; 0: the mass of the part of the body that is attached to the core.
     double mass;
-    // Selects nodes at least this deep below the skin, m; above 0.
+    // Selects nodes at least this deep below the skin (the body's surface mesh), m; above 0.
     double inset;
     // Selects nodes in a box: its corner of least coordinates.
     double box_low[3];
@@ -355,17 +369,19 @@ typedef struct palpate_body {
     uint32_t motion;
     // Name of the body: letters, digits, '_', '-' and '.'; different from other bodies' names and from "tool".
     const char *name;
-    // Name of the surface that is its skin, as given to `palpate_scene_add_surface`.
+    // Name of the surface that is the body's skin, as given to `palpate_scene_add_surface`.
     const char *surface;
     // Layer, first way: name of a mesh, as given to `palpate_scene_add_layer`.
     const char *layer;
-    // Layer, second way: cells that fill the surface; their edge, m, in the surface's coordinates.
+    // Layer, second way: cells that fill the surface; their edge, m, in the coordinates of the surface before `scale`.
     double cell;
     // Instead of `cell`: number of such cells along the surface's largest extent.
     uint32_t across;
-    // How many times larger the filling cells may be deep inside: 0 (the default), 1, 2, 4 or 8.
+    // Edge of the largest cells deep inside, as a multiple of the edge of the cells at the surface: 1, 2, 4 or 8; 0
+    // means 1.
     uint32_t grade;
-    // Depth of the shell below the surface that cells fill, m; 0: the whole inside.
+    // Depth below the surface to which cells fill the body, as a shell, m, in the coordinates of the surface before
+    // `scale`; 0: cells fill the whole inside.
     double thickness;
     // Layer, third way: a box cut into cells; its corner of least coordinates.
     double box_low[3];
@@ -385,13 +401,13 @@ typedef struct palpate_body {
     double poisson;
     // Density, kg/m^3.
     double density;
-    // Rayleigh damping by mass, 1/s.
+    // Mass-proportional Rayleigh damping, 1/s.
     double damping_mass;
-    // Rayleigh damping by stiffness, s.
+    // Stiffness-proportional Rayleigh damping, s.
     double damping_stiffness;
-    // A fixed half-space: outward normal n and offset d (m); it fills all x with n . x <= d.
+    // A fixed half-space with outward normal n and offset d (m); the half-space fills all x with n . x <= d.
     double plane[4];
-    // Factor on the mesh's coordinates; 0: 1.
+    // Factor by which the coordinates of the body's meshes are multiplied; 0: 1.
     double scale;
     // World position of the mesh's origin, m.
     double position[3];
@@ -416,9 +432,9 @@ typedef struct palpate_body {
     uint32_t reserved;
 } palpate_body;
 
-// The tool that the haptic device moves: exactly one of a sphere, a surface and a body of the scene; and the virtual
-// coupling, a spring and damper between device and tool. Without a coupling (its four fields zero) the tool moves
-// freely.
+// The tool that the haptic device moves: exactly one of a sphere, a surface and a body of the scene. The last four
+// fields are the virtual coupling, a spring and damper between device and tool. Without a coupling (its four fields
+// zero) the tool moves freely.
 typedef struct palpate_tool {
     // Size of the struct in bytes: sizeof(palpate_tool).
     uint32_t size;
@@ -429,17 +445,17 @@ typedef struct palpate_tool {
     // Name of the tool's surface, as given to `palpate_scene_add_surface`; null: none.
     const char *surface;
     // Name of a body of the scene that is the tool; null: none. The virtual coupling acts on that body's first core,
-    // which must be dynamic. Mass and pose are those of the body.
+    // which must be dynamic. Mass and pose of the tool are then those of the body.
     const char *body;
     // Mass of the tool, kg.
     double mass;
     // World position of the tool's centre at the start, m.
     double position[3];
-    // World orientation at the start; four zeros are no rotation.
+    // World orientation at the start, unit quaternion x, y, z, w; four zeros are no rotation.
     double orientation[4];
     // Velocity at the start, world axes, m/s.
     double velocity[3];
-    // Factor on the surface's coordinates; 0: 1.
+    // Factor by which the surface's coordinates are multiplied; 0: 1.
     double scale;
     // Stiffness of the virtual coupling, N/m.
     double stiffness;
@@ -451,13 +467,13 @@ typedef struct palpate_tool {
     double angular_damping;
 } palpate_tool;
 
-// Progress callback of `palpate_scene_prepare`, called as each stage begins. `body` is the body's name, or "tool".
-// `stage` is "cache" (the cache is searched for the prepared body), "read" or "repair" (of the surface), "layer"
-// (tetrahedra are made), "embed" (the skin is embedded in the tetrahedra), "proxies" (convex hulls are made) or "bind"
-// (nodes are attached to rigid cores). `done` is the number of bodies that are ready and `total` that of all bodies; a
-// tool that is not one of the bodies counts as one more body. The strings are valid until the callback returns. Return
-// 0 to continue, anything else to cancel. While it runs, calls on the scene give PALPATE_STATUS_BUSY. The callback
-// must return: no longjmp, and no exception.
+// Progress callback of `palpate_scene_prepare`, called as each stage begins. `body` is the name of the body that is
+// being prepared, or "tool". `stage` is "cache" (the cache is searched for the prepared body), "read" (the surface is
+// read), "repair" (the surface is repaired), "layer" (tetrahedra are made), "embed" (the skin is embedded in the
+// tetrahedra), "proxies" (convex hulls are made) or "bind" (nodes are attached to rigid cores). `done` is the number
+// of bodies that are ready and `total` that of all bodies; a tool that is not one of the bodies counts as one more
+// body. The strings are valid until the callback returns. Return 0 to continue, anything else to cancel. While the
+// callback runs, calls on the scene give PALPATE_STATUS_BUSY. The callback must return: no longjmp, and no exception.
 typedef int32_t (*palpate_progress)(void *user, const char *body, const char *stage, uint32_t done, uint32_t total);
 
 // Parameters of an elastic material. The material law itself is chosen with the scene and cannot be changed.
@@ -472,13 +488,14 @@ typedef struct palpate_material {
     double poisson;
     // Density, kg/m^3.
     double density;
-    // Rayleigh damping by mass, 1/s.
+    // Mass-proportional Rayleigh damping, 1/s.
     double damping_mass;
-    // Rayleigh damping by stiffness, s.
+    // Stiffness-proportional Rayleigh damping, s.
     double damping_stiffness;
 } palpate_material;
 
-// The contact law: penalty forces between touching bodies, with damping and friction.
+// The contact law: penalty forces between touching bodies, with damping and friction. A projected area is an area of a
+// body's surface projected along the contact normal.
 typedef struct palpate_contact_law {
     // Size of the struct in bytes: sizeof(palpate_contact_law).
     uint32_t size;
@@ -492,7 +509,7 @@ typedef struct palpate_contact_law {
     double friction;
     // Sliding speed below which friction is viscous, m/s.
     double friction_speed;
-    // Depth beyond which PALPATE_FLAG_DEPTH_BEYOND_LIMIT is raised, m.
+    // Penetration depth beyond which PALPATE_FLAG_DEPTH_BEYOND_LIMIT is raised, m.
     double depth_limit;
 } palpate_contact_law;
 
@@ -516,10 +533,10 @@ typedef struct palpate_coupling {
 typedef struct palpate_device {
     // Kind of the device.
     palpate_device_kind kind;
-    // 1: palpate can use the device; 0: `reason` says why not.
+    // 1: palpate can use the device; 0: palpate cannot use it, and `reason` says why.
     uint32_t usable;
     // The driver's name for the device. `device` in palpate_context_options takes this name, a part of it, or the
-    // position of the device in this list.
+    // position of the device in the list of `palpate_devices`, from 0.
     char name[256];
     // Name and version of the driver.
     char driver[256];
@@ -527,20 +544,21 @@ typedef struct palpate_device {
     char reason[256];
 } palpate_device;
 
-// Log callback: receives a level (PALPATE_LOG_*) and a message of one line that is valid until the callback returns.
-// It is called on any thread, within a call of this library or of the Vulkan driver. It must not call the library, and
-// must return: no longjmp, no exception.
+// Log callback: receives `user`, the pointer that was given along with the callback; `level`, one of PALPATE_LOG_*;
+// and `message`, one line of text that is valid until the callback returns. The callback may be called on any thread,
+// within a call of this library or of the Vulkan driver. It must not call the library, and must return normally, not
+// by longjmp or an exception.
 typedef void (*palpate_log)(void *user, uint32_t level, const char *message);
 
-// Options for opening a context. Zero is the default of all fields but `size`.
+// Options for opening a context. In every field but `size`, zero (or null) is the default.
 typedef struct palpate_context_options {
     // Size of the struct in bytes: sizeof(palpate_context_options).
     uint32_t size;
     // 1: switches the Khronos validation layer on, with synchronisation validation; its messages go to `log`. This is
     // slow. 0: off.
     uint32_t validation;
-    // Device to open: its position in the list of `palpate_devices`, as a decimal number, or part of its name; null:
-    // the best one (discrete GPU before integrated GPU, virtual GPU and CPU).
+    // Device to open: its position in the list of `palpate_devices`, from 0, as a decimal number, or part of its name;
+    // null: the first usable one in the order discrete GPU, integrated GPU, virtual GPU, CPU.
     const char *device;
     // Callback that receives the library's messages; null: they are discarded.
     palpate_log log;
@@ -549,37 +567,39 @@ typedef struct palpate_context_options {
     // Folder where prepared bodies, compiled pipelines and measurements of devices are kept for later runs; "": the
     // user's cache folder (PALPATE_CACHE, else palpate in XDG_CACHE_HOME or ~/.cache). Null: nothing is kept.
     const char *cache;
-    // 1: the library measures which of two implementations is faster on the device, where the scene names neither:
+    // 1: the library measures which of two implementations is faster on the device, where the scene does not choose:
     // arrays read through texel or through storage buffers, and penetration depths computed by compute or by graphics
-    // pipelines. It measures once per context, or once per device if there is a cache. 0: it does not measure.
+    // pipelines. It measures once per context, or once per device if there is a cache. 0: the library does not
+    // measure.
     uint32_t measure;
     // Number of threads that lavapipe (Mesa's Vulkan driver for CPUs) uses in addition to the calling one; -1: none.
-    // Any value but 0 sets LP_NUM_THREADS in palpate_context_create, unless the environment has it already; during
-    // that call no other thread of the process may read or write the environment. 0: the environment stays as it is.
-    // Other drivers ignore the variable.
+    // Any value but 0 sets the environment variable LP_NUM_THREADS in palpate_context_create, unless the environment
+    // has it already; during that call no other thread of the process may read or write the environment. 0: the
+    // environment stays as it is. Other drivers ignore LP_NUM_THREADS.
     int32_t threads;
 } palpate_context_options;
 
 // State of a haptic device in world axes, as the callback `read` reports it. Before each call the library fills every
-// field as described below; the callback overwrites what it knows.
+// field as described below; the callback overwrites the fields that it knows.
 typedef struct palpate_reading {
     // Size of this struct in the library, bytes: the callback must not write beyond it.
     uint32_t size;
     // Buttons, one bit each, the first in the lowest bit; 1: pressed. Filled with 0.
     uint32_t buttons;
-    // When the state was measured, s on the loop's clock. Filled with the time of the call.
+    // Time at which the state was measured, s on the loop's clock. Filled with the time of the call.
     double time;
     // Pose of the device. The callback must write the position. The orientation is filled with the identity, which a
     // device that senses no rotation leaves as it is.
     struct palpate_pose pose;
-    // Velocity, m/s. Filled with NaN; if it is left so, the library estimates it from the positions.
+    // Velocity, m/s. Filled with NaN; if NaN is left there, the library estimates the velocity from the positions.
     double velocity[3];
-    // Angular velocity, rad/s. Filled with NaN; if it is left so, the library estimates it from the orientations.
+    // Angular velocity, rad/s. Filled with NaN; if NaN is left there, the library estimates the angular velocity from
+    // the orientations.
     double angular_velocity[3];
 } palpate_reading;
 
-// Force and torque that a haptic device is to play until the next call of `write`, world axes: always finite, and
-// within the limits of the device's profile (the limits of its model).
+// Force and torque that a haptic device is to play until the next call of `write`, in world axes. They are always
+// finite, and within the limits of the device's profile (the limits of a type of device).
 typedef struct palpate_play {
     // Size of this struct in the library, bytes: the callback must not read beyond it.
     uint32_t size;
@@ -591,11 +611,11 @@ typedef struct palpate_play {
     double torque[3];
 } palpate_play;
 
-// A haptic device made of the caller's callbacks. They run on threads of the loop, never two at a time. They return 0
-// on success; any other value means that the device is lost for now: nothing is played, and the device is tried again
-// at the next tick. A device that is lost for 5 s ends the loop. No callback may wait for longer than a small part of
-// a tick, or let an exception or a longjmp out. `palpate_loop_stop` and `palpate_loop_destroy` called from within a
-// callback only ask the loop to end.
+// A haptic device made of the caller's callbacks. The callbacks run on threads of the loop, never two at a time. They
+// return 0 on success; any other value means that the device is lost for now: nothing is played, and the device is
+// tried again at the next tick. A device that is lost for 5 s ends the loop. No callback may wait for longer than a
+// small part of a tick, or let an exception or a longjmp out. `palpate_loop_stop` and `palpate_loop_destroy` called
+// from within a callback only ask the loop to end.
 typedef struct palpate_haptic_device {
     // Size of the struct in bytes: sizeof(palpate_haptic_device).
     uint32_t size;
@@ -604,74 +624,79 @@ typedef struct palpate_haptic_device {
     // Pointer that is passed to each callback; the library does not use it otherwise. What it points to must stay
     // valid until the loop has ended.
     void *user;
-    // Prepares the device; called once, before the other callbacks. Null: there is nothing to prepare. If it returns
-    // other than 0, the loop does not begin, and `close` is not called.
+    // Prepares the device; called once, before the other callbacks. Null: there is nothing to prepare. If `open`
+    // returns other than 0, the loop does not begin, and `close` is not called.
     int32_t (*open)(void *user);
     // Reads the state of the device at `time`, s on the loop's clock; called once per tick. The loop rejects a reading
     // that has numbers that are not finite, an orientation that is no rotation, or a pose that a hand cannot have
     // reached since the last reading.
     int32_t (*read)(void *user, double time, struct palpate_reading *reading);
-    // Plays force and torque until the next call; called once per tick, and with zero after `open` and before `close`.
+    // Plays force and torque until the next call; called once per tick. Called with zero force and torque after `open`
+    // and before `close`.
     int32_t (*write)(void *user, const struct palpate_play *play);
     // Releases the device; called once at the end, whatever happened, if `open` returned 0. Null: there is nothing to
     // release.
     void (*close)(void *user);
     // Name of the profile, which holds the limits of the device: "scripted", "premium", "touch", "omega.x", "delta.6",
-    // "sigma.7", "falcon", "inverse3", "minverse" or "mouse" (README, "The hand"). Null: the scene's
+    // "sigma.7", "falcon", "inverse3", "minverse" or "mouse" (docs/reference/scene.md). Null: the scene's
     // `haptics.profile`.
     const char *profile;
 } palpate_haptic_device;
 
-// Options of a haptic loop. A field that is 0 keeps the value of the scene's `[haptics]`, or that table's default
-// where the scene has none.
+// Options of a haptic loop. Unless its description says otherwise, a field that is 0 leaves the option at its value in
+// the scene's table `[haptics]`, or, if the scene does not set the option, at the default of that table.
 typedef struct palpate_loop_options {
     // Size of the struct in bytes: sizeof(palpate_loop_options).
     uint32_t size;
-    // 1: between two wrenches of the simulation the contact force follows the tool's motion by a local model (force,
-    // stiffness and damping of the newest wrench); -1: the contact force stays that of the newest wrench.
+    // 1: until the simulation's next step ends, the contact force follows the tool's motion by a local model, which
+    // consists of the contact force, stiffness and damping that the newest step gave. -1: the contact force stays that
+    // of the newest step.
     int32_t local_model;
-    // 1: the passivity controller is on (it damps the force when the loop has given out more energy than it absorbed);
-    // -1: it is off.
+    // 1: the passivity controller is on: it damps the force when the loop has given the user's hand more energy than
+    // it has absorbed from the hand. -1: the passivity controller is off.
     int32_t passivity;
     // Reserved: must be 0.
     uint32_t reserved;
-    // Rate of the loop, ticks per second, 50 to 4000.
+    // Rate of the loop in ticks (iterations) per second, from 50 to 4000.
     double rate;
-    // Duration of the loop, s; 0: until it is stopped.
+    // Duration of the loop, s; 0: the loop runs until it is stopped.
     double seconds;
-    // Greatest force, N. This field and the next four can only lower the limits of the device's profile; if a value is
-    // higher than the profile's limit, the profile's limit holds, and a note of the loop reports it.
+    // Greatest force that is played, N. This field and the next four can only lower the limits in the profile of the
+    // haptic device (the limits of its model); if a value is higher than the profile's limit, the profile's limit
+    // holds, and a note of the loop reports this.
     double max_force;
-    // Greatest torque, N m.
+    // Greatest torque that is played, N m.
     double max_torque;
-    // Greatest rate of change of the force, N/s.
+    // Greatest rate of change of the played force, N/s.
     double max_slew;
-    // Radius of the workspace about where the device was first read, m.
+    // Radius of the workspace, m: the sphere about the position at which the device was first read. Outside this
+    // sphere the force fades out.
     double workspace;
-    // Latency of the newest wrench (time since its inputs were taken) above which the force fades out, s.
+    // Greatest latency of the newest wrench, s: if more time has passed since the inputs of the wrench's step were
+    // taken, the force fades out.
     double watchdog;
-    // Longest time step of the simulation, s. The loop chooses the shortest time step that is no shorter than its
-    // computation takes, between the scene's dt and this value; if the computation takes longer than this value,
-    // bodies move slower than in real time.
+    // Longest time step of the simulation, s. From the scene's `dt` up to this value, the loop chooses the shortest
+    // time step that takes no longer to compute than it lasts. If even a step of this length takes longer to compute,
+    // the loop uses this length, and bodies move slower than in real time.
     double longest_step;
 } palpate_loop_options;
 
 // State of a haptic loop. It is updated after each step of the simulation, so its values about ticks are at most one
-// step old. Before the first tick all fields are zero, except `steps`, `is_running` and the identity orientations of
-// the poses.
+// step old. Before the first tick all fields are zero, except `size`, `is_running`, `notes`, `steps`, and the
+// orientations of the poses, which are the identity.
 typedef struct palpate_loop_state {
     // Size of the struct in bytes: sizeof(palpate_loop_state).
     uint32_t size;
     // 1: the loop runs; 0: the loop has ended, and the haptic device is closed.
     uint32_t is_running;
-    // Status with which the loop failed; PALPATE_STATUS_OK where it did not fail. A haptic device that stays lost ends
-    // the loop after 5 s, which is no failure.
+    // Status with which the loop failed; PALPATE_STATUS_OK if it has not failed. A haptic device that is lost (cannot
+    // be read or written) for 5 s ends the loop, but this is no failure.
     palpate_status status;
-    // Number of notes that `palpate_loop_note` can read.
+    // Number of notes (lines of text about the loop) that `palpate_loop_note` can read.
     uint32_t notes;
     // Events of the newest tick: PALPATE_EVENT_*, one bit each.
     uint32_t events;
-    // Events of all ticks so far, one bit each.
+    // All events that any tick has had so far: PALPATE_EVENT_*, one bit each.
     uint32_t events_so_far;
     // Buttons of the haptic device, one bit each; 1: pressed.
     uint32_t buttons;
@@ -679,19 +704,21 @@ typedef struct palpate_loop_state {
     uint32_t reserved;
     // Number of ticks done.
     uint64_t ticks;
-    // Number of steps of the simulation done, those before the first tick included.
+    // Number of steps that the simulation has done for the loop, including those before the first tick.
     uint64_t steps;
-    // Number of the simulation step whose wrench the newest tick plays; 0: there is no wrench yet.
+    // The simulation step whose wrench the newest tick used: number of that step, from 1; 0: there is no wrench yet.
     uint64_t wrench_step;
-    // Number of deadlines that were missed by more than 2 ms.
+    // Number of deadlines of ticks that were missed by more than 2 ms.
     uint64_t missed;
     // Time at which the newest tick began, s since the loop began.
     double time;
-    // Latency of the wrench at the newest tick: time since the inputs of the wrench's step were taken, s.
+    // Latency, at the newest tick, of the wrench that it used: time since the inputs of the wrench's step were taken,
+    // s.
     double wrench_age;
-    // Pose of the haptic device as the loop uses it, that is, checked and smoothed.
+    // Pose of the haptic device at the newest tick, as the loop uses it, that is, checked and smoothed.
     struct palpate_pose device;
-    // Pose of the tool, which follows the haptic device by the virtual coupling.
+    // Pose of the tool at the newest tick. The tool follows the haptic device by the virtual coupling, a spring and
+    // damper.
     struct palpate_pose tool;
     // Contact force on the tool at the newest tick, from the local model, N.
     double contact_force[3];
@@ -701,24 +728,25 @@ typedef struct palpate_loop_state {
     double played_force[3];
     // Torque that the haptic device was last commanded to play, N m.
     double played_torque[3];
-    // Share of the force that is played, from 0 (faded out) to 1 (all of it).
+    // Share of the force that is played, from 0 (faded out) to 1 (the whole force).
     double gain;
-    // Greatest force that was played so far, N.
+    // Greatest magnitude so far of the force that was played, N.
     double peak_force;
-    // Lateness of ticks, s: the 99th percentile, updated every 1000 ticks and at the end.
+    // 99th percentile of the lateness of ticks (time from a tick's deadline to its beginning), s. It is updated every
+    // 1000 ticks and at the end of the loop.
     double late_p99;
-    // Lateness of ticks, s: the greatest so far.
+    // Greatest lateness of a tick so far, s.
     double late_worst;
 } palpate_loop_state;
 
-// Result of a step. In a scene without a tool, force, torque and positions are zero, and orientations are the
-// identity.
+// Result of a step. In a scene without a tool, `force`, `torque` and the positions are zero, and the orientations are
+// the identity.
 typedef struct palpate_wrench {
     // Size of the struct in bytes: sizeof(palpate_wrench).
     uint32_t size;
-    // Warnings about the step: PALPATE_FLAG_*, one bit each; 0: none.
+    // Warnings about the step: PALPATE_FLAG_*, one bit each; 0: there are none.
     uint32_t flags;
-    // Number of steps done, this one included.
+    // Number of steps that the simulation has done, including this one.
     uint64_t step;
     // Simulated time at the end of the step, s.
     double time;
@@ -730,13 +758,13 @@ typedef struct palpate_wrench {
     struct palpate_pose tool;
     // Pose of the haptic device at the end of the step.
     struct palpate_pose device;
-    // Greatest penetration depth of a contact, m.
+    // Greatest penetration depth among the contacts, m.
     double max_depth;
-    // Relative residual at the end of the solve.
+    // Relative residual of the linear system at the end of the last solve.
     double residual;
-    // Number of contacts (colliding vertices of the bodies' surface meshes), counted on both bodies of each pair.
+    // Number of contacts: vertices of one body's surface mesh inside another body, on both bodies of each pair.
     uint32_t contacts;
-    // Conjugate gradient iterations of all solves of the step.
+    // Number of conjugate gradient iterations in all solves of the step.
     uint32_t iterations;
 } palpate_wrench;
 
@@ -745,7 +773,7 @@ typedef void (*palpate_queue_lock)(void *user);
 
 // A Vulkan device that the calling program opened. Its instance must have been created for Vulkan 1.3, and the device
 // with the features scalarBlockLayout, synchronization2, dynamicRendering and maintenance4. All handles must stay
-// valid until the context and the last of its simulations are gone.
+// valid until the context made from them and the last simulation on that context are gone.
 typedef struct palpate_vulkan {
     // Size of the struct in bytes: sizeof(palpate_vulkan).
     uint32_t size;
@@ -760,16 +788,17 @@ typedef struct palpate_vulkan {
     void *physical_device;
     // The program's VkDevice.
     void *device;
-    // A VkQueue of `device`. The library submits to it in every call that steps or copies, and waits for that work.
+    // A VkQueue of `device`. The library submits to the queue in every call that steps a simulation or copies its
+    // data, and waits for that work.
     void *queue;
     // Index of the queue's family, which must have graphics and compute.
     uint32_t queue_family;
     // Reserved: must be 0.
     uint32_t reserved;
-    // Takes the program's lock before each use of the queue; `unlock` releases it afterwards on the same thread, which
-    // may be any thread. The lock is held only briefly. Neither callback may call the library, and the program must
-    // not hold the lock when it calls the library, unless the lock is recursive. If both are null, the program must
-    // not use the queue during any call of the library, and must create at most one context on the queue.
+    // Takes the program's lock before each use of the queue; `unlock` releases the lock afterwards on the same thread,
+    // which may be any thread. The lock is held only briefly. Neither callback may call the library, and the program
+    // must not hold the lock when it calls the library, unless the lock is recursive. If both callbacks are null, the
+    // program must not use the queue during any call of the library, and must create at most one context on the queue.
     palpate_queue_lock lock;
     // Releases the program's lock; see `lock`.
     palpate_queue_lock unlock;
@@ -781,64 +810,68 @@ typedef struct palpate_vulkan {
     void *log_user;
     // Cache folder; see `cache` in palpate_context_options.
     const char *cache;
-    // 1: measures which implementations are faster; see `measure` in palpate_context_options.
+    // 1: the library measures which of two implementations is faster; see `measure` in palpate_context_options.
     uint32_t measure;
 } palpate_vulkan;
 
-// The skins as arrays on the Vulkan device: the vertices of all bodies one after another, the tool's last. On a device
-// that the program itself opened, the buffers can be bound directly (usages: storage, texel and transfer; positions
-// and normals also vertex). They live as long as the simulation, except that they are replaced when
-// palpate_contact_set switches friction on in a scene that had none: after that, get them again, and export them
-// again.
+// The skins (surface meshes) as arrays on the Vulkan device: the vertices of all bodies one after another, those of
+// the tool last. If the program itself opened the device, it can bind the buffers directly (usages: storage, texel and
+// transfer; positions and normals also vertex). The buffers live as long as the simulation, with one exception: when
+// palpate_contact_set switches friction on in a scene without friction, new buffers replace them, and the program must
+// get the buffers again and export them again.
 typedef struct palpate_skins {
     // Size of the struct in bytes: sizeof(palpate_skins).
     uint32_t size;
-    // Number of vertices of all skins.
+    // Number of the vertices of all skins together.
     uint32_t vertex_count;
-    // Number of triangles of all skins.
+    // Number of the triangles of all skins together.
     uint32_t triangle_count;
     // Reserved: always 0.
     uint32_t reserved;
-    // VkBuffer of the vertex positions: four floats per vertex, x y z 1, in m relative to the `origin` of the call.
+    // VkBuffer of the vertex positions: four floats per vertex, x, y, z (m, relative to the `origin` passed to
+    // palpate_skin_buffers) and 1.
     uint64_t positions;
-    // VkBuffer of the vertex normals: four floats per vertex, a unit outward vector and 0.
+    // VkBuffer of the vertex normals: four floats per vertex, the three components of a unit outward vector and 0.
     uint64_t normals;
-    // VkBuffer of the triangles: four uint32_t per triangle, its three vertices counter-clockwise seen from outside,
-    // and 0.
+    // VkBuffer of the triangles: four uint32_t per triangle, the indices of its three vertices counter-clockwise seen
+    // from outside, and 0.
     uint64_t triangles;
 } palpate_skins;
 
-// A contact of the last step: a skin vertex of one body inside another.
+// A contact of the last step: a vertex of one body's skin that lies inside another body.
 typedef struct palpate_contact {
-    // The body to which the vertex belongs, and the body that it touches, by their positions in the scene; the tool
-    // comes after the bodies.
+    // First the body to which the vertex belongs, then the body inside which it lies, both by their positions in the
+    // scene, counted from 0; the tool is counted after the last body.
     uint32_t body[2];
     // Index of the vertex in its body's skin.
     uint32_t vertex;
     // Reserved: always 0.
     uint32_t reserved;
-    // World position of the vertex now, m.
+    // World position of the vertex at the time of the call, m.
     double position[3];
-    // Contact normal: unit vector in world axes, outward from the touched body.
+    // Contact normal: unit vector in world axes, outward from the body inside which the vertex lies.
     double normal[3];
     // Penetration depth along the normal, m.
     double depth;
-    // Area of the part of the skin that belongs to the vertex, projected along the normal, m^2.
+    // Area of the vertex's share of the skin, projected along the contact normal, m^2.
     double area;
-    // Contact pressure along the normal at the end of the step, Pa. `pressure` times `area` is the normal force of
-    // this contact on the tool, a part of the wrench's force. If a state was restored since the last step, this is the
-    // pressure at the start of that step instead.
+    // Contact pressure along the normal at the end of the step, Pa. `pressure` times `area` is the magnitude of the
+    // normal force of this contact; if one of the bodies is the tool, this force is a part of the net force in
+    // palpate_wrench. If a state was restored since the last step, `pressure` is instead that at the start of the
+    // step.
     double pressure;
 } palpate_contact;
 
-// Cost of a stage of the step.
+// Cost of one stage of a simulation step.
 typedef struct palpate_stage {
-    // Name of the stage, as in the README: "pose", "cull", "skin", "depth", "contact", "elastic", "solve", "wrench"
-    // and so on. In every second timed step the first five stages are timed together, as one stage "pose to contact".
+    // Name of the stage, as in docs/understanding/step.md: "pose", "cull", "skin", "depth", "contact", "elastic", "solve", "wrench"
+    // and so on. In every second timed step, "pose to contact" stands for the first five of these stages, which are
+    // then timed together.
     char name[32];
-    // Time on the GPU in the last step, microseconds; 0 where that step was not timed.
+    // Time of the stage on the GPU in the last step, microseconds; 0 if the last step was not timed.
     double microseconds;
-    // Number of dispatches, draws, fills and copies in a step like the last; 0 for "pose to contact".
+    // Number of dispatches, draws, fills and copies of the stage in a step with as many solver iterations as the last
+    // one; 0 for "pose to contact".
     uint32_t passes;
     // Reserved: always 0.
     uint32_t reserved;
@@ -850,28 +883,31 @@ typedef struct palpate_stage {
 extern "C" {
 #endif // __cplusplus
 
-// Returns the `PALPATE_ABI` that the library was built with. It differs from the value in the header if the header is
-// not that of the library.
+// Returns the value of `PALPATE_ABI` with which the library was built. If it differs from the value in the header with
+// which a program was compiled, the program must not use this library.
 uint32_t palpate_abi(void);
 
-// Returns the library's version, such as "0.1.0". The string is never null and is valid as long as the program runs.
+// Returns the version of the library, such as "0.1.0". The string is never null and is valid as long as the program
+// runs.
 const char *palpate_version(void);
 
-// Makes an empty scene, to which the functions below add. `settings` may be null. Relative paths in texts that are
-// added to it are relative to the working directory.
+// Makes an empty scene, to which the functions below add. `settings` may be null: then all settings have their
+// defaults. Relative paths in a text that palpate_scene_add adds to the scene are relative to the working directory.
 palpate_status palpate_scene_create(const struct palpate_settings *settings, struct palpate_scene **scene);
 
 // Adds the tables of a text in the format of a scene file, for everything that has no field in the structs of this
-// header, such as joints, material regions, skeletons, probes and `[haptics]`. Bodies and probes are appended to the
-// existing ones; other tables and keys replace the existing ones, and those that the text leaves out stay. A body in
-// the text may name a mesh that was handed over by palpate_scene_add_surface, `surface = { mesh = "name" }`, or
-// palpate_scene_add_layer, `layer = { mesh = "name" }`.
+// header, such as joints, material regions (parts of a layer with a material of their own), skeletons (files of bones,
+// which become rigid cores), probes (points of a skin whose paths are recorded) and `[haptics]`. Bodies and probes are
+// appended to the existing ones; other tables and keys replace the existing ones, and those that the text leaves out
+// stay. A body in the text may name a mesh by `surface = { mesh = "name" }` if palpate_scene_add_surface has handed it
+// over, or by `layer = { mesh = "name" }` if palpate_scene_add_layer has.
 palpate_status palpate_scene_add(struct palpate_scene *scene, const char *text);
 
 // Hands over a triangle surface in place of an OBJ file, under a name by which bodies and the tool refer to it.
-// `vertices`: 3 * `vertex_count` coordinates, which times the body's `scale` are in m. `triangles`: 3 *
-// `triangle_count` vertex indices from 0, counter-clockwise seen from outside. Defects are repaired when bodies are
-// prepared. The name must differ from those of other surfaces, and may be any text but "".
+// `vertices`: 3 * `vertex_count` coordinates; multiplied by the body's `scale` they are in m. `triangles`: 3 *
+// `triangle_count` vertex indices from 0; seen from outside, each triangle is counter-clockwise. Defects of the
+// surface are repaired when bodies are prepared. The name must differ from those of other surfaces, and may be any
+// text but "".
 palpate_status palpate_scene_add_surface(struct palpate_scene *scene,
                                          const char *name,
                                          const double *vertices,
@@ -880,9 +916,10 @@ palpate_status palpate_scene_add_surface(struct palpate_scene *scene,
                                          size_t triangle_count);
 
 // Hands over the tetrahedra of a layer (the simulation mesh of a soft body) in place of a mesh file, under a name by
-// which bodies refer to it. `nodes`: 3 * `node_count` coordinates, which times the body's `scale` are in m.
-// `tetrahedra`: 4 * `tetrahedron_count` node indices from 0; inverted tetrahedra are reoriented, and those without
-// volume or given twice are refused. The name must differ from those of other layers, and may be any text but "".
+// which bodies refer to it. `nodes`: 3 * `node_count` coordinates; multiplied by the body's `scale` they are in m.
+// `tetrahedra`: 4 * `tetrahedron_count` node indices from 0; inverted tetrahedra are reoriented, and tetrahedra
+// without volume or given twice are refused. The name must differ from those of other layers, and may be any text but
+// "".
 palpate_status palpate_scene_add_layer(struct palpate_scene *scene,
                                        const char *name,
                                        const double *nodes,
@@ -890,44 +927,46 @@ palpate_status palpate_scene_add_layer(struct palpate_scene *scene,
                                        const uint32_t *tetrahedra,
                                        size_t tetrahedron_count);
 
-// Adds a body. `index` receives its position in the scene, from 0, and may be null. Error messages name a wrong value
-// by its key in a scene file: `body.NAME.material.young` is the field `young`.
+// Adds a body. `index` receives the position of the body in the scene, from 0, and may be null. Error messages name a
+// wrong value by the value's key in a scene file: `body.NAME.material.young` stands for the field `young`.
 palpate_status palpate_scene_add_body(struct palpate_scene *scene, const struct palpate_body *body, uint32_t *index);
 
-// Sets the bodies with which a body collides: `count` names of bodies that are in the scene, "tool" for the tool. With
-// `names` null it collides with every other body, which is the default. Two bodies collide if each of them has the
-// other in its list or has no list; with an empty list (`count` 0, `names` not null) a body collides with nothing.
+// Sets the bodies with which the body at position `body` in the scene collides: `names` are `count` names of bodies of
+// the scene, with "tool" for the tool. If `names` is null, the body collides with every other body, which is the
+// default. Two bodies collide if each of them has the other in its list or has no list; with an empty list (`count` 0,
+// `names` not null) a body collides with nothing.
 palpate_status palpate_scene_set_collides(struct palpate_scene *scene,
                                           uint32_t body,
                                           const char *const *names,
                                           size_t count);
 
-// Sets the scene's tool and its virtual coupling to the haptic device. They replace those that the scene has.
+// Sets the scene's tool, and the virtual coupling (spring and damper) between haptic device and tool. Both replace
+// those that the scene has.
 palpate_status palpate_scene_set_tool(struct palpate_scene *scene, const struct palpate_tool *tool);
 
-// Sets where palpate_scene_prepare keeps prepared bodies for later runs: in `folder`, or in the user's cache folder
-// where that is "" (see `cache` in palpate_context_options). Null, which is the default: nowhere.
+// Sets the folder in which palpate_scene_prepare keeps prepared bodies for later runs; "": the user's cache folder
+// (see `cache` in palpate_context_options); null, which is the default: prepared bodies are not kept.
 palpate_status palpate_scene_cache(struct palpate_scene *scene, const char *folder);
 
 // Prepares the bodies of a scene: repairs surfaces, fills them with tetrahedra, and does the other stages that
 // palpate_progress lists. This takes seconds, unless prepared bodies are found in the cache (palpate_scene_cache).
 // Bodies that were not prepared by this call are prepared by palpate_simulation_create, without a progress callback.
-// `progress` is called with `user` on this thread as each stage begins; it may be null. If it cancels
-// (PALPATE_STATUS_CANCELLED), bodies that are ready stay so, and the next call continues with the others.
+// `progress` is called with `user` on this thread as each stage begins; it may be null. If the callback cancels
+// (PALPATE_STATUS_CANCELLED), bodies that are ready stay ready, and the next call continues with the others.
 palpate_status palpate_scene_prepare(struct palpate_scene *scene, palpate_progress progress, void *user);
 
 // Reads a material of a soft body: `index` 0 is the material of the body itself, and 1 and above are the materials of
-// its regions (parts of the body with a material of their own) in the order of the scene.
+// the body's regions (parts with a material of their own) in the order of the scene.
 palpate_status palpate_material_get(struct palpate_simulation *simulation,
                                     uint32_t body,
                                     uint32_t index,
                                     struct palpate_material *material);
 
 // Replaces a material of a soft body from the next step on; `index` counts as in `palpate_material_get`. No body is
-// prepared again, and no GPU commands are recorded again. Whether the solver's preconditioner has a coarse space
-// (second level) for the body stays as it was decided when the simulation was made. PALPATE_STATUS_ARGUMENT: there is
-// no such material, a value is out of range, or the body has several materials and the new density would move its
-// centre of mass.
+// prepared again, and no GPU commands are recorded again. Whether the solver's preconditioner has a coarse space (a
+// second level) for the body was decided when the simulation was made, and stays so. PALPATE_STATUS_ARGUMENT: there is
+// no such material, a value is out of range, or the body has several materials and the new density would move the
+// body's centre of mass.
 palpate_status palpate_material_set(struct palpate_simulation *simulation,
                                     uint32_t body,
                                     uint32_t index,
@@ -945,45 +984,45 @@ palpate_status palpate_contact_set(struct palpate_simulation *simulation, const 
 palpate_status palpate_coupling_set(struct palpate_simulation *simulation, const struct palpate_coupling *coupling);
 
 // Reads the pose of a rigid core of a body: the world pose of the coordinate frame of the body's mesh, as if that
-// frame were fixed to the core. Cores are counted from 0, the bones of a skeleton first; a rigid body counts as one
-// core.
+// frame were fixed to the core. The cores of a body are counted from 0, with the bones of its skeleton first; a rigid
+// body counts as one core.
 palpate_status palpate_core_pose(struct palpate_simulation *simulation,
                                  uint32_t body,
                                  uint32_t core,
                                  struct palpate_pose *pose);
 
 // Moves a driven (kinematic) core from its present pose to `pose` (defined as in `palpate_core_pose`) at constant
-// speed within `seconds` of simulated time, or within one step if a step is longer, and leaves it there; its remaining
-// keyframes are discarded. Call it before every step to animate a core. PALPATE_STATUS_ARGUMENT: the core is not
-// driven.
+// speed, and leaves it there. The motion takes `seconds` of simulated time, or one step if a step is longer. The
+// remaining keyframes of the core are discarded. Call this function before every step to animate a core.
+// PALPATE_STATUS_ARGUMENT: the core is not driven.
 palpate_status palpate_core_move(struct palpate_simulation *simulation,
                                  uint32_t body,
                                  uint32_t core,
                                  const struct palpate_pose *pose,
                                  double seconds);
 
-// Lists the Vulkan devices of this machine, usable or not. `count` receives their number; up to `capacity` of them are
+// Lists the Vulkan devices of this machine, usable or not. `count` receives their number; up to `capacity` devices are
 // written to `devices`, which may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than
-// `capacity`, and none was written.
+// `capacity` devices, and none was written.
 palpate_status palpate_devices(struct palpate_device *devices, size_t capacity, size_t *count);
 
-// Opens a device as a context. `options` may be null: then all are defaults.
+// Opens a Vulkan device as a context. `options` may be null: then all options have their defaults.
 palpate_status palpate_context_create(const struct palpate_context_options *options, struct palpate_context **context);
 
-// Destroys a context; its device is closed as soon as the last of its simulations is gone. Null does nothing.
+// Destroys a context. The device is closed as soon as the last simulation on the context is gone. Null does nothing.
 palpate_status palpate_context_destroy(struct palpate_context *context);
 
-// Reads how many bytes of the device's memory the arrays of a context's simulations occupy.
+// Reads how many bytes of the device's memory the arrays of all simulations on a context occupy.
 palpate_status palpate_context_memory(struct palpate_context *context, uint64_t *bytes);
 
 // Starts a haptic loop. At the loop's rate `device` is read and receives the force to play; meanwhile the simulation,
 // which must have a tool, steps in real time, each step with the device's newest pose. Both happen on threads of the
-// loop. `device` and `options` are copied; `options` may be null: then the scene's `[haptics]` holds for all options.
-// The call waits for five steps, which measure how long a step takes, and for the device to open;
+// loop. `device` and `options` are copied; `options` may be null: then all options are those of the scene's
+// `[haptics]`. The call waits for five steps, which measure how long a step takes, and for the device to open;
 // PALPATE_STATUS_NO_DEVICE: the device did not open. `the_loop` is set before the first callback is called, and is set
 // to null if no loop starts.
 //
-// The loop owns the simulation until it has ended: calls on it give PALPATE_STATUS_BUSY, except
+// The loop owns the simulation until the loop has ended: calls on the simulation give PALPATE_STATUS_BUSY, except
 // `palpate_wrench_newest`, `palpate_step_poll` and `palpate_step_wait`. The simulation's handle may be destroyed while
 // the loop runs. After the loop has ended, the simulation continues from the tool, device pose and time that the loop
 // reached. Stop a loop that still runs before the program ends.
@@ -992,12 +1031,12 @@ palpate_status palpate_loop_start(struct palpate_simulation *simulation,
                                   const struct palpate_loop_options *options,
                                   struct palpate_loop **the_loop);
 
-// Reads the state of a loop. Never waits; any thread may call it at any time, within callbacks too.
+// Reads the state of a loop. This function never waits; any thread may call it at any time, within callbacks too.
 palpate_status palpate_loop_read(struct palpate_loop *the_loop, struct palpate_loop_state *state);
 
 // Reads the wrench of the newest step of a loop's simulation, with the flags of that step, as `palpate_wrench_newest`
-// does; it works also after the simulation's handle was destroyed. `age_seconds` receives the time since that step
-// began, s; it may be null.
+// does. Unlike that function, this one works also after the simulation's handle was destroyed. `age_seconds` receives
+// the time since that step began, s; it may be null.
 palpate_status palpate_loop_wrench(struct palpate_loop *the_loop, struct palpate_wrench *wrench, double *age_seconds);
 
 // Reads a note about a loop, one line of text. A note reports the virtual coupling that was chosen and why, a limit in
@@ -1011,38 +1050,39 @@ palpate_status palpate_loop_note(struct palpate_loop *the_loop,
                                  size_t capacity,
                                  size_t *count);
 
-// Reads why a loop ended, in one line; "" while it runs. `text`, `capacity` and `count` are those of
+// Reads why a loop ended, in one line; the text is "" while the loop runs. `text`, `capacity` and `count` are those of
 // `palpate_loop_note`.
 palpate_status palpate_loop_ended(struct palpate_loop *the_loop, char *text, size_t capacity, size_t *count);
 
 // Ends a loop. When the call returns, the device plays no force and is closed, and the simulation can be used again.
 // State, notes and newest wrench of the loop can still be read. If the loop had failed, the call returns the status of
-// that failure. From within a callback the loop is only asked to end, and the call gives PALPATE_STATUS_BUSY.
+// that failure. A call from within a callback only asks the loop to end, and gives PALPATE_STATUS_BUSY.
 palpate_status palpate_loop_stop(struct palpate_loop *the_loop);
 
-// Stops a loop as `palpate_loop_stop` does, and destroys its handle. From within a callback the loop is only asked to
-// end, and its handle stays valid. Null does nothing.
+// Stops a loop as `palpate_loop_stop` does, and destroys its handle. A call from within a callback only asks the loop
+// to end, and the handle stays valid. Null does nothing.
 palpate_status palpate_loop_destroy(struct palpate_loop *the_loop);
 
-// Makes a context on a Vulkan device of the calling program, which stays open when the context is destroyed. The
+// Makes a context on a Vulkan device of the calling program; the device stays open when the context is destroyed. The
 // library checks what it can: that the physical device belongs to the instance and can run palpate, and that the
 // queue's family has graphics and compute. It cannot detect invalid handles, or features that were not enabled.
 palpate_status palpate_context_create_on(const struct palpate_vulkan *vulkan, struct palpate_context **context);
 
-// Makes a scene from a scene file.
+// Makes a scene from the scene file at the path `file`.
 palpate_status palpate_scene_load(const char *file, struct palpate_scene **scene);
 
-// Makes a scene from a text in the format of a scene file. Relative paths in it are relative to `folder`; null: to the
-// working directory.
+// Makes a scene from a text in the format of a scene file. Relative paths in the text are relative to `folder`, or, if
+// `folder` is null, to the working directory.
 palpate_status palpate_scene_parse(const char *text, const char *folder, struct palpate_scene **scene);
 
-// Destroys a scene; simulations that were made of it go on. Null does nothing.
+// Destroys a scene. Simulations that were made of the scene can still be used. With null the call does nothing.
 palpate_status palpate_scene_destroy(struct palpate_scene *scene);
 
-// Copies the skin of a body of any kind; the tool comes after the bodies. `origin`: three coordinates to which
-// positions are relative, m; null: the world's origin. `positions` (m) and `normals` (unit, outward) have room for
-// `capacity` vertices, three floats each; either may be null. `count` receives the number of vertices.
-// PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
+// Copies the skin (surface mesh) of a body of any kind. `body`: position of the body in the scene, from 0; the tool is
+// counted after the last body. `origin`: the world point to which positions are relative, three coordinates, m; null:
+// the world's origin. `positions` (m) and `normals` (unit vectors, outward) have room for `capacity` vertices, three
+// floats each; either may be null. `count` receives the number of vertices. PALPATE_STATUS_TOO_SMALL: there are more
+// vertices than `capacity`, and none was written.
 palpate_status palpate_skin(struct palpate_simulation *simulation,
                             uint32_t body,
                             const double *origin,
@@ -1051,127 +1091,135 @@ palpate_status palpate_skin(struct palpate_simulation *simulation,
                             size_t capacity,
                             size_t *count);
 
-// Copies the triangles of a body's skin: three vertex indices per triangle, counter-clockwise seen from outside. They
-// never change. `count` receives their number; `triangles` has room for `capacity` of them, and may be null where
-// `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
+// Copies the triangles of a body's skin: three vertex indices per triangle, counter-clockwise seen from outside. The
+// triangles never change. `count` receives their number; `triangles` has room for `capacity` triangles, and may be
+// null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more triangles than `capacity`, and none was written.
 palpate_status palpate_skin_triangles(struct palpate_simulation *simulation,
                                       uint32_t body,
                                       uint32_t (*triangles)[3],
                                       size_t capacity,
                                       size_t *count);
 
-// Computes the skins on the Vulkan device as they are now, relative to `origin` (three coordinates, m; null: the
-// world's origin), and returns their buffers; nothing is copied. The arrays are filled when this returns, and keep
-// their contents until the next call of this function or of `palpate_skin`; no other call writes to them. GPU work of
-// the program that reads the arrays must be submitted to the same queue, or be finished before such a call. The first
-// call makes the arrays.
+// Computes the present skins on the Vulkan device, relative to the world point `origin` (three coordinates, m; null:
+// the world's origin), and writes their buffers to `skins`; nothing is copied from the GPU. When the call returns, the
+// arrays are filled; they keep their contents until the next call of this function or of `palpate_skin`, and no other
+// function writes to them. GPU work of the program that reads the arrays must be submitted to the queue that the
+// library uses, or must be finished before the next call of one of these two functions. The first call makes the
+// arrays.
 palpate_status palpate_skin_buffers(struct palpate_simulation *simulation,
                                     const double *origin,
                                     struct palpate_skins *skins);
 
-// Reads which vertices in the arrays of `palpate_skin_buffers` are a body's: the index of the first, and their number.
-// The tool comes after the bodies.
+// Reads which vertices in the arrays of `palpate_skin_buffers` belong to a body. `first` receives the index of the
+// first vertex, and `count` the number of vertices. The tool is counted after the last body.
 palpate_status palpate_skin_range(struct palpate_simulation *simulation,
                                   uint32_t body,
                                   uint32_t *first,
                                   uint32_t *count);
 
-// Exports the memory of one of the arrays of `palpate_skin_buffers` (PALPATE_SKIN_*) as a file descriptor that another
-// API can import (VK_KHR_external_memory_fd, an opaque descriptor of a dedicated allocation, at the start of which the
-// array lies), with the size of that memory in bytes. The caller owns the descriptor: a successful import takes it
-// over, otherwise the caller must close it. Call `palpate_skin_buffers` to update the array. PALPATE_STATUS_VULKAN:
-// the device cannot export.
+// Exports the memory of one of the arrays of `palpate_skin_buffers`, for import by another API. `which`: the array,
+// PALPATE_SKIN_*. `descriptor` receives an opaque file descriptor (VK_KHR_external_memory_fd) of a dedicated
+// allocation, at the start of which the array lies; `bytes` receives the size of that allocation. The caller owns the
+// descriptor: a successful import takes it over, otherwise the caller must close it. The contents of the array change
+// only when `palpate_skin_buffers` or `palpate_skin` is called. PALPATE_STATUS_VULKAN: the device cannot export
+// memory.
 palpate_status palpate_skin_export(struct palpate_simulation *simulation,
                                    uint32_t which,
                                    int32_t *descriptor,
                                    uint64_t *bytes);
 
-// Copies the contacts of the last step, as many as the field `contacts` of that step's wrench. `count` receives their
-// number; `contacts` has room for `capacity` of them, and may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL:
-// there are more than `capacity`, and none was written.
+// Copies the contacts of the last step, whose number is also the field `contacts` of that step's palpate_wrench.
+// `count` receives their number; `contacts` has room for `capacity` contacts, and may be null if `capacity` is 0.
+// PALPATE_STATUS_TOO_SMALL: there are more contacts than `capacity`, and none was written.
 palpate_status palpate_contacts(struct palpate_simulation *simulation,
                                 struct palpate_contact *contacts,
                                 size_t capacity,
                                 size_t *count);
 
-// Makes a simulation of a scene on a context: prepares the bodies that palpate_scene_prepare has not prepared, and
-// records the GPU commands of a step. The scene may be destroyed afterwards.
+// Makes a simulation of a scene on a context. The call prepares the bodies that palpate_scene_prepare has not
+// prepared, and records the GPU commands of a step. Afterwards the scene may be destroyed.
 palpate_status palpate_simulation_create(struct palpate_context *context,
                                          struct palpate_scene *scene,
                                          struct palpate_simulation **simulation);
 
-// Destroys a simulation, after waiting for a submitted step that is under way. A simulation that a loop owns is
-// destroyed when the loop ends. Null does nothing.
+// Destroys a simulation, after waiting for a step of palpate_step_submit that is under way. If a haptic loop uses the
+// simulation, the simulation is destroyed when the loop ends. With null the call does nothing.
 palpate_status palpate_simulation_destroy(struct palpate_simulation *simulation);
 
-// Does one step of the scene's `dt` and waits for it: pose in, wrench out. `device`: pose of the haptic device at the
-// end of the step, to which it moves at constant speed from its last one; null: the pose on the scene's trajectory
-// (`[drive]`), or, once a pose was given, the last pose given. `wrench` may be null. After a step that fails in Vulkan
-// or in the solver, the simulation can be read and destroyed, and further steps give PALPATE_STATUS_SIMULATION until a
-// state is restored.
+// Does one step, whose length is the scene's `dt`, and waits for the step to end. `device`: pose of the haptic device
+// at the end of the step, which it reaches at constant speed from its pose at the start; null: the pose on the scene's
+// trajectory (`[drive]`), or, if an earlier call gave a pose, the last pose given. `wrench` receives the result, and
+// may be null. After a step that fails in Vulkan or in the solver, the simulation can be read and destroyed, and
+// further steps give PALPATE_STATUS_SIMULATION until a saved state is restored.
 palpate_status palpate_step(struct palpate_simulation *simulation,
                             const struct palpate_pose *device,
                             struct palpate_wrench *wrench);
 
 // Copies the world positions of the nodes of a soft body's layer (its tetrahedral mesh), m: three numbers per node, in
 // the order of the layer. `body` is the body's position in the scene, from 0. `count` receives the number of nodes,
-// which is 0 where the body is not soft; up to `capacity` nodes are written to `positions`, which may be null if
-// `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
+// which is 0 if the body is not soft. `positions` has room for `capacity` nodes, and may be null if `capacity` is 0.
+// PALPATE_STATUS_TOO_SMALL: there are more nodes than `capacity`, and none was written.
 palpate_status palpate_nodes(struct palpate_simulation *simulation,
                              uint32_t body,
                              double (*positions)[3],
                              size_t capacity,
                              size_t *count);
 
-// Saves everything that the next step starts from: positions and velocities of all bodies and the tool, and the data
-// that the solver and the broad phase carry over from step to step. Settings (materials, contact law, coupling) are
-// not part of the state. Call the function between two steps; it copies arrays from the GPU. `size` receives the
-// number of bytes, which differs by some hundreds from step to step: ask for it just before saving. The bytes are
-// written to `bytes`, which has room for `capacity` of them and may be null if `capacity` is 0.
-// PALPATE_STATUS_TOO_SMALL: there are more than `capacity`, and none was written.
+// Saves the state of a simulation, that is, everything that the next step starts from: positions and velocities of all
+// bodies and the tool, and the data that the solver and the broad phase of collision detection carry over from step to
+// step. Settings (materials, contact law, virtual coupling) are not part of the state. Call the function between two
+// steps; it copies arrays from the GPU. `size` receives the number of bytes, which changes by some hundreds of bytes
+// from step to step; so ask for the size just before saving. `bytes` has room for `capacity` bytes, and may be null if
+// `capacity` is 0. PALPATE_STATUS_TOO_SMALL: the state has more bytes than `capacity`, and none was written.
 palpate_status palpate_state_save(struct palpate_simulation *simulation, uint8_t *bytes, size_t capacity, size_t *size);
 
-// Restores a saved state, of this simulation or of another with the same bodies, tool and Vulkan device, in this
-// process or another: from then on both simulations compute the same bits, if they have the same settings.
-// PALPATE_STATUS_ARGUMENT: the bytes were not saved by this version, are damaged, or belong to other bodies; nothing
-// changed. A simulation whose step had failed continues from the restored state.
+// Restores a state that was saved from this simulation, or from another simulation with the same bodies, tool and
+// Vulkan device, in this process or another one. If the settings too are the same, the next steps compute the same
+// bits as the steps after the state was saved. PALPATE_STATUS_ARGUMENT: the bytes were not saved by this version of
+// the library, are damaged, or belong to other bodies; nothing was changed. A simulation with a failed step can do
+// steps again after a state is restored.
 palpate_status palpate_state_restore(struct palpate_simulation *simulation, const uint8_t *bytes, size_t size);
 
-// Times every `steps`-th step from now on; 0, which is the default: no step is timed. A timed step is up to a
-// millisecond slower with some drivers.
+// Times the stages of every `steps`-th step from now on. With `steps` 0, which is the default, no step is timed. With
+// some drivers a timed step takes up to a millisecond longer.
 palpate_status palpate_time_every(struct palpate_simulation *simulation, uint64_t steps);
 
-// Lists the stages of the step in order, with the cost of each. `count` receives their number; `stages` has room for
-// `capacity` of them, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than `capacity`,
-// and none was written.
+// Lists the stages of a step in the order in which they run, with the cost of each. `count` receives the number of
+// stages; `stages` has room for `capacity` stages, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there
+// are more stages than `capacity`, and none was written.
 palpate_status palpate_stages(struct palpate_simulation *simulation,
                               struct palpate_stage *stages,
                               size_t capacity,
                               size_t *count);
 
-// Returns the message of the last call on this thread that did not return PALPATE_STATUS_OK, in one line; "" if there
-// was none. The string is never null, and is valid until the next call on this thread that fails.
+// Returns the message of the last failed call on this thread, that is, the last call with another status than
+// PALPATE_STATUS_OK. The message is one line, or "" if no call has failed. The string is never null, and is valid
+// until the next call on this thread fails.
 const char *palpate_last_error(void);
 
-// Begins a step without waiting for it: a worker thread of the simulation does the step. The first such call starts
-// the thread. `device`: as in `palpate_step`; it may be null, and is copied. Until the step is done, calls that read
-// or change the simulation give PALPATE_STATUS_BUSY, this one too; `palpate_step_poll`, `palpate_step_wait` and
-// `palpate_wrench_newest` do not. Submitted steps give the same bits as those of `palpate_step`.
+// Begins a step without waiting for it: a worker thread of the simulation does the step. The first call of this
+// function starts the thread. `device` has the meaning that it has in `palpate_step`; it may be null, and is copied.
+// Until the step is done, functions that read or change the simulation, this one included, give PALPATE_STATUS_BUSY;
+// only `palpate_step_poll`, `palpate_step_wait` and `palpate_wrench_newest` can be used. A submitted step gives the
+// same bits as a step by `palpate_step`.
 palpate_status palpate_step_submit(struct palpate_simulation *simulation, const struct palpate_pose *device);
 
 // Reads whether the submitted step is done; never waits. `is_done` receives 0 while a submitted step is under way, and
-// 1 otherwise. If a submitted step failed, the call returns the status of that step, as `palpate_step` would have
-// done; so do all later calls until a state is restored, because no further step is possible before that.
+// otherwise 1. If a submitted step failed, the call returns the status that `palpate_step` would have returned for
+// that step; all later calls return this status too, until a saved state is restored, because before that no further
+// step is possible.
 palpate_status palpate_step_poll(struct palpate_simulation *simulation, int32_t *is_done);
 
-// Waits until no submitted step is under way. Returns the status of a failed step, as `palpate_step_poll` does.
+// Waits until no submitted step is under way. If a submitted step failed, the call returns the status of that step, as
+// `palpate_step_poll` does.
 palpate_status palpate_step_wait(struct palpate_simulation *simulation);
 
-// Reads the wrench of the newest finished step, be it of `palpate_step_submit`, of `palpate_step` or of a loop. Never
-// waits; any thread may call it at any time. `age_seconds` receives the time since that step received the pose of the
-// haptic device (when `palpate_step_submit` or `palpate_step` was called, or when the loop began the step), s; it may
-// be null. Before the first step, and after a state was restored, the wrench has `step` 0, and its age is infinite. If
-// a submitted step failed, both are written nevertheless, and the call returns the status of that step.
+// Reads the wrench of the newest finished step, which `palpate_step_submit`, `palpate_step` or a haptic loop began.
+// The call never waits; any thread may make it at any time. `age_seconds` receives the age of the wrench, s: the time
+// since its step received the pose of the haptic device, which was when `palpate_step_submit` or `palpate_step` was
+// called, or when the loop began the step. `age_seconds` may be null. Before the first step, and after a saved state
+// was restored, the wrench has `step` 0, and its age is infinite. If a submitted step failed, wrench and age are
+// written nevertheless, and the call returns the status of that step.
 palpate_status palpate_wrench_newest(struct palpate_simulation *simulation,
                                      struct palpate_wrench *wrench,
                                      double *age_seconds);

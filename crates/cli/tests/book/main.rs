@@ -28,7 +28,8 @@ use pulldown_cmark::{CodeBlockKind, Event, Parser, Tag, TagEnd};
 
 /// Parts of the repository that commands may name.
 const SEEN: [&str; 8] = ["assets", "examples", "docs", "crates", "src", "vk-tests", "Cargo.toml", "README.md"];
-/// Rings and sectors of the closed surface `my-organ.obj`, and its radius, m.
+/// Rings, sectors and radius (m) of the sphere that stands for a mesh of the reader: `my-organ.obj` in metres,
+/// `my-organ-mm.obj` in millimetres.
 const ORGAN: (u32, u32, f64) = (40, 50, 0.025);
 /// What the message about a missing haptic device contains.
 const NO_DEVICE: &str = "the haptic device is lost";
@@ -105,8 +106,10 @@ fn executable(file: &Path, text: &str) {
     fs::set_permissions(file, fs::Permissions::from_mode(0o755)).unwrap();
 }
 
-fn organ() -> String {
+/// A sphere as OBJ; `scale` is the number of its units in a metre.
+fn organ(scale: f64) -> String {
     let (rings, sectors, radius) = ORGAN;
+    let radius = radius * scale;
     let mut text = String::new();
     let at = |ring: u32, sector: u32| {
         let (polar, around) = (
@@ -199,7 +202,8 @@ fn run(page: &Page, display: &Display, cache: &Path) -> Result<(), String> {
     for name in SEEN {
         symlink(root().canonicalize().unwrap().join(name), folder.join(name)).unwrap();
     }
-    fs::write(folder.join("my-organ.obj"), organ()).unwrap();
+    fs::write(folder.join("my-organ.obj"), organ(1.0)).unwrap();
+    fs::write(folder.join("my-organ-mm.obj"), organ(1e3)).unwrap();
     stand_ins(&folder, &bin);
     let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
     for block in &page.blocks {

@@ -1,0 +1,89 @@
+//! Links of the built pages: where a page names a file of the repository that is no page of the book, its link has to
+//! lead from target/book to that file.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::check::tidy;
+
+/// Rewrites the links of all pages in `book`, the folder of the built pages, to files of the repository in `root`.
+/// Returns the links that lead nowhere, a line each.
+pub fn mend(root: &Path, book: &Path) -> io::Result<Vec<String>> {
+    let (mut problems, mut folders) = (Vec::new(), vec![PathBuf::new()]);
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(book.join(&folder))? {
+            let name = folder.join(entry?.file_name());
+            let file = book.join(&name);
+            if file.is_dir() {
+                folders.push(name);
+            } else if name.extension().is_some_and(|end| end == "html") {
+                let text = std::fs::read_to_string(&file)?;
+                let mended = links(&text, |link| target(root, book, &folder, link));
+                match mended {
+                    Ok(mended) if mended != text => std::fs::write(&file, mended)?,
+                    Ok(_) => {}
+                    Err(link) => problems.push(format!("{}: {link} leads nowhere", name.display())),
+                }
+            }
+        }
+    }
+    Ok(problems)
+}
+
+/// The text with every `href` replaced by what `target` makes of it; fails with the first link that has no target.
+fn links(text: &str, target: impl Fn(&str) -> Option<String>) -> Result<String, String> {
+    const START: &str = " href=\"";
+    let mut parts = text.split(START);
+    let mut result = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (link, rest) = part.split_once('"').unwrap_or((part, ""));
+        let target = target(link).ok_or_else(|| link.to_owned())?;
+        result += &format!("{START}{target}\"{rest}");
+    }
+    Ok(result)
+}
+
+/// Where a link of a page in `folder` of the book leads.
+fn target(root: &Path, book: &Path, folder: &Path, link: &str) -> Option<String> {
+    let is_elsewhere = link.contains("://") || link.starts_with("mailto:") || link.starts_with('#') || link.is_empty();
+    let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
+    // The page of an unknown address, 404.html, begins its links at the root of a web site.
+    let within = tidy(&folder.join(path));
+    if is_elsewhere || path.starts_with('/') || book.join(&within).exists() && !path.starts_with("../..") {
+        return Some(link.to_owned());
+    }
+    let source =
+        |path: &Path| Some(tidy(&Path::new("docs").join(folder).join(path))).filter(|file| root.join(file).exists());
+    let file = source(Path::new(path)).or_else(|| source(&Path::new(path).with_extension("md")))?;
+    // A page in `folder` lies as many folders below target/book as `folder` has parts.
+    let up = "../".repeat(folder.components().count() + 2);
+    let anchor = if anchor.is_empty() { String::new() } else { format!("#{anchor}") };
+    Some(format!("{up}{}{anchor}", file.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn links_lead_to_pages_of_the_book_or_to_files_of_the_repository() {
+        let folder = tempfile::tempdir().unwrap();
+        let (root, book) = (folder.path(), folder.path().join("target/book"));
+        for path in ["docs/a", "target/book/a", "src"] {
+            std::fs::create_dir_all(root.join(path)).unwrap();
+        }
+        std::fs::write(root.join("README.md"), "").unwrap();
+        std::fs::write(root.join("src/law.rs"), "").unwrap();
+        std::fs::write(book.join("b.html"), "").unwrap();
+        let page =
+            "<a href=\"../../src/law.rs#L1\">x</a> <a href=\"../b.html\">y</a> <a href=\"../../README.html\">z</a>";
+        std::fs::write(book.join("a/page.html"), page).unwrap();
+        assert_eq!(mend(root, &book).unwrap(), Vec::<String>::new());
+        let mended = std::fs::read_to_string(book.join("a/page.html")).unwrap();
+        let expected =
+            "<a href=\"../../../src/law.rs#L1\">x</a> <a href=\"../b.html\">y</a> <a href=\"../../../README.md\">z</a>";
+        assert_eq!(mended, expected);
+        std::fs::write(book.join("a/page.html"), "<a href=\"../c.html\">x</a>").unwrap();
+        assert_eq!(mend(root, &book).unwrap(), ["a/page.html: ../c.html leads nowhere"]);
+    }
+}
