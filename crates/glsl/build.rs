@@ -61,6 +61,14 @@ fn link() -> Result<(), String> {
     Ok(())
 }
 
+/// Whether an archive holds nothing: since glslang 15 some of its libraries are kept only so that old build scripts find
+/// them, and each has the same single member, whose symbol cannot be linked twice.
+fn is_stub(archive: &Path) -> Result<bool, String> {
+    let listed = Command::new("ar").arg("t").arg(archive).output();
+    let listed = listed.map_err(|error| format!("`ar` cannot be run: {error}; run palpate's setup.sh"))?;
+    Ok(String::from_utf8_lossy(&listed.stdout).trim() == "stub.cpp.o")
+}
+
 /// Merges the libraries in [`PARTS`] that exist in the folder `system` into one archive, and links the archive.
 fn merge(system: &Path) -> Result<(), String> {
     let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo did not set OUT_DIR")?);
@@ -70,7 +78,9 @@ fn merge(system: &Path) -> Result<(), String> {
     }
     let mut script = format!("CREATE {}\n", merged.display());
     for file in PARTS.map(|part| system.join(format!("lib{part}.a"))).iter().filter(|file| file.exists()) {
-        script += &format!("ADDLIB {}\n", file.display());
+        if !is_stub(file)? {
+            script += &format!("ADDLIB {}\n", file.display());
+        }
     }
     script += "SAVE\nEND\n";
     let failed = |why: String| format!("shaderc's archives cannot be merged by `ar -M`: {why}; run palpate's setup.sh");

@@ -1,16 +1,15 @@
-//! Executes README.md and the book in docs/: every command of their `sh` blocks runs, every `toml` block is read, and
-//! every command in running text names subcommands and options that exist.
+//! Executes README.md, CONTRIBUTING.md and the book in docs/: every command of their `sh` blocks runs, every `toml` block
+//! is parsed, and every command in running text names a subcommand and options that exist.
 //!
 //! The commands of a page run one block after the other in one folder that looks like the root of the repository. A
-//! block that begins with `# file: NAME` or `// file: NAME` becomes that file first. In blocks `sh,hardware` each command
-//! must fail because the haptic device is missing. What would build the repository again is replaced (see `stand_ins`):
-//! `.ci/run` executes these commands themselves.
+//! block that begins with `# file: NAME` or `// file: NAME` is written into that file and not run. A block `sh,hardware`
+//! must fail because the haptic device is missing. Programs that would build the repository again are replaced by scripts
+//! (see `stand_ins`), since `.ci/run` runs these programs themselves.
 #![cfg(all(unix, feature = "view"))]
 
 #[allow(dead_code, reason = "shared with the tests of the window")]
 #[path = "../display/mod.rs"]
 mod display;
-#[allow(dead_code, reason = "shared with the tests of the C interface")]
 #[path = "../../../capi/tests/ffi_help/mod.rs"]
 mod ffi_help;
 
@@ -26,24 +25,26 @@ use display::Display;
 use ffi_help::{library, root};
 use pulldown_cmark::{CodeBlockKind, Event, Parser, Tag, TagEnd};
 
-/// Parts of the repository that commands may name.
+/// Files and folders of the repository that the folder of a page's commands has as links.
 const SEEN: [&str; 8] = ["assets", "examples", "docs", "crates", "src", "vk-tests", "Cargo.toml", "README.md"];
-/// Rings, sectors and radius (m) of the sphere that stands for a mesh of the reader: `my-organ.obj` in metres,
-/// `my-organ-mm.obj` in millimetres.
+/// Number of rings, number of sectors, and radius (m) of the sphere that stands in for a mesh of the reader's own, which
+/// the pages call `my-organ.obj` (coordinates in metres) and `my-organ-mm.obj` (in millimetres).
 const ORGAN: (u32, u32, f64) = (40, 50, 0.025);
-/// What the message about a missing haptic device contains.
+/// Words that the message about a missing haptic device contains.
 const NO_DEVICE: &str = "the haptic device is lost";
 
-/// A fenced block of code, or a command in running text.
+/// A block of code in a page.
 struct Code {
-    /// The words after the fence, such as `sh` or `sh,hardware`; empty for code in running text.
+    /// The words after the opening fence, such as `sh` or `sh,hardware`; empty for an indented block without fences.
     kind: String,
     text: String,
 }
 
+/// A page of Markdown.
 struct Page {
     name: String,
     blocks: Vec<Code>,
+    /// Code within running text.
     spans: Vec<String>,
 }
 
@@ -94,7 +95,7 @@ impl Code {
         self.kind.split([',', ' ']).next() == Some(kind)
     }
 
-    /// The file that the block becomes, if its first line names one.
+    /// Name of the file into which the block is written, if the block's first line gives one.
     fn file(&self) -> Option<&str> {
         let first = self.text.lines().next()?;
         ["# file: ", "// file: "].iter().find_map(|start| first.strip_prefix(start)).map(str::trim)
@@ -106,7 +107,7 @@ fn executable(file: &Path, text: &str) {
     fs::set_permissions(file, fs::Permissions::from_mode(0o755)).unwrap();
 }
 
-/// A sphere as OBJ; `scale` is the number of its units in a metre.
+/// A sphere as the text of an OBJ file; `scale` is the number of the file's units of length in a metre.
 fn organ(scale: f64) -> String {
     let (rings, sectors, radius) = ORGAN;
     let radius = radius * scale;
@@ -139,13 +140,14 @@ fn organ(scale: f64) -> String {
     text
 }
 
-/// Scripts in `bin`, first on the path, and at the root of `folder`, that stand in for what commands name:
-/// - `palpate` is the program of this build; `view` ends after a second, since nobody closes its window;
-/// - `cargo run --release -- ..` is that program; other calls of cargo, which would build the repository again, only have
-///   their tests' and packages' names checked;
-/// - `python3` is one that has NumPy;
-/// - `setup.sh` does nothing, and `install.sh` installs what is built;
-/// - `sbatch` runs the tasks 1 and 2 of an array, one after the other.
+/// Writes scripts that stand in for programs that the commands call, into `bin`, which is first on the path, and into
+/// `folder`:
+/// - `palpate` is the program of this build; its subcommand `view` ends after a second, since nobody closes its window;
+/// - `cargo run --release -- ..` calls `palpate`; of other calls of cargo, which would build the repository again, only
+///   the names of tests and packages are checked;
+/// - `python3` is a Python that has NumPy;
+/// - `setup.sh` does nothing, and `install.sh` installs the files of this build;
+/// - `sbatch` runs the tasks 1 and 2 of a job array, one after the other.
 fn stand_ins(folder: &Path, bin: &Path) {
     let program = env!("CARGO_BIN_EXE_palpate");
     let repository = root().canonicalize().unwrap();
@@ -166,7 +168,7 @@ fn stand_ins(folder: &Path, bin: &Path) {
              --test) ls {repository}/{{tests,crates/*/tests}}/\"$2\"{{.rs,/main.rs}} 2>/dev/null | grep -q . || [ \"$2\" = vk-tests ] \
              || {{ echo \"cargo: no test $2\" >&2; exit 1; }} ;;\n        \
              -p) [ \"$2\" = palpate ] || [ -d \"{repository}/crates/${{2#palpate-}}\" ] || {{ echo \"cargo: no package $2\" >&2; exit 1; }} ;;\n      \
-             esac\n      shift\n    done ;;\n  *) echo \"cargo $*: executed by nothing\" >&2; exit 1 ;;\nesac\n"
+             esac\n      shift\n    done ;;\n  *) echo \"cargo $*: no stand-in for this call\" >&2; exit 1 ;;\nesac\n"
         ),
     );
     let has_numpy =
@@ -193,7 +195,7 @@ fn stand_ins(folder: &Path, bin: &Path) {
     executable(&folder.join("install.sh"), &install);
 }
 
-/// Runs a page's blocks; returns what went wrong.
+/// Runs a page's `sh` blocks up to the first that goes wrong; the error tells this block and what it printed.
 fn run(page: &Page, display: &Display, cache: &Path) -> Result<(), String> {
     let place = tempfile::tempdir().unwrap();
     let (folder, bin) = (place.path().join("palpate"), place.path().join("bin"));
@@ -228,7 +230,7 @@ fn run(page: &Page, display: &Display, cache: &Path) -> Result<(), String> {
             false => done.status.success(),
         };
         if !as_expected {
-            return Err(format!("{}: {}\n{}\n{said}", page.name, done.status, block.text));
+            return Err(format!("{}: unexpected {} of:\n{}\n{said}", page.name, done.status, block.text));
         }
     }
     Ok(())
@@ -243,12 +245,13 @@ fn every_command_of_readme_and_book_succeeds() {
     for page in pages().iter().filter(|page| page.name.contains(&only)) {
         let begun = Instant::now();
         failures.extend(run(page, &display, cache.path()).err());
-        println!("{:5.1} s {}", begun.elapsed().as_secs_f64(), page.name);
+        println!("{:5.1} s for the page {}", begun.elapsed().as_secs_f64(), page.name);
     }
     assert!(failures.is_empty(), "{}", failures.join("\n\n"));
 }
 
-/// Subcommands and options that the program's help lists, for each subcommand.
+/// The help text of a subcommand of `palpate`; `None` if the subcommand does not exist. `known` keeps the answers by
+/// subcommand.
 fn options(subcommand: &str, known: &mut HashMap<String, Option<String>>) -> Option<String> {
     let ask = || {
         let done = Command::new(env!("CARGO_BIN_EXE_palpate")).args([subcommand, "--help"]).output().unwrap();
@@ -257,7 +260,7 @@ fn options(subcommand: &str, known: &mut HashMap<String, Option<String>>) -> Opt
     known.entry(subcommand.into()).or_insert_with(ask).clone()
 }
 
-/// What is wrong with a command line: a subcommand or an option that does not exist.
+/// What is wrong with a command line of `palpate`: a subcommand or an option that does not exist; `None` if nothing is.
 fn unknown(command: &str, known: &mut HashMap<String, Option<String>>) -> Option<String> {
     let rest = command.strip_prefix("palpate ").or_else(|| command.strip_prefix("cargo run --release -- "))?;
     let mut words = rest.split_whitespace();
@@ -280,7 +283,7 @@ fn code_of_readme_and_book_is_sound() {
         for block in &page.blocks {
             if block.is("toml") {
                 if let Err(error) = block.text.parse::<toml::Table>() {
-                    wrong(format!("{error}\n{}", block.text));
+                    wrong(format!("this block is not TOML: {error}\n{}", block.text));
                 }
             } else if ["c", "cpp", "python"].iter().any(|kind| block.is(kind)) && block.file().is_none() {
                 wrong(format!("no command can use this block, since its first line names no file:\n{}", block.text));
