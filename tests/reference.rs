@@ -1,6 +1,6 @@
-//! The pages docs/reference/scene.md and docs/reference/flags.md hold exactly the keys that the reader of scenes accepts,
-//! and the flags and events that exist: they are written from the lists of the code.
-//! `PALPATE_WRITE_DOCS=1 cargo test --test reference` writes them anew.
+//! Tests that the page docs/reference/scene.md has exactly the keys that the reader of scene files accepts, and the
+//! page docs/reference/flags.md exactly the flags (of a step) and events (of the haptic loop) that the code defines:
+//! both pages are made from the code. `PALPATE_WRITE_DOCS=1 cargo test --test reference` writes the two pages anew.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -17,10 +17,10 @@ quaternions are x, y, z, w. An unknown key, a value out of range or a name that 
 the file, the line, the key and the remedy.
 
 This page is written from the lists by which the reader accepts keys (`src/scene/reference.rs`). A default in brackets
-is described, not a value. How to choose a material or a mesh stands in the how-to pages.
+is a description, not a value. How to choose a material or a mesh stands in the how-to pages.
 ";
 
-/// The page, from the lists of the reader.
+/// The page of scene files, made from the lists of keys that the reader accepts.
 fn page() -> String {
     let mut page = HEAD.to_owned();
     let cell = |text: &str| text.replace('|', "\\\\|");
@@ -84,7 +84,7 @@ written as CSV has a column `events`.
 | --- | --- | --- | --- | --- |
 ";
 
-/// The page of flags and events.
+/// The page of flags and events, made from the code.
 fn flags() -> String {
     let mut page = FLAGS_HEAD.to_owned();
     let row = |page: &mut String, bit: u32, name: &str, words: &Explanation| {
@@ -103,14 +103,15 @@ fn flags() -> String {
     page
 }
 
-/// Compares a page of the book with the page that the code makes; writes it where that is asked for.
+/// Compares a page of the book with `page`, which the code makes; if PALPATE_WRITE_DOCS is set, `page` is written into
+/// the book first.
 fn compare(name: &str, page: &str) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/reference").join(name);
     if std::env::var_os("PALPATE_WRITE_DOCS").is_some() {
         std::fs::write(&file, page).unwrap();
     }
     let written = std::fs::read_to_string(&file).unwrap();
-    assert!(written == page, "{} is out of date: PALPATE_WRITE_DOCS=1 cargo test --test reference", file.display());
+    assert!(written == page, "{} is out of date; see the start of tests/reference.rs", file.display());
 }
 
 #[test]

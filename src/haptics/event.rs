@@ -1,6 +1,8 @@
 //! Unusual events that a tick (one iteration of the haptic loop) may raise, which are recorded and reported to the
-//! user. Each event's bit, name and explanation are defined here only. The force *played* is the force commanded to the haptic
-//! device; the *newest wrench* is the contact wrench on the tool that the last finished simulation step gave back.
+//! user. Each event's bit, name and explanation are defined here only. The force *played* is the force commanded to the
+//! haptic device; the *tool* is the rigid body that the device leads; the *newest wrench* is the contact wrench (force
+//! and torque) on the tool that the last finished simulation step gave back. The *passivity controller* damps the force
+//! where the hand would otherwise receive more energy than it gave.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,12 +16,12 @@ pub enum Event {
     DeviceLost,
     /// The device's reading was not finite or its orientation was no rotation; the last valid pose is used instead.
     BadReading,
-    /// The device's pose leapt further than a hand can move in a tick; the last valid pose is used until the force has
-    /// faded.
+    /// The device's pose changed by more than a hand can move in a tick; the last valid pose is used until the force
+    /// has faded.
     PoseJump,
     /// The device is beyond its workspace; the force fades.
     OutsideWorkspace,
-    /// The newest wrench is out of date by more than the watchdog allows; the force fades.
+    /// The newest wrench is older than the scene's `haptics.watchdog` allows; the force fades.
     StaleWrench,
     /// A wrench from the simulation was not finite and was ignored.
     BadWrench,
@@ -38,9 +40,9 @@ pub enum Event {
     DampingLimited,
     /// The force or the torque exceeded its limit and was shortened to it.
     Clamped,
-    /// The force or the torque changed faster than its slew limit allows and was held back.
+    /// The force or the torque changed faster than its slew limit (greatest rate of change) allows and was held back.
     SlewLimited,
-    /// The wrench to be played was not finite; none was played.
+    /// The wrench to be played was not finite; no wrench was played.
     BadForce,
     /// The ticks directly before this one are missing from the recording.
     RecordLost,
@@ -86,7 +88,7 @@ impl Event {
         },
         Explanation {
             title: "the device's pose jumped",
-            meaning: "The pose changed by more than a hand can move in that time. The last valid pose was used \
+            meaning: "The pose changed by more than a hand can move between two readings. The last valid pose was used \
              until the force had faded.",
             remedy: Some("Check the device, its connection and its calibration."),
         },
@@ -99,7 +101,7 @@ impl Event {
         },
         Explanation {
             title: "the contact force was out of date",
-            meaning: "The newest contact force was older than the watchdog allows, so the force faded until a \
+            meaning: "The newest contact force was older than haptics.watchdog allows, so the force faded until a \
              newer one came.",
             remedy: Some("Make the scene cheaper, for example with larger cells, a coarser skin or preset = \"fast\"."),
         },
@@ -126,8 +128,8 @@ impl Event {
         },
         Explanation {
             title: "the tool moved further than the last contact force can tell",
-            meaning: "Between two steps of the simulation the tool moved further than the local contact model is \
-             trusted, and the force did not grow further.",
+            meaning: "Between two steps of the simulation the tool left the neighbourhood in which the last contact \
+             force and its stiffness are trusted, and the force did not grow further.",
             remedy: Some(
                 "Make the scene cheaper, so that steps take less time, move more slowly, or raise \
              haptics.trust.",
@@ -186,7 +188,7 @@ impl Event {
         &Event::EXPLANATIONS[self as usize]
     }
 
-    /// The event of a name.
+    /// The event that has this name.
     pub fn named(name: &str) -> Option<Event> {
         Event::ALL.into_iter().find(|(_, known)| *known == name).map(|(event, _)| event)
     }
@@ -228,7 +230,7 @@ pub struct EventCounts {
 }
 
 impl EventCounts {
-    /// Adds a tick's events; returns those of them that the tick before did not have.
+    /// Adds the events of a tick; returns the events that began, which are those that the previous tick did not have.
     pub fn add(&mut self, events: Events) -> Events {
         let begun = Events(events.0 & !self.last.0);
         for (k, (event, _)) in Event::ALL.into_iter().enumerate() {
@@ -267,8 +269,8 @@ mod tests {
         assert_eq!(titles.len(), Event::ALL.len());
         for (event, name) in Event::ALL {
             let Explanation { title, meaning, remedy } = event.explained();
-            assert!(!title.is_empty() && !title.ends_with('.') && meaning.ends_with('.'), "event {name}");
-            assert!(remedy.is_none_or(|remedy| remedy.ends_with('.')), "event {name}");
+            assert!(!title.is_empty() && !title.ends_with('.') && meaning.ends_with('.'), "wrong words for {name}");
+            assert!(remedy.is_none_or(|remedy| remedy.ends_with('.')), "wrong words for {name}");
             assert_eq!(Event::named(name), Some(event));
         }
         assert_eq!(Event::named("no_event"), None);

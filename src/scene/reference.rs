@@ -1,7 +1,7 @@
 //! The tables of a scene file and their keys. The reader refuses every key that is not listed here, and the page
-//! `docs/reference/scene.md` is written from these lists (`cargo test --test reference` compares the two).
+//! `docs/reference/scene.md` is written from these lists (`cargo test --test reference` compares page and lists).
 
-/// A table of a scene file or of a skeleton file.
+/// A table of a scene file, or of a skeleton file, which lists the bones of a body.
 #[derive(Debug, Clone, Copy)]
 pub struct TableKeys {
     /// The table as one writes it in TOML, for example `[[body]]` or `hinge = { .. }`.
@@ -33,9 +33,9 @@ impl TableKeys {
     }
 }
 
-/// Default of a key that must be given.
+/// Text in place of a default, for a key that must be given.
 pub const REQUIRED: &str = "(required)";
-/// Default of a key of which a table must give exactly one of several.
+/// Text in place of a default, for several keys of which a table must give exactly one.
 pub const ONE_OF: &str = "(one of these)";
 
 const fn key(name: &'static str, value: &'static str, default: &'static str, meaning: &'static str) -> SceneKey {
@@ -114,7 +114,7 @@ pub const SOLVER: TableKeys = TableKeys {
             "> 0, < 1",
             "1e-5",
             "The solver stops where the residual, relative to the right-hand side in the norm of the preconditioner, \
-             is below this.",
+             is below this value.",
         ),
         key(
             "max_iterations",
@@ -155,7 +155,7 @@ pub const CONTACT: TableKeys = TableKeys {
             "friction_speed",
             "m/s, >= 1e-6",
             "0.001",
-            "Sliding speed below which friction is viscous, so that what sticks creeps.",
+            "Sliding speed below which friction is viscous, so that a sticking contact creeps.",
         ),
         key(
             "texel",
@@ -168,7 +168,7 @@ pub const CONTACT: TableKeys = TableKeys {
             "m, > 0",
             "0.02",
             "Greatest depth that is expected: flag `depth_beyond_limit` is raised where a contact is deeper, and \
-             `not_a_height_field` where a second layer of skin lies within it.",
+             `not_a_height_field` where a second layer of skin lies within this depth.",
         ),
         key(
             "depth",
@@ -299,9 +299,9 @@ pub const MODEL: TableKeys = TableKeys {
         key("model", "`\"head\"`, `\"gear\"`, `\"human\"` or `\"pumpkin\"`", REQUIRED, "Which surface."),
         key(
             "vertices",
-            "500 or 2000 (gear, human) to 400000",
-            "(44000, 29000, 13000, 30000)",
-            "Number of vertices, met exactly.",
+            "500 (gear and human: 2000) to 400000",
+            "(head 44000, gear 29000, human 13000, pumpkin 30000)",
+            "Number of vertices, which the surface has exactly.",
         ),
     ],
 };
@@ -355,7 +355,7 @@ pub const LAYER: TableKeys = TableKeys {
 /// Keys of `material = { .. }`.
 pub const MATERIAL: TableKeys = TableKeys {
     heading: "material = { .. }",
-    meaning: "An isotropic elastic material. In a region, what is left out is the body's.",
+    meaning: "An isotropic elastic material. In a region, keys that are left out have the body's values.",
     keys: &[
         key(
             "law",
@@ -374,7 +374,7 @@ pub const MATERIAL: TableKeys = TableKeys {
 /// Keys of `[[body.region]]`.
 pub const REGION: TableKeys = TableKeys {
     heading: "[[body.region]]",
-    meaning: "Tetrahedra with a material of their own. Of regions that name the same tetrahedron the first has it.",
+    meaning: "Tetrahedra with a material of their own. A tetrahedron in several regions belongs to the first.",
     keys: &[
         key(
             "group",
@@ -397,8 +397,8 @@ pub const REGION: TableKeys = TableKeys {
 /// Keys of `[[body.core]]`.
 pub const CORE: TableKeys = TableKeys {
     heading: "[[body.core]]",
-    meaning: "A rigid part of a soft body, with the nodes of the layer that are attached to it. Of cores that name the \
-             same node the first has it.",
+    meaning: "A rigid part of a soft body, with the nodes of the layer that are attached to it. A node \
+             that several cores name is attached to the first.",
     keys: &[
         key("name", "a name", REQUIRED, "Name of the core; with the name of a bone it says how that bone moves."),
         key(
@@ -453,7 +453,7 @@ pub const JOINT: TableKeys = TableKeys {
             "point",
             "[x, y, z], in the file's units",
             REQUIRED,
-            "Where they are joined, in the coordinates of `bind`.",
+            "Where the two cores are joined, in the coordinates of `bind`.",
         ),
         key(
             "axis",
@@ -500,7 +500,7 @@ pub const TOOL: TableKeys = TableKeys {
 pub const COUPLING: TableKeys = TableKeys {
     heading: "[coupling]",
     meaning: "The virtual coupling: a spring and a damper between the haptic device and the tool. In a session with a \
-             device these are upper bounds; the loop lowers them to what the device renders stably.",
+             device the values are upper bounds; the haptic loop lowers them to what the device renders stably.",
     keys: &[
         key("stiffness", "N/m, >= 0", REQUIRED, "Stiffness of the spring."),
         key("damping", "N s/m, >= 0", REQUIRED, "Damping."),
@@ -516,7 +516,12 @@ pub const DRIVE: TableKeys = TableKeys {
              spherically) and held at the ends. A run lasts until its last key.",
     keys: &[
         key("keys", "array of [t, x, y, z] or [t, x, y, z, qx, qy, qz, qw]", ONE_OF, "Poses (s, m, unit quaternion)."),
-        key("path", "`\"FILE.csv\"`", ONE_OF, "A CSV file of such rows; a first row without any number is a heading."),
+        key(
+            "path",
+            "`\"FILE.csv\"`",
+            ONE_OF,
+            "A CSV file with a pose in each row; a first row without any number is a heading.",
+        ),
     ],
 };
 
@@ -536,14 +541,14 @@ pub const HAPTICS: TableKeys = TableKeys {
             "profile",
             "a name (see the profiles of devices)",
             "(the device's own)",
-            "Limits and abilities of the device. For a Haply it may only lower the device's own.",
+            "Limits and abilities of the device. For a Haply it may only lower the limits of the device itself.",
         ),
         key("rate", "Hz, 50 to 4000", "1000.0", "Force updates per second."),
         key(
             "max_force",
             "N, > 0",
             "(the profile's)",
-            "Greatest force; as the next four it may only lower what the profile allows.",
+            "Greatest force; this key and the next four may only lower what the profile allows.",
         ),
         key("max_torque", "N m, > 0", "(the profile's)", "Greatest torque."),
         key(
@@ -582,8 +587,8 @@ pub const HAPTICS: TableKeys = TableKeys {
             "longest_step",
             "s, > 0",
             "0.02",
-            "Longest time step of the simulation in a session. Steps are the shortest that last as long as they take \
-             to compute; where that is longer than this, bodies move slower than in real time.",
+            "Longest time step of the simulation in a session. A step is as long as it takes to compute, and at least \
+             `dt`; if computing takes longer than this value, bodies move slower than in real time.",
         ),
         key("hand", "table", "(its defaults)", "The simulated human, for `device = \"hand\"`."),
         key("haply", "table", "(its defaults)", "The service of a Haply device, for `device = \"haply\"`."),
@@ -637,13 +642,13 @@ pub const PROBE: TableKeys = TableKeys {
     heading: "[[probe]]",
     meaning: "A skin vertex whose path is written into the trace.",
     keys: &[
-        key("name", "a name", REQUIRED, "Begins the names of its columns."),
-        key("body", "a name", REQUIRED, "The body whose skin it is on."),
+        key("name", "a name", REQUIRED, "The names of the probe's columns begin with it."),
+        key("body", "a name", REQUIRED, "The body on whose skin the vertex lies."),
         key("nearest", "[x, y, z], in the file's units", REQUIRED, "The vertex nearest to this point."),
     ],
 };
 
-/// Keys of `the skeleton file`.
+/// Keys of the skeleton file.
 pub const SKELETON: TableKeys = TableKeys {
     heading: "The skeleton file",
     meaning: "The file that the key `skeleton` of a body names.",
@@ -653,9 +658,9 @@ pub const SKELETON: TableKeys = TableKeys {
 /// Keys of `[[bone]]`.
 pub const BONE: TableKeys = TableKeys {
     heading: "[[bone]]",
-    meaning: "A bone: a capsule in the coordinates of `bind`; the nodes in it are attached to it, and where capsules \
-             overlap to the bone whose axis is nearest, relative to its radius there. A dynamic bone and its parent \
-             share a ball joint.",
+    meaning: "A bone: a capsule in the coordinates of `bind`. The nodes in the capsule are attached to the bone; \
+             where capsules overlap, to the bone whose axis is nearest, relative to its radius there. A dynamic bone \
+             and its parent share a ball joint.",
     keys: &[
         key("name", "a name", REQUIRED, "Name of the bone."),
         key("parent", "a name", "(none: a root)", "A bone before this one."),
@@ -665,8 +670,8 @@ pub const BONE: TableKeys = TableKeys {
         key("radii", "[r, r], in the file's units", ONE_OF, "Radii at the two ends."),
         key("stiffness", "N m/rad, >= 0", "0.0", "Stiffness towards the pose at rest."),
         key("damping", "N m s/rad, >= 0", "0.0", "Damping of the relative rotation."),
-        key("swing", "rad, > 0, < pi", "(no limit)", "How far the axis may turn from its direction at rest."),
-        key("twist", "rad, > 0, < pi", "(no limit)", "How far the second core may turn about the axis, either way."),
+        key("swing", "rad, > 0, < pi", "(no limit)", "How far the bone's axis may turn from its direction at rest."),
+        key("twist", "rad, > 0, < pi", "(no limit)", "How far the bone may turn about its axis, either way."),
     ],
 };
 
@@ -678,8 +683,8 @@ mod tests {
     use super::*;
     use crate::Scene;
 
-    /// Scenes in which `@` stands where the keys of a table go; a table may have several, since some keys exclude each
-    /// other. Inline tables have `, @` after another key.
+    /// For each table the scenes that test its keys, in which `@` stands where a key is put in; a table may have
+    /// several scenes, since some keys exclude each other. Inline tables have `, @` after another key.
     const SCENES: [(&TableKeys, &[&str]); 13] = [
         (&STEP, &["[step]\n@"]),
         (&SOLVER, &["[solver]\n@"]),
@@ -756,7 +761,7 @@ mod tests {
             }
         }
         let defaults = TABLES.iter().flat_map(|table| table.keys).filter(|key| !key.default.starts_with('('));
-        // The limits of a bone are those of a joint: two keys with defaults; its scene is a file of its own.
+        // The two keys of `[[bone]]` that have defaults are not checked, since bones stand in a file of their own.
         assert_eq!(checked + 2, defaults.count());
     }
 
@@ -766,7 +771,7 @@ mod tests {
         assert_eq!(headings.len(), TABLES.len());
         for table in TABLES {
             let names: HashSet<&str> = table.names().into_iter().collect();
-            assert_eq!(names.len(), table.keys.len(), "{}", table.heading);
+            assert_eq!(names.len(), table.keys.len(), "{}: equal names", table.heading);
             assert!(table.keys.iter().all(|key| !key.meaning.is_empty() && !key.value.is_empty()), "{}", table.heading);
         }
     }

@@ -23,11 +23,12 @@ impl Flags {
     /// The residual at the end of the solve is above ten times the solver's tolerance, and above ten times what single
     /// precision can reach.
     pub const NOT_CONVERGED: Flags = Flags(shaders::FLAG_NOT_CONVERGED);
-    /// There are more contact patches, or more work items (an active chunk, that is a group of skin vertices that may
-    /// touch, in one contact patch), than there is room for; or the scene's `contact.texel` is too small for the size
-    /// of a patch.
+    /// There are more contact patches (places where a pair of bodies may touch, each with a normal), or more work items
+    /// (a work item is a group of skin vertices in one contact patch), than there is room for; or the scene's
+    /// `contact.texel` is too small for the size of a patch.
     pub const PATCH_OVERFLOW: Flags = Flags(shaders::FLAG_PATCH_OVERFLOW);
-    /// There are more contacts, or more ray hits, than there is room for.
+    /// There are more contacts, or more ray hits (points where a vertex's ray along a patch's normal meets a triangle),
+    /// than there is room for.
     pub const CONTACT_OVERFLOW: Flags = Flags(shaders::FLAG_CONTACT_OVERFLOW);
     /// A contact is deeper than the scene's `depth_limit`.
     pub const DEPTH_BEYOND_LIMIT: Flags = Flags(shaders::FLAG_DEPTH_LIMIT);
@@ -187,7 +188,7 @@ mod tests {
         assert_eq!((words.len(), titles.len()), (Flags::ALL.len(), Flags::ALL.len()));
         for (_, Explanation { title, meaning, remedy }) in words {
             assert!(!title.is_empty() && !title.ends_with('.'), "title: {title}");
-            assert!(meaning.ends_with('.') && remedy.is_some_and(|remedy| remedy.ends_with('.')), "flag: {title}");
+            assert!(meaning.ends_with('.') && remedy.is_some_and(|remedy| remedy.ends_with('.')), "title: {title}");
         }
         let frozen: Vec<_> =
             (Flags::FROZEN | Flags::NOT_CONVERGED).explained().map(|(flag, w)| (flag, w.title)).collect();

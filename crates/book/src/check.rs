@@ -1,4 +1,6 @@
-//! Checks of the pages: links, the list of pages, first sentences, and sentences that stand twice.
+//! Checks of the Markdown pages, made before the book (the pages in docs/) is built: every link of a page must lead
+//! somewhere; docs/SUMMARY.md must list each page of the book once; the first paragraph of a page must say whom the
+//! page is for; and no long sentence may stand both in README.md and in the book.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -6,13 +8,13 @@ use std::path::{Component, Path, PathBuf};
 
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd};
 
-/// Folders whose pages are checked but do not belong to the book.
+/// Pages at the root of the repository, which are checked but do not belong to the book.
 const OUTSIDE: [&str; 4] = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md"];
-/// The list of pages.
+/// The page that lists the pages of the book.
 const SUMMARY: &str = "docs/SUMMARY.md";
-/// Sentences with fewer characters may stand in README.md and in the book.
+/// Sentences with at most this many characters may stand both in README.md and in the book.
 const SHORT: usize = 60;
-/// How the first paragraph of a page begins.
+/// Text with which the first paragraph of each page of the book must begin, to say whom the page is for.
 const AUDIENCE: &str = "For ";
 
 /// What a page of Markdown holds.
@@ -20,9 +22,9 @@ const AUDIENCE: &str = "For ";
 struct Page {
     /// Targets of links and images.
     links: Vec<String>,
-    /// Anchors of the headings, as Markdown viewers make them.
+    /// Anchors of the headings (what a link has after `#`), as Markdown viewers make them.
     anchors: BTreeSet<String>,
-    /// Text of the paragraphs, outside of code blocks and tables.
+    /// Text of each paragraph; code blocks and tables are left out.
     paragraphs: Vec<String>,
 }
 
@@ -51,13 +53,14 @@ fn parse(text: &str) -> Page {
     page
 }
 
-/// The anchor of a heading: lower case, spaces as hyphens, other signs left out.
+/// The anchor of a heading: its letters in lower case, its spaces as hyphens; signs other than `-` and `_` are left
+/// out.
 fn anchor(heading: &str) -> String {
     let kept = heading.trim().chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
     kept.flat_map(char::to_lowercase).map(|c| if c == ' ' { '-' } else { c }).collect()
 }
 
-/// A path without `.` and `..`.
+/// The path with its parts `.` and `..` resolved.
 pub fn tidy(path: &Path) -> PathBuf {
     let mut result = PathBuf::new();
     for part in path.components() {
@@ -82,13 +85,13 @@ fn markdown(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
     Ok(())
 }
 
-/// The sentences of a page's paragraphs, long ones only.
+/// The sentences of a page's paragraphs that have more than [`SHORT`] characters.
 fn sentences(page: &Page) -> BTreeSet<String> {
     let all = page.paragraphs.iter().flat_map(|text| text.split_inclusive(['.', '!', '?', ':', ';']));
     all.map(|text| text.trim().to_owned()).filter(|text| text.chars().count() > SHORT).collect()
 }
 
-/// Everything that is wrong with the pages of the repository in `root`, a line each.
+/// Everything that is wrong with the pages of the repository in `root`: one message for each problem.
 pub fn problems(root: &Path) -> io::Result<Vec<String>> {
     let mut files: Vec<PathBuf> = OUTSIDE.iter().map(|name| root.join(name)).filter(|file| file.exists()).collect();
     markdown(&root.join("docs"), &mut files)?;
@@ -101,7 +104,9 @@ pub fn problems(root: &Path) -> io::Result<Vec<String>> {
     let mut problems = Vec::new();
     for (name, page) in &pages {
         for link in &page.links {
-            problems.extend(broken(root, &pages, name, link).map(|why| format!("{}: {link}: {why}", name.display())));
+            problems.extend(
+                broken(root, &pages, name, link).map(|why| format!("{}: link {link}: {why}", name.display())),
+            );
         }
     }
     problems.extend(unlisted(&pages));
@@ -115,13 +120,13 @@ pub fn problems(root: &Path) -> io::Result<Vec<String>> {
     let front = pages.get(Path::new("README.md")).map(sentences).unwrap_or_default();
     for (name, page) in pages.iter().filter(|(name, _)| of_book(name)) {
         for twice in sentences(page).intersection(&front) {
-            problems.push(format!("{}: stands in README.md as well: {twice}", name.display()));
+            problems.push(format!("{}: a sentence stands in README.md as well: {twice}", name.display()));
         }
     }
     Ok(problems)
 }
 
-/// Why a link leads nowhere.
+/// Why a link of the page `from` leads nowhere; `None` if it leads somewhere, or to another site.
 fn broken(root: &Path, pages: &BTreeMap<PathBuf, Page>, from: &Path, link: &str) -> Option<String> {
     if link.contains("://") || link.starts_with("mailto:") {
         return None;
@@ -138,12 +143,12 @@ fn broken(root: &Path, pages: &BTreeMap<PathBuf, Page>, from: &Path, link: &str)
     match pages.get(&target) {
         Some(page) if page.anchors.contains(anchor) => None,
         Some(_) => Some(format!("{} has no heading #{anchor}", target.display())),
-        // Anchors of other files, such as reports, are their own.
+        // Anchors are checked in pages of Markdown only, not in other files such as reports.
         None => None,
     }
 }
 
-/// Pages that the summary does not list, or lists twice.
+/// A message for each page of the book that the summary does not list, or lists more than once.
 fn unlisted(pages: &BTreeMap<PathBuf, Page>) -> Vec<String> {
     let Some(summary) = pages.get(Path::new(SUMMARY)) else { return vec![format!("there is no {SUMMARY}")] };
     let listed: Vec<PathBuf> = summary.links.iter().map(|link| tidy(&Path::new("docs").join(link))).collect();
@@ -157,7 +162,7 @@ fn unlisted(pages: &BTreeMap<PathBuf, Page>) -> Vec<String> {
 mod tests {
     use super::*;
 
-    /// A repository with a front page, a summary and two pages, in which `page` is the text of the second.
+    /// The problems of a repository with a README.md, a summary and two pages, of which the second has the text `page`.
     fn problems_of(front: &str, summary: &str, page: &str) -> Vec<String> {
         let folder = tempfile::tempdir().unwrap();
         let docs = folder.path().join("docs");

@@ -1,5 +1,5 @@
-//! Links of the built pages: where a page names a file of the repository that is no page of the book, its link has to
-//! lead from target/book to that file.
+//! Mends the links of the book's built pages (HTML files in target/book): where a page names a file of the repository
+//! that is no page of the book, the link must lead from target/book to that file.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use crate::check::tidy;
 
 /// Rewrites the links of all pages in `book`, the folder of the built pages, to files of the repository in `root`.
-/// Returns the links that lead nowhere, a line each.
+/// Returns a message for each page that has a link that leads nowhere.
 pub fn mend(root: &Path, book: &Path) -> io::Result<Vec<String>> {
     let (mut problems, mut folders) = (Vec::new(), vec![PathBuf::new()]);
     while let Some(folder) = folders.pop() {
@@ -30,7 +30,8 @@ pub fn mend(root: &Path, book: &Path) -> io::Result<Vec<String>> {
     Ok(problems)
 }
 
-/// The text with every `href` replaced by what `target` makes of it; fails with the first link that has no target.
+/// The HTML text with every link (value of `href`) replaced by what `target` returns for it; the error is the first
+/// link for which `target` returns `None`.
 fn links(text: &str, target: impl Fn(&str) -> Option<String>) -> Result<String, String> {
     const START: &str = " href=\"";
     let mut parts = text.split(START);
@@ -43,11 +44,12 @@ fn links(text: &str, target: impl Fn(&str) -> Option<String>) -> Result<String, 
     Ok(result)
 }
 
-/// Where a link of a page in `folder` of the book leads.
+/// The link to write in place of `link`, which stands in a page in `folder`, a folder inside the book; `None` if `link`
+/// leads nowhere.
 fn target(root: &Path, book: &Path, folder: &Path, link: &str) -> Option<String> {
     let is_elsewhere = link.contains("://") || link.starts_with("mailto:") || link.starts_with('#') || link.is_empty();
     let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
-    // The page of an unknown address, 404.html, begins its links at the root of a web site.
+    // Links that begin with `/`, the root of a web site, are kept: 404.html, the page for unknown addresses, has them.
     let within = tidy(&folder.join(path));
     if is_elsewhere || path.starts_with('/') || book.join(&within).exists() && !path.starts_with("../..") {
         return Some(link.to_owned());
@@ -55,7 +57,7 @@ fn target(root: &Path, book: &Path, folder: &Path, link: &str) -> Option<String>
     let source =
         |path: &Path| Some(tidy(&Path::new("docs").join(folder).join(path))).filter(|file| root.join(file).exists());
     let file = source(Path::new(path)).or_else(|| source(&Path::new(path).with_extension("md")))?;
-    // A page in `folder` lies as many folders below target/book as `folder` has parts.
+    // A page lies as many folders below target/book as `folder` has parts, and target/book two below the root.
     let up = "../".repeat(folder.components().count() + 2);
     let anchor = if anchor.is_empty() { String::new() } else { format!("#{anchor}") };
     Some(format!("{up}{}{anchor}", file.display()))

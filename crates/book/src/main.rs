@@ -1,9 +1,9 @@
 //! Builds the book: `cargo run --release -p palpate-book` checks every link of README.md and of the pages in docs/, and
 //! then writes the pages as HTML into target/book.
 //!
-//! A link must lead to a file of the repository, or to a heading of a page; links to other sites are not followed. Every
-//! page of docs/ is listed in docs/SUMMARY.md and begins, below its title, with a sentence that says whom it is for.
-//! No sentence of README.md stands in a page of the book as well.
+//! A link must lead to a file of the repository, or to a heading of a page; links to other sites are not followed.
+//! Every page of docs/ is listed in docs/SUMMARY.md and begins, below its title, with a sentence that says whom it is
+//! for. No long sentence of README.md stands in a page of the book as well.
 
 mod check;
 mod html;

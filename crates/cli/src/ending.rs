@@ -1,5 +1,6 @@
-//! The picture of a run's end for its page: the whole scene, and, where the tool touches something, the contact from
-//! nearby. It is rendered after the last step, when all results have been read, and so changes none of them.
+//! Pictures of the state at the end of a run, for `report.html`, the page of the run: the whole scene, and, where a
+//! force acts on the tool (the rigid body that the haptic device leads), the contact from nearby. The pictures are
+//! rendered after the last step, when all results have been read, and so change none of the results.
 
 use crate::engine::Engine;
 use crate::report::Tally;
@@ -18,12 +19,13 @@ mod rendered {
 
     /// Width and height of each picture, pixels.
     const SIZE: [u32; 2] = [640, 480];
-    /// Height of the view from nearby, in radii of a sphere that is the tool.
+    /// Height of what the picture from nearby shows if the tool is a sphere, in radii of this sphere.
     const HEIGHT: f64 = 12.0;
-    /// Share of the whole view's distance from which a tool that is no sphere is seen.
+    /// Distance from which a tool that is no sphere is seen, as a share of the distance from which the whole scene is
+    /// seen.
     const NEARER: f64 = 0.4;
-    /// Angle between the force on the tool and the direction towards the eye, rad: the contact is seen from the side and
-    /// a little from above the touched surface.
+    /// Wanted angle between the force on the tool and the direction from the tool to the camera, rad: the contact is
+    /// seen from the side and a little from above the touched surface.
     const ASIDE: f64 = 1.1;
 
     pub fn pictures(simulation: &mut Simulation, tally: &Tally) -> Result<Vec<Shot>> {
@@ -54,7 +56,8 @@ mod rendered {
         Ok(Shot { png, size: SIZE, caption })
     }
 
-    /// A camera near the tool: as little turned from the whole view's direction as the angle to the force allows.
+    /// The camera of the picture from nearby. It looks at the tool at an angle of about [`ASIDE`] to the force, and is
+    /// turned as little as possible from the direction of `whole`, the camera that shows the whole scene.
     fn aimed(whole: Camera, tool: DVec3, force: DVec3, radius: Option<f64>) -> Camera {
         let near = radius.map_or(NEARER * whole.distance, |radius| 0.5 * HEIGHT * radius / (0.5 * whole.fovy).tan());
         let at = Camera { target: tool, distance: near.min(whole.distance), ..whole };
@@ -77,22 +80,22 @@ mod rendered {
             for force in [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::Z, DVec3::new(-1.0, 0.5, 0.2)] {
                 let camera = aimed(whole, DVec3::splat(0.05), force, Some(0.01));
                 let angle = force.angle_between(camera.eye() - camera.target);
-                assert!((angle - ASIDE).abs() < 0.35, "force {force}: angle {angle} rad");
+                assert!((angle - ASIDE).abs() < 0.35, "force {force}: the angle to the camera is {angle} rad");
                 assert!(camera.distance < whole.distance && camera.target == DVec3::splat(0.05));
             }
             let camera = aimed(whole, DVec3::ZERO, DVec3::Y, Some(10.0));
-            assert_eq!(camera.distance, whole.distance, "a large tool is not seen from further away");
+            assert_eq!(camera.distance, whole.distance, "a large tool must not be seen from further away");
         }
     }
 }
 
-/// Renders the pictures; a reason in words where there are none.
+/// Renders the pictures; the error says in words why there are none.
 #[cfg(feature = "view")]
 pub fn pictures(engine: &mut Engine, tally: &Tally) -> Result<Vec<Shot>, String> {
     rendered::pictures(engine.shown(), tally).map_err(|error| format!("No picture could be rendered: {error}"))
 }
 
-/// Says that this program was built without rendering.
+/// Renders nothing; the error says that this program was built without rendering.
 #[cfg(not(feature = "view"))]
 pub fn pictures(_: &mut Engine, _: &Tally) -> Result<Vec<Shot>, String> {
     Err("This program was built without pictures: build it with the feature `view` to have them here.".into())

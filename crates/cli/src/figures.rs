@@ -1,5 +1,6 @@
 //! `palpate figures`: renders the README's images, each after a figure of the paper (Galoppo et al. 2007), and those of
-//! the gallery, from the scenes of this repository.
+//! the gallery (the example scenes in assets/gallery), from the scenes of this repository. An *overlay* is what an
+//! image shows besides the skins (the bodies' surface meshes).
 
 mod gallery;
 
@@ -24,18 +25,18 @@ pub struct Arguments {
     /// Folder of the scenes [default: assets/scenes for the paper's figures, assets/gallery for the gallery]
     #[arg(long, value_name = "DIR")]
     scenes: Option<PathBuf>,
-    /// Figures to render: numbers of the paper's, names of scenes of the gallery [default: all of the paper's]
+    /// Figures to render: numbers of figures of the paper, names of scenes of the gallery [default: the paper's]
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', conflicts_with = "gallery")]
     only: Vec<String>,
     /// Render all pictures of the gallery instead of the paper's figures
     #[arg(long)]
     gallery: bool,
-    /// Vulkan device, by name or by index in `palpate devices`
+    /// Vulkan device: its name, or its index in the list of `palpate devices`
     #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
     device: Option<String>,
 }
 
-/// One image of a figure: a scene as it is at a simulated time.
+/// One image of a figure: the state of a scene at a simulated time.
 struct Shot {
     scene: &'static str,
     /// Simulated time, s.
@@ -46,17 +47,17 @@ struct Shot {
     aside: [f64; 3],
     /// Width and height, pixels.
     size: [u32; 2],
-    /// Whether the simulated time stands in a corner.
+    /// Whether the image's upper left corner tells the simulated time.
     shows_time: bool,
 }
 
-/// A figure: images side by side.
+/// A figure: one file with images side by side.
 struct Figure {
-    /// By what name `--only` asks for it.
+    /// Name by which the option `--only` selects the figure.
     name: &'static str,
-    /// Its file's name without the ending.
+    /// Name of the figure's file without the ending `.png`.
     file: &'static str,
-    /// Folder of its scenes, unless another one is given.
+    /// Folder of the figure's scenes, unless the option `--scenes` gives another one.
     scenes: &'static str,
     shots: &'static [Shot],
 }
@@ -142,7 +143,7 @@ const FIGURES: [Figure; 6] = [
     },
 ];
 
-/// The figures that are asked for. Errors: a name that no figure has.
+/// The figures that the options select. Errors: `--only` has a name that no figure has.
 fn wanted(arguments: &Arguments) -> Result<Vec<&'static Figure>> {
     if arguments.gallery {
         return Ok(gallery::GALLERY.iter().collect());
@@ -158,7 +159,7 @@ fn wanted(arguments: &Arguments) -> Result<Vec<&'static Figure>> {
     Ok(known().filter(|figure| arguments.only.iter().any(|name| name == figure.name)).collect())
 }
 
-/// Renders the figures that are asked for.
+/// Renders the figures that the options select.
 pub fn figures(arguments: &Arguments) -> Result<()> {
     let wanted = wanted(arguments)?;
     let mut output = Output::create(&arguments.out)?;

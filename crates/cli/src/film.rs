@@ -1,5 +1,6 @@
 //! `palpate film`: renders a scene from the first step to the last as a film, or as images in a folder; no display is
-//! needed. An *overlay* is what an image shows besides the skins (the bodies' surface meshes).
+//! needed. An *overlay* is what an image shows besides the skins (the bodies' surface meshes). The *tool* is the rigid
+//! body that the haptic device leads; in a film, timed poses of the scene stand in for the device.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

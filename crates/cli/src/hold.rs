@@ -106,11 +106,11 @@ impl Environment for Watched<'_> {
     }
 }
 
-/// The force played (N) over the time since the loop's first tick (s).
+/// Gathers the force played (commanded to the device), N, over the time since the loop's first tick (iteration), s.
 #[derive(Default)]
 pub struct Played {
     begin: Option<f64>,
-    /// The curve.
+    /// The curve of the force over time.
     pub force: Reduced<1>,
 }
 

@@ -1,5 +1,6 @@
-//! The page docs/reference/command-line.md is written from the options that the program accepts, so that neither has
-//! what the other lacks. `PALPATE_WRITE_DOCS=1 cargo test -p palpate-cli --bin palpate` writes the page anew.
+//! Makes the page docs/reference/command-line.md from the options that the program `palpate` accepts. A test checks
+//! that the page in the repository is the one made here; `PALPATE_WRITE_DOCS=1 cargo test -p palpate-cli --bin palpate`
+//! writes the page anew.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -19,7 +20,7 @@ or not at all.
 | environment variable | meaning |
 | --- | --- |
 | `PALPATE_CACHE` | folder for prepared bodies, compiled pipelines and measurements of devices; else `XDG_CACHE_HOME/palpate`, else `~/.cache/palpate` |
-| `VK_DRIVER_FILES` | the Vulkan loader's list of drivers, where another than the system's is wanted |
+| `VK_DRIVER_FILES` | list of drivers for the Vulkan loader, instead of the system's list |
 | `LP_NUM_THREADS` | worker threads of Mesa's lavapipe; wins over `--threads` |
 ";
 
@@ -87,5 +88,5 @@ fn the_page_of_the_command_line_is_that_of_the_program() {
         std::fs::write(&file, page()).unwrap();
     }
     let written = std::fs::read_to_string(&file).unwrap();
-    assert!(written == page(), "{} is out of date: write it with PALPATE_WRITE_DOCS=1", file.display());
+    assert!(written == page(), "{} is out of date: write the page with PALPATE_WRITE_DOCS=1", file.display());
 }

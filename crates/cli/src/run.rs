@@ -264,16 +264,16 @@ enum Extent {
     Seconds(f64),
 }
 
-/// Results of a run.
+/// Results of a run, at its end.
 struct Done {
     tally: Tally,
     outcome: Outcome,
     report: Option<Report>,
-    /// The force played in a session.
+    /// The force played (commanded to the device) in a session.
     played: Played,
     /// The body that is nearest to the tool at the end.
     nearest: Option<Distance>,
-    /// Pictures of the end, or the reason why there are none.
+    /// Pictures of the state at the end, or the reason why there are none.
     pictures: std::result::Result<Vec<Shot>, String>,
 }
 

@@ -350,7 +350,7 @@ fn films_tell_the_time_in_a_corner() {
     let film = |out: &str, more: &[&str]| {
         let look = ["--size", "480x270", "--fps", "100", "--seconds", "0.01", "--camera", "25,12,0.5"];
         succeed(folder.path(), &[&["film", "scene.toml", "--out", out][..], &look, more].concat());
-        // A folder may have a dot in its name, if the ending is none of a video.
+        // The name of a folder may have a dot, if what follows the dot is not the ending of a video file.
         [0, 1].map(|k| read(&folder.path().join(format!("{out}/frame-{k:05}.png"))))
     };
     let (with, without) = (film("with.time", &[]), film("without", &["--no-time"]));
@@ -364,10 +364,10 @@ fn films_tell_the_time_in_a_corner() {
     let differ = |[a, b]: &[RgbImage; 2]| {
         a.enumerate_pixels().any(|(x, y, pixel)| is_in_corner(x, y) && pixel != b.get_pixel(x, y))
     };
-    assert!(differ(&with) && !differ(&without), "the time must change from image to image, and nothing else there");
+    assert!(differ(&with) && !differ(&without), "in the corner the time must change, and nothing else");
 }
 
-/// A trace without the column of the steps' times.
+/// The rows of a trace, one for each step, without the column of the times that the steps took to compute.
 fn untimed(file: &Path) -> Vec<Vec<String>> {
     let mut reader = csv::Reader::from_path(file).unwrap();
     let timed = reader.headers().unwrap().iter().position(|name| name == "step_us").unwrap();
@@ -495,9 +495,9 @@ fn what_cannot_be_pictured_is_refused_in_one_line() {
     assert!(message.contains("--gallery"), "wrong error: {message}");
     for name in ["x.mp4", "x.gif", "x.WebM", "x.avi", "x.mov", "x.mkv", "sub/x.mp4"] {
         let message = refusal(folder, &["film", "scene.toml", "--out", name, "--fps", "30"]);
-        assert!(message.contains(name) && message.contains("give FILE.apng"), "--out {name}: {message}");
+        assert!(message.contains(name) && message.contains("give FILE.apng"), "--out {name}: wrong: {message}");
         let command = "ffmpeg -framerate 30 -i DIRECTORY/frame-%05d.png";
-        assert!(message.contains(command) && message.trim_end().ends_with(name), "--out {name}: {message}");
+        assert!(message.contains(command) && message.trim_end().ends_with(name), "--out {name}: wrong: {message}");
     }
     let message = refusal(folder, &["run", "scene.toml", "--steps", "1", "--no-time"]);
     assert!(message.contains("give --snapshot N"), "wrong error: {message}");

@@ -21,7 +21,8 @@ pub fn whole(title: &str, body: &str) -> String {
     )
 }
 
-/// A plot as a figure, with a caption as plain text unless that is empty. `svg` may begin with an XML declaration.
+/// A plot as a figure in HTML, with a caption (plain text) unless the caption is empty. `svg` may begin with an XML
+/// declaration.
 pub fn figure(svg: &str, caption: &str) -> String {
     // The XML declaration before the `<svg>` element belongs in files only.
     let element = svg.find("<svg").map_or(svg, |at| &svg[at..]);
@@ -86,7 +87,7 @@ fn write_section(page: &mut String, section: &Section, id: &str) {
     page.push_str("</section>\n");
 }
 
-/// A table; nothing if the table has no rows. The first column and those with words are flush left. Text between
+/// A table as HTML; empty if the table has no rows. The first column and columns of words are flush left. Text between
 /// backquotes is set as code.
 pub fn table(table: &Table) -> String {
     let mut page = String::new();

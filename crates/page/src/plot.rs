@@ -36,11 +36,12 @@ const COLOURS: [RGBColor; 7] = [
 const FONT: (&str, u32) = ("sans-serif", 15);
 /// Width and height of a curve's plot, pixels.
 const CURVE_SIZE: (u32, u32) = (1080, 680);
-/// Font of a curve's plot, which is shown at half its size.
+/// Font of a curve's plot; the plot is shown at half its size.
 const LARGE: (&str, u32) = ("sans-serif", 40);
-/// A curve of at most so many points has a dot at each.
+/// A curve with at most this many points has a dot at each point.
 const FEW: usize = 40;
-/// Most digits after the point of a number on a curve's axis; smaller numbers are written with an exponent.
+/// Greatest number of decimal places of a number on a curve's axis; a number that needs more is written with an
+/// exponent.
 const MOST_DIGITS: i32 = 4;
 /// Width of the room for the names of bars, as a share of the plot's width.
 const LABELS: f64 = 0.28;
@@ -126,20 +127,20 @@ pub fn panels(axes: &Logarithmic, panels: &[Panel]) -> Result<String> {
 /// A curve of a run, drawn by [`curve`].
 #[derive(Debug, Clone, Copy)]
 pub struct Curve<'a> {
-    /// What the plot shows, for readers who hear the page.
+    /// What the plot shows, in words, for readers who have the page read aloud.
     pub title: &'a str,
     /// Label of the horizontal axis, with its unit.
     pub x: &'a str,
     /// Label of the vertical axis, with its unit.
     pub y: &'a str,
-    /// Points, in the units of the axes; all are finite.
+    /// Points, in the units of the axes; points that are not finite are left out.
     pub points: &'a [(f64, f64)],
     /// A point with a name, drawn as a dot.
     pub mark: Option<((f64, f64), &'a str)>,
 }
 
-/// Draws a curve on linear axes that include 0. The plot is meant to be shown at half its size or less, so that curves
-/// are finer than a pixel and text is readable on a phone.
+/// Draws a curve on linear axes that include 0. The plot is meant to be shown at half its size or less: the coordinates
+/// of the curve's points are then finer than a pixel, and text is readable on a phone.
 pub fn curve(curve: &Curve) -> Result<String> {
     let svg = to_svg(CURVE_SIZE, |area| draw_curve(area, curve))?;
     let title = crate::page::escaped(curve.title);
@@ -218,8 +219,7 @@ fn draw_curve(area: &Area, curve: &Curve) -> Drawn {
     Ok(())
 }
 
-/// The range of an axis for these numbers: from 0 or the least to 0 or the greatest, with room beyond an end that is
-/// not 0.
+/// The range of an axis for these numbers: it contains 0 and all of the numbers, with room beyond an end that is not 0.
 fn span(numbers: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     let (low, high) = numbers.fold((0.0, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
     let room = (HEADROOM - 1.0) * (high - low);
@@ -229,10 +229,11 @@ fn span(numbers: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     }
 }
 
-/// A number of an axis that is `length` long, with as many digits as tell its ticks apart.
+/// The text at a tick of an axis: the number `x` with as many digits as tell the ticks apart, where the axis has a
+/// range of the length `length`.
 fn tick(x: f64, length: f64) -> String {
     let digits = (1.0 - length.log10()).ceil() as i32;
-    // A number that rounding left beside 0 is 0.
+    // A number that differs from 0 only by rounding is written as 0.
     if x.abs() < 1e-9 * length {
         return "0".into();
     }
@@ -374,10 +375,10 @@ mod tests {
         let axis = Axis { label: "vertices".into(), names: vec!["11 k".into(), "44 k".into()] };
         let line = Line { name: "total".into(), points: vec![(0.0, 1.0), (1.0, 1.25)], ..Line::default() };
         let svg = lines(&axis, "ms", &[line]).unwrap();
-        assert!(["vertices", "11 k", "44 k", "total"].iter().all(|text| svg.contains(text)), "SVG: {svg}");
+        assert!(["vertices", "11 k", "44 k", "total"].iter().all(|text| svg.contains(text)), "wrong SVG: {svg}");
         let bar = |name: &str, length, kind| Bar { name: name.into(), length, kind };
         let svg = bars("time, ms", &[bar("one", 1.5, 0), bar("two", 3.0, 1)]).unwrap();
-        assert!(["time, ms", "one", "two", "1.5"].iter().all(|text| svg.contains(text)), "SVG: {svg}");
+        assert!(["time, ms", "one", "two", "1.5"].iter().all(|text| svg.contains(text)), "wrong SVG: {svg}");
         assert!(lines(&axis, "ms", &[]).is_ok() && bars("ms", &[]).is_ok());
     }
 
@@ -389,13 +390,13 @@ mod tests {
         };
         let svg = draw(&[(0.0, 0.0), (0.1, 2e-3), (0.2, 1e-3)]);
         let parts = ["time, s", "force, N", "peak &lt;1&gt;", "<polyline", "<circle", "a &amp; b", "role=\"img\""];
-        assert!(parts.iter().all(|part| svg.contains(part)), "SVG: {svg}");
+        assert!(parts.iter().all(|part| svg.contains(part)), "wrong SVG: {svg}");
         for points in [&[][..], &[(0.0, 0.0)], &[(0.001, 5.0)], &[(1.0, -3.0)], &[(f64::NAN, 1.0)], &[(1e9, 1e-9)]] {
-            assert!(!draw(points).contains("NaN"), "points: {points:?}");
+            assert!(!draw(points).contains("NaN"), "NaN in the plot of {points:?}");
         }
         let [both, none, above] = [&[1.0, -1.0][..], &[], &[2.0, 1.0]].map(|numbers| span(numbers.iter().copied()));
-        assert!((both.start + 1.24).abs() < 1e-12 && both.start == -both.end, "range: {both:?}");
-        assert!(none == (0.0..1.0) && above.start == 0.0 && (above.end - 2.24).abs() < 1e-12, "range: {above:?}");
+        assert!((both.start + 1.24).abs() < 1e-12 && both.start == -both.end, "wrong range: {both:?}");
+        assert!(none == (0.0..1.0) && above.start == 0.0 && (above.end - 2.24).abs() < 1e-12, "wrong range: {above:?}");
         let ticks = [(0.5, 2.24), (2e-3, 4e-3), (2e-7, 1e-6), (3e4, 1e5), (0.3 - 0.2 - 0.1, 1.0), (-1.5, 2.0)];
         assert_eq!(ticks.map(|(x, length)| tick(x, length)), ["0.5", "0.002", "2.0e-7", "30000", "0", "-1.5"]);
     }
@@ -407,7 +408,10 @@ mod tests {
         let axes = Logarithmic { x: "ms", y: "error", level: Some(1e-4) };
         let drawn = [panel("soft", &[(20.0, 3e-6), (7.0, 0.0), (8.0, f64::NAN)]), panel("stiff", &[(4.0, 2e-5)])];
         let svg = panels(&axes, &drawn).unwrap();
-        assert!(["soft", "stiff", "jacobi", "error", "1e-5", "10"].iter().all(|text| svg.contains(text)), "SVG: {svg}");
+        assert!(
+            ["soft", "stiff", "jacobi", "error", "1e-5", "10"].iter().all(|text| svg.contains(text)),
+            "wrong SVG: {svg}"
+        );
         let y = &spans(&axes, &drawn)[1];
         assert!((y.start / 1e-6 - 1.0).abs() < 1e-8 && (y.end / 1e-3 - 1.0).abs() < 1e-8, "range of the y axis: {y:?}");
         assert!(!svg.contains("NaN") && panels(&axes, &[]).is_ok() && panels(&axes, &[panel("none", &[])]).is_ok());

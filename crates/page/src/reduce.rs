@@ -1,17 +1,18 @@
 //! Reduces long curves to what a plot can show: time is divided into spans, and of each span the first, the last, the
-//! least and the greatest value of every quantity are kept. A plot whose pixel columns are at least as wide as the spans
-//! looks as it would with all values. Memory is bounded, whatever the number of values and their spacing in time.
+//! least and the greatest value of every quantity are kept. A plot whose pixel columns are at least as wide as the
+//! spans looks as it would with all values. Memory is bounded, whatever the number of values and their spacing in time.
 
-/// Number of spans at most; at least half as many are in use for evenly spaced values.
+/// Greatest number of spans; for values that are evenly spaced in time at least half of these are in use.
 const SPANS: usize = 1024;
-/// Values that are kept unreduced: a curve that has no more of them is drawn as it is.
+/// Greatest number of values that are kept unreduced: a curve with no more values is drawn as it is.
 const KEPT: usize = 4 * SPANS;
 
-/// A quantity's values that span times in ascending order.
+/// The values of `K` quantities at times in ascending order; they are reduced if there are many.
 #[derive(Debug, Clone)]
 pub struct Reduced<const K: usize> {
-    /// All values, as long as there are at most [`KEPT`] of them or all have one time.
+    /// All values, as long as there are at most [`KEPT`] of them or all belong to the same time.
     kept: Vec<Sample<K>>,
+    /// Spans in the order of time; `None` for a span without values.
     spans: Vec<Option<Span<K>>>,
     start: f64,
     /// Length of a span in time; 0 before values are reduced.
@@ -41,8 +42,8 @@ impl<const K: usize> Default for Reduced<K> {
 }
 
 impl<const K: usize> Reduced<K> {
-    /// Adds the values at a time that is not before the last one. Values that are not finite count as missing; at a
-    /// time that is not finite, or before the last one, all are left out.
+    /// Adds the values of all quantities at a time, which must not be before the time of values added earlier. Values
+    /// that are not finite count as missing; if the time is not finite, nothing is added.
     pub fn add(&mut self, time: f64, values: [f64; K]) {
         let last = self.kept.last().map_or(f64::NEG_INFINITY, |sample| sample.time);
         if !time.is_finite() || (self.length == 0.0 && time < last) || (self.length > 0.0 && time < self.start) {
@@ -57,7 +58,7 @@ impl<const K: usize> Reduced<K> {
         }
         self.kept.push(sample);
         let (first, last) = (self.kept[0].time, time);
-        // Values that all have one time cannot be divided into spans.
+        // Values that all belong to the same time cannot be divided into spans.
         if self.kept.len() > KEPT && last > first {
             (self.start, self.length) = (first, 2.0 * (last - first) / SPANS as f64);
             std::mem::take(&mut self.kept).into_iter().for_each(|sample| self.place(Span::of(sample)));
@@ -84,7 +85,7 @@ impl<const K: usize> Reduced<K> {
         *span = Some(span.take().map_or_else(|| new.clone(), |old| old.merged(&new)));
     }
 
-    /// How many values were added, of each quantity.
+    /// Number of times at which values were added.
     pub fn count(&self) -> u64 {
         self.count
     }
@@ -94,7 +95,7 @@ impl<const K: usize> Reduced<K> {
         self.length > 0.0
     }
 
-    /// The curve of a quantity over time; points at which it has no value are left out.
+    /// The curve of a quantity over time; times at which the quantity has no value are left out.
     pub fn over_time(&self, quantity: usize) -> Vec<(f64, f64)> {
         self.points(&[quantity], |sample| (sample.time, sample.values[quantity]))
     }
@@ -123,7 +124,7 @@ impl<const K: usize> Span<K> {
         Span { ends: [sample; 2], extremes }
     }
 
-    /// The span of this one's time and of the time of `next`, which follows it.
+    /// This span merged with the span `next`, which follows it in time.
     fn merged(mut self, next: &Span<K>) -> Span<K> {
         self.ends[1] = next.ends[1];
         for (k, (own, new)) in self.extremes.iter_mut().zip(&next.extremes).enumerate() {
@@ -162,7 +163,8 @@ mod tests {
 
     #[test]
     fn a_long_uneven_curve_keeps_every_extreme_in_bounded_memory() {
-        // The steps grow, so that the spans are doubled often; single values stand out by far.
+        // The time between values grows, so that the spans are doubled often; a few values, the spikes, exceed all
+        // others by far.
         let mut curve = Reduced::<2>::default();
         let mut time = 0.0;
         let mut spikes = Vec::new();
@@ -174,7 +176,11 @@ mod tests {
         }
         let points = curve.over_time(0);
         assert!(curve.is_reduced() && curve.count() == 300_000);
-        assert!(points.len() <= 4 * SPANS && curve.spans.len() <= SPANS, "{} points", points.len());
+        assert!(
+            points.len() <= 4 * SPANS && curve.spans.len() <= SPANS,
+            "too many points or spans: {} points",
+            points.len()
+        );
         assert!(spikes.iter().all(|spike| points.contains(spike)), "a spike is missing");
         assert!(points.windows(2).all(|w| w[0].0 < w[1].0), "points must be in the order of time");
         assert_eq!(points.last().map(|last| last.0), Some(time));

@@ -19,19 +19,23 @@ use super::tessellated;
 /// Height of an image, pixels, up to which a point (unit of length of egui, the user interface library) is one pixel;
 /// on higher images the legend is scaled up.
 const PLAIN: f32 = 720.0;
-/// Sizes in points: margin of the legend to the image's edge, the colour bar, the
-/// square in a material's colour, margin of the text in the corner, the letters.
+/// Margin between the legend and the image's edge, points.
 const EDGE: f32 = 18.0;
+/// Width and height of the colour bar, points.
 const BAR: Vec2 = Vec2::new(230.0, 12.0);
+/// Side of the square in a material's colour, points.
 const SWATCH: f32 = 13.0;
+/// Margin between the text in the upper left corner and the image's edges, points.
 const CORNER: f32 = 10.0;
+/// Size of the letters, points.
 const LETTERS: f32 = 15.0;
-/// Distance between the feet of two lines, points.
+/// Distance from one line of text to the next, points.
 const LINE: f32 = 1.35 * LETTERS;
 /// Greatest number of materials that the legend names; how many more there are is said in a line of its own.
 const MATERIALS: usize = 16;
-/// Colours of the legend's background, which keeps the letters legible over any image, and of the letters.
+/// Colour of the legend's background, which keeps the letters legible over any image.
 const PAPER: Color32 = Color32::from_rgba_premultiplied(190, 191, 193, 200);
+/// Colour of the letters.
 const INK: Color32 = Color32::from_rgb(40, 42, 48);
 
 /// Draws legends.
@@ -47,8 +51,9 @@ impl Labels {
         Ok(Labels { egui: egui::Context::default(), painter: Painter::new(context)?, atlas: Atlas::default() })
     }
 
-    /// The recording that draws the legend onto an image with one sample a pixel; `None` if there is nothing to
-    /// explain and the corner is empty. The GPU must have finished the recording returned before.
+    /// The recording (GPU commands) that draws the legend and the corner's text onto an image with one sample per
+    /// pixel; `None` if there is nothing to draw. The GPU must have finished the recording that the previous call
+    /// returned.
     pub fn paint(&mut self, moment: &Moment, legend: &Legend, image: &Image) -> Result<Option<Recording>> {
         let lines = lines(moment, legend);
         if lines.is_empty() && legend.field.is_none() && moment.corner.is_none() {

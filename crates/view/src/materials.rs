@@ -1,11 +1,11 @@
-//! Names and colours of the materials of soft bodies: a body's own, and those of its material regions (parts of the body
-//! for which the scene gives a material of their own).
+//! Names and colours of the materials of soft bodies: a body's own, and those of its material regions (parts of the
+//! body for which the scene gives a material of their own).
 
 use palpate::Simulation;
 use palpate::scene::{Body, Group, Place};
 
-/// Colours of materials, sRGB, which people with any colour vision can tell apart (most are those of
-/// Okabe and Ito 2008; a test measures how far apart they are).
+/// Colours of materials, sRGB, which people with any colour vision can tell apart: most of the colours are those of
+/// Okabe and Ito 2008, and a test measures how far apart the colours are.
 pub const COLOURS: [[u8; 3]; 8] = [
     [86, 180, 233],
     [230, 159, 0],
@@ -16,9 +16,9 @@ pub const COLOURS: [[u8; 3]; 8] = [
     [40, 60, 210],
     [190, 190, 190],
 ];
-/// Brightness of the colours of each further round, where there are more materials than colours.
+/// Factor that darkens the colours in each further round through [`COLOURS`], if there are more materials than colours.
 const DARKER: f32 = 0.6;
-/// Longest name of a group that a label has in full, characters.
+/// Greatest number of characters of a name that a label shows in full.
 const LONGEST: usize = 24;
 
 /// A material of a soft body, as images show it.
@@ -36,7 +36,7 @@ pub struct Coloured {
     pub young: f64,
 }
 
-/// The name of a body's material region, counted from 1 in the order of the scene's file.
+/// The name of a body's material region with the number `region`, counted from 1 in the order of the scene's file.
 pub fn region_name(body: &Body, region: usize) -> String {
     let of = region.checked_sub(1).and_then(|index| body.regions.get(index));
     match of.map(|region| &region.place) {
@@ -48,7 +48,7 @@ pub fn region_name(body: &Body, region: usize) -> String {
     }
 }
 
-/// A name on one line and no longer than [`LONGEST`]; what is left out is replaced by an ellipsis.
+/// A name on one line of at most [`LONGEST`] characters; what is left out is replaced by an ellipsis.
 fn shortened(name: &str) -> String {
     let name: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     if name.chars().count() <= LONGEST {
@@ -57,7 +57,7 @@ fn shortened(name: &str) -> String {
     name.chars().take(LONGEST - 1).chain(['\u{2026}']).collect()
 }
 
-/// The materials of all soft bodies in the order of the scene, each with a colour of its own as far as [`COLOURS`] goes.
+/// The materials of all soft bodies in the order of the scene, each with a colour: first [`COLOURS`], then darker ones.
 pub fn coloured(simulation: &Simulation) -> Vec<Coloured> {
     let of_body = |(body, of): (usize, &Body)| {
         let materials = simulation.materials(body).to_vec();
@@ -77,7 +77,7 @@ pub fn coloured(simulation: &Simulation) -> Vec<Coloured> {
     all.enumerate().map(paint).collect()
 }
 
-/// The colour at a place in the legend.
+/// The colour of the material at this place in the legend, counted from 0.
 fn colour(place: usize) -> [u8; 3] {
     let share = DARKER.powi((place / COLOURS.len()) as i32);
     COLOURS[place % COLOURS.len()].map(|byte| (f32::from(byte) * share) as u8)
@@ -88,8 +88,8 @@ mod tests {
     use super::*;
     use crate::look::linear;
 
-    /// What someone sees who lacks one kind of cone, as matrices on linear red, green and blue (Machado and others 2009):
-    /// normal sight, protanopia, deuteranopia, tritanopia.
+    /// Kinds of sight, as matrices that turn linear red, green and blue into the colour that is seen (Machado and
+    /// others 2009): normal sight, protanopia, deuteranopia, tritanopia.
     const SIGHT: [[[f64; 3]; 3]; 4] = [
         [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
@@ -103,7 +103,7 @@ mod tests {
         [0, 1, 2].map(|row| (0..3).map(|k| matrix[row][k] * x[k]).sum())
     }
 
-    /// A linear colour in CIELAB.
+    /// Converts a colour from linear red, green and blue to CIELAB.
     fn lab(colour: [f64; 3]) -> [f64; 3] {
         const XYZ: [[f64; 3]; 3] = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]];
         let white = times(&XYZ, [1.0; 3]);
@@ -133,6 +133,6 @@ mod tests {
     fn long_names_are_shortened_visibly() {
         assert_eq!(shortened("fat"), "fat");
         let long = shortened(&"muscle\n".repeat(20));
-        assert!(long.chars().count() == LONGEST && long.ends_with('\u{2026}') && !long.contains('\n'), "{long}");
+        assert!(long.chars().count() == LONGEST && long.ends_with('\u{2026}') && !long.contains('\n'), "name: {long}");
     }
 }

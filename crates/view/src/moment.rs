@@ -14,11 +14,12 @@ use super::overlay::{Overlay, Overlays};
 pub struct Moment {
     /// What is shown besides the skins (the bodies' surface meshes).
     pub shown: Overlays,
-    /// Position of the tool (the rigid body that the haptic device leads), m.
+    /// Position of the tool (the rigid body that the haptic device leads), m; `None` if the scene has no tool.
     pub tool: Option<DVec3>,
     /// Position of the haptic device that holds the tool, m; set by a caller that knows this position.
     pub device: Option<DVec3>,
-    /// Text in the image's upper left corner, such as the simulated time; set by a caller that wants one: see [`clock`].
+    /// Text in the image's upper left corner, such as the simulated time from [`clock`]; set by a caller that wants a
+    /// text.
     pub corner: Option<String>,
     /// Contact force on the tool, N.
     pub force: DVec3,

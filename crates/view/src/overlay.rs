@@ -19,7 +19,8 @@ pub enum Overlay {
     ContactPatches,
     /// The layers (tetrahedral meshes of soft bodies), cut open.
     Layer,
-    /// Rigid cores (rigid bodies inside soft ones, to which nodes of the layer are attached) and bones.
+    /// Rigid cores (rigid bodies inside soft ones, to which nodes of the layer are attached), and the bones of
+    /// skeletons, which are capsules, each for one core.
     Cores,
     /// Strain energy density as colours.
     Energy,
@@ -30,7 +31,8 @@ pub enum Overlay {
 }
 
 impl Overlay {
-    /// Every overlay with its name; its key is its number in this list, from 1; that of the tenth is 0.
+    /// Every overlay with its name. The key that toggles an overlay is the overlay's number in this list, from 1; the
+    /// key of the tenth overlay is 0.
     pub const ALL: [(Overlay, &'static str); 10] = [
         (Overlay::Pressure, "pressure"),
         (Overlay::Depth, "depth"),
@@ -59,7 +61,7 @@ impl Overlays {
         self.0 >> overlay as u32 & 1 == 1
     }
 
-    /// The set of these overlays.
+    /// The set of the overlays in `all`; of overlays that colour the bodies only the last is in the set.
     pub fn of(all: &[Overlay]) -> Overlays {
         let show = |mut shown: Overlays, overlay: &Overlay| {
             if !shown.has(*overlay) {
@@ -86,7 +88,7 @@ impl Overlays {
         all.into_iter().find(|(overlay, _)| self.has(*overlay)).map(|(_, field)| field)
     }
 
-    /// Shows or hides an overlay. One that colours the bodies hides the others that do.
+    /// Shows a hidden overlay, hides a shown one. If the overlay colours the bodies, all others that do so are hidden.
     pub fn toggle(&mut self, overlay: Overlay) {
         let had = self.has(overlay);
         if Overlay::COLOURS.contains(&overlay) {
@@ -108,7 +110,7 @@ mod tests {
             assert!(shown.has(overlay));
         }
         let left = Overlay::ALL.into_iter().filter(|(overlay, _)| shown.has(*overlay)).count();
-        assert_eq!(left, 6, "one of the five colourings, and the five others");
+        assert_eq!(left, 6, "one of the five that colour bodies, and the five others");
         assert!(shown.opens_layers() && Overlays::of(&[Overlay::Materials]).opens_layers());
         shown.toggle(Overlay::Materials);
         shown.toggle(Overlay::Arrows);

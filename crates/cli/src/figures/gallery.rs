@@ -1,4 +1,4 @@
-//! The pictures of the gallery: one of each scene in assets/gallery.
+//! The pictures of the gallery that `palpate figures` renders: one picture of each scene in assets/gallery.
 
 use palpate_view::Overlay;
 
@@ -7,7 +7,7 @@ use crate::film::View;
 
 /// Width and height of a picture, pixels.
 const SIZE: [u32; 2] = [640, 480];
-/// Folder of the scenes.
+/// Folder of the gallery's scenes.
 const SCENES: &str = "assets/gallery";
 
 const fn one(

@@ -1,6 +1,7 @@
-//! The curves of a run over time, reduced to what a plot can show. They are read from `trace.csv`, since the direction
-//! along which indentation is measured is known only at the end of the run, and all steps of a long one do not fit into
-//! memory.
+//! The curves of a run over time, reduced to what a plot can show. The *tool* is the rigid body that the haptic device
+//! leads; *indentation* is the distance that the tool's centre has moved since the step of first touch, along minus the
+//! direction of the peak force. The curves are read from `trace.csv`, which has a row for each step, since the
+//! direction of the peak force is known only at the end of the run, and all steps of a long run do not fit into memory.
 
 use std::io::Read;
 
@@ -10,19 +11,20 @@ use serde::Deserialize;
 
 use super::felt::Touch;
 
-/// Numbers of the quantities in [`Curves`].
+/// Index in [`Curves`] of the contact force on the tool, N.
 pub const FORCE: usize = 0;
-/// Indentation, mm, from the first touch on.
+/// Index of the indentation, mm, which has values from the first touch on.
 pub const INDENTATION: usize = 1;
-/// Number of contacts in the scene.
+/// Index of the number of contacts in the scene.
 pub const CONTACTS: usize = 2;
-/// Iterations of the solver.
+/// Index of the number of iterations of the solver.
 pub const ITERATIONS: usize = 3;
 
-/// Force on the tool (N), indentation (mm), contacts and iterations of the steps of a run.
+/// Four quantities over the steps of a run: force on the tool (N), indentation (mm), number of contacts in the scene,
+/// and number of iterations of the solver.
 pub type Curves = Reduced<4>;
 
-/// The columns of a trace that are drawn.
+/// The columns of `trace.csv` from which the curves are made.
 #[derive(Deserialize)]
 struct Row {
     time_s: f64,
@@ -36,7 +38,7 @@ struct Row {
     iterations: u32,
 }
 
-/// Reads the curves from a trace; `touch` is what the tool felt, if there is a tool.
+/// Reads the curves from the text of `trace.csv`; `touch` is what the tool felt, if there is a tool.
 pub fn read(trace: impl Read, touch: Option<&Touch>) -> Result<Curves, csv::Error> {
     let mut curves = Curves::default();
     let vector = |x: Option<f64>, y: Option<f64>, z: Option<f64>| Some(DVec3::new(x?, y?, z?));

@@ -1,8 +1,10 @@
-//! What the tool felt in a run, in numbers for `summary.json` and in words for the terminal and for the page.
+//! What the tool (the rigid body that the haptic device leads) felt in a run, in numbers for `summary.json` and in
+//! words for the terminal and for the page `report.html`.
 //!
 //! A step is *in contact* if the net force of all contacts on the tool is not zero at its end. The *indentation* is the
-//! distance that the tool's centre has moved since the step of first touch, along minus the direction of the peak force.
-//! It tells how far the tool pressed in; it contains what a free body yields as a whole.
+//! distance that the tool's centre has moved since the step of first touch, along minus the direction of the peak
+//! force. The indentation tells how far the tool pressed in; where a body is free to move, the indentation includes the
+//! distance by which the body as a whole gave way.
 
 use glam::DVec3;
 use palpate::{StepReport, ToolReport};
@@ -10,11 +12,11 @@ use serde::Serialize;
 
 use super::Tally;
 
-/// What indentation means, for the page.
+/// A sentence for the page that says what indentation means.
 pub const INDENTATION: &str = "Indentation is the distance that the tool's centre has moved since the step of first \
                                touch, along minus the direction of the peak force.";
 
-/// The steps of a tool as they come.
+/// What the tool felt so far, gathered step by step.
 #[derive(Debug, Clone, Default)]
 pub struct Touch {
     /// Time, s, and the tool's centre, m, at the end of the first step in contact.
@@ -25,7 +27,7 @@ pub struct Touch {
     pub last_force: DVec3,
 }
 
-/// The step with the greatest force.
+/// The step with the greatest contact force on the tool so far.
 #[derive(Debug, Clone, Copy)]
 struct Peak {
     time: f64,
@@ -42,20 +44,20 @@ pub struct Felt {
     pub first_touch_s: Option<f64>,
     /// Greatest net contact force on the tool, N.
     pub peak_force_n: f64,
-    /// Time at which the force was greatest, s; the first such time.
+    /// First time at which the contact force on the tool was greatest, s.
     pub peak_time_s: Option<f64>,
-    /// Indentation at that time, m.
+    /// Indentation at the time of the greatest force, m.
     pub indentation_at_peak_m: Option<f64>,
     /// Number of steps in contact.
     pub steps_in_contact: u64,
 }
 
 impl Touch {
-    /// Adds a step.
+    /// Adds a step; `tool` is what the step's report says of the tool.
     pub fn add(&mut self, row: &StepReport, tool: &ToolReport) {
         self.last_force = tool.force;
         let (force, centre) = (tool.force, tool.tool.position);
-        // A step that was given up has no force that could be felt.
+        // A step counts as in contact only if it has a finite force that is not zero.
         if !force.is_finite() || !centre.is_finite() || force == DVec3::ZERO {
             return;
         }
@@ -72,13 +74,13 @@ impl Touch {
         self.peak.and_then(|peak| (-peak.force).try_normalize())
     }
 
-    /// Indentation with the tool's centre at a point, m; `None` if nothing was touched.
+    /// Indentation, m, when the tool's centre is at the point `centre`; `None` if nothing was touched.
     pub fn indentation(&self, centre: DVec3) -> Option<f64> {
         let ((_, first), inwards) = (self.first?, self.inwards()?);
         Some((centre - first).dot(inwards))
     }
 
-    /// The numbers.
+    /// The numbers for `summary.json`.
     pub fn felt(&self) -> Felt {
         Felt {
             touched: self.first.is_some(),
@@ -98,7 +100,7 @@ pub struct Distance {
     pub body: String,
     /// Distance, m.
     pub distance: f64,
-    /// Whether it is that of the tool's surface, which is known of spheres; if not, that of the tool's centre.
+    /// Whether the distance is that of the tool's surface, as for spheres, and not that of the tool's centre.
     pub is_of_surface: bool,
 }
 
@@ -130,7 +132,7 @@ pub fn headline(tally: &Tally) -> String {
     )
 }
 
-/// What to do where the tool never touched anything; `None` where it did, and where there is no tool.
+/// Advice to the user if the tool never touched anything; `None` if it touched something, and if there is no tool.
 pub fn remedy(tally: &Tally, has_trajectory: bool, nearest: Option<&Distance>) -> Option<String> {
     tally.touch.as_ref().filter(|touch| touch.first.is_none())?;
     let away = nearest.map_or(String::new(), |Distance { body, distance, is_of_surface }| {
@@ -144,20 +146,20 @@ pub fn remedy(tally: &Tally, has_trajectory: bool, nearest: Option<&Distance>) -
     Some(format!("{away}{remedy}"))
 }
 
-/// A force, N, with four digits or to a tenth of a millinewton.
+/// A force, N, as text: to a tenth of a millinewton or, if it is below a millinewton, with three significant digits.
 pub fn newtons(force: f64) -> String {
     if force != 0.0 && force < 1e-3 { format!("{force:.2e}") } else { format!("{force:.4}") }
 }
 
-/// A time, s, to a tenth of a millisecond or, if it is shorter than a millisecond, with two digits.
+/// A time, s, as text: to a tenth of a millisecond or, if it is below a millisecond, with two significant digits.
 fn seconds(time: f64) -> String {
     let text = format!("{time:.4}");
     if time < 1e-3 { format!("{time:.1e}") } else { text.trim_end_matches('0').trim_end_matches('.').into() }
 }
 
-/// A length in millimetres, to a hundredth of a millimetre.
+/// A length, m, as text in millimetres, to a hundredth of a millimetre.
 fn millimetres(length: f64) -> String {
-    // What rounds to 0 has no sign.
+    // A negative length that rounds to 0 is written without its sign.
     let text = format!("{:.2}", 1e3 * length);
     if text == "-0.00" { "0.00".into() } else { text }
 }
@@ -182,9 +184,9 @@ mod tests {
     fn indentation_is_counted_from_first_touch_against_the_peak_force() {
         let tally = tally(&[(0.05, 0.0), (0.04, 0.5), (0.03, 2.0), (0.025, 1.0), (0.06, 0.0), (0.0, f64::NAN)]);
         let felt = tally.touch.as_ref().unwrap().felt();
-        assert!(felt.touched && felt.steps_in_contact == 3, "felt: {felt:?}");
+        assert!(felt.touched && felt.steps_in_contact == 3, "wrong numbers: {felt:?}");
         assert_eq!((felt.peak_force_n, felt.peak_time_s, felt.first_touch_s), (2.0, Some(0.1 * 3.0), Some(0.2)));
-        assert!((felt.indentation_at_peak_m.unwrap() - 0.01).abs() < 1e-15, "felt: {felt:?}");
+        assert!((felt.indentation_at_peak_m.unwrap() - 0.01).abs() < 1e-15, "wrong numbers: {felt:?}");
         let expected = "The tool felt at most 2.0000 N, at 0.3 s, with an indentation of 10.00 mm since its first \
                         touch at 0.2 s; it was in contact in 3 of 6 steps.";
         assert_eq!(headline(&tally), expected);
@@ -197,7 +199,7 @@ mod tests {
         let distance = Distance { body: "head".into(), distance: 0.0123, is_of_surface: true };
         assert_eq!(headline(&never), "The tool never touched anything.");
         let said = remedy(&never, true, Some(&distance)).unwrap();
-        assert!(said.contains("12.30 mm from body head") && said.contains("[drive]"), "remedy: {said}");
+        assert!(said.contains("12.30 mm from body head") && said.contains("[drive]"), "wrong advice: {said}");
         let felt = never.touch.as_ref().unwrap().felt();
         assert_eq!(felt, Felt::default());
         let mut without = Tally::default();

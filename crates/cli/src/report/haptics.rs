@@ -137,7 +137,7 @@ pub fn times(count: u64) -> String {
 fn told(events: &EventCounts) -> String {
     let told: Vec<String> = happened(events)
         .map(|(words, begun, ticks)| {
-            format!("{}: {}, in {ticks} tick{} together", words.title, times(begun), if ticks == 1 { "" } else { "s" })
+            format!("{}: {}, in {ticks} tick{} in all", words.title, times(begun), if ticks == 1 { "" } else { "s" })
         })
         .collect();
     if told.is_empty() { "none".into() } else { told.join("; ") }

@@ -1,6 +1,7 @@
-//! `report.html`: what a run felt, as one page that needs no other files and no scripts. Flags come first, then what
-//! was felt, with pictures and curves, then a session with a haptic device, then what the run cost, then how to repeat
-//! it.
+//! Makes `report.html`, the page of a run, which needs no other files and no scripts. Flags (marks of what went wrong
+//! in a step) come first, then what the tool (the rigid body that the haptic device leads) felt, with pictures and
+//! curves, then the session (one run of the haptic loop with a device), then what the run cost, then how to repeat the
+//! run.
 
 use std::fmt::Write;
 
@@ -16,31 +17,31 @@ use super::felt::{self, Distance};
 use super::haptics::{happened, times};
 use super::summary::{Facts, Tally, quantiles};
 
-/// All that the page tells.
+/// All that the page is made from.
 pub struct Page<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// What the engine reports of itself.
+    /// What the engine reports of itself: Vulkan device, stages, memory and files.
     pub facts: &'a Facts,
     /// Sums and extremes over the steps.
     pub tally: &'a Tally,
-    /// The curves of the steps.
+    /// The curves of force, indentation, contacts and iterations over the steps.
     pub curves: &'a Curves,
-    /// A session with a haptic device.
+    /// The session; `None` if the run had no haptic device.
     pub session: Option<Session<'a>>,
-    /// The body that was nearest to the tool at the end.
+    /// The body that was nearest to the tool at the end, if the tool never touched anything.
     pub nearest: Option<&'a Distance>,
-    /// Pictures of the end, or the reason why there are none.
+    /// Pictures of the state at the end of the run, or the reason why there are none.
     pub pictures: std::result::Result<&'a [Shot], &'a str>,
     /// The command line of the run.
     pub command: &'a str,
 }
 
-/// A session with a haptic device.
+/// What the page tells of a session with a haptic device.
 pub struct Session<'a> {
     /// What the haptic loop reports.
     pub report: &'a Report,
-    /// The force played, N, over the time since the loop began.
+    /// The force played (commanded to the device), N, over the time since the haptic loop began, s.
     pub played: &'a Reduced<1>,
 }
 
@@ -50,12 +51,12 @@ pub struct Shot {
     pub png: Vec<u8>,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// What it shows.
+    /// What the picture shows, in words.
     pub caption: &'static str,
 }
 
 impl Page<'_> {
-    /// The page.
+    /// The page as HTML.
     pub fn html(&self) -> Result<String> {
         let mut body = String::from("<div class=\"run\">\n");
         self.write_flags(&mut body);
@@ -246,7 +247,7 @@ impl Page<'_> {
     }
 }
 
-/// Writes the words for a flag or an event, with how often it happened.
+/// Writes a paragraph that explains a flag, or an event of the haptic loop, and says how often it happened.
 fn paragraph(body: &mut String, words: &Explanation, often: &str) {
     let Explanation { title, meaning, remedy } = words;
     let _ = write!(body, "<p><b>{}</b>, {}. {}", escaped(&capital(title)), escaped(often), escaped(meaning));
@@ -256,7 +257,7 @@ fn paragraph(body: &mut String, words: &Explanation, often: &str) {
     body.push_str("</p>\n");
 }
 
-/// A list of remarks.
+/// A list of notes as HTML.
 fn list<'a>(notes: impl Iterator<Item = &'a String>) -> String {
     let items: String = notes.map(|note| format!("<li>{}</li>\n", set(note))).collect();
     format!("<ul class=\"notes\">\n{items}</ul>\n")
@@ -355,7 +356,7 @@ impl Session<'_> {
         }
         for (words, begun, ticks) in events {
             let plural = if ticks == 1 { "" } else { "s" };
-            paragraph(body, words, &format!("{}, in {ticks} update{plural} of the force together", times(begun)));
+            paragraph(body, words, &format!("{}, in {ticks} update{plural} of the force in all", times(begun)));
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The summary of a run, as `summary.json` and as the closing table on the terminal. A step consists of *stages*;
-//! before the first step those stages that the scene needs are recorded as GPU commands.
+//! before the first step those stages that the scene needs are recorded as GPU commands. The *tool* is the rigid body
+//! that the haptic device leads; a *flag* marks what went wrong in a step.
 
 use std::fmt;
 
@@ -90,8 +91,8 @@ pub struct Tally {
     /// Greatest angle by which the normal of a contact patch (area with one contact normal) turned in a step, rad;
     /// `None` where nothing can collide.
     pub normal_turn: Option<f64>,
-    /// Greatest ratio of such an angle to the distance that the tool moved in the same step, rad/mm, among the steps in
-    /// which the tool moved at least [`SLIDING`].
+    /// Greatest ratio of the angle by which a contact patch's normal turned in a step to the distance that the tool
+    /// moved in that step, rad/mm, among the steps in which the tool moved at least [`SLIDING`].
     pub normal_turn_per_mm: Option<f64>,
     last_tool: Option<DVec3>,
     /// Number of conjugate gradient iterations in all steps together.
@@ -336,10 +337,10 @@ mod tests {
     fn the_closing_table_names_stages_and_raised_flags_are_told_in_words() {
         let (facts, tally) = example();
         let text = ClosingTable { facts: &facts, tally: &tally }.to_string();
-        assert!(text.contains("pose                  3        100.0        198.0"), "table: {text}");
+        assert!(text.contains("pose                  3        100.0        198.0"), "wrong table: {text}");
         let text = RaisedFlags(&tally).to_string();
-        assert!(text.starts_with("warning: the simulation stood still, in 2 of 3 steps. "), "flags: {text}");
-        assert!(text.contains(" Remedy: ") && text.lines().count() == 1, "flags: {text}");
+        assert!(text.starts_with("warning: the simulation stood still, in 2 of 3 steps. "), "wrong lines: {text}");
+        assert!(text.contains(" Remedy: ") && text.lines().count() == 1, "wrong lines: {text}");
         assert_eq!((tally.count(Flags::FROZEN), tally.count(Flags::NON_FINITE)), (2, 0));
     }
 

@@ -1,10 +1,10 @@
-//! Executes README.md, CONTRIBUTING.md and the book in docs/: every command of their `sh` blocks runs, every `toml` block
-//! is parsed, and every command in running text names a subcommand and options that exist.
+//! Executes README.md, CONTRIBUTING.md and the book in docs/: every command of their `sh` blocks runs, every `toml`
+//! block is parsed, and every command in running text names a subcommand and options that exist.
 //!
 //! The commands of a page run one block after the other in one folder that looks like the root of the repository. A
-//! block that begins with `# file: NAME` or `// file: NAME` is written into that file and not run. A block `sh,hardware`
-//! must fail because the haptic device is missing. Programs that would build the repository again are replaced by scripts
-//! (see `stand_ins`), since `.ci/run` runs these programs themselves.
+//! block that begins with `# file: NAME` or `// file: NAME` is written into that file and not run. A block
+//! `sh,hardware` must fail because the haptic device is missing. Programs that would build the repository again are
+//! replaced by scripts (see `stand_ins`), since `.ci/run` runs these programs themselves.
 #![cfg(all(unix, feature = "view"))]
 
 #[allow(dead_code, reason = "shared with the tests of the window")]
@@ -27,8 +27,8 @@ use pulldown_cmark::{CodeBlockKind, Event, Parser, Tag, TagEnd};
 
 /// Files and folders of the repository that the folder of a page's commands has as links.
 const SEEN: [&str; 8] = ["assets", "examples", "docs", "crates", "src", "vk-tests", "Cargo.toml", "README.md"];
-/// Number of rings, number of sectors, and radius (m) of the sphere that stands in for a mesh of the reader's own, which
-/// the pages call `my-organ.obj` (coordinates in metres) and `my-organ-mm.obj` (in millimetres).
+/// Number of rings, number of sectors, and radius (m) of the sphere that stands in for a mesh of the reader's own,
+/// which the pages call `my-organ.obj` (coordinates in metres) and `my-organ-mm.obj` (in millimetres).
 const ORGAN: (u32, u32, f64) = (40, 50, 0.025);
 /// Words that the message about a missing haptic device contains.
 const NO_DEVICE: &str = "the haptic device is lost";

@@ -1,13 +1,13 @@
-//! An X server without a screen, for tests that open windows.
+//! An X server without a screen (the program Xvfb), for tests that open windows.
 
 use std::io::Read;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Longest wait for the server, and for a window.
+/// Longest time to wait until the server accepts clients, or until a window appears.
 const PATIENCE: Duration = Duration::from_secs(90);
 
-/// An X server without a screen, which ends when this is dropped.
+/// An X server without a screen, which ends when this value is dropped.
 pub struct Display {
     server: Child,
     name: String,
@@ -23,7 +23,7 @@ impl Display {
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
-            .expect("Xvfb is installed by setup.sh --tests");
+            .expect("cannot start Xvfb, which setup.sh --tests installs");
         let mut said = server.stdout.take().unwrap();
         let mut number = String::new();
         while !number.ends_with('\n') {
@@ -35,7 +35,7 @@ impl Display {
         // The server prints its number a moment before it accepts clients.
         let answers = || {
             let asked = Command::new("xdotool").arg("getdisplaygeometry").env("DISPLAY", &display.name).output();
-            asked.expect("xdotool is installed by setup.sh --tests").status.success()
+            asked.expect("cannot run xdotool, which setup.sh --tests installs").status.success()
         };
         let begun = Instant::now();
         while !answers() {
@@ -50,7 +50,7 @@ impl Display {
         &self.name
     }
 
-    /// The program `palpate`, whose windows this server shows.
+    /// A command that starts the program `palpate` with these arguments; this server shows the program's windows.
     pub fn program(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
         command.args(arguments).env("DISPLAY", &self.name).env_remove("WAYLAND_DISPLAY");
@@ -62,7 +62,7 @@ impl Display {
     /// Runs xdotool, and returns what it prints.
     pub fn xdotool(&self, arguments: &[&str]) -> String {
         let output = Command::new("xdotool").args(arguments).env("DISPLAY", &self.name).output();
-        let output = output.expect("xdotool is installed by setup.sh --tests");
+        let output = output.expect("cannot run xdotool, which setup.sh --tests installs");
         assert!(output.status.success(), "xdotool {arguments:?} failed: {}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap().trim().into()
     }

@@ -11,11 +11,11 @@ use image_compare::prelude::{ImageBuffer, Rgb, RgbImage};
 /// viewer sees.
 const BLUR: u32 = 3;
 /// Width and height of a tile, in squares of [`BLUR`] pixels. Images are compared tile by tile and the least similar
-/// tile counts, because a contact patch is a small part of an image.
+/// tile counts, because what a contact changes is a small part of an image.
 const TILE: [u32; 2] = [16, 15];
 /// Least structural similarity (Wang et al. 2004) of a tile, in its worst colour channel, for images to count as alike.
-/// Noise of 1/255 leaves 0.94 (the crate sums variances over a window where the paper takes their mean, and so is
-/// stricter); a turn of the camera by two degrees leaves 0.8.
+/// Noise of one intensity level leaves a similarity of 0.94 (the crate image_compare sums variances over a window where
+/// Wang et al. take their mean, and so is stricter); a turn of the camera by two degrees leaves 0.8.
 pub const ALIKE: f64 = 0.87;
 
 /// Reads a PNG file.
@@ -29,7 +29,8 @@ pub fn read(file: &Path) -> RgbImage {
     ImageBuffer::from_raw(info.width, info.height, bytes).unwrap()
 }
 
-/// The mean colours of squares of [`BLUR`] pixels a side; what is left at the right and at the bottom is not compared.
+/// The mean colours of squares of [`BLUR`] pixels a side; pixels left over at the right and at the bottom are
+/// not compared.
 fn blurred(image: &RgbImage) -> RgbImage {
     RgbImage::from_fn(image.width() / BLUR, image.height() / BLUR, |x, y| {
         let pixels = (0..BLUR * BLUR).map(|k| image.get_pixel(BLUR * x + k % BLUR, BLUR * y + k / BLUR));
@@ -41,7 +42,7 @@ fn blurred(image: &RgbImage) -> RgbImage {
 
 /// Structural similarity of two images of equal size in their least similar tile, 0 to 1.
 pub fn likeness(a: &RgbImage, b: &RgbImage) -> f64 {
-    assert_eq!(a.dimensions(), b.dimensions(), "images to compare must have one size");
+    assert_eq!(a.dimensions(), b.dimensions(), "images to compare must have the same size");
     let (a, b) = (blurred(a), blurred(b));
     let part = |of: &RgbImage, left: u32, top: u32| {
         RgbImage::from_fn(TILE[0], TILE[1], |x, y| *of.get_pixel(left + x, top + y))
