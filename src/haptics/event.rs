@@ -1,6 +1,7 @@
 //! Unusual events that a tick (one iteration of the haptic loop) may raise, which are recorded and reported to the
 //! user. Each event's bit and name are defined here only. The force *played* is the force commanded to the haptic
-//! device; the *newest wrench* is the contact wrench on the tool that the last finished simulation step gave back.
+//! device; the *newest wrench* is the contact wrench on the tool (the rigid body that the device leads) that the last
+//! finished simulation step gave back.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,15 +18,15 @@ pub enum Event {
     PoseJump,
     /// The device is beyond its workspace; the force fades.
     OutsideWorkspace,
-    /// The newest wrench is out of date by more than the watchdog allows; the force fades.
+    /// The newest wrench is out of date by more than the time limit (watchdog); the force fades.
     StaleWrench,
     /// A wrench from the simulation was not finite and was ignored.
     BadWrench,
-    /// The clock stood still, ran backwards or leapt; the force starts again from zero.
+    /// The loop's clock stood still, ran backwards or leapt; the force starts again from zero.
     ClockJump,
     /// The tick came more than 2 ms after it was due.
     LateTick,
-    /// The force rises from zero, at the start and after anything that made it fade.
+    /// The force is rising from zero, at the start or after something made the force fade.
     Engaging,
     /// The tool left the neighbourhood in which the local contact model (the linear force law of the newest wrench) is
     /// trusted; the force does not grow further.
@@ -36,14 +37,15 @@ pub enum Event {
     DampingLimited,
     /// The force or the torque exceeded its limit and was shortened to it.
     Clamped,
-    /// The force or the torque changed faster than its slew limit allows and was held back.
+    /// The force or the torque changed faster than its slew limit (greatest rate of change) allows and was
+    /// held back.
     SlewLimited,
     /// The wrench to be played was not finite; none was played.
     BadForce,
-    /// The ticks directly before this one are missing from the recording.
+    /// The ticks directly before this tick are missing from the file to which the loop's ticks are recorded.
     RecordLost,
-    /// The local contact model of the newest wrench is blended in more slowly, because it stores more energy than the
-    /// hand has supplied.
+    /// The local contact model of the newest wrench is blended in more slowly, because the model stores more energy
+    /// than the hand has supplied.
     Unpaid,
 }
 
@@ -106,7 +108,7 @@ pub struct EventCounts {
 }
 
 impl EventCounts {
-    /// Adds a tick's events; returns those of them that the tick before did not have.
+    /// Adds the events of a tick; returns the events that the tick before did not have.
     pub fn add(&mut self, events: Events) -> Events {
         let begun = Events(events.0 & !self.last.0);
         for (k, (event, _)) in Event::ALL.into_iter().enumerate() {

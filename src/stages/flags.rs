@@ -11,23 +11,25 @@ impl Flags {
     /// The residual at the end of the solve is above ten times the solver's tolerance, and above ten times what single
     /// precision can reach.
     pub const NOT_CONVERGED: Flags = Flags(shaders::FLAG_NOT_CONVERGED);
-    /// There are more contact patches, or more work items (an active chunk, that is a group of skin vertices that may
-    /// touch, in one contact patch), than there is room for; or the scene's `contact.texel` is too small for the size
-    /// of a patch.
+    /// There are more contact patches (areas with one normal where two bodies may touch), or more work items (a group
+    /// of skin vertices in one contact patch), than there is room for; or the scene's `contact.texel`, the size of a
+    /// cell of a patch, is too small for the size of the patch.
     pub const PATCH_OVERFLOW: Flags = Flags(shaders::FLAG_PATCH_OVERFLOW);
     /// There are more contacts, or more ray hits, than there is room for.
     pub const CONTACT_OVERFLOW: Flags = Flags(shaders::FLAG_CONTACT_OVERFLOW);
     /// A contact is deeper than the scene's `depth_limit`.
     pub const DEPTH_BEYOND_LIMIT: Flags = Flags(shaders::FLAG_DEPTH_LIMIT);
-    /// A skin (surface mesh) folds over itself along a contact patch's normal.
+    /// A skin (surface mesh) is folded over itself in the direction of a contact patch's normal.
     pub const NOT_A_HEIGHT_FIELD: Flags = Flags(shaders::FLAG_NOT_HEIGHT_FIELD);
-    /// A number was not finite, so the step was not accepted: it was repeated (`STEP_RETRIED`) or given up (`FROZEN`).
+    /// A number in the solve was not finite, so the step was not accepted: it was repeated (`STEP_RETRIED`) or given up
+    /// (`FROZEN`).
     pub const NON_FINITE: Flags = Flags(shaders::FLAG_NON_FINITE);
     /// The step was repeated with a smaller time step.
     pub const STEP_RETRIED: Flags = Flags(64);
-    /// No step succeeded, however short: the bodies were stopped where they are.
+    /// No attempt at the step succeeded, however short its time step: the bodies were stopped where they are.
     pub const FROZEN: Flags = Flags(128);
-    /// Contacts under tension were released, but others are still under tension after the last repeated solve.
+    /// Contacts under tension were released (left without stiffness), but after the last repeated solve others are
+    /// still under tension.
     pub const TENSION_REMAINS: Flags = Flags(shaders::FLAG_TENSION);
     /// A rigid coordinate frame turned so far within the step that its nodes may gain energy, since their elements keep
     /// the rotations of the start of the step.
