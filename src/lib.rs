@@ -1,10 +1,10 @@
-//! palpate: a GPU engine for haptic touch of soft bodies. A haptic device moves a tool. The engine finds, in Vulkan
-//! compute, where the tool meets the high-resolution surface mesh (skin) of a deformable body, deforms the body by
-//! finite elements, and returns the contact force and torque on the tool.
+//! palpate: a GPU engine for haptic touch of soft bodies. A haptic device moves a rigid tool. The engine finds, in
+//! Vulkan compute, where the tool meets the high-resolution surface mesh (skin) of a deformable body, deforms the body
+//! by finite elements, and returns the contact force and torque on the tool.
 //!
 //! A [`Scene`] is read from a file ([`Scene::load`]) or built in memory ([`SceneBuilder`], [`scene`]). A [`Simulation`]
-//! advances it step by step; a [`Query`] only finds where the skins of two rigid bodies overlap. Quaternions are in the
-//! order x y z w, units are SI, axes are right-handed.
+//! advances a scene step by step; a [`Query`] only finds where the skins of two rigid bodies overlap. Quaternions are
+//! in the order x y z w, units are SI, axes are right-handed.
 //!
 //! This example presses a sphere 6 mm into a soft block:
 //!

@@ -1,8 +1,10 @@
-//! The step of a simulation: its input is the pose of the haptic device, its output the contact wrench on the tool. The
+//! The step of a simulation: its input is the pose of the haptic device, its output the contact wrench on the tool (the
+//! rigid body that the device leads). A virtual coupling, a spring and damper, connects the tool to the device. The
 //! order of the stages is in `algorithm.rs`; this file has what a user of a [`Simulation`] sees. Outside a haptic loop
-//! the device follows the scene's keys or poses that the caller gives. A haptic loop runs in another thread and moves
-//! the tool a thousand times a second, while steps follow one another as fast as they are computed. A core is a rigid
-//! body inside a soft one, to which nodes are attached; a skin is the surface mesh of a body.
+//! the device follows the scene's keys (poses at given times) or poses that the caller gives. A haptic loop runs in
+//! another thread and moves the tool a thousand times a second, while steps follow one another as fast as they are
+//! computed. A core is a rigid body inside a soft one, to which nodes are attached; a skin is the surface mesh of a
+//! body.
 
 mod algorithm;
 mod change;
@@ -54,7 +56,7 @@ use stage_set::Stages;
 use tool::Tool;
 use trajectory::Trajectory;
 
-/// How often a failed step may be halved; the shortest attempts are eighths of the step.
+/// How often in succession a failed step may be halved; the shortest attempts are eighths of the step.
 const MOST_HALVINGS: u32 = 3;
 /// One step in this many is timed, unless [`Simulation::time_every`] sets another number: timestamps split the GPU's
 /// work and cost up to a millisecond on some drivers.
@@ -70,7 +72,8 @@ pub struct Simulation {
     model: Model,
     stages: Stages,
     plain: Recordings,
-    /// Recordings with timestamps: one set timed stage by stage, one with the stages from pose to contact timed as one.
+    /// Two sets of recordings with timestamps: the first times each stage by itself, the second times the stages from
+    /// pose to contact as one.
     timed: Option<[Recordings; 2]>,
     tool: Option<Tool>,
     frames: Frames,
@@ -85,7 +88,7 @@ pub struct Simulation {
     time: f64,
     /// Whether the tool has weight; in a haptic loop its weight is compensated.
     has_weight: bool,
-    /// Mass of a tool that is a body of the scene, kg; 0 for any other.
+    /// Mass of a tool that is a body of the scene, kg; 0 for any other tool.
     tool_core_mass: f64,
     /// Greatest force of the virtual coupling's spring, N.
     max_force: f64,
@@ -97,9 +100,9 @@ pub struct Simulation {
     has_friction: bool,
     /// Whether the GPU still holds the contact forces that the solver applied in the last step.
     is_solved: bool,
-    /// World position that the last step's positions on the GPU are relative to, m.
+    /// World position to which the positions on the GPU in the last step are relative, m.
     step_origin: DVec3,
-    /// Per body: the plane at which its tetrahedral mesh is cut open for display, where it is not the default one.
+    /// Per body: the plane at which its tetrahedral mesh is cut open for display, where that is not the default plane.
     cuts: BTreeMap<usize, Cut>,
     /// The arrays that are displayed, made when they are first asked for.
     shown: Option<shown::Shown>,
@@ -115,10 +118,10 @@ impl Simulation {
         self.step_to(self.next_end(h), h)
     }
 
-    /// Simulates a step of `h` seconds for the haptic loop: it starts from the loop's state of the tool, and the
+    /// Simulates a step of `h` seconds for the haptic loop: the step starts from the loop's state of the tool, and the
     /// virtual coupling pulls the tool towards the loop's haptic device at its present pose. The pose of the device at
-    /// the end of the step is not known, and extrapolating its motion, at 50 steps a second, makes contact oscillate
-    /// that is steady otherwise (README, "The hand"). Where contact pushed the tool in the last step, the tool starts
+    /// the end of the step is not known, and extrapolating its motion, at 50 steps a second, makes a contact oscillate
+    /// that is otherwise steady (docs/understanding/virtual-coupling.md). Where contact pushed the tool in the last step, the tool starts
     /// no further out along the contact normal than that step left it. A tool that is a core of a soft body keeps the
     /// simulation's own state. The weight of the tool is compensated and not felt.
     #[doc(hidden)]
@@ -133,8 +136,9 @@ impl Simulation {
         }
         if let (Some(tool), None) = (&mut self.tool, self.model.tool_core) {
             let RigidState { position, orientation, velocity, angular_velocity } = input.tool;
-            // The body is as the last step left it. Contact is found at the beginning of a step, so with the tool
-            // further out this step would have no contact, and the tool would move into the body unopposed.
+            // The touched body is as the last step left it. Contact is found at the beginning of a step, so with the
+            // tool further out than in the last step this step would find no contact, and the tool would move into the
+            // body unopposed.
             let normal = self.last_wrench.and_then(|wrench| wrench.normal()).unwrap_or_default();
             let out = normal.dot(position - tool.centre).max(0.0);
             (tool.centre, tool.orientation) = (position - out * normal, orientation);
@@ -157,8 +161,8 @@ impl Simulation {
         self.last_wrench.as_ref()
     }
 
-    /// Simulates a step of the scene's `dt` that ends with the haptic device in this pose, to which it moves uniformly
-    /// from where it was.
+    /// Simulates a step of the scene's `dt` that ends with the haptic device in this pose; the device moves there
+    /// uniformly from its last pose.
     pub fn step_at(&mut self, pose: Pose) -> Result<StepReport> {
         let h = self.scene.step.dt;
         let end = self.next_end(h);
@@ -217,12 +221,12 @@ impl Simulation {
         &self.context
     }
 
-    /// Solver iterations of the longest solve in the last step.
+    /// Number of solver iterations of the longest solve in the last step.
     pub fn last_iterations(&self) -> u32 {
         self.last_iterations
     }
 
-    /// The stages that were recorded, and those left out with the reason.
+    /// The stages that were recorded, and those that were left out, each with the reason.
     #[doc(hidden)]
     pub fn plan(&self) -> &Plan {
         &self.plan
@@ -240,8 +244,8 @@ impl Simulation {
         self.path
     }
 
-    /// Times one step in `steps` from now on, alternately stage by stage and with the stages from pose to contact as
-    /// one. With 0 no step is timed, and the recordings with timestamps are dropped.
+    /// Times one step in `steps` from now on, alternately each stage by itself and the stages from pose to contact as
+    /// one. With `steps` 0 no step is timed, and the recordings with timestamps are dropped.
     pub fn time_every(&mut self, steps: u64) -> Result<()> {
         match steps {
             0 => self.timed = None,
@@ -252,14 +256,14 @@ impl Simulation {
         Ok(())
     }
 
-    /// Times of the stages in the last step, microseconds, where it was a timed one. In every second timed step the
-    /// stages from pose to contact have a single time, [`POSE_TO_CONTACT`](crate::stages::POSE_TO_CONTACT).
+    /// Times of the stages in the last step, microseconds; `None` where that step was not timed. In every second timed
+    /// step the stages from pose to contact have a single time, [`POSE_TO_CONTACT`](crate::stages::POSE_TO_CONTACT).
     pub fn stage_times(&self) -> Option<&[(String, f64)]> {
         self.last_timed.as_deref()
     }
 
-    /// Number of dispatches, draws, fills and copies of each stage in a step of `iterations` solver iterations, and how
-    /// many passes in all must wait for an earlier one.
+    /// Number of dispatches, draws, fills and copies of each stage in a step of `iterations` solver iterations, and the
+    /// number of passes of all stages that must wait for an earlier pass.
     #[doc(hidden)]
     pub fn passes(&self, iterations: u32) -> (Vec<(String, u32)>, u32) {
         let mut stages: Vec<(String, u32)> = Vec::new();
@@ -283,22 +287,22 @@ impl Simulation {
         &self.bodies
     }
 
-    /// For each body, and the tool's own: its name, and the report of what was found in its files and what was done
-    /// about it.
+    /// For each body, and the tool's own body: its name, and the report of the defects found in its files and of what
+    /// was done about them.
     #[doc(hidden)]
     pub fn reports(&self) -> impl Iterator<Item = (&str, &BodyReport)> {
         let bodies = self.bodies.iter().map(|body| (body.name.as_str(), &body.report));
         bodies.chain(self.tool_body.iter().map(|body| ("tool", &body.report)))
     }
 
-    /// The tool, if the scene has one; where the tool is a body of the scene, that body's core.
+    /// The tool, if the scene has one; where the tool is a body of the scene, it moves with that body's core.
     #[doc(hidden)]
     pub fn tool(&self) -> Option<&Tool> {
         self.tool.as_ref()
     }
 
-    /// The current poses of a body's rigid coordinate frames: one per core, or a single one that floats or carries a
-    /// rigid skin; none for a half-space.
+    /// The current poses of a body's rigid coordinate frames: one per core, or a single frame, which floats with a soft
+    /// body without cores or carries the skin of a rigid body; none for a half-space.
     #[doc(hidden)]
     pub fn frames(&self, body: usize) -> Vec<frames::Place> {
         let first = self.model.body_frames[body];
@@ -316,9 +320,10 @@ impl Simulation {
         &self.model.joints
     }
 
-    /// The contact patches of all pairs of bodies and the contacts of the last step, as the GPU left them (a released
-    /// contact has stiffness 0); empty where nothing can touch. Positions are relative to the origin of that step. This
-    /// costs transfers from the GPU and is meant for tests and export.
+    /// The contact patches (areas with one normal each) of all pairs of bodies and the contacts of the last step, as
+    /// the GPU left them; empty where nothing can touch. A contact that was released, because it would have pulled, has
+    /// stiffness 0. Positions are relative to the origin that was chosen for that step. This costs transfers from the
+    /// GPU and is meant for tests and export.
     #[doc(hidden)]
     pub fn touch(&self) -> Result<(Vec<ContactPatch>, Vec<shaders::Contact>)> {
         let Some(touch) = &self.stages.touch else { return Ok((Vec::new(), Vec::new())) };
@@ -328,7 +333,7 @@ impl Simulation {
         Ok((touch.cull.contact_patches.read::<ContactPatch>()?, contacts))
     }
 
-    /// World position that f32 positions on the GPU are relative to: the tool's centre, where contact needs precision,
+    /// World position to which f32 positions on the GPU are relative: the tool's centre, where contact needs precision,
     /// or without a tool the centre of the first body's frame.
     fn origin(&self) -> DVec3 {
         let first = self.model.frames.first().map_or(DVec3::ZERO, |_| self.frames.place(0).centre);

@@ -1,5 +1,5 @@
-//! Tetrahedral mesh files: every format must give the same layer (tetrahedral mesh), binary files in both byte orders
-//! included, and no bytes whatever may make a reader panic.
+//! Tests of the readers and writers of tetrahedral mesh files: every format, also binary files in both byte orders,
+//! must give the same mesh, and no bytes whatever may make a reader panic.
 
 mod real_meshes;
 
@@ -11,22 +11,22 @@ use palpate::scene::{gmsh, vtk};
 
 use real_meshes::meshes;
 
-/// Nodes of a mesh of two tetrahedra on five nodes, m.
+/// Positions of the five nodes of a mesh of two tetrahedra, m.
 const NODES: [[f64; 3]; 5] =
     [[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.0, 1.0, 0.2], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0 / 3.0]];
 const TETRAHEDRA: [[u32; 4]; 2] = [[0, 1, 2, 3], [1, 4, 2, 3]];
 
-/// Tolerance for coordinates below one that are read from different files of the same mesh, m: some of the files have
-/// nine digits, others seventeen.
+/// Tolerance, m, for coordinates of less than 1 m that are read from different files of the same mesh: some of the
+/// files give coordinates with nine digits, others with seventeen.
 const NINE_DIGITS: f64 = 1e-9;
 
-/// Reads bytes as the contents of a file of this name, whose extension decides the format.
+/// Reads bytes as the contents of a file with the name `name`, whose extension decides the format.
 fn read_bytes(name: &str, bytes: &[u8]) -> Result<TetMesh, String> {
     let parse = if name.ends_with(".msh") { gmsh::parse } else { vtk::parse };
     parse(bytes, Path::new(name)).map_err(|error| error.to_string())
 }
 
-/// A binary file that is being written, in either byte order.
+/// A binary file that is being written; `big` tells whether its numbers are big-endian or little-endian.
 struct Bytes {
     bytes: Vec<u8>,
     big: bool,
@@ -80,7 +80,7 @@ fn msh_4(big: bool, node_count: i64) -> Vec<u8> {
         .sizes([1])
         .ints([1])
         .text("\n$EndEntities\n$Nodes\n")
-        // The first node is a parametric point on a surface, as Gmsh writes it.
+        // The first node lies on a surface and is written with two surface parameters, as Gmsh can write it.
         .sizes([2, 5, 3, 70])
         .ints([2, 1, 1])
         .sizes([1, 70])
@@ -127,7 +127,7 @@ fn vtk_binary(version_5: bool) -> Vec<u8> {
     bytes.text("\nCELL_TYPES 3\n").ints([5, 10, 10]).text("\nPOINT_DATA 5\n").bytes
 }
 
-/// Small files of every format, by a name with its extension.
+/// Small files, one or more of every format: each file's name, whose extension tells the format, and its contents.
 fn small_files() -> Vec<(&'static str, Vec<u8>)> {
     let nodes = NODES.map(DVec3::from_array);
     let (mut msh, mut grid) = (Vec::new(), Vec::new());
@@ -152,13 +152,13 @@ fn every_format_gives_the_same_mesh_bit_by_bit() {
         assert_eq!(
             (mesh.nodes, &mesh.tetrahedra[..]),
             (NODES.map(DVec3::from_array).to_vec(), &TETRAHEDRA[..]),
-            "mesh read from {name}"
+            "nodes and tetrahedra of the mesh read from {name}"
         );
         let notes: &[&str] = match name.starts_with("text") {
             true => &[],
             false => &["elements that are not four-node tetrahedra were left out: 1 triangles"],
         };
-        assert_eq!(mesh.notes, notes, "notes on {name}");
+        assert_eq!(mesh.notes, notes, "notes that the reader made on {name}");
         let group = match name {
             "little_4.msh" | "big_4.msh" => Some(4),
             "little_2.msh" | "big_2.msh" => Some(1),

@@ -1,6 +1,6 @@
-//! The OBJ reader of this crate against that of the crate tobj, on real meshes: both must give the same corners in the
-//! same order. (This crate has a reader of its own, since tobj drops unused vertices, orders the others by first use
-//! and reports no line numbers of errors; see src/scene/obj.rs.)
+//! Compares this crate's reader of OBJ files with the reader of the crate tobj on real meshes: both must give the same
+//! corners of triangles in the same order. (This crate has a reader of its own, since tobj drops unused vertices,
+//! orders the others by first use and reports no line numbers of errors; see src/scene/obj.rs.)
 
 mod real_meshes;
 

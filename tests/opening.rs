@@ -1,6 +1,6 @@
-//! Side effects of opening a simulation: it must write no cache files, measure no speed of the device and set no
-//! environment variable unless its options ask for that. Each case runs in a process of its own, since caches and
-//! threads belong to a process.
+//! Tests the side effects of opening a simulation: unless the options ask for it, the function that opens a simulation
+//! must write no cache files, make no measurement of the GPU's speed and set no environment variable. Each case runs in
+//! a process of its own, since environment variables, caches and threads belong to one.
 
 use std::env;
 use std::fs;
@@ -10,7 +10,7 @@ use std::process::Command;
 use palpate::scene::{Body, Material, Surface, Tool};
 use palpate::{Options, SceneBuilder, Simulation, Threads};
 
-/// The environment variable that names the case which a process is to run.
+/// The environment variable that tells a process started by the test which case it must run.
 const CASE: &str = "PALPATE_OPENING";
 /// The environment variable from which lavapipe, Mesa's Vulkan driver for CPUs, takes its number of threads.
 const THREADS: &str = "LP_NUM_THREADS";
@@ -35,7 +35,8 @@ fn open(options: &Options) -> Simulation {
 
 const PYRAMID: &str = "v 0 0 0\nv 0.02 0 0\nv 0 0.02 0\nv 0 0 0.02\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
 
-/// Runs one case in a process whose cache folder is `home`. Returns the files that the engine writes there.
+/// Runs one case in a process whose cache folder is `home`, and returns the files that the engine has written into its
+/// own folder there.
 fn kept(case: &str, home: &Path) -> Vec<PathBuf> {
     let mut process = Command::new(env::current_exe().unwrap());
     let test = "opening_a_simulation_keeps_measures_and_sets_only_what_is_asked_for";
@@ -48,7 +49,7 @@ fn kept(case: &str, home: &Path) -> Vec<PathBuf> {
         "case {case} failed: {said}{}",
         String::from_utf8_lossy(&output.stderr)
     );
-    // The Vulkan driver's own cache files lie in `home`, but not in this folder.
+    // The Vulkan driver's own cache files lie in `home` too, but not in the engine's folder `palpate`.
     let folder = fs::read_dir(home.join("palpate"));
     folder.map(|files| files.map(|file| file.unwrap().path()).collect()).unwrap_or_default()
 }
@@ -60,7 +61,7 @@ fn run(case: &str) {
         let simulation = open(&Options::default());
         assert!(
             !simulation.kind_of_arrays().contains(": measured "),
-            "nothing may be measured: {}",
+            "the kind of arrays must be chosen without a measurement: {}",
             simulation.kind_of_arrays()
         );
         assert_eq!(threads(), None);
@@ -69,7 +70,7 @@ fn run(case: &str) {
     let simulation = open(&Options { threads: Some(Threads::Auto), ..Options::of_program() });
     assert!(
         !simulation.kind_of_arrays().contains("not measured"),
-        "the device must be measured: {}",
+        "the kind of arrays must be chosen by a measurement: {}",
         simulation.kind_of_arrays()
     );
     assert_eq!(
@@ -92,5 +93,8 @@ fn opening_a_simulation_keeps_measures_and_sets_only_what_is_asked_for() {
     assert_eq!(kept("plain", home.path()), Vec::<PathBuf>::new());
     let files = kept("asked", home.path());
     let named = |part: &str| files.iter().any(|file| file.to_string_lossy().contains(part));
-    assert!(named(".body") && named("pipelines-"), "a prepared body or the pipelines are missing: {files:?}");
+    assert!(
+        named(".body") && named("pipelines-"),
+        "a prepared body or compiled pipelines are missing among the cache files: {files:?}"
+    );
 }

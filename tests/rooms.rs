@@ -1,12 +1,12 @@
-//! Checks imports between the engine's top-level modules ("rooms"): in the order of the list `ROOMS`, from lowest to
-//! highest, each may import only modules below itself, so that it can be read, and some day used, without the modules
-//! above.
+//! Checks imports between the engine's top-level modules ("rooms"). The list `ROOMS` orders them from lowest to
+//! highest. A module may import only modules below itself, so that it can be read, and some day used, without the
+//! modules above it.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The modules from the lowest to the highest. `error` may be imported by all.
+/// The modules from the lowest to the highest.
 const ROOMS: [&str; 10] = ["error", "gpu", "shaders", "scene", "prepare", "stages", "plan", "query", "step", "haptics"];
 
 /// The files of a module: `src/NAME.rs` and all that lies in `src/NAME`.
@@ -27,12 +27,13 @@ fn files(room: &str) -> Vec<PathBuf> {
     found
 }
 
-/// True if a file is compiled for tests only: such a file may use modules above its own, to make its test data.
+/// True if a file is compiled for tests only: such a file may import modules above its own, to make its test data.
 fn is_for_tests(file: &Path) -> bool {
     file.components().any(|part| part.as_os_str().to_string_lossy().trim_end_matches(".rs").ends_with("tests"))
 }
 
-/// Modules that a text names by `crate::NAME` or in `use crate::{..}`, apart from comments and the tests at its end.
+/// The modules that a source text names by `crate::NAME` or in `use crate::{..}`; comments and the module `tests` at
+/// the end of the text are left out.
 fn imports(text: &str) -> BTreeSet<String> {
     let text = text.split("\n#[cfg(test)]\nmod tests {").next().unwrap_or(text);
     let code: Vec<&str> = text.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
@@ -69,7 +70,7 @@ fn first_word(text: &str) -> String {
     text.trim_start().chars().take_while(|letter| letter.is_alphanumeric() || *letter == '_').collect()
 }
 
-/// Modules that the text imports and that are not below the module `room`.
+/// The modules that a file of the module `room` with this text imports although they are not below `room`.
 fn upward(room: &str, text: &str) -> Vec<String> {
     let level = |name: &str| ROOMS.iter().position(|known| *known == name);
     imports(text).into_iter().filter(|name| name != room && level(name) >= level(room)).collect()

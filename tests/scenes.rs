@@ -1,5 +1,6 @@
-//! The scenes that come with the program: all of them can be read, and those that reproduce the paper's experiments
-//! have the paper's numbers of vertices and its motions.
+//! Tests of the scenes that come with the program: all of them can be read. Those that reproduce the experiments of the
+//! paper that the program implements (Galoppo, Tekin, Otaduy, Gross and Lin; see the README) have the paper's numbers
+//! of vertices and its motions.
 
 use std::path::{Path, PathBuf};
 
@@ -20,7 +21,7 @@ fn sizes(name: &str) -> Vec<usize> {
     let scene = Scene::load(&file).unwrap();
     let size = |body: &palpate::scene::Body| match &body.shape {
         Shape::Soft { surface: Some(Surface::Model { vertices, .. }), .. } => *vertices,
-        other => panic!("{name}: a body has no generated model as its surface: {other:?}"),
+        other => panic!("scene {name}: the surface of a body is not a generated model: {other:?}"),
     };
     scene.bodies.iter().map(size).collect()
 }
@@ -33,7 +34,7 @@ fn every_scene_is_read() {
         for probe in &scene.probes {
             assert!(
                 scene.bodies.iter().any(|body| body.name == probe.body),
-                "{}: no body for probe {}",
+                "{}: the scene lacks the body of probe {}",
                 file.display(),
                 probe.name
             );

@@ -1,5 +1,5 @@
-//! Uses of the Vulkan extension VK_EXT_debug_utils: names of objects, labels around stages, and the validation layer's
-//! messages.
+//! Uses of the Vulkan extension VK_EXT_debug_utils: names of Vulkan objects, labels around the commands of each stage
+//! of a time step (tools that capture a run show both), and the messages of Vulkan's validation layer.
 #![allow(unsafe_code)]
 
 use std::ffi::{CStr, CString, c_void};
@@ -9,8 +9,8 @@ use ash::vk::{self, Handle};
 
 use super::log::{Level, Log};
 
-/// Receives the validation layer's messages. They are passed on at once if the log has a receiver, otherwise kept until
-/// they are fetched.
+/// Receives the validation layer's messages. They are passed on at once to the log's receiver (a function of the
+/// embedding program) if the log has one; otherwise they are kept until [`Messages::drain`] fetches them.
 #[derive(Default)]
 pub(super) struct Messages {
     kept: Mutex<Vec<String>>,
@@ -18,7 +18,7 @@ pub(super) struct Messages {
 }
 
 impl Messages {
-    /// Passes messages on to `log`, if it has a receiver.
+    /// Makes a `Messages` that passes each message on to `log`, if `log` has a receiver.
     pub fn heard_by(log: Log) -> Messages {
         Messages { log, ..Messages::default() }
     }
@@ -28,7 +28,8 @@ impl Messages {
         std::mem::take(&mut *self.kept.lock().unwrap_or_else(|e| e.into_inner()))
     }
 
-    /// The create info of a messenger or an instance, whose messages then arrive here. `self` must outlive both.
+    /// Returns the create info for a debug messenger or an instance, whose messages then arrive in `self`. `self` must
+    /// outlive the messenger or instance.
     pub fn create_info(&self) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {
         use vk::{DebugUtilsMessageSeverityFlagsEXT as Severity, DebugUtilsMessageTypeFlagsEXT as Type};
         vk::DebugUtilsMessengerCreateInfoEXT::default()
@@ -39,8 +40,8 @@ impl Messages {
     }
 }
 
-/// Text of a performance message that is ignored: it recommends another layout for copies, but images always stay in
-/// the general layout (see image.rs).
+/// Text of a performance message that is ignored: it recommends another image layout for copies, but images
+/// always stay in Vulkan's general layout (see `image.rs`).
 const ADVICE: &str = "instead of GENERAL";
 
 unsafe extern "system" fn callback(
@@ -49,8 +50,8 @@ unsafe extern "system" fn callback(
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     user: *mut c_void,
 ) -> vk::Bool32 {
-    // SAFETY: `user` is the Messages given in `create_info`, alive as long as the messenger; the layer hands a valid
-    // `data` whose message is NUL-terminated.
+    // SAFETY: `user` is the `Messages` given in `create_info`, which outlives the messenger; the validation layer
+    // passes a valid `data` whose message is NUL-terminated.
     let (messages, text) = unsafe { (&*user.cast::<Messages>(), CStr::from_ptr((*data).p_message)) };
     let text = text.to_string_lossy();
     if kind.contains(vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE) && text.contains(ADVICE) {
@@ -65,11 +66,11 @@ unsafe extern "system" fn callback(
     vk::FALSE
 }
 
-/// Names objects and labels commands of one device; does nothing where the extension is absent.
+/// Names objects and labels commands of one device; does nothing where the device lacks VK_EXT_debug_utils (`None`).
 pub(super) struct Labels(pub Option<ash::ext::debug_utils::Device>);
 
 impl Labels {
-    /// Gives an object the name that validation messages and captures show.
+    /// Gives an object the name that validation messages and captures of a run show.
     pub fn name<H: Handle>(&self, handle: H, name: &str) {
         let (Some(utils), Ok(name)) = (&self.0, CString::new(name)) else { return };
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
@@ -81,16 +82,16 @@ impl Labels {
     /// Opens a label in a command buffer that is being recorded.
     pub fn begin(&self, commands: vk::CommandBuffer, name: &str) {
         let (Some(utils), Ok(name)) = (&self.0, CString::new(name)) else { return };
-        // SAFETY: the command buffer is in recording state, by this one thread.
+        // SAFETY: the command buffer is in recording state, and only this thread records it.
         unsafe {
             utils.cmd_begin_debug_utils_label(commands, &vk::DebugUtilsLabelEXT::default().label_name(&name));
         }
     }
 
-    /// Closes the label opened last.
+    /// Closes the label that was opened last in this command buffer.
     pub fn end(&self, commands: vk::CommandBuffer) {
         if let Some(utils) = &self.0 {
-            // SAFETY: as in `begin`; every `end` follows a `begin`.
+            // SAFETY: the command buffer is in recording state; `begin` opened a label before each call of `end`.
             unsafe { utils.cmd_end_debug_utils_label(commands) };
         }
     }

@@ -1,4 +1,5 @@
-//! Lists the Vulkan devices, finds out for each whether palpate can run on it and why not, and chooses one.
+//! Lists the Vulkan devices, finds out for each whether palpate (this engine) can run on it, and if not why, and
+//! chooses one. A "device" is always a Vulkan device here, never a haptic device.
 #![allow(unsafe_code)]
 
 use std::ffi::CStr;
@@ -19,28 +20,28 @@ pub enum DeviceKind {
     Virtual,
     /// A software rasterizer on the processor.
     Cpu,
-    /// Anything else.
+    /// A device of any other type.
     Other,
 }
 
-/// One Vulkan device, as `palpate devices` lists it.
+/// One Vulkan device, as the command `palpate devices` lists it.
 #[derive(Debug, Clone)]
 pub struct DeviceInfo {
-    /// Position in the Vulkan loader's list; a user may give it in place of the name.
+    /// Index of the device in the Vulkan loader's list, from 0; a user may give it in place of the device's name.
     pub index: usize,
     /// Name that the driver gives the device.
     pub name: String,
     /// Type of the device.
     pub kind: DeviceKind,
-    /// Driver name and version.
+    /// Name and version of the device's driver.
     pub driver: String,
-    /// Vulkan version, as in `1.3.230`.
+    /// Vulkan version that the driver offers, such as `1.3.230`.
     pub api_version: String,
-    /// Whether palpate can run on it; the error says why not.
+    /// `Ok` if palpate can run on the device; otherwise the reason why it cannot.
     pub usable: std::result::Result<(), String>,
 }
 
-/// A physical device with its properties, as far as the engine needs them.
+/// A physical device that may be chosen, with those of its properties that the engine needs.
 pub(super) struct Candidate {
     pub physical: vk::PhysicalDevice,
     pub info: DeviceInfo,
@@ -59,7 +60,7 @@ pub(super) struct Candidate {
 pub(super) const REMEDY: &str = "On Debian or Ubuntu run ./setup.sh, or: apt-get install libvulkan1 \
      mesa-vulkan-drivers (software rendering); for a GPU install its vendor's driver with Vulkan 1.3.";
 
-/// Every device of an instance, in the loader's order.
+/// Every device of a Vulkan instance, in the order of the Vulkan loader's list.
 pub(super) fn candidates(instance: &ash::Instance) -> Result<Vec<Candidate>> {
     // SAFETY: the instance is alive; the call only reads it.
     let physical = unsafe { instance.enumerate_physical_devices() }
@@ -67,7 +68,8 @@ pub(super) fn candidates(instance: &ash::Instance) -> Result<Vec<Candidate>> {
     Ok(physical.into_iter().enumerate().map(|(index, device)| candidate(instance, index, device)).collect())
 }
 
-/// The requested device; without a request, the usable device with the most preferred type (discrete GPU first).
+/// The device that `asked` names by its index or by part of its name; for `None`, the usable device with the most
+/// preferred type (discrete GPU first).
 pub(super) fn choose(candidates: Vec<Candidate>, asked: Option<&str>) -> Result<Candidate> {
     if candidates.is_empty() {
         return Err(Error::NoDevice(format!("Vulkan's loader found no device: no driver is installed. {REMEDY}")));
@@ -120,14 +122,14 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
     if api >= vk::API_VERSION_1_2 {
         all = all.push_next(&mut driver).push_next(&mut ids);
     }
-    // SAFETY: as above; only structs of the device's own version are chained.
+    // SAFETY: `physical` belongs to this live instance; only structs that the device's Vulkan version has are chained.
     unsafe { instance.get_physical_device_properties2(physical, &mut all) };
     let properties = all.properties;
-    // SAFETY: as above.
+    // SAFETY: `physical` belongs to this live instance.
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
     let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
     let family = families.iter().position(|f| f.queue_flags.contains(wanted));
-    // SAFETY: as above.
+    // SAFETY: `physical` belongs to this live instance.
     let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }.unwrap_or_default();
     let offers = |name: &CStr| extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name));
     let features = features(instance, physical, api);
@@ -138,7 +140,7 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
     };
     let hex = |bytes: &[u8]| bytes.iter().map(|b| format!("{b:02x}")).collect::<String>();
     let text = |chars: &[std::ffi::c_char]| {
-        // SAFETY: the driver wrote a NUL-terminated string into this fixed array, zeroed beforehand.
+        // SAFETY: the driver wrote a NUL-terminated string into this array, which was zeroed beforehand.
         unsafe { CStr::from_ptr(chars.as_ptr()) }.to_string_lossy().into_owned()
     };
     let info = DeviceInfo {
@@ -164,7 +166,7 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
     }
 }
 
-/// Whether the memory of buffers can be exported to other programs as a file descriptor.
+/// Whether the device can export the memory of buffers to other programs as a file descriptor.
 fn exports_buffers(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bool {
     let info = vk::PhysicalDeviceExternalBufferInfo::default()
         .usage(super::buffer::SHARED_USAGE)
@@ -177,13 +179,14 @@ fn exports_buffers(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bo
     can.contains(vk::ExternalMemoryFeatureFlags::EXPORTABLE)
 }
 
+/// What a device offers of the Vulkan features that the engine needs or can use.
 #[derive(Default)]
 struct Features {
-    /// The required features that the device lacks, as a message; `None` where it has all.
+    /// A message that names the required features that the device lacks; `None` if it lacks none.
     lacking: Option<String>,
-    /// The device has 64-bit atomics on storage buffers.
+    /// Whether the device has 64-bit atomics on storage buffers.
     int64_atomics: bool,
-    /// Fragment shaders may write storage buffers.
+    /// Whether fragment shaders may write storage buffers.
     fragment_stores: bool,
 }
 
@@ -195,7 +198,7 @@ fn features(instance: &ash::Instance, physical: vk::PhysicalDevice, api: u32) ->
     let (mut v12, mut v13) =
         (vk::PhysicalDeviceVulkan12Features::default(), vk::PhysicalDeviceVulkan13Features::default());
     let mut all = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
-    // SAFETY: `physical` belongs to this live instance and offers 1.3, so these structs may be chained.
+    // SAFETY: `physical` belongs to this live instance and offers Vulkan 1.3, so these structs may be chained.
     unsafe { instance.get_physical_device_features2(physical, &mut all) };
     let (int64, fragments) = (all.features.shader_int64 != 0, all.features.fragment_stores_and_atomics != 0);
     let wanted = [

@@ -1,5 +1,6 @@
-//! Draws without attachments (images): a method of [`Recorder`]. The depth stage uses the rasterizer to distribute its
-//! work; its fragment shader writes buffers.
+//! Draws without attachments (images that are rendered onto): a method of [`Recorder`], which writes passes into a
+//! command buffer (the recording). The depth stage of a time step, which finds penetration depths, can use the
+//! rasterizer to distribute its work; the stage's fragment shader writes buffers instead of an image.
 #![allow(unsafe_code)]
 
 use ash::vk::{self, Handle, PipelineStageFlags2 as Stages};
@@ -14,7 +15,8 @@ use crate::error::Result;
 const DRAW_ARGS: u64 = 16;
 
 impl Recorder {
-    /// Draws triangles over `side` x `side` pixels, the whole of clip space. The arguments of the draw are the
+    /// Records a draw of triangles. The viewport has `side` x `side` pixels and shows the whole of clip space.
+    /// `arguments` are the buffers and push constants of the shaders; the vertex and instance counts are those of the
     /// VkDrawIndirectCommand (four u32) with index `slot` in `args`.
     pub fn draw_indirect(
         &mut self,
@@ -40,7 +42,10 @@ impl Recorder {
         let most = limits.max_framebuffer_width.min(limits.max_framebuffer_height);
         let most = most.min(limits.max_viewport_dimensions[0]).min(limits.max_viewport_dimensions[1]);
         if side == 0 || side > most {
-            let what = format!("{}: asked for {side} pixels a side, but the device draws 1 to {most}", interface.name);
+            let what = format!(
+                "{}: a viewport with {side} pixels a side was requested, but the device allows 1 to {most}",
+                interface.name
+            );
             return Err(self.error(what));
         }
         self.check_args(args, offset, DRAW_ARGS)?;
@@ -58,9 +63,9 @@ impl Recorder {
             vk::Viewport { width: side as f32, height: side as f32, max_depth: 1.0, ..vk::Viewport::default() };
         let rendering = vk::RenderingInfo::default().render_area(area).layer_count(1);
         let (device, commands) = (&self.commands.context.device, self.commands.buffer);
-        // SAFETY: the command buffer is recording; the recording keeps pipeline, set and arguments alive; the indirect
-        // arguments lie within their buffer, and the area within the device's limits; pipeline and rendering have no
-        // attachments.
+        // SAFETY: the command buffer is in recording state; the recording keeps the pipeline, the descriptor set and
+        // `args` alive; the VkDrawIndirectCommand lies within `args`, and the area within the device's limits; neither
+        // the pipeline nor the rendering has attachments.
         unsafe {
             device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::GRAPHICS, pipeline.0.pipeline);
             device.cmd_set_viewport(commands, 0, &[viewport]);

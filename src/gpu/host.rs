@@ -1,5 +1,5 @@
-//! Borrows a Vulkan device that another program, the host, opened: what the host must specify about it, and how its
-//! queue is shared. In this file "host" is that program, not the CPU side.
+//! Borrows a Vulkan device that another program, the host, opened: what the host must specify about the
+//! device, and how the device's queue is shared. In this file "host" is that program, not the CPU side.
 #![allow(unsafe_code)]
 
 use std::ffi::c_void;
@@ -10,7 +10,7 @@ use ash::vk::{self, Handle};
 use super::device::{self, Candidate, REMEDY};
 use crate::error::{Error, Result};
 
-/// A Vulkan device that belongs to the host. Handles are raw Vulkan handles.
+/// A Vulkan device that belongs to the host. The fields of type `u64` are raw Vulkan handles.
 #[derive(Debug, Clone, Copy)]
 pub struct HostDevice {
     /// vkGetInstanceProcAddr of the Vulkan loader that the handles come from; `None`: the system's loader.
@@ -21,7 +21,7 @@ pub struct HostDevice {
     pub physical_device: u64,
     /// VkDevice, with [`HostDevice::FEATURES`] enabled.
     pub device: u64,
-    /// VkQueue of the device.
+    /// VkQueue of the device, which the engine submits to.
     pub queue: u64,
     /// Queue family of `queue`; it must support graphics and compute.
     pub queue_family: u32,
@@ -39,9 +39,9 @@ pub struct HostDevice {
 /// The host's lock around its queue.
 #[derive(Debug, Clone, Copy)]
 pub struct QueueLock {
-    /// Takes the lock; the engine calls it before each use of the queue.
+    /// Takes the lock; the engine calls this function before each use of the queue.
     pub lock: unsafe extern "C" fn(*mut c_void),
-    /// Releases the lock; called on the thread that took it.
+    /// Releases the lock; the engine calls this function on the thread that took the lock.
     pub unlock: unsafe extern "C" fn(*mut c_void),
     /// Argument that is passed to both functions.
     pub user: *mut c_void,
@@ -50,7 +50,7 @@ pub struct QueueLock {
 // SAFETY: `user` is only passed to the two functions, which may be called on any thread, as the host guarantees
 // (`Context::on_host`).
 unsafe impl Send for QueueLock {}
-// SAFETY: as above.
+// SAFETY: the reason given for `Send` holds for `Sync` too.
 unsafe impl Sync for QueueLock {}
 
 impl HostDevice {
@@ -60,7 +60,7 @@ impl HostDevice {
     /// Loads the functions of the instance and of the Vulkan loader that the handles come from.
     ///
     /// # Safety
-    /// See [`super::Context::on_host`].
+    /// The handles must meet the conditions of [`super::Context::on_host`].
     pub(super) unsafe fn instance(&self) -> Result<(ash::Entry, ash::Instance)> {
         let names = [
             ("instance", self.instance),
@@ -73,15 +73,15 @@ impl HostDevice {
         }
         let entry = match self.get_instance_proc_addr {
             Some(function) => {
-                // SAFETY: the caller guarantees it; both types describe the same function.
+                // SAFETY: the caller guarantees that `function` is vkGetInstanceProcAddr, which has the target type.
                 let get_instance_proc_addr =
                     unsafe { std::mem::transmute::<unsafe extern "C" fn(), vk::PFN_vkGetInstanceProcAddr>(function) };
-                // SAFETY: the caller guarantees it.
+                // SAFETY: the caller guarantees that the function belongs to a Vulkan loader.
                 unsafe { ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr }) }
             }
             None => super::context::load()?,
         };
-        // SAFETY: the caller guarantees it.
+        // SAFETY: the caller guarantees that the instance is alive and comes from this loader.
         let instance = unsafe { ash::Instance::load(entry.static_fn(), vk::Instance::from_raw(self.instance)) };
         Ok((entry, instance))
     }
@@ -93,18 +93,18 @@ impl HostDevice {
         let found = device::candidates(instance)?.into_iter().find(|candidate| candidate.physical == own);
         let wrong = |what: &str| Error::NoDevice(format!("the host's {what}"));
         let mut candidate =
-            found.ok_or_else(|| wrong("physical_device does not belong to its instance; pass that of its device"))?;
+            found.ok_or_else(|| wrong("physical_device does not belong to its instance; pass its device's own"))?;
         let name = candidate.info.name.clone();
         if let Err(why) = &candidate.info.usable {
             return Err(Error::NoDevice(format!("{name} cannot run palpate: {why}. {REMEDY}")));
         }
-        // SAFETY: instance and device are alive, as the caller of `instance` promised.
+        // SAFETY: the instance and its physical device are alive, as the caller of [`HostDevice::instance`] promised.
         let families = unsafe { instance.get_physical_device_queue_family_properties(own) };
         let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
         match families.get(self.queue_family as usize) {
             None => {
                 return Err(wrong(&format!(
-                    "queue_family is {}; {name} has {}, counted from 0",
+                    "queue_family is {}; {name} has {} queue families, counted from 0",
                     self.queue_family,
                     families.len()
                 )));
@@ -122,17 +122,17 @@ impl HostDevice {
     }
 }
 
-/// The queue, locked for one thread; it excludes the host's threads too if the host gave a lock.
+/// The queue, locked for one thread of the engine; the host's threads are locked out too if the host gave a lock.
 pub(super) struct QueueGuard<'a> {
     queue: MutexGuard<'a, vk::Queue>,
     lock: Option<QueueLock>,
 }
 
 impl<'a> QueueGuard<'a> {
-    /// Takes the host's lock after the engine's own.
+    /// Takes the host's lock, if there is one. `queue` already holds the engine's own lock.
     pub fn new(queue: MutexGuard<'a, vk::Queue>, lock: Option<QueueLock>) -> QueueGuard<'a> {
         if let Some(QueueLock { lock, user, .. }) = lock {
-            // SAFETY: the host guarantees it, see `Context::on_host`.
+            // SAFETY: the host guarantees that `lock` may be called with `user`, see `Context::on_host`.
             unsafe { lock(user) };
         }
         QueueGuard { queue, lock }
@@ -146,7 +146,7 @@ impl<'a> QueueGuard<'a> {
 impl Drop for QueueGuard<'_> {
     fn drop(&mut self) {
         if let Some(QueueLock { unlock, user, .. }) = self.lock {
-            // SAFETY: the host guarantees it; this thread took the lock.
+            // SAFETY: the host guarantees that `unlock` may be called with `user`; this thread took the lock.
             unsafe { unlock(user) };
         }
     }

@@ -1,5 +1,6 @@
 //! Images that are rendered onto. They stay in Vulkan's general layout from the first use on, so that no code has to
-//! track layouts. Shaders do not read images: a shader that needs the content gets it copied into an array.
+//! track image layouts. Shaders do not read images: a shader that needs an image's content reads a copy of the image in
+//! an array (a buffer in GPU memory).
 #![allow(unsafe_code)]
 
 use std::sync::Arc;
@@ -13,7 +14,7 @@ use super::context::Context;
 use super::failed;
 use crate::error::{Error, Result};
 
-/// Content of a pixel.
+/// What each pixel of an image holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Texels {
     /// Red, green, blue and alpha, one byte each, without sRGB conversion.
@@ -22,7 +23,7 @@ pub enum Texels {
     Depth,
 }
 
-/// A rectangle of pixels in GPU memory; a cheap handle.
+/// A rectangle of pixels in GPU memory. The value is a reference-counted handle, so cloning it is cheap.
 #[derive(Clone)]
 pub struct Image(pub(super) Arc<ImageInner>);
 
@@ -62,14 +63,15 @@ impl Texels {
 }
 
 impl Image {
-    /// An uninitialised image of `size` pixels (width, height) with 1 or 4 samples each.
+    /// Makes an uninitialised image of `size` pixels (width, height). `samples`, the number of samples per pixel,
+    /// is 1 or 4.
     pub fn new(context: &Arc<Context>, name: &str, texels: Texels, size: [u32; 2], samples: u32) -> Result<Image> {
         let most = context.limits.max_framebuffer_width.min(context.limits.max_framebuffer_height);
         let most = most.min(context.limits.max_image_dimension2_d);
         if size.iter().any(|side| !(1..=most).contains(side)) {
             let [width, height] = size;
             return Err(Error::Usage(format!(
-                "an image of {width} x {height} pixels was requested, but the device draws 1 to {most} a side"
+                "an image of {width} x {height} pixels was requested, but the device allows 1 to {most} pixels a side"
             )));
         }
         let usage = if samples == 1 { texels.usage() } else { texels.usage() & !vk::ImageUsageFlags::TRANSFER_SRC };
@@ -82,7 +84,7 @@ impl Image {
             .samples(sample_flag(samples))
             .usage(usage);
         let stage = || format!("image {name}");
-        // SAFETY: the device is alive; the info lives through the call.
+        // SAFETY: the device is alive; `info` lives through the call.
         let handle = unsafe { context.device.create_image(&info, None) }.map_err(failed("vkCreateImage", stage()))?;
         context.labels.name(handle, name);
         // From here on, dropping `inner` frees whatever has been made so far.
@@ -114,12 +116,12 @@ impl Image {
         self.0.size
     }
 
-    /// Content of a pixel.
+    /// What each pixel holds.
     pub fn texels(&self) -> Texels {
         self.0.texels
     }
 
-    /// Size of all pixels, bytes; each pixel has four bytes.
+    /// Size of the image's content, bytes: four bytes for each pixel, with one sample per pixel.
     pub fn bytes(&self) -> u64 {
         4 * u64::from(self.0.size[0]) * u64::from(self.0.size[1])
     }
@@ -149,9 +151,12 @@ impl ImageInner {
         };
         let allocation = self.context.allocator().allocate(&desc).map_err(|e| {
             let [width, height] = self.size;
-            Error::Memory(format!("image {} of {width} x {height} gets no memory from the device: {e}", self.name))
+            Error::Memory(format!(
+                "image {} of {width} x {height} pixels gets no memory from the device: {e}",
+                self.name
+            ))
         })?;
-        // SAFETY: the range belongs to this allocation alone, and fits the requirements asked for.
+        // SAFETY: the memory range belongs to this allocation alone, and meets the image's memory requirements.
         let bound = unsafe { device.bind_image_memory(self.handle, allocation.memory(), allocation.offset()) };
         self.context.allocated.fetch_add(allocation.size(), Ordering::Relaxed);
         self.allocation = Some(allocation);
@@ -161,8 +166,8 @@ impl ImageInner {
 
 impl Drop for ImageInner {
     fn drop(&mut self) {
-        // SAFETY: this is the last handle. Recordings hold handles and wait for their work, so the GPU no longer uses
-        // the image. A null view is ignored.
+        // SAFETY: the last handle of this image is gone. Recordings (command buffers) hold handles of their images and
+        // wait for their own end, so the GPU no longer uses the image. A null view is ignored.
         unsafe {
             self.context.device.destroy_image_view(self.view, None);
             self.context.device.destroy_image(self.handle, None);

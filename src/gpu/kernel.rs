@@ -1,5 +1,6 @@
-//! Compute kernels: immutable pipelines, each with the interface (buffers, push constants) that its SPIR-V declares. A
-//! kernel is made once and used by any recording.
+//! Compute kernels: immutable compute pipelines, each with the interface (buffers, push constants) that its shader's
+//! SPIR-V declares. A kernel is made once, and any recording (command buffer) can use it. A *variant* of a shader is
+//! the shader with given values of its specialization constants. A [`Context`] is an opened Vulkan device.
 #![allow(unsafe_code)]
 
 use std::collections::HashMap;
@@ -16,13 +17,13 @@ mod table {
     include!(concat!(env!("OUT_DIR"), "/spirv.rs"));
 }
 
-/// How the workgroup size of a kernel is chosen; the size becomes specialization constant 0.
+/// How the workgroup size of a kernel is chosen; specialization constant 0 of the shader gets this size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Size {
     /// For kernels with one invocation per element; see [`Context::group_size`].
     Group,
-    /// For kernels with one workgroup per item of work, whose invocations synchronise at barriers; see
-    /// [`Context::reduce_size`].
+    /// For kernels with one workgroup per item of work, where the invocations of a workgroup synchronise at barriers;
+    /// see [`Context::reduce_size`].
     Reduce,
     /// One invocation per workgroup.
     One,
@@ -31,13 +32,13 @@ pub enum Size {
 /// The value of a specialization constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Const {
-    /// For a `uint`.
+    /// Value of a constant of type `uint`.
     Uint(u32),
-    /// For an `int`.
+    /// Value of a constant of type `int`.
     Int(i32),
-    /// For a `float`.
+    /// Value of a constant of type `float`.
     Float(f32),
-    /// For a `bool`.
+    /// Value of a constant of type `bool`.
     Bool(bool),
 }
 
@@ -76,7 +77,7 @@ impl Const {
     }
 }
 
-/// A compute pipeline; a cheap handle.
+/// A compute pipeline. The value is a reference-counted handle, so cloning it is cheap.
 #[derive(Clone)]
 pub struct Kernel(pub(super) Arc<Inner>);
 
@@ -92,14 +93,14 @@ pub fn shader_names() -> impl Iterator<Item = &'static str> {
 }
 
 impl Kernel {
-    /// Makes the kernel `shaders/<name>.comp`. `constants` sets specialization constants by name, the others keep the
-    /// shader's defaults; a name that the shader does not declare is an error.
+    /// Makes the kernel of the shader `shaders/<name>.comp`. `constants` gives values to specialization constants by
+    /// name; all others keep the shader's defaults. A name that the shader does not declare is an error.
     pub fn new(context: &Arc<Context>, name: &str, size: Size, constants: &[(&str, Const)]) -> Result<Kernel> {
         Self::with_arrays(context, name, size, constants, context.arrays())
     }
 
-    /// Like [`Kernel::new`], but with the given kind of read-only arrays instead of the context's, so that the kinds
-    /// can be compared.
+    /// Makes the kernel as [`Kernel::new`] does, but its read-only arrays are buffers of the kind `arrays` (texel or
+    /// storage buffers) instead of the kind that the context uses, so that the two kinds can be compared.
     pub fn with_arrays(
         context: &Arc<Context>,
         name: &str,
@@ -134,7 +135,7 @@ impl Kernel {
         Ok(Kernel(Arc::new(Inner { interface, pipeline, local_size })))
     }
 
-    /// Name of the kernel, as in `solve/element_product`.
+    /// Name of the kernel, such as `solve/element_product`.
     pub fn name(&self) -> &str {
         &self.0.interface.name
     }
@@ -144,7 +145,7 @@ impl Kernel {
         self.0.local_size
     }
 
-    /// The buffers that this kernel uses with its specialization constants.
+    /// The buffers that this kernel uses, given the values of its specialization constants.
     pub fn bindings(&self) -> &[Binding] {
         &self.0.interface.reflection.bindings
     }
@@ -152,16 +153,16 @@ impl Kernel {
 
 impl Drop for Inner {
     fn drop(&mut self) {
-        // SAFETY: recordings hold handles of the kernels they use, so no recording that uses the pipeline is left.
+        // SAFETY: recordings hold handles of the kernels they use, so no recording that uses this pipeline is left.
         unsafe { self.interface.context.device.destroy_pipeline(self.pipeline, None) };
     }
 }
 
-/// Descriptor set layout and pipeline layout, made from what a shader declares.
+/// The interface of a pipeline, and the descriptor set layout and the pipeline layout that are made from it.
 pub(super) struct Interface {
     pub context: Arc<Context>,
     pub name: String,
-    /// Names of all buffers that the shader declares, whether this variant uses them or not.
+    /// Names of all buffers that the shader declares, including those that this variant does not use.
     pub declared: Vec<String>,
     /// Bindings and push constants that this variant uses.
     pub reflection: Reflection,
@@ -183,8 +184,8 @@ impl Interface {
         let most = context.limits.max_per_stage_descriptor_storage_buffers;
         if storage > most as usize {
             let device = context.device_name();
-            let what = format!("{device} takes {most} storage buffers a stage, and kernel {name} has {storage}");
-            let remedy = "choose another device with --device, or fewer with --arrays texel";
+            let what = format!("{device} allows {most} storage buffers per kernel, but kernel {name} has {storage}");
+            let remedy = "choose another device with --device, or fewer such buffers with --arrays texel";
             return Err(Error::NoDevice(format!("{what}; {remedy}")));
         }
         let bindings: Vec<_> = reflection
@@ -209,7 +210,8 @@ impl Interface {
             stages,
         };
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
-        // SAFETY: the device is alive; infos live through the calls. On an error, dropping `interface` frees the rest.
+        // SAFETY: the device is alive; `info` lives through the call. On an error, dropping `interface` frees its
+        // parts.
         interface.set_layout = unsafe { device.create_descriptor_set_layout(&info, None) }
             .map_err(failed("vkCreateDescriptorSetLayout", stage()))?;
         let sets = [interface.set_layout];
@@ -218,7 +220,7 @@ impl Interface {
         if interface.reflection.push_bytes > 0 {
             info = info.push_constant_ranges(&range);
         }
-        // SAFETY: as above.
+        // SAFETY: the device is alive; `info` lives through the call.
         interface.layout =
             unsafe { device.create_pipeline_layout(&info, None) }.map_err(failed("vkCreatePipelineLayout", stage()))?;
         Ok(interface)
@@ -227,7 +229,7 @@ impl Interface {
 
 impl Drop for Interface {
     fn drop(&mut self) {
-        // SAFETY: pipelines and recordings that use the layouts hold this interface; null handles are ignored.
+        // SAFETY: pipelines that use the two layouts hold this interface, so none is left; null handles are ignored.
         unsafe {
             self.context.device.destroy_pipeline_layout(self.layout, None);
             self.context.device.destroy_descriptor_set_layout(self.set_layout, None);
@@ -243,7 +245,7 @@ pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
     }
 }
 
-/// The SPIR-V of one of the library's shaders, as bytes.
+/// The SPIR-V of one of the library's shaders, as bytes, compiled for this kind of read-only arrays.
 pub(super) fn known(name: &str, arrays: Arrays) -> Result<&'static [u8]> {
     let found = table::SHADERS.binary_search_by_key(&name, |(name, _)| name);
     let index = found.map_err(|_| {
@@ -255,7 +257,7 @@ pub(super) fn known(name: &str, arrays: Arrays) -> Result<&'static [u8]> {
     Ok(if arrays == Arrays::Texel { texel } else { storage })
 }
 
-/// The SPIR-V words of a shader, or of its replacement (`Options::replaced`), and the interface that it declares.
+/// The SPIR-V words of a shader, or of its replacement (`Options::replaced`), and the interface that they declare.
 pub(super) fn shader(context: &Context, name: &str, arrays: Arrays) -> Result<(Vec<u32>, Reflection)> {
     let replaced = context.replaced.iter().find(|(other, _)| other == name);
     let bytes = replaced.map_or_else(|| known(name, arrays), |(_, bytes)| Ok(bytes.as_slice()))?;
@@ -263,14 +265,15 @@ pub(super) fn shader(context: &Context, name: &str, arrays: Arrays) -> Result<(V
     if bytes.len() % size_of::<u32>() != 0 {
         return Err(refuse(format!("{} bytes of SPIR-V are no whole number of words", bytes.len())));
     }
-    // The bytes may be unaligned, so they are copied into words.
+    // The bytes may not be aligned as 32-bit words must be, so they are copied.
     let words: Vec<u32> = bytemuck::allocation::pod_collect_to_vec(bytes);
     let reflection = spirv::reflect(&words).map_err(|e| refuse(e.to_string()))?;
     Ok((words, reflection))
 }
 
-/// A shader with its specialization constants applied and without the buffers that it then never uses: SPIR-V words and
-/// interface. `number` gives each buffer its binding number by name; if it returns `None`, the number is kept.
+/// Applies values to the specialization constants of a shader, and removes the buffers that the shader then never uses.
+/// Returns the SPIR-V words and the interface of the result. `number` returns the new binding number of the buffer with
+/// a given name, or `None` to keep the number.
 pub(super) fn specialised(
     name: &str,
     words: &[u32],
@@ -310,7 +313,7 @@ impl Drop for Module<'_> {
     }
 }
 
-/// Values of specialization constants, by constant id.
+/// Values of specialization constants, each with its constant id.
 pub(super) struct Specialization {
     entries: Vec<vk::SpecializationMapEntry>,
     data: Vec<u32>,
@@ -342,7 +345,7 @@ impl Specialization {
         self.entries.push(vk::SpecializationMapEntry { constant_id: id, offset, size: size_of::<u32>() });
     }
 
-    /// Bit pattern of each value, by constant id.
+    /// Bit pattern of each value, keyed by constant id.
     fn values(&self) -> HashMap<u32, u32> {
         self.entries.iter().zip(&self.data).map(|(entry, bits)| (entry.constant_id, *bits)).collect()
     }

@@ -1,27 +1,27 @@
-//! Messages of the engine for programs that embed it.
+//! Messages of the engine for programs that embed it: a [`Log`] passes each message to a function of the program.
 
 use std::sync::Arc;
 
 /// Severity of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Level {
-    /// Information: choices that the engine made, and defects that it found and repaired in meshes.
+    /// Information: choices that the engine made, and defects of meshes that it found and repaired.
     Note,
-    /// The validation layer's warnings.
+    /// A warning of Vulkan's validation layer.
     Warning,
-    /// The validation layer's errors.
+    /// An error reported by Vulkan's validation layer.
     Error,
 }
 
 type Hear = dyn Fn(Level, &str) + Send + Sync;
 
-/// Receives messages, each of one or several lines, on the thread that causes them; without a receiver they are
-/// discarded.
+/// Passes messages, each of one or several lines, to the receiver: a function of the embedding program, which is called
+/// on the thread that causes the message. Without a receiver, messages are discarded.
 #[derive(Clone, Default)]
 pub struct Log(Option<Arc<Hear>>);
 
 impl Log {
-    /// A log whose messages go to this function.
+    /// Makes a log whose receiver is `hear`.
     pub fn new(hear: impl Fn(Level, &str) + Send + Sync + 'static) -> Log {
         Log(Some(Arc::new(hear)))
     }

@@ -1,10 +1,11 @@
-//! The only module that calls Vulkan.
+//! The only module that calls Vulkan. A *step* is one time step of the simulation, which consists of stages.
 //!
-//! [`Context`] is a Vulkan device with its queue, [`Buffer`] an array in its memory, and [`Kernel`] an immutable
-//! compute pipeline whose interface is reflected from its SPIR-V. [`Recorder`] writes passes (dispatches, draws, fills,
-//! copies) in order into a [`Recording`], a command buffer that is replayed every step, and derives barriers from what
-//! each kernel declares to read and write. A [`RasterPipeline`] draws triangles, either without attachments, where a
-//! stage uses the rasterizer to distribute work, or onto the [`Image`]s of a [`Canvas`].
+//! A [`Context`] is a Vulkan device with its queue, a [`Buffer`] is an array in the device's memory, and a [`Kernel`]
+//! is an immutable compute pipeline whose interface (buffers, push constants) is read from its SPIR-V. A [`Recorder`]
+//! writes passes (dispatches, draws, fills, copies) in order into a [`Recording`], a command buffer that is replayed in
+//! every step, and derives barriers from what each kernel declares to read and write. A [`RasterPipeline`] draws
+//! triangles, either without attachments (images), where a stage uses the rasterizer to distribute work, or onto the
+//! [`Image`]s of a [`Canvas`].
 
 mod arguments;
 mod barrier;
@@ -50,7 +51,7 @@ pub use window::{Content, Window, display_extensions};
 
 use crate::error::Error;
 
-/// Turns the failure of a Vulkan call into an error that names the call and the stage.
+/// Turns the failure of a Vulkan call into an error that names the call and `stage`, the work that was under way.
 fn failed(call: &'static str, stage: impl Into<String>) -> impl FnOnce(ash::vk::Result) -> Error {
     move |result| match result {
         ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | ash::vk::Result::ERROR_OUT_OF_HOST_MEMORY => {

@@ -1,6 +1,7 @@
 //! Graphics pipelines: the vertex shader fetches the corners of triangles from buffers itself, and the fragment shader
-//! runs once per covered pixel. Either there are no attachments, where a stage uses the rasterizer to distribute work
-//! (recorded by `draw.rs`), or the pipeline renders onto the images of a canvas for display (recorded by `canvas.rs`).
+//! runs once per covered pixel. Either a pipeline has no attachments (images), and a stage of the time step uses the
+//! rasterizer only to distribute work (recorded by `draw.rs`); or the pipeline renders onto the images of a canvas for
+//! display (recorded by `canvas.rs`). A recording is a command buffer that holds handles of everything it uses.
 #![allow(unsafe_code)]
 
 use std::sync::Arc;
@@ -14,33 +15,33 @@ use super::kernel::{Const, Interface, Module, Specialization, shader, specialise
 use super::spirv::Reflection;
 use crate::error::{Error, Result};
 
-/// How a pipeline draws onto a canvas.
+/// How a pipeline draws onto a canvas (a set of images: colour, depth or both).
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Onto {
     /// Whether the canvas has a colour attachment.
     pub has_colour: bool,
-    /// Whether the canvas has a depth attachment, which decides what is visible.
+    /// Whether the canvas has a depth attachment, against which the depth of each drawn pixel is tested.
     pub has_depth: bool,
     /// Whether depth is written, so that what is drawn hides what lies behind it.
     pub hides: bool,
-    /// Whether colours are blended over earlier ones; they must be premultiplied by their alpha.
+    /// Whether drawn colours are blended over earlier ones; the drawn colours must be premultiplied by their alpha.
     pub blends: bool,
-    /// The side of triangles that is not drawn (face culling); `None`: both sides are drawn.
+    /// Face culling: triangles that show this side to the viewer are not drawn; `None`: all triangles are drawn.
     pub culls: Option<Side>,
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
 }
 
-/// A side of a triangle. The front is the side from which its corners run counter-clockwise in the rendered image.
+/// A side of a triangle, distinguished by the order in which the triangle's corners run in the rendered image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
-    /// The side of triangles that face the viewer.
+    /// The side from which the corners run counter-clockwise.
     Front,
-    /// The side of triangles that face away from the viewer.
+    /// The side from which the corners run clockwise.
     Back,
 }
 
-/// A graphics pipeline without vertex attributes; a cheap handle.
+/// A graphics pipeline without vertex attributes. The value is a reference-counted handle, so cloning it is cheap.
 #[derive(Clone)]
 pub struct RasterPipeline(pub(super) Arc<PipelineInner>);
 
@@ -50,9 +51,10 @@ pub(super) struct PipelineInner {
 }
 
 impl RasterPipeline {
-    /// Makes the pipeline of `shaders/<name>.vert`, which may only read its buffers, and `<name>.frag`, which may write
-    /// them; it has no attachments. `constants` sets specialization constants in each of the two shaders that declares
-    /// them; a name that neither declares is an error. The device must have [`Context::fragment_stores`].
+    /// Makes a pipeline, without attachments, from the shaders `shaders/<name>.vert`, which may only read buffers, and
+    /// `shaders/<name>.frag`, which may also write them. `constants` gives values to specialization constants by name,
+    /// in each of the two shaders that declares the name; a name that neither shader declares is an error. On the
+    /// device, fragment shaders must be able to write buffers ([`Context::fragment_stores`]).
     pub fn new(context: &Arc<Context>, name: &str, constants: &[(&str, Const)]) -> Result<RasterPipeline> {
         if !context.fragment_stores() {
             let device = context.device_name();
@@ -61,8 +63,8 @@ impl RasterPipeline {
         Self::made(context, name, constants, &Onto { samples: 1, ..Onto::default() })
     }
 
-    /// Makes a pipeline of two shaders that only read buffers; it draws onto canvases with the attachments given by
-    /// `onto`.
+    /// Makes a pipeline from `shaders/<name>.vert` and `shaders/<name>.frag`, both of which may only read buffers. The
+    /// pipeline draws as `onto` says, onto canvases with the attachments that `onto` names.
     pub fn onto(
         context: &Arc<Context>,
         name: &str,
@@ -119,7 +121,7 @@ impl RasterPipeline {
         Ok(RasterPipeline(Arc::new(PipelineInner { interface, pipeline })))
     }
 
-    /// The buffers that the two shaders use.
+    /// The buffers that at least one of the two shaders uses.
     pub fn bindings(&self) -> &[super::spirv::Binding] {
         &self.0.interface.reflection.bindings
     }
@@ -132,7 +134,7 @@ impl Drop for PipelineInner {
     }
 }
 
-/// The interface of both shaders together.
+/// Merges the interfaces (buffers, push constants) of a pipeline's two shaders; fails if they contradict each other.
 fn merge(mut vertex: Reflection, fragment: Reflection) -> std::result::Result<Reflection, String> {
     if let Some(written) = vertex.bindings.iter().find(|binding| binding.writes) {
         return Err(format!(

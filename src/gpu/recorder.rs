@@ -1,9 +1,9 @@
-//! Writes passes, in order, into a [`Recording`]. A pass is one dispatch, draw, fill or copy; each pass belongs to a
-//! stage of the step (pose, cull, ...). Barriers between passes follow from what each kernel declares to read and
-//! write.
+//! Writes passes, in order, into a [`Recording`], a command buffer that can be submitted many times. A pass is one
+//! dispatch, draw, fill or copy; each pass belongs to a stage of the time step (pose, cull, ...). Barriers between
+//! passes follow from what each kernel declares to read and write.
 //!
-//! The methods that record return nothing, so that a stage reads like the algorithm; the first error is kept with the
-//! name of its stage, and returned by [`Recorder::finish`].
+//! The methods that record return no errors, so that the code of a stage reads like its algorithm. The first error is
+//! kept with the name of the stage in which it occurred; [`Recorder::finish`] returns it.
 #![allow(unsafe_code)]
 
 use std::collections::HashMap;
@@ -31,14 +31,14 @@ pub struct Recorder {
     bound: vk::Pipeline,
     stage: String,
     labelled: bool,
-    /// Gives each stage the name of the timer that measures it; `None` where nothing is timed.
+    /// Maps the name of a stage to the name of the timer that measures it; `None` if nothing is timed.
     timers: Option<fn(&str) -> &str>,
     /// Name of the timer that is running.
     timer: Option<String>,
     /// Whether dispatches are recorded without workgroups and draws without vertices.
     empty: bool,
     error: Option<Error>,
-    /// Every kernel dispatch with its arguments, for tests that change them.
+    /// Every kernel dispatch with its arguments, for tests that swap buffers among the arguments.
     #[cfg(test)]
     pub seen: Vec<Seen>,
 }
@@ -48,19 +48,20 @@ pub struct Recorder {
 pub type Seen = (Kernel, Vec<(String, Buffer)>, Vec<u8>);
 
 impl Recorder {
-    /// Begins a recording in which each stage is timed by itself. All earlier work on the device is visible to it.
+    /// Begins a recording in which each stage is timed by itself. The recording sees the results of all earlier work on
+    /// the device.
     pub fn new(context: &Arc<Context>) -> Result<Recorder> {
         Self::timed_by(context, |stage| stage)
     }
 
-    /// Begins a recording in which each stage is measured by the timer that `timers` names for it. No timestamp is
-    /// written between consecutive stages of one timer.
+    /// Begins a recording in which each stage is measured by the timer that `timers` names for the stage. No timestamp
+    /// is written between consecutive stages with the same timer.
     pub fn timed_by(context: &Arc<Context>, timers: fn(&str) -> &str) -> Result<Recorder> {
         let timers = (context.timestamp_bits > 0).then_some(timers);
         Ok(Recorder { timers, ..Self::untimed(context)? })
     }
 
-    /// Begins a recording without timestamps; on some drivers each timestamp costs a wait.
+    /// Begins a recording without timestamps; on some drivers the GPU waits at each timestamp.
     pub fn untimed(context: &Arc<Context>) -> Result<Recorder> {
         let recorder = Recorder {
             commands: Commands::new(context)?,
@@ -80,13 +81,15 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Begins a recording whose passes have no work. It is submitted once before the first step, because some drivers
-    /// compile a pipeline only when it is first used.
+    /// Begins a recording whose passes have no work (dispatches without workgroups, draws without vertices). This
+    /// recording is submitted once before the first time step, because some drivers compile a pipeline only when the
+    /// pipeline is first used.
     pub fn warm_up(context: &Arc<Context>) -> Result<Recorder> {
         Ok(Recorder { empty: true, ..Self::untimed(context)? })
     }
 
-    /// Begins a stage. Until the next one begins, its name is the debug label, the timer and the context of errors.
+    /// Begins the stage `name`. Until the next stage begins, `name` labels the commands for debugging, selects the
+    /// timer and is named in errors.
     pub fn stage(&mut self, name: &str) {
         self.end_label();
         self.stage = name.into();
@@ -100,44 +103,46 @@ impl Recorder {
         self.labelled = true;
     }
 
-    /// Records passes that run concurrently: none waits for another, whatever they declare to read and write. No pass
-    /// may read or write what another pass of the closure writes.
+    /// Records the passes of the closure `passes`, which then run concurrently: no barrier separates them, whatever
+    /// their kernels declare to read and write. So no pass may actually read or write memory that another of them
+    /// writes.
     pub fn together(&mut self, passes: impl FnOnce(&mut Recorder)) {
         self.hazards.begin_together();
         passes(self);
         self.hazards.end_together();
     }
 
-    /// Records a pass over `elements` invocations, rounded up to whole workgroups; nothing for 0.
+    /// Records a dispatch of `elements` invocations, rounded up to whole workgroups; for 0 it records nothing.
     pub fn dispatch(&mut self, kernel: &Kernel, arguments: &dyn Arguments, elements: u32) {
         self.dispatch_groups(kernel, arguments, elements.div_ceil(kernel.local_size()));
     }
 
-    /// Records a pass of `groups` workgroups; nothing for 0.
+    /// Records a dispatch of `groups` workgroups; for 0 it records nothing.
     pub fn dispatch_groups(&mut self, kernel: &Kernel, arguments: &dyn Arguments, groups: u32) {
         let limit = self.commands.context.limits.max_compute_work_group_count[0];
         let fits = if groups > limit {
-            Err(self.error(format!("kernel {}: {groups} groups, but the device's limit is {limit}", kernel.name())))
+            Err(self.error(format!("kernel {}: {groups} workgroups, but the device's limit is {limit}", kernel.name())))
         } else {
             Ok(())
         };
         let ready = fits.and_then(|()| self.prepare_compute(kernel, arguments, None, groups == 0));
         if self.note(ready) && groups > 0 {
-            // SAFETY: the command buffer is recording; pipeline, set and push constants were bound just now, and the
-            // recording keeps them alive.
+            // SAFETY: the command buffer is in recording state; `prepare_compute` bound pipeline, descriptor set and
+            // push constants; the recording keeps the pipeline and the buffers alive.
             let groups = if self.empty { 0 } else { groups };
             unsafe { self.commands.context.device.cmd_dispatch(self.commands.buffer, groups, 1, 1) };
         }
     }
 
-    /// Records a pass whose workgroup counts are the VkDispatchIndirectCommand (three u32) with index `slot` in `args`.
+    /// Records a dispatch whose workgroup counts are the VkDispatchIndirectCommand (three u32) with index `slot` in
+    /// `args`.
     pub fn dispatch_indirect(&mut self, kernel: &Kernel, arguments: &dyn Arguments, args: &Buffer, slot: u32) {
         let offset = u64::from(slot) * DISPATCH_ARGS;
         let ready = self
             .check_args(args, offset, DISPATCH_ARGS)
             .and_then(|()| self.prepare_compute(kernel, arguments, Some(args), false));
         if self.note(ready) {
-            // SAFETY: as in `dispatch_groups`; the indirect arguments lie within their buffer.
+            // SAFETY: as in `dispatch_groups`; the VkDispatchIndirectCommand lies within `args`.
             let (device, commands) = (&self.commands.context.device, self.commands.buffer);
             unsafe {
                 if self.empty {
@@ -149,17 +154,19 @@ impl Recorder {
         }
     }
 
-    /// Records that every 32-bit word of a buffer is set to `value`.
+    /// Records a fill that sets every 32-bit word of `buffer` to `value`.
     pub fn fill(&mut self, buffer: &Buffer, value: u32) {
         self.fill_words(buffer, 0, vk::WHOLE_SIZE, value);
     }
 
-    /// Records that the 32-bit words of a range are set to `value`; `first_byte` and `bytes` are multiples of 4.
+    /// Records a fill that sets the 32-bit words of `bytes` bytes of `buffer`, from `first_byte` on, to `value`.
+    /// `first_byte` and `bytes` must be multiples of 4.
     pub fn fill_range(&mut self, buffer: &Buffer, first_byte: u64, bytes: u64, value: u32) {
         let sound = first_byte.is_multiple_of(4) && bytes.is_multiple_of(4);
         if !sound || first_byte.checked_add(bytes).is_none_or(|end| end > buffer.bytes()) {
             let size = buffer.bytes();
-            let what = format!("{bytes} bytes from byte {first_byte} are not whole words within its {size} bytes");
+            let what =
+                format!("{bytes} bytes from byte {first_byte} are not whole words within the array's {size} bytes");
             self.fail(format!("fill of {}: {what}", buffer.name()));
         } else if bytes > 0 {
             self.fill_words(buffer, first_byte, bytes, value);
@@ -171,13 +178,13 @@ impl Recorder {
         self.copy_range(src, 0, dst, 0, src.bytes());
     }
 
-    /// Records a copy of `bytes` bytes from `src` at `src_byte` to `dst` at `dst_byte`.
+    /// Records a copy of `bytes` bytes from byte `src_byte` of `src` to byte `dst_byte` of `dst`.
     pub fn copy_range(&mut self, src: &Buffer, src_byte: u64, dst: &Buffer, dst_byte: u64, bytes: u64) {
         let within = |at: u64, buffer: &Buffer| at.checked_add(bytes).is_some_and(|end| end <= buffer.bytes());
         if !within(src_byte, src) || !within(dst_byte, dst) || src.inner.handle == dst.inner.handle {
             let (a, b) = (src.bytes(), dst.bytes());
             self.fail(format!(
-                "{bytes} bytes cannot be copied from {} of {a} bytes to {} of {b} bytes",
+                "{bytes} bytes cannot be copied from array {} of {a} bytes to array {} of {b} bytes",
                 src.name(),
                 dst.name()
             ));
@@ -190,8 +197,8 @@ impl Recorder {
         self.keep(dst);
         let region = [vk::BufferCopy { src_offset: src_byte, dst_offset: dst_byte, size: bytes }];
         let device = &self.commands.context.device;
-        // SAFETY: the command buffer is recording, which keeps both buffers alive; the ranges lie within them, and they
-        // differ.
+        // SAFETY: the command buffer is in recording state; the recording keeps both buffers alive; the byte ranges lie
+        // within the buffers, and the two buffers differ.
         unsafe { device.cmd_copy_buffer(self.commands.buffer, src.inner.handle, dst.inner.handle, &region) };
     }
 
@@ -215,15 +222,16 @@ impl Recorder {
         }
         self.pass("fill", buffer.name(), &[transfer(buffer, true)]);
         self.keep(buffer);
-        // SAFETY: the command buffer is recording, which keeps the buffer alive; the range was checked, or is the whole
-        // buffer.
+        // SAFETY: the command buffer is in recording state; the recording keeps the buffer alive; the caller checked
+        // the byte range, or it is the whole buffer.
         unsafe {
             let device = &self.commands.context.device;
             device.cmd_fill_buffer(self.commands.buffer, buffer.inner.handle, first, bytes, value);
         }
     }
 
-    /// Checks and binds everything that a dispatch needs; with `only_check` it records nothing.
+    /// Checks the arguments of a dispatch, and records the barrier and the bindings that the dispatch needs; with
+    /// `only_check` it records nothing.
     fn prepare_compute(
         &mut self,
         kernel: &Kernel,
@@ -246,7 +254,7 @@ impl Recorder {
             self.bound = inner.pipeline;
             self.commands.keep(inner.pipeline.as_raw(), inner);
             let (device, point) = (&self.commands.context.device, vk::PipelineBindPoint::COMPUTE);
-            // SAFETY: the command buffer is recording, which keeps the pipeline alive.
+            // SAFETY: the command buffer is in recording state; the recording keeps the pipeline alive.
             unsafe { device.cmd_bind_pipeline(self.commands.buffer, point, inner.pipeline) };
         }
         self.bind(&inner.interface, &buffers, &arguments.push(), vk::PipelineBindPoint::COMPUTE)
@@ -259,7 +267,7 @@ impl Recorder {
         self.seen.push((kernel.clone(), buffers, arguments.push()));
     }
 
-    /// Binds descriptor set and push constants.
+    /// Records the binding of a descriptor set with these buffers and of the push constants.
     pub(super) fn bind(
         &mut self,
         interface: &Interface,
@@ -270,8 +278,8 @@ impl Recorder {
         let set = if buffers.is_empty() { None } else { Some(self.descriptor_set(interface, buffers)?) };
         buffers.iter().for_each(|buffer| self.keep(buffer));
         let (device, commands) = (&self.commands.context.device, self.commands.buffer);
-        // SAFETY: the command buffer is recording; set and layout are alive and belong to the pipeline, which the
-        // recording keeps alive; sizes were checked.
+        // SAFETY: the command buffer is in recording state; descriptor set and layout are alive and fit the pipeline,
+        // which the recording keeps alive; the size of the push constants was checked.
         unsafe {
             if let Some(set) = set {
                 device.cmd_bind_descriptor_sets(commands, point, interface.layout, 0, &[set], &[]);
@@ -283,7 +291,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// A descriptor set with these buffers; one that was made earlier in this recording is reused.
+    /// A descriptor set with these buffers; if this recording already has such a set, that set is reused.
     fn descriptor_set(&mut self, interface: &Interface, buffers: &[&Buffer]) -> Result<vk::DescriptorSet> {
         let key = (interface.set_layout, buffers.iter().map(|b| b.inner.handle).collect::<Vec<_>>());
         if let Some(&set) = self.sets.get(&key) {
@@ -320,14 +328,15 @@ impl Recorder {
                 }
             })
             .collect();
-        // SAFETY: the set is new, so not in use; the caller keeps buffers and views alive.
+        // SAFETY: the descriptor set is new, so nothing uses it yet; the caller keeps buffers and views alive.
         unsafe { self.commands.context.device.update_descriptor_sets(&writes, &[]) };
         self.sets.insert(key, set);
         Ok(set)
     }
 
-    /// Counts a pass, and records a barrier before it if it must wait. `verb` names a pass that does not run the kernel
-    /// `name` as a dispatch: "fill", "copy" or "draw"; it is empty for a dispatch.
+    /// Adds a pass to the list of passes, and records a barrier before the pass if it must wait for earlier passes.
+    /// `verb` is "fill", "copy", "draw" (onto images), or empty for a dispatch or a draw without images. `name` is the
+    /// array that a fill or copy writes, or else the kernel or shaders that run.
     pub(super) fn pass(&mut self, verb: &str, name: &str, uses: &[Use]) {
         let barrier = self.hazards.before(uses);
         let passes = &mut self.commands.passes;
@@ -341,7 +350,7 @@ impl Recorder {
     fn barrier(&self, barrier: vk::MemoryBarrier2<'_>) {
         let barriers = [barrier];
         let info = vk::DependencyInfo::default().memory_barriers(&barriers);
-        // SAFETY: the command buffer is recording, outside rendering; synchronization2 is enabled.
+        // SAFETY: the command buffer is in recording state, outside rendering; synchronization2 is enabled.
         unsafe { self.commands.context.device.cmd_pipeline_barrier2(self.commands.buffer, &info) };
     }
 
@@ -361,7 +370,7 @@ impl Recorder {
         }
     }
 
-    /// Keeps the first error. Returns whether there has been no error so far.
+    /// Keeps the error of `result` if it is the first error of the recording. Returns whether there is no error so far.
     pub(super) fn note(&mut self, result: Result<()>) -> bool {
         if let Err(error) = result {
             self.error.get_or_insert(error);
@@ -373,7 +382,7 @@ impl Recorder {
         self.error.is_none()
     }
 
-    /// Whether passes are recorded without work, see `warm_up`.
+    /// Whether the passes are recorded without work, as [`Recorder::warm_up`] describes.
     pub(super) fn is_empty(&self) -> bool {
         self.empty
     }
@@ -398,9 +407,9 @@ mod tests {
     use super::super::{Named, Options, Size};
     use super::*;
 
-    /// The validation layer must report a missing barrier before a pass that reads what another pass wrote, since the
-    /// tests depend on it. (It does not report a missing barrier between two passes that write the same buffer: it
-    /// treats shader writes at one pipeline stage as ordered.)
+    /// Vulkan's validation layer must report a missing barrier before a pass that reads what another pass wrote,
+    /// because other tests rely on these reports. (The layer does not report a missing barrier between two passes that
+    /// write the same buffer, because it treats shader writes at one pipeline stage as ordered.)
     #[test]
     fn a_missing_barrier_is_seen_by_validation() {
         let device = std::env::var("PALPATE_TEST_DEVICE").ok();
@@ -432,7 +441,8 @@ mod tests {
         };
         let (a_to_b, b_to_a) = ([&a, &offsets, &b], [&b, &offsets, &a]);
         let other = any("c");
-        // Here `b` is read as `offsets` instead of `source`, which may be another kind of buffer (a texel buffer).
+        // `b_to_a` reads `b` as `source`, a storage buffer; `texels` reads `b` as `offsets`, which may be a texel
+        // buffer.
         let texels = [&other, &b, &a];
         for second in [b_to_a, texels] {
             assert_eq!(said([a_to_b, second], false), Vec::<String>::new());

@@ -1,4 +1,5 @@
-//! A recorded command buffer with everything that its replay needs, and the GPU times of its stages.
+//! A recording: a recorded command buffer with everything that its replay needs, and the GPU times of its stages (the
+//! parts of a time step, such as cull or solve).
 #![allow(unsafe_code)]
 
 use std::any::Any;
@@ -14,50 +15,54 @@ use crate::error::{Error, Result};
 
 /// Number of timestamps in one query pool.
 const QUERIES: u32 = 64;
-/// Greatest number of recordings in one submit. A step submits three, and a simulation has fewer than this in all.
+/// Greatest number of recordings in one submit. A time step submits at most three at once; a simulation has fewer than
+/// 32 recordings in all.
 const MOST_AT_ONCE: usize = 32;
 
-/// Numbers of passes that one stage recorded. A pass is one dispatch, draw, fill or copy.
+/// Counts of the passes that one stage recorded. A pass is one dispatch, draw, fill or copy.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StagePasses {
     /// Name of the stage.
     pub stage: String,
-    /// Number of passes.
+    /// Number of passes of all kinds.
     pub dispatches: u32,
-    /// Number of passes that wait for an earlier one; over all stages this is the number of barriers plus one.
+    /// Number of passes that wait for an earlier pass; the first pass of a recording counts as one of them. Summed over
+    /// all stages, this is the number of barriers between passes plus one.
     pub dependent: u32,
 }
 
 /// One pass of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pass {
-    /// Name of its stage.
+    /// Name of the stage that recorded the pass.
     pub stage: String,
-    /// Name of the kernel; for a fill or a copy, the word "fill" or "copy" and the name of the array that is written.
+    /// Name of the kernel or of the shaders that run, or of the array that a fill or a copy writes. The word
+    /// "fill", "copy" or, for a draw onto images, "draw" stands before the name.
     pub what: String,
-    /// Whether the pass runs a kernel; false for a fill, a copy or a draw onto images.
+    /// Whether the pass is a dispatch or a draw without images; false for a fill, a copy or a draw onto images.
     pub is_kernel: bool,
-    /// Whether the pass waits for an earlier one. The first pass of a recording always counts as waiting.
+    /// Whether the pass waits for an earlier pass. The first pass of a recording always counts as waiting.
     pub waits: bool,
 }
 
 /// An array that a recording binds.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ArrayUse {
-    /// Identifies the array; the same number in all recordings that bind it.
+    /// Number that identifies the array in all recordings that bind it.
     pub id: u64,
     /// The first stage that binds the array.
     pub stage: String,
     /// Name of the array.
     pub name: String,
-    /// Size that was asked for, bytes.
+    /// Size that was requested for the array, bytes.
     pub bytes: u64,
     /// Whether the array is in GPU memory; false if it is mapped for the CPU.
     pub on_device: bool,
 }
 
-/// A command buffer that can be submitted any number of times. It holds handles of everything it uses, so that nothing
-/// is freed before the recording. It may move between threads, but only one thread at a time may submit it.
+/// A command buffer that can be submitted any number of times. It holds handles of everything that it uses, so that
+/// nothing it uses is freed before the recording. It may move between threads, but only one thread at a time may submit
+/// it.
 pub struct Recording {
     pub(super) commands: Commands,
     ran: Cell<bool>,
@@ -71,7 +76,7 @@ pub(super) struct Commands {
     fence: vk::Fence,
     descriptor_pools: Vec<vk::DescriptorPool>,
     queries: Vec<vk::QueryPool>,
-    /// For each timestamp, the name of the timer that starts there.
+    /// For each timestamp, the name of the timer that starts at it.
     marks: Vec<String>,
     pub passes: Vec<Pass>,
     pub arrays: Vec<ArrayUse>,
@@ -94,8 +99,8 @@ impl Commands {
             kept: HashMap::new(),
         };
         let pool = vk::CommandPoolCreateInfo::default().queue_family_index(context.queue_family);
-        // SAFETY (all here): the device is alive, infos live through their calls; on an error `commands` frees what
-        // was made. The pool is this recording's own, so no other thread touches it.
+        // SAFETY (of all calls below): the device is alive; each info lives through its call; on an error, dropping
+        // `commands` frees what was made. Only this recording uses the pool, so no other thread touches the pool.
         unsafe {
             commands.pool = device.create_command_pool(&pool, None).map_err(failed("vkCreateCommandPool", "set-up"))?;
             let info = vk::CommandBufferAllocateInfo::default().command_pool(commands.pool).command_buffer_count(1);
@@ -111,7 +116,7 @@ impl Commands {
         Ok(commands)
     }
 
-    /// Keeps an object alive as long as the recording; `id` is its Vulkan handle.
+    /// Keeps the object `what` alive as long as the recording; `id` is the object's Vulkan handle.
     pub fn keep(&mut self, id: u64, what: &Arc<impl Any + Send + Sync>) {
         self.kept.entry(id).or_insert_with(|| what.clone());
     }
@@ -121,7 +126,8 @@ impl Commands {
         self.kept.contains_key(&id)
     }
 
-    /// Writes a timestamp at which the timer `stage` starts: a stage's name, or that of a timer for several stages.
+    /// Records a timestamp at which a timer starts. `stage` is the name of the timer: the name of a stage, or of a
+    /// group of stages that are timed together.
     pub fn mark(&mut self, stage: &str) -> Result<()> {
         let device = &self.context.device;
         let query = self.marks.len() as u32 % QUERIES;
@@ -135,7 +141,8 @@ impl Commands {
             }
         }
         if let Some(&pool) = self.queries.last() {
-            // SAFETY: as above; the query was reset just now or with its pool, and is written once per submit.
+            // SAFETY: the command buffer is in recording state; the command that resets all queries of the pool was
+            // recorded when the pool was made; this query is written once per submit.
             unsafe {
                 device.cmd_write_timestamp2(self.buffer, vk::PipelineStageFlags2::ALL_COMMANDS, pool, query);
             }
@@ -144,14 +151,14 @@ impl Commands {
         Ok(())
     }
 
-    /// Allocates a descriptor set, from a new pool where the last one is used up.
+    /// Allocates a descriptor set from the last pool, or from a new pool if the last pool is used up.
     pub fn descriptor_set(&mut self, layout: vk::DescriptorSetLayout, stage: &str) -> Result<vk::DescriptorSet> {
         const SETS: u32 = 256;
         let layouts = [layout];
         let device = &self.context.device;
         if let Some(&pool) = self.descriptor_pools.last() {
             let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
-            // SAFETY: pool and layout are alive and this recording's own.
+            // SAFETY: pool and layout are alive; only this recording uses the pool.
             match unsafe { device.allocate_descriptor_sets(&info) } {
                 Ok(sets) => return Ok(sets[0]),
                 Err(vk::Result::ERROR_OUT_OF_POOL_MEMORY | vk::Result::ERROR_FRAGMENTED_POOL) => {}
@@ -165,7 +172,7 @@ impl Commands {
             size(vk::DescriptorType::UNIFORM_BUFFER, SETS),
         ];
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS).pool_sizes(&sizes);
-        // SAFETY: the device is alive; infos live through their calls.
+        // SAFETY: the device is alive; each info lives through its call.
         let sets = unsafe {
             let pool = device.create_descriptor_pool(&info, None).map_err(failed("vkCreateDescriptorPool", stage))?;
             self.descriptor_pools.push(pool);
@@ -182,14 +189,15 @@ impl Commands {
         Ok(Recording { commands: self, ran: Cell::new(false) })
     }
 
-    /// For each timestamp its value in ticks, and whether it was written.
+    /// For each timestamp: its value in ticks of the GPU's clock, and whether the GPU has written it.
     fn timestamps(&self) -> Vec<(u64, bool)> {
         let mut out = Vec::new();
         for (i, &pool) in self.queries.iter().enumerate() {
             let count = (self.marks.len() - i * QUERIES as usize).min(QUERIES as usize);
             let mut pairs = vec![[0u64; 2]; count];
             let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WITH_AVAILABILITY;
-            // SAFETY: the pool is alive, and holds at least `count` queries. An error leaves availability at zero.
+            // SAFETY: the pool is alive, and holds at least `count` queries. On an error, the second number of each
+            // pair stays zero: not written.
             let _ = unsafe { self.context.device.get_query_pool_results(pool, 0, &mut pairs, flags) };
             out.extend(pairs.iter().map(|pair| (pair[0], pair[1] != 0)));
         }
@@ -200,7 +208,7 @@ impl Commands {
 impl Drop for Commands {
     fn drop(&mut self) {
         let device = &self.context.device;
-        // SAFETY: every submit waits for its end, so the GPU no longer uses any of this; null handles are ignored.
+        // SAFETY: every submit waits for its end, so the GPU no longer uses these objects; null handles are ignored.
         unsafe {
             for &pool in &self.queries {
                 device.destroy_query_pool(pool, None);
@@ -220,8 +228,8 @@ impl Recording {
         Self::submit_all(&[self])
     }
 
-    /// Runs several recordings in order, with one submit and one wait. No recording may be given twice. Allocates no
-    /// memory.
+    /// Submits several recordings at once and waits for their end; they run in order. No recording may be given twice.
+    /// The function allocates no memory.
     pub fn submit_all(recordings: &[&Recording]) -> Result<()> {
         let Some(last) = recordings.last() else { return Ok(()) };
         let context = &last.commands.context;
@@ -235,7 +243,7 @@ impl Recording {
         }
         let mut buffers = [vk::CommandBufferSubmitInfo::default(); MOST_AT_ONCE];
         let Some(buffers) = buffers.get_mut(..recordings.len()) else {
-            return Err(Error::Simulation(format!("{} recordings were submitted at once", recordings.len())));
+            return Err(Error::Simulation(format!("{} recordings are too many for one submit", recordings.len())));
         };
         for (buffer, recording) in buffers.iter_mut().zip(recordings) {
             *buffer = buffer.command_buffer(recording.commands.buffer);
@@ -246,12 +254,12 @@ impl Recording {
         let lost = |call| move |result| failed(call, Self::stage_reached(recordings))(result);
         {
             let queue = context.queue();
-            // SAFETY: the command buffers are recorded and idle, since each run waits and a Recording is not Sync; the
-            // queue is locked.
+            // SAFETY: the command buffers are recorded, and idle because every submit waits for its end and a
+            // `Recording` is not `Sync`; the queue is locked.
             unsafe { device.queue_submit2(queue.queue(), &submit, last.commands.fence) }
                 .map_err(lost("vkQueueSubmit2"))?;
         }
-        // SAFETY: the fence was submitted just now; reset while nobody waits on it.
+        // SAFETY: the fence was submitted just now; it is reset when nobody waits for it.
         unsafe {
             if let Err(error) = device.wait_for_fences(&fences, true, u64::MAX) {
                 // The recordings must not be freed while the device still runs them.
@@ -264,8 +272,9 @@ impl Recording {
         Ok(())
     }
 
-    /// GPU time of each timer (usually a stage) in the last run, microseconds, in order of first appearance; a timer
-    /// that runs several times is summed. Empty before the first run, and where nothing was timed.
+    /// Name and GPU time of each timer (usually of one stage) in the last run of the recording, microseconds, in order
+    /// of first appearance; the times of a timer that runs several times are summed. Empty before the first run, and if
+    /// nothing was timed.
     pub fn stage_times(&self) -> Vec<(String, f64)> {
         let (context, marks) = (&self.commands.context, &self.commands.marks);
         if !self.ran.get() || context.timestamp_bits == 0 {
@@ -309,7 +318,7 @@ impl Recording {
         &self.commands.arrays
     }
 
-    /// The last stage that began before the device was lost, as far as timestamps show.
+    /// Name of the last timer that started before a submit failed, as far as the timestamps show.
     fn stage_reached(recordings: &[&Recording]) -> String {
         let reached = recordings.iter().rev().find_map(|r| {
             let stamps = r.commands.timestamps();

@@ -1,6 +1,7 @@
-//! Finds what a shader still uses once its specialization constants have values, and removes the rest from its SPIR-V.
-//! Sparse conditional constant propagation (Wegman and Zadeck 1991) finds the basic blocks that can run; a binding that
-//! none of these blocks uses is removed. So a variant of a kernel binds only the buffers that it uses.
+//! Finds which bindings (buffers) a shader still uses once its specialization constants have values, and removes the
+//! other bindings from its SPIR-V. Sparse conditional constant propagation (Wegman and Zadeck 1991) finds the basic
+//! blocks that can run; a binding that none of these blocks uses is removed. So a kernel with given constants binds
+//! only the buffers that it uses.
 //!
 //! Instruction numbers are those of the Khronos SPIR-V specification, version 1.6.
 
@@ -9,47 +10,47 @@ use std::ops::Range;
 
 use super::spirv::{HEADER, Instruction, instructions};
 
-/// What is known of an SSA value.
+/// What is known of an SSA value (the result of one instruction).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Value {
-    /// It has these 32 bits in every run; booleans are 0 and 1.
+    /// The value has these 32 bits in every run of the shader; booleans are 0 and 1.
     Constant(u32),
-    /// It depends on specialization constants that have no value yet. Only [`optional`] uses such values: it follows a
-    /// branch on such a value straight to the merge block, since some choice of the constants may skip all code in
-    /// between.
+    /// The value depends on specialization constants that are not given yet. Only [`optional`] uses such values: it
+    /// follows a branch on such a value straight to the branch's merge block, since some choice of the constants may
+    /// skip all code in between.
     Open,
-    /// It is found only at run time.
+    /// The value is known only when the shader runs.
     Varying,
 }
 
-/// The control flow of a module: which blocks run, and which variables they name.
+/// The control flow of a SPIR-V module: which functions are called, and which basic blocks can run.
 struct Flow<'a> {
     instructions: Vec<Instruction<'a>>,
     values: HashMap<u32, Value>,
-    /// For each function, the range of its instructions.
+    /// For each function, by its id: the range of its instructions in `instructions`.
     functions: HashMap<u32, Range<usize>>,
-    /// Values that propagation evaluates; all others are known only at run time.
+    /// Ids of the values inside functions that propagation evaluates; all others there are known only at run time.
     evaluated: HashSet<u32>,
-    /// Ids of sampled image types, which texel buffers have.
+    /// Ids of the sampled image types: the types of texel buffers.
     sampled_images: HashSet<u32>,
     /// Ids of the functions that are called.
     called: HashSet<u32>,
-    /// Labels of the basic blocks that run.
+    /// Ids of the labels of the basic blocks that can run.
     running: HashSet<u32>,
-    /// Edges (from block, to block) of the control flow that are taken; `true` for an edge from a branch straight to
-    /// its merge block, taken because the branch depends on a [`Value::Open`].
+    /// Edges of the control flow that are taken: labels of the block that is left and of the block that is entered. The
+    /// value is `true` for an edge from a branch on a [`Value::Open`] straight to the branch's merge block.
     ways: HashMap<(u32, u32), bool>,
 }
 
-/// Values of specialization constants, by constant id.
+/// Bit patterns of the values of specialization constants, keyed by constant id.
 type Constants = HashMap<u32, u32>;
 
-/// The module without the bindings that it cannot use with these values of the specialization constants.
+/// Returns a module without the bindings that it cannot use with these values of its specialization constants.
 pub fn specialised(words: &[u32], constants: &Constants) -> Result<Vec<u32>, String> {
     Flow::of(words, Some(constants))?.stripped(words)
 }
 
-/// Ids of variables that some choice of the specialization constants leaves unused; for the build script.
+/// Ids of the bindings' variables that some choice of the specialization constants leaves unused; for the build script.
 #[allow(dead_code)]
 pub fn optional(words: &[u32]) -> Result<HashSet<u32>, String> {
     let flow = Flow::of(words, None)?;
@@ -58,6 +59,7 @@ pub fn optional(words: &[u32]) -> Result<HashSet<u32>, String> {
     Ok(variables.map(|i| i.operands[1]).filter(|id| !used.contains(id)).collect())
 }
 
+// Opcodes of SPIR-V instructions.
 const NAME: u32 = 5;
 const ENTRY_POINT: u32 = 15;
 const TYPE_BOOL: u32 = 20;
@@ -88,10 +90,11 @@ const IMAGE_QUERY_SIZE: u32 = 104;
 const IMAGE: u32 = 100;
 const IMAGE_FETCH: u32 = 95;
 const ATOMIC_STORE: u32 = 228;
-/// Range of the atomic instructions that return a value.
+/// Opcode of the first atomic instruction. All atomic instructions but `ATOMIC_STORE` return a value.
 const ATOMIC_FIRST: u32 = 227;
+/// Opcode of the last atomic instruction.
 const ATOMIC_LAST: u32 = 242;
-/// First word of an OpUndef instruction: its length and opcode.
+/// First word of an OpUndef instruction: its length (3 words) and its opcode (1).
 const UNDEFINED_WORDS: u32 = (3 << 16) | 1;
 const LOAD: u32 = 61;
 const STORE: u32 = 62;
@@ -100,19 +103,21 @@ const ACCESS_CHAIN: u32 = 65;
 const IN_BOUNDS_ACCESS_CHAIN: u32 = 66;
 const ARRAY_LENGTH: u32 = 68;
 const COPY_OBJECT: u32 = 83;
+/// Number of the decoration `SpecId`, which gives a specialization constant its id.
 const SPEC_ID: u32 = 1;
 
-/// Words of an OpEntryPoint before the variables that it names: opcode, execution model, function, and "main" with its
-/// terminating zero word.
+/// Number of words of an OpEntryPoint before the variables that it names: one each for opcode, execution model and
+/// function, and two for the name "main" with its terminating zero.
 const ENTRY_WORDS: usize = 5;
 
-/// Whether a variable's storage class is that of a binding: uniform constant, uniform block or storage buffer.
+/// Whether the OpVariable with the operands `variable` is a binding. The storage class is then uniform constant (0),
+/// uniform block (2) or storage buffer (12).
 fn is_binding(variable: &[u32]) -> bool {
     matches!(variable.get(2), Some(0 | 2 | 12))
 }
 
-/// Evaluates an instruction. The outer `None`: instructions of this kind are not evaluated; the inner `None`: an
-/// operand is not known yet.
+/// Evaluates an instruction with operands `w`. The outer `None` means that instructions with this opcode are not
+/// evaluated; the inner `None`, that nothing is known yet of an operand.
 fn evaluate(opcode: u32, w: &[u32], value: impl Fn(u32) -> Option<Value>) -> Option<Option<Value>> {
     use Value::{Constant, Open, Varying};
     let both = |of: fn(u32, u32) -> Option<u32>| {
@@ -165,16 +170,16 @@ fn evaluate(opcode: u32, w: &[u32], value: impl Fn(u32) -> Option<Value>) -> Opt
             Some(condition) => match (value(w[1]), value(w[2])) {
                 (None, _) | (_, None) => None,
                 (Some(a), Some(b)) if a == b => Some(a),
-                // As for "and" and "or": the result is `Open` or `Varying`, like the condition.
+                // The operands differ, so the result is as uncertain as the condition: `Open` or `Varying`.
                 _ => Some(condition),
             },
         },
-        // Unsigned and signed comparisons.
+        // Comparisons: greater, greater or equal; the even opcodes are unsigned, the odd ones signed.
         (172, 2) => both(|a, b| Some(u32::from(a > b))),
         (173, 2) => both(signed_greater),
         (174, 2) => both(|a, b| Some(u32::from(a >= b))),
         (175, 2) => both(|a, b| signed_greater(b, a).map(|less| 1 - less)),
-        // No unsigned number is less than zero.
+        // Less, less or equal. No unsigned number is less than zero.
         (176, 2) if value(w[1]) == Some(Constant(0)) => Some(Constant(0)),
         (176, 2) => both(|a, b| Some(u32::from(a < b))),
         (177, 2) => both(|a, b| signed_greater(b, a)),
@@ -211,7 +216,7 @@ impl<'a> Flow<'a> {
         Ok(flow)
     }
 
-    /// Gives values to the constants, which come before the functions in a module.
+    /// Notes the values of the module's constants, all of which come before the functions.
     fn read_constants(&mut self, given: Option<&Constants>) {
         let is_id = |i: &&Instruction| i.opcode == DECORATE && i.operands.get(1) == Some(&SPEC_ID);
         let numbers: HashMap<u32, u32> =
@@ -240,6 +245,7 @@ impl<'a> Flow<'a> {
         }
     }
 
+    /// Fills `functions` and `evaluated`, and notes the sampled image types and the entry point's function.
     fn find_functions(&mut self) {
         let mut begun = None;
         for (at, instruction) in self.instructions.iter().enumerate() {
@@ -258,8 +264,8 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// Makes one pass over all functions that are called, with the values known so far; returns whether it found
-    /// anything new.
+    /// Goes once over all functions that are called, with the values known so far; returns whether anything new was
+    /// found.
     fn advance(&mut self) -> bool {
         let before = (self.values.clone(), self.called.len(), self.running.len(), self.ways.len());
         let ranges: Vec<_> = self.called.iter().filter_map(|id| self.functions.get(id)).cloned().collect();
@@ -306,7 +312,9 @@ impl<'a> Flow<'a> {
         before != (self.values.clone(), self.called.len(), self.running.len(), self.ways.len())
     }
 
-    /// Follows the edges of a branch: the edge for its value, else the default (`None`); all edges if the value varies.
+    /// Follows edges from the branch at the end of `block`. `ways` lists the edges, the default last: the value for
+    /// which the edge is taken (`None`: any other), and the target. A constant takes one edge; an open value goes to
+    /// the merge block, if there is one; any other known value takes all edges.
     fn decide(&mut self, block: u32, value: Option<Value>, merge: Option<u32>, ways: &[(Option<u32>, u32)]) {
         match (value, merge) {
             (None, _) => {}
@@ -319,12 +327,14 @@ impl<'a> Flow<'a> {
         }
     }
 
+    /// Notes that the edge between two blocks is taken; `around` tells that it leads straight to the merge block.
     fn go(&mut self, from: u32, to: u32, around: bool) {
         self.running.insert(to);
         *self.ways.entry((from, to)).or_default() |= around;
     }
 
-    /// The value of a phi instruction, from the edges into its block that are taken.
+    /// The value of a phi instruction in `block`, merged from the taken edges into that block; `incoming` lists pairs
+    /// of a value's id and the block from which it comes.
     fn merged(&self, block: u32, is_bool: bool, incoming: &[u32]) -> Option<Value> {
         if self.ways.iter().any(|((_, to), around)| *to == block && *around) {
             return Some(if is_bool { Value::Open } else { Value::Varying });
@@ -342,7 +352,7 @@ impl<'a> Flow<'a> {
         merged
     }
 
-    /// What is known of a value; `None`: nothing yet.
+    /// What is known of the value with this id; `None`: nothing is known yet.
     fn value(&self, id: u32) -> Option<Value> {
         match self.values.get(&id) {
             None if self.evaluated.contains(&id) => None,
@@ -350,7 +360,7 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// Ids of the variables that are named in blocks that run.
+    /// Ids of the variables that are used in blocks that can run.
     fn used(&self) -> HashSet<u32> {
         let mut used = HashSet::new();
         self.in_functions(|instruction, runs| {
@@ -379,7 +389,7 @@ impl<'a> Flow<'a> {
         used
     }
 
-    /// Calls `see` with every instruction of every function, and whether its block runs.
+    /// Calls `see` with every instruction of every function, and with whether the instruction's block can run.
     fn in_functions(&self, mut see: impl FnMut(&Instruction, bool)) {
         let (mut is_within, mut runs) = (false, true);
         for instruction in &self.instructions {
@@ -395,8 +405,8 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// The module without its unused bindings. Reads of them in blocks that never run become undefined values; apart
-    /// from that, these blocks are unchanged, and the driver may remove them.
+    /// The module without its unused bindings. In blocks that never run, reads of a removed binding become undefined
+    /// values and writes to it are left out; otherwise these blocks are unchanged, and the driver may remove them.
     fn stripped(&self, words: &[u32]) -> Result<Vec<u32>, String> {
         let used = self.used();
         let bindings = self.instructions.iter().filter(|i| i.opcode == VARIABLE && is_binding(i.operands));
@@ -415,8 +425,8 @@ impl<'a> Flow<'a> {
                 (ACCESS_CHAIN | IN_BOUNDS_ACCESS_CHAIN | IMAGE, [_, id, from, ..]) if gone.contains(from) => {
                     gone.insert(*id);
                 }
-                // A load from a buffer gives a value, which becomes undefined; a load of a texel buffer gives its
-                // sampled image, whose id is removed as well.
+                // A load from a removed buffer gives a value, which becomes undefined; a load of a removed texel buffer
+                // gives the buffer's sampled image, whose id is removed as well.
                 (LOAD, [ty, id, from, ..]) if gone.contains(from) => {
                     if self.sampled_images.contains(ty) {
                         gone.insert(*id);
@@ -433,7 +443,7 @@ impl<'a> Flow<'a> {
                     CALL | COPY_OBJECT | COPY_MEMORY | PTR_ACCESS_CHAIN | IMAGE_TEXEL_POINTER | IMAGE_QUERY_SIZE,
                     operands,
                 ) if operands.iter().any(|id| gone.contains(id)) => {
-                    return Err(format!("instruction {opcode} of an unused buffer cannot be removed"));
+                    return Err(format!("the SPIR-V instruction {opcode} of an unused buffer cannot be removed"));
                 }
                 _ => out.extend(*words),
             }

@@ -1,6 +1,6 @@
-//! Reads a shader's interface from its SPIR-V: bindings, push constants and specialization constants. This interface is
-//! written down only in the shader: kernels build their layouts from it, and the build script generates the structs of
-//! arguments that Rust fills.
+//! Reads a shader's interface from its SPIR-V: bindings (buffers), push constants and specialization constants. The
+//! interface is written down only in the shader: pipelines make their Vulkan layouts from what is read here, and the
+//! build script generates from it the structs of arguments that Rust code fills.
 //!
 //! Numbers of instructions and decorations are those of the Khronos SPIR-V specification, version 1.6.
 
@@ -22,17 +22,18 @@ pub enum BindingKind {
 /// One binding of descriptor set 0.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Binding {
-    /// SPIR-V id of its variable.
+    /// SPIR-V id of the shader's variable for the buffer.
     pub variable: u32,
-    /// Its binding number.
+    /// Binding number of the buffer.
     pub binding: u32,
-    /// Instance name; without one, the name of the block's only member; else the block's name.
+    /// Name of the buffer in the shader: the block's instance name; without one, the name of the block's only member;
+    /// if there are several members, the block's name.
     pub name: String,
-    /// The kind of buffer that it is.
+    /// Kind of the buffer.
     pub kind: BindingKind,
-    /// The shader may read it (not declared `writeonly`).
+    /// Whether the shader may read the buffer, that is, does not declare it `writeonly`.
     pub reads: bool,
-    /// The shader may write it (not declared `readonly`).
+    /// Whether the shader may write the buffer, that is, does not declare it `readonly`.
     pub writes: bool,
 }
 
@@ -52,22 +53,22 @@ pub enum ConstKind {
 /// Everything reflected from one shader.
 #[derive(Debug, Clone, Default)]
 pub struct Reflection {
-    /// Bindings of set 0, ascending.
+    /// Bindings of descriptor set 0, by ascending binding number.
     pub bindings: Vec<Binding>,
     /// Size of the push constants, bytes; 0 where there are none.
     pub push_bytes: u32,
-    /// Named specialization constants: constant id and type.
+    /// For each specialization constant, by name: its constant id and its type.
     pub constants: BTreeMap<String, (u32, ConstKind)>,
 }
 
 impl Reflection {
-    /// Names of the bindings.
+    /// Names of the buffers in `bindings`.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.bindings.iter().map(|binding| binding.name.as_str())
     }
 }
 
-/// Replaces the binding number of each variable of a module by the number in `bindings`.
+/// Sets the binding number of each variable of a SPIR-V module that `bindings` lists to the number in `bindings`.
 pub fn renumber(words: &mut [u32], bindings: &[Binding]) -> Result<(), String> {
     let mut at = HEADER;
     let lengths: Vec<usize> = instructions(words)?.iter().map(|instruction| instruction.words.len()).collect();
@@ -83,6 +84,7 @@ pub fn renumber(words: &mut [u32], bindings: &[Binding]) -> Result<(), String> {
     Ok(())
 }
 
+/// A type of the module; the fields `of`, `to`, `image`, `sampled` and `members` are ids of types.
 #[derive(Debug, Clone)]
 enum Type {
     Bool,
@@ -98,7 +100,7 @@ enum Type {
     Pointer { to: u32 },
 }
 
-/// The decorations of a variable, a type or a struct member that are needed here.
+/// Those decorations of a variable, a type or a struct member that this file needs.
 #[derive(Debug, Clone, Copy, Default)]
 struct Marks {
     spec_id: Option<u32>,
@@ -112,6 +114,7 @@ struct Marks {
     non_readable: bool,
 }
 
+/// What this file needs of a SPIR-V module, by SPIR-V ids; a member is named by its struct type's id and its index.
 #[derive(Default)]
 struct Module {
     names: HashMap<u32, String>,
@@ -120,7 +123,9 @@ struct Module {
     member_marks: HashMap<(u32, u32), Marks>,
     types: BTreeMap<u32, Type>,
     constants: HashMap<u32, u32>,
+    /// Id and type of each specialization constant.
     spec_constants: Vec<(u32, u32)>,
+    /// Id, type and storage class of each variable.
     variables: Vec<(u32, u32, u32)>,
 }
 
@@ -132,7 +137,7 @@ const STORAGE_UNIFORM: u32 = 2;
 const STORAGE_PUSH_CONSTANT: u32 = 9;
 const STORAGE_BUFFER: u32 = 12;
 
-/// Reads the interface of a SPIR-V module; an error names the part of the module that cannot be used.
+/// Reads the interface that a SPIR-V module declares; an error names the part of the module that the engine cannot use.
 pub fn reflect(words: &[u32]) -> Result<Reflection, String> {
     let module = parse(words)?;
     let mut out = Reflection::default();
@@ -179,11 +184,11 @@ fn parse(words: &[u32]) -> Result<Module, String> {
 pub(super) struct Instruction<'a> {
     pub opcode: u32,
     pub operands: &'a [u32],
-    /// All words: opcode and length, then the operands.
+    /// All words of the instruction: one for its length and opcode, then the operands.
     pub words: &'a [u32],
 }
 
-/// Number of words before the first instruction.
+/// Number of words of a module before its first instruction.
 pub(super) const HEADER: usize = 5;
 
 /// All instructions of a module, in order.
@@ -224,7 +229,8 @@ impl Module {
             (22, [id, bits, ..]) => drop(self.types.insert(*id, Type::Float { bytes: bits / 8 })),
             (23, [id, of, count]) => drop(self.types.insert(*id, Type::Vector { of: *of, count: *count })),
             (24, [id, _, columns]) => drop(self.types.insert(*id, Type::Matrix { columns: *columns })),
-            // Dim 5 is Buffer. Other images are not noted here, and are reported where a binding uses them.
+            // Images with dimensionality 5 (buffer) that are sampled are texel buffers. All other images are left out
+            // here, so that a binding which uses one is reported as an error.
             (25, [id, sampled, 5, _, _, _, 1, ..]) => {
                 drop(self.types.insert(*id, Type::BufferImage { sampled: *sampled }))
             }
@@ -293,7 +299,8 @@ impl Module {
         }
     }
 
-    /// Size of a type, bytes; `matrix_stride` is that of the struct member of this type.
+    /// Size of a type, bytes. `matrix_stride` (bytes) decorates the struct member that has this type; 0 if none is
+    /// given.
     fn size(&self, id: u32, matrix_stride: u32) -> u32 {
         match self.types.get(&id) {
             Some(Type::Int { bytes, .. } | Type::Float { bytes }) => *bytes,

@@ -1,11 +1,12 @@
-//! Copies several arrays at once between GPU and CPU, with one staging array and one submit.
+//! Copies several arrays (buffers in GPU memory) at once to or from the CPU, with one staging array, which the CPU can
+//! access, and one submit.
 
 use std::sync::Arc;
 
 use super::{Buffer, Context, Memory, Recorder};
 use crate::error::{Error, Result};
 
-/// The bytes of these arrays, one array after another.
+/// Reads the contents of `arrays`; returns their bytes, one array after another.
 pub fn read_all(context: &Arc<Context>, arrays: &[&Buffer]) -> Result<Vec<u8>> {
     let total = total(arrays);
     if total == 0 {
@@ -20,7 +21,7 @@ pub fn read_all(context: &Arc<Context>, arrays: &[&Buffer]) -> Result<Vec<u8>> {
 pub fn write_all(context: &Arc<Context>, arrays: &[&Buffer], bytes: &[u8]) -> Result<()> {
     if bytes.len() as u64 != total(arrays) {
         return Err(Error::Simulation(format!(
-            "{} bytes were given for arrays of {} bytes",
+            "{} bytes were given for arrays of {} bytes in all",
             bytes.len(),
             total(arrays)
         )));

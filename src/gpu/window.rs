@@ -1,5 +1,5 @@
-//! A window's surface and swapchain. Images are rendered elsewhere and copied into the swapchain, which follows the
-//! window's size; in a window of size zero nothing is shown.
+//! A window's Vulkan surface and swapchain, for the viewer. Images are rendered elsewhere and copied into the
+//! swapchain, which follows the window's size; in a window of size zero nothing is shown.
 #![allow(unsafe_code)]
 
 mod chain;
@@ -21,7 +21,7 @@ use commands::Commands;
 
 /// Longest wait for a swapchain image, ns: a compositor may give none to a window that is not visible.
 const LONGEST_WAIT: u64 = 100_000_000;
-/// Number of times that an outdated swapchain is made anew before an image is dropped.
+/// Greatest number of attempts to acquire one image; an outdated swapchain is replaced before the next attempt.
 const ATTEMPTS: u32 = 3;
 /// Names this part of the program in errors.
 const STAGE: &str = "the window";
@@ -29,7 +29,7 @@ const STAGE: &str = "the window";
 /// The instance extensions that [`Options::display`](super::Options::display) must name to show images on a display.
 ///
 /// # Errors
-/// Vulkan does not support this kind of display.
+/// Fails if Vulkan does not support this kind of display.
 pub fn display_extensions(display: &impl HasDisplayHandle) -> Result<Vec<&'static CStr>> {
     let unknown = |why: String| Error::NoDevice(format!("Vulkan cannot present images on this display: {why}"));
     let handle = display.display_handle().map_err(|error| unknown(error.to_string()))?;
@@ -43,14 +43,14 @@ pub fn display_extensions(display: &impl HasDisplayHandle) -> Result<Vec<&'stati
 pub enum Content<'a> {
     /// One colour: red, green, blue, opacity.
     Colour([f32; 4]),
-    /// An image with one sample per pixel, rendered by work that has ended; it is stretched where the window has
-    /// another size.
+    /// An image with one sample per pixel, rendered by GPU work that has ended; the image is stretched if the window
+    /// has another size.
     Picture(&'a Image),
 }
 
 /// A window in which images are shown. One thread at a time may use it.
 pub struct Window {
-    // `Drop` destroys these fields in the order in which they are declared here.
+    // After `Drop::drop`, Rust drops the fields in the order of their declaration: `context` and `_window` last.
     commands: Commands,
     chain: Option<Chain>,
     surface: vk::SurfaceKHR,
@@ -58,7 +58,7 @@ pub struct Window {
     swapchains: ash::khr::swapchain::Device,
     format: vk::SurfaceFormatKHR,
     mode: vk::PresentModeKHR,
-    /// Index of the swapchain image that was acquired and is shown next; `None` where there is none.
+    /// Index of the swapchain image that was acquired and is shown next; `None` if no image is acquired.
     acquired: Option<u32>,
     context: Arc<Context>,
     /// Keeps the window alive as long as its surface.
@@ -69,7 +69,7 @@ impl Window {
     /// Makes the surface of a window on the display that the context was opened for.
     ///
     /// # Errors
-    /// The context was opened for no display, or its device cannot show images in this window.
+    /// Fails if the context was opened for no display, or if its device cannot show images in this window.
     pub fn new<W>(context: &Arc<Context>, window: Arc<W>) -> Result<Window>
     where
         W: HasWindowHandle + HasDisplayHandle + Send + Sync + 'static,
@@ -82,7 +82,7 @@ impl Window {
         let of_window = window.window_handle().map_err(|error| cannot(error.to_string()))?.as_raw();
         let of_display = window.display_handle().map_err(|error| cannot(error.to_string()))?.as_raw();
         let (entry, instance) = (&context.entry, &context.instance);
-        // SAFETY: the extensions were enabled with the context; the window outlives the surface, see `_window`.
+        // SAFETY: the context enabled the display's extensions; the window outlives the surface, see `_window`.
         let surface = unsafe { ash_window::create_surface(entry, instance, of_display, of_window, None) };
         let mut this = Window {
             commands: Commands::new(context)?,
@@ -103,8 +103,8 @@ impl Window {
         Ok(this)
     }
 
-    /// Acquires a swapchain image for a window of this size, pixels. Returns whether an image can be shown now. It
-    /// waits for a tenth of a second at most, and not for the queue.
+    /// Acquires a swapchain image for a window of this size, pixels. Returns whether an image can be shown now. An
+    /// attempt waits a tenth of a second at most for an image, and does not lock the queue meanwhile.
     pub fn acquire(&mut self, width: u32, height: u32) -> Result<bool> {
         for _ in 0..ATTEMPTS {
             if self.acquired.is_some() {
@@ -114,15 +114,15 @@ impl Window {
                 self.remake(width, height)?;
             }
             let Some(chain) = &mut self.chain else { return Ok(false) };
-            // The semaphore is free once the last copy has ended.
+            // The semaphore `acquired` is free once the last copy into a swapchain image has ended.
             self.commands.wait()?;
-            // SAFETY: the swapchain is alive; nothing waits for the semaphore, see above.
+            // SAFETY: the swapchain is alive; nothing waits for the semaphore, since the last copy has ended.
             let acquired = unsafe {
                 let semaphore = self.commands.acquired;
                 self.swapchains.acquire_next_image(chain.handle, LONGEST_WAIT, semaphore, vk::Fence::null())
             };
             match acquired {
-                // A swapchain that no longer quite fits is still used for this image.
+                // A swapchain that no longer quite fits the window is still used for this image.
                 Ok((index, is_stale)) => (self.acquired, chain.is_stale) = (Some(index), is_stale),
                 Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => return Ok(false),
                 Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => chain.is_stale = true,
@@ -132,7 +132,7 @@ impl Window {
         Ok(self.acquired.is_some())
     }
 
-    /// Shows `content` in the image that was acquired; does nothing if there is none.
+    /// Shows `content` in the swapchain image that was acquired; does nothing if none was acquired.
     pub fn present(&mut self, content: Content) -> Result<()> {
         let (Some(chain), Some(index)) = (&mut self.chain, self.acquired.take()) else { return Ok(()) };
         let image = &chain.images[index as usize];
@@ -141,7 +141,8 @@ impl Window {
         let info =
             vk::PresentInfoKHR::default().wait_semaphores(&semaphores).swapchains(&handles).image_indices(&indices);
         let queue = self.context.queue();
-        // SAFETY: the image was acquired, and the semaphore is signalled when it is complete; the queue is locked.
+        // SAFETY: the image was acquired, and the semaphore is signalled when its content is complete; the queue is
+        // locked.
         match unsafe { self.swapchains.queue_present(queue.queue(), &info) } {
             Ok(is_stale) => chain.is_stale |= is_stale,
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => chain.is_stale = true,
@@ -150,11 +151,11 @@ impl Window {
         Ok(())
     }
 
-    /// Chooses surface format and present mode. An [`Error::Simulation`] names what the surface lacks.
+    /// Chooses surface format and present mode. Fails with an [`Error::Simulation`] that names what the surface lacks.
     fn choose(&mut self) -> Result<()> {
         let (surfaces, context) = (&self.surfaces, &self.context);
         let (physical, surface) = (context.physical, self.surface);
-        // SAFETY (all here): plain queries of a live surface.
+        // SAFETY (of the three calls below): they only query a live surface.
         let (can, formats, modes) = unsafe {
             let can = surfaces.get_physical_device_surface_support(physical, context.queue_family, surface);
             let formats = surfaces.get_physical_device_surface_formats(physical, surface);
@@ -173,25 +174,25 @@ impl Window {
         let plain = [vk::Format::B8G8R8A8_UNORM, vk::Format::R8G8B8A8_UNORM];
         let format = formats.iter().find(|format| plain.contains(&format.format)).or(formats.first());
         self.format = *format.ok_or_else(|| Error::Simulation("the window's surface offers no image format".into()))?;
-        // In these two modes no thread waits for the screen while it holds the queue.
+        // In these two present modes no thread waits for the screen while it holds the queue's lock.
         let wanted = [vk::PresentModeKHR::MAILBOX, vk::PresentModeKHR::IMMEDIATE];
         self.mode = wanted.into_iter().find(|mode| modes.contains(mode)).unwrap_or(vk::PresentModeKHR::FIFO);
         Ok(())
     }
 
-    /// Replaces the swapchain by one for a window of this size; for a size of zero there is none.
+    /// Replaces the swapchain by one for a window of this size, pixels; for a size of zero none is made.
     fn remake(&mut self, width: u32, height: u32) -> Result<()> {
-        // The image shown last may still wait for its semaphore.
+        // The last copy into a swapchain image may not have ended yet.
         self.commands.wait()?;
         if self.chain.is_some() {
             self.context.wait_idle();
         }
         let old = self.chain.take();
-        // SAFETY: a plain query of a live surface.
+        // SAFETY: the call only queries a live surface.
         let can =
             unsafe { self.surfaces.get_physical_device_surface_capabilities(self.context.physical, self.surface) };
         let can = can.map_err(failed("vkGetPhysicalDeviceSurfaceCapabilitiesKHR", STAGE))?;
-        // Where the surface has no size of its own, it gets the window's size.
+        // If the surface has no size of its own (`u32::MAX`), the swapchain gets the window's size.
         let extent = match can.current_extent {
             vk::Extent2D { width: u32::MAX, .. } => vk::Extent2D {
                 width: width.clamp(can.min_image_extent.width, can.max_image_extent.width),
@@ -235,11 +236,11 @@ impl Window {
 
 impl Drop for Window {
     fn drop(&mut self) {
-        // Images shown before may still wait for their semaphores.
+        // The last copy may not have ended yet, and presenting may still wait for its semaphore.
         let _ = self.commands.wait();
         self.context.wait_idle();
         self.chain = None;
-        // SAFETY: its swapchain is destroyed and no work is pending; the window still exists.
+        // SAFETY: the surface's swapchain is destroyed and no work is pending; the window still exists.
         unsafe { self.surfaces.destroy_surface(self.surface, None) };
     }
 }

@@ -1,12 +1,13 @@
-//! The timer of the haptic loop, which wakes its thread at absolute deadlines, and statistics of how late each tick
-//! (one iteration of the loop) came after its deadline.
+//! The timer of the haptic loop (which reads the haptic device and commands a force to it, usually 1000 times a
+//! second): it wakes the loop's thread at absolute deadlines. This file also has statistics of how late each tick (one
+//! iteration of the loop) came after its deadline.
 
 use std::time::{Duration, Instant};
 
 /// A tick that begins more than this time after its deadline has missed that deadline, s.
 pub const MISSED: f64 = 2e-3;
 
-/// Wakes its thread at whole multiples of a period, counted from its creation.
+/// Wakes the thread that waits for it at whole multiples of a period, counted from the metronome's creation.
 #[derive(Debug)]
 pub struct Metronome {
     begun: Instant,
@@ -39,7 +40,7 @@ impl Metronome {
         Beat { time: now.as_secs_f64(), late: now.saturating_sub(due).as_secs_f64() }
     }
 
-    /// When the metronome was created.
+    /// The time at which the metronome was created.
     pub fn begun(&self) -> Instant {
         self.begun
     }
@@ -48,8 +49,8 @@ impl Metronome {
 /// A histogram of how late ticks came after their deadlines.
 #[derive(Debug, Clone, Default)]
 pub struct Lateness {
-    /// Number of ticks by lateness: one bin per whole microsecond up to [`FINE`] microseconds, then [`COARSE`] bins
-    /// whose width grows with the lateness.
+    /// Number of ticks in each bin of lateness: [`FINE`] bins of one microsecond each, then [`COARSE`] bins whose width
+    /// grows with the lateness.
     histogram: Vec<u64>,
     ticks: u64,
     missed: u64,
@@ -58,17 +59,19 @@ pub struct Lateness {
 
 /// Number of bins of one microsecond each, which resolve lateness up to 0.1 s.
 const FINE: usize = 100_000;
-/// Ratio of the upper to the lower end of a coarse bin: the bin's middle is accurate to half a percent.
+/// Ratio of the upper to the lower end of each of the [`COARSE`] bins. A lateness differs from the middle of its bin by
+/// half a percent at most.
 const WIDENING: f64 = 1.01;
-/// Number of coarse bins after the first [`FINE`] bins; they cover lateness up to more than 1000 s. Ticks that are
-/// still later are counted in the last bin.
+/// Number of bins of growing width after the first [`FINE`] bins; these bins cover lateness up to more than 1000 s.
+/// Ticks that are still later are counted in the last bin.
 const COARSE: usize = 930;
 /// Index of the last bin.
 const LAST: usize = FINE + COARSE - 1;
 
 /// The bin of a lateness given in s.
 fn bin(late: f64) -> usize {
-    // The cast turns NaN and negative numbers into bin 0; the minimum below puts infinity into the last bin.
+    // The cast to an integer puts NaN and negative numbers into bin 0; the minimum below puts infinity into the last
+    // bin.
     let us = (late * 1e6).round();
     if us.is_nan() || us < FINE as f64 {
         return us as usize;
@@ -104,7 +107,8 @@ impl Lateness {
     }
 
     /// The lateness that a `share` (0 to 1) of the ticks does not exceed, s: exact to a microsecond up to 0.1 s and to
-    /// half a percent up to 1000 s, never above the lateness of the latest tick; 0 if there was no tick.
+    /// half a percent up to 1000 s; 0 if there was no tick. Except for rounding to a microsecond, it is never above
+    /// [`Lateness::worst`].
     pub fn quantile(&self, share: f64) -> f64 {
         let wanted = (share * self.ticks as f64).ceil().max(1.0) as u64;
         let mut seen = 0;
@@ -113,30 +117,30 @@ impl Lateness {
             seen >= wanted
         });
         at.map_or(0.0, |at| match at {
-            // The value of a fine bin is returned unchanged, although rounding may put it half a microsecond above the
-            // latest tick.
+            // The value of a bin of one microsecond is returned unchanged, although rounding may put it half a
+            // microsecond above the greatest lateness.
             ..FINE => lateness_of(at),
             LAST => self.worst,
             _ => lateness_of(at).min(self.worst),
         })
     }
 
-    /// Number of ticks added.
+    /// Number of ticks that were added.
     pub fn ticks(&self) -> u64 {
         self.ticks
     }
 
-    /// Number of deadlines missed by more than [`MISSED`].
+    /// Number of deadlines that were missed, as [`Lateness::add`] counts them.
     pub fn missed(&self) -> u64 {
         self.missed
     }
 
-    /// Missed deadlines over the sum of ticks and missed deadlines, 0 to 1.
+    /// Number of missed deadlines divided by the number of ticks and missed deadlines together, 0 to 1.
     pub fn share_missed(&self) -> f64 {
         self.missed as f64 / (self.ticks + self.missed).max(1) as f64
     }
 
-    /// Lateness of the latest tick, s.
+    /// The greatest lateness of any tick, s.
     pub fn worst(&self) -> f64 {
         self.worst
     }
@@ -186,13 +190,13 @@ mod tests {
             let last = lateness.quantile(1.0);
             assert!(
                 last <= lateness.worst() + 5e-7 && last >= 0.99 * late,
-                "the latest tick is {late} s late, but the greatest quantile is {last} s"
+                "the greatest lateness of a tick is {late} s, but the greatest quantile is {last} s"
             );
         }
         let before = lateness.ticks();
         [f64::NAN, f64::INFINITY, 1e300, -1.0].iter().for_each(|late| lateness.add(*late, f64::INFINITY));
         assert_eq!((lateness.ticks(), lateness.quantile(1.0)), (before + 4, f64::INFINITY));
-        // Bins follow one another without a gap.
+        // The lateness that a bin stands for lies within that bin.
         for k in 0..FINE + COARSE {
             assert_eq!(bin(lateness_of(k)), k);
         }
@@ -209,7 +213,7 @@ mod tests {
             "the metronome's first wake-up: {first:?}; its wake-up after 20 ms of sleep: {after:?}"
         );
         let next = metronome.wait();
-        // The deadline is a whole multiple of the period, and the first one after the last wake-up.
+        // The deadline of `next` is a whole multiple of the period, and the first such time after the wake-up `after`.
         let due = next.time - next.late;
         assert!((due * 1e3 - (due * 1e3).round()).abs() < 1e-6 && due > after.time && due - after.time <= 1.001e-3);
     }

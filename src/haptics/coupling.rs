@@ -3,13 +3,14 @@
 //!
 //! A virtual wall of stiffness K and damping B, sampled with period T, is passive if b > K T / 2 + |B|, where b is the
 //! device's own mechanical damping (J. E. Colgate and G. Schenkel, "Passivity of a class of sampled-data systems",
-//! 1997); with a delay t_d of the force it is stable if K < (b + B) / (T / 2 + t_d) (J. J. Gil, E. Sanchez, T. Hulin,
-//! C. Preusche and G. Hirzinger, "Stability boundary for haptic rendering: influence of damping and delay", 2009).
+//! 1997); with a delay t_d of the force the wall is stable if K < (b + B) / (T / 2 + t_d) (J. J. Gil, E. Sanchez, T.
+//! Hulin, C. Preusche and G. Hirzinger, "Stability boundary for haptic rendering: influence of damping and delay",
+//! 2009).
 
 use crate::scene::Coupling;
 use crate::scene::profile::Profile;
 
-/// Sampling period for which the device profiles give stiffness and damping, s.
+/// Sampling period for which the device profiles (published data of haptic devices) give stiffness and damping, s.
 const PUBLISHED_PERIOD: f64 = 1e-3;
 /// Safety factor: the share of a theoretical limit that is used.
 const MARGIN: f64 = 0.8;
@@ -17,41 +18,43 @@ const MARGIN: f64 = 0.8;
 /// The chosen gains, and the reason for them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gains {
-    /// The coupling's gains.
+    /// The stiffness and damping of the coupling.
     pub coupling: Coupling,
-    /// Damping that passivity control (`passivity.rs`) may inject in addition to the coupling's own: linear, N s/m,
-    /// and angular, N m s/rad. See [`injectable`].
+    /// Damping that passivity control (`passivity.rs`) may inject in addition to the coupling's own damping: linear,
+    /// N s/m, and angular, N m s/rad. See [`injectable`].
     pub most_damping: [f64; 2],
     /// One line of text: the gains, and the limits from which they follow.
     pub reason: String,
 }
 
 /// A lower bound of the device's own damping b, N s/m, for a device that renders the published `stiffness` (N/m) and
-/// `damping` (N s/m) stably at 1 kHz: the larger of K T / 2 and B.
+/// `damping` (N s/m) stably at 1 kHz: the larger of K T / 2 and B, where K is `stiffness`, B is `damping` and T is 1
+/// ms.
 pub fn dissipation(stiffness: f64, damping: f64) -> f64 {
     (0.5 * stiffness * PUBLISHED_PERIOD).max(damping)
 }
 
 /// The greatest stiffness K (N/m) that both rules of this file's first comment allow: for the device's own damping b
-/// and a virtual damping B (N s/m each), a sampling period T and a delay of the force t_d (s each).
+/// (`dissipation`) and a virtual damping B (`damping`), both in N s/m, and for a sampling period T (`period`) and a
+/// delay t_d (`delay`) of the force, both in s.
 pub fn stiffest(dissipation: f64, damping: f64, period: f64, delay: f64) -> f64 {
     let colgate = 2.0 * (dissipation - damping).max(0.0) / period;
     let delayed = (dissipation + damping) / (0.5 * period + delay);
     colgate.min(delayed)
 }
 
-/// Damping that may be added at period T (s) to a coupling of this stiffness and damping: the slack in Colgate's rule
-/// `b > K T / 2 + B`, halved and times the safety factor. The half accounts for the velocity estimate, which is taken
-/// over one period and so adds a lag of `t_d = T / 2` to that of the force, which is held for one period: by Gil's rule
-/// only the share `1 / (1 + 2 t_d / T)` of the slack is left.
+/// Damping that may be added at the sampling period T (s) to a coupling of stiffness K and damping B: half of the slack
+/// in Colgate's rule `b > K T / 2 + B`, times the safety factor. The half accounts for the estimate of the velocity,
+/// which is taken over one period and so delays the force by `t_d = T / 2`; by Gil's rule this leaves only the share
+/// `1 / (1 + 2 t_d / T) = 1 / 2` of the slack.
 pub fn injectable(dissipation: f64, stiffness: f64, damping: f64, period: f64) -> f64 {
     MARGIN * 0.5 * (dissipation - 0.5 * stiffness * period - damping).max(0.0)
 }
 
 /// Chooses the gains from the device's profile, the period (s) and the delay of the force (s). The delay is 0 if a
 /// local contact model follows the tool between simulation steps; otherwise the force of the last step is played, and
-/// the delay is its age. `asked` holds the scene's gains, which may be lower than the limits but not higher. `mass`
-/// (kg) and `inertia` (kg m^2) are the tool's; they scale the angular gains if the device plays no torque.
+/// the delay is the age of that force. `asked` holds the scene's gains; those above a limit are lowered to the limit.
+/// `mass` (kg) and `inertia` (kg m^2) are the tool's; they scale the angular gains if the device plays no torque.
 pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f64, asked: Option<&Coupling>) -> Gains {
     let slower = (PUBLISHED_PERIOD / period).min(1.0);
     let axis = |stiffness: f64, damping: f64| {

@@ -1,7 +1,7 @@
-//! Sources of contact wrenches for the haptic loop: the simulation, and one-dimensional models of known stiffness with
-//! which the loop is measured. In each step an environment gets pose and twist of the haptic device and of the tool
-//! (the rigid body that the device leads by a virtual coupling), and returns the contact wrench on the tool. A wrench
-//! without contact may report the *gap*: distance and direction to the nearest body.
+//! Sources of contact wrenches (forces and torques) for the haptic loop: the simulation, and one-dimensional models of
+//! known stiffness for measurements of the loop. In each step an environment gets pose and twist of the haptic device
+//! and of the tool (the rigid body that the device leads by a virtual coupling), and returns the contact wrench on the
+//! tool. A wrench without contact may report the *gap*: distance and direction to the nearest body.
 
 use glam::DVec3;
 
@@ -9,9 +9,10 @@ use crate::Result;
 use crate::step::tool::{Rows, Tool};
 use crate::step::{ContactWrench, DeviceInput, Gap, RigidState, Simulation, Wrench};
 
-/// A source of contact wrenches: each step computes one from the loop's state.
+/// A source of contact wrenches: each step computes one wrench from the loop's state.
 pub trait Environment {
-    /// Simulates `h` s from the given poses and twists of device and tool, and returns the contact wrench at the end.
+    /// Simulates `h` s from the given poses and twists of device and tool, and returns the contact wrench
+    /// at the end of the step.
     fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench>;
 }
 
@@ -23,8 +24,8 @@ impl Environment for Simulation {
     }
 }
 
-/// A fixed wall that fills y < 0 and pushes a point-like tool up: F = max(0, -k y - d y') with stiffness k, damping d
-/// and the tool's height y.
+/// A fixed wall that fills y < 0 and pushes a point-like tool up: F = max(0, -k y - d y') with stiffness k, damping d,
+/// the tool's height y and its velocity y'.
 #[derive(Debug, Clone)]
 pub struct Wall {
     /// Stiffness k, N/m.
@@ -40,8 +41,8 @@ pub struct Wall {
 }
 
 impl Environment for Wall {
-    /// Steps as the simulation does: moves the tool by implicit Euler towards the device's pose, which is taken at
-    /// rest; then evaluates the wall's force at the end of the step.
+    /// Steps as the simulation does: moves the tool by implicit Euler towards the device's pose, with the device taken
+    /// to be at rest; then evaluates the wall's force at the end of the step.
     fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
         let tool = &mut self.tool;
         tool.coupling = input.coupling;
@@ -80,8 +81,8 @@ impl Environment for Wall {
 
 /// A soft body with one degree of freedom: a surface with mass on a spring and a damper, which the tool presses down.
 /// Contact between tool and surface is a penalty spring. A wrench reports the stiffness of the penalty spring alone,
-/// which is several times the stiffness that is felt. This is like the simulation, whose contact stiffness K leaves out
-/// the body's own compliance.
+/// which is several times the stiffness that is felt. The wrenches of the simulation are like this: their contact
+/// stiffness leaves out the body's own compliance.
 #[derive(Debug, Clone)]
 pub struct Cushion {
     /// Stiffness of the body's spring, N/m.
@@ -94,7 +95,7 @@ pub struct Cushion {
     pub penalty: f64,
     /// Height (m) of the spring's far end as a function of time (s); 0 at time 0.
     pub far_end: fn(f64) -> f64,
-    /// Whether wrenches report that a kinematic body (here the far end) moved.
+    /// Whether wrenches report that a kinematic body (one with prescribed motion; here the spring's far end) moved.
     pub tells_kinematic_motion: bool,
     /// Whether a wrench without contact reports the gap to the surface.
     pub tells_gap: bool,
@@ -126,7 +127,7 @@ impl Cushion {
         }
     }
 
-    /// Stiffness that is felt under a constant load, N/m: penalty contact and body's spring in series.
+    /// Stiffness that is felt under a constant load, N/m: the penalty spring and the body's spring in series.
     pub fn felt(&self) -> f64 {
         1.0 / (1.0 / self.stiffness + 1.0 / self.penalty)
     }

@@ -25,11 +25,11 @@ pub enum Event {
     StaleWrench,
     /// A wrench from the simulation was not finite and was ignored.
     BadWrench,
-    /// The clock stood still, ran backwards or leapt; the force starts again from zero.
+    /// The loop's clock stood still, ran backwards or leapt; the force starts again from zero.
     ClockJump,
     /// The tick came more than 2 ms after it was due.
     LateTick,
-    /// The force rises from zero, at the start and after anything that made it fade.
+    /// The force is rising from zero, at the start or after something made the force fade.
     Engaging,
     /// The tool left the neighbourhood in which the local contact model (the linear force law of the newest wrench) is
     /// trusted; the force does not grow further.
@@ -44,10 +44,10 @@ pub enum Event {
     SlewLimited,
     /// The wrench to be played was not finite; no wrench was played.
     BadForce,
-    /// The ticks directly before this one are missing from the recording.
+    /// The ticks directly before this tick are missing from the file to which the loop's ticks are recorded.
     RecordLost,
-    /// The local contact model of the newest wrench is blended in more slowly, because it stores more energy than the
-    /// hand has supplied.
+    /// The local contact model of the newest wrench is blended in more slowly, because the model stores more energy
+    /// than the hand has supplied.
     Unpaid,
 }
 

@@ -1,9 +1,10 @@
 //! Contact on the tool (the rigid body that the haptic device leads) between two contact wrenches of the simulation.
-//! The haptic loop evaluates local models (`local_model.rs`), one for each wrench. That of the newest wrench is blended
-//! in over one interval between wrenches, and more slowly if that would add more energy than the passivity budget
-//! (`passivity.rs`) covers: the energy that the hand has supplied, plus *loans*. A loan stands for energy that the hand
-//! would have supplied if the contact had been known earlier. A wrench without contact may report the *gap* to the
-//! nearest body; its model is then a wall at the gap's end.
+//! The haptic loop evaluates local models (`local_model.rs`), one for each wrench. The model of the newest wrench is
+//! blended in over one interval between wrenches, and more slowly if that would add more energy than the passivity
+//! budget (`passivity.rs`) covers: the energy that the hand has supplied, plus *loans*. A loan stands for energy that
+//! the hand would have supplied if the contact had been known earlier. A wrench without contact may report the *gap* to
+//! the nearest body; its model is then a wall at the gap's end. The *coupling* is the spring and damper between haptic
+//! device and tool.
 
 use glam::DVec3;
 
@@ -14,7 +15,8 @@ use crate::step::{ContactWrench, RigidState, Wrench};
 /// Power that a kinematic body (one whose motion is prescribed) may supply to the hand, W.
 const KINEMATIC_POWER: f64 = 0.1;
 
-/// Number of wrenches at the beginning of a contact that may understate its stiffness, as contact is still shallow.
+/// Number of wrenches at the beginning of a contact that may understate the contact's stiffness, because the contact is
+/// still shallow.
 const SHALLOW: u32 = 3;
 
 /// How local models are made and blended.
@@ -24,9 +26,10 @@ pub struct Rules {
     pub local_model: bool,
     /// The tool's lever arm at which rotations count as displacements, m.
     pub arm: f64,
-    /// Distance of the tool from a model's pose up to which the model is trusted, m.
+    /// A model is trusted while the tool is within this distance, m, of its pose in the wrench that the model was made
+    /// from.
     pub trust: f64,
-    /// The longest interval to blend over, s.
+    /// The longest time over which a model is blended in, s.
     pub longest: f64,
 }
 
@@ -36,11 +39,12 @@ pub struct Followed {
     rules: Rules,
     /// Model of the wrench that the tool felt when the newest wrench arrived.
     from: LocalModel,
-    /// Model that is being blended in: that of the newest wrench, or, if that has no contact, an earlier one.
+    /// Model that is being blended in: the model of the newest wrench, or, if that wrench has no contact, perhaps an
+    /// earlier model.
     to: LocalModel,
     /// Weight of `to` in the wrench that the tool feels, from 0 to 1.
     share: f64,
-    /// Time over which to blend, s.
+    /// Time over which `to` is blended in, s.
     interval: f64,
     newest: ContactWrench,
     /// Number of successive wrenches with contact, up to the newest.
@@ -52,7 +56,7 @@ pub struct Followed {
     /// Bound on all loans of this contact, J: the greatest product so far of the contact force and the tool's way from
     /// `entered` against that force.
     most_lent: f64,
-    /// When the newest wrench was taken, s.
+    /// Time at which the newest wrench was taken, s.
     taken: f64,
     /// Energy that may still be lent, J: the way that the tool went since the previous wrench, times the force by which
     /// the newest model exceeds the force felt on that way.
@@ -60,7 +64,7 @@ pub struct Followed {
 }
 
 impl Followed {
-    /// No contact, with the tool in the given state.
+    /// Begins without contact, with the tool in the given state.
     pub fn new(rules: Rules, tool: RigidState) -> Followed {
         let newest = ContactWrench::none(tool);
         let none = LocalModel::raw(&newest);
@@ -111,7 +115,7 @@ impl Followed {
         self.from = match self.share >= 1.0 {
             true => self.to,
             false => match self.evaluate(tool) {
-                // At the tool's pose neither of the two blended models has contact: the newer one is kept, because it
+                // At the tool's pose neither of the two blended models has contact: the newer model is kept, because it
                 // determines where contact begins again.
                 now if now.tangent == Tangent::zero() => self.to,
                 now => LocalModel::of(tool, &now, arm, trust),
@@ -138,8 +142,8 @@ impl Followed {
         }
     }
 
-    /// The force by which the new model exceeds the force felt so far, times the way that the tool went against it
-    /// since the previous wrench, J.
+    /// The force by which the new model exceeds the force felt so far, times the way that the tool went against the
+    /// contact's normal since the previous wrench, J.
     fn unopposed(&self, tool: &RigidState) -> f64 {
         let Some(normal) = self.to.normal() else { return 0.0 };
         let way = -normal.dot(tool.position - self.newest.tool.position);
@@ -147,17 +151,18 @@ impl Followed {
         way.max(0.0) * (to - from).max(0.0)
     }
 
-    /// The force of the new model times the way of the tool since it entered the contact, J.
+    /// The force of the new model times the way that the tool went against the contact's normal since it entered the
+    /// contact, J.
     fn opposed(&self, tool: &RigidState) -> f64 {
         let Some(normal) = self.to.normal() else { return 0.0 };
         let way = -normal.dot(tool.position - self.entered);
         way.max(0.0) * along(&normal, &self.to.evaluate(tool).tangent.force).max(0.0)
     }
 
-    /// Advances the blend by `period` s, and returns whether it was held back. Energy that the newer model adds at the
-    /// tool's pose must be covered by the passivity budget or by a loan for a way that no force opposed; otherwise the
-    /// blend is held back. `stored` is the energy in coupling and tool, J, without contact. `gain` is the share of the
-    /// force that is played on the device; energies are scaled by it.
+    /// Advances the blend by `period` s, and returns whether the blend was held back. Energy that the newer model adds
+    /// at the tool's pose must be covered by the passivity budget or by a loan for a way that no force opposed;
+    /// otherwise the blend is held back. `stored` is the energy in coupling and tool, J, without contact. `gain` is the
+    /// share of the force that is commanded to the device; all energies are scaled by this share.
     pub fn advance(
         &mut self,
         tool: &RigidState,
@@ -174,7 +179,7 @@ impl Followed {
         let [from, to] = [&self.from, &self.to].map(|model| model.evaluate(tool));
         let now = from.stored + self.share * (to.stored - from.stored);
         let asked = wanted * gain * (to.stored - from.stored);
-        // The device's position may be wrong by one encoder step.
+        // The device's position may be wrong by one encoder step, so the hand may have supplied this much more energy.
         let uncertain = passivity.quantum_worth(gain * to.tangent.force.fixed_rows::<3>(0).norm());
         let missing = asked - passivity.surplus(gain * (stored + now)) - uncertain;
         if !passivity.is_on() || asked <= 0.0 || missing <= 0.0 {

@@ -1,9 +1,9 @@
 //! The local contact model, a linear force law on the tool (the rigid body that the haptic device leads) which the
 //! haptic loop evaluates between two simulation steps: F = F0 - K (y - y0) - D (v - v0). F0 is the contact wrench
-//! (force, then torque; N, N m) that the newest step found, K and D are its stiffness and damping, y0 and v0 are the
-//! tool's pose and twist at that step, and y and v the present ones. K leaves out the body's compliance (no Schur
-//! complement), so it is the stiffness that the tool feels in the first moment and an upper bound of what it feels
-//! later.
+//! (force, then torque; N, N m) that the newest step found, K and D are the contact's stiffness and damping, y0 and v0
+//! are the tool's pose and twist at that step, y and v its present pose and twist. K leaves out the soft body's own
+//! compliance (no Schur complement is formed), so K is the stiffness that the tool feels in the first moment and an
+//! upper bound of the stiffness that it feels later.
 //!
 //! Similar models: K. Mahvash and V. Hayward, "High-fidelity haptic synthesis of contact with deformable bodies"
 //! (2004); M. Otaduy and M. Lin, "A modular haptic rendering algorithm for stable and transparent 6-DOF manipulation"
@@ -15,16 +15,16 @@ use nalgebra::{Matrix6, SymmetricEigen, Vector6};
 use crate::step::trajectory::rotation_vector;
 use crate::step::{ContactWrench, Gap, RigidState, Wrench};
 
-/// Least lever arm, m, at which rotations are measured as displacements: a point-like tool has none of its own.
+/// Least lever arm, m, at which rotations are measured as displacements: a point-like tool has no lever arm of its own.
 const SHORTEST_ARM: f64 = 1e-4;
-/// A direction whose eigenvalue of K is below this share of the greatest one counts as having no stiffness: a force
-/// along it stores no energy.
+/// An eigenvalue of K below this share of the greatest eigenvalue counts as zero: a force along its eigenvector stores
+/// no energy.
 const LEAST_STIFF: f64 = 1e-3;
 /// Greatest number of iterations for the eigenvalues; about ten are usually needed.
 const MOST_ROUNDS: usize = 200;
 
-/// A linear force law at one state of the tool: the wrench and its slopes, linear part first. The wrench falls by K per
-/// displacement and by D per velocity.
+/// A linear force law at one state of the tool: the wrench and its slopes. Vectors and matrices hold the linear part
+/// first, then the angular part. The wrench falls by K per displacement and by D per velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tangent {
     /// Force (N), then torque (N m).
@@ -42,16 +42,18 @@ impl Tangent {
     }
 }
 
-/// The model of one wrench: the gradient of a convex potential, plus damping.
+/// The local model made from one wrench: the gradient of a convex potential, plus damping.
 ///
-/// Let f = F0 + D v0 - K (y - y0) be the wrench without velocity and C the pseudo-inverse of K. The potential is
-/// f . C f / 2: the energy that contact gives back until it is released. With p = sqrt(f . C f) the potential is
+/// Let f = F0 + D v0 - K (y - y0) be the wrench for zero velocity, and C the pseudo-inverse of K. The potential is
+/// f . C f / 2: the energy that contact gives back until the tool leaves it. With p = sqrt(f . C f) the potential is
 /// quadratic in p up to a bound set by the trusted distance and linear beyond (P. Huber, "Robust estimation of a
 /// location parameter", 1964). So the force grows no further beyond the bound, and the hand gets back on its way out no
 /// more than it put in on its way in.
 #[derive(Debug, Clone, Copy)]
 pub struct LocalModel {
+    /// The tool's pose y0 and twist v0.
     tool: RigidState,
+    /// The wrench F0 and its slopes K and D.
     at: Tangent,
     /// The wrench at `tool`'s pose without its damping part: F0 + D v0.
     at_rest: Vector6<f64>,
@@ -61,19 +63,19 @@ pub struct LocalModel {
     normal: Option<DVec3>,
     /// Bound of p up to which the force grows, square root of J.
     most: f64,
-    /// Stiffness along the normal in addition to K for poses deeper than `tool`'s, N/m; and the depth up to which its
-    /// force grows, m.
+    /// Additional stiffness along the normal, N/m, for poses deeper than the pose of `tool`; and the depth, m, up to
+    /// which the force of this stiffness grows.
     inward: [f64; 2],
 }
 
 /// The model's values at one state of the tool.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evaluation {
-    /// Wrench and slopes at that state.
+    /// Wrench and slopes at this state.
     pub tangent: Tangent,
     /// The potential energy, J.
     pub stored: f64,
-    /// Whether the state is beyond the trusted range, so that the force is smaller than K alone would make it.
+    /// Whether the state is beyond the trusted distance, where the force is smaller than it would be by K alone.
     pub is_beyond: bool,
 }
 
@@ -83,7 +85,7 @@ impl Evaluation {
         Evaluation { tangent: Tangent::zero(), stored: 0.0, is_beyond: false }
     }
 
-    /// Blend of two evaluations: (1 - `share`) of this one and `share` of the other.
+    /// Blend of two evaluations: (1 - `share`) times this one plus `share` times the other.
     pub fn blend(&self, other: &Evaluation, share: f64) -> Evaluation {
         let mix = |a: Matrix6<f64>, b: Matrix6<f64>| a * (1.0 - share) + b * share;
         let tangent = Tangent {
@@ -97,10 +99,10 @@ impl Evaluation {
 }
 
 impl LocalModel {
-    /// The model of a wrench. `arm` (m) is the tool's lever arm at which rotations count as displacements; `trust` (m)
-    /// is the distance from the wrench's pose up to which the force grows in proportion to K. K and D are projected
-    /// onto the symmetric positive semi-definite matrices. If the wrench has no contact but reports the gap to the
-    /// nearest body (distance and direction), the model is a wall at the gap's end.
+    /// Makes the model of a wrench. `arm` (m) is the tool's lever arm at which rotations count as displacements;
+    /// `trust` (m) is the distance from the wrench's pose up to which the force grows in proportion to K. K and D are
+    /// projected onto the symmetric positive semi-definite matrices. If the wrench has no contact but reports the gap
+    /// to the nearest body (distance and direction), the model is a wall at the gap's end.
     pub fn new(wrench: &ContactWrench, arm: f64, trust: f64) -> LocalModel {
         if let (Some(gap), true) = (wrench.gap, wrench.wrench == Wrench::ZERO) {
             return LocalModel::of_gap(wrench.tool, &gap, trust);
@@ -115,7 +117,7 @@ impl LocalModel {
         LocalModel::with(wrench.tool, at, compliance, wrench.normal(), trust * stiffest.sqrt())
     }
 
-    /// A wall at the end of a gap.
+    /// Makes the model of a wall at the end of a gap, for the tool in the given state.
     fn of_gap(tool: RigidState, gap: &Gap, trust: f64) -> LocalModel {
         let n = vector(gap.normal, DVec3::ZERO);
         let force = -gap.stiffness * gap.distance * n;
@@ -124,7 +126,7 @@ impl LocalModel {
         LocalModel::with(tool, at, compliance, Some(gap.normal), trust * gap.stiffness.sqrt())
     }
 
-    /// A model about the pose of `tool`; `growth` is by how much p may grow from its value there, square root of J.
+    /// Makes a model about the pose of `tool`; the bound of p is the value of p there plus `growth`, square root of J.
     fn with(tool: RigidState, at: Tangent, compliance: Matrix6<f64>, normal: Option<DVec3>, growth: f64) -> LocalModel {
         let twist = vector(tool.velocity, tool.angular_velocity);
         let at_rest = at.force + at.damping * twist;
@@ -133,8 +135,8 @@ impl LocalModel {
         LocalModel { tool, at, at_rest, compliance, normal, most: now + growth, inward: [0.0; 2] }
     }
 
-    /// This model, made at least as stiff (N/m) inwards along its normal, over a depth of `trust` (m): contact that has
-    /// just begun is shallow, and gets stiffer further in.
+    /// This model, made at least as stiff as `stiffness` (N/m) inwards along its normal, over a depth of `trust` (m):
+    /// contact that has just begun is shallow, and gets stiffer further in.
     pub fn no_softer_inward(self, stiffness: f64, trust: f64) -> LocalModel {
         let own = self.normal.map_or(stiffness, |normal| slope(&normal, &self.at.stiffness));
         LocalModel { inward: [(stiffness - own).max(0.0), trust], ..self }
@@ -146,7 +148,7 @@ impl LocalModel {
         LocalModel::with(wrench.tool, at, Matrix6::zeros(), None, f64::INFINITY)
     }
 
-    /// A model about this state of the tool that has the given evaluation's wrench and slopes there.
+    /// Makes a model about this state of the tool, where it has the wrench and slopes of the given evaluation.
     pub fn of(tool: &RigidState, evaluation: &Evaluation, arm: f64, trust: f64) -> LocalModel {
         let at = evaluation.tangent;
         let rows: [[f64; 6]; 6] = std::array::from_fn(|i| std::array::from_fn(|k| at.stiffness[(i, k)]));
@@ -156,7 +158,8 @@ impl LocalModel {
         LocalModel::with(*tool, Tangent { stiffness, ..at }, compliance, normal, trust * stiffest.sqrt())
     }
 
-    /// Wrench, slopes and potential at the tool's present state. Released contact exerts no force: it never pulls.
+    /// Wrench, slopes and potential at the tool's present state. Contact that the tool has left exerts no force: it
+    /// never pulls.
     pub fn evaluate(&self, tool: &RigidState) -> Evaluation {
         let moved = vector(
             tool.position - self.tool.position,
@@ -185,7 +188,8 @@ impl LocalModel {
         evaluation
     }
 
-    /// Adds the force, stiffness and energy of the additional inward stiffness at `depth` (m) beyond the model's pose.
+    /// Adds the force, stiffness and energy of the additional inward stiffness to `evaluation`. The evaluation was made
+    /// at a pose `depth` (m) deeper than the pose of the field `tool`.
     fn stiffen(&self, normal: &DVec3, depth: f64, evaluation: &mut Evaluation) {
         let [stiffness, trust] = self.inward;
         if stiffness == 0.0 || depth <= 0.0 {
@@ -208,14 +212,14 @@ impl LocalModel {
         self.normal.or_else(|| DVec3::new(self.at.force[0], self.at.force[1], self.at.force[2]).try_normalize())
     }
 
-    /// Whether contact is released at this wrench: one-sided contact that is followed beyond the point where the bodies
-    /// part would pull.
+    /// Whether the tool has left a one-sided contact. `force` is the wrench by the linear law; it pulls where the tool
+    /// is beyond the point at which the bodies part.
     fn has_let_go(&self, normal: &DVec3, force: &Vector6<f64>) -> bool {
         slope(normal, &self.at.stiffness) > 0.0 && along(normal, force) <= 0.0
     }
 
-    /// The change of force (N) along the wrench's own direction that K predicts for another pose of the tool, and that
-    /// direction; for comparison with the change that is observed.
+    /// The direction of the wrench's force, and the change of force (N) along this direction that K predicts for
+    /// another pose of the tool; for comparison with the change that is observed.
     pub fn foretell(&self, tool: &RigidState) -> Option<(DVec3, f64)> {
         let start = DVec3::new(self.at.force[0], self.at.force[1], self.at.force[2]);
         let normal = start.try_normalize()?;
@@ -236,7 +240,7 @@ fn slope(direction: &DVec3, stiffness: &Matrix6<f64>) -> f64 {
     along(direction, &(stiffness * vector(*direction, DVec3::ZERO)))
 }
 
-/// The 6-vector of a linear part, then an angular part.
+/// The 6-vector that holds a linear part, then an angular part.
 pub fn vector(linear: DVec3, angular: DVec3) -> Vector6<f64> {
     Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
 }
@@ -250,7 +254,7 @@ fn project(rows: &[[f64; 6]; 6], arm: f64) -> (Matrix6<f64>, Matrix6<f64>, f64) 
     if scaled.iter().all(|x| *x == 0.0) {
         return none;
     }
-    // If squares of the entries overflow, no eigenvalues are found: K is then zero and the wrench stays constant.
+    // If squares of the entries overflow, no eigenvalues are found, and the matrix (K or D) is taken as zero.
     let Some(mut parts) = SymmetricEigen::try_new(scaled, f64::EPSILON, MOST_ROUNDS) else { return none };
     parts.eigenvalues.apply(|x| *x = x.max(0.0));
     let greatest = parts.eigenvalues.max();
@@ -273,7 +277,8 @@ mod tests {
         RigidState::at_rest(DVec3::Y * y, DQuat::IDENTITY)
     }
 
-    /// Contact that pushes up with 2 N at y = 0 and has a stiffness of 1000 N/m.
+    /// Contact that pushes the tool up with 2 N at y = 0 and has a stiffness of 1000 N/m. `pressing` (N) is the sum of
+    /// the magnitudes of its normal forces: 2 N from one side, more from two sides.
     fn pressed(pressing: f64) -> ContactWrench {
         let mut wrench = ContactWrench { step: 1, pressing, ..ContactWrench::none(at(0.0)) };
         wrench.wrench.force = DVec3::Y * 2.0;
@@ -287,7 +292,7 @@ mod tests {
         let model = LocalModel::new(&pressed(2.0), 0.01, 1e-3);
         let force = |y: f64| model.evaluate(&at(y)).tangent.force[1];
         assert!((force(-5e-4) - 2.5).abs() < 1e-12 && (force(5e-4) - 1.5).abs() < 1e-12);
-        // Beyond the trusted distance the force grows no further; contact is released 2 mm above.
+        // Beyond the trusted distance the force grows no further; 2 mm above y = 0 the tool leaves the contact.
         assert!((force(-0.01) - 3.0).abs() < 1e-12 && model.evaluate(&at(-0.01)).is_beyond);
         assert_eq!(model.evaluate(&at(2.1e-3)), Evaluation::zero());
         let leaving = RigidState { velocity: DVec3::Y * 0.1, ..at(0.0) };
@@ -349,7 +354,7 @@ mod tests {
                 let fallen = start - model.evaluate(&b).stored;
                 assert!(
                     (work - fallen).abs() < 1e-9,
-                    "pressing {pressing} N, trust {trust} m, step {k}: work {work} J, potential fell {fallen} J"
+                    "pressing {pressing} N, trust {trust} m, step {k}: work {work} J, potential fell by {fallen} J"
                 );
             }
             assert!(work.abs() < 1e-9, "work {work} J around a closed path, expected 0");
@@ -385,7 +390,7 @@ mod tests {
             let least = tangent.stiffness.symmetric_eigenvalues().min();
             assert!(
                 least > -1e-9 && tangent.stiffness == tangent.stiffness.transpose(),
-                "lever arm {arm} m: least eigenvalue of the stiffness {least}, or not symmetric"
+                "lever arm {arm} m: the stiffness has the least eigenvalue {least}, or is not symmetric"
             );
             assert!(
                 tangent.stiffness[(0, 0)].abs() < 1e-9 && tangent.stiffness[(1, 1)] > 100.0,

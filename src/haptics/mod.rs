@@ -1,6 +1,6 @@
-//! The haptic side of the engine, in f64 on the host: the interface of haptic devices, and the loop that commands a
-//! force to the device a thousand times a second. The device leads the *tool*, a rigid body, through a virtual coupling
-//! (spring and damper).
+//! The haptic side of the engine, in f64 on the CPU: the interface of haptic devices, and the loop that commands a
+//! force to the device, usually a thousand times a second. The device leads the *tool*, a rigid body, through a virtual
+//! coupling (spring and damper).
 
 pub mod clock;
 pub mod coupling;

@@ -1,21 +1,21 @@
-//! Chooses the length h of the simulation's steps during a haptic session. cost(h) is the wall-clock time that
-//! computing a step of length h takes. The choice is the smallest h with cost(h) <= h: simulated time then keeps up
-//! with real time, and the haptic loop gets a new contact wrench as often as possible.
+//! Chooses the length h of the simulation's steps during a haptic session, in which the simulation runs beside the
+//! haptic loop. cost(h) is the wall-clock time that computing a step of length h takes. The choice is the smallest h
+//! with cost(h) <= h: simulated time then keeps up with real time, and the haptic loop gets a new contact wrench (force
+//! and torque) as often as possible.
 //!
-//! A longer step costs more solver iterations, so cost(h) = h may hold at several h (for example, with a stiff block at
-//! 2 ms and again at 20 ms). A length that merely follows the cost of the last steps stays at the first of these
-//! lengths that it reaches. The iteration h <- cost(h), started from the shortest step, climbs to the smallest of these
-//! lengths (Kleene's fixed-point iteration of a monotone function), so a search from the shortest step is repeated at
-//! intervals.
+//! A longer step costs more solver iterations, so cost(h) = h may hold at several h (for a stiff block, for example, at
+//! h = 2 ms and again at h = 20 ms). A length that merely follows the cost of the last steps stays at the first such h
+//! that it reaches. The iteration h <- cost(h), started from the shortest step, climbs to the smallest such h (Kleene's
+//! fixed-point iteration of a monotone function), so a search from the shortest step is repeated at intervals.
 
 /// Weight of the newest step in the running mean of the cost.
 const NEWEST_SHARE: f64 = 0.1;
-/// Time from one search to the next, s: at first the first value; it doubles whenever a search finds no shorter length,
-/// up to the second value.
+/// Time from one search to the next, s. It begins with the first value here, and doubles, up to the second value,
+/// whenever a search finds no shorter length; a search that finds one sets it back to the first value.
 const SEARCHED_EVERY: [f64; 2] = [1.0, 16.0];
 /// Greatest number of steps in one search.
 const MOST_TRIES: u32 = 8;
-/// A length that a search finds is better only if it is shorter than this share of the old one.
+/// A length that a search finds replaces the old length only if it is shorter than the old length times this factor.
 const BETTER: f64 = 0.8;
 /// A step is fast enough if its cost is at most this many times its length.
 const AS_LONG: f64 = 1.1;
@@ -28,20 +28,24 @@ pub struct Pace {
     /// Running mean of the cost of the last steps, s.
     mean: f64,
     search: Option<Search>,
-    /// When the next search begins, s.
+    /// Time at which the next search begins, s.
     next: f64,
+    /// Time from one search to the next, s.
     interval: f64,
 }
 
 /// A search that climbs from the shortest step.
 #[derive(Debug, Clone, Copy)]
 struct Search {
+    /// Length of the next step, s.
     length: f64,
+    /// Number of steps done in this search.
     tries: u32,
 }
 
 impl Pace {
-    /// Steps will be `shortest` to `longest` s long; `cost` is the measured cost of one of the shortest steps, s.
+    /// Makes a pace whose steps will be from `shortest` to `longest` s long. `cost` (s) is the measured cost of a step
+    /// whose length is `shortest`.
     pub fn new(shortest: f64, longest: f64, cost: f64) -> Pace {
         let interval = SEARCHED_EVERY[0];
         Pace { shortest, longest: longest.max(shortest), mean: cost, search: None, next: interval, interval }
@@ -52,7 +56,7 @@ impl Pace {
         self.search.map_or(self.mean, |search| search.length).clamp(self.shortest, self.longest)
     }
 
-    /// Takes the cost (s) of a step whose length was [`Pace::length`]; `now` is the time, s.
+    /// Takes the cost (s) of a step whose length was [`Pace::length`]; `now` is the present time, s.
     pub fn took(&mut self, cost: f64, now: f64) {
         let length = self.length();
         let Some(search) = &mut self.search else {
@@ -82,7 +86,8 @@ impl Pace {
 mod tests {
     use super::*;
 
-    /// Simulates steps for that many seconds; returns the final step length (s) and simulated time over elapsed time.
+    /// Runs steps for `seconds` s of elapsed time, where `cost` gives the cost (s) of a step by its length (s) and
+    /// number. Returns the final step length (s), and the ratio of simulated time to elapsed time.
     fn run(pace: &mut Pace, seconds: f64, cost: impl Fn(f64, u32) -> f64) -> (f64, f64) {
         let (mut now, mut simulated, mut step) = (0.0, 0.0, 0);
         while now < seconds {
@@ -106,7 +111,7 @@ mod tests {
         let (length, share) = run(&mut pace, 20.0, |h, _| stiff(h));
         assert!(
             (length - 1.875e-3).abs() < 2e-4 && share > 0.95,
-            "step length {length} s, expected 1.875e-3 s; simulated over elapsed time {share}, expected above 0.95"
+            "step length {length} s, expected 1.875e-3 s; ratio of simulated to elapsed time {share}, expected > 0.95"
         );
         // The running mean alone would stay at the longer of the two lengths.
         let mut mean = 0.02f64;
@@ -129,7 +134,7 @@ mod tests {
             let expected: f64 = if cost < 0.02 { 1.0 } else { 0.02 / cost };
             assert!(
                 (length - cost.min(0.02)).abs() < 1e-9 && share > 0.99 * expected,
-                "cost {cost} s: step length {length} s, simulated over elapsed time {share}"
+                "cost {cost} s: step length {length} s, ratio of simulated to elapsed time {share}"
             );
         }
         let mut pace = Pace::new(1e-3, 0.02, 1e-4);

@@ -1,16 +1,16 @@
 //! Passivity observer and controller (B. Hannaford and J.-H. Ryu, "Time-domain passivity control of haptic interfaces",
-//! 2002): observes the energy that the user's hand gave and received through the haptic device, and limits what it
-//! receives. The *budget* is the energy that the hand gave or was lent and has not received back; it may not fall below
-//! a small negative allowance. Energy is *lent* for a contact force that appears late, after the hand has already moved
-//! unopposed into the contact. Further terms: the *tool* is the rigid body that the device leads by a virtual coupling;
-//! a *tick* is one iteration of the haptic loop; a wrench is *played* when it is commanded to the device; the *gain* is
-//! the share (0 to 1) of the force that is played while it fades in or out; the *quantum* is the resolution of the
-//! device's encoders.
+//! 2002): observes the energy that the user's hand gave and received through the haptic device, and limits the energy
+//! that the hand receives. The *budget* is the energy that the hand gave or was lent and has not received back; it may
+//! not fall below a small negative allowance. Energy is *lent* for a contact force that appears late, after the hand
+//! has already moved unopposed into the contact. Further terms: the *tool* is the rigid body that the device leads by a
+//! virtual coupling; a *tick* is one iteration of the haptic loop; a wrench is *played* when it is commanded to the
+//! device; the *gain* is the share (0 to 1) of the force that is played while it fades in or out; the *quantum* is the
+//! resolution of the device's encoders.
 //!
-//! The played force F_k is constant from one tick to the next, so F_k . (x_k+1 - x_k) between two raw positions is
-//! exactly the work done on the hand, up to the quantum. Each axis is observed by itself, but there is one budget for
-//! all axes, because energy that enters along one axis may rightly leave along another (press down, slide off
-//! sideways).
+//! The played force F_k is constant from one tick to the next, so F_k . (x_k+1 - x_k), for two successive positions
+//! as the device reports them, is exactly the work done on the hand, up to the quantum. Each axis is observed by
+//! itself, but there is one budget for all axes, because energy that enters along one axis may rightly leave along
+//! another (press down, slide off sideways).
 //!
 //! The budget is enforced twice. The blending of contact models (`follow.rs`) asks [`Passivity::surplus`] before it
 //! adds energy, as an energy tank does (F. Ferraguti, C. Secchi and C. Fantuzzi, "A tank-based approach to impedance
@@ -24,8 +24,9 @@ use crate::step::{RigidState, Wrench};
 
 /// Least amount by which the budget may be overdrawn, J.
 const ALLOWANCE: f64 = 5e-7;
-/// Share of quantum times force variation by which the budget may be overdrawn: the energy computed from quantised
-/// positions differs from the true one by up to half of that product.
+/// The budget may be overdrawn by this share of the product of quantum and force variation (the sum of the magnitudes
+/// of all changes of the played force): the energy computed from quantised positions differs from the true energy by up
+/// to half of that product.
 const ALLOWED_VARIATION: f64 = 0.25;
 /// The force variation counts up to this multiple of the greatest force, so that a force that keeps oscillating does
 /// not raise the allowance without bound.
@@ -33,16 +34,16 @@ const MOST_VARIATION: f64 = 20.0;
 /// The quantum of a coarse encoder, m, assumed until a smaller change of a position is seen. A device that stays within
 /// one quantum of a place is at rest.
 const QUANTUM: f64 = 2e-5;
-/// A device that turns by no more than this is also at rest, rad.
+/// Likewise, a device that stays within this angle, rad, of an orientation is at rest.
 const ANGULAR_QUANTUM: f64 = 2e-4;
-/// Part of the budget that survives the end of contact, J: positions that flicker by a quantum take about that much
-/// energy and give it back later, and until then the budget must remember it.
+/// Part of the budget that survives the end of contact, J: a position that flickers by a quantum seems to take about
+/// this much energy from the hand and to give it back later, and until then the budget must remember the energy.
 const KEPT: f64 = 2e-5;
 /// Bound on the hand's acceleration, whether it moves by itself or is pushed, m/s^2: 8 N on 0.2 kg.
 const QUICKEST: f64 = 40.0;
 /// Bound on the hand's angular acceleration, rad/s^2: 0.2 N m on 5e-4 kg m^2.
 const QUICKEST_TURN: f64 = 400.0;
-/// Damping that would dissipate less than this share of the energy is left out.
+/// Damping that would dissipate less than this share of the work of the wrench in a tick is left out.
 const NEGLIGIBLE: f64 = 1e-9;
 
 /// Energies since the loop began.
@@ -54,7 +55,7 @@ pub struct Energy {
     pub given: [f64; 6],
     /// Energy that the controller removed from the wrenches to be played, J.
     pub damped: f64,
-    /// Energy lent to the hand and not repaid yet, J: for forces that appeared after the hand had moved unopposed.
+    /// Energy that was lent and is not repaid yet, J.
     pub lent: f64,
     /// Energy that coupling, tool and contact model store now, times the gain, J.
     pub stored: f64,
@@ -66,8 +67,8 @@ impl Energy {
         self.given.iter().sum::<f64>() - self.taken.iter().sum::<f64>()
     }
 
-    /// Dissipated energy, J: what the hand gave or was lent, less what it received and what is stored. Below zero,
-    /// energy was generated.
+    /// Dissipated energy, J: the energy that the hand gave or was lent, less the energy that it received and the energy
+    /// that is stored. A negative value means that energy was generated.
     pub fn dissipated(&self) -> f64 {
         self.lent - self.net() - self.stored
     }
@@ -95,7 +96,7 @@ pub struct Passivity {
     last: Option<RigidState>,
     /// Rest pose of the device: when the device moves, the rest pose follows one quantum behind.
     rest: Option<RigidState>,
-    /// Whether the last reading was more than a quantum away from the rest pose.
+    /// Whether the pose at the last reading was more than a quantum away from the rest pose.
     has_moved: bool,
     played: Wrench,
     /// The quantum of the encoders, m: the least change of a position seen so far.
@@ -106,7 +107,7 @@ pub struct Passivity {
     peak: f64,
 }
 
-/// Result of the controller for one wrench.
+/// What the controller did with one wrench.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Control {
     /// The wrench that may be played.
@@ -118,9 +119,9 @@ pub struct Control {
 }
 
 impl Passivity {
-    /// An observer, with a controller if `is_on`, which injects at most the given damping (N s/m, N m s/rad).
-    /// `may_swing`: the force is that of the last simulation step whatever the device does, so it is no gradient of a
-    /// potential.
+    /// Makes an observer, with a controller if `is_on`. The controller injects at most the given linear
+    /// damping (N s/m) and angular damping (N m s/rad). `may_swing` means that the force stays that of the last
+    /// simulation step whatever the device does, so the force is no gradient of a potential.
     pub fn new(is_on: bool, may_swing: bool, [most_damping, most_angular_damping]: [f64; 2]) -> Passivity {
         Passivity {
             is_on,
@@ -141,7 +142,7 @@ impl Passivity {
         }
     }
 
-    /// Takes a reading: the wrench played since the last reading did its work on the hand.
+    /// Takes a reading of the device, and books the work that the wrench played since the last reading did on the hand.
     pub fn observe(&mut self, device: &RigidState) {
         if let Some(last) = self.last {
             let moved = device.position - last.position;
@@ -174,7 +175,7 @@ impl Passivity {
         has_moved || has_turned
     }
 
-    /// Budget plus allowance less the energy `stored` (J), J: the energy that may still be added to the stored energy.
+    /// The energy that may still be added to the energy `stored` (J), J: budget plus allowance less `stored`.
     pub fn surplus(&self, stored: f64) -> f64 {
         self.budget + self.allowance() - stored
     }
@@ -184,7 +185,7 @@ impl Passivity {
         self.quantum * force
     }
 
-    /// Amount by which the budget may be overdrawn, J.
+    /// The allowance: the amount by which the budget may be overdrawn, J.
     fn allowance(&self) -> f64 {
         (ALLOWED_VARIATION * self.quantum * self.variation.min(MOST_VARIATION * self.peak)).max(ALLOWANCE)
     }
@@ -221,7 +222,7 @@ impl Passivity {
     }
 
     /// Notes that contact has ended. What the budget holds beyond the energy in coupling and tool (`stored`, J) first
-    /// repays loans; then the budget is cut down to `stored` and the small amount `KEPT`.
+    /// repays loans; then the budget is cut down to the sum of `stored` and the small amount `KEPT`.
     pub fn end_contact(&mut self, stored: f64) {
         self.repay(self.budget - stored);
         self.budget = self.budget.min(stored + KEPT);
@@ -234,11 +235,11 @@ impl Passivity {
     }
 
     /// Damps the `wanted` wrench if it would give the hand more energy in the next `period` (s) than the budget holds.
-    /// Only the deficit is removed, and never so much that the power changes its sign. A deficit below the work over
-    /// one quantum is removed with at most the damping that the device renders stably (the bound times `gain`, 0 to 1),
-    /// and the rest waits for later ticks; a larger deficit is removed at once, up to the whole force along the motion.
-    /// A force against the motion and any force on a device at rest are played unchanged, unless the force may
-    /// oscillate (`may_swing`).
+    /// Only the deficit is removed, and never so much that the power changes its sign. A deficit below the work of the
+    /// force over one quantum is removed with at most the damping that the device renders stably (the bound times
+    /// `gain`, 0 to 1), and the rest waits for later ticks; a larger deficit is removed at once, up to the whole force
+    /// along the motion. A force against the motion and any force on a device at rest are played unchanged, unless the
+    /// force may oscillate (`may_swing`).
     pub fn control(&mut self, wanted: Wrench, device: &RigidState, period: f64, gain: f64) -> Control {
         let none = Control { wrench: wanted, damping: 0.0, is_limited: false };
         if !self.is_on {
@@ -276,9 +277,9 @@ impl Passivity {
         Control { wrench, damping, is_limited: missing > gone * (1.0 + NEGLIGIBLE) }
     }
 
-    /// Scales a wrench that may oscillate down, so that its work in the next `period` (s) stays within the budget. That
-    /// work is computed for the hand's present velocity and for the motion that its greatest acceleration may add: by
-    /// the time that motion is measured, the hand has already received the energy.
+    /// Scales down a wrench that may oscillate, so that the wrench's work in the next `period` (s) stays within the
+    /// budget. That work is computed for the hand's present velocity and for the motion that the hand's greatest
+    /// acceleration may add: by the time at which that motion is measured, the hand has already received the energy.
     fn shorten(&mut self, wanted: Wrench, device: &RigidState, period: f64) -> Control {
         let Wrench { force, torque } = wanted;
         let power = force.dot(device.velocity) + torque.dot(device.angular_velocity);
@@ -300,7 +301,7 @@ impl Passivity {
         self.played = wrench;
     }
 
-    /// Notes that the device's pose jumped: no work is booked for the jump.
+    /// Notes that the device's pose jumped: no work is booked for the jump, and a positive budget is set to zero.
     pub fn jump(&mut self) {
         (self.last, self.rest) = (None, None);
         self.budget = self.budget.min(0.0);
@@ -327,7 +328,7 @@ mod tests {
     }
 
     /// Presses a one-sided spring of `k` (N/m), whose force is one tick late, by `depth` (m) and leaves it, in `ticks`
-    /// each way; returns the net energy that the hand received, J.
+    /// ticks each way; returns the net energy that the hand received, J.
     fn press(passivity: &mut Passivity, k: f64, depth: f64, ticks: i32) -> f64 {
         let (period, mut late) = (1e-3, 0.0);
         let step = depth / f64::from(ticks);
@@ -372,8 +373,8 @@ mod tests {
             let control = passivity.control(push(-0.1 * f64::from(k)), &device, 1e-3, 1.0);
             passivity.play(control.wrench);
         }
-        // Sample and hold generates about k v^2 h T (stiffness k, speed v, period h, duration T); the controller may
-        // remove no more.
+        // Sample and hold generates the energy k v^2 h T (stiffness k, speed v, period h, duration T), J,
+        // approximately; the controller may remove no more.
         assert!(
             passivity.energy().damped < 1e-3 * 0.05 * 0.1 * 200.0,
             "too much energy was damped: {:?}",
@@ -395,7 +396,7 @@ mod tests {
         let damped = passivity.control(push(3.0), &at(1e-3, 0.1), 1e-3, 1.0);
         assert!(
             damped.wrench.force.x.abs() < 1e-12 && damped.is_limited,
-            "the whole force along the motion must go: {damped:?}"
+            "the whole force along the motion must be removed: {damped:?}"
         );
         // A deficit below the work over one quantum is damped within the bound of 10 N s/m: here 0.195 N at 0.1 m/s.
         passivity.budget = 0.3e-3 - 2e-5;
@@ -407,8 +408,8 @@ mod tests {
         passivity.budget = -1e-5;
         let weak = passivity.control(push(0.5), &at(1e-3, 0.1), 1e-3, 1.0);
         assert!(weak.wrench.force.x.abs() < 1e-12, "the power must not change its sign: {weak:?}");
-        // A slow device also moves, once it is a quantum away from its rest pose; the quantum is the least change seen
-        // so far.
+        // A slow device also counts as moving, once it is a quantum away from its rest pose; the quantum is the least
+        // change seen so far.
         (0..10).for_each(|k| passivity.observe(&at(1e-3 + 1e-6 * f64::from(k), 1e-3)));
         assert!(passivity.has_moved);
         passivity.observe(&at(1e-3 + 8e-6, -1e-3));
@@ -428,7 +429,7 @@ mod tests {
         // This push would give 1e-4 J in a tick; only the energy that is kept at the end of contact is left for it.
         let left = passivity.control(push, &sideways, 1e-3, 1.0).wrench.force;
         let kept = KEPT + passivity.allowance();
-        assert!(kept < 4e-5 && (left.y - kept / 1e-4).abs() < 1e-9, "force left {left} N");
+        assert!(kept < 4e-5 && (left.y - kept / 1e-4).abs() < 1e-9, "force that is left: {left} N");
     }
 
     #[test]
@@ -440,7 +441,7 @@ mod tests {
             passivity.repay(0.01);
         }
         assert_eq!((passivity.energy().lent, passivity.budget), (0.0, 0.0));
-        // A repayment beyond the loan does not count.
+        // The part of a repayment that exceeds the loan is ignored.
         passivity.lend(0.01);
         passivity.repay(0.05);
         assert_eq!((passivity.energy().lent, passivity.budget), (0.0, 0.0));

@@ -14,9 +14,9 @@ const SLEW_TIME: f64 = 4e-3;
 pub const FADE_TIME: f64 = 0.05;
 /// Time in which the force rises from zero, at the start and after each fade, s.
 pub const ENGAGE_TIME: f64 = 0.2;
-/// Greatest time, s, by which a contact wrench may be out of date before the force fades, unless a scene asks for less.
-/// Until then the force comes from the local contact model (the linear force law of the last wrench), which is passive
-/// by itself. The time is long because a step of large bodies takes a tenth of a second and more.
+/// Greatest time, s, by which a contact wrench may be out of date before the force fades, unless a scene asks for a
+/// shorter time. Until then the force comes from the local contact model (the linear force law of the last wrench),
+/// which is passive by itself. The time is long because a step of large bodies takes a tenth of a second and more.
 pub const WATCHDOG: f64 = 1.0;
 
 /// Limits on the wrench that is played.
@@ -37,8 +37,8 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// The limits of a device's profile, lowered to what a scene asks for. The second value names the scene's keys that
-    /// ask for more than the profile allows; for these the profile's limit stays.
+    /// The limits of a device's profile, lowered where a scene asks for less. The second value lists the scene's keys
+    /// that ask for more than the profile allows; for these keys the profile's limit stays.
     pub fn new(profile: &Profile, lowered: &Lowered) -> (Limits, Vec<&'static str>) {
         let mut refused = Vec::new();
         let mut least = |name: &'static str, limit: f64, asked: Option<f64>| {
@@ -63,7 +63,7 @@ impl Limits {
 pub struct Gain(f64);
 
 impl Gain {
-    /// Advances by `period` s: the share rises if all `is_well`, otherwise it falls.
+    /// Advances by `period` s: the share rises if `is_well` (nothing asks for a fade), otherwise it falls.
     pub fn go(&mut self, is_well: bool, period: f64) {
         let change = if is_well { period / ENGAGE_TIME } else { -period / FADE_TIME };
         self.0 = (self.0 + change).clamp(0.0, 1.0);
@@ -85,7 +85,7 @@ impl Gain {
     }
 }
 
-/// Clamps the size and the rate of change of the wrench that is played. It remembers the last wrench played.
+/// Clamps the size and the rate of change of the wrench that is played. The guard remembers the last wrench played.
 #[derive(Debug, Clone)]
 pub struct Guard {
     limits: Limits,
@@ -98,8 +98,8 @@ impl Guard {
         Guard { limits, last: Wrench::ZERO }
     }
 
-    /// The wrench to play instead of `wanted`, `period` s after the last one: it is finite and within the limits on
-    /// size and on rate of change.
+    /// Returns the wrench to play instead of `wanted`, `period` s after the last one. The returned wrench is finite and
+    /// within the limits on size and on rate of change.
     pub fn pass(&mut self, wanted: Wrench, period: f64, events: &mut Events) -> Wrench {
         if !wanted.is_finite() {
             events.raise(Event::BadForce);
@@ -129,14 +129,14 @@ impl Guard {
         self.last
     }
 
-    /// Drops the force to zero at once, without fading; returns zero.
+    /// Drops the wrench to zero at once, without fading; returns the zero wrench.
     pub fn cut(&mut self) -> Wrench {
         self.last = Wrench::ZERO;
         Wrench::ZERO
     }
 }
 
-/// The vector, shortened to the length `most`; it is not longer even by the rounding of the scaling.
+/// The vector, shortened to the length `most` if it is longer; the result does not exceed `most` even by rounding.
 fn within(vector: DVec3, most: f64) -> DVec3 {
     let mut short = vector.clamp_length_max(most);
     while short.length() > most {

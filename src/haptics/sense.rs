@@ -1,4 +1,5 @@
-//! Plausibility check of the haptic device's readings: decides in each tick of the loop which pose and twist to use.
+//! Plausibility check of the haptic device's readings: decides in each tick (iteration) of the haptic loop which pose
+//! and twist (linear and angular velocity) of the device to use.
 
 use super::device::{Fault, Reading};
 use super::event::{Event, Events};
@@ -20,13 +21,13 @@ pub struct Sense {
 /// A checked reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensed {
-    /// Pose and twist of the device; if the reading was rejected, the last valid pose at rest.
+    /// Pose and twist of the device; if the reading was rejected, the last valid pose with zero twist.
     pub state: RigidState,
     /// Whether this tick's reading was accepted as plausible.
     pub is_well: bool,
     /// Whether this is the first valid reading of all.
     pub is_first: bool,
-    /// Whether the pose is used although it is implausibly far from the last one.
+    /// Whether the pose is used although it is implausibly far from the last valid pose.
     pub has_jumped: bool,
 }
 
@@ -36,8 +37,8 @@ impl Sense {
         Sense { last: start, has_read: false }
     }
 
-    /// Checks a reading, `period` s after the last. A pose that leapt is accepted only if the force commanded to the
-    /// device `has_faded`; until then the last valid pose is used.
+    /// Checks a reading, taken `period` s after the last reading. A pose that leapt is used only if `has_faded`, that
+    /// is, if the force commanded to the device has faded to zero; until then the last valid pose is used.
     pub fn take(
         &mut self,
         reading: &Result<Reading, Fault>,

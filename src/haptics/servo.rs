@@ -1,10 +1,11 @@
 //! One tick (iteration) of the haptic loop, from a reading of the haptic device to the wrench that is *played*, that is
 //! commanded to the device: it uses no clock, no thread and no allocation, and gives the same bits for the same inputs.
 //!
-//! The tool, a rigid body simulated here, follows the device by virtual coupling and feels contact by the local model
-//! (linear force law, `local_model.rs`) of the newest contact wrench that the simulation gave. The hand feels the reaction of the
-//! coupling's pull on the tool, after passivity control (`passivity.rs`) and safety limits (`safety.rs`), times the
-//! *gain*: a share (0 to 1) that falls when the force must fade and rises again after that.
+//! The *tool*, a rigid body simulated here, follows the device by virtual coupling (spring and damper) and feels
+//! contact by the local model (linear force law, `local_model.rs`) of the newest contact wrench that the simulation
+//! gave. The hand feels the reaction of the coupling's pull on the tool, after passivity control (`passivity.rs`) and
+//! safety limits (`safety.rs`), times the *gain*: a share (0 to 1) that falls when the force must fade and rises again
+//! after that.
 
 use glam::DVec3;
 use nalgebra::{Matrix6, Vector6};
@@ -20,21 +21,22 @@ use super::sense::Sense;
 use crate::step::tool::Tool;
 use crate::step::{ContactWrench, DeviceInput, RigidState, Wrench};
 
-/// A tick that begins later than this after its deadline is late, s.
+/// A tick that begins more than this time after its deadline is late, s.
 const LATE: f64 = 2e-3;
 /// Longest time that a tick may integrate over, in periods, even if the clock advanced by more.
 const LONGEST_TICK: f64 = 4.0;
 /// Position resolution of a coarse encoder, m.
 const ENCODER_STEP: f64 = 2e-5;
-/// Greatest change of the force by one encoder step, through the coupling's stiffness or through its damping, N.
+/// Greatest change of the force that one encoder step may cause, through the coupling's stiffness or through its
+/// damping, N.
 const STEP_FORCE: f64 = 0.02;
 /// Longest time constant of the smoothing of the device's pose, s: smoothing is delay, and delay costs stability.
 const LONGEST_SMOOTHING: f64 = 0.001;
 /// Shortest time that a tick may integrate over, in periods.
 const SHORTEST_TICK: f64 = 0.25;
-/// A clock that advances by more than this between two ticks has jumped, s.
+/// A clock that advances by more than this time between two ticks has jumped, s.
 const LONGEST_GAP: f64 = 0.25;
-/// While the simulation returns wrenches that are not finite, the force fades if the last finite one is older than
+/// While the simulation returns wrenches that are not finite, the force fades if the last finite wrench is older than
 /// this, s.
 const LONGEST_BAD: f64 = 0.25;
 /// Longest time over which a new wrench is blended in, s: the blend takes the interval since the last wrench if that is
@@ -44,8 +46,8 @@ const LONGEST_BLEND: f64 = 0.02;
 /// this small need not fade in.
 const NOTHING_TO_FADE: f64 = 0.02;
 
-/// Settings of a servo. Together with the readings and the wrenches they determine every bit of the wrench that is
-/// played.
+/// Settings of a [`Servo`]. Together with the device's readings and the simulation's wrenches they determine every bit
+/// of the wrench that is played.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// Period of a tick, s.
@@ -58,7 +60,7 @@ pub struct Settings {
     pub passivity: bool,
     /// Greatest damping that the passivity controller may inject: linear, N s/m, and about any axis, N m s/rad.
     pub most_damping: [f64; 2],
-    /// Distance of the tool from the local model's pose up to which the model is trusted, m.
+    /// The local model is trusted while the tool is within this distance, m, of its pose in the newest wrench.
     pub trust: f64,
     /// The tool's lever arm at which rotations count as displacements, m.
     pub arm: f64,
@@ -75,7 +77,7 @@ pub struct Tick {
     pub late: f64,
     /// The device's reading; `None` if the device could not be read.
     pub reading: Option<Reading>,
-    /// Pose and twist of the device as used: checked and smoothed.
+    /// Pose and twist of the device that the tick used: checked and smoothed.
     pub device: RigidState,
     /// Pose and twist of the tool at the end of the tick.
     pub tool: RigidState,
@@ -83,7 +85,7 @@ pub struct Tick {
     pub contact: Wrench,
     /// The wrench played to the hand.
     pub played: Wrench,
-    /// Number of the simulation step that gave the newest wrench; 0 if there was none yet.
+    /// Number of the simulation step that gave the newest wrench; 0 if there was no wrench yet.
     pub step: u64,
     /// Age of the newest wrench: time since the inputs of its step were taken, s.
     pub staleness: f64,
@@ -110,17 +112,20 @@ pub struct Servo {
     /// Contact wrench on the tool in the last tick.
     felt: Wrench,
     gain: Gain,
+    /// Value of `gain` when the energy balance was last updated.
     last_gain: f64,
     guard: Guard,
     passivity: Passivity,
     index: u64,
     time: Option<f64>,
+    /// Centre of the workspace: the device's first position, m.
     home: DVec3,
     played: Wrench,
 }
 
 impl Servo {
-    /// A servo whose tool rests at its pose, coupled to a device that has not been read yet.
+    /// Makes a servo with this tool, coupled to a device that has not been read yet and is taken to be at the tool's
+    /// pose.
     pub fn new(settings: Settings, tool: Tool) -> Servo {
         let start = tool.state();
         let Settings { local_model, arm, trust, limits, .. } = settings;
@@ -147,7 +152,8 @@ impl Servo {
     }
 
     /// Runs one tick at `time` (s), which began `late` s after its deadline: takes the device's reading and returns the
-    /// wrench to play. `newest` is the newest wrench of the simulation; it may be the same as in the last tick.
+    /// wrench to play. `newest` is the newest wrench of the simulation, which may be the same wrench as in the last
+    /// tick.
     pub fn tick(&mut self, time: f64, late: f64, reading: Result<Reading, Fault>, newest: &ContactWrench) -> Tick {
         let mut events = Events::default();
         let period = self.clock(time, late, &mut events);
@@ -155,7 +161,7 @@ impl Servo {
         self.take(newest, time, &mut events);
         let newest = self.contact.newest();
         let (step, staleness) = (newest.step, if newest.step > 0 { time - newest.time } else { 0.0 });
-        // A wrench from the future is trusted as little as one that is out of date or of unknown time.
+        // A wrench whose time is in the future or unknown (NaN) is trusted as little as one that is out of date.
         let longest = match events.has(Event::BadWrench) {
             true => self.settings.limits.watchdog.min(LONGEST_BAD),
             false => self.settings.limits.watchdog,
@@ -202,7 +208,7 @@ impl Servo {
         tick
     }
 
-    /// The state of device and tool from which the next simulation step starts.
+    /// The state of device and tool from which a simulation step that begins now starts.
     pub fn input(&self) -> DeviceInput {
         let time = self.time.unwrap_or(0.0);
         let coupling = self.tool.coupling.filter(|_| self.index > 0);
@@ -244,7 +250,7 @@ impl Servo {
         elapsed.clamp(SHORTEST_TICK * nominal, LONGEST_TICK * nominal)
     }
 
-    /// Checks and smooths a reading. Returns the device's state to be used, and whether the reading was accepted.
+    /// Checks and smooths a reading. Returns the state of the device to use, and whether the reading was accepted.
     fn feel_for(&mut self, reading: &Result<Reading, Fault>, period: f64, events: &mut Events) -> (RigidState, bool) {
         let has_faded = self.gain.value() == 0.0;
         let sensed = self.sense.take(reading, period, has_faded, events);
@@ -266,8 +272,8 @@ impl Servo {
     /// encoder step into a jump of the force. The filter does not lag behind a device that moves at constant velocity.
     fn smooth(&mut self, device: RigidState, period: f64) -> RigidState {
         let (stiffness, damping) = self.tool.coupling.map_or((0.0, 0.0), |c| (c.stiffness, c.damping));
-        // Share of an encoder step that passes the filter, so that a stiffness `gain` (N/m) turns it into a force
-        // change of at most [`STEP_FORCE`].
+        // Share of an encoder step that passes the filter, so that a stiffness (here `gain`, N/m) turns this share into
+        // a force change of at most [`STEP_FORCE`].
         let share = |gain: f64| (STEP_FORCE / (gain * ENCODER_STEP)).clamp(period / (period + LONGEST_SMOOTHING), 1.0);
         let (of_position, of_velocity) = (share(stiffness), share(damping / period));
         let last = self.device;
@@ -277,7 +283,7 @@ impl Servo {
         RigidState { position: foreseen.lerp(device.position, of_position), velocity, angular_velocity, ..device }
     }
 
-    /// Takes a wrench if it is a new one and finite.
+    /// Takes the wrench `newest` if it is new and finite.
     fn take(&mut self, newest: &ContactWrench, time: f64, events: &mut Events) {
         if newest.step == self.contact.newest().step {
             return;
@@ -289,8 +295,8 @@ impl Servo {
         self.contact.take(newest, time, &self.tool.state(), self.passivity.energy().lent);
     }
 
-    /// Moves the tool by one implicit Euler step under the coupling towards the device and the contact; returns the
-    /// contact wrench on the tool.
+    /// Moves the tool by one implicit Euler step under the coupling's pull and the contact; returns the contact wrench
+    /// on the tool.
     fn move_tool(&mut self, device: &RigidState, h: f64, events: &mut Events) -> Wrench {
         let (state, gain) = (self.tool.state(), self.gain.value());
         if self.contact.advance(&state, h, gain, self.stored(device), &mut self.passivity) {
@@ -321,12 +327,14 @@ impl Servo {
         wrench(&force)
     }
 
+    /// Sets the tool back to a given pose, at rest.
     fn still_at(&mut self, state: &RigidState) {
         (self.tool.centre, self.tool.orientation) = (state.position, state.orientation);
         (self.tool.velocity, self.tool.angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
     }
 
-    /// The device's pose moved so close to the tool that the coupling's spring pulls no harder than the force limit.
+    /// The device's state with a position so close to the tool that the coupling's spring pulls no harder than the
+    /// force limit.
     fn within_reach(&self, device: &RigidState) -> RigidState {
         self.tool.within_reach(device, self.settings.limits.force)
     }
@@ -354,8 +362,8 @@ impl Servo {
         let stored = self.stored(device) + contact.stored;
         if risen > 0.0 {
             let missing = -self.passivity.surplus(gain * stored);
-            // Beyond the coupling's reach its pull is limited, so the energy stored there was never felt and is not
-            // lent.
+            // Beyond a certain stretch the coupling's pull is limited (see `within_reach`), so the energy stored by a
+            // further stretch was never felt and is not lent.
             let near = self.tool.stored(&self.within_reach(device), f64::INFINITY, self.settings.limits.torque > 0.0);
             self.passivity.lend(missing.min(risen * (near + contact.stored)));
         } else if risen < 0.0 {
@@ -371,8 +379,8 @@ impl Servo {
         self.passivity.note_stored(gain * stored);
     }
 
-    /// The reaction of the coupling's pull on the tool, reduced by passivity control and safety limits: the wrench
-    /// played, and the damping injected (N s/m).
+    /// Determines the wrench that is played: the reaction of the coupling's pull on the tool, times the gain, reduced
+    /// by passivity control and safety limits. Returns this wrench, and the damping that was injected (N s/m).
     fn play(&mut self, device: &RigidState, h: f64, events: &mut Events) -> (Wrench, f64) {
         let pull = self.tool.pull(&self.within_reach(device));
         let gain = self.gain.value();

@@ -1,6 +1,7 @@
-//! The haptic loop in its own thread, which ticks (iterates) at absolute deadlines and waits for nothing else. The
-//! newest contact wrench comes in from the simulation, and the newest state of device and tool goes out to it, through
-//! lock-free triple buffers on which neither side ever waits.
+//! The haptic loop in a thread of its own. In each iteration (*tick*), which begins at an absolute deadline, the loop
+//! reads the haptic device and commands a wrench (force and torque) to it. The loop gets the newest contact wrench from
+//! the simulation, and gives the simulation the newest state of the device and of the tool (the rigid body that the
+//! device leads), through lock-free triple buffers: neither thread ever waits for the other.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,10 +16,10 @@ use super::event::Event;
 use super::servo::{Servo, Tick};
 use crate::step::{ContactWrench, DeviceInput};
 
-/// Greatest number of recorded ticks in the queue to the simulation's thread. Ticks beyond it are lost, which is
-/// reported.
+/// Greatest number of recorded ticks in the queue to the simulation's thread. The records of further ticks are
+/// lost, which the event [`Event::RecordLost`] of the next recorded tick reports.
 const ROOM: usize = 1 << 14;
-/// Real-time priority of the loop's thread, of 0 to 99.
+/// Real-time priority of the loop's thread, on a scale from 0 to 99.
 #[cfg(unix)]
 const MIDDLE: u8 = 50;
 
@@ -30,7 +31,7 @@ pub struct ServoThread {
     wrenches: triple_buffer::Input<ContactWrench>,
     states: triple_buffer::Output<DeviceInput>,
     ticks: rtrb::Consumer<Tick>,
-    /// Whether the thread got its raised priority; the error gives the reason if not.
+    /// Whether the thread got its raised priority; if not, the error gives the reason.
     pub priority: Result<(), String>,
 }
 
@@ -48,7 +49,7 @@ impl ServoThread {
         let (tell, told) = std::sync::mpsc::channel();
         let device = Opened(device);
         let work = move || {
-            // The starting thread waits for this message and for nothing else of the loop.
+            // `start` waits for this message, and for nothing else that this thread does.
             let _ = tell.send(raise_priority());
             tick_until_stopped(device, servo, links, metronome);
         };
@@ -98,7 +99,7 @@ impl Drop for ServoThread {
     }
 }
 
-/// The loop's ends of the buffers that connect it with the simulation's thread.
+/// The loop's ends of the buffers that connect the loop with the simulation's thread, and the flag that stops the loop.
 struct Links {
     newest: triple_buffer::Output<ContactWrench>,
     out: triple_buffer::Input<DeviceInput>,
@@ -106,7 +107,7 @@ struct Links {
     stop: Arc<AtomicBool>,
 }
 
-/// An open device that is closed, and so exerts no force, when its owner is dropped for whatever reason.
+/// An open device. Dropping it, even because of a panic, closes the device, which then exerts no force.
 struct Opened(Box<dyn Device>);
 
 impl Drop for Opened {
@@ -148,7 +149,7 @@ pub fn raise_priority() -> Result<(), String> {
     ThreadPriority::Max.set_for_current().map_err(|error| format!("{error:?}"))
 }
 
-/// A thread that does nothing but wake at the same deadlines as the loop: a baseline for the loop's lateness.
+/// A thread that does nothing but wake with the period of the haptic loop: a baseline for the lateness of ticks.
 pub struct BareTimer {
     thread: Option<JoinHandle<Lateness>>,
     stop: Arc<AtomicBool>,
@@ -160,8 +161,7 @@ impl BareTimer {
         let stop = Arc::new(AtomicBool::new(false));
         let flag = stop.clone();
         let work = move || {
-            // This thread asks for the same priority as the loop's thread; if it is refused, the thread runs without
-            // it.
+            // This thread asks for the priority that the loop's thread has, and runs without it if the system refuses.
             let _ = raise_priority();
             let (mut metronome, mut lateness) = (Metronome::new(period), Lateness::new());
             while !flag.load(Ordering::Relaxed) {
@@ -172,7 +172,7 @@ impl BareTimer {
         BareTimer { thread: std::thread::Builder::new().name("palpate-bare-timer".into()).spawn(work).ok(), stop }
     }
 
-    /// Stops the thread and returns how late it woke. `None`: the thread could not be started, or failed.
+    /// Stops the thread and returns how late it woke. `None`: the thread could not be started, or panicked.
     pub fn stop(mut self) -> Option<Lateness> {
         self.stop.store(true, Ordering::Relaxed);
         self.thread.take().and_then(|thread| thread.join().ok())
@@ -200,11 +200,11 @@ mod tests {
     use crate::step::tool::Tool;
     use crate::step::{RigidState, Wrench};
 
-    /// The wrenches that a device was commanded, in order; `None` stands for closing the device.
+    /// The wrenches that were commanded to a device, in order; `None` stands for closing the device.
     type Told = Arc<Mutex<Vec<Option<Wrench>>>>;
 
-    /// A simulated device that swings about a position; its driver panics at reading number `panics_at`, if that is
-    /// given.
+    /// A simulated device that swings about the origin; its driver panics at reading number `panics_at`, if such a
+    /// number is given.
     struct Swinging {
         profile: Profile,
         told: Told,
@@ -279,7 +279,8 @@ mod tests {
         }
     }
 
-    /// Passes a wrench without contact to the loop, so that the newest wrench is never out of date.
+    /// Passes to the loop a wrench without contact for the present time, so that the loop's newest wrench never gets
+    /// out of date.
     fn feed(thread: &mut ServoThread) {
         let input = thread.newest();
         let step = input.ticks + 1;

@@ -1,7 +1,7 @@
 //! A haptic session: the haptic loop runs in its own thread, the simulation steps in the calling thread, and a report
 //! on both is returned. A *tick* is one iteration of the loop; the *tool* is the rigid body that the haptic device
-//! leads; a wrench is *played* when it is commanded to the device; the *newest wrench* is the contact wrench on the
-//! tool that the last simulation step found.
+//! leads by a virtual *coupling* (spring and damper); a *wrench* is a force with a torque, and is *played* when it is
+//! commanded to the device; the *newest wrench* is the contact wrench on the tool that the last simulation step found.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,9 +23,9 @@ use crate::step::tool::Tool;
 use crate::step::{ContactWrench, DeviceInput, Wrench};
 use crate::{Error, Result};
 
-/// Number of simulation steps before the loop begins, to measure how long one takes.
+/// Number of simulation steps before the loop begins; they measure how long a step takes.
 const FIRST_STEPS: u32 = 5;
-/// A device that is lost for longer than this ends the session, s.
+/// A device that cannot be read for longer than this ends the session, s.
 const LONGEST_LOSS: f64 = 5.0;
 /// Forces below this are too small to compare the predicted with the observed stiffness, N.
 const FELT: f64 = 0.02;
@@ -59,7 +59,7 @@ pub enum Moment<'a> {
 /// Summary of a session.
 #[derive(Debug, Clone)]
 pub struct Report {
-    /// Name of the device's profile.
+    /// Name of the device's profile, which is the table of the device's limits (force, torque, stiffness and others).
     pub profile: &'static str,
     /// Notes for the user, one line each: the reason for the coupling's gains, and anything unusual at the start.
     pub notes: Vec<String>,
@@ -67,7 +67,7 @@ pub struct Report {
     pub lateness: Lateness,
     /// How late the baseline thread woke, if it ran.
     pub bare: Option<Lateness>,
-    /// How far the newest wrench was out of date at each tick that had one.
+    /// The time by which the newest wrench was out of date, at every tick after the first wrench had arrived.
     pub staleness: Staleness,
     /// Number and duration of unusual events.
     pub events: EventCounts,
@@ -77,17 +77,18 @@ pub struct Report {
     pub peak_force: f64,
     /// In the last tick: the wrench played, and the contact wrench on the tool.
     pub end: [Wrench; 2],
-    /// Two sums over successive wrenches, N: magnitudes of the force changes that the contact stiffness K predicted,
-    /// and of those observed. Their ratio is the factor by which K overestimates the felt stiffness.
+    /// Two sums over all pairs of successive wrenches, N: the magnitudes of the force changes that the contact
+    /// stiffness K of the earlier wrench predicted, and the magnitudes of the force changes that were observed. The
+    /// ratio of the two sums is the factor by which K overestimates the felt stiffness.
     pub foretold: (f64, f64),
     /// Number of simulation steps while the loop ran.
     pub steps: u64,
     /// Simulated time over elapsed time: below 1, bodies moved more slowly than in reality.
     pub pace: f64,
-    /// Number of ticks that ran but are missing from this report and from the recording, because the queue to this
-    /// thread was full.
+    /// Number of ticks that ran but are missing from this report and from the recording, because the queue from the
+    /// loop's thread was full.
     pub lost: u64,
-    /// Why the session ended early, if it did.
+    /// Why the session ended early; `None` if it ran for its whole duration.
     pub ended: Option<String>,
 }
 
@@ -100,8 +101,8 @@ impl Report {
     }
 }
 
-/// Statistics of how far wrenches were out of date: exact to a microsecond up to 0.1 s and to half a percent up to 1000
-/// s.
+/// Statistics of the time by which wrenches were out of date. Up to 0.1 s they are exact to a microsecond; above that,
+/// up to 1000 s, to half a percent.
 #[derive(Debug, Clone)]
 pub struct Staleness(Lateness);
 
@@ -116,7 +117,8 @@ impl Staleness {
         self.0.add(staleness, f64::INFINITY);
     }
 
-    /// The time out of date that a `share` (0 to 1) of the ticks does not exceed, s; 0 without any tick.
+    /// The staleness (time by which the newest wrench was out of date), s, that a `share` (0 to 1) of the ticks does
+    /// not exceed; 0 if there was no tick.
     pub fn quantile(&self, share: f64) -> f64 {
         if self.0.ticks() == 0 { 0.0 } else { self.0.quantile(share) }
     }
@@ -128,8 +130,8 @@ impl Default for Staleness {
     }
 }
 
-/// Runs a session until its time is over, `options.stop` is set, or the device stays lost. `record` is called with
-/// every record, in order. At the end the device exerts no force and is closed, however the session ends.
+/// Runs a session until its time is over, `options.stop` is set, or the device cannot be read for too long. `record` is
+/// called with every record, in order. However the session ends, the device then exerts no force and is closed.
 pub fn hold(
     device: Box<dyn Device>,
     tool: &Tool,
@@ -195,12 +197,13 @@ struct FirstSteps {
     steps: Vec<(DeviceInput, ContactWrench)>,
     /// Wall-clock time of one step, s.
     took: f64,
-    /// Greatest time by which a wrench gets out of date, s: it stays the newest until the next step has finished.
+    /// Greatest time by which a wrench gets out of date, s: a wrench stays the newest until the next step has finished.
+    /// This is twice the time of a step.
     staleness: f64,
 }
 
-/// Simulates steps with the tool at rest and uncoupled. The first step is left out of the timing, because many GPU
-/// drivers are slow in the first step.
+/// Simulates [`FIRST_STEPS`] steps with the tool at rest and uncoupled. The first step is not timed, because many GPU
+/// drivers are slow in it.
 fn first_steps(environment: &mut dyn Environment, tool: &Tool, h: f64, max_force: f64) -> Result<FirstSteps> {
     let state = tool.state();
     let input = DeviceInput { ticks: 0, time: 0.0, device: state, tool: state, coupling: None, max_force };
@@ -252,8 +255,8 @@ impl Session {
         Session { thread, report, period, settings: *settings, before: None, lost_since: None }
     }
 
-    /// Simulates steps, each as long as a step takes to compute, so that bodies move in real time; the scene's longest
-    /// step limits this length.
+    /// Simulates steps until the session ends. A step simulates as much time as computing a step takes, so that bodies
+    /// move in real time; this length is at most the scene's longest step.
     fn run(
         &mut self,
         environment: &mut dyn Environment,
@@ -281,8 +284,8 @@ impl Session {
             self.take_ticks(record)?;
             let now = self.thread.now();
             pace.took(now - start, now);
-            // If simulated time is ahead of real time, the thread waits. If it is behind, at most one step's length is
-            // caught up.
+            // If simulated time is ahead of real time, the thread waits. If simulated time is behind, the following
+            // steps catch up by at most the length of one step.
             ahead = (ahead + h - (now - last)).max(-h);
             last = now;
             if ahead > 0.0 {
@@ -325,8 +328,8 @@ impl Session {
         Ok(())
     }
 
-    /// Compares the force change that the last wrench's local contact model predicts for this wrench's pose with the
-    /// observed one.
+    /// Compares two changes of force from the previous wrench to the given wrench: the observed change, and the change
+    /// that the local contact model (linear force law) of the previous wrench predicts for the tool's new pose.
     fn compare(&mut self, wrench: &ContactWrench) {
         if let Some((model, last)) = &self.before
             && let Some((normal, foretold)) = model.foretell(&wrench.tool)

@@ -1,12 +1,13 @@
 //! Velocity of a haptic device from quantised encoder positions, by first-order adaptive windowing in its end-fit form
-//! (F. Janabi-Sharifi, V. Hayward and C.-S. J. Chen 2000, "Discrete-time adaptive windowing for velocity estimation"):
-//! the velocity is the slope over the longest window in which every position lies within one encoder quantum of the
-//! straight line between the window's ends. The window is one tick for fast motion and grows to all kept positions for
-//! slow motion.
+//! (F. Janabi-Sharifi, V. Hayward and C.-S. J. Chen 2000, "Discrete-time adaptive windowing for velocity estimation").
+//! One position is read per *tick* (iteration of the haptic loop); a window is a run of successive positions up to the
+//! newest one. The velocity is the slope of the straight line between the ends of the longest window in which every
+//! position lies within one *quantum* (resolution of the encoder) of that line. The window is one tick for fast motion
+//! and grows to all kept positions for slow motion.
 
 use glam::DVec3;
 
-/// Number of positions kept; the longest window spans one interval fewer.
+/// Number of positions that are kept; the longest window spans `KEPT - 1` ticks.
 const KEPT: usize = 32;
 
 /// The newest positions, from which the velocity is estimated. Nothing is allocated after construction.
@@ -21,8 +22,8 @@ pub struct AdaptiveWindow {
 }
 
 impl AdaptiveWindow {
-    /// An estimator without positions. `quantum` is the encoder's resolution, m; with 0 the window is one tick unless
-    /// the motion is exactly uniform.
+    /// An estimator without positions. `quantum` is the encoder's resolution, m; if it is 0, the window is one
+    /// tick unless the motion is exactly uniform.
     pub fn new(quantum: f64) -> AdaptiveWindow {
         AdaptiveWindow { quantum, times: [0.0; KEPT], positions: [DVec3::ZERO; KEPT], newest: 0, count: 0 }
     }
@@ -44,8 +45,8 @@ impl AdaptiveWindow {
         DVec3::new(self.slope(0), self.slope(1), self.slope(2))
     }
 
-    /// Velocity along one axis, m/s, by growing the window into the past. A line through the newest position passes all
-    /// others in the window within a quantum as long as its slope lies in `low..=high`.
+    /// Velocity along one axis, m/s. The window grows into the past, one tick at a time. A line through the newest
+    /// position passes within a quantum of every other position in the window if its slope lies in `low..=high`.
     fn slope(&self, axis: usize) -> f64 {
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
         let mut slope = 0.0;
@@ -97,7 +98,8 @@ mod tests {
         }
     }
 
-    /// A full window misjudges a steady speed by less than a quantum at each end, that is by a quantum over its span.
+    /// In a full window, rounding changes the distance between the two ends by at most one quantum, so that the error
+    /// of a steady speed is at most a quantum divided by the window's duration.
     #[test]
     fn a_slow_ramp_is_within_a_quantum_over_the_window() {
         for rate in [0.013, 0.1, 0.37, 2.61] {
@@ -112,8 +114,8 @@ mod tests {
         }
     }
 
-    /// A velocity from only two successive positions would jump by a quantum a tick, 31 times the bound that is tested
-    /// here.
+    /// The estimate at rest may differ from zero by at most a quantum divided by the duration of the full window, 31
+    /// ticks. A velocity from only two successive positions could differ by 31 times as much.
     #[test]
     fn rest_is_still_and_its_flicker_is_small() {
         assert!(estimates(&[5.0; 80]).iter().all(|&v| v == 0.0));
@@ -133,9 +135,9 @@ mod tests {
         assert!(found[41..].iter().all(|&v| v == 0.0), "not zero after the stop: estimates {found:?} m/s");
     }
 
-    /// Calculated by hand: the motion stops from two quanta a tick. One tick later, the line over two ticks still
-    /// passes within a quantum of the position between its ends, and the line over three ticks does not. Another tick
-    /// later, only lines of slope zero do.
+    /// A motion of two quanta a tick stops; the expected estimates are calculated by hand. One tick after the stop, the
+    /// line over two ticks still passes within a quantum of the position between its ends, but the line over three
+    /// ticks does not. Another tick later, no line that reaches back before the stop does.
     #[test]
     fn a_slow_stop_is_seen_as_soon_as_a_quantum_allows() {
         let quanta: Vec<f64> = (0..60).map(|i: i32| 2.0 * f64::from(i.min(40))).collect();

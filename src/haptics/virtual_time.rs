@@ -1,5 +1,6 @@
-//! Runs the haptic loop and its environment (the source of contact wrenches) in one thread and in virtual time, which
-//! never waits for a clock. Measurements and tests use it, because it gives the same bits in every run.
+//! Runs the haptic loop, which commands wrenches (forces and torques) to a haptic device, and its environment (the
+//! source of contact wrenches, for example the simulation) in one thread and in virtual time: nothing waits for a
+//! clock. Measurements and tests run the loop in this way, because every run then gives the same bits.
 
 use super::device::Device;
 use super::environment::Environment;
@@ -7,25 +8,27 @@ use super::servo::{Servo, Tick};
 use crate::Result;
 use crate::step::ContactWrench;
 
-/// When simulation steps begin and when their wrenches arrive, in ticks (iterations of the loop).
+/// When simulation steps begin and when their wrenches arrive, in ticks. A tick is one iteration of the loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Schedule {
-    /// Ticks from the beginning of one step to that of the next; each step simulates that much time.
+    /// Number of ticks from the beginning of one step to the beginning of the next; each step simulates the duration of
+    /// this number of ticks.
     pub ticks_a_step: u32,
-    /// Ticks from the beginning of a step until the loop has its wrench: at least 1, at most `ticks_a_step`.
+    /// Number of ticks from the beginning of a step until the loop has the step's wrench: at least 1, at most
+    /// `ticks_a_step`.
     pub delay: u32,
 }
 
 impl Schedule {
-    /// A schedule of steps that take as long as they simulate and follow one another directly. `rate` is the number of
-    /// steps a second, Hz, and `period` is the period of a tick, s.
+    /// A schedule in which computing a step takes as long as the time that the step simulates, and the next step begins
+    /// as soon as the step ends. `rate` is the number of steps a second, Hz, and `period` is the period of a tick, s.
     pub fn at(rate: f64, period: f64) -> Schedule {
         let ticks = (1.0 / (rate * period)).round().max(1.0) as u32;
         Schedule { ticks_a_step: ticks, delay: ticks }
     }
 }
 
-/// Runs the loop for `ticks` ticks; `each` is called with every tick.
+/// Runs the loop for `ticks` ticks; `each` is called with the record of every tick.
 pub fn run(
     device: &mut dyn Device,
     servo: &mut Servo,
@@ -37,7 +40,8 @@ pub fn run(
     run_controlled(device, servo, environment, schedule, ticks, |_| (), each)
 }
 
-/// Like [`run`], but `control` may change what a tick plays before it is commanded to the device.
+/// Like [`run`], but `control` may change the wrench in the record of a tick before that wrench is commanded to the
+/// device.
 pub fn run_controlled(
     device: &mut dyn Device,
     servo: &mut Servo,

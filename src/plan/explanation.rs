@@ -1,5 +1,7 @@
-//! What `palpate run --explain` prints, as a table or as JSON: the stages of a step with their passes and arrays, and
-//! the features that the scene uses. A pass is one dispatch, draw, fill or copy on the GPU.
+//! What `palpate run --explain` prints, as a table or as JSON: the stages (parts) of a simulation step with their
+//! passes and arrays, and the features that the scene uses. A pass is one dispatch, draw, fill or copy on the GPU. A
+//! stage or kernel is *recorded* if its commands are in the command buffers that every step submits; otherwise it is
+//! left out.
 
 use std::fmt;
 
@@ -21,13 +23,13 @@ pub struct Explanation {
     pub driver: String,
     /// The preset (a named set of settings) that the scene names, if any.
     pub preset: Option<Chosen>,
-    /// Number of solver iterations for which the passes of the step are counted.
+    /// Number of iterations of the linear solver in the step whose passes are counted.
     pub iterations: u32,
     /// Number of passes in the step.
     pub passes: u32,
-    /// Number of passes that wait for an earlier one.
+    /// Number of passes in the step that wait for an earlier pass.
     pub dependent_passes: u32,
-    /// GPU memory that arrays occupy, bytes, as the driver allocates it.
+    /// GPU memory that was allocated for arrays, bytes; the driver may need more for an array than the array's size.
     pub bytes_device: u64,
     /// All stages in the order of the step.
     pub stages: Vec<StageUse>,
@@ -42,15 +44,15 @@ pub struct StageUse {
     pub stage: String,
     /// Whether the stage is recorded, so that steps run it.
     pub recorded: bool,
-    /// Why it is recorded, or why not.
+    /// Why the stage is recorded, or why not.
     pub reason: String,
     /// Number of passes in the step.
     pub passes: u32,
-    /// Number of passes that wait for an earlier one.
+    /// Number of passes that wait for an earlier pass.
     pub dependent: u32,
     /// GPU memory of the arrays that this stage is the first to use, bytes.
     pub bytes_device: u64,
-    /// Kernels, fills and copies of the stage; those that are recorded come first.
+    /// Kernels, fills and copies of the stage; the recorded ones come first.
     pub kernels: Vec<KernelUse>,
     /// Arrays that this stage is the first to use.
     pub arrays: Vec<Array>,
@@ -62,14 +64,14 @@ pub struct KernelUse {
     /// Name of the kernel (for a draw its two shaders, with a comma between them); for a fill or a copy, the word
     /// "fill" or "copy" and the name of the array that is written.
     pub kernel: String,
-    /// Whether it is recorded.
+    /// Whether the kernel, fill or copy is recorded.
     pub recorded: bool,
-    /// Number of passes per step. It is 0 for a kernel that belongs to Newton iterations after the first, where a step
-    /// has only one.
+    /// Number of passes in a step. A kernel that only Newton iterations after the first one run has no passes in a step
+    /// of one Newton iteration.
     pub passes: f64,
-    /// Number of passes that wait for an earlier one.
+    /// Number of passes that wait for an earlier pass.
     pub dependent: f64,
-    /// Why it is left out; empty where it is recorded.
+    /// Why the kernel is left out; empty where it is recorded.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub reason: String,
 }
@@ -81,7 +83,7 @@ pub struct Array {
     pub name: String,
     /// Size that was asked for, bytes.
     pub bytes: u64,
-    /// Whether the array is in GPU memory, rather than mapped for the CPU.
+    /// Whether the array is in GPU memory, rather than in memory that is mapped for the CPU.
     pub on_device: bool,
 }
 
@@ -92,7 +94,7 @@ impl StageUse {
         StageUse { stage: stage.to_string(), recorded: *recorded, reason: reason.clone(), ..StageUse::default() }
     }
 
-    /// Adds a pass that a step runs `times` times.
+    /// Adds a pass, which a step runs `times` times.
     pub(crate) fn count(&mut self, pass: &Pass, times: f64) {
         let at = self.kernels.iter().position(|known| known.kernel == pass.what).unwrap_or_else(|| {
             self.kernels.push(KernelUse { kernel: pass.what.clone(), recorded: true, ..KernelUse::default() });
@@ -120,17 +122,18 @@ fn amount(bytes: u64) -> String {
     }
 }
 
-/// Formats a number of passes, rounded; 0 becomes `-`. The number is whole where all iterations have the same passes.
+/// Formats a number of passes, rounded to a whole number; 0 becomes `-`. The number is a fraction if some iterations of
+/// the solver have passes that other iterations lack.
 fn times(passes: f64) -> String {
     if passes > 0.0 { format!("{passes:.0}") } else { "-".into() }
 }
 
 impl fmt::Display for Explanation {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        writeln!(f, "{} on {} ({})", self.scene, self.device, self.driver)?;
+        writeln!(f, "scene {} on device {} (driver {})", self.scene, self.device, self.driver)?;
         if let Some(Chosen { preset, set }) = &self.preset {
             let set: Vec<String> = set.iter().map(|(key, value)| format!("{key} = {value}")).collect();
-            let set = if set.is_empty() { "no key, since the scene sets them all".into() } else { set.join(", ") };
+            let set = if set.is_empty() { "no key, since the scene sets every key".into() } else { set.join(", ") };
             writeln!(f, "preset {preset}: {set}")?;
         }
         writeln!(

@@ -1,6 +1,10 @@
 //! Which of the engine's optional features a scene uses, and why it leaves out the others; printed by the option
-//! `--explain` of `palpate run`. In the reasons, "layer" is a soft body's tetrahedral mesh and "core" a rigid part of
-//! it to which nodes are attached.
+//! `--explain` of `palpate run`. In the reasons, "layer" is a soft body's tetrahedral mesh, "skin" the surface mesh
+//! embedded in it, and "core" a rigid part of a soft body to which nodes are attached; "tool" is the rigid body that a
+//! haptic device leads. Words such as `contact.friction` and `[[probe]]` are keys and tables of a scene file; a probe
+//! is a skin vertex whose path is recorded. A stage is one part of the step; the depth stage finds ray hits (where rays
+//! from skin vertices hit the other body). A half-space is a rigid body that fills one side of a plane. A floating
+//! frame is the coordinate frame of a soft body without cores; a link is the relative placement of two frames.
 
 use serde::Serialize;
 
@@ -14,26 +18,28 @@ use crate::stages::model::Model;
 pub struct Feature {
     /// Name of the feature.
     pub feature: &'static str,
-    /// Whether the step uses it. An unused feature has no passes and no arrays. Features that have none even when used
-    /// (the 6x6 stiffness, damping, the tool's weight) are then a branch that a kernel skips, or a factor of zero.
+    /// Whether the step uses the feature. An unused feature has no GPU passes and no arrays. Some features never have
+    /// passes or arrays of their own (the 6x6 stiffness, damping, the tool's weight): where such a feature is unused, a
+    /// kernel skips its branch or multiplies its term by zero.
     pub used: bool,
-    /// Why it is used, or why not.
+    /// Why the feature is used, or why not.
     pub reason: String,
 }
 
-/// What decides which features are used: the scene, and what was prepared from it.
+/// What decides which features are used: the scene, and the data that were prepared from the scene.
 pub(super) struct Known<'a> {
     pub scene: &'a Scene,
     pub model: &'a Model,
     /// The scene's bodies; the tool is not among them.
     pub bodies: &'a [Body],
-    /// The path that the depth stage takes and why; `None` where that stage is left out.
+    /// The implementation (path) that the depth stage uses, graphics or compute, and why; `None` where that stage is
+    /// left out.
     pub depth: Option<&'a str>,
-    /// One step in this many is timed; 0: no step is.
+    /// Every how many steps a step is timed; 0: no step is timed.
     pub timed_every: u64,
 }
 
-/// All features: those of contact, of the soft bodies, of the tool, and of measurements.
+/// Lists all features: first the features of contact, then those of the soft bodies, of the tool and of measurements.
 pub fn features(known: &Known) -> Vec<Feature> {
     let mut features = Vec::new();
     let mut add = |feature, used: bool, yes: String, no: &str| {
@@ -42,8 +48,8 @@ pub fn features(known: &Known) -> Vec<Feature> {
     of_contact(known, &mut add);
     of_layers(known, &mut add);
     of_the_tool(known, &mut add);
-    add("probes", !known.scene.probes.is_empty(), format!("{} vertices", known.scene.probes.len()), "no [[probe]]");
-    let timed = format!("every {}th step, by separate recordings", known.timed_every);
+    add("probes", !known.scene.probes.is_empty(), format!("{} probes", known.scene.probes.len()), "no [[probe]]");
+    let timed = format!("every {}th step is timed, in command buffers of its own", known.timed_every);
     add("timestamps", known.timed_every > 0, timed, "no step is timed");
     features
 }
@@ -53,7 +59,7 @@ fn of_contact(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &s
     let touches = !model.pairs.is_empty();
     let no_contact = |no: &'static str| if touches { no } else { "nothing can touch" };
     let friction = model.friction[0];
-    let yes = format!("coefficient {friction}, viscous below {} m/s", model.friction[1]);
+    let yes = format!("coefficient {friction}; viscous below a sliding speed of {} m/s", model.friction[1]);
     add("friction", touches && friction > 0.0, yes, no_contact("contact.friction is zero"));
     let both = model.pairs.iter().filter(|pair| pair.is_plane == 0 && pair.lone_side == 0).count();
     let one = match scene.contact.sides {
@@ -80,18 +86,18 @@ fn of_layers(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &st
     let no_layer = |no: &'static str| if soft { no } else { "no soft body" };
     let asked = match scene.solver.preconditioner {
         Preconditioner::Coarse => "no body deforms",
-        Preconditioner::Auto => "no body is stiff enough, for its number of nodes and the time step, to need it",
-        _ => "solver.preconditioner names one without it",
+        Preconditioner::Auto => "no body is stiff enough, at its number of nodes and time step, for a coarse level",
+        _ => "solver.preconditioner names a preconditioner without a coarse level",
     };
     let names: Vec<&str> =
         model.coarse.bodies.iter().filter_map(|(at, ..)| Some(bodies.get(*at)?.name.as_str())).collect();
     add("coarse level", !names.is_empty(), format!("in the preconditioner of {}", names.join(", ")), no_layer(asked));
     let damped = model.node_damping.iter().any(|x| *x > 0.0);
-    add("damping by mass", damped, "added to the nodes' equations".into(), no_layer("damping_mass is zero"));
+    add("damping by mass", damped, "added to the equations of the nodes".into(), no_layer("damping_mass is zero"));
     let damped = model.materials.iter().any(|material| material.damping > 0.0);
     add("damping by stiffness", damped, "added to the element forces".into(), no_layer("damping_stiffness is zero"));
     let surfaced = |body: &&SceneBody| matches!(body.shape, Shape::Soft { surface: Some(_), .. });
-    let yes = format!("{} skin vertices on {} nodes", model.skin_nodes.len(), model.node_rest.len());
+    let yes = format!("{} skin vertices, in layers of {} nodes", model.skin_nodes.len(), model.node_rest.len());
     let has_skin = scene.bodies.iter().any(|body| surfaced(&body));
     add("high-resolution skin", has_skin, yes, no_layer("the layers' boundaries are the skins"));
     let patches = model.patches.count();
@@ -107,9 +113,9 @@ fn of_layers(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &st
     let (cores, joints, hinges) =
         (&model.cores, model.joints.len(), model.cores.iter().filter(|c| c.hinge != glam::DVec3::ZERO));
     add("dynamic cores", !cores.is_empty(), format!("{} cores that forces move", cores.len()), "forces move no core");
-    add("joints", joints > 0, format!("{joints} between cores"), "no two cores are joined");
+    add("joints", joints > 0, format!("{joints} joints between cores"), "no two cores are joined");
     let hinges = hinges.count();
-    add("hinges", hinges > 0, format!("{hinges} cores turn on one"), "no core is on a hinge");
+    add("hinges", hinges > 0, format!("{hinges} cores turn on a hinge"), "no core is on a hinge");
     let floating = model.floating.len();
     add("floating frames", floating > 0, format!("{floating} bodies without a core"), "every soft body has a core");
     add(
@@ -126,11 +132,11 @@ fn of_the_tool(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &
     let held = scene.haptics.has_device;
     let no = if scene.tool.is_none() { "no tool" } else { "nothing can touch" };
     add("wrench", touches, "net force and torque on the tool".into(), no);
-    let no = if touches { "no haptic device holds the tool, so nothing uses them" } else { no };
+    let no = if touches { "no haptic device holds the tool, so nothing uses these matrices" } else { no };
     add("6x6 stiffness and damping", touches && held, "for the local model of contact in the haptic loop".into(), no);
     let no = if scene.tool.is_none() { "no tool" } else { "the tool is a body of its own" };
     add("held body", model.tool_core.is_some(), "the haptic device is coupled to a core of a body".into(), no);
     add("virtual coupling", scene.coupling.is_some(), "added to the equations of the tool".into(), "no [coupling]");
-    let no = if scene.tool.is_none() { "no tool" } else { "no haptic device: the tool's weight acts on it" };
+    let no = if scene.tool.is_none() { "no tool" } else { "no haptic device: the tool's weight acts on the tool" };
     add("weight carried by the hand", scene.tool.is_some() && held, "a haptic device holds the tool".into(), no);
 }

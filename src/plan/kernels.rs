@@ -1,10 +1,15 @@
-//! The reasons, for `palpate run --explain`, why a kernel is not recorded. Which kernels are recorded is read from the
-//! recordings themselves.
+//! The reasons, for `palpate run --explain`, why a step leaves out a kernel. Which kernels a step runs is read from its
+//! recordings (the command buffers that every step submits). In the reasons, "half-space" is a rigid body that fills
+//! one side of a plane; "skin" is a body's surface mesh; "ray hits" are where rays from skin vertices hit the other
+//! body; "F-bar patches" are groups of tetrahedra that share one volumetric strain; "dynamic cores" are rigid bodies
+//! inside soft bodies that forces move; a "frame" is the rigid coordinate frame of a body or core; the "tool" is the
+//! rigid body that a haptic device leads.
 
 use crate::stages::gap;
 use crate::stages::model::Model;
 
-/// The stage that a kernel belongs to: the folder of its shader, with two exceptions.
+/// The stage (part of the step) that a kernel belongs to. It is named by the folder of the kernel's shader, with two
+/// exceptions.
 pub fn stage_of(kernel: &str) -> &str {
     match kernel {
         "pose/fit" => "fit",
@@ -13,8 +18,9 @@ pub fn stage_of(kernel: &str) -> &str {
     }
 }
 
-/// Why a recorded stage leaves out this kernel. `graphics`: whether the depth stage uses its graphics implementation
-/// (path) rather than the compute one. `None` means that no reason is known; a test checks that this never happens.
+/// Why a stage that a step runs leaves out this kernel. `graphics`: whether the depth stage, which finds the ray hits,
+/// uses its graphics implementation (path) rather than its compute implementation. `None` means that no reason is
+/// known; a test checks that this never happens.
 pub fn why_not(kernel: &str, model: &Model, graphics: bool) -> Option<&'static str> {
     let touches = !model.pairs.is_empty();
     let reason = match kernel {
@@ -31,7 +37,7 @@ pub fn why_not(kernel: &str, model: &Model, graphics: bool) -> Option<&'static s
         "solve/cores" if model.cores.is_empty() => "no dynamic cores",
         "solve/element_product" if model.tetrahedra.is_empty() => "no tetrahedra",
         "solve/commit" if model.node_rest.is_empty() => "no nodes",
-        "wrench/gap" if model.tool_frame.is_none() => "the tool is a body of the scene",
+        "wrench/gap" if model.tool_frame.is_none() => "a body of the scene is the tool",
         "wrench/gap" if gap::part_count(model) == 0 => "there is no skin that the tool may touch",
         "solve/assemble" | "solve/first_iterate" | "solve/coarse" if model.blocks.blocks.is_empty() => "no nodes",
         "solve/gather" | "solve/update" if model.blocks.blocks.is_empty() && model.tool_frame.is_none() => {

@@ -1,6 +1,7 @@
-//! Selects the nodes of a layer (tetrahedral simulation mesh) that a rigid core binds, that is, the nodes attached to
-//! it. The *skin* is the body's surface mesh; a *bone* is a core that binds a capsule. Coordinates are those of the
-//! files, before scale.
+//! Selects the nodes of a layer (tetrahedral mesh of a soft body) that are to be attached to a *core* (rigid body
+//! inside the soft body): the nodes in the core's region `bind`, for example a box. The *skin* is the body's surface
+//! mesh; a *bone* is a core whose region is a capsule. Coordinates are file coordinates: the body's scale is not yet
+//! applied.
 
 use glam::DVec3;
 
@@ -11,8 +12,8 @@ use crate::scene::{Bind, Capsule, Core};
 /// A node whose distance from the skin is below this share of the diagonal of the skin's bounding box lies on the skin.
 const ON_SKIN: f64 = 1e-9;
 
-/// Whether each node is selected by `bind`. `skin` and the layer are in file coordinates. An error consists of a
-/// problem and its remedy.
+/// Returns for each node of the layer whether it lies in the region `bind`. `skin` and the layer are in file
+/// coordinates. An error consists of a problem and its remedy.
 pub fn named(layer: &Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Result<Vec<bool>, (String, &'static str)> {
     Ok(match bind {
         Bind::All => vec![true; layer.nodes.len()],
@@ -29,8 +30,8 @@ pub fn named(layer: &Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Resul
                 let count = layer.nodes.len();
                 *named.get_mut(node as usize).ok_or_else(|| {
                     (
-                        format!("node {node} does not exist, the layer has {count}"),
-                        "give zero-based nodes in file order",
+                        format!("node {node} does not exist: the layer has {count} nodes"),
+                        "number the nodes from 0, in the order of the layer's file",
                     )
                 })? = true;
             }
@@ -39,8 +40,8 @@ pub fn named(layer: &Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Resul
     })
 }
 
-/// Depth of each node below the skin, m; negative outside. Holes of the skin are closed by triangle fans. Errors: no
-/// triangle of the skin has an area, or one of its coordinates is not finite.
+/// Depth of each node below the skin, m; negative outside. Holes of the skin are closed by triangle fans. It is an
+/// error if no triangle of the skin has an area, or if a coordinate of a skin vertex is not finite.
 pub fn depths(layer: &Layer, (vertices, triangles): (&[DVec3], &[[u32; 3]])) -> Result<Vec<f64>, String> {
     let (vertices, triangles) = repair::closed(vertices, triangles);
     let surface = Solid::new(&vertices, &triangles).map_err(|e| format!("the skin cannot be searched: {e}"))?;
@@ -48,13 +49,14 @@ pub fn depths(layer: &Layer, (vertices, triangles): (&[DVec3], &[[u32; 3]])) -> 
     let size = vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max).distance(low);
     let depth = |&node: &DVec3| {
         let distance = surface.distance(node);
-        // On the skin the winding number is about one half, on either side of it.
+        // On the skin the winding number is one half up to rounding, and could not tell inside from outside.
         if distance <= ON_SKIN * size || surface.winding(node) > HALF { distance } else { -distance }
     };
     Ok(layer.nodes.iter().map(depth).collect())
 }
 
-/// Distance of a point from a capsule's axis over the capsule's radius there: at most 1 inside the capsule.
+/// Distance of a point from the nearest point of a capsule's axis, divided by the capsule's radius at that nearest
+/// point: at most 1 inside the capsule.
 pub fn capsule_depth(point: DVec3, capsule: &Capsule) -> f64 {
     let [a, b] = capsule.ends;
     let along = b - a;
@@ -62,9 +64,9 @@ pub fn capsule_depth(point: DVec3, capsule: &Capsule) -> f64 {
     (point - a - t * along).length() / (capsule.radii[0] + t * (capsule.radii[1] - capsule.radii[0]))
 }
 
-/// Removes from the selection `named` of the bone `index` the nodes that belong to another bone. If capsules overlap, a
-/// node belongs to the bone with the least [`capsule_depth`], in a tie to the first of these bones. A core that is no
-/// bone keeps its selection.
+/// Removes from `named`, the selected nodes of the bone with index `index`, the nodes that belong to another bone. If
+/// capsules overlap, a node belongs to the bone with the least [`capsule_depth`], in a tie to the bone with the lowest
+/// index. A core that is no bone keeps all of its selected nodes.
 pub fn nearer_bones(layer: &Layer, cores: &[Core], index: usize, named: &mut [bool]) {
     let bone = |core: &Core| if let Some(Bind::Capsule(capsule)) = core.bind { Some(capsule) } else { None };
     let Some(own) = bone(&cores[index]) else { return };
@@ -79,8 +81,8 @@ pub fn nearer_bones(layer: &Layer, cores: &[Core], index: usize, named: &mut [bo
     }
 }
 
-/// Finds nodes that would not be connected to any core: those in connected parts of the layer without an attached node.
-/// Returns their number and the first of them.
+/// Finds nodes that are not connected to any core: the nodes of each connected part of the layer that has no attached
+/// node. Returns the number of such nodes and the lowest index among them; `None` if there are none.
 pub fn unattached(layer: &Layer) -> Option<(usize, u32)> {
     let (labels, count) = layer::parts(layer);
     let mut held = vec![false; count];
@@ -120,8 +122,8 @@ mod tests {
     #[test]
     fn a_capsule_binds_its_nodes() {
         let rod = |radii| Capsule { ends: [DVec3::ZERO, DVec3::new(0.5, 0.0, 0.0)], radii };
-        // The capsule's axis passes three nodes. With a radius of a quarter, the round end reaches one more node, and
-        // the sides reach their neighbours.
+        // The capsule's axis passes nodes 0, 1 and 2. The nodes are 0.25 apart, so that a radius of 0.26 adds node 3
+        // beyond the axis's end, and the neighbours of nodes 0, 1 and 2 in y and in z.
         assert_eq!(bound(Bind::Capsule(rod([0.1, 0.1]))).unwrap(), [0, 1, 2]);
         assert_eq!(bound(Bind::Capsule(rod([0.26, 0.26]))).unwrap(), [0, 1, 2, 3, 5, 6, 7, 25, 26, 27]);
         assert_eq!(bound(Bind::Capsule(rod([0.05, 0.26]))).unwrap(), [0, 1, 2, 3, 7, 27]);
@@ -135,8 +137,8 @@ mod tests {
             let bind = Some(Bind::Capsule(Capsule { ends, radii: [radius; 2] }));
             Core { name: String::new(), motion: Motion::Fixed, bind, mass: None, hinge: None }
         };
-        // The last bone equals the second, so the second gets the nodes of both. A core that binds a sphere is no bone:
-        // it neither loses nodes to a bone nor takes any from one.
+        // The third bone equals the second, so the second bone gets the nodes of both. The fourth core binds a sphere,
+        // so it is no bone: it neither loses nodes to a bone nor takes any from one.
         let mut cores = vec![core(0.0, 0.5, 0.3), core(1.0, 1.0, 0.6), core(1.0, 1.0, 0.6)];
         cores.push(Core { bind: Some(Bind::Sphere { centre: DVec3::ZERO, radius: 0.1 }), ..cores[0].clone() });
         let held = |index| {

@@ -1,5 +1,6 @@
-//! Prepares all bodies of a scene, one after another, and its tool (the rigid body that the haptic device leads). A
-//! simulation is made from the prepared bodies and the scene.
+//! Prepares all bodies of a scene, one after another, and the scene's tool (the rigid body that the haptic device
+//! leads): preparation computes each body's meshes and mass properties before the first step. A simulation is made from
+//! the prepared bodies and the scene.
 
 use super::cache::Cache;
 use super::report::Stage;
@@ -7,12 +8,12 @@ use super::{Body, body_and_report, watched_tool};
 use crate::Result;
 use crate::scene::Scene;
 
-/// The prepared bodies of a scene, or as many of them as are ready.
+/// The prepared bodies of a scene, or those bodies that are ready so far.
 #[derive(Debug, Clone, Default)]
 pub struct Bodies {
     /// The bodies, in the scene's order.
     pub bodies: Vec<Body>,
-    /// The tool, unless it is one of the scene's bodies or the scene has none.
+    /// The prepared tool; `None` if it is not ready, if it is one of the scene's bodies, or if the scene has no tool.
     pub tool: Option<Body>,
 }
 

@@ -1,7 +1,8 @@
 //! Makes a prepared [`Body`] from a body or tool of the scene. The costly parts come from `prepared.rs`, which caches
 //! them: the repaired *skin* (surface mesh), the *layer* (tetrahedral mesh), the embedding of the skin in the layer,
-//! and the *proxies* (convex hulls for the broad phase). This file then attaches nodes of the layer to rigid cores,
-//! scales and places the body, and checks everything.
+//! and the *proxies* (convex hulls for the broad phase). This file then attaches nodes of the layer to rigid cores
+//! inside the body, scales and places the body, and checks the result. The *tool* is the rigid body that the haptic
+//! device leads.
 
 use glam::DVec3;
 
@@ -20,7 +21,8 @@ use crate::{Error, Result};
 /// volume is rounding error.
 const LEAST_VOLUME: f64 = 1e-12;
 
-/// Prepares a body of the scene with the user's cache. Errors name the key in the scene, or the file.
+/// Prepares a body of the scene with the cache of earlier results in the user's cache folder. Errors name the key in
+/// the scene, or the file.
 pub fn body(body: &scene::Body, scene: &Scene) -> Result<Body> {
     body_and_report(body, scene, &Cache::of_user(), &mut |_| Ok(())).map(|(body, _)| body)
 }
@@ -61,7 +63,7 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
     Ok(placed(body, made?, report))
 }
 
-/// Collects the findings in the body's files and the notes of the log.
+/// Collects what was found and changed in the body's files, and the notes of the log.
 fn report_of(keys: &Keys, layer: Option<&scene::Layer>, prepared: &Prepared, log: &Log) -> BodyReport {
     let mut notes = prepared.repair.as_ref().map(|found| keys.notes(found)).unwrap_or_default();
     let place = match layer {
@@ -85,7 +87,7 @@ fn placed(body: &scene::Body, shape: Shape, report: BodyReport) -> Body {
 }
 
 /// Prepares the tool as a rigid body named "tool" in its own coordinates: the centre of a sphere is the origin, and a
-/// surface keeps its file's coordinates (its centroid is in [`Shape::Rigid`]).
+/// surface keeps its file's coordinates (the surface's centroid is a field of [`Shape::Rigid`]).
 pub fn tool(tool: &scene::Tool, scene: &Scene) -> Result<Body> {
     watched_tool(tool, scene, &Cache::of_user(), &mut |_| Ok(()))
 }
@@ -151,7 +153,7 @@ impl<'a> Keys<'a> {
         Keys { scene, prefix: format!("body.{}", body.name), surface, repair: body.repair }
     }
 
-    /// An error about a key of the table, with its remedy.
+    /// An error about a key of the table: the problem and its remedy.
     pub fn error(&self, key: &str, problem: impl Into<String>, remedy: impl Into<String>) -> Error {
         Error::key(&self.scene.file, format!("{}.{key}", self.prefix), problem, remedy)
     }
@@ -182,7 +184,7 @@ impl<'a> Keys<'a> {
     }
 }
 
-/// The rigid shape of a skin; an error if the skin encloses no volume.
+/// Makes the rigid shape of a prepared skin. It is an error if the skin encloses no volume.
 fn rigid(prepared: Prepared, scale: f64, motion: FrameMotion) -> std::result::Result<Shape, String> {
     let mesh = scaled(prepared.mesh, scale);
     // Holes are closed by triangle fans, which count for mass but are never touched.
@@ -199,7 +201,7 @@ fn rigid(prepared: Prepared, scale: f64, motion: FrameMotion) -> std::result::Re
     Ok(Shape::Rigid { skin, proxies, volume: p.volume, centroid: p.centroid, inertia: p.inertia, motion })
 }
 
-/// The deformable shape of a layer and its skin.
+/// Makes the deformable shape of a prepared layer and skin.
 fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     let mut layer = prepared.layer.unwrap_or_default();
     let materials = materials::materials(keys, body, &layer, &prepared.groups)?;
@@ -231,7 +233,7 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     Ok(Shape::Soft { layer, frames, node_frames, joints, materials, embedding, skin, proxies })
 }
 
-/// Motion of a rigid body, from its only core.
+/// Motion of a rigid body, which its only core defines; a body without core is fixed.
 fn motion(cores: &[scene::Core], scale: f64) -> FrameMotion {
     match cores.first().map(|core| &core.motion) {
         Some(Motion::Kinematic(keys)) => FrameMotion::Kinematic(keys.clone()),

@@ -1,9 +1,9 @@
-//! A cache of prepared bodies and of other results that take long: one file each, named after a key that digests
-//! everything the result depends on.
+//! A cache of prepared bodies and of other results that take long to compute. Each result is an *entry*: one file,
+//! named after a key, the digest of everything that the result depends on.
 //!
 //! The cache only saves time. An entry holds its own key and a checksum, so that an entry which is damaged, truncated,
-//! written by another version or stored under another entry's name is recognised and made again. An entry is written to
-//! a temporary file and then renamed, so that other processes never see part of one.
+//! written by another version of the code or stored under another entry's name is recognised and made again. An entry
+//! is written to a temporary file, which is then renamed, so that other processes never see a partly written entry.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -37,7 +37,7 @@ pub struct Key([u8; DIGEST]);
 pub struct KeyMaker(Sha256);
 
 impl KeyMaker {
-    /// Starts with the source texts of all preparation code as the first fields: they serve as its version.
+    /// Starts with the source texts of all preparation code as the first fields: they serve as the code's version.
     pub fn new() -> Self {
         Self::of(SOURCES)
     }
@@ -55,7 +55,7 @@ impl KeyMaker {
         self.0.update(field);
     }
 
-    /// The key of all fields added.
+    /// The key of all fields that were added.
     pub fn finish(self) -> Key {
         Key(self.0.finalize().into())
     }
@@ -72,25 +72,25 @@ impl Default for KeyMaker {
 pub enum Entry<T> {
     /// A valid entry was found.
     Found(T),
-    /// There is no entry, or no cache.
+    /// There is no entry, or the cache is switched off.
     Missing,
     /// The entry in this file is invalid.
     Damaged(PathBuf),
 }
 
-/// A folder of entries; or no cache at all.
+/// A folder of entries, or a cache that is switched off.
 #[derive(Debug, Clone)]
 pub struct Cache {
     folder: Option<PathBuf>,
 }
 
 impl Cache {
-    /// The user's cache: [`Options::user_cache`].
+    /// The user's cache, in the folder [`Options::user_cache`].
     pub fn of_user() -> Self {
         Cache { folder: Options::user_cache() }
     }
 
-    /// The cache of a GPU context: [`Options::cache`].
+    /// The cache of a GPU context, in the folder [`Options::cache`].
     pub fn of(context: &Context) -> Self {
         Cache { folder: context.cache_folder().map(Path::to_path_buf) }
     }
@@ -110,7 +110,7 @@ impl Cache {
         self.folder.is_some()
     }
 
-    /// The file in which the value of a key is or would be stored; `None` without a cache.
+    /// The file in which the value of a key is or would be stored; `None` if the cache is switched off.
     pub fn path(&self, key: &Key) -> Option<PathBuf> {
         let name: String = key.0.iter().map(|byte| format!("{byte:02x}")).collect();
         self.folder.as_ref().map(|folder| folder.join(name).with_extension(ENDING))
@@ -129,7 +129,7 @@ impl Cache {
         }
     }
 
-    /// Stores a value. If this fails, the error gives the reason, and the caller may ignore it.
+    /// Stores the value of a key. If this fails, the error gives the reason; the caller may ignore the error.
     pub fn store<T: Serialize>(&self, key: &Key, value: &T) -> Result<(), String> {
         let (Some(path), Some(folder)) = (self.path(key), &self.folder) else { return Ok(()) };
         let failed = |error: std::io::Error| format!("the cache in {} cannot be written: {error}", folder.display());
@@ -163,8 +163,8 @@ fn unpack<'a>(key: &Key, bytes: &'a [u8]) -> Option<&'a [u8]> {
     (header == &expected[..HEADER]).then_some(payload)
 }
 
-/// Removes the oldest entries until the folder holds at most `most` bytes, but never the entry just written. Failures
-/// are ignored: a cache that is too large does no harm to this run.
+/// Removes the oldest entries until the folder holds at most `most` bytes, but never the entry just written, whose file
+/// is `newest`. Failures are ignored: a cache that is too large does no harm to this run.
 fn trim(folder: &Path, newest: &Path, most: u64) {
     let Ok(listing) = fs::read_dir(folder) else { return };
     let mut entries: Vec<(SystemTime, PathBuf, u64)> = Vec::new();

@@ -1,7 +1,7 @@
 //! Rigid cores of a deformable body: finds the nodes of the layer (tetrahedral simulation mesh) that are attached to
 //! each core, and makes the rigid coordinate frames that the nodes, the skin (surface mesh) and the collision proxies
-//! (convex hulls) follow. A *bone* is a core that binds the nodes in a capsule. A body without cores has one *floating*
-//! frame, which follows its free nodes by shape matching.
+//! (convex hulls) follow. A node that is not attached is *free*. A *bone* is a core whose region (key `bind`) is a
+//! capsule. A body without cores has one *floating* frame, which follows the body's nodes by shape matching.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -13,20 +13,21 @@ use crate::Result;
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{Bind, Body, Hinge, Motion};
 
-/// Lower bound that excludes nodes on one line, for two ratios: the determinant of a dynamic core's inertia tensor over
-/// the cube of its mean principal inertia, and the inertia about a hinge over that mean.
+/// A dynamic core is refused if its attached nodes lie on one line, that is, if the determinant of its inertia tensor
+/// is at most this share of the cube of its mean principal inertia. A core on a hinge is refused if its inertia about
+/// the hinge is at most this share of its mean principal inertia.
 const THINNEST: f64 = 1e-6;
 /// Remedy for a core without attached nodes.
 const ENLARGE: &str = "enlarge the region, or leave the core out for a free body";
 
-/// Marks the nodes attached to the body's cores as bound, and returns the index of the core that each node follows. An
-/// attached node follows the first core in the body's list that selects it; where capsules of bones overlap,
+/// Marks in `layer` the nodes attached to the body's cores, and returns the index of the core that each node follows.
+/// An attached node follows the first core in the body's list that selects it; where capsules of bones overlap,
 /// [`bind::nearer_bones`] decides. A free node follows the core whose attached nodes are nearest along the edges of the
 /// layer, so that a hand near a thigh follows the arm's core and not the leg's. In a body without cores all indices are
 /// 0. `skin` and `layer` are in file coordinates; `numbers` holds the number of each node in the layer's file,
 /// ascending. `error` makes an error of a key (`core.NAME.bind` or `layer`), a problem and a remedy.
 ///
-/// Errors: a core has no attached node, or a connected part of the layer has none.
+/// It is an error if a core has no attached node, or if no node of a connected part of the layer is attached.
 pub fn bind(
     body: &Body,
     layer: &mut Layer,
@@ -71,7 +72,7 @@ pub fn bind(
     Ok(nearest(layer, holders))
 }
 
-/// Translates the node numbers that `bind` may list from those of the layer's file to indices into the layer.
+/// If `bind` lists nodes, translates their numbers in the layer's file into indices of the layer's nodes.
 fn renumbered(bind: &Bind, numbers: &[u32]) -> std::result::Result<Bind, (String, &'static str)> {
     let Bind::Nodes(list) = bind else { return Ok(bind.clone()) };
     let place = |node: &u32| match numbers.binary_search(node) {
@@ -83,8 +84,8 @@ fn renumbered(bind: &Bind, numbers: &[u32]) -> std::result::Result<Bind, (String
     list.iter().map(place).collect::<std::result::Result<_, _>>().map(Bind::Nodes)
 }
 
-/// Assigns each free node to the core whose attached nodes it reaches first along edges (E. Dijkstra 1959); if two
-/// cores are equally far, to the one with the lower index.
+/// Assigns each free node to the core whose nearest attached node is nearest along the layer's edges (algorithm of
+/// E. Dijkstra 1959); if two cores are equally far, to the core with the lower index.
 fn nearest(layer: &Layer, mut holders: Vec<u32>) -> Vec<u32> {
     if holders.iter().all(|&holder| holder == 0 || holder == NONE) {
         return vec![0; holders.len()];
@@ -95,7 +96,7 @@ fn nearest(layer: &Layer, mut holders: Vec<u32>) -> Vec<u32> {
             around[t[i] as usize].push(t[j]);
         }
     }
-    // The distances are not negative, so the order of their bits is that of their values.
+    // The distances are not negative, so their bit patterns, read as integers, have the order of the distances.
     let start = |(node, &holder): (usize, &u32)| (holder != NONE).then_some(Reverse((0u64, holder, node as u32)));
     let mut queue: BinaryHeap<_> = holders.iter().enumerate().filter_map(start).collect();
     let mut done = vec![false; holders.len()];
@@ -115,7 +116,7 @@ fn nearest(layer: &Layer, mut holders: Vec<u32>) -> Vec<u32> {
 /// The rigid frames of a soft body: one for each core, with its origin at the centre of mass of the attached nodes or
 /// on the core's hinge; without cores, one floating frame at the centre of mass. `layer` is in the rest frame (m),
 /// `holders` is the result of the function `bind`. It is an error (key, problem, remedy) if all nodes of a dynamic core
-/// lie on one line, or on its hinge: the core would have no inertia about that axis.
+/// lie on one line or on the core's hinge: the core would have no inertia about that line or hinge.
 pub fn frames(
     body: &Body,
     layer: &Layer,
@@ -143,7 +144,7 @@ pub fn frames(
             let size = (inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z) / 3.0;
             let (spread, problem) = match hinge {
                 Some(Hinge { axis, .. }) => {
-                    (axis.dot(inertia * axis) / size, "all its nodes lie on its hinge, about which it has no inertia")
+                    (axis.dot(inertia * axis) / size, "the core has no inertia: all its nodes lie on its hinge")
                 }
                 None => (
                     inertia.determinant() / size.powi(3),
@@ -159,13 +160,14 @@ pub fn frames(
     body.cores.iter().enumerate().map(frame).collect()
 }
 
-/// Motion of the frame of a dynamic core, in a body of this scale.
+/// Motion of the frame of a dynamic core; `scale` is the factor by which the body's coordinates are scaled.
 pub fn dynamic(core: &crate::scene::Core, scale: f64) -> FrameMotion {
     let hinge = core.hinge.map(|hinge| Hinge { point: scale * hinge.point, ..hinge });
     FrameMotion::Dynamic { mass: core.mass, hinge }
 }
 
-/// A floating frame: mass, centre of mass and inertia of the lumped layer.
+/// Makes the floating frame of a body, with the mass, centre of mass and inertia of the layer. The layer's mass is
+/// lumped at its nodes.
 pub fn floating(layer: &Layer, materials: &Materials) -> Frame {
     let shares = shares(layer, materials);
     let weighted = || shares.iter().zip(&layer.nodes);
@@ -233,8 +235,8 @@ mod tests {
         };
         let (key, problem, _) = frames_on(DVec3::ZERO).unwrap_err();
         assert!(key == "core.core0.bind" && problem.contains("lie on its hinge"), "key {key}, problem: {problem}");
-        // At a distance from the hinge the nodes have inertia about it, although they lie on a line. The hinge's point
-        // is scaled with the body.
+        // The nodes lie on a line, but at a distance from this hinge, so that they have inertia about the hinge. The
+        // hinge's point is scaled with the body, by the factor 2.
         assert_eq!(frames_on(DVec3::new(0.05, 0.0, 0.0)).unwrap()[0].centre, DVec3::new(0.1, 0.0, 0.0));
     }
 
@@ -246,10 +248,10 @@ mod tests {
         let FrameMotion::Floating { mass, inertia } = frame.motion else { panic!("the frame is not floating") };
         assert!((mass - 24.0).abs() < 1e-9 && frame.centre.distance(DVec3::new(0.1, 0.2, 0.3)) < 0.002);
         let want = mass / 12.0 * (0.16 + 0.36);
-        // Lumping at the nodes adds inertia in proportion to the square of the cell edge.
+        // Lumping the mass at the nodes adds inertia in proportion to the square of the cell edge.
         assert!(
             (inertia.x_axis.x / want - 1.0).abs() < 0.01,
-            "inertia about x: {} kg m^2, expected {want}",
+            "inertia about x: {} kg m^2, expected {want} kg m^2",
             inertia.x_axis.x
         );
     }

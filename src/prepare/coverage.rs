@@ -1,6 +1,6 @@
-//! Share of the vertices of the skin (surface mesh) that lie inside the convex collision proxies. A proxy is *inflated*
-//! by moving its faces outwards by its margin. Each vertex is owned by one proxy, but may lie inside several; here it
-//! need only lie inside one.
+//! Share of the vertices of the skin (surface mesh) that lie inside the collision proxies (convex hulls that cover the
+//! skin). A proxy is *inflated* by moving its faces outwards by its margin. Each vertex is owned by exactly one proxy,
+//! but counts as covered if it lies inside any inflated proxy.
 
 use super::{Proxy, Skin};
 
@@ -8,9 +8,9 @@ use super::{Proxy, Skin};
 /// as a share of the skin's size.
 const ROUNDING: f64 = 1e-12;
 
-/// Share of the skin's vertices (only those that triangles use) inside at least one inflated proxy. By construction it
-/// should be 1; this function tests the hulls themselves. A vertex is first tested against its owner, so that the cost
-/// is about the number of vertices times the number of faces of one hull.
+/// Share of the skin's vertices (only those that triangles use) inside at least one inflated proxy. The share is 1 if
+/// the proxies were made correctly. A vertex is first tested against the proxy that owns it, so that the cost is about
+/// the number of vertices times the number of faces of one hull.
 pub fn share(skin: &Skin, proxies: &[Proxy]) -> f64 {
     let mut used = vec![false; skin.vertices.len()];
     skin.triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
@@ -46,8 +46,8 @@ mod tests {
     /// proxy by this length (m), and in addition by this share of the inflation.
     const SINGLE: f64 = 1e-6;
 
-    /// A head with its arrays for the GPU. Its skin is enlarged by the share `stand_off`, so that it stands off the
-    /// layer (tetrahedral mesh) in places and embedding weights extrapolate.
+    /// A soft body in the shape of a head, with its arrays for the GPU. The skin is enlarged by the share `stand_off`,
+    /// so that it lies outside the layer (tetrahedral mesh) in places, where its embedding weights extrapolate.
     fn head(stand_off: f64) -> (Body, Model) {
         let surface = Some(scene::Surface::Model { model: scene::Model::Head, vertices: 3000 });
         let scene = scene(
@@ -75,8 +75,8 @@ mod tests {
         2.0 * DVec3::new(random(state), random(state), random(state)) - 1.0
     }
 
-    /// Displacement fields of all nodes: smooth, rough, nonzero at one node in fifty, far larger than the body, a rigid
-    /// rotation.
+    /// Five displacement fields of the nodes: a smooth one, a rough one, one that is nonzero at only one node in fifty,
+    /// one that is far larger than the body, and a rigid rotation.
     fn fields(nodes: &[DVec3]) -> Vec<Vec<DVec3>> {
         let mut state = 7;
         let turn = glam::DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 2.0) / 3.0, 2.0);
@@ -97,9 +97,10 @@ mod tests {
         (0..4).map(|k| d[nodes[k] as usize] * e.weights[k]).sum()
     }
 
-    /// Greatest share of its inflation that a proxy needs to contain its skin under a displacement field; the skin is
-    /// covered if this share is at most 1. Under displacements the inflation is the margin plus a bound on the
-    /// embedding weights times the largest displacement of the proxy's nodes; `weight`, if given, replaces that bound.
+    /// Greatest share, over all proxies, of its inflation that a proxy needs to contain its skin under the displacement
+    /// field `d`; the skin is covered if this share is at most 1. Under displacements the inflation is the margin plus
+    /// the product of a bound on the embedding weights and the largest displacement of the proxy's nodes; `weight`, if
+    /// given, replaces that bound.
     fn used(body: &Body, model: &Model, d: &[DVec3], weight: Option<f64>) -> f64 {
         let Shape::Soft { layer, embedding, skin, proxies, .. } = &body.shape else { panic!("the body is not soft") };
         let mut worst = 0.0f64;
@@ -133,14 +134,15 @@ mod tests {
                 println!("skin enlarged by {stand_off}, displacement field {i}: {share:.3} of the inflation is needed");
                 assert!(
                     share > 0.05 && share <= 1.0 + SINGLE,
-                    "displacement field {i}: share of the inflation needed is {share}, allowed 0.05 to 1"
+                    "displacement field {i}: the skin needs {share} of the inflation, expected 0.05 to 1"
                 );
             }
         }
     }
 
-    /// Each node is pulled in the direction of its weight's sign, so that extrapolation adds up: the bound is then
-    /// reached, and a bound that ignored the weights would be exceeded.
+    /// Displaces the four nodes of the vertex that is extrapolated most: outwards where the vertex's weight is
+    /// positive, inwards where it is negative, so that all four displacements move the vertex outwards. The proxy then
+    /// needs nearly its whole inflation, and an inflation with the bound 1 on the weights is too small.
     #[test]
     fn the_weights_of_extrapolated_skin_are_needed() {
         let (body, model) = head(0.06);
@@ -153,7 +155,7 @@ mod tests {
             field[*n as usize] = owner.faces[0].0 * (10.0 * w.signum());
         }
         let share = used(&body, &model, &field, None);
-        assert!(share > 0.9 && share <= 1.0 + SINGLE, "share of the inflation needed is {share}, expected 0.9 to 1");
+        assert!(share > 0.9 && share <= 1.0 + SINGLE, "the skin needs {share} of the inflation, expected 0.9 to 1");
         assert!(used(&body, &model, &field, Some(1.0)) > 1.1);
     }
 

@@ -1,10 +1,10 @@
 //! Signed distance from a solid bounded by triangles, negative inside. The surface may be open, self-intersecting or
 //! otherwise defective.
 //!
-//! Distances come from a bounding volume hierarchy (parry). The sign is that of one half less the generalised winding
-//! number (A. Jacobson et al. 2013). That number is summed over a tree of triangle clusters: exactly for triangles near
-//! the point, and by one dipole for each far cluster (G. Barill et al. 2018, first order). Exact solid angles follow A.
-//! van Oosterom and J. Strackee 1983.
+//! Distances come from a bounding volume hierarchy (of the library parry). A point is inside if the generalised winding
+//! number (A. Jacobson et al. 2013) of the surface around the point exceeds one half. The winding number is summed over
+//! a tree of triangle clusters: exactly for triangles near the point, and by one dipole for each far cluster (G. Barill
+//! et al. 2018, first order). Exact solid angles follow A. van Oosterom and J. Strackee 1983.
 
 use std::f64::consts::PI;
 
@@ -13,13 +13,13 @@ use parry3d_f64::math::Vector;
 use parry3d_f64::query::{PointQuery, PointQueryWithLocation};
 use parry3d_f64::shape::TriMesh;
 
-/// A cluster farther away than this many of its radii is replaced by one dipole: its share of the solid angle 4 pi is
-/// then wrong by a few thousandths.
+/// A cluster that is farther from the point than this many cluster radii is replaced by one dipole: the error of the
+/// cluster's solid angle is then a few thousandths of 4 pi.
 const FAR: f64 = 3.0;
 /// Greatest number of triangles in a leaf of the tree.
 const LEAF: usize = 8;
-/// Two hits closer together than this share of a segment count as one, because the segment then meets an edge that two
-/// triangles share.
+/// Two hits of a segment on the surface count as one if they are closer together than this share of the segment's
+/// length, because the segment then meets an edge that two triangles share.
 const SAME_CROSSING: f64 = 1e-7;
 /// Winding number at the boundary between inside and outside.
 pub const HALF: f64 = 0.5;
@@ -31,8 +31,8 @@ pub struct Solid {
     clusters: Vec<Cluster>,
 }
 
-/// A node of the tree: the triangles `first..end` in the tree's own order. `second` is the index of the second child, 0
-/// in a leaf; the first child follows its parent directly.
+/// A node of the tree, with the triangles `first..end` of the list `Solid::corners`, which the tree sorts. `second` is
+/// the index of the node's second child, or 0 in a leaf; the first child follows its parent directly.
 struct Cluster {
     centre: DVec3,
     radius: f64,
@@ -77,8 +77,8 @@ impl Solid {
         self.surface.indices()[triangle as usize][0]
     }
 
-    /// Winding number of the surface around a point: 1 inside a closed surface that is oriented outwards, 0 outside of
-    /// it, and between them for an open surface.
+    /// Winding number of the surface around a point: 1 inside a closed surface that is oriented outwards, 0 outside
+    /// such a surface, and between 0 and 1 near an open surface.
     pub fn winding(&self, point: DVec3) -> f64 {
         let (mut angle, mut stack) = (0.0, vec![0]);
         while let Some(index) = stack.pop() {
@@ -102,7 +102,8 @@ impl Solid {
         if self.winding(point) > HALF { -distance } else { distance }
     }
 
-    /// Hits of the segment from `a` to `b` on the surface, as ascending shares of its length.
+    /// Hits of the segment from `a` to `b` on the surface: the distance of each hit from `a` as a share of the
+    /// segment's length, in ascending order.
     pub fn hits(&self, a: DVec3, b: DVec3) -> Vec<f64> {
         let (low, high) = (a.min(b), a.max(b));
         let (low, high) = (Vector::new(low.x, low.y, low.z), Vector::new(high.x, high.y, high.z));
@@ -118,7 +119,7 @@ impl Solid {
     }
 }
 
-/// Appends the tree over the triangles `first..end`, which are split into halves.
+/// Appends to `clusters` the tree over the triangles `first..end`, which are split into halves again and again.
 fn cluster(corners: &mut [[DVec3; 3]], first: usize, end: usize, clusters: &mut Vec<Cluster>) {
     let mine = &mut corners[first..end];
     let (mut dipole, mut sum, mut weight) = (DVec3::ZERO, DVec3::ZERO, 0.0);
@@ -166,7 +167,7 @@ fn solid_angle(triangles: &[[DVec3; 3]], point: DVec3) -> f64 {
 }
 
 /// Where the segment from `a` to `b` hits a triangle or its edges, as a share of the segment's length (T. Moeller and
-/// B. Trumbore 1997); `None` also if they are parallel.
+/// B. Trumbore 1997); `None` if the segment misses the triangle or is parallel to its plane.
 fn meet([p, q, r]: &[DVec3; 3], a: DVec3, b: DVec3) -> Option<f64> {
     let (u, v, ray) = (q - p, r - p, b - a);
     let normal = ray.cross(v);
@@ -183,8 +184,8 @@ mod tests {
     use super::*;
     use crate::prepare::sphere;
 
-    /// Allowed error of winding numbers by dipoles, for a coarse sphere. To tell inside from outside, far larger errors
-    /// would do.
+    /// Allowed error of winding numbers that are computed with dipoles, for a coarse sphere. Far larger errors, below
+    /// one half, would still tell inside from outside.
     const DIPOLES: f64 = 0.02;
 
     #[test]

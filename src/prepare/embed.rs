@@ -1,5 +1,7 @@
-//! Embedding: each vertex of the skin (surface mesh) as a weighted sum of the nodes of one tetrahedron of the layer
-//! (simulation mesh). The simulation moves the skin by these weights.
+//! Embeds the skin (surface mesh of a soft body) in the layer (tetrahedral simulation mesh): expresses the position of
+//! each skin vertex as a weighted sum of the positions of the nodes of one tetrahedron. The simulation moves the skin
+//! by these weights. At least one weight is negative if the vertex lies outside the tetrahedron: the position is then
+//! extrapolated.
 
 use glam::{DMat3, DVec3};
 use parry3d_f64::math::Vector;
@@ -10,10 +12,10 @@ use super::{Embedding, Layer, layer};
 
 /// A point with a weight this far below zero still counts as inside: the weight differs from zero by rounding.
 const INSIDE_ROUNDING: f64 = 1e-12;
-/// A skin vertex whose distance from the layer exceeds this share of the layer's diagonal is refused: surface and layer
+/// A skin vertex whose distance from the layer exceeds this share of the layer's diagonal is refused: skin and layer
 /// are then not in the same units or place.
 const FARTHEST: f64 = 0.1;
-/// A tetrahedron is flat if its determinant over the cube of its longest edge is below this.
+/// A tetrahedron is flat if six times its volume is at most this share of the cube of its longest edge.
 const FLAT: f64 = 1e-14;
 
 /// Embeds every point in the layer (both in the same coordinates, m).
@@ -21,7 +23,8 @@ const FLAT: f64 = 1e-14;
 /// A point inside the layer gets the tetrahedron in which its least weight is largest (in a tie, the one with the
 /// lowest index). A point outside gets one of the tetrahedra that share a node with the tetrahedron behind the nearest
 /// boundary face: the one that extrapolates least (whose least weight is largest). A point exactly on a node gets
-/// exactly the weight 1 for that node. Errors: an empty layer, a flat tetrahedron, or a point far outside.
+/// exactly the weight 1 for that node. It is an error if the layer is empty, if a tetrahedron is flat, or if a point
+/// lies far outside the layer.
 pub fn embed(points: &[DVec3], layer: &Layer) -> Result<Vec<Embedding>, String> {
     let grid = Grid::build(layer)?;
     let mut outside: Option<Outside> = None;
@@ -113,7 +116,7 @@ impl Grid {
                 self.entries = vec![0; start[start.len() - 1] as usize];
             }
         }
-        // Writing has advanced each cell's start to that of the next cell.
+        // Writing has advanced the start of each cell to the start of the next cell. The shift by one undoes this.
         start.rotate_right(1);
         start[0] = 0;
         self.start = start;
@@ -125,7 +128,7 @@ impl Grid {
         [0, 1, 2].map(|k| (c[k] as usize).min(self.size[k] - 1))
     }
 
-    /// Weights of a point on the four nodes of tetrahedron `t`; exactly 1 on a node that it coincides with.
+    /// Weights of a point on the four nodes of tetrahedron `t`; exactly 1 on a node that coincides with the point.
     fn weights(&self, layer: &Layer, t: u32, point: DVec3) -> [f64; 4] {
         let nodes = layer.tetrahedra[t as usize].map(|i| layer.nodes[i as usize]);
         if let Some(k) = nodes.iter().position(|&n| n == point) {
@@ -135,7 +138,8 @@ impl Grid {
         [1.0 - w.x - w.y - w.z, w.x, w.y, w.z]
     }
 
-    /// Of the tetrahedra that contain the point, the one whose least weight is largest, and the weights in it.
+    /// Finds, of the tetrahedra that contain the point, the one in which the least weight of the point is largest.
+    /// Returns its index and the weights; `None` if no tetrahedron contains the point.
     fn containing(&self, layer: &Layer, point: DVec3) -> Option<(u32, [f64; 4])> {
         if point.cmplt(self.low).any() || point.cmpgt(self.high).any() {
             return None;
@@ -157,7 +161,7 @@ impl Grid {
     }
 }
 
-/// For each tetrahedron, the matrix from relative position to weights.
+/// For each tetrahedron, the matrix from a position relative to its node 0 to the weights of nodes 1 to 3.
 fn inverses(layer: &Layer) -> Result<Vec<DMat3>, String> {
     if layer.tetrahedra.is_empty() {
         return Err("the layer has no tetrahedra".into());
@@ -177,7 +181,7 @@ fn inverses(layer: &Layer) -> Result<Vec<DMat3>, String> {
     Ok(inverses)
 }
 
-/// The layer's boundary surface, to find tetrahedra for points outside.
+/// The layer's boundary surface, with the tetrahedron behind each of its faces: finds tetrahedra for points outside.
 struct Outside {
     surface: TriMesh,
     tetrahedra: Vec<u32>,
@@ -198,8 +202,9 @@ impl Outside {
         Ok(Outside { surface, tetrahedra, around })
     }
 
-    /// Of the tetrahedra that share a node with `t`, the one that extrapolates to the point least, and its weights. The
-    /// tetrahedron behind the nearest face may be a sliver, and a weight of 3 would treble every motion of its nodes.
+    /// Of the tetrahedra that share a node with `t`, the one that extrapolates least to the point, and the weights in
+    /// it. Tetrahedron `t`, which lies behind the nearest face, may be a sliver with large weights: a weight of 3 would
+    /// treble every motion of its node.
     fn steadiest(&self, layer: &Layer, grid: &Grid, t: u32, point: DVec3) -> (u32, [f64; 4]) {
         let least = |w: &[f64; 4]| w.iter().copied().fold(f64::INFINITY, f64::min);
         let mut best = (t, grid.weights(layer, t, point));
@@ -224,7 +229,7 @@ impl Outside {
 mod tests {
     use super::*;
 
-    /// Error of a point of size 1 reconstructed from its weights in f64.
+    /// Allowed error of a point, at most about 1 from the origin, that is reconstructed from its weights in f64.
     const RECONSTRUCTION: f64 = 1e-13;
 
     fn place(layer: &Layer, e: &Embedding) -> DVec3 {
@@ -262,7 +267,7 @@ mod tests {
         assert!(place(&layer, &e[0]).distance(point) < RECONSTRUCTION);
         let nodes = layer.tetrahedra[e[0].tetrahedron as usize].map(|i| layer.nodes[i as usize]);
         assert_eq!(nodes.iter().filter(|n| n.y == 1.0).count(), 3);
-        // The point is 0.03 above a cell of height 0.25, and 0.03 / 0.25 = 0.12.
+        // The point is 0.03 above a cell of height 0.25, so that its least weight is -0.03 / 0.25 = -0.12.
         assert!(
             (extrapolation(&e) - 0.12).abs() < 1e-12,
             "greatest extrapolation {}, expected 0.12",

@@ -1,4 +1,5 @@
-//! Convex hulls for collision proxies. They have few vertices and distinct face planes, and always a volume.
+//! Convex hulls of points, for the collision proxies that cover a body's surface. A hull always has a volume, no two of
+//! its faces lie in one plane, and a reduced hull has at most 64 corners.
 
 use glam::DVec3;
 use parry3d_f64::math::Vector;
@@ -6,12 +7,13 @@ use parry3d_f64::transformation::try_convex_hull;
 
 use super::MAX_HULL_VERTICES;
 
-/// Half of the thickness that a flat hull is given, as a share of its diagonal.
+/// Half of the thickness that a flat hull is given, as a share of the diagonal of its bounding box.
 const THICKNESS: f64 = 1e-3;
-/// A hull thinner than this share of its diagonal is flat: its planes would be mostly rounding error.
+/// A hull thinner than this share of its bounding box's diagonal is flat: its planes would be mostly rounding error.
 const FLAT: f64 = 1e-6;
-/// Two faces count as one plane if the sine of the angle between their normals is below this. A triangle's plane must
-/// also pass within this distance (in diagonals) of the outermost corner along its normal.
+/// Two faces count as one plane if the sine of the angle between their normals is below this value. Times the diagonal
+/// of the bounding box, it is also the greatest distance by which a corner may lie outside a triangle's plane; with a
+/// greater distance, the triangle is a sliver and gives no face.
 const COPLANAR: f64 = 1e-7;
 
 /// Sets of more points than this are thinned before their hull is computed.
@@ -23,7 +25,7 @@ const DIRECTIONS: usize = 10;
 /// A convex hull with volume.
 #[derive(Debug, Clone, Default)]
 pub struct Hull {
-    /// Corners of the hull, m; at most [`MAX_HULL_VERTICES`] if it was reduced.
+    /// Corners of the hull, m; at most [`MAX_HULL_VERTICES`] in a reduced hull.
     pub vertices: Vec<DVec3>,
     /// Unit outward normal n and offset (m) of each distinct face plane; n . x <= offset holds at every corner.
     pub faces: Vec<(DVec3, f64)>,
@@ -32,7 +34,7 @@ pub struct Hull {
 }
 
 impl Hull {
-    /// The greatest distance of a point outside any face plane, m; negative inside the hull.
+    /// The greatest of a point's signed distances from the face planes, m; negative inside the hull.
     pub fn height(&self, point: DVec3) -> f64 {
         self.faces.iter().map(|(n, d)| n.dot(point) - d).fold(f64::NEG_INFINITY, f64::max)
     }
@@ -43,7 +45,8 @@ impl Hull {
     }
 }
 
-/// The full convex hull of the points. `None`: they are flat, fewer than four, or the algorithm fails on them.
+/// The full convex hull of the points. `None`: the points lie in a plane, there are fewer than four, or the hull
+/// algorithm fails on them.
 pub fn convex(points: &[DVec3]) -> Option<Hull> {
     let (low, diagonal) = bounds(points)?;
     // The points are scaled to unit size near the origin, because the hull algorithm's tolerances are absolute.
@@ -56,7 +59,7 @@ pub fn convex(points: &[DVec3]) -> Option<Hull> {
         let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
         let offset = corners.iter().map(|&p| normal.dot(p)).fold(f64::NEG_INFINITY, f64::max);
         // The normal of a sliver is rounding noise. A plane with that normal through the outermost corner would stand
-        // off the sliver itself and bound nothing, so it is left out.
+        // off the sliver itself and bound nothing, so the plane is left out.
         let same = |f: &(DVec3, f64)| f.0.dot(normal) > 0.0 && f.0.cross(normal).length() < COPLANAR;
         if offset - normal.dot(a) < COPLANAR && !faces.iter().any(same) {
             faces.push((normal, offset));
@@ -74,16 +77,16 @@ pub fn convex(points: &[DVec3]) -> Option<Hull> {
     Some(Hull { vertices, faces, triangles })
 }
 
-/// A hull whose corners are at most [`MAX_HULL_VERTICES`] of the points; other points may stick out of it. `None`: all
-/// points coincide, or one is not finite.
+/// A *reduced* hull, whose corners are at most [`MAX_HULL_VERTICES`] of the points; other points may lie outside. A
+/// hull of flat points is given a thickness. `None`: all points coincide, or a point is not finite.
 pub fn reduced(points: &[DVec3]) -> Option<Hull> {
     let mut growing = Growing::new(points)?;
     while growing.grow() {}
     Some(growing.hull)
 }
 
-/// A hull that grows by one corner at a time. Each time the point that sticks out farthest (in a tie, the one with the
-/// lowest index) becomes a corner, which keeps the part outside small.
+/// A hull that grows by one corner at a time. Each time, the corner of the full hull that lies farthest outside (in a
+/// tie, the corner with the lowest index) becomes a corner of this hull; the part left outside therefore shrinks fast.
 pub struct Growing {
     /// Corners of the full hull.
     corners: Vec<DVec3>,
@@ -94,16 +97,16 @@ pub struct Growing {
 }
 
 impl Growing {
-    /// Starts with extreme points. Flat points are given a thickness; if that also fails, their bounding box is the
-    /// hull.
+    /// Starts with extreme points. Flat points are given a thickness; if their hull still has no volume, the points'
+    /// bounding box is the hull. `None`: all points coincide, or a point is not finite.
     pub fn new(points: &[DVec3]) -> Option<Growing> {
         let thinned = thinned(points);
         let Some(full) = convex(&thinned).or_else(|| thickened(&thinned)) else {
             let hull = boxed(points)?;
             return Some(Growing { corners: Vec::new(), chosen: Vec::new(), hull, farthest: None });
         };
-        // A few extreme points may lie in a plane. Then more of them are tried, and at last all corners of the full
-        // hull, which has a volume.
+        // A few extreme points may lie in a plane. Then more extreme points are tried, and at last all corners of the
+        // full hull, which has a volume.
         let all: Vec<usize> = (0..full.vertices.len()).collect();
         let seeds = [seed(&full.vertices, 1), seed(&full.vertices, 3), all];
         for chosen in seeds {
@@ -117,12 +120,14 @@ impl Growing {
         None
     }
 
-    /// Greatest distance of a corner outside the hull, m; 0 if none is outside, or the hull cannot grow further.
+    /// Greatest distance by which a corner of the full hull lies outside this hull, m; 0 if no corner does, or if this
+    /// hull cannot grow further.
     pub fn excess(&self) -> f64 {
         self.farthest.map_or(0.0, |(height, _)| height)
     }
 
-    /// Adds the corner that sticks out farthest; returns false if there is none, or the hull cannot grow further.
+    /// Adds the corner of the full hull that lies farthest outside; returns false if no corner lies outside, or if this
+    /// hull cannot grow further.
     pub fn grow(&mut self) -> bool {
         let Some((_, next)) = self.farthest else { return false };
         self.chosen.push(next);
@@ -155,9 +160,9 @@ impl Growing {
     }
 }
 
-/// If the points are many, their extremes along a fixed set of directions (`DIRECTIONS` squared for each face of a
-/// cube), in a tie the one with the lowest index; otherwise all points. Without thinning, the cost would grow with the
-/// square of the number of points that are corners.
+/// Returns all points if they are few; otherwise only the outermost point along each of a fixed set of directions
+/// (`DIRECTIONS` squared for each face of a cube), in a tie the point with the lowest index. Without thinning, the cost
+/// of a hull would grow with the square of the number of its corners.
 pub fn thinned(points: &[DVec3]) -> Vec<DVec3> {
     if points.len() <= MANY {
         return points.to_vec();
@@ -166,7 +171,7 @@ pub fn thinned(points: &[DVec3]) -> Vec<DVec3> {
 }
 
 /// Indices of the extreme points along the directions from a cube's centre to a grid of `side` x `side` points on each
-/// face (1: the faces' centres), ascending and without repetition.
+/// face (if `side` is 1, to the faces' centres), ascending and without repetition.
 fn seed(points: &[DVec3], side: usize) -> Vec<usize> {
     let at = |i: usize| if side == 1 { 0.0 } else { 2.0 * i as f64 / (side - 1) as f64 - 1.0 };
     let mut chosen = Vec::new();
@@ -198,7 +203,7 @@ fn thickened(points: &[DVec3]) -> Option<Hull> {
     convex(&thick)
 }
 
-/// The bounding box, slightly enlarged along every axis.
+/// The points' bounding box, slightly enlarged along every axis, as a hull.
 fn boxed(points: &[DVec3]) -> Option<Hull> {
     let (low, diagonal) = bounds(points)?;
     let high = points.iter().copied().fold(low, DVec3::max);
@@ -222,7 +227,8 @@ fn boxed(points: &[DVec3]) -> Option<Hull> {
     Some(Hull { vertices: (0..8).map(corner).collect(), faces, triangles: triangles.to_vec() })
 }
 
-/// Least corner and diagonal of the bounding box. `None`: there are no points, all coincide, or one is not finite.
+/// Least corner (m) and diagonal (m) of the points' bounding box. `None`: there are no points, all points coincide, or
+/// a point is not finite.
 fn bounds(points: &[DVec3]) -> Option<(DVec3, f64)> {
     if points.iter().any(|p| !p.is_finite()) {
         return None;
@@ -263,8 +269,9 @@ mod tests {
         let hull = reduced(&points).unwrap();
         check(&hull);
         let margin = points.iter().map(|&p| hull.height(p)).fold(0.0, f64::max);
-        // 64 caps that cover a sphere stand off it by about 1 - cos(0.27) = 0.04 at best, and by up to twice that if
-        // chosen greedily.
+        // The middle of a face lies 1 - cos(a) below the unit sphere, where `a` is the angle between the middle and the
+        // face's corners. With 64 corners, `a` is 0.27 at best, which gives 0.04; corners that are chosen greedily give
+        // up to twice that distance.
         assert!(margin > 0.02 && margin < 0.1, "margin {margin}, expected 0.02 to 0.1 of the radius");
     }
 

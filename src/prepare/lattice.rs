@@ -4,13 +4,13 @@
 //! The lattice's nodes are the corners and the centres of cubic cells. Every face between two cells carries four
 //! tetrahedra, one for each edge of the face: the tetrahedron's nodes are the edge's two corners and the centres of the
 //! two cells. All tetrahedra have the same shape, with dihedral angles of 60 and 90 degrees and volume `cell`^3 / 12.
-//! An edge is *long* (one cell edge, between two corners or two centres) or *short* (half a cell's space diagonal,
-//! between a corner and a centre).
+//! An edge of a tetrahedron is *long* (one cell edge, between two corners or two centres) or *short* (half a cell's
+//! space diagonal, between a corner and a centre).
 
 use glam::DVec3;
 
-/// Least distance between a side of the box that the lattice surrounds and a lattice plane, in cells: if a flat side
-/// lay in a lattice plane, rounding would decide which nodes are inside.
+/// Least distance between a side of the box that the lattice surrounds and a plane of lattice nodes, in cell edges: if
+/// a flat side of a body lay in such a plane, rounding would decide which nodes are inside the body.
 const CLEARANCE: f64 = 0.05;
 
 /// The background lattice: `size` cells along the axes from the corner `origin`.
@@ -21,8 +21,8 @@ pub(super) struct Lattice {
 }
 
 impl Lattice {
-    /// A lattice with more than one spare cell on each side of a box, as the outermost cells lack some of their
-    /// tetrahedra.
+    /// A lattice around the box with the least corner `low` and the size `extent` (m). More than one spare cell lies
+    /// beyond each side of the box, because the outermost cells lack some of their tetrahedra.
     pub(super) fn around(low: DVec3, extent: DVec3, cell: f64) -> Self {
         let (mut origin, mut size) = (low, [0; 3]);
         for k in 0..3 {
@@ -43,7 +43,7 @@ impl Lattice {
         self.cell
     }
 
-    /// Cells per axis.
+    /// Number of cells along each axis.
     pub(super) fn size(&self) -> [usize; 3] {
         self.size
     }
@@ -63,30 +63,33 @@ impl Lattice {
         self.at(self.halves(node))
     }
 
-    /// Position of a point given in half cells from the origin, m.
+    /// Position (m) of a point that is given in half cell edges from the lattice's origin.
     pub(super) fn at(&self, halves: [i32; 3]) -> DVec3 {
         self.origin + self.cell * (DVec3::from_array(halves.map(f64::from)) * 0.5)
     }
 
-    /// Index of a cell in x-fastest order. The cell's low corner is node 2 x index, its centre node 2 x index + 1.
+    /// Index of a cell; cells are numbered with x fastest, then y, then z. The cell's low corner is the node with twice
+    /// this index; the cell's centre is the next node.
     pub(super) fn place(&self, c: [usize; 3]) -> usize {
         c[0] + self.size[0] * (c[1] + self.size[1] * c[2])
     }
 
-    /// Position of a node in half cells from the origin: all three even for a corner, all three odd for a centre.
+    /// Position of a node in half cell edges from the origin: three even numbers for a corner, three odd numbers for a
+    /// centre.
     pub(super) fn halves(&self, node: u32) -> [i32; 3] {
         let cell = node as usize / 2;
         let (x, yz) = (cell % self.size[0], cell / self.size[0]);
         [x, yz % self.size[1], yz / self.size[1]].map(|c| 2 * c as i32 + node as i32 % 2)
     }
 
-    /// The node at a position in half cells; `None` if it lies beyond the lattice.
+    /// The node at a position in half cell edges from the origin; `None` if the position lies beyond the lattice.
     pub(super) fn node(&self, halves: [i32; 3]) -> Option<u32> {
         let within = (0..3).all(|k| halves[k] >= 0 && halves[k] < 2 * self.size[k] as i32);
         within.then(|| 2 * self.place(halves.map(|h| h as usize / 2)) as u32 + (halves[0] & 1) as u32)
     }
 
-    /// The neighbours of a node along its edges: six long ones, then eight short ones; fewer at the lattice's border.
+    /// The neighbours of a node: six at the ends of long edges, then eight at the ends of short edges; fewer at the
+    /// lattice's border.
     pub(super) fn neighbours(&self, node: u32) -> impl Iterator<Item = u32> {
         let [x, y, z] = self.halves(node);
         let long = [[2, 0, 0], [-2, 0, 0], [0, 2, 0], [0, -2, 0], [0, 0, 2], [0, 0, -2]].into_iter();
@@ -94,13 +97,13 @@ impl Lattice {
         long.chain(short).filter_map(move |[i, j, k]| self.node([x + i, y + j, z + k]))
     }
 
-    /// Whether the edge between two neighbours is a long one.
+    /// Whether the edge between two neighbours is long.
     pub(super) fn is_long(a: u32, b: u32) -> bool {
         a % 2 == b % 2
     }
 
-    /// Nodes of tetrahedron `e` (0 to 3) on the low face of a cell along `axis`: the two centres, then the two corners
-    /// of the face's edge. So the tetrahedron's edges 0-1 and 2-3 are long.
+    /// Nodes of tetrahedron `e` (0 to 3) on the low face of a cell along `axis`: the centres of the two cells that
+    /// share the face, then the two corners of edge `e` of the face. So the tetrahedron's edges 0-1 and 2-3 are long.
     fn nodes(&self, cell: [usize; 3], axis: usize, e: usize) -> [u32; 4] {
         const CORNERS: [[usize; 2]; 4] = [[0, 0], [1, 0], [1, 1], [0, 1]];
         let mut below = cell;
@@ -115,7 +118,7 @@ impl Lattice {
         [centre(below), centre(cell), corner(e), corner((e + 1) % 4)]
     }
 
-    /// Whether a cell's low face along `axis` has a cell on both sides and all its corners within the lattice.
+    /// Whether the low face of a cell along `axis` has a cell on both sides, and all corners of the face are nodes.
     fn has_face(&self, cell: [usize; 3], axis: usize) -> bool {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         cell[axis] > 0 && cell[u] + 1 < self.size[u] && cell[v] + 1 < self.size[v]
@@ -136,7 +139,7 @@ impl Lattice {
         }
     }
 
-    /// Calls `f` with the nodes of every tetrahedron; each has positive volume.
+    /// Calls `f` with the nodes of every tetrahedron, in an order that gives the tetrahedron a positive volume.
     #[cfg(test)]
     pub(super) fn each(&self, mut f: impl FnMut([u32; 4])) {
         self.each_cell(|cell| (0..3).for_each(|axis| self.on_face(cell, axis).for_each(&mut f)));

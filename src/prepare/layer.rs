@@ -1,5 +1,5 @@
-//! Functions of a *layer*, the tetrahedral simulation mesh of a soft body: they make the layer of a box, remove unused
-//! nodes, and find boundary, volumes and connected parts.
+//! Functions for a *layer*, the tetrahedral simulation mesh of a soft body: they make the layer of a box, remove unused
+//! nodes, and find a layer's boundary, volumes and connected parts.
 
 use glam::DVec3;
 
@@ -9,8 +9,9 @@ use super::{Layer, skin::Sets};
 /// is positive.
 pub const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
-/// For each of the six Kuhn tetrahedra of a cell: the order of the axes along which its nodes follow one another from
-/// the cell's low corner to its high corner, and whether that order is an even permutation.
+/// The six Kuhn tetrahedra into which a cell is cut. The nodes of each tetrahedron form a path along three edges of the
+/// cell, from the cell's low corner to its high corner. Each entry gives the order of the axes along this path, and
+/// whether that order is an even permutation.
 const KUHN: [([usize; 3], bool); 6] = [
     ([0, 1, 2], true),
     ([0, 2, 1], false),
@@ -20,9 +21,9 @@ const KUHN: [([usize; 3], bool); 6] = [
     ([2, 1, 0], false),
 ];
 
-/// A box of `cells` cells along the axes, from `low` to `high` (m). Nodes are numbered with x fastest, then y, then z.
-/// Every cell is cut into six Kuhn tetrahedra around its diagonal from (0,0,0) to (1,1,1), all of positive volume if
-/// `low < high`.
+/// The layer of a box from `low` to `high` (m), with `cells` cells along the axes. Nodes are numbered with x fastest,
+/// then y, then z. Every cell is cut into six Kuhn tetrahedra around its diagonal from (0,0,0) to (1,1,1); all have a
+/// positive volume if `low < high`.
 pub fn kuhn_box(low: DVec3, high: DVec3, cells: [u32; 3]) -> Layer {
     let [nx, ny, nz] = cells;
     let node = |c: [u32; 3]| c[0] + (nx + 1) * (c[1] + (ny + 1) * c[2]);
@@ -31,7 +32,7 @@ pub fn kuhn_box(low: DVec3, high: DVec3, cells: [u32; 3]) -> Layer {
         for y in 0..=ny {
             for x in 0..=nx {
                 let t = DVec3::new(x as f64 / nx as f64, y as f64 / ny as f64, z as f64 / nz as f64);
-                // This form gives exactly `low` and `high` at the ends, which scenes with touching bodies or with
+                // This formula gives exactly `low` and `high` at the ends, which scenes with touching bodies or with
                 // clamped faces may rely on.
                 layer.nodes.push(low * (DVec3::ONE - t) + high * t);
             }

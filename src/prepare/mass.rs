@@ -1,8 +1,8 @@
-//! Mass properties of a closed surface by the divergence theorem, as a sum over signed tetrahedra, one for each
-//! triangle.
+//! Mass properties of the solid inside a closed triangle mesh, by the divergence theorem: as sums over signed
+//! tetrahedra, one for each triangle, whose fourth corner is a common origin.
 //!
-//! The second moments of a tetrahedron with one corner at the origin follow B. Mirtich 1996, "Fast and accurate
-//! computation of polyhedral mass properties", in the form with summed corners of F. Tonon 2004.
+//! The second moments of such a tetrahedron follow B. Mirtich 1996, "Fast and accurate computation of polyhedral mass
+//! properties", in the form of F. Tonon 2004, which uses the sum of the corners.
 
 use glam::{DMat3, DVec3};
 
@@ -18,9 +18,10 @@ pub struct Properties {
     pub inertia: DMat3,
 }
 
-/// Volume, centroid and inertia of a closed outward surface filled at unit density.
+/// Volume, centroid and inertia of the solid of unit density inside a closed surface that is oriented outwards.
 pub fn properties(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Properties {
-    // Coordinates are taken relative to a point of the surface, because the sums would cancel far from the origin.
+    // Coordinates are taken relative to a point of the surface: for a surface far from the origin, large terms of the
+    // sums would otherwise cancel and leave rounding errors.
     let base = vertices.first().copied().unwrap_or_default();
     let (mut volume, mut first, mut second) = (0.0, DVec3::ZERO, DMat3::ZERO);
     for t in triangles {
@@ -70,9 +71,9 @@ mod tests {
         let ball = properties(&vertices, &triangles);
         let want = 0.4 * 0.09 * ball.volume;
         for e in [ball.inertia.x_axis.x, ball.inertia.y_axis.y, ball.inertia.z_axis.z] {
-            // The polyhedron is inscribed: its radius of gyration is too short by less than the relative error of its
-            // volume.
-            assert!(e < want && e > 0.995 * want, "moment of inertia {e}, expected a little less than {want}");
+            // The polyhedron is inscribed in the sphere, so its radius of gyration is a little shorter than the
+            // sphere's; the relative difference is less than that of the volumes.
+            assert!(e < want && e > 0.995 * want, "moment of inertia {e} m^5, expected a little less than {want} m^5");
         }
         // An inward orientation gives a negative volume; surfaces with such a volume are refused.
         for v in &mut vertices {

@@ -1,6 +1,6 @@
-//! The material of each tetrahedron of a layer (simulation mesh): the body's base material, or that of a material
-//! region (a part of the body for which the scene gives a material of its own). A region may be a *group* of tetrahedra
-//! that the mesh file defines, a box or a sphere.
+//! The material of each tetrahedron of a layer (tetrahedral mesh of a soft body): the body's base material, or the
+//! material of a material region (a part of the body for which the scene gives a material of its own). A region may be
+//! a *group* of tetrahedra that the mesh file defines, a box or a sphere.
 
 use glam::DVec3;
 
@@ -13,7 +13,7 @@ use crate::scene::{self, Material, Place};
 /// The materials of a layer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Materials {
-    /// The body's base material first, then those of its material regions.
+    /// The body's base material first, then the materials of its material regions.
     pub all: Vec<Material>,
     /// For each tetrahedron the index of its material in `all`; empty if every tetrahedron has the base material.
     pub which: Vec<u32>,
@@ -43,8 +43,8 @@ impl From<&Materials> for Materials {
     }
 }
 
-/// The materials of a body's layer, which is in file coordinates. Errors: the layer's file does not have a region's
-/// group, or a region has no tetrahedra of its own (none lies in it, or all belong to earlier regions).
+/// The materials of a body's layer, which is in file coordinates. It is an error if the layer's file does not have a
+/// region's group, if no tetrahedron lies in a region, or if all tetrahedra in a region belong to earlier regions.
 pub(super) fn materials(keys: &Keys, body: &scene::Body, layer: &Layer, groups: &Groups) -> Result<Materials> {
     let base = body.material.ok_or_else(|| keys.error("material", "missing", "a soft body needs a material"))?;
     if body.regions.is_empty() {
@@ -102,7 +102,8 @@ mod tests {
     use crate::prepare::{Body, FrameMotion, Shape, body};
     use crate::scene::{MaterialLaw, Scene};
 
-    /// Two tetrahedra that share a face, in the physical groups 3 and 4, and a third one in no group.
+    /// A mesh file of two tetrahedra that share a face, one in the physical group 3 and the other in the physical group
+    /// 4, and of a third tetrahedron in no group.
     const MESH: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n2\n3 3 \"fat\"\n3 4 \"muscle\"\n\
                         $EndPhysicalNames\n$Nodes\n6\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 1 1 1\n6 2 1 0\n$EndNodes\n\
                         $Elements\n3\n1 4 2 3 1 1 2 3 4\n2 4 2 4 1 2 3 4 5\n3 4 2 0 1 2 3 5 6\n$EndElements\n";
@@ -141,7 +142,7 @@ mod tests {
         assert_eq!(first, Material { young: 5e3, density: 900.0, law: MaterialLaw::NeoHookean, ..base });
         assert_eq!(second, Material { damping_mass: 7.0, poisson: 0.1, ..base });
         assert_eq!(third, Material { damping_stiffness: 0.5, ..base });
-        // The volumes are 1/6, 1/3 and 1/3 m^3 before the scale of a tenth.
+        // The tetrahedra have volumes of 1/6, 1/3 and 1/3 m^3 before lengths are scaled by 0.1.
         assert!(
             (mass - (900.0 + 2.0 * 1000.0 + 2.0 * 1000.0) / 6000.0).abs() < 1e-12,
             "wrong mass {mass} kg of the body"

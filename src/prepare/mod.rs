@@ -1,12 +1,12 @@
 //! Makes a layered body from its description in a scene and the mesh files that it names. A layered body consists of a
 //! *skin* (the high-resolution triangle mesh that is seen and touched), a *layer* (the tetrahedral simulation mesh in
-//! which every skin vertex is embedded), rigid *cores* inside it to which layer nodes are attached, and *proxies*
+//! which every skin vertex is embedded), rigid *cores* to which nodes of the layer are attached, and *proxies*
 //! (convex hulls that cover the skin, for the broad phase of contact). A rigid body has skin and proxies only. The
 //! *tool* is the rigid body that a haptic device leads. A *frame* is a rigid coordinate frame that nodes, skin and
 //! proxies follow.
 //!
-//! Everything here runs on the host, in f64, before the first step. Coordinates of a [`Body`] are its *rest frame*: the
-//! coordinates of its files times its scale, not yet placed in the world by `position` and `orientation`.
+//! Everything here runs on the host, in f64, before the first step. Positions in a [`Body`] are in its *rest frame*:
+//! the coordinates of the body's files times its scale, not yet placed in the world by `position` and `orientation`.
 
 pub mod bind;
 pub mod bodies;
@@ -74,9 +74,9 @@ pub struct Body {
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
 pub struct BodyReport {
     /// Report on the repair of the surface, or of the layer's boundary if the boundary is the skin; `None` if the
-    /// engine generated both itself.
+    /// engine generated the surface and the layer itself.
     pub repair: Option<repair::RepairReport>,
-    /// Everything that was changed or left out, one line each, beginning with the file's name.
+    /// Everything that was changed or left out, one line each, which begins with the name of the file or scene key.
     pub notes: Vec<String>,
 }
 
@@ -138,20 +138,20 @@ pub struct Frame {
 /// Motion of a rigid frame.
 #[derive(Debug, Clone)]
 pub enum FrameMotion {
-    /// It stays where the body was placed.
+    /// The frame stays where the body was placed.
     Fixed,
-    /// Kinematic motion along keys. A key gives the world pose of the body's rest frame: a key that equals the body's
-    /// own `position` and `orientation` leaves the frame where it was at rest.
+    /// Kinematic motion along keys. A key gives the world pose of the body's rest frame at a time: a key that equals
+    /// the body's own `position` and `orientation` leaves the frame where it was at rest.
     Kinematic(Vec<Key>),
-    /// Moved by forces. The frame's origin is the centre of mass of the nodes attached to it, or the hinge's point.
+    /// Forces move the frame. Its origin is the centre of mass of the nodes attached to the core, or the hinge's point.
     Dynamic {
-        /// Mass of the core, kg; `None` for the lumped mass of the attached nodes.
+        /// Mass of the core, kg; `None`: the core has the lumped mass of its attached nodes.
         mass: Option<f64>,
-        /// Axis to which the motion is restricted, rest frame, m; the frame's origin is then the hinge's point. `None`:
-        /// free.
+        /// The line about which alone the frame may rotate (rest frame, m); the frame's origin is then the hinge's
+        /// point. `None`: the frame moves freely.
         hinge: Option<Hinge>,
     },
-    /// Follows the free nodes of a body without cores by shape matching (M. Mueller and others 2005).
+    /// The frame follows the free nodes of a body without cores by shape matching (M. Mueller and others 2005).
     Floating {
         /// Mass of all nodes, kg.
         mass: f64,
@@ -170,7 +170,7 @@ pub struct Layer {
     /// Whether each node is attached to one of the body's cores.
     pub attached: Vec<bool>,
     /// Index of the F-bar patch of each tetrahedron ([`patch::patches`]), over which the volumetric strain is averaged;
-    /// empty if every tetrahedron uses its own.
+    /// empty if every tetrahedron uses its own volumetric strain.
     #[serde(skip)]
     pub patches: Vec<u32>,
 }
@@ -178,23 +178,24 @@ pub struct Layer {
 /// The triangle mesh that is seen and touched.
 #[derive(Debug, Clone, Default)]
 pub struct Skin {
-    /// Rest positions, in the order of the file's `v` lines, m.
+    /// Rest positions of the vertices, in the order of the vertices in the file, m.
     pub vertices: Vec<DVec3>,
     /// Vertices of each triangle, counter-clockwise seen from outside; in file order after triangulation.
     pub triangles: Vec<[u32; 3]>,
-    /// Index of the neighbour across edge k (from vertex k to vertex k+1), or [`NONE`] at a boundary or non-manifold
-    /// edge.
+    /// For each triangle, the index of the neighbouring triangle across edge k (from vertex k to vertex k+1), or
+    /// [`NONE`] if edge k is a boundary or non-manifold edge.
     pub neighbours: Vec<[u32; 3]>,
     /// Rest area that belongs to each vertex: a third of its triangles' areas, m^2.
     pub areas: Vec<f64>,
 }
 
-/// Embedding of a skin vertex: its position as a weighted sum of the nodes of one tetrahedron.
+/// Embedding of a skin vertex: its position as a weighted sum of the node positions of one tetrahedron.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Embedding {
     /// Index of the tetrahedron.
     pub tetrahedron: u32,
-    /// Barycentric weights of its four nodes. They sum to one and may lie outside [0, 1] if the skin leaves the layer.
+    /// Barycentric weights of the tetrahedron's four nodes. They sum to one; where the skin leaves the layer, they may
+    /// lie outside [0, 1].
     pub weights: [f64; 4],
 }
 

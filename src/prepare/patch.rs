@@ -1,24 +1,24 @@
 //! F-bar patches of a layer (tetrahedral mesh of a soft body): groups of neighbouring tetrahedra that share one
-//! volumetric strain, their mean dilatation, which prevents volumetric locking. E. A. de Souza Neto, F. M. Andrade
-//! Pires, D. R. J. Owen, "F-bar-based linear triangles and tetrahedra for finite strain analysis of nearly
-//! incompressible solids. Part I" (2005), with the mean dilatation of J. C. Nagtegaal, D. M. Parks, J. R. Rice, "On
-//! numerically accurate finite element solutions in the fully plastic range" (1974).
+//! volumetric strain, their mean dilatation, which prevents volumetric locking. The method is that of E. A. de Souza
+//! Neto, F. M. Andrade Pires, D. R. J. Owen, "F-bar-based linear triangles and tetrahedra for finite strain analysis of
+//! nearly incompressible solids. Part I" (2005), with the mean dilatation of J. C. Nagtegaal, D. M. Parks, J. R. Rice,
+//! "On numerically accurate finite element solutions in the fully plastic range" (1974).
 
 use crate::shaders;
 use std::collections::HashMap;
 
 use super::{Layer, NONE, layer::FACES};
 
-/// Greatest number of tetrahedra in a patch. Of the sizes from 6 to 24, twelve comes closest to the deflections of
-/// quadratic elements: smaller patches still lock on coarse meshes, and with 24 the deflection under a load is too
-/// large by 6 to 10 %.
+/// Greatest number of tetrahedra in a patch: twelve. Of the sizes from 6 to 24, this size comes closest to the
+/// deflections of quadratic elements: smaller patches still lock on coarse meshes, and patches of 24 tetrahedra give
+/// deflections under a load that are too large by 6 to 10 %.
 pub const MOST_TETRAHEDRA: usize = shaders::PATCH_TETRAHEDRA as usize;
 /// Greatest number of nodes in a patch.
 pub const MOST_NODES: usize = shaders::PATCH_NODES as usize;
 
-/// Index of the patch of each tetrahedron. A patch is connected over faces and grows greedily by one neighbour at a
-/// time, which keeps it compact. All its tetrahedra have the same label `group` (their material). It does not mix
-/// tetrahedra whose nodes are all attached to rigid cores, which hardly deform, with others.
+/// Index of the patch of each tetrahedron. A patch is connected over faces. It grows greedily by one neighbour at a
+/// time, which keeps it compact. All tetrahedra of a patch have the same label `group` (the index of their material).
+/// Tetrahedra whose four nodes are all attached to rigid cores hardly deform; a patch never mixes them with others.
 pub fn patches(layer: &Layer, group: impl Fn(usize) -> u32) -> Vec<u32> {
     let neighbours = neighbours(&layer.tetrahedra);
     let bound = |t: usize| layer.tetrahedra[t].iter().all(|n| layer.attached[*n as usize]);
@@ -38,8 +38,8 @@ pub fn patches(layer: &Layer, group: impl Fn(usize) -> u32) -> Vec<u32> {
             let inside = |t: usize| neighbours[t].iter().filter(|n| members.contains(&(**n as usize))).count();
             let candidates = members.iter().flat_map(|m| neighbours[*m]).filter(|n| *n != NONE).map(|n| n as usize);
             let open = candidates.filter(|t| patch_of[*t] == NONE && alike(*t, seed));
-            // The best candidate adds the fewest nodes. Ties are broken by the most faces on the patch, then by the
-            // fewest neighbours without a patch, then by the lowest index.
+            // The best candidate adds the fewest nodes. In a tie, it shares the most faces with the patch; then it has
+            // the fewest neighbours without a patch; then it has the lowest index.
             let best = open
                 .filter(|t| nodes.len() + added(*t) <= MOST_NODES)
                 .min_by_key(|t| (added(*t), std::cmp::Reverse(inside(*t)), free(*t), *t));

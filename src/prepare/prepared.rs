@@ -1,6 +1,8 @@
-//! The costly parts of a body, in file coordinates: repaired skin (surface mesh), layer (tetrahedral mesh), embedding
-//! of the skin in the layer, and convex collision proxies. They are made once and then cached. Attaching nodes to rigid
-//! cores, scale, materials and placement are cheap, and `body.rs` does them each time.
+//! Makes the costly parts of a body, in *file coordinates* (those of the mesh files, before `scale`): the repaired
+//! *skin* (surface mesh), the *layer* (tetrahedral mesh of a soft body), the *embedding* (for each skin vertex a
+//! tetrahedron of the layer, and weights of its nodes), and the *proxies* (convex hulls that cover the skin, for
+//! collision). They are made once, before the first step, and then cached. `body.rs` does the cheap rest each time: it
+//! attaches nodes to rigid cores (rigid bodies inside the soft one), sets materials, and scales and places the body.
 
 use std::path::Path;
 
@@ -19,17 +21,17 @@ use crate::scene::obj::{self, TriangleMesh};
 use crate::scene::tetrahedra::{self, TetMesh};
 use crate::scene::{self, Surface};
 
-/// Remedy for a cell size that is refused.
+/// Advice in the message about a refused cell size. A cell is a cube of the lattice from which the layer is made.
 const UNITS: &str = "give cells in the file's coordinates, before `scale`";
 
-/// Everything that the costly parts depend on.
+/// Sources and parameters from which the costly parts are made.
 #[derive(Debug, Clone)]
 pub struct Recipe<'a> {
     /// Source of the skin; without it the skin is the layer's boundary.
     pub surface: Option<&'a Surface>,
     /// Source of the layer; without it the body is rigid.
     pub layer: Option<&'a scene::Layer>,
-    /// Greatest number of proxies; `None` for the default.
+    /// Greatest number of proxies; `None` stands for the default number.
     pub hulls: Option<u32>,
 }
 
@@ -38,13 +40,14 @@ pub struct Recipe<'a> {
 pub struct Prepared {
     /// Vertices and triangles of the skin.
     pub mesh: TriangleMesh,
-    /// The layer of a soft body, with no node attached yet.
+    /// The layer of a soft body, with no node attached to a rigid core yet.
     pub layer: Option<Layer>,
     /// Named or numbered groups of tetrahedra that the layer's file defines.
     pub groups: Groups,
     /// Report on the layer if it was made by filling the surface with tetrahedra.
     pub filling: Option<LayerReport>,
-    /// For each node its number in the layer's file, ascending; nodes that belong to no tetrahedron are left out.
+    /// For each node of the layer, its number in the layer's file, in ascending order; unused nodes of the file are
+    /// left out.
     pub node_numbers: Vec<u32>,
     /// Notes on parts of the layer's file or of the surface's shape that were left out or changed, one sentence each.
     pub layer_notes: Vec<String>,
@@ -57,9 +60,9 @@ pub struct Prepared {
 }
 
 impl Recipe<'_> {
-    /// The parts, from the cache if it has them; otherwise they are made and stored there.
+    /// Returns the costly parts of the body, from the cache if it has them; otherwise they are made and stored there.
     pub(super) fn prepared(&self, keys: &Keys, cache: &Cache, log: &mut Log) -> Result<Prepared> {
-        // If a file cannot be read for the key, the error is ignored here and reported by `make`.
+        // The cache's key depends on the files' contents. An error in reading them is ignored here: `make` reports it.
         let key = if cache.is_on() { log.stage(Stage::Cache, || self.key(keys))?.ok() } else { None };
         let Some(key) = key else { return self.make(keys, log) };
         match log.stage(Stage::Cache, || cache.load(&key))? {
@@ -81,17 +84,18 @@ impl Recipe<'_> {
         Ok(prepared)
     }
 
-    /// Remedy if skin vertices lie far outside the layer.
+    /// Advice in the message that skin vertices lie far outside the layer.
     fn surrounding(&self) -> &'static str {
         match self.layer {
             Some(scene::Layer::File(_) | scene::Layer::Mesh(_) | scene::Layer::Box { .. }) => {
                 "give a layer that surrounds the skin, in the same units"
             }
-            _ => "give smaller cells: a part of the skin is too thin for these",
+            _ => "give smaller cells: a part of the skin is too thin for cells of this size",
         }
     }
 
-    /// Key of the parts: a digest of the source code, of the contents of all files, and of every parameter.
+    /// The cache's key for the parts: a digest of the source code, of the contents of all files, and of every
+    /// parameter.
     fn key(&self, keys: &Keys) -> std::io::Result<Key> {
         let mut maker = KeyMaker::new();
         match self.surface {
@@ -151,7 +155,7 @@ impl Recipe<'_> {
     }
 }
 
-/// Adds the extension of a file's name, which selects its reader, and the file's contents to a key.
+/// Adds to a key the extension of a file's name, by which the file's reader is chosen, and the file's contents.
 fn add_file(maker: &mut KeyMaker, path: &Path) -> std::io::Result<()> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     maker.add(ending.as_bytes());
@@ -185,8 +189,8 @@ fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
     }
 }
 
-/// The layer's boundary as a surface. The boundary of a given mesh is repaired as any given surface is, because
-/// elements may overlap or be missing.
+/// The layer's boundary as a surface, and the report on the repair of this surface. Only the boundary of a given mesh
+/// is repaired, because elements of such a mesh may overlap or be missing.
 fn boundary(keys: &Keys, layer: &Layer, source: Option<&scene::Layer>) -> Result<(TriangleMesh, Option<RepairReport>)> {
     let (vertices, triangles, _) = layer::boundary(layer);
     let mesh = TriangleMesh { vertices, triangles };
@@ -198,7 +202,7 @@ fn boundary(keys: &Keys, layer: &Layer, source: Option<&scene::Layer>) -> Result
     Ok((mesh, Some(found)))
 }
 
-/// A layer, and the report on how it was made.
+/// A layer, its groups of tetrahedra, notes for the user, and the report on the filling if the layer was made so.
 #[derive(Default)]
 struct Filled {
     layer: Layer,
@@ -207,7 +211,7 @@ struct Filled {
     report: Option<LayerReport>,
 }
 
-/// Makes or reads the layer, in file coordinates and with no node attached.
+/// Makes or reads the layer, in file coordinates and with no node attached to a rigid core.
 fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -> Result<Filled> {
     match (source, mesh) {
         (&scene::Layer::Cell { cell, grade, thickness }, Some(mesh)) => {
@@ -233,14 +237,14 @@ fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
     }
 }
 
-/// The layer of a mesh that the user gave.
+/// Makes the layer of a tetrahedral mesh that the user gave.
 fn given(mesh: TetMesh) -> Filled {
     let bound = vec![false; mesh.nodes.len()];
     let layer = Layer { nodes: mesh.nodes, tetrahedra: mesh.tetrahedra, attached: bound, ..Layer::default() };
     Filled { layer, groups: mesh.groups, notes: mesh.notes, report: None }
 }
 
-/// A layer made by filling the surface with tetrahedra.
+/// Makes a layer by filling the surface with tetrahedra.
 fn fill(mesh: &TriangleMesh, options: Options) -> std::result::Result<Filled, String> {
     // Holes are closed, so that the layer's volume is compared with the volume of the solid that was filled.
     let (vertices, triangles) = repair::closed(&mesh.vertices, &mesh.triangles);
@@ -249,8 +253,8 @@ fn fill(mesh: &TriangleMesh, options: Options) -> std::result::Result<Filled, St
     Ok(Filled { layer, notes, report: Some(report), ..Filled::default() })
 }
 
-/// Leaves out nodes that belong to no tetrahedron: they have no mass, and their motion has no meaning. The others keep
-/// their order. Returns the number in the file of each node that stays, and a note if any was left out.
+/// Removes nodes that belong to no tetrahedron: they have no mass, and their motion has no meaning. The other nodes
+/// keep their order. Returns the number of each remaining node in the layer's file, and a note if nodes were removed.
 fn drop_unused(layer: &mut Layer) -> (Vec<u32>, Option<String>) {
     let before = layer.nodes.len();
     let numbers = layer::drop_unused(layer);
@@ -295,10 +299,10 @@ fn largest_extent(mesh: &TriangleMesh) -> f64 {
     (mesh.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) - low).max_element()
 }
 
-/// Relative difference between the volumes of layer and skin above which a note is written.
+/// Relative difference between the layer's volume and the skin's above which a note tells the user.
 const VOLUME: f64 = 0.02;
 
-/// Makes the proxies of a skin; returns them together with the mesh, of which it takes ownership.
+/// Makes the proxies of the skin `mesh`; returns `mesh` unchanged, and the proxies.
 fn cover(keys: &Keys, mesh: TriangleMesh, hulls: Option<u32>) -> Result<(TriangleMesh, Vec<Proxy>)> {
     let skin = skin::build(mesh.vertices, mesh.triangles);
     let made = hulls.map_or_else(|| proxies(&skin), |hulls| proxy::at_most(&skin, hulls));

@@ -1,11 +1,12 @@
-//! Makes the collision proxies: convex hulls that cover the skin (surface mesh), for the broad phase and for a first
-//! estimate of the contact normal. A proxy *owns* the triangles and vertices that are tested in the narrow phase if it
-//! may touch.
+//! Makes the collision *proxies*: convex hulls that cover the skin (surface mesh), for the broad phase and for a first
+//! estimate of the contact normal. A proxy *owns* skin triangles and vertices: the narrow phase tests them if the proxy
+//! may touch another body. The *solid* is the inside of the skin.
 //!
-//! Approximate convex decomposition (K. Mamou's V-HACD, from parry) cuts the voxels of the solid into parts, and parts
-//! with too many triangles are halved. Each skin triangle belongs to the part that contains its centroid's voxel. A
-//! part's hull is that of its triangles' corners and its inner voxels' centres, so that it is tight on the skin and
-//! solid behind it. All hulls together have a budget of corners, which is spent where the skin sticks out most.
+//! Approximate convex decomposition (K. Mamou's V-HACD, in the crate parry) cuts the voxels of the solid into parts,
+//! and parts with too many skin triangles are halved. Each skin triangle belongs to the part that contains the voxel of
+//! the triangle's centroid. A part's hull is the convex hull of its triangles' corners and of its inner voxels'
+//! centres, so that the hull is tight on the skin and solid behind it. All hulls together have a limited number of
+//! triangles; hulls get further corners where the skin sticks out most.
 
 use glam::DVec3;
 use parry3d_f64::math::Vector;
@@ -15,35 +16,37 @@ use parry3d_f64::transformation::voxelization::{FillMode, VoxelSet};
 use super::hull::{self, Growing};
 use super::{NONE, Proxy, Skin, mass, repair};
 
-/// A skin that fills this share of its convex hull counts as convex and gets one proxy.
+/// A skin that encloses this share of its convex hull's volume or more counts as convex and gets one proxy.
 const CONVEX: f64 = 0.99;
-/// Number of voxels along the longest side. A finer grid changes the cut little, and its cost grows with the cube.
+/// Number of voxels along the longest side of the skin's bounding box. More voxels change the parts little, and the
+/// cost grows with the cube of this number.
 const RESOLUTION: u32 = 64;
-/// Greatest volume that a part may lack in its own hull, as a share of the volume of the whole hull; it gives 20 to 30
-/// parts for a head, gear or pumpkin.
+/// A part is cut further while its convex hull has more empty volume than this share of the volume of the whole skin's
+/// hull. With this value a head, a gear or a pumpkin is cut into 20 to 30 parts.
 const CONCAVITY: f64 = 0.0025;
-/// Default number of proxies. It is a compromise: with fewer, one proxy of a head with 88,000 triangles owns more than
-/// 5,000 of them, all of which are processed if it may touch; with 40, two bodies have at most 1,600 pairs of proxies.
+/// Default for the greatest number of proxies. It is a compromise: with fewer proxies, one proxy of a head with 88,000
+/// triangles owns more than 5,000 triangles, and all of them are processed if that proxy may touch; with 40 proxies
+/// each, two bodies have at most 1,600 pairs of proxies.
 const HULLS: u32 = 40;
-/// At most one in this many proxies comes from the cut along concavities; the others are left for halving parts with
-/// many triangles.
+/// The convex decomposition is asked for one part per this many proxies (it may make more parts); the other proxies are
+/// left for halving parts with many triangles.
 const CUT: u32 = 3;
-/// A part is halved while it has more than this many times its even share of the triangles, and the number of parts
-/// allows it.
+/// A part is halved while it has more triangles than this factor times the even share (number of all triangles over the
+/// greatest number of proxies), and while there are fewer parts than proxies allowed.
 const BUSY: f64 = 1.25;
-/// A part with fewer triangles is never halved: processing its triangles costs less than another proxy.
+/// A part with at most this many triangles is never halved: to process them costs less than another proxy.
 const FEW: usize = 1000;
 /// Approximate number of triangles of all hulls of a body together.
 const HULL_TRIANGLES: usize = 800;
 
-/// Covers the skin by at most the default number of proxies, as [`at_most`] does.
+/// Covers the skin as [`at_most`] does, with at most the default number of proxies (`HULLS`).
 pub fn proxies(skin: &Skin) -> Result<Vec<Proxy>, String> {
     at_most(skin, HULLS)
 }
 
-/// At most `hulls` (and at least one) convex hulls that cover the skin. Each triangle and each vertex has one owner,
-/// and sticks out of its owner's hull by at most that hull's margin. A convex skin has one proxy. The result does not
-/// depend on thread timing or hash order. Errors: no triangles, or positions that are not finite.
+/// Covers the skin with at most `hulls` proxies, at least one. Each triangle and each vertex is owned by one proxy; a
+/// triangle sticks out of its proxy's hull by at most the proxy's margin. A convex skin gets one proxy. The result does
+/// not depend on thread timing or hash order. Errors: no triangles, or positions that are not finite.
 pub fn at_most(skin: &Skin, hulls: u32) -> Result<Vec<Proxy>, String> {
     if skin.triangles.is_empty() {
         return Err("the skin has no triangles".into());
@@ -68,8 +71,8 @@ pub fn at_most(skin: &Skin, hulls: u32) -> Result<Vec<Proxy>, String> {
     cover(skin, &parts)
 }
 
-/// The skin's vertices. Those that belong to no triangle are moved to a vertex that does, because far away they would
-/// enlarge the hull and the voxel grid.
+/// The skin's vertices. Each vertex that belongs to no triangle is replaced by a corner of the first triangle, because
+/// a vertex far away would enlarge the hull and the voxel grid.
 fn together(skin: &Skin) -> Vec<DVec3> {
     let first = skin.vertices[skin.triangles[0][0] as usize];
     let mut points = vec![first; skin.vertices.len()];
@@ -77,14 +80,14 @@ fn together(skin: &Skin) -> Vec<DVec3> {
     points
 }
 
-/// A cut of the solid into parts.
+/// The parts into which the solid is cut.
 struct Parts {
     count: usize,
-    /// Part of each skin triangle.
+    /// For each skin triangle, the part to which it belongs.
     owner: Vec<u32>,
-    /// Part of the voxel at or near each skin vertex; empty if there is one part only.
+    /// For each skin vertex, the part of the voxel at or near it; the list is empty if there is one part only.
     place: Vec<u32>,
-    /// Points inside the solid, for each part.
+    /// For each part, the centres of its inner voxels.
     inner: Vec<Vec<DVec3>>,
 }
 
@@ -123,9 +126,9 @@ fn decompose(skin: &Skin, (vertices, triangles): (&[DVec3], &[[u32; 3]]), hulls:
     Parts { owner: owner.collect(), place, count: inner.len(), inner }
 }
 
-/// Halves the part with the most triangles across the longest side of its bounding box, until each part has about its
-/// even share or there are `hulls` parts. A proxy that may touch is processed as a whole, so one with many triangles
-/// would cost far more than its contact needs.
+/// Halves the part with the most triangles across the longest side of its bounding box, again and again, until no part
+/// has many more triangles than the even share, or there are `hulls` parts. A proxy that may touch is processed as a
+/// whole, so a proxy with many triangles would cost far more than its contact needs.
 fn split_busy(skin: &Skin, parts: &mut Parts, hulls: usize) {
     let centroid = |t: u32| skin.triangles[t as usize].map(|i| skin.vertices[i as usize]).iter().sum::<DVec3>() / 3.0;
     let mut owned = vec![Vec::new(); parts.count];
@@ -133,7 +136,7 @@ fn split_busy(skin: &Skin, parts: &mut Parts, hulls: usize) {
         owned[part as usize].push(t as u32);
     }
     let share = (BUSY * skin.triangles.len() as f64 / hulls as f64).max(FEW as f64) as usize;
-    // Parts without triangles are removed later and do not count.
+    // Parts without triangles are removed later, so they do not count as used.
     let mut used = owned.iter().filter(|list| !list.is_empty()).count();
     while used < hulls {
         // Of several parts with the most triangles, the first is taken.
@@ -191,8 +194,8 @@ impl VoxelGrid {
         within.then(|| (c[0] + self.size[0] * (c[1] + self.size[1] * c[2])) as usize)
     }
 
-    /// The part of the voxel at a point. If that voxel has none (by rounding at voxel faces), the part of the nearest
-    /// voxel that has one.
+    /// The part of the voxel at a point. If that voxel belongs to no part (by rounding at voxel faces), the part of the
+    /// nearest voxel within two voxels that belongs to a part, or else part 0.
     fn nearest_part(&self, part_of: &[u32], point: DVec3) -> u32 {
         let local = (point - self.origin) / self.edge;
         let centre = local.to_array().map(|c| c.round() as i64);
@@ -216,16 +219,16 @@ impl VoxelGrid {
     }
 }
 
-/// Makes a proxy with hull, owned vertices and triangles, and margin for every part that owns triangles, in order of
-/// part.
+/// Makes a proxy for every part that has triangles, in the order of the parts. A proxy's margin is the greatest
+/// distance by which its triangles stick out of its hull.
 fn cover(skin: &Skin, parts: &Parts) -> Result<Vec<Proxy>, String> {
     let mut proxies = vec![Proxy::default(); parts.count];
     for (t, &part) in parts.owner.iter().enumerate() {
         proxies[part as usize].triangles.push(t as u32);
     }
     // A vertex belongs to the part of the first of its triangles. A vertex without triangles (a repair may have merged
-    // it with another) belongs to the part at its place, or to that of the first triangle if that part has no
-    // triangles; it touches nothing and enlarges no hull.
+    // it with another vertex) belongs to the part of the voxel at its place or, if that part has no triangles, to the
+    // part of the skin's first triangle. A vertex without triangles touches nothing and enlarges no hull.
     let first = parts.owner[0];
     let mut vertex_owner = vec![NONE; skin.vertices.len()];
     for (triangle, &part) in skin.triangles.iter().zip(&parts.owner) {
@@ -259,7 +262,8 @@ fn cover(skin: &Skin, parts: &Parts) -> Result<Vec<Proxy>, String> {
     Ok(proxies)
 }
 
-/// Grows the hull that its skin sticks out of most (in a tie the first one) until the budget of triangles is spent.
+/// Adds corners to the hulls, each to the hull out of which its skin sticks farthest (of equal hulls the first), until
+/// all hulls together have about [`HULL_TRIANGLES`] triangles.
 fn spend(covers: &mut [(Vec<u32>, Growing)]) {
     // By Euler's formula a hull with n corners has 2 n - 4 triangles.
     let mut left = HULL_TRIANGLES as i64;
@@ -269,8 +273,7 @@ fn spend(covers: &mut [(Vec<u32>, Growing)]) {
         let Some(growing) = worst.filter(|g| g.excess() > 0.0) else { return };
         let before = growing.hull.vertices.len() as i64;
         growing.grow();
-        // With a new corner, old corners may become inner points, so the numbers of corners before and after are
-        // compared.
+        // A new corner may turn old corners into inner points, so the numbers of corners before and after are compared.
         left -= 2 * (growing.hull.vertices.len() as i64 - before);
     }
 }
@@ -335,8 +338,8 @@ pub(crate) mod tests {
         let skin = skin::build(v, t);
         let proxies = super::proxies(&skin).unwrap();
         check(&skin, &proxies);
-        assert!((2..=12).contains(&proxies.len()), "{} proxies, expected 2 to 12", proxies.len());
-        // The point in the open corner of the L lies in no hull, which shows that the cut follows the concavity.
+        assert!((2..=12).contains(&proxies.len()), "the L has {} proxies, expected between 2 and 12", proxies.len());
+        // No hull contains the point in the open corner of the L, which shows that the parts follow the concavity.
         let open = DVec3::new(0.5, 0.5, 0.1);
         let inside = |p: &Proxy| p.faces.iter().all(|(n, d)| n.dot(open) <= *d);
         assert!(!proxies.iter().any(inside));
@@ -350,17 +353,17 @@ pub(crate) mod tests {
             let proxies = at_most(&head, hulls).unwrap();
             check(&head, &proxies);
             let (count, busiest) = (proxies.len(), proxies.iter().map(|p| p.triangles.len()).max().unwrap());
-            assert!(count <= hulls as usize, "{count} proxies, allowed {hulls}");
+            assert!(count <= hulls as usize, "there are {count} proxies, but at most {hulls} are allowed");
             assert!(
                 count == hulls as usize || busiest <= FEW,
-                "{count} proxies, at most {hulls} allowed: one owns {busiest} triangles, which is too many"
+                "one proxy owns {busiest} triangles, too many for {count} proxies where {hulls} are allowed"
             );
             assert!(
                 busiest <= 3 * 11_996 / count + FEW,
-                "{count} proxies, at most {hulls} allowed: one owns {busiest} triangles, which is too many"
+                "one proxy owns {busiest} triangles, too many for {count} proxies where {hulls} are allowed"
             );
             let triangles: usize = proxies.iter().map(|p| 2 * p.hull.len() - 4).sum();
-            assert!(triangles <= HULL_TRIANGLES + 2, "the hulls have {triangles} triangles in all");
+            assert!(triangles <= HULL_TRIANGLES + 2, "the hulls together have {triangles} triangles, too many");
         }
     }
 

@@ -9,7 +9,7 @@ use super::{Layer, layer::FACES};
 pub struct Quality {
     /// The smallest dihedral angle of the layer.
     pub worst: f64,
-    /// First percentile of the tetrahedra's smallest angles: 99 in 100 tetrahedra exceed it.
+    /// First percentile of the tetrahedra's smallest dihedral angles: only 1 in 100 tetrahedra has a smaller angle.
     pub first_percentile: f64,
     /// The largest dihedral angle of the layer.
     pub largest: f64,
@@ -17,7 +17,8 @@ pub struct Quality {
     pub worst_tetrahedron: u32,
 }
 
-/// Smallest and largest of the six dihedral angles of a tetrahedron (m), degrees; 0 and 180 for a flat one.
+/// Smallest and largest dihedral angle of the tetrahedron with these corners (positions, m), degrees; 0 and 180 for a
+/// flat tetrahedron.
 pub fn dihedral(corners: [DVec3; 4]) -> (f64, f64) {
     let normals = FACES.map(|face| {
         let [a, b, c] = face.map(|k| corners[k]);
@@ -26,8 +27,8 @@ pub fn dihedral(corners: [DVec3; 4]) -> (f64, f64) {
     let (mut least, mut largest) = (180.0, 0.0);
     for i in 0..4 {
         for j in i + 1..4 {
-            // The angle is computed from sine and cosine of outward normals, so that angles near 0 and 180 degrees keep
-            // their precision.
+            // The angle is computed from the sine and the cosine of the angle between outward normals, so that angles
+            // near 0 and 180 degrees keep their precision.
             let sine = normals[i].cross(normals[j]).length();
             let angle = sine.atan2(-normals[i].dot(normals[j])).to_degrees();
             (least, largest) = (f64::min(least, angle), f64::max(largest, angle));

@@ -1,6 +1,7 @@
-//! The report on the preparation of a body: facts about its *skin* (surface mesh), *layer* (tetrahedral mesh) and
-//! *proxies* (convex hulls that cover the skin), repairs, times and memory. It is written as `report.json` by `palpate
-//! prepare`, and displayed as a short text.
+//! The report on the preparation of a body, before the first step: facts about its *skin* (surface mesh), *layer*
+//! (tetrahedral mesh of a soft body) and *proxies* (convex hulls that cover the skin, each of which owns some of its
+//! triangles), repairs, times and memory. The command `palpate prepare` writes it as `report.json` and displays it as a
+//! short text.
 
 use std::fmt;
 use std::time::Instant;
@@ -17,7 +18,7 @@ use crate::Result;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
-    /// Looks the finished body up in the cache.
+    /// Looks up the results of the costly stages in the cache, or stores them there.
     Cache,
     /// Reads or generates the surface.
     Read,
@@ -29,7 +30,7 @@ pub enum Stage {
     Embed,
     /// Makes the convex hulls that cover the skin.
     Proxies,
-    /// Attaches nodes of the layer to rigid cores, and scales everything.
+    /// Attaches nodes of the layer to rigid cores (rigid bodies inside the soft one), and scales everything.
     Bind,
 }
 
@@ -74,11 +75,11 @@ pub struct Log<'a> {
     watch: &'a mut Watch<'a>,
     /// Wall-clock time of each stage that ran, s.
     pub seconds: Vec<(Stage, f64)>,
-    /// Whether the body was made or read from the cache.
+    /// Whether the body was made, or read from the cache.
     pub cache: CacheUse,
     /// Information for the user that needs no action.
     pub notes: Vec<String>,
-    /// Report on the layer if it was made by filling the surface.
+    /// Report on the layer if it was made by filling the surface with tetrahedra.
     pub filling: Option<LayerReport>,
 }
 
@@ -88,7 +89,7 @@ impl<'a> Log<'a> {
         Log { watch, seconds: Vec::new(), cache: CacheUse::Off, notes: Vec::new(), filling: None }
     }
 
-    /// Runs a stage, unless the callback returns an error.
+    /// Calls the callback; unless it returns an error, runs a stage and adds its time to the log.
     pub fn stage<T>(&mut self, stage: Stage, work: impl FnOnce() -> T) -> Result<T> {
         (self.watch)(stage)?;
         let begun = Instant::now();
@@ -102,14 +103,14 @@ impl<'a> Log<'a> {
     }
 }
 
-/// The report on one body. Lengths are in metres, after scaling.
+/// The report on one body. Lengths are in metres, after scaling, unless said otherwise.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
     /// Name of the body.
     pub name: String,
     /// Facts about the skin after the repair.
     pub skin: SkinFacts,
-    /// Report on the repair of the surface; null if the engine generated the surface itself.
+    /// Report on the repair of the surface, in file coordinates; null if the engine generated the surface itself.
     pub repair: Option<RepairReport>,
     /// Facts about the layer of a soft body; null for a rigid body.
     pub layer: Option<LayerFacts>,
@@ -119,7 +120,7 @@ pub struct Report {
     pub cache: CacheUse,
     /// Wall-clock time of each stage, s.
     pub seconds: serde_json::Map<String, serde_json::Value>,
-    /// Greatest memory use of the process so far, bytes; null if the operating system does not report it.
+    /// Greatest memory use of the process until now, bytes; null if the operating system does not report it.
     pub peak_memory_bytes: Option<u64>,
     /// Information for the user.
     pub notes: Vec<String>,
@@ -153,20 +154,22 @@ pub struct LayerFacts {
     pub nodes: usize,
     /// Number of tetrahedra.
     pub tetrahedra: usize,
-    /// Volume, m^3.
+    /// Volume of the layer, m^3.
     pub volume_m3: f64,
-    /// Volume of the layer over that of the skin, less one. For a layer made by filling, it is the value of the report
-    /// on the filling (`LayerReport::volume_difference`).
+    /// Ratio of the layer's volume to the skin's, less one. For a layer made by filling the surface, the value is taken
+    /// from the report on the filling (`LayerReport::volume_difference`).
     pub volume_difference: f64,
     /// Smallest dihedral angle, degrees.
     pub worst_dihedral_deg: f64,
     /// First percentile of the tetrahedra's smallest dihedral angles, degrees.
     pub first_percentile_dihedral_deg: f64,
-    /// How far the least embedding weight lies below zero; 0 if all skin vertices lie inside the layer.
+    /// How far the least embedding weight (weight with which a skin vertex follows a node of its tetrahedron) lies
+    /// below zero; 0 if all skin vertices lie inside the layer.
     pub largest_extrapolation: f64,
     /// Number of nodes attached to rigid cores.
     pub bound_nodes: usize,
-    /// Report on the filling of the surface, in file coordinates; null for a layer that was not made by filling.
+    /// Report on the filling of the surface with tetrahedra, in file coordinates; null for a layer that was not made by
+    /// filling.
     pub filling: Option<LayerReport>,
 }
 
@@ -175,17 +178,18 @@ pub struct LayerFacts {
 pub struct ProxyFacts {
     /// Number of proxies.
     pub count: usize,
-    /// Number of vertices of the hull that has the most.
+    /// Number of vertices of the hull that has the most vertices.
     pub most_hull_vertices: usize,
     /// Number of triangles of all hulls together.
     pub hull_triangles: usize,
     /// Number of distinct face planes of all hulls together.
     pub hull_faces: usize,
-    /// Number of skin triangles of the proxy that owns the most.
+    /// Number of skin triangles of the proxy that owns the most triangles.
     pub most_skin_triangles: usize,
-    /// Greatest distance of owned skin outside its proxy's hull, m.
+    /// Greatest distance by which skin sticks out of the hull of the proxy that owns it, m.
     pub largest_margin_m: f64,
-    /// Share of the skin's vertices that lie inside at least one proxy inflated by its margin; 1 means all.
+    /// Share of the skin's vertices that lie inside at least one hull, when each hull is inflated by its margin
+    /// (distance by which the skin of its proxy sticks out); 1 means all vertices.
     pub coverage: f64,
 }
 
@@ -200,8 +204,8 @@ impl Report {
         let facts = skin_facts(skin);
         let layer = layer.map(|(layer, embedding)| {
             let mut measured = layer_facts(layer, embed::extrapolation(embedding), facts.volume_m3);
-            // The value of the filling's report is better: it counts overlapping pieces of the surface once, and
-            // includes the volume that a shell leaves out.
+            // The report on the filling has a better value: it counts overlapping pieces of the surface once, and
+            // includes the inner volume that a hollow layer (with `thickness`) leaves out.
             if let Some(filling) = &log.filling {
                 measured.volume_difference = filling.volume_difference;
             }
@@ -302,8 +306,8 @@ impl fmt::Display for Report {
         if let Some(layer) = &self.layer {
             writeln!(
                 f,
-                "layer: {} nodes, {} tetrahedra, volume {:+.2} % off the skin's, dihedral angles from {:.1} degrees \
-                 (99 % above {:.1}), largest extrapolation {:.2e}",
+                "layer: {} nodes, {} tetrahedra, volume {:+.2} % off the skin's, least dihedral angle {:.1} degrees \
+                 (above {:.1} degrees in 99 % of the tetrahedra), largest extrapolation {:.2e}",
                 layer.nodes,
                 layer.tetrahedra,
                 100.0 * layer.volume_difference,
@@ -314,8 +318,8 @@ impl fmt::Display for Report {
         }
         writeln!(
             f,
-            "proxies: {}, hulls of at most {} vertices, {} triangles in all; skin up to {:.2e} m outside; at most {} \
-             skin triangles each; {:.2} % of the skin's vertices covered",
+            "proxies: {}, with hulls of at most {} vertices and {} triangles in all; the skin is up to {:.2e} m \
+             outside the hulls; a proxy has at most {} skin triangles; {:.2} % of the skin's vertices are covered",
             proxies.count,
             proxies.most_hull_vertices,
             proxies.hull_triangles,

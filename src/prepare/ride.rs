@@ -1,21 +1,23 @@
-//! Decides which rigid coordinate frame each convex collision proxy follows. A proxy whose skin (surface mesh) follows
-//! several rigid cores is split between them, because a hull that follows one core of a joint would have to be inflated
-//! by the whole swing of the other core.
+//! Decides, before the first step, which *frame* each collision *proxy* follows. A proxy is a convex hull that covers a
+//! part of the *skin* (surface mesh) of a soft body; a frame is the rigid coordinate frame of a *core* (rigid body
+//! inside the soft one). A proxy whose skin follows several cores is split into one proxy for each core: a hull that
+//! followed only one of two cores at a joint would have to be inflated by the whole swing of the other core.
 
 use std::collections::BTreeMap;
 
 use super::hull::Growing;
 use super::{Embedding, Layer, NONE, Proxy, Skin};
 
-/// Triangles that follow another frame than most of their proxy stay with that proxy if they are at most this share of
-/// its triangles.
+/// Triangles that follow another frame than most triangles of their proxy stay with that proxy if they are at most this
+/// share of its triangles.
 const FEW: f64 = 0.1;
 /// Least number of corners to which the hull of a split proxy grows, if its skin has that many.
 const LEAST_CORNERS: usize = 8;
 
-/// Lets each proxy follow the frame that most of its skin follows, and splits a proxy if much of its skin follows
-/// another frame. All arrays are in the rest frame; `node_frames` is the index of each node's frame. With one frame
-/// nothing changes.
+/// Lets each proxy follow the frame that most of its skin triangles follow, and splits a proxy if more than the share
+/// [`FEW`] of them follow another frame. The skin is embedded in `layer`, the body's tetrahedral mesh. All positions
+/// are in the rest frame of the body; `node_frames` is the index of the frame that each node of the layer follows. If
+/// all nodes follow frame 0, the proxies are returned unchanged.
 pub(super) fn on_frames(
     proxies: Vec<Proxy>,
     skin: &Skin,
@@ -52,13 +54,14 @@ pub(super) fn on_frames(
     parted
 }
 
-/// The frame of the node with the largest weight on a skin vertex.
+/// The frame that a skin vertex with embedding `e` follows: the frame of the node with the largest weight.
 fn frame_of(e: &Embedding, layer: &Layer, node_frames: &[u32]) -> u32 {
     let strongest = (0..4).rev().max_by(|&i, &j| e.weights[i].total_cmp(&e.weights[j])).unwrap_or(0);
     node_frames[layer.tetrahedra[e.tetrahedron as usize][strongest] as usize]
 }
 
-/// Splits a proxy into one proxy for each group of triangles, where a group follows one frame.
+/// Splits a proxy into one proxy for each of `groups`: a group is a frame and the triangles that follow it. Vertices of
+/// no triangle go to the proxy of the frame `most`.
 fn part(proxy: &Proxy, skin: &Skin, groups: BTreeMap<u32, Vec<u32>>, most: u32) -> Vec<Proxy> {
     let mut owner: BTreeMap<u32, u32> = proxy.vertices.iter().map(|&v| (v, NONE)).collect();
     for (frame, list) in &groups {
@@ -77,7 +80,7 @@ fn part(proxy: &Proxy, skin: &Skin, groups: BTreeMap<u32, Vec<u32>>, most: u32) 
                 while growing.hull.vertices.len() < proxy.hull.len().max(LEAST_CORNERS) && growing.grow() {}
                 (growing.hull.vertices, growing.hull.faces)
             }
-            // If a group's points coincide, its proxy keeps the old hull, which also contains them.
+            // If all points of a group coincide, its proxy keeps the old hull, which also contains these points.
             None => (proxy.hull.clone(), proxy.faces.clone()),
         };
         let height = |v: u32| {
@@ -117,7 +120,8 @@ mod tests {
                 p.hull
             );
         }
-        // A few triangles that follow another frame stay with their proxy; with a single frame nothing changes.
+        // Many triangles that follow another frame make a proxy of their own, a few stay with their proxy. With a
+        // single frame nothing changes.
         let few: Vec<u32> = bar.nodes.iter().map(|n| u32::from(n.x > 3.6)).collect();
         assert_eq!(on_frames(whole.clone(), &skin, &bar, &embedding, &few).len(), 2);
         let fewer: Vec<u32> = bar.nodes.iter().map(|n| u32::from(n.x > 3.9 && n.y > 0.6)).collect();

@@ -1,15 +1,15 @@
-//! Topology and vertex areas of the skin (the triangle mesh that is seen and touched). They are computed once for a
-//! body; contact uses them in every step.
+//! Topology and vertex areas of the skin (the triangle mesh of a body that is seen and touched). They are computed
+//! once, before the first step; the contact stage uses them in every step.
 
 use glam::DVec3;
 
 use super::{NONE, Skin};
 
-/// A skin from positions (m, rest frame) and counter-clockwise triangles.
+/// Makes a skin of vertex positions (m, rest frame of the body) and triangles, counter-clockwise seen from outside.
 ///
 /// Two triangles are neighbours if they are the only ones at an edge and run along it in opposite directions. A
 /// boundary edge, an edge of three or more triangles and an edge whose triangles are inconsistently oriented have the
-/// neighbour [`NONE`]. Every index must be below the number of vertices (the readers check it).
+/// neighbour [`NONE`]. Every index must be below the number of vertices (the readers of mesh files check this).
 pub fn build(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Skin {
     let neighbours = neighbours(&triangles);
     let mut areas = vec![0.0; vertices.len()];
@@ -46,8 +46,8 @@ fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     neighbours
 }
 
-/// Counts defective edges. The first number is that of edges with one triangle; the second is that of edges with three
-/// or more triangles, or with two that run along the edge in the same direction.
+/// Counts defective edges. The first number counts edges with one triangle. The second number counts edges with three
+/// or more triangles, and edges with two triangles that run along the edge in the same direction.
 pub fn defects(triangles: &[[u32; 3]]) -> (usize, usize) {
     let mut edges: Vec<(u32, u32, bool)> = Vec::with_capacity(3 * triangles.len());
     for &[a, b, c] in triangles {

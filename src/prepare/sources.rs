@@ -1,6 +1,6 @@
-//! The version of the code that prepares bodies: its source texts, and the lock file with the versions of its
-//! libraries. They are part of every cache key, so that a body that was cached by other code is made again, and no
-//! version number has to be maintained.
+//! The version of the code that prepares bodies, given by the texts of its source files and of the lock file, which has
+//! the versions of all libraries. The cache of prepared bodies has these texts in every key, so that a body that was
+//! cached by other code is made again, and no version number has to be maintained.
 
 /// Contents of every file on which the costly, cached parts of a body depend.
 pub(super) const SOURCES: &[&str] = &[
@@ -60,7 +60,7 @@ mod tests {
     use std::fs;
     use std::path::{Path, PathBuf};
 
-    /// Files on which the cached parts do not depend.
+    /// Files of the folders `prepare` and `scene` on which the cached parts of a body do not depend.
     const OTHERS: [&str; 35] = [
         "prepare/bind.rs",
         "prepare/bodies.rs",

@@ -1,14 +1,15 @@
-//! Surface of a spherical tool (the rigid body that the haptic device leads): an icosphere whose vertices all lie at
-//! the sphere's radius, so that contact starts where the sphere begins.
+//! Surface of a spherical tool (the rigid body that the haptic device leads): an icosphere (subdivided icosahedron)
+//! whose vertices all lie on the sphere, so that contact starts where the sphere begins.
 
 use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-/// Number of times that the icosahedron's edges are halved: it gives 2,562 vertices and 5,120 triangles.
+/// Number of times that the icosahedron's edges are halved. The icosphere then has 2,562 vertices and 5,120 triangles.
 const HALVINGS: usize = 4;
 
-/// Vertices and triangles of an icosphere about the origin, oriented outwards, with every vertex at `radius` (m).
+/// Vertices and triangles of an icosphere about the origin, oriented outwards, with every vertex at the distance
+/// `radius` (m).
 pub fn icosphere(radius: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let (mut directions, mut triangles) = icosahedron();
     for _ in 0..HALVINGS {
@@ -41,7 +42,7 @@ fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
             vertices.push(DVec3::from_array(v).normalize());
         }
     }
-    // The faces are the triples of mutually nearest vertices; the icosahedron's edge is their least distance.
+    // The faces are the triples of mutually nearest vertices; two nearest vertices are one edge length apart.
     let edge = 2.0 / (1.0 + golden * golden).sqrt();
     let near = |a: usize, b: usize| (vertices[a].distance(vertices[b]) - edge).abs() < 1e-6;
     let mut triangles = Vec::with_capacity(20);
@@ -73,6 +74,6 @@ mod tests {
         let ball = 4.0 / 3.0 * std::f64::consts::PI * 1e-6;
         let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
         // An inscribed polyhedron with edge e and radius r is smaller by about (e / r)^2 / 4; here e is 0.07 r.
-        assert!(volume < ball && volume > 0.995 * ball, "volume {volume} m^3, expected 0.995 to 1 of the ball's");
+        assert!(volume < ball && volume > 0.995 * ball, "volume {volume} m^3, expected up to 0.5 % below {ball} m^3");
     }
 }

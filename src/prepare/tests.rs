@@ -1,6 +1,8 @@
-//! Tests of the whole preparation of a scene's bodies and tool, on generated and on real meshes. A body has a skin
-//! (surface mesh), a layer (tetrahedral mesh), rigid cores to which nodes of the layer are attached, and proxies
-//! (convex hulls).
+//! Tests of the whole preparation of a scene's bodies and tool (rigid body that the haptic device leads), on generated
+//! and on real meshes. A soft body has a *skin* (surface mesh) that is embedded in a *layer* (tetrahedral mesh; it may
+//! be made by filling the skin with lattice *cells*), rigid *cores* to which nodes of the layer are attached, and
+//! *proxies* (convex hulls that cover the skin). The *extrapolation* of a skin vertex is by how much the least of its
+//! weights in its tetrahedron lies below 0.
 
 #[path = "../../tests/real_meshes/mod.rs"]
 pub mod real_meshes;
@@ -17,7 +19,7 @@ use crate::scene::{
 };
 use real_meshes::meshes;
 
-/// A soft material.
+/// Material of the soft bodies in these tests.
 pub const MATERIAL: Material = Material {
     law: MaterialLaw::Corotational,
     young: 2e4,
@@ -57,23 +59,23 @@ fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
         let margin = proxies.iter().map(|p| p.margin).fold(0.0, f64::max);
         let most = proxies.iter().map(|p| p.triangles.len()).max().unwrap();
         println!(
-            "{name}: {} tetrahedra in {layer_time:.0?}, embedding in {embed_time:.0?}, {} proxies in {proxy_time:.0?}, \
-             margin {margin:.2e} m, at most {most} triangles in a proxy",
+            "{name}: {} tetrahedra in {layer_time:.0?}, embedding in {embed_time:.0?}, {} proxies in {proxy_time:.0?}; \
+             the skin is up to {margin:.2e} m outside its hull; a proxy has up to {most} triangles",
             layer.tetrahedra.len(),
             proxies.len()
         );
-        // A proxy is a hull of at most 64 skin vertices, so the skin sticks out of it by a few per cent of its size. If
-        // the farthest vertex were left out of a hull, the skin would stick out far more.
+        // A proxy's hull has at most 64 corners, so the skin sticks out of the hull by its *margin*, a few per cent of
+        // the hull's size. If the farthest vertex were left out of a hull, the skin would stick out far more.
         assert!(margin < 0.02 * (high - low).length(), "{name}: greatest margin of a proxy {margin} m");
     }
 }
 
-/// Largest amount by which a weight of a skin vertex in its tetrahedron may be below zero. A vertex outside the layer
-/// lies within one cell of it, and no height of a tetrahedron is much below half a cell.
+/// Upper bound of the extrapolation. A skin vertex outside the layer lies within one cell of the layer, and no height
+/// of a tetrahedron is much below half a cell.
 const EXTRAPOLATION: f64 = 1.5;
 
-/// Checks that all volumes are positive, the layer is in one part, and its volume agrees with the volume that the
-/// surface encloses.
+/// Checks that all tetrahedra have positive volumes, the layer is in one part, and its volume agrees with `volume`
+/// (m^3), the volume that the surface encloses.
 fn check_layer(layer: &Layer, volume: f64) {
     let volumes = layer.tetrahedra.iter().map(|t| layer::volume6(&layer.nodes, t) / 6.0);
     assert!(volumes.clone().all(|v| v > 0.0));
@@ -161,7 +163,7 @@ fn cores_that_hold_nothing_and_bad_nodes_are_refused_by_name() {
         "the error is: {error}"
     );
     let error = prepared(&scene(cube(), &[Bind::Nodes(vec![27])])).unwrap_err().to_string();
-    assert!(error.contains("node 27 does not exist, the layer has 27"), "the error is: {error}");
+    assert!(error.contains("node 27 does not exist: the layer has 27 nodes"), "the error is: {error}");
     assert!(prepared(&scene(cube(), &[])).is_ok());
 }
 
@@ -248,7 +250,7 @@ fn the_real_head_is_prepared_with_a_core() {
     let bound = layer.attached.iter().filter(|&&b| b).count();
     assert!(
         bound > layer.nodes.len() / 10 && bound < layer.nodes.len() / 2,
-        "{bound} nodes are attached to the core, expected a tenth to a half of {}",
+        "{bound} nodes are attached to the core, expected a tenth to a half of all {} nodes",
         layer.nodes.len()
     );
     assert_eq!(embedding.len(), skin.vertices.len());
@@ -264,10 +266,10 @@ fn the_real_human_sticks_out_of_its_file_layer_a_little() {
     let body = prepared(&scene(shape, &[Bind::Inset(0.03)])).unwrap();
     let Shape::Soft { layer, embedding, skin, proxies, .. } = body.shape else { panic!("the body is not soft") };
     assert_eq!((layer.nodes.len(), layer.tetrahedra.len(), skin.vertices.len()), (3128, 10204, 13380));
-    // The file's mesh was made by fTetWild, which keeps within a tolerance of the surface, so some vertices lie
-    // outside. A weight below -1 would mean that a sliver was chosen.
+    // The file's tetrahedra were made by fTetWild, which follows the surface within a tolerance, so some skin vertices
+    // lie outside. An extrapolation above 1 would mean that a vertex was embedded in a sliver.
     let worst = embed::extrapolation(&embedding);
-    assert!(worst > 0.0 && worst < 1.0, "greatest extrapolation of a skin vertex {worst}, expected 0 to 1");
+    assert!(worst > 0.0 && worst < 1.0, "greatest extrapolation of a skin vertex {worst}, expected between 0 and 1");
     for (e, &v) in embedding.iter().zip(&skin.vertices) {
         let nodes = layer.tetrahedra[e.tetrahedron as usize].map(|i| layer.nodes[i as usize]);
         let back: DVec3 = nodes.iter().zip(e.weights).map(|(&n, w)| n * w).sum();

@@ -1,5 +1,6 @@
 //! Chooses how kernels reach arrays that they only read, through texel or storage buffers: as the options ask, as the
-//! device's limits demand, or the faster way, which is measured once per device.
+//! device's limits demand, or the faster way, which is measured once per device. The choice is made before kernels are
+//! compiled, so before the first step. A *context* is an open Vulkan device.
 
 use std::fmt;
 use std::sync::Arc;
@@ -11,14 +12,14 @@ use crate::prepare::Cache;
 use crate::prepare::cache::{Entry, KeyMaker};
 use crate::shaders;
 
-/// Number of runs of each recording before times are taken.
+/// Number of runs of each recording (recorded commands) before times are taken.
 const WARM_UP: usize = 3;
 /// Number of timed runs of each recording; the median time counts.
 const RUNS: usize = 9;
-/// Number of tetrahedra in the measured pass; the nodes of each lie close together in memory.
+/// Number of tetrahedra on which the measured kernel works; the nodes of one tetrahedron lie close together in memory.
 const TETRAHEDRA: u32 = 1 << 14;
 
-/// The kind of arrays that was chosen, and why.
+/// The kind of arrays that was chosen (texel or storage buffers), and why.
 pub struct ArrayChoice {
     /// The kind that was chosen.
     pub arrays: Arrays,
@@ -26,21 +27,22 @@ pub struct ArrayChoice {
 }
 
 enum Why {
+    /// The options ask for this kind.
     Asked,
-    /// The device's texel buffers are too small: they hold at most this number of elements.
+    /// The device's texel buffers are too small; a texel buffer holds at most this number of elements.
     Limit(u32),
-    /// The device lets a kernel bind too few storage buffers: at most this number.
+    /// The device lets a kernel bind too few storage buffers; this is the greatest number.
     Buffers(u32),
-    /// The choice was made earlier in this context, for a kernel or another simulation.
+    /// The choice was made earlier in this context, for another kernel or another simulation.
     Before,
     /// The options do not ask for a measurement.
     Unmeasured,
-    /// Median times of the measured pass, microseconds: with texel buffers, with storage buffers.
+    /// Median times of the measured kernel, microseconds: first with texel buffers, second with storage buffers.
     Measured([f64; 2]),
 }
 
 impl ArrayChoice {
-    /// Makes the choice and stores it in the context; measured times are kept in the context's cache folder.
+    /// Makes the choice and stores it in the context; stores measured times in the context's cache folder.
     pub fn new(context: &Arc<Context>) -> Result<ArrayChoice> {
         let (_, limit) = context.array_limits();
         let why = if context.arrays_asked_for().is_some() {
@@ -81,8 +83,8 @@ impl fmt::Display for ArrayChoice {
     }
 }
 
-/// Times with texel and with storage buffers, microseconds. They are measured only where the cache has none for this
-/// device, this driver and this version of palpate.
+/// Median times of the measured kernel with texel and with storage buffers, microseconds. They are measured only if the
+/// cache has no times for this device, this driver and this version of palpate.
 fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
     let mut key = KeyMaker::new();
     for field in ["arrays", context.device_name(), context.driver(), env!("CARGO_PKG_VERSION")] {
@@ -93,12 +95,13 @@ fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
         return Ok(times);
     }
     let times = measured_times(context)?;
-    // Where nothing can be stored, the next run measures again.
+    // If the times cannot be stored, the next program run measures them again.
     let _ = cache.store(&key, &times);
     Ok(times)
 }
 
-/// Median times of the solver's element product A_e p, the kernel of most passes of a step.
+/// Measures the median times with texel and with storage buffers, microseconds. The measured kernel computes the
+/// products A_e p of the element matrices A_e with a vector p, in every iteration of the solver of a step.
 fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
     let vectors = |name: &str, count: u32| {
         let data: Vec<[f32; 4]> = (0..count).map(|i| [0.1, 0.2, 0.3, i as f32]).collect();
@@ -170,7 +173,7 @@ mod tests {
         assert!(plain.1.contains("not measured") || plain.1.contains("hold only"), "unmeasured choice: {plain:?}");
         let first = chosen(measured());
         assert!(first.1.contains("measured ") || first.1.contains("hold only"), "choice by measurement: {first:?}");
-        // Times differ from one measurement to the next, so equal times show that the second run read the stored ones.
+        // Times differ from one measurement to the next, so equal times show that the second call read stored times.
         assert_eq!(chosen(measured()), first);
     }
 }

@@ -1,6 +1,7 @@
-//! Chooses between the two implementations (paths) of the depth stage, which finds where rays from skin vertices hit
-//! triangles: compute or graphics. It takes the path that is asked for, the only one that the device can run, or the
-//! faster one, which is measured once per device.
+//! Chooses between the two implementations (*paths*) of the depth stage of a step, by compute or by graphics. The depth
+//! stage finds where rays from the vertices of one skin (surface mesh of a body) hit triangles of another skin. The
+//! path is the one that is asked for, or the only one that the device can run, or the faster one, which is measured
+//! once per device. A *context* is an open Vulkan device.
 
 use std::fmt;
 use std::sync::Arc;
@@ -20,9 +21,9 @@ use crate::{Error, Result};
 const WARM_UP: usize = 3;
 /// Number of timed runs of each path; the median time counts.
 const RUNS: usize = 9;
-/// Radius of the two spheres of the measured query, m.
+/// Radius of the two spheres on which the paths are measured, m.
 const RADIUS: f64 = 0.01;
-/// Depth by which the skins of the two spheres overlap, m.
+/// Depth by which the two spheres overlap, m.
 const OVERLAP: f64 = 0.002;
 
 /// The path that was chosen, and why.
@@ -33,17 +34,19 @@ pub struct Choice {
 }
 
 enum Why {
+    /// The caller asks for this path.
     Asked,
+    /// The device can run no other path.
     Only,
     /// The options do not ask for a measurement.
     Unmeasured,
-    /// Median times of the depth stage, microseconds: by the chosen path, by the other.
+    /// Median times of the depth stage, microseconds: first by the chosen path, second by the other path.
     Measured(f64, f64),
 }
 
 impl Choice {
-    /// Takes the path asked for, else the only one that the device can run, else the faster one if the context measures
-    /// (it keeps the times in its cache folder), else the compute path.
+    /// Takes the path `asked`, or else the only path that the device can run, or else the faster path if the context's
+    /// options ask for a measurement (the times are kept in the context's cache folder), or else the compute path.
     pub fn new(context: &Arc<Context>, asked: Option<Path>) -> Result<Choice> {
         match asked {
             Some(Path::Graphics) if !context.fragment_stores() => Err(Error::NoDevice(format!(
@@ -78,8 +81,8 @@ impl fmt::Display for Choice {
     }
 }
 
-/// Times of the graphics and of the compute path, microseconds. They are measured only where the cache has none for
-/// this device, this driver and this version of palpate.
+/// Median times of the depth stage by the graphics and by the compute path, microseconds. They are measured only if the
+/// cache has no times for this device, this driver, this version of palpate and the kind of arrays in use.
 fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
     if let Some(times) = context.measured_paths().get() {
         return Ok(*times);
@@ -94,7 +97,7 @@ fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
         Entry::Found(times) => times,
         _ => {
             let times = measured_times(context)?;
-            // Where nothing can be stored, the next context measures again.
+            // If the times cannot be stored, the next context measures them again.
             let _ = cache.store(&key, &times);
             times
         }
@@ -102,7 +105,8 @@ fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
     Ok(*context.measured_paths().get_or_init(|| times))
 }
 
-/// Median times of the depth stage by the graphics and by the compute path, on one query.
+/// Measures the median times of the depth stage by the graphics and by the compute path, microseconds. Both paths
+/// answer one proximity query, for two spheres that overlap.
 fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
     let scene = Scene::empty("two spheres");
     let ball = sphere(&scene)?;
@@ -115,7 +119,8 @@ fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
             let begun = Instant::now();
             let pose = |height| (height * DVec3::Y, DQuat::IDENTITY);
             let answer = query.run(pose(0.0), pose(2.0 * RADIUS - OVERLAP))?;
-            // Without timestamps the time includes the other stages, which cost the same for both paths.
+            // If the device has no timestamps, the time of the whole query is taken; the other stages cost the same for
+            // both paths.
             let whole = begun.elapsed().as_secs_f64() * 1e6;
             let stage = answer.stage_times.into_iter().find(|(stage, _)| stage == depth::STAGE);
             if run >= WARM_UP {
@@ -129,7 +134,7 @@ fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
     }))
 }
 
-/// A sphere, centred at the origin.
+/// A rigid sphere with radius [`RADIUS`], centred at the origin.
 fn sphere(scene: &Scene) -> Result<Body> {
     let tool = Tool {
         shape: ToolShape::Sphere(RADIUS),
@@ -171,8 +176,8 @@ mod tests {
         let begun = Instant::now();
         let first = kept_times(&context, &cache).unwrap();
         println!("median times of graphics and compute path {first:?} us, measured in {:?}", begun.elapsed());
-        assert!(first.iter().all(|us| *us > 0.0 && us.is_finite()), "median times {first:?} us");
-        // Times differ from one measurement to the next, so times equal to the last bit show that the stored ones were
+        assert!(first.iter().all(|us| *us > 0.0 && us.is_finite()), "median times of both paths {first:?} us");
+        // Times differ from one measurement to the next, so times equal to the last bit show that stored times were
         // read.
         assert_eq!(kept_times(&context, &cache).unwrap(), first);
         assert!(choose(&context, None).contains(" path: measured "));

@@ -1,6 +1,9 @@
-//! The proximity query by itself: for two rigid skins (triangle surfaces) a and b, each in a pose, it finds the
-//! vertices of either that lie within the other. It records the step's stages pose, cull, skin, depth and contact, and
-//! nothing after them.
+//! The proximity query by itself: for two rigid bodies a and b, each with a *skin* (surface mesh) and in a pose, it
+//! finds the skin vertices of either body that lie within the other. It runs the first stages of a step: pose (places
+//! the bodies' coordinate frames), cull (broad phase, by *collision proxies*, which are convex hulls that cover a
+//! skin), skin (computes vertex positions), depth and contact (narrow phase). It runs no later stage. To *record*
+//! stages is to write their GPU commands once; a *run* of the query executes them. A *flag* is a warning about an
+//! answer.
 
 pub mod arrays;
 pub mod choice;
@@ -22,14 +25,15 @@ use crate::stages::touch::TouchStages;
 use crate::stages::{Common, Flags, query_as_one};
 use crate::{Error, Result};
 
-/// Share of the smaller body's extent up to which [`QuerySettings::of`] allows depths without a flag.
+/// Depth limit of [`QuerySettings::of`], as a share of the smaller body's extent. A deeper contact raises a flag.
 const DEPTH_SHARE: f64 = 0.1;
 
-/// Number of runs per query where no direction is given. The first run finds where the skins touch, with a contact
-/// normal that the collision proxies (convex hulls) suggest; the others refine the normal by the contacts found.
+/// A run without a given direction executes the recorded stages this many times. The first time finds where the skins
+/// touch, with a contact normal that the collision proxies suggest; each further time refines the normal by the
+/// contacts that were found before.
 const ROUNDS: u32 = 4;
 
-/// How a run is timed; on some drivers timestamps themselves take time.
+/// How a run is timed. Timestamps take time themselves on some drivers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Timing {
     /// No times are taken.
@@ -45,13 +49,14 @@ pub enum Timing {
 pub struct QuerySettings {
     /// A contact deeper than this raises a flag, m.
     pub depth_limit: f64,
-    /// World direction from a to b along which depth is measured, of any length but zero; `None`: the broad phase finds
-    /// it.
+    /// World direction from a to b along which depth is measured, of any length but zero; `None`: the query finds the
+    /// direction.
     pub direction: Option<DVec3>,
     /// How runs are timed.
     pub timing: Timing,
-    /// Path by which the depth stage finds where triangles meet the rays of opposing vertices; `None`: compute, or the
-    /// graphics path where [`Options::measure`] is set and finds it faster.
+    /// Path (compute or graphics) by which the depth stage finds where rays from the vertices of one skin hit triangles
+    /// of the other; `None`: the compute path, or the graphics path if [`Options::measure`] is set and the measurement
+    /// finds the graphics path faster.
     pub depth: Option<Path>,
 }
 
@@ -75,29 +80,29 @@ fn extent(skin: &Skin) -> f64 {
     (corners().fold(DVec3::NEG_INFINITY, DVec3::max) - corners().fold(DVec3::INFINITY, DVec3::min)).max_element()
 }
 
-/// Two rigid skins, and the kernels that find where they overlap.
+/// Two rigid bodies on the GPU, and the recorded kernels that find where their skins overlap.
 pub struct Query {
     context: Arc<Context>,
     common: Common,
     touch: TouchStages,
-    /// One recording of the stages per [`Timing`]: untimed, each stage timed, all stages timed as one.
+    /// Three recordings of the stages, one for each [`Timing`]: untimed, each stage timed, all stages timed as one.
     records: [Recording; 3],
     timing: Timing,
-    /// Clears the results of the last run.
+    /// Recording that clears the results of the last run.
     fresh: Recording,
-    /// Copies the results to `contacts`, `counts` and `contact_patches`, which the host can read.
+    /// Recording that copies the results to `contacts`, `counts` and `contact_patches`, which the host can read.
     fetch: Recording,
     contacts: Buffer,
     counts: Buffer,
     contact_patches: Buffer,
-    /// Kept alive because the recordings read its arrays.
+    /// The arrays of deformable bodies (there are none), kept alive because the recordings refer to these arrays.
     _elastic: Elastic,
     pair: Pair,
     bodies: [Side; 2],
     path: Path,
 }
 
-/// What the host keeps of a body.
+/// Data of a body that the host keeps.
 struct Side {
     centroid: DVec3,
     vertices: u32,
@@ -108,27 +113,29 @@ struct Side {
 /// Result of a query.
 #[derive(Debug, Clone)]
 pub struct Answer {
-    /// Colliding vertices in the order of their indices, those of a before those of b.
+    /// Colliding vertices (skin vertices within the other body), first those of a, then those of b, in the order of
+    /// their indices.
     pub contacts: Vec<QueryContact>,
-    /// Contact patches, that is areas with one normal where the bodies may touch; positions are relative to
-    /// [`Answer::origin`].
+    /// Contact patches: places where the bodies may touch, each with one contact normal. Their positions are relative
+    /// to [`Answer::origin`].
     #[doc(hidden)]
     pub contact_patches: Vec<ContactPatch>,
-    /// World position that the contact patches are relative to, m.
+    /// World position to which the positions of the contact patches are relative, m.
     pub origin: DVec3,
     /// Warnings about the answer, for instance a contact beyond the depth limit.
     pub flags: Flags,
-    /// Counters of the stages: active chunks (groups of skin vertices), work items, ray hits, contacts.
+    /// Counters of the stages: active chunks (a chunk is a group of skin vertices that is culled as a whole), work
+    /// items (a work item is a chunk in a contact patch), ray hits, contacts.
     #[doc(hidden)]
     pub counts: Counts,
-    /// Times, microseconds, by stage or of all stages as one; empty where runs are not timed.
+    /// Names and times (microseconds) of the stages, or of all stages as one; empty if runs are not timed.
     pub stage_times: Vec<(String, f64)>,
 }
 
 /// A colliding vertex: a skin vertex that lies within the other body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QueryContact {
-    /// The body that the vertex belongs to: 0 for a, 1 for b.
+    /// The body to which the vertex belongs: 0 for a, 1 for b.
     pub body: usize,
     /// Index of the vertex in that body's skin.
     pub vertex: u32,
@@ -138,21 +145,21 @@ pub struct QueryContact {
     pub normal: DVec3,
     /// Triangle of the other body's skin that the ray through the vertex along the normal hits.
     pub triangle: u32,
-    /// Barycentric coordinates of that hit in the triangle.
+    /// Barycentric coordinates, in this triangle, of the point where the ray hits it.
     pub barycentric: [f64; 3],
-    /// Area of the skin around the vertex, projected along the normal, m^2; halved, since vertices of both bodies
-    /// become contacts.
+    /// Half the area of the skin around the vertex, projected along the normal, m^2. It is halved because vertices of
+    /// both bodies become contacts.
     pub area: f64,
 }
 
 impl Query {
-    /// Prepares two rigid bodies of a scene, by name, and opens a Vulkan device for them. Depths beyond a tenth of the
-    /// smaller body's extent raise a flag ([`Query::set_depth_limit`]); the broad phase finds the contact normal
-    /// ([`Query::set_direction`]).
+    /// Prepares two rigid bodies of a scene, by name, and opens a Vulkan device for them. A depth greater than a tenth
+    /// of the smaller body's extent raises a flag ([`Query::set_depth_limit`] sets another limit); the query finds the
+    /// contact normal ([`Query::set_direction`] sets one).
     ///
     /// # Errors
-    /// There is no body of that name, it is not rigid, or its files are faulty; [`Error::NoDevice`], [`Error::Memory`],
-    /// [`Error::Vulkan`].
+    /// A name belongs to no body, a body is not rigid, or a body's files are faulty; or the device cannot be used
+    /// ([`Error::NoDevice`], [`Error::Memory`], [`Error::Vulkan`]).
     pub fn open(scene: &Scene, bodies: [&str; 2], options: &Options) -> Result<Query> {
         let cache = options.cache.as_deref().map_or_else(Cache::off, Cache::at);
         let prepared = |name: &str| {
@@ -172,7 +179,7 @@ impl Query {
         Query::on_device(&Context::open(options)?, a, b, settings)
     }
 
-    /// As [`Query::of_bodies`], on a device that is already open.
+    /// Does the same as [`Query::of_bodies`], but on a device that is already open.
     #[doc(hidden)]
     pub fn on_device(context: &Arc<Context>, a: &Body, b: &Body, settings: &QuerySettings) -> Result<Query> {
         let bodies = [side(a)?, side(b)?];
@@ -232,7 +239,7 @@ impl Query {
         Ok(query)
     }
 
-    /// Sets the depth (m, above zero) beyond which a contact raises a flag, for later runs.
+    /// Sets, for later runs, the depth (m, above zero) beyond which a contact raises a flag.
     ///
     /// # Errors
     /// [`Error::Vulkan`]: the device's memory could not be written.
@@ -242,7 +249,7 @@ impl Query {
     }
 
     /// Sets the world direction from a to b, of any length but zero, along which later runs measure depth; `None`: the
-    /// broad phase finds it.
+    /// query finds the direction.
     pub fn set_direction(&mut self, direction: Option<DVec3>) {
         self.pair.direction = direction.map_or([0.0; 4], |direction| texel(direction.normalize(), 1.0));
     }
@@ -273,7 +280,7 @@ impl Query {
                 ..Frame::default()
             };
         }
-        // Results of the last query, whose poses may be unrelated, must not influence this one.
+        // The results of the last call, whose poses may be unrelated, must not influence this call.
         self.fresh.submit_and_wait()?;
         let rounds = if self.pair.direction[3] == 0.0 { ROUNDS } else { 1 };
         for _ in 0..rounds {
@@ -305,12 +312,12 @@ impl Query {
         &self.context
     }
 
-    /// The path that the depth stage takes, compute or graphics.
+    /// The path by which the depth stage runs, compute or graphics.
     pub fn depth_path(&self) -> Path {
         self.path
     }
 
-    /// Numbers of passes of each stage.
+    /// For each stage, its number of passes.
     #[doc(hidden)]
     pub fn passes(&self) -> Vec<StagePasses> {
         self.record().passes()
@@ -321,7 +328,7 @@ impl Query {
     }
 
     fn contact(&self, contact: &Contact) -> QueryContact {
-        // In the model's arrays, the vertices and triangles of a come before those of b.
+        // In the arrays on the GPU, the vertices and triangles of a come before those of b.
         let is_b = contact.side & 1 != 0;
         let [v, w] = contact.barycentric.map(f64::from);
         QueryContact {
@@ -335,8 +342,8 @@ impl Query {
         }
     }
 
-    /// The world position that f32 positions on the GPU are relative to: the middle of the overlap of the bodies'
-    /// bounding boxes, or of the gap between them, since single precision is finest near its origin.
+    /// The world position (m) to which positions on the GPU are relative: the middle of the overlap of the bodies'
+    /// bounding boxes, or of the gap between the boxes. Positions on the GPU are f32, which is most precise near zero.
     fn origin(&self, poses: [(DVec3, DQuat); 2]) -> DVec3 {
         let boxes = [0, 1].map(|k| {
             let (position, orientation) = poses[k];
@@ -360,7 +367,7 @@ fn rigid(body: &Body) -> Result<(&Skin, &[Proxy], DVec3)> {
     }
 }
 
-/// What the host keeps of a rigid body; an error for any other body.
+/// The data of a rigid body that the host keeps; an error for any other body.
 fn side(body: &Body) -> Result<Side> {
     let (skin, proxies, centroid) = rigid(body)?;
     Ok(Side {

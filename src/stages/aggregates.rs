@@ -1,35 +1,37 @@
-//! Clusters of neighbouring mesh nodes: the aggregates of the solver's coarse space.
+//! Divides the nodes of a soft body's tetrahedral mesh into clusters of neighbouring nodes, before the first step. The
+//! clusters are the *aggregates* of the coarse space, by which the solver preconditions the linear system of a step.
 //!
 //! The method is Lloyd's iteration (1982) on the mesh graph, as Bell (2008) uses it for algebraic multigrid. A cluster
-//! grows from the node nearest to its centre and always takes the nearest of all nodes adjacent to it, so that no
-//! cluster jumps across the gap between parts of the body which nearly meet, such as fingers; then its centre moves to
-//! the mean of its nodes. The first centres are chosen far from each other (Gonzalez 1985), with distances in units of
-//! the local element size: small tetrahedra are stiff, and a cluster of many of them would leave too much to the Jacobi
-//! part of the preconditioner.
+//! grows from the node nearest to the cluster's centre. Of all nodes adjacent to the cluster, the node nearest to the
+//! centre joins next, so that no cluster jumps across the gap between parts of the body which nearly meet, such as
+//! fingers. Then the centre moves to the mean of the cluster's nodes. The first centres are chosen far from each other
+//! (Gonzalez 1985), with distances in units of the local element size, so that clusters of small tetrahedra are small:
+//! small tetrahedra are stiff, and a cluster with many of them would leave too much to the Jacobi part of the
+//! preconditioner.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use glam::DVec3;
 
-/// Number of Lloyd iterations; further ones hardly change the clusters.
+/// Number of Lloyd iterations; further iterations hardly change the clusters.
 const ROUNDS: usize = 5;
 /// How many times element sizes are averaged over adjacent nodes, so that clusters follow the local fineness of a mesh
-/// and not the sizes of single tetrahedra, such as small ones at its surface.
+/// and not the sizes of single tetrahedra, such as small tetrahedra at the mesh's surface.
 const EVENED: usize = 4;
 
 /// The nodes of a mesh and their adjacency.
 pub struct Graph {
     places: Vec<DVec3>,
     sizes: Vec<f64>,
-    /// Index of each node's first neighbour in `neighbours`, and the length of that list at the end.
+    /// For each node, the index of its first neighbour in `neighbours`; one more entry has the length of `neighbours`.
     first: Vec<usize>,
     neighbours: Vec<u32>,
 }
 
 impl Graph {
-    /// `places`: positions of the nodes, m; `sizes`: the local element size at each node, in any unit, above 0;
-    /// `elements`: the nodes of each element, which are adjacent to each other.
+    /// Makes the graph. `places`: positions of the nodes, m; `sizes`: the local element size at each node, in any unit,
+    /// above 0; `elements`: the nodes of each element, which become adjacent to each other.
     pub fn new(places: Vec<DVec3>, sizes: Vec<f64>, elements: impl Iterator<Item = Vec<u32>>) -> Graph {
         let mut edges: Vec<(u32, u32)> = Vec::new();
         for element in elements {
@@ -59,7 +61,8 @@ impl Graph {
         sum / (1 + others.len()) as f64
     }
 
-    /// Assigns every node to one of `count` clusters (at least one); some clusters may stay empty.
+    /// Assigns every node to one of `count` clusters (of one cluster if `count` is 0), and returns each node's cluster.
+    /// Some clusters may stay empty.
     pub fn aggregates(&self, count: usize) -> Vec<usize> {
         let mut seeds = self.far_apart(count);
         let mut centres: Vec<DVec3> = seeds.iter().map(|seed| self.places[*seed]).collect();
@@ -71,8 +74,8 @@ impl Graph {
         own
     }
 
-    /// Chooses `count` seed nodes, each as far as possible from the seeds chosen before, in units of the element size
-    /// at the node.
+    /// Chooses `count` seed nodes, from which clusters grow. Each is as far as possible from the seeds chosen before,
+    /// by distances in units of the element size at the node.
     fn far_apart(&self, count: usize) -> Vec<usize> {
         let mut seeds = Vec::new();
         let mut distances = vec![f64::INFINITY; self.places.len()];
@@ -87,8 +90,8 @@ impl Graph {
         seeds
     }
 
-    /// Grows a cluster from each seed node along the mesh. A node that no cluster reaches joins the one with the
-    /// nearest centre.
+    /// Grows a cluster from each seed node along the mesh, and returns each node's cluster. A node that no cluster
+    /// reaches joins the cluster with the nearest centre.
     fn grown(&self, seeds: &[usize], centres: &[DVec3]) -> Vec<usize> {
         let mut own = vec![usize::MAX; self.places.len()];
         let mut least = vec![u64::MAX; self.places.len()];
@@ -138,8 +141,8 @@ impl Graph {
 mod tests {
     use super::*;
 
-    /// Rows of nodes along x, 1 m apart, each node adjacent to the next in its row. A row is given by its y (m), its
-    /// number of nodes and their element size.
+    /// Rows of nodes along x; successive nodes of a row are 1 m apart and adjacent. A row is given by its y coordinate
+    /// (m), its number of nodes, and the element size at these nodes.
     fn rows(rows: &[(f64, usize, f64)]) -> Graph {
         let (mut places, mut sizes, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
         for (y, count, size) in rows {
@@ -151,7 +154,7 @@ mod tests {
         Graph::new(places, sizes, pairs.into_iter())
     }
 
-    /// Number of nodes in each of `count` clusters.
+    /// Number of nodes in each of `count` clusters; `own` is the cluster of each node.
     fn counts(own: &[usize], count: usize) -> Vec<usize> {
         (0..count).map(|k| own.iter().filter(|own| **own == k).count()).collect()
     }

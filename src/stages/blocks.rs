@@ -1,7 +1,9 @@
-//! Partition of the nodes into blocks: each workgroup of the solver's passes works on one block. A block holds either
-//! free nodes (nodes attached to no rigid body) that lie together in one rigid coordinate frame, and is then also an
-//! aggregate of the solver's coarse space, or nodes attached to one dynamic core (a rigid body inside a soft one that
-//! forces move). A mode is a coarse basis function of a block (see `coarse.rs`).
+//! Divides the nodes of all bodies into *blocks*, before the first step: each workgroup of the solver works on one
+//! block. A *frame* is a rigid coordinate frame in which nodes move. A block holds either free nodes (nodes attached to
+//! no rigid body) that lie together in one frame, or nodes attached to one *dynamic core* (rigid body inside a soft one
+//! that forces move). A body may have a *coarse space*, by which the solver preconditions its linear system; then each
+//! block of free nodes is an *aggregate* of this space. A *mode* is one of a block's motions in the coarse space: free
+//! nodes have twelve affine motions, and nodes attached to a core have six rigid motions (see `coarse.rs`).
 
 use crate::shaders;
 use std::ops::Range;
@@ -13,47 +15,49 @@ use super::aggregates::Graph;
 use super::model::{Model, texel};
 use crate::shaders::NONE;
 
-/// Free nodes per block of a body without a coarse space; there blocks only divide the work.
+/// Number of free nodes per block of a body without a coarse space, where blocks only divide the work.
 const USUAL_NODES: usize = 128;
-/// Largest number of blocks per body without a coarse space. It is limited since every workgroup of `solve/update` sums
-/// over all blocks.
+/// Largest number of blocks of a body without a coarse space. The number is limited because every workgroup of the
+/// kernel `solve/update` sums over all blocks.
 const MOST_BLOCKS: usize = 256;
-/// Largest number of attached nodes per block.
+/// Largest number of nodes in a block of attached nodes.
 const ATTACHED_NODES: usize = 256;
 
-/// A block counts as flat along a principal axis where the mean square extent of its nodes, over the square of the
-/// block's size, is below this.
+/// A block counts as flat along a principal axis if the mean square distance of its nodes from their mean, along this
+/// axis and as a share of the square of the block's size, is below this. The size of a block is the distance of its
+/// farthest node from the mean of its nodes.
 const LEAST_SPREAD: f64 = 1e-4;
 
 /// The blocks of all bodies, as arrays for the solver's kernels.
 #[derive(Debug, Clone, Default)]
 pub struct Blocks {
-    /// Per block: its first node in `nodes`, number of nodes, frame, and the dynamic core that its nodes are attached
-    /// to, or `NONE`. Blocks of free nodes come first.
+    /// Per block: index of its first node in `nodes`, number of nodes, frame, and the dynamic core to which its nodes
+    /// are attached (`NONE` for free nodes). Blocks of free nodes come first.
     pub blocks: Vec<[u32; 4]>,
     /// Number of blocks of free nodes.
     pub free: usize,
-    /// Per block: its place in the coarse vectors, which hold the modes of all blocks; there the blocks of a body are
-    /// consecutive.
+    /// Per block: its place in the coarse vectors, which hold one number for each mode of every block. In these vectors
+    /// the blocks of a body are consecutive.
     pub coarse_indices: Vec<u32>,
-    /// Per node, block by block: node index, its first quad (uvec4 of entries) in `node_elements`, number of quads, and
-    /// the bits of its mass-proportional damping (f32, kg/s).
+    /// Per node, block by block: node index; index of the node's first uvec4 in the model's array `node_elements`,
+    /// which lists the element forces that act on each node; number of the node's uvec4s there; and the bits of its
+    /// mass-proportional damping (f32, kg/s).
     pub nodes: Vec<[u32; 4]>,
-    /// Per block: mean rest position of its nodes in their frame (m); w is 1 over the block's size, the distance of the
-    /// farthest node from that mean (1/m).
+    /// Per block: x, y, z are the mean rest position of its nodes in their frame (m); w is 1 over the block's size
+    /// (1/m), or 0 for a block of size zero.
     pub places: Vec<[f32; 4]>,
-    /// Two vec4 per block: the inverse of sum x x^T over its nodes, where x is a node's rest position relative to the
-    /// block's mean, divided by the block's size. It serves to fit an affine motion to the nodes' displacements. The
-    /// components are xx yy zz 0, then xy xz yz 0.
+    /// Two vec4 per block: the inverse of the sum of x x^T over the block's nodes, where x is a node's rest position
+    /// relative to the mean of the nodes, divided by the block's size. It serves to fit an affine motion to the nodes'
+    /// displacements. The first vec4 has the components xx, yy, zz and 0, the second xy, xz, yz and 0.
     pub moments: Vec<[f32; 4]>,
-    /// Per dynamic core: its range in `nodes`, and its range of blocks.
+    /// Per dynamic core: the range of its nodes in `nodes`, and the range of its blocks.
     pub cores: Vec<(Range<usize>, Range<usize>)>,
 }
 
 impl Model {
     /// Divides the nodes of all bodies into blocks. `aggregates` returns, for the index of a soft body, the number of
-    /// blocks into which its free nodes are clustered; for `None` they are cut into runs of about [`USUAL_NODES`] in
-    /// the order of the arrays.
+    /// blocks into which the body's free nodes are clustered; if it returns `None`, the free nodes are cut into runs of
+    /// about [`USUAL_NODES`] nodes in the order of the model's arrays.
     pub(super) fn add_blocks(&mut self, aggregates: impl Fn(usize) -> Option<usize>) {
         let mut blocks = Blocks::default();
         for (index, soft) in self.soft.iter().enumerate() {
@@ -71,7 +75,7 @@ impl Model {
             }
             blocks.cores.push((node_first..blocks.nodes.len(), block_first..blocks.blocks.len()));
         }
-        // The coarse vectors have the blocks body by body.
+        // The coarse vectors hold the blocks body by body, whereas `blocks` holds all blocks of free nodes first.
         let mut order: Vec<usize> = (0..blocks.blocks.len()).collect();
         let body = |b: &usize| self.body_of(blocks.nodes[blocks.blocks[*b][0] as usize][0]);
         order.sort_by_key(body);
@@ -80,7 +84,7 @@ impl Model {
         self.blocks = blocks;
     }
 
-    /// Takes over the blocks of `before`, a model that differs from this one in materials alone.
+    /// Copies the blocks of `before`, a model that differs from this model in materials alone; only the damping is new.
     pub(super) fn add_blocks_of(&mut self, before: &Model) {
         self.blocks = before.blocks.clone();
         for node in &mut self.blocks.nodes {
@@ -95,8 +99,9 @@ impl Model {
         own.unwrap_or(self.soft.len())
     }
 
-    /// Divides the free nodes of a body first by frame and then into parts: into clusters of neighbouring nodes, about
-    /// `aggregates` for the whole body, or, where `aggregates` is `None`, into runs in the order of the arrays.
+    /// Divides `nodes`, the free nodes of a body, first by frame and then into parts. The parts are clusters of
+    /// neighbouring nodes, about `aggregates` clusters for the whole body, or, if `aggregates` is `None`, runs of nodes
+    /// in the order of the model's arrays.
     fn parts_of(&self, nodes: Vec<u32>, aggregates: Option<usize>) -> Vec<Vec<u32>> {
         let total = nodes.len().max(1);
         let usual = USUAL_NODES.max(nodes.len().div_ceil(MOST_BLOCKS));
@@ -117,8 +122,8 @@ impl Model {
         parts
     }
 
-    /// The mesh graph of some nodes of a frame, for clustering. The cube root of a node's mass stands for the local
-    /// edge length.
+    /// The mesh graph of some nodes of one frame, for clustering. The cube root of a node's mass stands for the local
+    /// element size.
     fn graph(&self, nodes: &[u32]) -> Graph {
         let places = nodes.iter().map(|n| self.place_in_frame(*n)).collect();
         let sizes = nodes.iter().map(|n| f64::from(self.node_rest[*n as usize][3]).cbrt()).collect();
@@ -128,7 +133,7 @@ impl Model {
         Graph::new(places, sizes, self.tetrahedra.iter().map(own))
     }
 
-    /// Rest position of a node relative to its frame's centre, m.
+    /// Rest position of a node relative to the centre of its frame, m.
     pub(super) fn place_in_frame(&self, node: u32) -> DVec3 {
         let [x, y, z, _] = self.node_rest[node as usize].map(f64::from);
         DVec3::new(x, y, z)
@@ -147,8 +152,8 @@ impl Blocks {
         self.places.push(texel(middle, inverse_size));
         let square = |x: DVec3| DMat3::from_cols(x * x.x, x * x.y, x * x.z);
         let sum = places().fold(DMat3::ZERO, |sum, x| sum + square((x - middle) * inverse_size));
-        // Where the nodes lie in a plane or a row, their affine fit is undetermined across it; the pseudo-inverse makes
-        // the undetermined part zero.
+        // If the nodes lie in a plane or in a row, their displacements do not determine an affine motion across the
+        // plane or row; the pseudo-inverse makes this part of the motion zero.
         let inverse = inverse_within(sum, LEAST_SPREAD * nodes.len() as f64);
         self.moments.push(texel(DVec3::new(inverse.x_axis.x, inverse.y_axis.y, inverse.z_axis.z), 0.0));
         self.moments.push(texel(DVec3::new(inverse.y_axis.x, inverse.z_axis.x, inverse.z_axis.y), 0.0));
@@ -159,7 +164,7 @@ impl Blocks {
 }
 
 /// Pseudo-inverse of a symmetric matrix: the inverse along eigenvectors whose eigenvalue exceeds `least`, zero along
-/// the others.
+/// the other eigenvectors.
 fn inverse_within(matrix: DMat3, least: f64) -> DMat3 {
     let wide = Mat::from_fn(3, 3, |i, j| matrix.col(j)[i]);
     let Ok(eigen) = wide.self_adjoint_eigen(Side::Lower) else { return DMat3::ZERO };

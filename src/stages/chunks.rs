@@ -1,6 +1,8 @@
-//! Fills the model's arrays of collision proxies and chunks. Proxies are convex hulls that cover a body's skin (surface
-//! mesh), each on one rigid coordinate frame. A chunk is the unit of culling: at most `CHUNK_VERTICES` skin vertices of
-//! one proxy with at most `CHUNK_TRIANGLES` triangles. A link is the relative placement of two frames.
+//! Fills the arrays of collision proxies and chunks in the *model* (all arrays about the bodies that go to the GPU
+//! once, before the first step). A *proxy* is a convex hull that covers a part of a body's *skin* (surface mesh) and
+//! follows one *frame* (rigid coordinate frame). A *chunk* is the unit of culling: at most `CHUNK_VERTICES` skin
+//! vertices of one proxy with at most `CHUNK_TRIANGLES` triangles. A *link* is the relative placement of two frames.
+//! The skin of a soft body is embedded in a tetrahedral mesh, whose *nodes* move the skin's vertices.
 
 use std::collections::HashSet;
 
@@ -11,19 +13,19 @@ use crate::prepare::{self, Skin};
 use crate::shaders::{Chunk, Proxy};
 use crate::stages::{CHUNK_TRIANGLES, CHUNK_VERTICES};
 
-/// How far outside a hull's face another hull must reach to cover that face, as a fraction of the diagonal of the first
-/// hull's box.
+/// A second hull covers a face of a first hull if it contains the point this far outside the middle of the face, as a
+/// share of the diagonal of the first hull's bounding box.
 const COVERED: f64 = 0.02;
 
-/// A chunk in the making: its triangles and the vertices that it owns, as indices of the skin.
+/// A chunk that is being made: its triangles and the vertices that it owns, as indices in the skin.
 #[derive(Debug, Default, PartialEq)]
 struct Part {
     triangles: Vec<u32>,
     vertices: Vec<u32>,
 }
 
-/// A box around points, aligned with the mean normal of a part, so that the box is thin where the skin is flat. Returns
-/// its axes (columns), and its least and greatest corner along them.
+/// A box around `points` with one axis along the mean normal of the triangles of `part`, so that the box is thin where
+/// the skin is flat. Returns the box's axes (columns), and its least and greatest coordinates along these axes (m).
 fn rest_box(skin: &Skin, part: &Part, points: impl Iterator<Item = DVec3>) -> (DMat3, DVec3, DVec3) {
     let area = |t: &u32| {
         let [a, b, c] = skin.triangles[*t as usize].map(|v| skin.vertices[v as usize]);
@@ -40,8 +42,8 @@ fn rest_box(skin: &Skin, part: &Part, points: impl Iterator<Item = DVec3>) -> (D
     (axes, low, high)
 }
 
-/// The nodes whose displacements move a set of skin vertices (an even number of nodes), and the greatest sum of
-/// absolute embedding weights of any of these vertices.
+/// The nodes whose displacements move a set of skin vertices, and a bound on their influence. The number of nodes is
+/// even. `weight_bound` is the greatest sum of absolute embedding weights that one of these vertices has.
 #[derive(Default)]
 struct Movers {
     nodes: Vec<u32>,
@@ -49,9 +51,9 @@ struct Movers {
 }
 
 impl Model {
-    /// Adds the proxies of a skin that [`Model::add_skin`] has just added. `frame_first`, `vertex_first`: the body's
-    /// first frame and first skin vertex in the model; `carrier`: the tetrahedral mesh in which the skin is embedded,
-    /// if any.
+    /// Adds the proxies of a skin that [`Model::add_skin`] has just added. `frame_first` and `vertex_first` are the
+    /// indices of the body's first frame and first skin vertex in the model; `carrier` is the tetrahedral mesh in which
+    /// the skin is embedded, `None` if there is none.
     pub(super) fn add_proxies(
         &mut self,
         skin: &Skin,
@@ -105,8 +107,8 @@ impl Model {
     ) {
         let centre = self.frames[frame as usize].rest_centre;
         let covered = covered(skin, &part.triangles, &part.vertices);
-        // `besides` becomes the vertices that the chunk does not own but needs: other corners of its triangles, and the
-        // neighbours from which the normals of its own vertices are computed.
+        // `besides` becomes the list of vertices that the chunk does not own but needs: corners of its triangles, and
+        // neighbours of its own vertices, from which the normals of its own vertices are computed.
         let mut besides = covered.clone();
         for v in &part.vertices {
             let v = vertex_first + *v as usize;
@@ -122,7 +124,7 @@ impl Model {
         let movers = movers(&covered, carrier);
         let rest = |v: &u32| skin.vertices[*v as usize] - centre;
         let (axes, low, high) = rest_box(skin, part, covered.iter().map(rest));
-        // The added term covers the rounding of the box to f32, in which the GPU stores it.
+        // The added term makes up for the rounding of the box to f32 on the GPU.
         let half_extent = (high - low) * 0.5 + DVec3::splat(1e-6 * low.abs().max(high.abs()).max_element());
         let node_first = self.chunk_nodes.len();
         let node_count = movers.nodes.len();
@@ -148,9 +150,9 @@ impl Model {
     }
 }
 
-/// Cuts the skin of a proxy into parts that fit a chunk: the triangles are halved at the median along their longest
-/// extent until each part fits. A vertex goes with the first part that has one of its triangles; vertices without
-/// triangles form parts of their own at the end.
+/// Cuts the skin of a proxy into parts that fit a chunk: a set of triangles is halved at the median along the longest
+/// side of its bounding box until each part fits. A vertex belongs to the first part that has one of the vertex's
+/// triangles; vertices without triangles form parts of their own at the end.
 fn cut(skin: &Skin, proxy: &prepare::Proxy) -> Vec<Part> {
     let centre = |t: u32| skin.triangles[t as usize].iter().map(|v| skin.vertices[*v as usize]).sum::<DVec3>() / 3.0;
     let mut triangles: Vec<(DVec3, u32)> = proxy.triangles.iter().map(|t| (centre(*t), *t)).collect();
@@ -193,7 +195,7 @@ fn halve(skin: &Skin, triangles: &mut [(DVec3, u32)], unowned: &mut HashSet<u32>
     halve(skin, right, unowned, parts);
 }
 
-/// The corners of these triangles together with these vertices, sorted, each once.
+/// The vertices in `vertices` and the corners of `triangles`, sorted, each once.
 fn covered(skin: &Skin, triangles: &[u32], vertices: &[u32]) -> Vec<u32> {
     let mut covered: Vec<u32> = triangles.iter().flat_map(|t| skin.triangles[*t as usize]).collect();
     covered.extend(vertices);
@@ -202,7 +204,7 @@ fn covered(skin: &Skin, triangles: &[u32], vertices: &[u32]) -> Vec<u32> {
     covered
 }
 
-/// What moves these skin vertices; nothing where the skin is not embedded in a tetrahedral mesh.
+/// The nodes that move the skin vertices `covered`; none if the skin is not embedded in a tetrahedral mesh.
 fn movers(covered: &[u32], carrier: Option<&Carrier>) -> Movers {
     let Some(Carrier { layer, embedding, node_first }) = carrier else { return Movers::default() };
     let mut movers = Movers::default();
@@ -224,8 +226,9 @@ fn movers(covered: &[u32], carrier: Option<&Carrier>) -> Movers {
     movers
 }
 
-/// The faces of a hull that no other hull on the same frame covers. A covered face lies within the body, so its normal
-/// is no direction in which another body can be pushed out. Returns all faces where every face is covered.
+/// The faces of a proxy's hull that no other hull of the same frame covers (see [`COVERED`]). A covered face lies
+/// within the body, so another body cannot be pushed out along the face's normal. If every face is covered, all faces
+/// are returned.
 fn outer_faces(proxy: &prepare::Proxy, all: &[prepare::Proxy]) -> Vec<(DVec3, f64)> {
     let (low, high) =
         proxy.hull.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
@@ -240,7 +243,7 @@ fn outer_faces(proxy: &prepare::Proxy, all: &[prepare::Proxy]) -> Vec<(DVec3, f6
     if outer.is_empty() { proxy.faces.clone() } else { outer }
 }
 
-/// Mean edge length of these triangles, m.
+/// Mean edge length of the triangles with these indices, m.
 fn mean_edge(skin: &Skin, triangles: &[u32]) -> f64 {
     let mut sum = 0.0;
     for t in triangles {
@@ -270,7 +273,7 @@ mod tests {
             }
         }
         assert!(owned.iter().chain(&drawn).all(|n| *n == 1));
-        // Halving leaves chunks at least about half full, which bounds their number.
+        // Most chunks are at least about half full, because they are made by halving; this bounds their number.
         assert!(parts < 3 * head.vertices.len() / CHUNK_VERTICES, "{parts} chunks are too many");
     }
 }

@@ -1,11 +1,13 @@
-//! The coarse space of the solver's preconditioner: the matrix A of the step's linear system at rest, restricted to a
-//! few motions (modes) of each block of nodes, and inverted once. A block holds free nodes that lie together, or nodes
-//! attached to a core (a rigid body inside a soft one).
+//! The coarse space of the solver's preconditioner: the matrix A of a step's linear system for bodies at rest,
+//! restricted to a few motions (modes) of each block of nodes, and inverted before the first step (and anew when a
+//! material changes). A block is a set of nodes of one soft body: free nodes that lie together (an aggregate), or nodes
+//! attached to a core (a rigid body inside a soft one). Free nodes are attached to nothing.
 //!
-//! It is a two-level additive Schwarz preconditioner (Dryja and Widlund 1987) with blocks of nodes (aggregates) in
-//! place of subdomains: M^-1 = D^-1 + P A_c^-1 P^T, where D holds the 3x3 diagonal blocks of A, P maps modes to node
-//! velocities, and A_c = P^T A P is the Galerkin coarse matrix. P rotates with the blocks, so the matrix at rest serves
-//! a body in any orientation. Contact and deformation are left out of A_c, which need not be exact.
+//! The preconditioner is a two-level additive Schwarz method (Dryja and Widlund 1987) with blocks in place of
+//! subdomains: M^-1 = D^-1 + P A_c^-1 P^T, where D is the block diagonal of A (3x3 for each free node), P maps modes to
+//! node velocities, and A_c = P^T A P is the Galerkin coarse matrix. P rotates with the blocks, so the inverse for
+//! bodies at rest serves a body in any orientation. Contact and deformation are left out of A_c, which need not be
+//! exact.
 
 mod matrix;
 
@@ -20,41 +22,43 @@ use super::model::{Model, SoftRange};
 use crate::scene::Preconditioner;
 use crate::shaders::NONE;
 
-/// Modes per block: the twelve affine ones of free nodes, or for nodes attached to a core the six of the core's twist
-/// and six that are unused.
+/// Number of modes per block. A block of free nodes has the twelve affine motions. A block of nodes attached to a core
+/// has the core's twist (linear and angular velocity) as its first six modes; the others are unused.
 pub const BLOCK_UNKNOWNS: usize = 12;
-/// Stiffness number (of a node's stiffness over its inertia) from which the coarse space saves time for a body with one
-/// node per aggregate (block of free nodes); see [`least_number`].
+/// Stiffness number from which the coarse space saves time for a body with one free node per aggregate; see
+/// [`least_number`]. A stiffness number is the ratio of a node's stiffness to its inertia in a step.
 const STIFF: f64 = 2.4;
-/// Number of aggregates of a body that has enough nodes for them, at least.
+/// Least number of aggregates of a body that has enough free nodes for that many (see [`LEAST_NODES`]).
 const LEAST_AGGREGATES: usize = 64;
-/// Number of aggregates of a body, at most.
+/// Largest number of aggregates of a body.
 const MOST_AGGREGATES: usize = 200;
-/// Nodes per aggregate, at least: fewer nodes hardly determine an affine motion.
+/// Number of free nodes that an aggregate needs, since fewer hardly determine an affine motion.
 const LEAST_NODES: usize = 8;
-/// Ratio of the mean squares, over a block's nodes, of a motion and of the block's largest motion, above which the
-/// motion counts as independent. Where nodes lie in a plane or a row, some affine motions are combinations of others.
+/// An eigenvector of the 4x4 Gram matrix of the functions 1, x, y, z over a block's nodes counts as an independent
+/// function if its eigenvalue is above this fraction of the largest eigenvalue. Where nodes lie in a plane or a row,
+/// some of the functions are combinations of others.
 const LEAST_MOTION: f64 = 1e-4;
 
 /// The coarse space of all bodies that have one, as arrays for the solver's kernels. A slot is a block's place in the
-/// vectors that hold the modes of all blocks; a texel is an element of four 32-bit words.
+/// vectors that hold the modes of all blocks; a texel is an array element of four 32-bit words.
 #[derive(Debug, Clone, Default)]
 pub struct Coarse {
-    /// Per block: first texel of its rows in `inverse`, first slot of its body, number of the body's modes divided by
-    /// four (0 without a coarse space), its own slot.
+    /// Per block: first texel of its rows in `inverse`, first slot of the block's body, number of the body's modes
+    /// divided by four (0 where the body has no coarse space), and the block's own slot.
     pub blocks: Vec<[u32; 4]>,
-    /// Rows of the inverses A_c^-1, scaled to a unit diagonal, in half precision: eight numbers per texel.
+    /// Rows of each body's inverse A_c^-1, scaled to a unit diagonal, in half precision: eight numbers per texel.
     pub inverse: Vec<[u32; 4]>,
-    /// Square roots of the diagonals of the inverses; three texels per slot.
+    /// Square roots of the diagonal entries of these inverses before the scaling; three texels per slot.
     pub scales: Vec<[f32; 4]>,
-    /// The bodies that have a coarse space: body index, stiffness number, number of aggregates.
+    /// The bodies that have a coarse space: body index, stiffness number (see [`Model::stiffness_number`]), number of
+    /// aggregates.
     pub bodies: Vec<(usize, f64, usize)>,
 }
 
 impl Model {
-    /// Makes the blocks of all bodies, and the coarse space of some. `asked` is the preconditioner that the scene sets:
-    /// with `Auto`, bodies that are stiff enough at steps of `dt` seconds have a coarse space; with `Coarse`, all
-    /// bodies that deform; with `Jacobi`, none.
+    /// Makes the blocks of all bodies, and the coarse space of some bodies. `asked` is the preconditioner that the
+    /// scene sets: with `Auto`, bodies that are stiff enough at steps of `dt` seconds have a coarse space; with
+    /// `Coarse`, all bodies that deform; with `Jacobi`, none.
     pub(super) fn add_coarse(&mut self, dt: f64, asked: Preconditioner) {
         let wanted = |index: usize| {
             let number = self.stiffness_number(&self.soft[index], dt);
@@ -70,8 +74,8 @@ impl Model {
         self.invert(dt, &wanted);
     }
 
-    /// Like [`Model::add_coarse`] for a model that differs from `before` in materials alone: it takes over the blocks,
-    /// and the choice of the bodies that have a coarse space.
+    /// Like [`Model::add_coarse`] for a model that differs from `before` in materials alone: it takes over the blocks
+    /// of `before`, and the choice of the bodies that have a coarse space.
     pub(super) fn add_coarse_like(&mut self, dt: f64, before: &Model) {
         self.add_blocks_of(before);
         let kept = |soft: &SoftRange| before.coarse.bodies.iter().find(|(body, ..)| *body == soft.body);
@@ -102,10 +106,11 @@ impl Model {
     }
 
     /// Stiffness number of a body: the ratio of a node's stiffness to its inertia in a step of h = `dt` seconds, (h^2 +
-    /// h beta) tr(K_ii) / (3 (1 + h alpha) m_i) with alpha and beta the mass and stiffness damping. It is the 95th
-    /// percentile over the free nodes, and 0 where no node is free. With a 3x3 block Jacobi preconditioner, the
-    /// iterations that conjugate gradients need to reduce the residual to 1e-4 are about 9 times the square root of the
-    /// stiffness number, or fewer where the size of the body limits them.
+    /// h beta) tr(K_ii) / (3 (1 + h alpha) m_i) for node i, with K_ii its 3x3 diagonal block of the stiffness matrix,
+    /// m_i its mass, and alpha and beta the coefficients of mass- and stiffness-proportional damping. The body's number
+    /// is the 95th percentile over its free nodes, or 0 where no node is free. With a 3x3 block Jacobi preconditioner,
+    /// the number of iterations in which conjugate gradients reduce the relative residual to 1e-4 is about 9 times the
+    /// square root of the stiffness number; it is less where the body is so small that its size limits the iterations.
     pub fn stiffness_number(&self, soft: &SoftRange, dt: f64) -> f64 {
         let mut stiffness = vec![0.0; soft.nodes.len()];
         for t in self.tetrahedra_of(soft) {
@@ -126,7 +131,8 @@ impl Model {
         (0..self.tetrahedra.len()).filter(|t| soft.nodes.contains(&(self.tetrahedra[*t][0] as usize)))
     }
 
-    /// m + h alpha m of a node, kg, with h = `dt` in seconds and alpha the mass-proportional damping.
+    /// Mass term m + h alpha m of a node in the matrix A, kg, with h = `dt` in seconds and alpha (1/s) the coefficient
+    /// of mass-proportional damping.
     fn inertia(&self, node: usize, dt: f64) -> f64 {
         f64::from(self.node_rest[node][3]) + dt * f64::from(self.node_damping[node])
     }
@@ -148,8 +154,8 @@ impl Model {
         f64::from(self.rest_gradients[3 * tetrahedron][3]).powi(2)
     }
 
-    /// Adds the inverse of a body's coarse matrix; false where there is none (the body has no block, or the matrix is
-    /// singular).
+    /// Adds the inverse of a body's coarse matrix to `coarse`. Returns false where there is no inverse: the body has no
+    /// block, or its matrix is not positive definite.
     fn invert_coarse(&self, index: usize, dt: f64, coarse: &mut Coarse) -> bool {
         let soft = &self.soft[index];
         let own = |b: &usize| self.body_of(self.blocks.nodes[self.blocks.blocks[*b][0] as usize][0]) == index;
@@ -157,7 +163,8 @@ impl Model {
         blocks.sort_by_key(|b| self.blocks.coarse_indices[*b]);
         let Some(first_coarse_index) = blocks.first().map(|b| self.blocks.coarse_indices[*b]) else { return false };
         let size = BLOCK_UNKNOWNS * blocks.len();
-        // E has the independent motions as columns: the inverse on the modes is E (E^T A_c E)^-1 E^T.
+        // The columns of E are the independent motions in terms of the modes; the inverse on the modes is E (E^T A_c
+        // E)^-1 E^T.
         let (matrix, motions) = (self.coarse_matrix(soft, &blocks, dt), self.motions(&blocks));
         let half = combined(&motions, matrix.as_ref());
         let reduced = combined(&motions, half.transpose());
@@ -180,8 +187,8 @@ impl Model {
         true
     }
 
-    /// Linearly independent motions of a body's blocks, each a combination of their modes as (index, weight): all
-    /// blocks of a core move as one, and those of a hinged core only rotate about the hinge.
+    /// Linearly independent motions of a body's blocks, each as the index and the weight of every mode that it
+    /// combines: all blocks of a core move as one, and a hinged core only rotates about its hinge.
     fn motions(&self, blocks: &[usize]) -> Vec<Vec<(usize, f64)>> {
         let mut motions = Vec::new();
         let mut cores: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
@@ -213,8 +220,8 @@ impl Model {
         motions
     }
 
-    /// Linearly independent combinations of 1, x, y and z over a block's nodes, as weights; the four functions
-    /// themselves where all are independent.
+    /// Linearly independent affine functions over a block's nodes, each as its weights of 1, x, y and z: these four
+    /// functions themselves where they are independent, otherwise combinations of them.
     fn affine_motions(&self, block: usize) -> Vec<[f64; 4]> {
         let [first, count, ..] = self.blocks.blocks[block];
         let nodes = &self.blocks.nodes[first as usize..(first + count) as usize];
@@ -236,35 +243,36 @@ impl Model {
     }
 }
 
-/// Number of aggregates for a body with this many free nodes. It grows with the nodes so that the product with the
-/// dense inverse takes at most a tenth of an iteration's time, and is limited so that the matrix is inverted within a
-/// few seconds.
+/// Number of aggregates for a body with this many free nodes. The number of aggregates grows with the nodes only so
+/// fast that the product with the dense inverse takes at most a tenth of an iteration's time, and it is limited so that
+/// the matrix is inverted within a few seconds.
 fn aggregates(nodes: usize) -> usize {
     let wanted = (0.95 * (nodes as f64).sqrt()) as usize;
     wanted.clamp(LEAST_AGGREGATES, MOST_AGGREGATES).min(nodes.div_ceil(LEAST_NODES)).max(1)
 }
 
 /// Stiffness number from which the coarse space saves time for a body with this many free nodes. The square root of the
-/// number is the distance, in nodes, that an elastic wave travels in a step, and so how far iterations with Jacobi
-/// alone must carry information. With the coarse space iterations only need to carry it across an aggregate, but each
-/// costs about as much as three without.
+/// stiffness number is the distance, in nodes, that an elastic wave travels in a step, and so the distance over which
+/// iterations with a Jacobi preconditioner alone must carry information. With the coarse space, iterations need to
+/// carry information only across an aggregate, but one iteration costs about as much as three without it.
 fn least_number(nodes: usize) -> f64 {
     STIFF * (nodes as f64 / aggregates(nodes) as f64).powf(2.0 / 3.0)
 }
 
-/// The coarse inverse E X E^T, scaled to a unit diagonal and rounded to half precision, where E has the independent
-/// motions as columns and X is the inverse of E^T A_c E.
+/// The inverse of a body's coarse matrix, E X E^T, scaled to a unit diagonal and rounded to half precision, where the
+/// columns of E are the body's independent motions and X is the inverse of E^T A_c E.
 struct HalfInverse {
-    /// The matrix row by row.
+    /// The rounded matrix, row by row.
     values: Vec<half::f16>,
-    /// Square roots of the diagonal before scaling; zero for modes that no motion contains.
+    /// Square roots of the diagonal entries before the scaling; zero for modes that no motion contains.
     scales: Vec<f64>,
 }
 
 impl HalfInverse {
     /// `x` is X, symmetric and positive definite. Where bodies are stiff, rounding can make E X E^T indefinite, but
-    /// conjugate gradients need a positive definite preconditioner; so the diagonal of X is raised, by 2^-11 up to 2^-5
-    /// of itself, until the rounded matrix is definite. `None` where even 2^-5 is not enough.
+    /// conjugate gradients need a positive definite preconditioner. In that case the diagonal of X is raised by a
+    /// fraction of itself, 2^-11 at first and then doubled as often as needed, until the rounded matrix is positive
+    /// definite. Returns `None` where even the fraction 2^-5 is not enough.
     fn new(motions: &[Vec<(usize, f64)>], x: &Mat<f64>, size: usize) -> Option<HalfInverse> {
         let shifts = std::iter::once(0.0).chain((5..=11).rev().map(|k| 0.5f64.powi(k)));
         shifts.map(|shift| HalfInverse::shifted(motions, x, size, shift)).find(|half| half.is_positive(motions, size))
@@ -296,12 +304,12 @@ impl HalfInverse {
     }
 }
 
-/// E^T times a matrix, where E has the motions as columns.
+/// E^T times a matrix, where the columns of E are the motions.
 fn combined(motions: &[Vec<(usize, f64)>], matrix: MatRef<f64>) -> Mat<f64> {
     Mat::from_fn(motions.len(), matrix.ncols(), |i, j| motions[i].iter().map(|(k, w)| w * matrix[(*k, j)]).sum::<f64>())
 }
 
-/// E times a matrix, where E has the motions as columns and a row for each of `modes` modes.
+/// E times a matrix, where the columns of E are the motions, and E has a row for each of `modes` modes.
 fn spread(motions: &[Vec<(usize, f64)>], matrix: MatRef<f64>, modes: usize) -> Mat<f64> {
     let mut all = Mat::zeros(modes, matrix.ncols());
     for (i, motion) in motions.iter().enumerate() {

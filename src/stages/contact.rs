@@ -1,8 +1,9 @@
-//! Contact stage: decides which skin vertices collide and how deep, lists them densely as contacts, computes for each
-//! what the solver needs, and makes the index from nodes to contacts. A skin is the surface mesh of a body; a chunk is
-//! a group of at most 64 skin vertices, active if it may meet the other body. A vertex gathers contacts if it is tested
-//! for contact, by its ray along a contact patch's normal. A contact patch (`ContactPatch`) is an area with one normal
-//! where a pair of bodies may touch.
+//! Contact stage, the last stage of collision detection at the start of a step: decides which skin vertices collide and
+//! how deep, lists them densely as contacts, computes for each contact what the solver needs, and lists for each node
+//! the contacts that act on it. A skin is the surface mesh of a body; a chunk is a group of at most 64 skin vertices,
+//! active if it may meet the other body. A contact patch (`ContactPatch`) is an area with one normal where a pair of
+//! bodies may touch. A vertex gathers contacts if it is tested for contact, by a ray from the vertex along the patch's
+//! normal.
 
 use std::sync::Arc;
 
@@ -18,27 +19,28 @@ use crate::shaders;
 use crate::shaders::NONE;
 use crate::stages::CHUNK_VERTICES;
 
-/// Largest number of contacts per step; with more, the flag `CONTACT_OVERFLOW` is raised and the deepest are kept.
+/// Largest number of contacts per step; with more, the flag `CONTACT_OVERFLOW` is raised and only the deepest contacts
+/// are kept.
 const CAPACITY: usize = 32_768;
-/// Largest number of nodes that a contact acts on: four nodes for each of a skin vertex and the three corners of a
-/// triangle.
+/// Largest number of nodes that a contact acts on: four for the skin vertex, and four for each of the three corners of
+/// the triangle that its ray hits.
 const ENTRIES: usize = 16;
 
-/// The contact arrays that the solver reads. An entry is a contact's action on one node.
+/// The contact arrays that the solver reads. An entry is one node of a contact, with its weight.
 #[derive(Clone)]
 pub struct Touch {
     /// One [`shaders::Contact`] per colliding vertex.
     pub contacts: Buffer,
-    /// Four quads (uvec4) of node indices per contact.
+    /// Four uvec4 per contact: the indices of the nodes on which it acts.
     pub entry_nodes: Buffer,
-    /// Weights of the nodes in `entry_nodes`: the sum of the nodes' velocities times these weights is the contact's
-    /// relative velocity.
+    /// Four vec4 per contact: the weights of the nodes in `entry_nodes`. The sum of the nodes' velocities times these
+    /// weights is the contact's relative velocity.
     pub entry_weights: Buffer,
-    /// Per node: its first entry in `sorted`, and their number.
+    /// Per node: index of its first entry in `sorted`, and number of its entries.
     pub node_entries: Buffer,
-    /// The entries, node by node: contact index, and bits of the weight (f32).
+    /// The entries, node by node: index of the contact, and weight as the bits of an f32.
     pub sorted: Buffer,
-    /// Per contact: the product of the contact's part of the operator with a change of velocity, N s; w is the
+    /// Per contact: its part of the matrix of the solver's linear system times a change of velocity, N s; w is the
     /// component along the normal (see solve/contact_product).
     pub contact_forces: Buffer,
 }
@@ -59,8 +61,9 @@ pub struct Contact {
     candidate_what: Buffer,
     candidate_normals: Buffer,
     chunk_contacts: Buffer,
-    /// Per candidate (a gathering vertex of an active chunk): bits of depth x area x outward normal (m^3), and its pair
-    /// of proxies.
+    /// Per candidate (a gathering vertex of an active chunk): the product depth x area x skin normal (m^3, oriented
+    /// from body a of the pair to body b) as the bits of three f32, and the index of the pair of collision proxies
+    /// (convex hulls over parts of the two skins) that touch there.
     pub candidate_pushes: Buffer,
     /// Per contact: the index of its candidate.
     pub source: Buffer,
@@ -72,9 +75,9 @@ pub struct Contact {
 
 impl Contact {
     /// Kernels and arrays for a model. `skins`: whether skins may meet skins; otherwise they meet half-spaces only.
-    /// `blend`: whether a vertex that two contact patches see about equally well gets a mean of both depths and
-    /// normals, so that no force jumps; otherwise the patch that sees the vertex best decides alone, and every depth is
-    /// exactly that of a ray along its patch's normal.
+    /// `blend`: whether a vertex that lies in several contact patches gets a mean of the depths and normals of those
+    /// that are about equally strong (by their weight over the square of the depth), so that no force jumps; otherwise
+    /// the strongest patch decides alone, and every depth is exactly that of a ray along its patch's normal.
     pub fn new(context: &Arc<Context>, model: &Model, skins: bool, blend: bool) -> Result<Contact> {
         let nodes = model.node_rest.len();
         let candidates = CHUNK_VERTICES * model.most_gathering();
@@ -121,14 +124,14 @@ impl Contact {
         })
     }
 
-    /// The arrays that a step leaves for the next: the direction in which its contacts pushed, for culling, and the
-    /// contacts, for callers that ask for those of the last step.
+    /// The arrays that a step leaves for the next: `source` and `candidate_pushes`, from which culling learns in which
+    /// direction contacts pushed, and the contacts, for callers that ask for those of the last step.
     pub fn state(&self) -> [&Buffer; 3] {
         [&self.source, &self.candidate_pushes, &self.touch.contacts]
     }
 
-    /// Records three passes, over the active chunks, the contacts and the nodes, one fill, and one pass that has a
-    /// workgroup only where there are more contacts than room for them. Without a depth stage only contacts with
+    /// Records one fill, three passes (over the active chunks, the contacts and the nodes), and a fourth pass that has
+    /// a workgroup only where there are more contacts than room for them. Without a depth stage only contacts with
     /// half-spaces are found.
     pub fn record(
         &self,
@@ -142,7 +145,8 @@ impl Contact {
         recorder.stage("contact");
         let touch = &self.touch;
         if self.has_nodes {
-            // The array is cleared long before it is read; later passes write only the entries of touched nodes.
+            // This array is cleared long before it is read; the pass `sort` writes only its elements for nodes with
+            // contacts.
             recorder.fill(&touch.node_entries, 0);
         }
         recorder.dispatch_indirect(

@@ -1,5 +1,6 @@
 //! The host's part of the contact law: the stiffness and damping of a pair of bodies, and the traction of a contact for
-//! reports. The law itself, a penalty with damping and regularised friction, is `shaders/shared/contact_law.glsl`.
+//! reports. The law itself, a penalty with damping and regularised friction, is `shaders/shared/contact_law.glsl`. A
+//! contact is a vertex of one body's surface mesh that lies inside the other body.
 
 use glam::DVec3;
 
@@ -15,7 +16,7 @@ const RIGID_STIFFNESS: f64 = 5.0e7;
 /// tool.
 pub fn parameters(scene: &Scene, pair: [&Body; 2], all: &[&Body]) -> [f64; 2] {
     let stiffness = scene.contact.stiffness.unwrap_or_else(|| auto_stiffness(&pair, all));
-    // With this damping the penalty force relaxes within one step.
+    // With this damping the penalty force relaxes with a time constant of one step.
     let damping = scene.contact.damping.unwrap_or(stiffness * scene.step.dt);
     [stiffness, damping]
 }
@@ -29,13 +30,14 @@ pub struct Traction {
     pub friction: DVec3,
 }
 
-/// The traction at the end of a step of `h` seconds, where `force` is the contact's entry of `contact_forces` (N s).
-/// The wrench on the tool is the sum of these tractions times their areas.
+/// The traction at the end of a step of `h` seconds, where `force` (N s) is what the solver stored for the contact in
+/// the array `contact_forces`. The net force on the tool is the sum of these tractions times their areas.
 pub fn end_traction(contact: &Contact, force: [f32; 4], h: f32) -> Traction {
     let [stiffness, depth, area, h] = [contact.stiffness, contact.depth, contact.area, h].map(f64::from);
     let [x, y, z, along] = force.map(f64::from);
     let slope = h * stiffness + f64::from(contact.damping);
-    // The contact was released, or the skin at its vertex is parallel to the normal.
+    // Either the contact was released (it would have pulled, so its stiffness and damping were set to zero), or its
+    // area, which is projected along the normal, is zero.
     if area <= 0.0 || slope <= 0.0 {
         return Traction { pressure: 0.0, friction: DVec3::ZERO };
     }
@@ -61,10 +63,10 @@ fn wide(x: [f32; 3]) -> DVec3 {
     DVec3::from_array(x.map(f64::from))
 }
 
-/// Automatic contact stiffness of a pair of bodies, N/m^3: 20 E / (1 - nu^2) / (mean edge of the tetrahedral mesh) of
-/// the softer one, or, where both are rigid, of the softest of all bodies. A body of several materials counts with the
-/// softest of those in which skin (the surface mesh) is embedded: it gives way first, and deeper materials are felt
-/// through it.
+/// Automatic contact stiffness of a pair of bodies, N/m^3: 20 E / (1 - nu^2) / (mean edge of the tetrahedral mesh),
+/// with Young's modulus E and Poisson's ratio nu, of the softer body, or, where both are rigid, of the softest of all
+/// bodies. A body of several materials counts with the softest of those in which its surface mesh is embedded: that
+/// material gives way first, and deeper materials are felt through it.
 fn auto_stiffness(pair: &[&Body], all: &[&Body]) -> f64 {
     let of = |bodies: &[&Body]| {
         let soft = bodies.iter().filter_map(|body| match &body.shape {
@@ -99,8 +101,8 @@ mod tests {
     use super::*;
     use crate::prepare::body;
 
-    /// Automatic contact stiffness, N/m^3, of a cube of three cells a side with a softer material region, which is
-    /// given as a sphere.
+    /// Automatic contact stiffness, N/m^3, of a cube of three cells a side with a softer material region; `sphere`:
+    /// centre and radius of that region, m, as TOML.
     fn stiffness(sphere: &str) -> f64 {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("scene.toml");
@@ -118,6 +120,9 @@ mod tests {
     #[test]
     fn the_softest_material_under_the_skin_decides() {
         let (inside, corner) = (stiffness("[1.5, 1.5, 1.5, 0.5]"), stiffness("[0, 0, 0, 1]"));
-        assert!((inside / corner - 3.0).abs() < 1e-12, "ratio of {inside} N/m^3 to {corner} N/m^3, expected 3");
+        assert!(
+            (inside / corner - 3.0).abs() < 1e-12,
+            "contact stiffness {inside} N/m^3 with the soft region inside, {corner} N/m^3 at a corner; expected ratio 3"
+        );
     }
 }

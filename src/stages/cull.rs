@@ -1,7 +1,8 @@
-//! Cull stage (broad phase): finds which collision proxies (convex hulls that cover the skin, a body's surface mesh) of
-//! two bodies may touch and in which directions, groups the directions into contact patches (`ContactPatch`: areas with
-//! one normal each), and lists the active chunks: those groups of at most 64 skin vertices that may meet the other
-//! body. A work item is an active chunk in one contact patch.
+//! Cull stage (broad phase), after the pose stage of a step: finds which collision proxies (convex hulls that cover the
+//! skin, a body's surface mesh) of two bodies may touch and in which directions, groups the directions into contact
+//! patches (`ContactPatch`: areas with one normal each), and lists the active chunks. A chunk is a group of at most 64
+//! skin vertices with their triangles, active if it may meet the other body; a work item is an active chunk in one
+//! contact patch.
 
 use std::sync::Arc;
 
@@ -21,8 +22,8 @@ use crate::stages::PAIR_PATCHES;
 /// cell holds how far that body reaches along the patch's normal.
 pub(super) const GRID_WORDS: usize = 2 * (shaders::GRID * shaders::GRID) as usize;
 
-/// Largest number of cells of the spatial hash along a side of the rectangle that a contact patch covers; the last cell
-/// begins at the end of the rectangle or before it.
+/// Largest number of cells of the spatial hash (a table of skin vertices by cell of a contact patch's plane) along a
+/// side of the rectangle that the patch covers. A point on the rectangle's far edge may lie in one further cell.
 pub const MOST_CELLS: u32 = 128;
 
 /// Kernels and arrays of the cull stage: pairs of bodies and of proxies, contact patches, active chunks.
@@ -41,28 +42,29 @@ pub struct Cull {
     reach: Buffer,
     near_pairs: Buffer,
     directions: Buffer,
-    /// [`PAIR_PATCHES`] contact patches per pair of bodies, a [`ContactPatch`] each.
+    /// [`PAIR_PATCHES`] contact patches per pair of bodies, one [`ContactPatch`] each.
     pub contact_patches: Buffer,
     /// One [`crate::shaders::PairProxy`] per pair proxy, which is one collision proxy in one pair of bodies.
     pub pair_proxies: Buffer,
-    /// Per pair proxy: the weight of each of the pair's contact patches at the proxy's vertices, 0 to 1.
+    /// Per pair proxy: the weight, from 0 to 1, that each contact patch of its pair of bodies has at the proxy's
+    /// vertices.
     pub shares: Buffer,
     boxes: Buffer,
     proxy_patches: Buffer,
     pair_proxy_counts: Buffer,
     active_pair_proxies: Buffer,
-    /// The chunks of all proxies, a [`crate::shaders::Chunk`] each.
+    /// The chunks of all collision proxies, one [`crate::shaders::Chunk`] each.
     pub chunks: Buffer,
     /// The nodes whose displacements move each chunk, chunk by chunk.
     pub chunk_nodes: Buffer,
     pair_proxy_chunks: Buffer,
     slabs: Buffer,
-    /// The min-max depth grids: how far the chunks of either body reach along the normal in each cell of a contact
-    /// patch.
+    /// The min-max depth grids of all contact patches: how far the chunks of either body reach along the patch's normal
+    /// in each cell.
     pub depth_grids: Buffer,
-    /// The chunks that may meet others, an [`ActiveChunk`] each.
+    /// The chunks that may meet the other body, one [`ActiveChunk`] each.
     pub active_chunks: Buffer,
-    /// Work items: active chunk, and contact patch.
+    /// One per work item: index of its active chunk, and index of its contact patch.
     pub work_items: Buffer,
 }
 
@@ -80,8 +82,8 @@ impl Cull {
             ("MAX_WORK_ITEMS", count(work_items)),
             ("GATHERING", count(model.gathering_pair_proxies)),
         ];
-        // A workgroup gets so many pairs of proxies that the pairs whose boxes meet fill its lanes, but at most eight
-        // pairs a lane.
+        // A workgroup tests 128 pairs of proxies, but at least one and at most eight per lane. Only pairs whose boxes
+        // meet need further work; the more pairs a workgroup tests, the better those pairs fill its lanes.
         let lanes = context.reduce_size();
         let share = (8 * lanes).min(lanes.max(128));
         let reduce = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Reduce, constants);
@@ -125,8 +127,9 @@ impl Cull {
         [&self.contact_patches]
     }
 
-    /// Records five passes: proxy pairs, directions, contact patches, bounds of chunks, and the list of chunks that
-    /// meet. `last`: the contact stage, which still holds the contacts of the last step.
+    /// Records up to five passes, which make: the list of pairs of proxies that may touch, the contact directions of
+    /// these pairs, the contact patches, the bounds of chunks, and the list of chunks that meet. `last`: the contact
+    /// stage, which still holds the contacts of the last step.
     pub fn record(
         &self,
         recorder: &mut Recorder,

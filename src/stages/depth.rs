@@ -1,7 +1,9 @@
-//! Depth stage (narrow phase): finds where triangles of one body's skin (surface mesh) hit the rays that the other
-//! body's skin vertices cast along a contact patch's normal. It has two interchangeable implementations (paths),
-//! graphics and compute, which find the same hits. A chunk is a group of at most 64 skin vertices with their triangles;
-//! it is active if it may meet the other body.
+//! Depth stage (narrow phase), before the contact stage of a step: finds where triangles of one body's skin (surface
+//! mesh) hit the rays that the other body's skin vertices cast along a contact patch's normal. A contact patch is an
+//! area with one normal where two bodies may touch. The stage has two interchangeable implementations (paths), graphics
+//! and compute, which find the same hits; both look up vertices in a spatial hash, which lists them by cell of the
+//! patch's plane. A chunk is a group of at most 64 skin vertices with their triangles; it is active if it may meet the
+//! other body.
 
 use std::sync::Arc;
 
@@ -18,12 +20,12 @@ pub use crate::scene::DepthPath as Path;
 
 /// Name of the stage in timers and reports.
 pub const STAGE: &str = "depth";
-/// Least capacity for ray hits; between it and `MOST_HITS` the capacity grows with the number of skin vertices.
+/// Least capacity for ray hits; between this value and `MOST_HITS` the capacity grows with the number of skin vertices.
 const LEAST_HITS: usize = 1 << 16;
 /// Greatest capacity for ray hits.
 const MOST_HITS: usize = 1 << 20;
 
-/// Where the draw's arguments lie in the indirect arguments, in units of VkDrawIndirectCommand (four words).
+/// Index of the draw's arguments in the array of indirect arguments, in units of VkDrawIndirectCommand (four words).
 const DRAW: u32 = 3 * shaders::ARGS_DRAW / 4;
 /// Pixels along a side of the graphics path's viewport, one pixel per cell of the spatial hash.
 const RASTER_CELLS: u32 = MOST_CELLS + 1;
@@ -33,13 +35,14 @@ pub struct Depth {
     cross: RayHitKernel,
     /// The triangles of the skins, chunk by chunk.
     pub chunk_triangles: Buffer,
-    /// One per ray hit: triangle, next hit on the same ray, bits of the depth (f32, m), and twice the work item (an
-    /// active chunk in a contact patch) plus 1 where the ray hits the triangle's front.
+    /// One per ray hit: index of the triangle, index of the next hit on the same ray, bits of the depth (f32, m), and
+    /// twice the index of the triangle's work item (an active chunk in a contact patch), plus 1 where the ray hits the
+    /// triangle's front.
     pub hits: Buffer,
 }
 
-/// The pipeline that finds the hash cells covered by each triangle: the rasterizer, or a compute kernel that loops over
-/// the cells.
+/// The pipeline that finds the cells of the spatial hash that each triangle covers, and the ray hits there: the
+/// rasterizer, or a compute kernel that loops over the cells.
 enum RayHitKernel {
     Graphics(RasterPipeline),
     Compute(Kernel),
@@ -67,7 +70,8 @@ impl Depth {
         })
     }
 
-    /// Records one pass, with a workgroup or an instance of the draw per active chunk and contact patch.
+    /// Records one pass, with a workgroup (compute) or an instance of the draw (graphics) per work item, which is an
+    /// active chunk in one contact patch.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, cull: &Cull, skin: &Skin) {
         recorder.stage(STAGE);
         let arguments = shaders::depth::RayHits {

@@ -21,7 +21,7 @@ pub use fields::{Field, Fields};
 pub use mesh::{Mesh, Outline};
 pub use points::Points;
 
-/// The skins on the GPU: one vec4 per vertex, body after body, the tool's last.
+/// The skins on the GPU, body after body, the tool's last; positions and normals have one vec4 per vertex.
 pub struct Skins<'a> {
     /// Positions, m, relative to the origin that the caller chose; w is 1.
     pub positions: &'a Buffer,
@@ -39,8 +39,9 @@ pub struct Draw {
     /// One [`Frame`] (rigid coordinate frame) per frame of the model, written by the host; only position and rotation
     /// are read.
     pub frames: Buffer,
-    /// One [`Link`] per pair of frames in both of which a tetrahedron, collision proxy or chunk (group of skin
-    /// vertices) has nodes: the current placement of one frame relative to the other; written by the host.
+    /// One [`Link`] per pair of frames in both of which a tetrahedron, collision proxy (convex hull over a part of a
+    /// skin) or chunk (group of skin vertices) has nodes: the current placement of one frame relative to the other;
+    /// written by the host.
     pub links: Buffer,
     /// Four u32 per triangle: its three skin vertices and a zero.
     pub triangles: Buffer,
@@ -52,7 +53,7 @@ pub struct Draw {
 
 impl Draw {
     /// Kernels and arrays for a model. `ranges`: for each body the range of its vertices among the skin vertices of all
-    /// bodies; `skin`: the step's skin stage, if the step has one; its arrays are then shared.
+    /// bodies; `skin`: the step's skin stage, if the step has one; in that case its arrays are used here too.
     pub fn new(context: &Arc<Context>, model: &Model, ranges: &[Range<usize>], skin: Option<&Skin>) -> Result<Draw> {
         let vertices = model.skin_nodes.len();
         let mut rigid_frames = vec![NONE; vertices];
@@ -104,8 +105,8 @@ impl Draw {
     }
 }
 
-/// Sorts `pairs` of an owner and a value into one list per owner: returns the index at which each list begins (and
-/// their total length at the end), and the lists one after another.
+/// Sorts `pairs` of an owner and a value into one list per owner: returns the index at which each list begins (and, as
+/// a last element, the total length of all lists), and the lists one after another.
 fn lists(owners: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> (Vec<u32>, Vec<u32>) {
     let mut first = vec![0u32; owners + 1];
     pairs.clone().for_each(|(owner, _)| first[owner as usize + 1] += 1);
@@ -120,8 +121,8 @@ fn lists(owners: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> (Vec
     (first, all)
 }
 
-/// The triangles around every skin vertex; the model itself keeps only those around vertices that are tested for
-/// contact.
+/// The triangles around every skin vertex, as [`lists`] returns them; the model itself keeps only those around vertices
+/// that are tested for contact.
 fn fans(model: &Model) -> (Vec<u32>, Vec<u32>) {
     let triangles = model.triangles.iter().zip(0..);
     lists(model.skin_nodes.len(), triangles.flat_map(|(&[a, b, c, _], t)| [(a, t), (b, t), (c, t)]))

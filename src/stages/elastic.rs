@@ -1,6 +1,8 @@
-//! Elastic stage: the state of the tetrahedral meshes (layers), the rotation of each tetrahedron, element forces, and
-//! the shape function gradients, rotated into the world, with which the solver applies the elements. A frame is a rigid
-//! coordinate frame in which displacements of nodes are measured; a link is the relative placement of two frames.
+//! Elastic stage, between the contact stage and the solver in a step: holds the state of the tetrahedral meshes
+//! (layers) of soft bodies, and computes the rotation of each tetrahedron, the element forces, and the shape function
+//! gradients, rotated into world axes, from which the solver computes the elements' part of its matrix-vector products.
+//! A frame is a rigid coordinate frame in which displacements of nodes are measured; a link is the relative placement
+//! of two frames.
 
 use std::mem::offset_of;
 use std::sync::Arc;
@@ -29,11 +31,11 @@ pub struct Elastic {
     pub(super) materials: Buffer,
     /// Four nodes per tetrahedron.
     pub tetrahedra: Buffer,
-    /// Per tetrahedron: links from its frame to the frames of its nodes; present only where some tetrahedra have nodes
-    /// in several frames.
+    /// Per tetrahedron: links from its frame (that of its first node) to the frames of its four nodes; present only
+    /// where some tetrahedra have nodes in several frames.
     pub(super) tetrahedron_links: Option<Buffer>,
     /// Three per tetrahedron: rest gradients of its last three nodes' shape functions (1/m); w of the first is the
-    /// square root of its volume (m^3).
+    /// square root of the tetrahedron's volume (in m^3).
     pub(super) rest_gradients: Buffer,
     /// Per tetrahedron: its material and frame.
     pub(super) element_info: Buffer,
@@ -42,17 +44,19 @@ pub struct Elastic {
     /// Per node: its first quad (uvec4) in `node_elements`, number of quads, frame, and what decides its motion, as in
     /// shaders/shared/node_motion.glsl.
     pub node_info: Buffer,
-    /// The entries of `element_forces` that add up at each node, node by node, four per texel.
+    /// Indices of the elements of `element_forces` that add up at each node, node by node, four per texel (uvec4).
     pub node_elements: Buffer,
     /// State: displacement of each node from rest, axes of its frame, m.
     pub displacement: Buffer,
     /// State: velocity of each node, world axes, m/s.
     pub velocity: Buffer,
-    /// State: rotation of each tetrahedron (quaternion); the next step starts its search for the new rotation from it.
+    /// State: rotation of each tetrahedron (quaternion); the next step starts its search for the new rotation from this
+    /// one.
     pub rotations: Buffer,
-    /// Three per tetrahedron: its gradients, rotated into world axes.
+    /// Three per tetrahedron: the gradients of its shape functions (as in `rest_gradients`), rotated into world axes.
     pub gradients: Buffer,
-    /// Element forces on nodes, as impulses (N s): four per tetrahedron, four zeros, and twelve per F-bar patch.
+    /// Forces of elements on nodes, as impulses (N s): four vectors per tetrahedron, four zero vectors, and twelve
+    /// vectors per F-bar patch.
     pub element_forces: Buffer,
 }
 
@@ -60,9 +64,10 @@ pub struct Elastic {
 struct Newton {
     trial: Kernel,
     forces_kernel: Kernel,
-    /// Per node: the displacement to which the last solve would take it, axes of its frame at the step's start, m.
+    /// Per node: its displacement at the end of the step according to the last solve, in the axes of its frame at the
+    /// step's start, m.
     displacement: Buffer,
-    /// Per node: its change of velocity by the last solve, world axes, m/s.
+    /// Per node: its change of velocity according to the last solve, world axes, m/s.
     change: Buffer,
 }
 
@@ -137,20 +142,20 @@ impl Elastic {
 
     /// Clears the step's flags in scenes where nothing can touch; in other scenes the pose stage clears them.
     pub fn record_reset(&self, recorder: &mut Recorder, common: &Common) {
-        // Without tetrahedra no later pass raises a flag.
+        // Only passes over tetrahedra raise flags in `counts` in such scenes.
         if self.tetrahedron_count > 0 {
             recorder.stage("elastic");
             recorder.fill_range(&common.counts, offset_of!(Counts, flags) as u64, 4, 0);
         }
     }
 
-    /// Records one pass over the tetrahedra, and one over the patches if there are any.
+    /// Records one pass over the tetrahedra, and one over the F-bar patches if there are any.
     pub fn record(&self, recorder: &mut Recorder, common: &Common) {
         self.record_at(recorder, common, None);
     }
 
-    /// Records one pass over the nodes that finds where the last solve would take them, in steps with several Newton
-    /// iterations.
+    /// Records one pass over the nodes that computes their displacements at the end of the step according to the last
+    /// solve, for the next Newton iteration. Records nothing where a step has only one Newton iteration.
     pub fn record_trial(&self, recorder: &mut Recorder, common: &Common, solve: &Solve) {
         let Some(newton) = &self.newton else { return };
         recorder.stage("elastic");
@@ -173,8 +178,8 @@ impl Elastic {
         );
     }
 
-    /// Records the passes of [`Elastic::record`] for a further Newton iteration, at the displacements that
-    /// [`Elastic::record_trial`] found.
+    /// Records the passes of [`Elastic::record`] for a further Newton iteration, at the displacements that the pass of
+    /// [`Elastic::record_trial`] computes.
     pub fn record_newton(&self, recorder: &mut Recorder, common: &Common) {
         self.record_at(recorder, common, self.newton.as_ref());
     }

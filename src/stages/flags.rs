@@ -32,15 +32,17 @@ impl Flags {
     pub const CONTACT_OVERFLOW: Flags = Flags(shaders::FLAG_CONTACT_OVERFLOW);
     /// A contact is deeper than the scene's `depth_limit`.
     pub const DEPTH_BEYOND_LIMIT: Flags = Flags(shaders::FLAG_DEPTH_LIMIT);
-    /// A skin (surface mesh) folds over itself along a contact patch's normal.
+    /// A skin (surface mesh) is folded over itself in the direction of a contact patch's normal.
     pub const NOT_A_HEIGHT_FIELD: Flags = Flags(shaders::FLAG_NOT_HEIGHT_FIELD);
-    /// A number was not finite, so the step was not accepted: it was repeated (`STEP_RETRIED`) or given up (`FROZEN`).
+    /// A number in the solve was not finite, so the step was not accepted: it was repeated (`STEP_RETRIED`) or given up
+    /// (`FROZEN`).
     pub const NON_FINITE: Flags = Flags(shaders::FLAG_NON_FINITE);
     /// The step was repeated with a smaller time step.
     pub const STEP_RETRIED: Flags = Flags(64);
-    /// No step succeeded, however short: the bodies were stopped where they are.
+    /// No attempt at the step succeeded, however short its time step: the bodies were stopped where they are.
     pub const FROZEN: Flags = Flags(128);
-    /// Contacts under tension were released, but others are still under tension after the last repeated solve.
+    /// Contacts under tension were released (left without stiffness), but after the last repeated solve others are
+    /// still under tension.
     pub const TENSION_REMAINS: Flags = Flags(shaders::FLAG_TENSION);
     /// A rigid coordinate frame turned so far within the step that its nodes may gain energy, since their elements keep
     /// the rotations of the start of the step.

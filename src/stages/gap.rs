@@ -1,7 +1,7 @@
-//! Gap pass, a part of the wrench stage: finds the shortest way from a rigid tool to the skins (surface meshes) that it
-//! may touch, in steps of a haptic loop. A skin is searched in parts, one workgroup each. A part is a few chunks
-//! (groups of at most 64 skin vertices with their triangles) of one collision proxy (convex hull that covers some of
-//! the skin).
+//! Gap pass, a part of the wrench stage: finds the shortest way from a rigid tool to the skins (surface meshes) that
+//! the tool may touch, in steps of a haptic loop. A skin is searched in parts, each by one workgroup. A part is up to
+//! 64 chunks (groups of at most 64 skin vertices with their triangles) of one collision proxy (convex hull that covers
+//! some of the skin).
 
 use std::sync::Arc;
 
@@ -22,7 +22,8 @@ use crate::shaders::{Chunk, SkinGap, SkinPart};
 
 /// Distance from the tool's surface within which skins are searched for, m.
 pub const RANGE: f64 = 0.03;
-/// Largest number of chunks of a part: for a spherical tool, and for any other tool, with which a chunk takes longer.
+/// Largest number of chunks of a part, first for a spherical tool, then for any other tool, with which the search of a
+/// chunk takes longer.
 const SHARE: [usize; 2] = [64, 8];
 
 /// The kernel of the gap pass and its arrays.
@@ -31,7 +32,7 @@ pub struct Gap {
     parts: Buffer,
     /// One [`SkinGap`] per part, read by the host.
     pub gaps: Buffer,
-    /// The pair of bodies that each part belongs to, as an index.
+    /// Per part: index of the pair of bodies that it belongs to.
     pub pairs: Vec<usize>,
 }
 
@@ -83,7 +84,7 @@ pub fn parts(model: &Model) -> Vec<PairPart> {
     parts
 }
 
-/// Number of workgroups of the pass.
+/// Number of workgroups of the gap pass, one per part.
 pub fn part_count(model: &Model) -> usize {
     parts(model).len()
 }
@@ -100,7 +101,8 @@ fn box_of(chunks: &[Chunk]) -> ([f32; 3], [f32; 3]) {
     (low.to_array(), high.to_array())
 }
 
-/// The chunks of the tool's skin: the first, and their number. `pair`: a pair that the tool is part of.
+/// The chunks of the tool's skin: index of the first, and their number. `pair`: index of a pair of bodies one of which
+/// is the tool.
 fn tool_chunks(model: &Model, pair: usize) -> (u32, u32) {
     let pair = &model.pairs[pair];
     let side = usize::from(pair.tool_sign < 0.0);
@@ -108,7 +110,7 @@ fn tool_chunks(model: &Model, pair: usize) -> (u32, u32) {
     (proxies.first().map_or(0, |p| p.chunk_first), proxies.iter().map(|p| p.chunk_count).sum())
 }
 
-/// Vertices of a rigid tool's skin, relative to its centre, tool axes, m.
+/// Vertices of a rigid tool's skin, relative to the tool's centre, in the tool's axes, m.
 pub fn tool_vertices(model: &Model) -> impl Iterator<Item = Vec3> + '_ {
     let frame = model.tool_frame.map(|frame| frame as u32);
     let proxies = model.proxies.iter().filter(move |proxy| Some(proxy.frame) == frame);
@@ -117,13 +119,13 @@ pub fn tool_vertices(model: &Model) -> impl Iterator<Item = Vec3> + '_ {
     vertices.map(|vertex| Vec3::from_slice(&model.skin_weights[*vertex as usize][..3]))
 }
 
-/// Radius of the ball about a rigid tool's centre that contains all of it, m; for a sphere its own radius.
+/// Radius of the ball about a rigid tool's centre that contains the whole tool, m; for a sphere its own radius.
 pub(super) fn tool_radius(model: &Model) -> f64 {
     model.tool_sphere.unwrap_or_else(|| tool_vertices(model).map(|x| x.as_dvec3().length()).fold(0.0, f64::max))
 }
 
 impl Gap {
-    /// Kernel and arrays; `None` where there are no [`parts`].
+    /// Kernel and arrays for a model; `None` where [`parts`] finds no part.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Option<Gap>> {
         let all = parts(model);
         let (Some(first), Some(tool_frame)) = (all.first(), model.tool_frame) else { return Ok(None) };
@@ -151,9 +153,9 @@ impl Gap {
         }))
     }
 
-    /// Records one pass, which runs only in a step that is accepted and only where a haptic loop holds the tool. It
-    /// overwrites the skin positions of the contact stage, which are no longer needed, by positions at the end of the
-    /// step.
+    /// Records one pass, which runs only in a step that is accepted and only where a haptic loop holds the tool. The
+    /// pass overwrites the skin positions that the contact stage used, which are no longer needed, by positions at the
+    /// end of the step.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, skins: &Skins, elastic: &Elastic, solve: &Solve) {
         recorder.stage("wrench");
         let Skins { pose, cull, skin, depth } = skins;

@@ -1,6 +1,6 @@
 //! Ball joints between the cores of soft bodies (rigid bodies inside a soft one, to which nodes are attached): their
-//! constants, which are known before the first step, and the trees that joints make of the dynamic cores, those that
-//! forces move. Each core has a rigid coordinate frame.
+//! constants, which are known before the first step, and the trees that joints make of the dynamic cores (cores that
+//! forces move). Each core has a rigid coordinate frame.
 
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
@@ -9,31 +9,32 @@ use glam::DVec3;
 use super::model::{Core, Model};
 use crate::scene::{self, Resistance};
 
-/// Ratio of the stiffness of a joint, or of a limit of its range, to the resistance of the cores that it joins, in a
-/// step of the scene: a load that would move the unjoined cores apart by some distance in a step opens the joint by a
-/// hundredth of that distance.
+/// How many times as stiff a joint, or a limit of its range, is as the cores that it joins, in one step of the scene: a
+/// load that would move the unjoined cores apart by some distance in a step opens the joint by a hundredth of that
+/// distance.
 const STIFFNESS_RATIO: f64 = 100.0;
 
 /// A ball joint between two cores of a soft body.
 #[derive(Debug, Clone)]
 pub struct Joint {
-    /// The frames of the two cores; the second one's rotation relative to the first one is what springs and limits
-    /// resist.
+    /// The frames of the two cores; springs and limits resist the rotation of the second frame relative to the first.
     pub frames: [usize; 2],
     /// The dynamic cores of these frames; `None` for a core that forces do not move.
     pub cores: [Option<usize>; 2],
     /// From the centre of each frame to the joint at rest, frame axes, m.
     pub arms: [DVec3; 2],
-    /// Springs, damping and limits that resist turning; their axis is in frame axes.
+    /// Springs, damping and limits that resist rotation; their axis is given at rest, where both frames have the same
+    /// axes.
     pub resistance: Resistance,
     /// Stiffness of the spring that holds the two cores together at the joint, N/m.
     pub stiffness: f64,
-    /// Stiffness of the springs that push the second frame back within its limits of swing and of twist, N m/rad.
+    /// Stiffness of the springs that push the second frame back within its limits, N m/rad: first for the swing (angle
+    /// between the joint's axis in the one and in the other frame), then for the twist (rotation about that axis).
     pub limit_stiffness: [f64; 2],
 }
 
 impl Model {
-    /// Adds the joints of a soft body whose frames have been added already, from `frame_first` on.
+    /// Adds the joints of a soft body whose frames have been added already, from index `frame_first` on.
     pub(super) fn add_joints(&mut self, joints: &[scene::Joint], frame_first: usize) {
         for joint in joints {
             let frames = joint.cores.map(|core| frame_first + core);
@@ -89,8 +90,8 @@ impl Model {
         }
         let blocks: Vec<Mat<f64>> = self.cores.iter().map(|core| self.core_block(core, dt)).collect();
         // Compliance of the two cores of a joint: the relative velocity along a direction that a unit impulse between
-        // them causes at the joint (1/kg), or the relative angular velocity about an axis that a unit angular impulse
-        // causes (1/(kg m^2)).
+        // the cores causes at the joint (1/kg), or the relative angular velocity about an axis that a unit angular
+        // impulse between them causes (1/(kg m^2)).
         let readiness = |joint: &Joint, along: DVec3, about: DVec3| -> f64 {
             let side = |(core, arm): (&Option<usize>, &DVec3)| {
                 let Some(core) = *core else { return 0.0 };
@@ -116,8 +117,9 @@ impl Model {
         }
     }
 
-    /// Adds the joints at rest, for steps of `dt` seconds, to a matrix over the twists of cores in the axes of their
-    /// frames. `first`: index of the first of a core's six rows, `None` where the core is not part of the matrix.
+    /// Adds the springs and dampers of the joints at rest, for steps of `dt` seconds, to a matrix whose rows are the
+    /// twists (linear and angular velocity) of cores in the axes of their frames. `first`: index of the first of a
+    /// core's six rows, `None` where the matrix does not contain the core.
     pub(super) fn add_springs(&self, matrix: &mut Mat<f64>, dt: f64, first: impl Fn(usize) -> Option<usize>) {
         for joint in &self.joints {
             let sides: Vec<(usize, f64, DVec3)> = joint
@@ -145,9 +147,9 @@ impl Model {
     }
 }
 
-/// Compliance of a core along a row of its twist: row . block^-1 row, where `block` is the core's 6x6 part of the
-/// operator. Where the core is on a hinge with axis `hinge` (zero without a hinge), only rotation about that axis
-/// counts.
+/// Compliance of a core in the direction `row` of its twist: row^T block^-1 row, where `block` is the core's 6x6
+/// diagonal block of the solver's matrix. Where the core is on a hinge with axis `hinge` (zero without a hinge), only
+/// rotation about that axis counts.
 fn answer(block: &Mat<f64>, hinge: DVec3, row: [f64; 6]) -> f64 {
     let angular = |i: usize, k: usize| hinge[i] * block[(3 + i, 3 + k)] * hinge[k];
     let spin = DVec3::from_slice(&row[3..]).dot(hinge).powi(2);

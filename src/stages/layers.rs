@@ -1,6 +1,7 @@
-//! Fills the model's arrays of nodes, tetrahedra and dynamic cores, from a soft body's layer (its tetrahedral
-//! simulation mesh) or from the mass of a dynamic rigid body. A core is a rigid body to which nodes are attached;
-//! forces move a dynamic one. Displacements of nodes are measured in rigid coordinate frames.
+//! Fills the model (the scene's static arrays, made before the first step) with nodes, tetrahedra and dynamic cores,
+//! from a soft body's layer (its tetrahedral simulation mesh) or from the mass of a dynamic rigid body. A core is a
+//! rigid body to which nodes are attached; it is dynamic if forces move it. A frame is a rigid coordinate frame; the
+//! displacements of nodes are measured in frames.
 
 use crate::shaders;
 use glam::{DMat3, DVec3};
@@ -11,8 +12,9 @@ use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{FrameMotion, Layer, Materials, Skin};
 use crate::shaders::NONE;
 
-/// Marks an entry of `node_elements` that belongs to an F-bar patch (tetrahedra that share one volumetric strain); its
-/// index on the GPU follows once the number of all tetrahedra is known.
+/// Marks an entry of `node_elements` (the list of element forces that add up at each node) that belongs to an F-bar
+/// patch (tetrahedra that share one volumetric strain); the entry's index on the GPU can be computed only once the
+/// number of all tetrahedra is known.
 pub(super) const OF_PATCH: u32 = 1 << 31;
 
 impl Model {
@@ -33,7 +35,7 @@ impl Model {
         self.cores.push(Core { frame, nodes, hinge: self.hinge(frame), group: own..own + 1, parent: None });
     }
 
-    /// The hinge axis of a frame, unit, world axes; zero where it has none.
+    /// The hinge axis of a frame, a unit vector in world axes; zero where the frame has no hinge.
     fn hinge(&self, frame: usize) -> DVec3 {
         let FramePlace { orientation, motion, .. } = &self.frames[frame];
         match motion {
@@ -43,8 +45,9 @@ impl Model {
     }
 
     /// Adds a dynamic rigid body: four point masses attached to a core, which together have the body's centre of mass
-    /// and inertia, and its skin embedded in the tetrahedron between them. So the solver treats the body like any other
-    /// core. The mass is in kg, the centre in the body's rest frame in m, and the inertia about that centre in kg m^2.
+    /// and inertia, and its skin (surface mesh) embedded in the tetrahedron between them. The solver then treats the
+    /// body like any other core. The mass is in kg, the centre in the body's rest frame in m, and the inertia about
+    /// that centre in kg m^2.
     pub(super) fn add_masses(
         &mut self,
         frame: usize,
@@ -75,7 +78,7 @@ impl Model {
         self.add_core(frame, (node_first..node_first + 4).collect());
     }
 
-    /// Adds the nodes and tetrahedra of a soft body whose frames have been added already, from `frame_first` on;
+    /// Adds the nodes and tetrahedra of a soft body whose frames have been added already, from index `frame_first` on;
     /// `node_frames`: the frame of each node, counted from `frame_first`.
     pub(super) fn add_layer(
         &mut self,
@@ -151,7 +154,8 @@ impl Model {
             {
                 self.attached_nodes.push((node_first + i) as u32);
             }
-            // Entries fill whole quads; the padding is replaced once the number of all tetrahedra is known.
+            // A node's entries fill whole groups of four; `NONE` pads the last group, and is replaced once the number
+            // of all tetrahedra is known.
             let quads = entries[i].len().div_ceil(4);
             self.node_info.push([self.node_elements.len() as u32, quads as u32, frame, holder]);
             for quad in entries[i].chunks(4) {

@@ -1,8 +1,9 @@
 //! F-bar patches on the GPU: groups of tetrahedra that share one volumetric strain, against volumetric locking
-//! ([`crate::prepare::patch`]). A patch adds c c^T to the operator; its row c is the scaled gradient of that strain
-//! with respect to its nodes. One pass a step writes the rows and the patches' part of the right-hand side. In the
-//! solver's loop a patch counts as one more element: its product with a vector is computed at the same time as those of
-//! the tetrahedra, and is summed at the nodes with them.
+//! ([`crate::prepare::patch`]). A patch adds c c^T to the operator, the matrix of the solver's linear system; its row c
+//! is the scaled gradient of the shared strain with respect to the positions of its nodes. One pass in each Newton
+//! iteration writes the rows and the patches' part of the right-hand side. In the solver's loop a patch counts as one
+//! more element: its product with a vector is computed at the same time as the products of the tetrahedra, and all
+//! these products are summed at the nodes.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -22,12 +23,12 @@ use crate::shaders::NONE;
 pub struct Patches {
     /// Per tetrahedron: its patch, or `NONE`.
     pub of: Vec<u32>,
-    /// Per patch: its nodes in three quads; where it has fewer than twelve, its first node fills the rest.
+    /// Per patch: its nodes in three uvec4; where it has fewer than twelve nodes, its first node fills the rest.
     nodes: Vec<[[u32; 4]; 3]>,
-    /// Per patch: its members in six pairs. A member is a tetrahedron (`NONE`: no more) and the places of its four
-    /// nodes in the patch's node list, four bits each.
+    /// Per patch: its members in six pairs. A member is the index of a tetrahedron (`NONE` after the last member) and
+    /// the places of the tetrahedron's four nodes in the patch's node list, four bits each.
     members: Vec<[[u32; 4]; 6]>,
-    /// Per patch: volume (m^3), lambda (Pa), stiffness damping beta (s), 0.
+    /// Per patch: volume (m^3), Lame parameter lambda (Pa), coefficient beta of stiffness-proportional damping (s), 0.
     pub constants: Vec<[f32; 4]>,
     /// Per patch: its nodes in the order of `nodes`, without the padding.
     node_lists: Vec<Vec<u32>>,
@@ -35,8 +36,9 @@ pub struct Patches {
 
 impl Patches {
     /// Appends the patches of a tetrahedral mesh, whose nodes and tetrahedra come next among those of all bodies.
-    /// `material`: lambda (Pa) and beta (s) of a tetrahedron; `rigid`: whether all nodes of a tetrahedron are attached
-    /// to one rigid core, so that it cannot deform; a patch that consists of such tetrahedra alone is left out.
+    /// `material`: lambda (Pa) and beta (s) of a tetrahedron, as in `constants`; `rigid`: whether all nodes of a
+    /// tetrahedron are attached to one rigid core, so that it cannot deform; a patch that consists of such tetrahedra
+    /// alone is left out.
     pub fn add(
         &mut self,
         layer: &Layer,
@@ -83,16 +85,16 @@ impl Patches {
         self.constants.len()
     }
 
-    /// Every node of every patch from `first` on, as the node, its patch, and its place in the patch's node list. On
-    /// the GPU the patch's row at that node has the index place x [`Patches::count`] + patch. The patch's force on the
-    /// node has the same index in the part of the force array that follows the tetrahedra's forces and four zero
-    /// vectors.
+    /// Every node of every patch from index `first` on, as the node, the patch, and the node's place in the patch's
+    /// node list. On the GPU the patch's row at that node has the index place x [`Patches::count`] + patch. The patch's
+    /// force on the node has the same index in the part of the force array that follows the tetrahedra's forces and
+    /// four zero vectors.
     pub fn entries(&self, first: usize) -> impl Iterator<Item = (u32, [u32; 2])> {
         let lists = self.node_lists.iter().zip(0..).skip(first);
         lists.flat_map(|(nodes, p)| nodes.iter().zip(0..).map(move |(node, k)| (*node, [p, k])))
     }
 
-    /// The patches whose nodes all lie in this range.
+    /// Indices of the patches whose nodes all lie in this range.
     pub(super) fn within<'a>(&'a self, nodes: &'a Range<usize>) -> impl Iterator<Item = usize> + 'a {
         (0..self.count()).filter(|p| self.node_lists[*p].iter().all(|n| nodes.contains(&(*n as usize))))
     }
@@ -103,13 +105,15 @@ impl Patches {
         pairs.filter(|t| *t != NONE).map(|t| t as usize)
     }
 
-    /// The nodes in the order in which the GPU has them, interleaved over the patches.
+    /// The nodes of the patches in the order that the GPU needs: the first uvec4 of every patch, then the second, then
+    /// the third.
     pub fn device_nodes(&self) -> Vec<[u32; 4]> {
         beside(&self.nodes)
     }
 
-    /// The members in the order in which the GPU has them. Padding becomes the index after the last tetrahedron, at
-    /// which the gradients are zero; so this is called once all bodies have been added.
+    /// The members of the patches in the order that the GPU needs, interleaved as in [`Patches::device_nodes`]. Padding
+    /// becomes the index after the last tetrahedron, at which the gradients are zero; so this is called once all bodies
+    /// have been added.
     pub fn device_members(&self) -> Vec<[u32; 4]> {
         let nothing = self.of.len() as u32;
         beside(&self.members).iter().map(|pair| pair.map(|x| if x == NONE { nothing } else { x })).collect()
@@ -122,20 +126,21 @@ fn beside<const N: usize>(rows: &[[[u32; 4]; N]]) -> Vec<[u32; 4]> {
     (0..N).flat_map(|k| rows.iter().map(move |row| row[k])).collect()
 }
 
-/// The pass that follows elastic/element_forces, and the patch arrays that the solver reads.
+/// The kernel that runs after elastic/element_forces (the forces of the tetrahedra), and the patch arrays that the
+/// solver reads.
 pub struct MeanDilatation {
     kernel: Kernel,
     /// Variant of the kernel for further Newton iterations of a step.
     newton: Option<Kernel>,
     /// Number of patches.
     pub patch_count: usize,
-    /// Per tetrahedron: its patch, for elastic/element_forces.
+    /// Per tetrahedron: its patch, or `NONE`; elastic/element_forces reads it.
     pub patch_of: Buffer,
-    /// Three quads of node indices per patch.
+    /// Three uvec4 of node indices per patch.
     pub nodes: Buffer,
     members: Buffer,
     constants: Buffer,
-    /// Twelve per patch, one for each of its nodes: its row c, by which it adds c c^T to the operator.
+    /// Twelve vec4 per patch, one for each of its nodes: the patch's row c, by which it adds c c^T to the operator.
     pub rows: Buffer,
 }
 

@@ -1,8 +1,11 @@
-//! The stages of the step: one file per stage, with its kernels, its arrays, and a `record` that names its passes.
+//! The stages of the step: one file per stage, with its kernels, its arrays, and a function `record` that records its
+//! passes into a command buffer.
 //!
 //! Lengths of arrays are in elements. Read-only arrays of vectors are bound as texel buffers or as storage buffers;
-//! which of the two is a choice per GPU (shaders/shared/arrays.glsl). A core is a rigid body inside a soft one, a frame
-//! a rigid coordinate frame, and a ray hit a point where a skin vertex's ray meets a triangle of the other body.
+//! which of the two is a choice per GPU (shaders/shared/arrays.glsl). A core is a rigid body inside a soft one, dynamic
+//! if forces move it; a frame is a rigid coordinate frame; a ray hit is a point where a skin vertex's ray meets a
+//! triangle of the other body; the tool is the rigid body that the haptic device leads; a probe is a vertex whose path
+//! is recorded.
 
 mod aggregates;
 mod blocks;
@@ -48,7 +51,8 @@ pub const PAIR_PATCHES: usize = shaders::PAIR_PATCHES as usize;
 /// Length of the array of indirect arguments, in 32-bit words.
 pub const ARGS_WORDS: usize = shaders::ARGS_WORDS as usize;
 
-/// The stages of the proximity query, in the order in which they run.
+/// The stages that find contact, in the order in which they run. The proximity query (contact between two rigid bodies,
+/// without forces) consists of these stages alone.
 pub const QUERY: [&str; 5] = ["pose", "cull", "skin", "depth", "contact"];
 
 /// Name of the timer for all stages of [`QUERY`] together, where they are timed as one.
@@ -65,13 +69,14 @@ pub fn query_as_one(stage: &str) -> &str {
 pub struct StageNeed {
     /// Name of the stage.
     pub stage: &'static str,
-    /// Whether it is recorded (and its arrays allocated).
+    /// Whether the stage is recorded (and its arrays are allocated).
     pub recorded: bool,
-    /// Why it is recorded, or why it is left out.
+    /// Why the stage is recorded, or why it is left out.
     pub reason: String,
 }
 
-/// Which stages a scene needs, and why. `depth`: which path the depth stage takes and why; `None` where it is left out.
+/// Which stages a scene needs, and why. `depth`: which path the depth stage takes (graphics or compute) and why; `None`
+/// where the depth stage is left out.
 pub fn needs(scene: &Scene, model: &Model, depth: Option<String>) -> Vec<StageNeed> {
     let touches = !model.pairs.is_empty();
     let nothing = match (&scene.tool, scene.bodies.len()) {
@@ -106,6 +111,8 @@ pub fn needs(scene: &Scene, model: &Model, depth: Option<String>) -> Vec<StageNe
         0 => solve,
         joints => format!("{solve}, {joints} joints"),
     };
+    // The coarse level is the coarse space of the solver's preconditioner, an aggregate one of its blocks of free
+    // nodes; the stiffness number is the ratio of a node's stiffness to its inertia in a step.
     let coarse = |(body, number, aggregates): &(usize, f64, usize)| {
         let name = scene.bodies.get(*body).map_or("", |body| &body.name);
         format!(", coarse level of `{name}`: stiffness number {number:.0}, {aggregates} aggregates")
@@ -127,8 +134,8 @@ pub struct Common {
     pub frames: Buffer,
     /// One [`Joint`] per joint of the model.
     pub joints: Buffer,
-    /// One [`Link`] per pair of frames in both of which a tetrahedron, collision proxy or chunk has nodes: the
-    /// placement of one frame relative to the other.
+    /// One [`Link`] per pair of frames in both of which a tetrahedron, collision proxy (convex hull over a part of a
+    /// skin) or chunk has nodes: the placement of one frame relative to the other.
     pub links: Buffer,
     /// Counters and flags of the step, one [`Counts`].
     pub counts: Buffer,

@@ -1,12 +1,13 @@
-//! The model: turns prepared bodies into the static arrays that the kernels read, all bodies one after another, with
-//! global indices and with f32 positions relative to the centre of their coordinate frame. It is made once and does not
-//! change from step to step.
+//! The model: the static arrays that the kernels read, made from the prepared bodies, one body after another, with
+//! global indices and with f32 positions relative to the centre of a coordinate frame. The model is made before the
+//! first step and does not change from step to step.
 //!
 //! The terms are those of layered bodies: a soft body is a tetrahedral mesh (layer) with an embedded surface mesh
 //! (skin), and some nodes are attached to rigid bodies inside it (cores), each with a rigid coordinate frame. Convex
 //! hulls (proxies) cover the skin, which is divided into chunks, groups of at most 64 vertices. A pair proxy is one
-//! proxy in one pair of bodies. A vertex gathers contacts if it is tested for contact with the other body, which a
-//! scene may restrict to one side of each pair.
+//! proxy in one pair of bodies; a chunk of it is active in a step if it may meet the other body. A contact patch is an
+//! area with one normal where a pair of bodies may touch. A vertex gathers contacts if it is tested for contact with
+//! the other body; a scene may have the vertices of only one body of each pair tested.
 
 use crate::shaders;
 use std::ops::Range;
@@ -46,9 +47,9 @@ pub struct FramePlace {
 /// How a frame moves.
 #[derive(Debug, Clone)]
 pub enum Motion {
-    /// It moves as was prepared from the scene.
+    /// The frame moves as the scene says.
     Prepared(FrameMotion),
-    /// It is the tool's frame.
+    /// The frame is the tool's.
     Tool,
 }
 
@@ -93,9 +94,11 @@ pub struct Core {
     pub frame: usize,
     /// The nodes attached to it.
     pub nodes: Vec<u32>,
-    /// Unit axis of its hinge, through its centre, world axes; zero where it moves freely.
+    /// Unit axis of the core's hinge, which runs through the frame's centre, in world axes; zero for a core without a
+    /// hinge.
     pub hinge: DVec3,
-    /// Range of the cores that joints connect with it, itself included (its group); each comes after its parent.
+    /// Range of the cores that joints connect with it, itself included (its group); in a group, each core comes after
+    /// its parent.
     pub group: Range<usize>,
     /// Its parent in the tree of joints.
     pub parent: Option<usize>,
@@ -117,23 +120,24 @@ pub struct Model {
     /// Links: the pairs of frames (to, from) in both of which a tetrahedron, proxy or chunk has nodes; the first link
     /// stands for any frame paired with itself.
     pub links: Vec<[u32; 2]>,
-    /// The nodes attached to moving frames: those that follow a trajectory (driven frames), and those of dynamic cores.
+    /// The nodes attached to moving frames, which are frames that follow a trajectory (driven frames) and frames of
+    /// dynamic cores.
     pub attached_nodes: Vec<u32>,
     /// The dynamic cores.
     pub cores: Vec<Core>,
     /// The joints between frames.
     pub joints: Vec<Joint>,
-    /// The division of the nodes into blocks, one workgroup each.
+    /// The division of the nodes into blocks, each of which one workgroup of the solver works on.
     pub blocks: Blocks,
-    /// The coarse space of the preconditioner, for the bodies that have one.
+    /// The coarse space of the solver's preconditioner, for the bodies that have one.
     pub coarse: Coarse,
     /// The floating frames.
     pub floating: Vec<Floating>,
-    /// The frame of a tool that is no body of the scene.
+    /// The frame of the tool, where the tool is no body of the scene.
     pub tool_frame: Option<usize>,
-    /// Radius of a tool that is a sphere, m.
+    /// Radius of the tool, where the tool is a sphere, m.
     pub tool_sphere: Option<f64>,
-    /// Radius of the ball about a rigid tool's centre that contains all of it, m.
+    /// Radius of the ball about a rigid tool's centre that contains the whole tool, m.
     pub tool_radius: f64,
     /// The dynamic core that the haptic device is coupled to, where the tool is a body of the scene.
     pub tool_core: Option<usize>,
@@ -142,13 +146,14 @@ pub struct Model {
 
     /// Per node: rest position relative to its frame's centre (m), and mass (kg).
     pub node_rest: Vec<[f32; 4]>,
-    /// Per node: mass-proportional damping, kg/s: its share of the mass of its tetrahedra times alpha (1/s), the mass
-    /// damping of their materials.
+    /// Per node: mass-proportional damping, kg/s: the node's share of the mass of its tetrahedra, times the coefficient
+    /// alpha (1/s) of mass-proportional damping of their materials.
     pub node_damping: Vec<f32>,
     /// Per node: its first quad (uvec4) in `node_elements`, number of quads, frame, and 0 for a free node, 1 for a node
     /// attached to a frame whose motion is known, 2 for a node attached to a dynamic core.
     pub node_info: Vec<[u32; 4]>,
-    /// The entries of `element_forces` that add up at each node, node by node, four per texel.
+    /// The entries of `element_forces` (the elastic stage's array of forces that elements exert on nodes) that add up
+    /// at each node, node by node, four per texel.
     pub node_elements: Vec<[u32; 4]>,
     /// Per node: velocity at the start, world axes, m/s.
     pub velocity: Vec<[f32; 4]>,
@@ -156,8 +161,8 @@ pub struct Model {
     pub tetrahedra: Vec<[u32; 4]>,
     /// Per tetrahedron: links from its frame (the frame of its first node) to the frames of its four nodes.
     pub tetrahedron_links: Vec<[u32; 4]>,
-    /// Three per tetrahedron, and three zeros at the end: rest gradients of its last three nodes' shape functions
-    /// (1/m); w of the first is the square root of its volume (m^3).
+    /// Three vectors per tetrahedron, and three zero vectors at the end: rest gradients of its last three nodes' shape
+    /// functions (1/m); w of the first is the square root of the tetrahedron's volume (in m^3).
     pub rest_gradients: Vec<[f32; 4]>,
     /// Per tetrahedron: its material and frame.
     pub element_info: Vec<[u32; 2]>,
@@ -167,7 +172,7 @@ pub struct Model {
 
     /// Per skin vertex: the four nodes of its tetrahedron; the first is `NONE` on a rigid body.
     pub skin_nodes: Vec<[u32; 4]>,
-    /// Per skin vertex: its four embedding weights, or on a rigid body its position in the frame (m).
+    /// Per skin vertex: its four embedding weights, or on a rigid body its position in the body's frame (m).
     pub skin_weights: Vec<[f32; 4]>,
     /// Per skin vertex: rest area, m^2.
     pub skin_areas: Vec<f32>,
@@ -182,10 +187,10 @@ pub struct Model {
     pub proxies: Vec<Proxy>,
     /// Hull vertices of the proxies, relative to their frame's centre, m.
     pub hull: Vec<[f32; 4]>,
-    /// Face planes of the hulls in their frame: unit normal, and offset from its centre (m).
+    /// Face planes of the hulls in their frame: unit normal, and offset from the frame's centre (m).
     pub faces: Vec<[f32; 4]>,
-    /// The nodes whose displacements move each proxy's skin, proxy by proxy, each with the link from the proxy's frame
-    /// to the node's frame.
+    /// The nodes whose displacements move the skin that a proxy covers, proxy by proxy, each with the link from the
+    /// proxy's frame to the node's frame.
     pub proxy_nodes: Vec<[u32; 2]>,
     /// The chunks of all proxies.
     pub chunks: Vec<Chunk>,
@@ -193,22 +198,23 @@ pub struct Model {
     pub chunk_vertices: Vec<u32>,
     /// Triangles of the chunks, chunk by chunk, padded with up to three zeros.
     pub chunk_triangles: Vec<u32>,
-    /// The nodes whose displacements move each chunk, chunk by chunk, with links as for proxies.
+    /// The nodes whose displacements move each chunk, chunk by chunk, each with the link from the frame of the chunk's
+    /// proxy to the node's frame.
     pub chunk_nodes: Vec<[u32; 2]>,
 
-    /// Pairs of bodies that may touch; the host writes their planes each step.
+    /// Pairs of bodies that may touch; the host writes the planes of half-spaces anew in each step.
     pub pairs: Vec<Pair>,
-    /// Per pair: its bodies a and b as indices; the tool comes last.
+    /// Per pair: indices of its bodies a and b; the tool's index comes after those of the scene's bodies.
     pub pair_bodies: Vec<[usize; 2]>,
     /// Per pair: its half-space, if it has one.
     pub pair_planes: Vec<Option<Plane>>,
-    /// Pairs of collision proxies: proxy of a, proxy of b, 0, 0.
+    /// Pairs of collision proxies: a proxy of body a, a proxy of body b, 0, 0.
     pub proxy_pairs: Vec<[u32; 4]>,
     /// The pair proxies of all pairs of bodies.
     pub pair_proxies: Vec<PairProxy>,
-    /// Number of chunks of all pair proxies.
+    /// Number of the chunks of all pair proxies together.
     pub pair_proxy_chunks: usize,
-    /// Number of pair proxies whose vertices gather contacts; they come first.
+    /// Number of pair proxies whose vertices gather contacts; these come first in `pair_proxies`.
     pub gathering_pair_proxies: usize,
     /// Number of chunks of the pair proxies whose vertices gather contacts.
     pub gathering_chunks: usize,
@@ -220,8 +226,8 @@ impl Model {
         Model::made(scene, bodies, tool, None)
     }
 
-    /// A model of the same bodies with other materials or another contact law: its arrays have the same sizes, its
-    /// blocks of nodes are the same, and the same bodies have a coarse space.
+    /// A model of the same bodies with other materials or another contact law: the new model's arrays have the same
+    /// sizes, its blocks of nodes are the same, and the same bodies have a coarse space.
     pub fn with_materials_of(&self, scene: &Scene, bodies: &[Body], tool: Option<&Body>) -> Model {
         Model::made(scene, bodies, tool, Some(self))
     }
@@ -271,7 +277,7 @@ impl Model {
         // The kernels read both arrays four elements at a time.
         model.chunk_vertices.resize(model.chunk_vertices.len().next_multiple_of(4), 0);
         model.chunk_triangles.resize(model.chunk_triangles.len().next_multiple_of(4), 0);
-        // Gradients of an additional tetrahedron, all zero, which stands in wherever a list is padded.
+        // The gradients, all zero, of an additional tetrahedron, to which the padding of lists of tetrahedra points.
         model.rest_gradients.extend([[0.0; 4]; 3]);
         (model, proxy_ranges)
     }
@@ -399,8 +405,8 @@ impl Model {
         }
     }
 
-    /// `node_elements` as the kernels read it: padding becomes the index of an entry that is zero, and marked entries
-    /// of F-bar patches become indices behind that entry. Called once all bodies have been added.
+    /// `node_elements` as the kernels read it: padding becomes the index of a force that is always zero, and the marked
+    /// entries of F-bar patches become indices behind that force. This is called once all bodies have been added.
     pub fn padded_node_elements(&self) -> Vec<[u32; 4]> {
         let (nothing, patches) = (4 * self.tetrahedra.len() as u32, self.patches.count() as u32);
         let entry = |e: u32| match e {

@@ -1,7 +1,7 @@
-//! Pairs of bodies: fills the model's arrays of which bodies may touch, how stiff their contact is, and which pairs of
-//! collision proxies (convex hulls that cover a body's skin, its surface mesh) culling tests. A pair proxy is one
-//! collision proxy in one pair of bodies. A skin vertex gathers contacts if it is tested for contact with the other
-//! body.
+//! Pairs of bodies: fills the model (the scene's static arrays, made before the first step) with the pairs of bodies
+//! that may touch, the stiffness of their contact, and the pairs of collision proxies (convex hulls that cover a body's
+//! skin, its surface mesh) that culling tests. A pair proxy is one collision proxy in one pair of bodies. A skin vertex
+//! gathers contacts if it is tested for contact with the other body.
 
 use std::ops::Range;
 
@@ -12,8 +12,9 @@ use crate::scene::{Scene, Sides};
 use crate::shaders::{NONE, Pair, PairProxy};
 
 impl Model {
-    /// Adds every pair of bodies that may touch: each lists the other as one to collide with, and at least one can
-    /// move. The tool's own body, if there is one, is the last of `all`; `ranges`: the proxies of each body.
+    /// Adds every pair of bodies that may touch: each lists the other as one to collide with, or has no such list, and
+    /// at least one of them can move. The tool's own body, if there is one, is the last of `all`; `ranges`: the proxies
+    /// of each body.
     pub(super) fn add_pairs(&mut self, scene: &Scene, all: &[&Body], has_tool: bool, ranges: &[Range<usize>]) {
         let tool = if has_tool { all.len() - 1 } else { all.len() };
         let listed = |i: usize, j: usize| {
@@ -66,7 +67,8 @@ impl Model {
         self.drop_unused_fans();
     }
 
-    /// Removes the triangles around vertices that gather no contacts: normals are needed only at vertices that do.
+    /// Removes from the model's lists the triangles around vertices that gather no contacts: normals are needed only at
+    /// vertices that gather contacts.
     fn drop_unused_fans(&mut self) {
         let mut gathers = vec![false; self.skin_nodes.len()];
         for pair_proxy in &self.pair_proxies[..self.gathering_pair_proxies] {
@@ -134,15 +136,16 @@ impl Model {
         self.pair_bodies.push([a, b]);
     }
 
-    /// Whether any pair needs the depth stage; a pair with a half-space does not.
+    /// Whether any pair needs the depth stage, which casts rays between two skins; a pair with a half-space does not
+    /// need it.
     pub fn needs_depth(&self) -> bool {
         self.pairs.iter().any(|pair| pair.is_plane == 0)
     }
 }
 
-/// Mean skin area per vertex of a body, m^2. Where only one side of a pair gathers contacts, it is the body with the
-/// finer skin, the one with less area per vertex, since its vertices resolve the contact better; of two equal ones it
-/// is the first.
+/// Mean skin area per vertex of a body, m^2. Where the vertices of only one body of a pair gather contacts, that is the
+/// body with the finer skin (less area per vertex), since its vertices resolve the contact better; where both skins are
+/// equally fine, it is the first body.
 fn mean_area(body: &Body) -> f64 {
     match &body.shape {
         Shape::Soft { skin, .. } | Shape::Rigid { skin, .. } => {

@@ -1,6 +1,8 @@
-//! Pose stage: moves the collision proxies (convex hulls that cover the skins) into the world and bounds them, clears
-//! the step's counters, gives velocities to nodes attached to moving frames, and fits floating frames (of soft bodies
-//! without cores) to their nodes. A frame is a rigid coordinate frame, a core a rigid body to which nodes are attached.
+//! Pose stage, the first stage of a step: places the collision proxies (convex hulls that cover the skins, the bodies'
+//! surface meshes) in the world and bounds them, clears the step's counters, and sets the velocities of nodes attached
+//! to moving frames. At the end of the step, a separate pass makes the sums for fitting the floating frames (of soft
+//! bodies without cores) to their nodes. A frame is a rigid coordinate frame, a core a rigid body to which nodes are
+//! attached.
 
 use std::sync::Arc;
 
@@ -20,13 +22,14 @@ pub struct Pose {
     proxy_count: u32,
     hull_rest: Buffer,
     face_rest: Buffer,
-    /// The nodes whose displacements move each proxy's skin, proxy by proxy.
+    /// The nodes whose displacements move the skin that a proxy covers, proxy by proxy.
     pub proxy_nodes: Buffer,
     /// The collision proxies of all bodies.
     pub proxies: Buffer,
-    /// Hull vertices of all proxies, in world axes, from an origin that each step chooses near the tool (for f32), m.
+    /// Hull vertices of all proxies, in world axes, relative to an origin that each step chooses near the tool (for the
+    /// precision of f32), m.
     pub hull: Buffer,
-    /// Face planes of all proxies in the world: unit normal, and offset (m).
+    /// Face planes of all proxies in world axes: unit normal, and offset from the same origin (m).
     pub faces: Buffer,
     /// One [`ProxyBounds`] per proxy.
     pub bounds: Buffer,
@@ -72,7 +75,8 @@ impl Pose {
     }
 }
 
-/// The nodes attached to moving frames: those that follow a trajectory (driven frames), and those of dynamic cores.
+/// The nodes attached to moving frames, which are frames that follow a trajectory (driven frames) and frames of dynamic
+/// cores (cores that forces move).
 pub struct AttachedNodes {
     carry: Kernel,
     count: u32,
@@ -94,7 +98,7 @@ impl AttachedNodes {
         }))
     }
 
-    /// Records one pass over these nodes, at the start of the step.
+    /// Records one pass over the attached nodes, at the start of the step.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, solve: &Solve) {
         recorder.stage("pose");
         let arguments = shaders::pose::Carry {
@@ -112,12 +116,12 @@ impl AttachedNodes {
     }
 }
 
-/// The floating frames.
+/// The floating frames, and the kernel for their fit.
 pub struct Floating {
     fit: Kernel,
     count: u32,
     frames: Buffer,
-    /// One [`Fit`] per floating frame: the sums from which the host fits it.
+    /// One [`Fit`] per floating frame: the sums over its nodes from which the host fits the frame.
     pub fits: Buffer,
 }
 

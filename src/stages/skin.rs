@@ -1,6 +1,7 @@
-//! Skin stage: computes the positions of the skin (surface mesh) of active chunks, which are groups of at most 64 skin
-//! vertices that may meet the other body, and enters the vertices into a spatial hash for the depth stage. It also
-//! reads the probes, skin vertices whose positions a scene records.
+//! Skin stage, between the cull and the depth stage of a step: computes the positions of the skin (surface mesh) of
+//! active chunks, which are groups of at most 64 skin vertices that may meet the other body. For the depth stage it
+//! enters the vertices into a spatial hash, by cell of the plane of a contact patch (an area with one normal where two
+//! bodies may touch). This file also reads the probes, skin vertices whose positions a scene records.
 
 use std::sync::Arc;
 
@@ -14,18 +15,18 @@ use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
 use crate::stages::{CHUNK_VERTICES, PAIR_PATCHES};
 
-/// Number of buckets of the spatial hash, at least.
+/// Least number of buckets of the spatial hash.
 pub const LEAST_BUCKETS: u32 = 1 << 13;
 
-/// Number of buckets of the spatial hash: one per four skin vertices, so that lists stay short even where bodies
-/// coincide, and the hash is still cleared in microseconds.
+/// Number of buckets of the spatial hash: one per four skin vertices, so that the lists of vertices in the buckets stay
+/// short even where bodies coincide, and the hash is still cleared in microseconds.
 pub fn buckets(model: &Model) -> u32 {
     (model.skin_nodes.len() as u32 / 4).next_power_of_two().max(LEAST_BUCKETS)
 }
 
-/// Length in words of the array `buckets`: a list head per bucket, then a depth grid for either body of each contact
-/// patch. Each cell of a grid holds how far a triangle must reach along the patch's normal to be hit by a ray of the
-/// body's vertices in that cell.
+/// Length in words of the array `buckets`: a list head per bucket, then two depth grids per contact patch, one for each
+/// of its two bodies. A cell of a body's grid holds how far a triangle of the other body must reach along the patch's
+/// normal to be hit by a ray of the body's vertices in that cell.
 fn bucket_words(model: &Model) -> u32 {
     buckets(model) + (PAIR_PATCHES * model.pairs.len() * GRID_WORDS) as u32
 }
@@ -35,24 +36,27 @@ pub struct Skin {
     embed: Kernel,
     /// Skin vertices of the chunks, chunk by chunk.
     pub chunk_vertices: Buffer,
-    /// Per skin vertex: the four nodes of its tetrahedron.
+    /// Per skin vertex: the four nodes of its tetrahedron; the first is `NONE` on a rigid body.
     pub skin_nodes: Buffer,
-    /// Per skin vertex: its four embedding weights, or on a rigid body its position in the frame (m).
+    /// Per skin vertex: its four embedding weights, or on a rigid body its position in the body's rigid coordinate
+    /// frame (m).
     pub skin_weights: Buffer,
-    /// Per skin vertex: its position, relative to the step's origin, m; valid in active chunks only.
+    /// Per skin vertex: its position relative to the origin that each step chooses near the tool, m; valid in active
+    /// chunks only.
     pub skin: Buffer,
     /// Per triangle: its three skin vertices.
     pub triangles: Buffer,
-    /// Per bucket of the spatial hash: its first vertex; behind them depth grids of the vertices
-    /// (shaders/shared/spatial_hash.glsl).
+    /// Per bucket of the spatial hash: index of the first entry of its list; after all buckets come the depth grids of
+    /// the vertices (shaders/shared/spatial_hash.glsl).
     pub buckets: Buffer,
-    /// The vertices in the hash, one per vertex and contact patch: position along the patch's axes (m), next one in the
-    /// bucket.
+    /// The entries of the hash, one per vertex and contact patch: position along the patch's axes (m), next entry in
+    /// the bucket.
     pub hash_entries: Buffer,
-    /// Per vertex in the hash: the first ray hit found for it.
+    /// Per entry of the hash: the head of its list of ray hits (points where the vertex's ray meets a triangle of the
+    /// other body).
     pub entry_hits: Buffer,
-    /// Per vertex in the hash: 2 times the contact patch plus the side (0 for body a, 1 for b), and the cell of the
-    /// hash.
+    /// Per entry of the hash: 2 times the contact patch plus the side (0 for body a of the pair, 1 for b), and the cell
+    /// of the hash.
     pub entry_cells: Buffer,
 }
 
@@ -114,7 +118,7 @@ pub struct Probes {
 }
 
 impl Probes {
-    /// Kernel and arrays for probes; `nodes`: the four nodes of each.
+    /// Kernel and arrays for probes; `nodes`: the four nodes of each probe.
     pub fn new(context: &Arc<Context>, nodes: &[[u32; 4]]) -> Result<Probes> {
         Ok(Probes {
             probe: Kernel::new(context, "skin/probe", Size::Group, &[("PROBE_NODES", count(4 * nodes.len()))])?,

@@ -1,9 +1,11 @@
-//! Solve stage: solves the linear system A x = b of implicit Euler for the change x of velocities and twists, by
-//! preconditioned conjugate gradients with a single reduction (Chronopoulos and Gear 1989); the GPU itself decides when
-//! to stop. Nodes come in blocks, one workgroup each. Rigid bodies are the tool and the dynamic cores, which are rigid
-//! bodies that forces move and that have nodes attached to them; a group is the cores that joints connect. In the names
-//! below, `operator_product` is an operator product A p, `carried_residual` the residual b - A x that a step carries
-//! over to the next, and `restricted` means multiplied by P^T, the restriction to the coarse space.
+//! Solve stage, after the contact and the elastic stage of a step: solves the linear system A x = b of implicit Euler
+//! for the change x of velocities and twists, by preconditioned conjugate gradients with a single reduction
+//! (Chronopoulos and Gear 1989); the GPU itself decides when to stop. Nodes come in blocks, each of which one workgroup
+//! works on. The rigid bodies are the tool and the dynamic cores, which are rigid bodies that forces move and that have
+//! nodes attached to them; a group is all cores that joints connect with each other. In the names below,
+//! `operator_product` is the product A p with a vector p, `carried_residual` the residual b - A x that a step adds to
+//! the right-hand side of the next, and `restricted` means multiplied by P^T, the restriction to the preconditioner's
+//! coarse space (a few motions of each block).
 
 mod record;
 #[cfg(test)]
@@ -35,7 +37,7 @@ pub struct Solve {
     cores: Option<Kernel>,
     first_residual: Kernel,
     first_iterate: Kernel,
-    /// One variant per role (see [`Variant`]); the first one also writes the scalars of the iteration.
+    /// One variant per role (see [`Variant`]); the first variant also writes the scalars of the iteration.
     update: Vec<Variant>,
     conclude: Kernel,
     commit: Kernel,
@@ -62,13 +64,15 @@ pub struct Solve {
     coarse_dots: Buffer,
     /// One [`shaders::Rigid`] per rigid body, the tool's last.
     pub rigids: Buffer,
-    /// Two sets of one [`shaders::RigidIterate`] per rigid body; an iteration reads one set and writes the other.
+    /// Two sets, each of one [`shaders::RigidIterate`] per rigid body; an iteration reads one set and writes the other.
     pub iterates: Buffer,
     /// `CORE_NUMBERS` floats per dynamic core, used while the inverse of the core's group is computed.
     rigid_blocks: Buffer,
-    /// Per group, and for the tool: the inverse of the diagonal block of A for its twists, row by row.
+    /// Per group of cores, and for the tool: the inverse of the diagonal block of A for their twists (linear and
+    /// angular velocities), row by row.
     rigid_inverses: Buffer,
-    /// Per dynamic core: the sides of joints that are on it, each as twice the joint's index plus the side.
+    /// Per dynamic core: the joints that act on it, each as twice the joint's index, plus 1 where the core is the
+    /// joint's second core.
     joint_sides: Buffer,
     iterations: Buffer,
     /// Six numbers per dynamic core, read by the host: the change of its twist.
@@ -78,7 +82,7 @@ pub struct Solve {
     rhs: Buffer,
     carried_residual: Buffer,
     inverse: Buffer,
-    /// Change of velocity of the nodes; the next step starts from it.
+    /// Change of velocity of the nodes; the next step's iterations start from a multiple of it.
     pub solution: Buffer,
     residual: Both,
     preconditioned: Both,
@@ -89,37 +93,37 @@ pub struct Solve {
     dots: Buffer,
 }
 
-/// Two copies of an array, of which an iteration reads one and writes the other. `now` and `next` are the same two
-/// buffers under the names by which kernels read and write them.
+/// Two copies of an array, called sets 0 and 1, of which an iteration reads one and writes the other. `now` and `next`
+/// are the same two buffers, under the names by which kernels read them and write them.
 struct Both {
     now: [Buffer; 2],
     next: [Buffer; 2],
 }
 
 impl Both {
-    /// The copy that an iteration reading this set reads.
+    /// The copy that is read by an iteration that reads this set.
     fn now(&self, set: u32) -> &Buffer {
         &self.now[set as usize]
     }
 
-    /// The other copy, which the same iteration writes.
+    /// The other copy, which is written by the iteration that reads this set.
     fn next(&self, set: u32) -> &Buffer {
         &self.next[1 - set as usize]
     }
 }
 
-/// A kernel specialised for one role, the kind of rows that it works on: free nodes, attached nodes, or the tool (see
-/// shaders/shared/roles.glsl).
+/// A kernel specialised for one role, which is the kind of rows of A that it works on: free nodes, nodes attached to
+/// dynamic cores, or the tool (see shaders/shared/roles.glsl).
 struct Variant {
     kernel: Kernel,
-    /// Number of workgroups.
+    /// Number of workgroups of the kernel.
     groups: u32,
-    /// Index of its indirect arguments in the solver's loop (shaders/shared/args.glsl).
+    /// Index of the kernel's indirect arguments in the solver's loop (shaders/shared/args.glsl).
     args_index: u32,
 }
 
-/// The kernel of the coarse space, which multiplies restricted vectors by A_c^-1, as it runs outside the solver's loop:
-/// before the loop, for the warm start, and after it.
+/// The kernel of the coarse space, which multiplies restricted vectors by the inverse of the coarse matrix A_c = P^T A
+/// P. Its two variants run outside the solver's loop: `warm_start` before the loop, `end` after it.
 struct CoarseKernels {
     warm_start: Kernel,
     end: Kernel,
@@ -148,7 +152,8 @@ impl Solve {
         let widest = model.cores.iter().map(|core| core.group.len()).max().unwrap_or(1);
         let (rigids_at_rest, inverse_numbers) = rigids_of(model);
         let reduce = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Reduce, constants);
-        // Each role that occurs: its number, first block, number of workgroups, index of its indirect arguments.
+        // Each role that occurs in the model: its number, its first block, its number of workgroups, the index of its
+        // indirect arguments.
         let (free, attached) = (model.blocks.free, block_count - model.blocks.free);
         let roles = [
             (shaders::FREE_NODES, 0, free, shaders::ARGS_LOOP_FREE),
@@ -276,7 +281,7 @@ impl Solve {
     }
 }
 
-/// The dynamic cores and the tool at rest, and the number of entries of the inverses of all groups.
+/// The dynamic cores and the tool at rest, and the number of entries of the array `rigid_inverses`.
 fn rigids_of(model: &Model) -> (Vec<shaders::Rigid>, usize) {
     let nothing = shaders::Rigid { parent: shaders::NONE, ..bytemuck::Zeroable::zeroed() };
     let (mut joint_first, mut numbers) = (0, 0);
@@ -312,7 +317,8 @@ fn rigids_of(model: &Model) -> (Vec<shaders::Rigid>, usize) {
     (rigids, numbers)
 }
 
-/// Per dynamic core: the sides of joints that are on it, each as twice the joint's index plus the side.
+/// Per dynamic core: the joints that act on it, each as twice the joint's index, plus 1 where the core is the joint's
+/// second core.
 fn sides_of(model: &Model) -> Vec<Vec<u32>> {
     let mut sides = vec![Vec::new(); model.cores.len()];
     for (index, joint) in model.joints.iter().enumerate() {

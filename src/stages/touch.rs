@@ -1,4 +1,5 @@
-//! The stages from pose to contact together, which the step and the proximity query have in common.
+//! The stages that find contact (pose, cull, skin, depth, contact) together. They run at the start of a step, and alone
+//! in the proximity query, which finds contact between two rigid bodies without forces.
 
 use std::sync::Arc;
 
@@ -12,23 +13,25 @@ use super::{Common, pose};
 use crate::Result;
 use crate::gpu::{Context, Recorder};
 
-/// The stages of scenes where something can touch.
+/// The stages from pose to contact, which only scenes where something can touch have.
 pub struct TouchStages {
     /// Pose stage: the collision proxies (convex hulls that cover the skins) in the world, and their bounds.
     pub pose: pose::Pose,
     /// Skin stage: the skins (surface meshes) in the world.
     pub skin: Skin,
-    /// Cull stage: the broad phase.
+    /// Cull stage: the broad phase, which finds the parts of the skins that may touch.
     pub cull: Cull,
-    /// Depth stage: the narrow phase; `None` where only half-spaces can be touched.
+    /// Depth stage: the narrow phase, which casts rays from skin vertices; `None` where only half-spaces can be
+    /// touched.
     pub depth: Option<Depth>,
-    /// Contact stage: the colliding vertices.
+    /// Contact stage: the skin vertices that lie inside another body.
     pub contact: Contact,
 }
 
 impl TouchStages {
     /// Kernels and arrays of the stages from pose to contact. `path`: the implementation of the depth stage, graphics
-    /// or compute, where that stage is needed; `blend`: as in [`Contact::new`], and also `smooth` of [`Cull::new`].
+    /// or compute, `None` where no two skins can meet; `blend`: given to [`Contact::new`] as `blend` and to
+    /// [`Cull::new`] as `smooth`.
     pub fn new(context: &Arc<Context>, model: &Model, path: Option<Path>, blend: bool) -> Result<TouchStages> {
         Ok(TouchStages {
             pose: pose::Pose::new(context, model)?,

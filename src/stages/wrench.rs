@@ -1,4 +1,5 @@
-//! Wrench stage: sums the contacts on the tool to net force, torque, stiffness and damping.
+//! Wrench stage, after the solve in a step: sums all contacts on the tool (the rigid body that the haptic device leads)
+//! to a net force, torque, stiffness and damping.
 
 use std::sync::Arc;
 
@@ -21,7 +22,7 @@ impl Wrench {
         Ok(Wrench { reduce: Kernel::new(context, "wrench/reduce", Size::Reduce, &[friction])? })
     }
 
-    /// Records one workgroup, which runs only in a step that is accepted.
+    /// Records one pass of one workgroup, which runs only where the step's solution is accepted.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, touch: &Touch) {
         recorder.stage("wrench");
         let arguments = shaders::wrench::Reduce {

@@ -1,16 +1,18 @@
 //! The algorithm of a step, in the order in which it runs. A core is a rigid body to which nodes of a soft body are
-//! attached; a frame is a rigid coordinate frame, which floats where a soft body has no core.
+//! attached; a frame is a rigid coordinate frame, which floats where a soft body has no core. The tool is the rigid
+//! body that the haptic device leads; a probe is a skin vertex whose path is recorded.
 //!
 //! 1. [`Simulation::advance`] writes the step's inputs: the haptic device's pose, rigid coordinate frames, the tool.
 //! 2. [`Recordings::begin`]: velocities of nodes attached to moving frames; broad phase, narrow phase and contacts at
 //!    the step's start (pose, cull, skin, depth, contact: [`TouchStages::record`]); the element forces; the solver's
 //!    set-up with its first residual.
-//! 3. [`Recordings::iterate`]: conjugate gradients, recorded in several lengths (plans); most steps fit one submit.
-//! 4. [`Recordings::end`]: the verdict, the state at the end of the step, the wrench on the tool and its gap to the
-//!    nearest body, the fit of floating frames, probes.
-//! 5. [`Simulation::submit`] reads the verdict, which asks for more iterations, for another solve after contacts under
-//!    tension were released (they get no stiffness) ([`Recordings::resolve`]), for a further Newton iteration
-//!    ([`Recordings::newton`]), or for nothing more.
+//! 3. [`Recordings::iterate`]: conjugate gradients, recorded once for each of several numbers of iterations (plans);
+//!    most steps need only one submit.
+//! 4. [`Recordings::end`]: the verdict on the solution, the state at the end of the step, the wrench on the tool, the
+//!    gap between the tool and the nearest body, the fit of floating frames, the probes.
+//! 5. [`Simulation::submit`] reads the verdict, which asks for more iterations, for another solve after contacts that
+//!    would pull were released (left without stiffness; [`Recordings::resolve`]), for a further Newton iteration
+//!    ([`Recordings::newton`]), or for nothing more, or says that the step failed.
 //! 6. [`Simulation::arrive`] moves frames and tool to the end of the step. A step that failed is repeated in two
 //!    halves; where even the shortest halves fail, everything stops ([`Recordings::stop`]).
 
@@ -24,24 +26,25 @@ use crate::{Error, Result};
 
 /// Number of iterations in the shortest plan; each further plan has twice as many.
 const SHORTEST_PLAN: u32 = 16;
-/// Iterations that a step's plan has beyond the number that the last step needed, so that most steps need one submit.
+/// Number of iterations that a step's plan has beyond those that the last step needed, so that most steps need one
+/// submit.
 const SPARE_ITERATIONS: u32 = 4;
-/// Largest number of submits per Newton iteration. No step needs more, since the limits on iterations and on repeated
-/// solves are recorded.
+/// Largest number of submits per Newton iteration. No step needs more, since the kernels limit the numbers of
+/// iterations and of repeated solves.
 const MOST_SUBMITS: u32 = 64;
 
-/// One step, recorded in parts that are submitted together.
+/// One step, recorded in parts; a submit has several of these.
 pub struct Recordings {
     /// Everything before the solver's loop.
     pub begin: Recording,
-    /// The solver's set-up once more, after contacts were released.
+    /// The element forces and the solver's set-up once more, for a repeated solve after contacts were released.
     pub resolve: Recording,
-    /// Both set-ups for a further Newton iteration: the first one, and the one after contacts were released. `None`
-    /// where a step has only one Newton iteration.
+    /// The element forces and the solver's set-up for a further Newton iteration: for its first solve, and for a
+    /// repeated solve after contacts were released. `None` where a step has only one Newton iteration.
     pub newton: Option<[Recording; 2]>,
-    /// The plans: number of iterations, and their recording.
+    /// The plans, by rising length: number of iterations, and the recording of so many iterations.
     pub iterate: Vec<(u32, Recording)>,
-    /// The verdict, the new state, the wrench.
+    /// What follows the iterations: the verdict, the state at the end of the step, the wrench.
     pub end: Recording,
     /// Stops all motion, where no attempt at a step succeeds.
     pub stop: Recording,
@@ -51,8 +54,8 @@ pub struct Recordings {
 type Blank<'a> = &'a dyn Fn() -> Result<Recorder>;
 
 impl Recordings {
-    /// Records every part. The longest plan has at least one iteration more than `max_iterations`, since the passes of
-    /// this further iteration notice that the limit is reached.
+    /// Records every part. The longest plan has at least one iteration more than `max_iterations`, since it is the
+    /// passes of this further iteration that notice that the limit is reached.
     pub fn new(stages: &Stages, max_iterations: u32, recorder: impl Fn() -> Result<Recorder>) -> Result<Recordings> {
         Ok(Recordings {
             begin: begin(stages, &recorder)?,
@@ -160,7 +163,7 @@ fn stop(stages: &Stages, blank: Blank) -> Result<Recording> {
 }
 
 impl Simulation {
-    /// Advances by `h` seconds from the time `from`. A step fails where its solution is not finite, or the solver
+    /// Advances by `h` seconds from the time `from` (s). A step fails where its solution is not finite, or the solver
     /// diverged or broke down early. A failed step leaves the state as it was and is repeated in two halves, which may
     /// be halved again, up to `halvings` times. Where even the shortest halves fail, everything stops where it is, so
     /// that nothing ever jumps.
@@ -194,14 +197,14 @@ impl Simulation {
             last.iterations += first.iterations;
         }
         last.iterations += report.iterations;
-        // Only the shorter steps, which replace this one, decide whether the flag for a solver that did not converge is
-        // raised.
+        // The flag for a solver that did not converge is raised by the shorter steps alone, since they replace this
+        // one.
         last.flags |= first.flags | (report.flags & !Flags::NOT_CONVERGED.0) | Flags::STEP_RETRIED.0;
         Ok(last)
     }
 
-    /// Stops all that forces move, where no attempt at the step succeeded; frames that follow a trajectory (driven) go
-    /// on.
+    /// Stops everything that forces move, where no attempt at the step succeeded; frames that follow a trajectory
+    /// (driven frames) move on.
     fn stop(&mut self, h: f64) -> Result<()> {
         Recording::submit_all(&[&self.plain.stop])?;
         if let Some(tool) = &mut self.tool {
@@ -223,7 +226,7 @@ impl Simulation {
         let (mut again, mut times) = (&set.resolve, Vec::new());
         // The part to submit before the iterations, if any.
         let mut first = Some(&set.begin);
-        // Number of iterations of all solves before the current one together, and of the longest solve so far.
+        // Number of iterations of all earlier solves of this step together, and of the longest one of them.
         let (mut earlier, mut longest) = (0, 0);
         for _ in 0..MOST_SUBMITS * self.scene.step.newton {
             let all = [first.unwrap_or(&set.end), set.plan(wanted), &set.end];
@@ -259,8 +262,9 @@ impl Simulation {
         )))
     }
 
-    /// Moves the frames to the end of the step: floating ones by a fit to sums that the GPU made, those of dynamic
-    /// cores by the change of twist that the solver found.
+    /// Moves the frames to the end of the step: floating frames by a fit to sums that the GPU made, and the frames of
+    /// dynamic cores (cores that forces move) by the change of twist that the solver found. `accepted`: whether the
+    /// step succeeded; otherwise these frames stay where they are.
     fn arrive(&mut self, h: f64, accepted: bool) -> Result<()> {
         let floating = self.stages.floating.as_ref().filter(|_| accepted);
         let fits = floating.map(|floating| floating.fits.mapped::<Fit>()).transpose()?;

@@ -1,6 +1,6 @@
-//! What a user may change between two steps: materials, the contact law, the virtual coupling, and where driven cores
-//! go (rigid bodies inside a soft one that follow a trajectory). Bodies are not prepared anew, and the state of motion
-//! stays.
+//! What a user may change between two steps: materials, the contact law, the virtual coupling (spring and damper
+//! between haptic device and tool), and where driven cores go (rigid bodies inside a soft one that follow a
+//! trajectory). The bodies are not prepared anew, and their positions and velocities stay.
 
 use std::time::Duration;
 
@@ -19,7 +19,8 @@ use crate::stages::model::Model;
 use crate::step::Pose;
 use crate::{Error, Result};
 
-/// How far rounding may move a centre of mass, as a fraction of the distance from it to the farthest node.
+/// Distance by which rounding may move a centre of mass, as a fraction of the distance from the centre of mass to the
+/// farthest node.
 const ROUNDING: f64 = 1e-9;
 
 fn refused(what: &str, problem: Problem) -> Error {
@@ -36,10 +37,10 @@ impl Simulation {
         }
     }
 
-    /// Gives a soft body another material from the next step on: the one at `index` of [`Simulation::materials`].
-    /// Whether the body has a coarse space in the preconditioner stays as it was chosen. Errors: there is no such
-    /// material; or the new one is not valid, has another material law, or has a density that would move a centre of
-    /// mass.
+    /// Gives a soft body another material from the next step on: the one at `index` of [`Simulation::materials`]. The
+    /// preconditioner keeps the body's coarse space if there is one, and gets none otherwise. Errors: the body has no
+    /// material at `index`; or the new material is not valid, has another material law, or has a density that would
+    /// move a centre of mass.
     pub fn set_material(&mut self, body: usize, index: usize, material: Material) -> Result<()> {
         let wrong = |what: String| Err(Error::Usage(what));
         let Some(old) = self.materials(body).get(index) else {
@@ -99,8 +100,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Pose of a core: where the core's motion has taken the coordinate system of the body's file. `None`: there is no
-    /// such core.
+    /// Pose of a core: where the core's motion has taken the coordinate system of the body's file. `None`: the body has
+    /// no such core.
     pub fn core_pose(&self, body: usize, core: usize) -> Option<Pose> {
         let frame = self.frame_of(body, core)?;
         let place = self.frames.place(frame);
@@ -108,7 +109,8 @@ impl Simulation {
         Some(Pose { position, orientation: place.rotation })
     }
 
-    /// Moves a driven core to a pose, uniformly, in the given time from now on (at least a step), and leaves it there.
+    /// Moves a driven core to a pose, uniformly, in the given time from now on (at least the time of a step), and
+    /// leaves it there.
     pub fn move_core(&mut self, body: usize, core: usize, pose: Pose, time: Duration) -> Result<()> {
         let Some(frame) = self.frame_of(body, core) else {
             return Err(Error::Usage(format!("body {body} has no core {core}")));
@@ -143,13 +145,13 @@ impl Simulation {
         let mut frames = Frames::new(&model, |_| DVec3::ZERO);
         frames.restore(&self.frames.saved());
         let held = tools::tool_of(&scene, self.tool_body.as_ref(), &model, &frames)?;
-        // All that can fail is done before anything is changed.
+        // Everything that can fail is done before anything is changed.
         if model.friction[0] > 0.0 && !self.has_friction {
             let (stages, plain, timed) = self.recorded(&model, &scene, &bodies)?;
             (self.stages, self.plain, self.timed, self.shown) = (stages, plain, timed, None);
             (self.has_friction, self.is_solved) = (true, false);
         } else if let Err(error) = self.stages.refresh(&model) {
-            // The old constants are written back as far as that is possible.
+            // The old constants are written back to the GPU as far as that is possible.
             let _ = self.stages.refresh(&self.model);
             return Err(error);
         }
@@ -161,7 +163,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Makes and records the step anew for a model of the same bodies, with the GPU arrays in their present state.
+    /// Makes and records the step anew for a model of the same bodies; the arrays that a step leaves for the next keep
+    /// their present contents.
     fn recorded(&self, model: &Model, scene: &scene::Scene, bodies: &[Body]) -> Result<NewRecordings> {
         let arrays = read_all(&self.context, &self.stages.state())?;
         let (_, probe_nodes) = probes_of(scene, bodies, model)?;
@@ -173,5 +176,5 @@ impl Simulation {
     }
 }
 
-/// Kernels and arrays, and their recordings, untimed and timed.
+/// Kernels and arrays, and the recordings made of them, without and with timestamps.
 type NewRecordings = (Stages, Recordings, Option<[Recordings; 2]>);

@@ -1,50 +1,53 @@
-//! Output of a step for the haptic loop: the contact wrench on the tool with its stiffness and damping, and the gap to
-//! the nearest body.
+//! Output of a step for the haptic loop: the contact wrench on the tool (the rigid body that the haptic device leads)
+//! with its stiffness and damping, and the gap between the tool and the nearest body.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::rigid::{RigidState, Wrench};
 
-/// Contacts count as pressing from one side where their net force is at least this fraction of the sum of their
-/// magnitudes: for half a sphere under even pressure that fraction is 0.5, for two opposite sides 0.
+/// Contacts count as pressing from one side where the magnitude of their net force is at least this fraction of the sum
+/// of the magnitudes of their forces. For half a sphere under even pressure that fraction is 0.5, for two opposite
+/// sides it is 0.
 const ONE_SIDED: f64 = 0.3;
 
 /// The output of a step for the haptic loop.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ContactWrench {
-    /// Number of steps done, this one included; 0 before the first.
+    /// Number of steps done, including the one that this wrench is the output of; 0 before the first step.
     pub step: u64,
-    /// When the step's inputs were taken, s on the haptic loop's clock.
+    /// Time at which the step's inputs were taken, s on the haptic loop's clock.
     pub time: f64,
     /// State of the tool at the end of the step.
     pub tool: RigidState,
     /// Net wrench of all contacts on the tool, about its centre, world axes.
     pub wrench: Wrench,
-    /// Contact stiffness felt by the tool, without the bodies' own compliance: rows and columns linear, then angular;
-    /// N/m, N/rad, N m/m, N m/rad; symmetric.
+    /// Contact stiffness felt by the tool, without the bodies' own compliance: a symmetric matrix whose rows and
+    /// columns are linear (three), then angular (three), in N/m, N/rad, N m/m and N m/rad.
     pub stiffness: [[f64; 6]; 6],
-    /// Contact damping in the layout of the stiffness; the same units times s.
+    /// Contact damping felt by the tool, in the layout of `stiffness`; the units are those of `stiffness` times s.
     pub damping: [[f64; 6]; 6],
-    /// Sum of the magnitudes of the contacts' normal forces, N; equal to the net force's magnitude where all press in
-    /// the same direction.
+    /// Sum of the magnitudes of the contacts' normal forces, N; without friction equal to the magnitude of the net
+    /// force where all contacts press in the same direction.
     pub pressing: f64,
-    /// The gap to the nearest body; `None` where the tool touches something, or nothing is known to be near.
+    /// The gap between the tool and the nearest body; `None` where the tool touches something, or nothing is known to
+    /// be near.
     pub gap: Option<Gap>,
     /// Whether a driven body (one that follows a trajectory) moved during the step: contact may then do work on the
     /// tool that no hand put in.
     pub has_kinematic_motion: bool,
 }
 
-/// The gap between the tool and the nearest body, and how stiff contact will be where it ends.
+/// The gap between the tool and the nearest body, and how stiff contact will be once the gap is closed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
     /// Unit vector from the body to the tool: the direction in which contact will push.
     pub normal: DVec3,
-    /// How far the tool can go against the normal before it touches, m; negative where it has come into contact during
-    /// a step that began without contact.
+    /// How far the tool can go against the normal before it touches the body, m; negative where the tool has come into
+    /// contact during a step that began without contact.
     pub distance: f64,
-    /// An upper bound of the stiffness that contact will have at first, N/m: the body's own compliance is left out.
+    /// An upper bound of the stiffness that contact will have at first, N/m; it is an upper bound because the body's
+    /// own compliance is left out.
     pub stiffness: f64,
 }
 
@@ -84,7 +87,8 @@ impl ContactWrench {
 }
 
 impl Gap {
-    /// Whether the normal is a unit vector to 1e-3, the distance finite, and the stiffness finite and not negative.
+    /// Whether the normal is a unit vector (to 1e-3), the distance is finite, and the stiffness is finite and not
+    /// negative.
     pub fn is_valid(&self) -> bool {
         let is_stiffness = self.stiffness.is_finite() && self.stiffness >= 0.0;
         (self.normal.length() - 1.0).abs() < 1e-3 && self.distance.is_finite() && is_stiffness

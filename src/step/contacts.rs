@@ -13,29 +13,30 @@ use crate::stages::contact_law::{Traction, end_traction, start_traction};
 pub struct ContactPoint {
     /// The body that the vertex belongs to, and the body that it touches, as indices; the tool comes after the bodies.
     pub bodies: [usize; 2],
-    /// Index of the vertex in that body's skin.
+    /// Index of the vertex in the skin of the body that it belongs to.
     pub vertex: usize,
     /// World position of the vertex now, m.
     pub position: DVec3,
     /// Unit normal, world axes, pointing out of the touched body.
     pub normal: DVec3,
-    /// How deep the vertex lies in the other body, along the normal, m.
+    /// How deep the vertex lies in the touched body, along the normal, m.
     pub depth: f64,
     /// Area of skin that the vertex stands for, projected along the normal, m^2.
     pub area: f64,
     /// Pressure along the normal at the end of the step, Pa; pressure times area is the contact's part of the net
-    /// force. Where this is not known, it is the pressure at the start of the step. It is not known after a saved state
-    /// was restored, after a frozen step (one in which no attempt succeeded), and after [`Simulation::set_contact`]
-    /// brought friction into a scene that had none, each time until the next step.
+    /// force. Where the pressure at the end is not known, this is the pressure at the start of the step. The pressure
+    /// at the end is not known after a saved state was restored, after a frozen step (one in which no attempt
+    /// succeeded), and after [`Simulation::set_contact`] brought friction into a scene that had none, each time until
+    /// the next step.
     pub pressure: f64,
-    /// Friction force per area at the end of the step on the body that the vertex belongs to, world axes, Pa; zero
-    /// where the friction at the end is not known.
+    /// Friction force per area, at the end of the step, on the body that the vertex belongs to, world axes, Pa; zero
+    /// where it is not known, in the same cases as for the pressure.
     pub friction: DVec3,
 }
 
 impl Simulation {
-    /// The contacts of the last step, without those that were released because they were under tension. This costs
-    /// transfers from the GPU.
+    /// The contacts of the last step, without those that were released (left without stiffness) because they would have
+    /// pulled. This costs transfers from the GPU.
     ///
     /// # Errors
     /// [`crate::Error::Vulkan`]: a transfer failed.
@@ -56,7 +57,7 @@ impl Simulation {
         let point = |(contact, traction): (&shaders::Contact, &Traction)| {
             let bodies = self.side_bodies(contact.side);
             let vertex = contact.vertex as usize - ranges[bodies[0]].start;
-            // The contact's normal points from body a to body b of the pair.
+            // The GPU's normal of a contact points from body a to body b of the pair.
             let out = if contact.side.is_multiple_of(2) { -1.0 } else { 1.0 };
             ContactPoint {
                 bodies,
@@ -72,7 +73,8 @@ impl Simulation {
         Ok(contacts.iter().zip(&tractions).filter(|(contact, _)| contact.stiffness > 0.0).map(point).collect())
     }
 
-    /// The tractions at the last step's contacts.
+    /// The tractions (pressure and friction) at the last step's contacts; at the start of the step where those at its
+    /// end are not known.
     fn tractions(&self, contacts: &[shaders::Contact]) -> Result<Vec<Traction>> {
         let Some(touch) = self.stages.touch.as_ref().filter(|_| self.is_solved) else {
             return Ok(contacts.iter().map(start_traction).collect());
@@ -82,8 +84,8 @@ impl Simulation {
         Ok(contacts.iter().zip(forces).map(|(contact, force)| end_traction(contact, force, h)).collect())
     }
 
-    /// For a side of a pair (2 times the pair, plus 1 for b): the body whose skin vertices are tested for contact on
-    /// that side, and the other body.
+    /// For a side of a pair of bodies a and b (2 times the pair's index, plus 1 for side b): the body whose skin
+    /// vertices are tested for contact on that side, and the other body.
     fn side_bodies(&self, side: u32) -> [usize; 2] {
         let [a, b] = self.model.pair_bodies[side as usize / 2];
         if side.is_multiple_of(2) { [a, b] } else { [b, a] }

@@ -1,12 +1,12 @@
-//! Lists what is recorded for a step, pass by pass and array by array, for `palpate run --explain`. It is read from the
-//! recordings themselves.
+//! Lists what is recorded for a step, pass by pass and array by array, for `palpate run --explain`. The list is read
+//! from the recordings (command buffers) themselves.
 
 use super::Simulation;
 use crate::gpu::{ArrayUse, Recording, shader_names};
 use crate::plan::{Array, Explanation, KernelUse, StageUse, stage_of, why_not};
 use crate::stages::depth::Path;
 
-/// Folders whose shaders are no part of the step: they are for tests or for drawing.
+/// Folders whose shaders are no part of the step: these shaders are for tests or for drawing.
 const OTHER_SHADERS: [&str; 3] = ["test/", "draw/", "view/"];
 
 impl Simulation {
@@ -42,7 +42,8 @@ impl Simulation {
         }
     }
 
-    /// The recordings of a step, each with the number of times that its passes run in the step.
+    /// The recordings of a step of `iterations` solver iterations, each with the number of times that its passes run in
+    /// the step (not always a whole number).
     pub(super) fn parts(&self, iterations: u32) -> Vec<(&Recording, f64)> {
         let (length, iterate) = &self.plain.iterate[0];
         let newton = f64::from(self.scene.step.newton);
@@ -52,7 +53,7 @@ impl Simulation {
         parts
     }
 
-    /// The arrays of all recordings of the step, each once.
+    /// The arrays of all recordings of the step, each array once.
     fn arrays(&self) -> Vec<ArrayUse> {
         let mut arrays: Vec<ArrayUse> = Vec::new();
         for recording in self.parts(1).into_iter().map(|(recording, _)| recording).chain([&self.plain.stop]) {
@@ -65,7 +66,7 @@ impl Simulation {
         arrays
     }
 
-    /// Adds every kernel of the step that its stage did not record, with the reason.
+    /// Adds to each stage the kernels of the step that the stage did not record, with the reason.
     fn add_left_out(&self, stages: &mut [StageUse]) {
         let graphics = self.path == Some(Path::Graphics);
         for kernel in shader_names().filter(|name| !OTHER_SHADERS.iter().any(|folder| name.starts_with(folder))) {

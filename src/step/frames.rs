@@ -1,8 +1,9 @@
 //! Rigid coordinate frames on the host, in f64: the pose of each at the start and at the end of the step, and links,
 //! the relative placements of two frames. The displacements of nodes are measured in these frames: up to rounding,
 //! results do not depend on where a frame is put, but a frame that moves with its nodes keeps displacements small.
-//! Driven frames follow a trajectory, floating ones are fitted to the nodes of a soft body without cores, and dynamic
-//! ones are those of cores (rigid bodies to which nodes are attached) that the solver moves.
+//! Driven frames follow a trajectory, floating frames are fitted to the nodes of a soft body without cores, and dynamic
+//! frames are those of dynamic cores (rigid bodies to which nodes are attached and which the solver moves). The twist
+//! of a frame is its linear and angular velocity.
 
 mod crossing;
 mod saved;
@@ -20,24 +21,24 @@ pub use saved::SavedFrame;
 
 /// Rotation per step, rad, beyond which a frame turns too far. The elements of its nodes keep the rotations of the
 /// step's start and the nodes move along tangents, so that a body that turns by x rad is stretched by the factor 1 +
-/// x^2 / 2 without resistance; below this limit the stretch is less than a hundredth. Free box-shaped bodies that spin
-/// then gain up to a thousandth of their energy (`palpate stability --only spin`).
+/// x^2 / 2 without resistance; below this limit the stretch is less than a hundredth. Below the limit, box-shaped
+/// bodies that spin freely gain up to a thousandth of their energy (`palpate stability --only spin`).
 const MOST_TURN: f64 = 0.12;
-/// A second limit, for stiff bodies that spin freely, on the number q = turn x step / crossing time, of the turn per
-/// step (rad), the length of the step (s), and the time that a pressure wave takes across the body (s). The stretch
-/// described at [`MOST_TURN`] adds to the energy of such a spin a fraction of the order of q^2. At this limit that is
-/// an estimated 0.4 % in the first step, for box-shaped bodies with a Young's modulus from 1 MPa to 10 GPa; smaller
-/// gains are not flagged. A limit of 0.0079 (a gain of some 0.03 %) also flagged bodies with a modulus of 2 MPa that
-/// roll, rub or are struck; whether those gain any energy is not known.
+/// A second limit, for stiff bodies that spin freely, on the number q = (turn per step, rad) x (length of the step, s)
+/// / (time that a pressure wave takes across the body, s). The stretch described at [`MOST_TURN`] raises the energy of
+/// such a spinning body by a fraction of the order of q^2. For box-shaped bodies with a Young's modulus from 1 MPa to
+/// 10 GPa, the fraction at this limit is estimated as 0.4 % in the first step; smaller gains are not flagged. A limit
+/// of 0.0079 (a gain of some 0.03 %) also flagged bodies with a modulus of 2 MPa that roll, rub or are struck; whether
+/// those bodies gain any energy is not known.
 const MOST_STIFF_TURN: f64 = 0.03;
-/// The limit on q (see [`MOST_STIFF_TURN`]) for steps with several Newton iterations. With those, a stiff box-shaped
-/// body that spins loses energy instead, up to a modulus of 10 GPa.
+/// The limit on q (see [`MOST_STIFF_TURN`]) for steps with several Newton iterations. With several iterations, a stiff
+/// box-shaped body that spins loses energy instead of gaining it, up to a modulus of 10 GPa.
 const MOST_STIFF_TURN_TWICE: f64 = 1.0;
 
 /// Pose of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Place {
-    /// World position of its centre, m.
+    /// World position of the frame's centre, m.
     pub centre: DVec3,
     /// Rotation from the frame to the world.
     pub rotation: DQuat,
@@ -46,9 +47,10 @@ pub struct Place {
 /// All frames of a model, over one step.
 pub struct Frames {
     states: Vec<State>,
-    /// Per frame: whether nodes are measured in it.
+    /// Per frame: whether displacements of nodes are measured in it.
     has_nodes: Vec<bool>,
-    /// Per frame: the time that a pressure wave takes across its nodes, s; see [`crossing::crossing_times`].
+    /// Per frame: the time that a pressure wave takes across the part of the body that is measured in it, s; see
+    /// [`crossing::crossing_times`].
     crossing_times: Vec<Option<f64>>,
     links: Vec<[usize; 2]>,
     /// Indices of the floating frames, in the model's order.
@@ -69,8 +71,8 @@ enum Mover {
     Kinematic(Trajectory),
     Tool,
     Floating(Box<Floating>),
-    /// Twist in world axes (m/s, rad/s); inertia about the centre, frame axes, kg m^2; hinge axis, unit, world axes,
-    /// zero without a hinge.
+    /// A frame of a dynamic core: its twist in world axes (m/s, rad/s); the inertia about its centre, in frame axes, kg
+    /// m^2; its hinge axis, a unit vector in world axes, zero without a hinge.
     Dynamic {
         velocity: DVec3,
         spin: DVec3,
@@ -94,8 +96,8 @@ struct Floating {
 }
 
 impl Frames {
-    /// Frames as placed in the scene; driven frames in the poses of their keys at time zero. `velocity`: the initial
-    /// velocity of the body that a frame belongs to, m/s.
+    /// Frames as placed in the scene; driven frames in the poses that their trajectories have at time zero. `velocity`:
+    /// the initial velocity of the body that a frame belongs to, m/s.
     pub fn new(model: &Model, velocity: impl Fn(usize) -> DVec3) -> Frames {
         let mut states: Vec<State> =
             model.frames.iter().enumerate().map(|(i, place)| State::new(place, velocity(i))).collect();
@@ -114,7 +116,7 @@ impl Frames {
         Frames { has_nodes, crossing_times: crossing::crossing_times(model), states, links, floating, dynamic }
     }
 
-    /// Where a frame is at the start of the step.
+    /// Pose of a frame at the start of the step.
     pub fn place(&self, frame: usize) -> Place {
         self.states[frame].start
     }
@@ -127,26 +129,28 @@ impl Frames {
         }
     }
 
-    /// Where a frame will be at the end of the current step. For a dynamic core this is not known before the solve, and
-    /// the value has no meaning.
+    /// Pose of a frame at the end of the current step. For a dynamic core this pose is not known before the solve, and
+    /// the returned value has no meaning.
     pub fn end(&self, frame: usize) -> Place {
         self.states[frame].end
     }
 
-    /// World position of a point that is given relative to a frame's centre in the frame's axes, m.
+    /// World position, at the start of the step, of a point `local` that is given relative to a frame's centre in the
+    /// frame's axes, m.
     pub fn world(&self, frame: usize, local: DVec3) -> DVec3 {
         let Place { centre, rotation } = self.states[frame].start;
         centre + rotation * local
     }
 
-    /// Prepares a step of `h` seconds that ends at `time`: sets where the frames will be at its end.
+    /// Prepares a step of `h` seconds that ends at `time`: sets the poses of the frames at its end, where these are
+    /// known before the solve.
     pub fn set_out(&mut self, time: f64, h: f64, tool: Option<&Tool>) {
         for state in &mut self.states {
             state.set_out(time, h, tool);
         }
     }
 
-    /// Writes the GPU's frames and links; positions are relative to `origin`.
+    /// Writes the GPU's frames and links for a step of `h` seconds; positions are relative to `origin`.
     pub fn write(&self, origin: DVec3, h: f64, frames: &mut [Frame], links: &mut [Link]) {
         for (frame, state) in frames.iter_mut().zip(&self.states) {
             *frame = state.frame(origin, h);
@@ -158,7 +162,8 @@ impl Frames {
     }
 
     /// Writes the GPU's links: the current relative placement of each pair of frames in both of which a tetrahedron,
-    /// collision proxy or chunk (group of skin vertices) has nodes.
+    /// collision proxy (convex hull over a part of a skin, a body's surface mesh) or chunk (group of skin vertices) has
+    /// nodes.
     pub fn write_links(&self, links: &mut [Link]) {
         for (link, [to, from]) in links.iter_mut().zip(&self.links) {
             let (to, from) = (&self.states[*to], &self.states[*from]);
@@ -184,9 +189,9 @@ impl Frames {
         }
     }
 
-    /// Ends a step of `h` seconds. `fits`: the GPU's sums for floating frames; `changes`: the changes of twist of
-    /// dynamic cores. Both are empty where the step was not accepted; then floating and dynamic frames stay as they
-    /// were.
+    /// Ends a step of `h` seconds. `fits`: the GPU's sums over the nodes of floating frames; `changes`: the changes of
+    /// twist of dynamic cores. Both are empty where the step was not accepted; in that case floating and dynamic frames
+    /// stay as they were.
     pub fn arrive(&mut self, h: f64, fits: &[Fit], changes: &[[f32; 6]]) {
         for (frame, change) in self.dynamic.iter().zip(changes) {
             self.states[*frame].push(h, change.map(f64::from));
@@ -204,7 +209,8 @@ impl Frames {
         }
     }
 
-    /// Makes a driven frame go uniformly from where it is at `time` to a key; false where the frame is not driven.
+    /// Makes a driven frame go uniformly from its pose at `time` to a key (a pose at a given time). Returns false where
+    /// the frame is not driven.
     pub fn lead(&mut self, frame: usize, time: f64, key: Key) -> bool {
         match &mut self.states[frame].mover {
             Mover::Kinematic(trajectory) => {
@@ -226,8 +232,8 @@ impl Frames {
 
     /// Whether a frame turns further in a step of `h` seconds than its elements allow (see [`MOST_TURN`],
     /// [`MOST_STIFF_TURN`]). For a driven frame the turn of the current step counts, for other frames their present
-    /// angular velocity times `h`. Frames without nodes, those of rigid bodies, do not count, since nothing deforms
-    /// there. `newton_iterations`: Newton iterations per step.
+    /// angular velocity times `h`. Frames without nodes, which are those of rigid bodies, do not count, since nothing
+    /// deforms there. `newton_iterations`: number of Newton iterations per step.
     pub fn turns_too_far(&self, h: f64, newton_iterations: u32) -> bool {
         let most = if newton_iterations > 1 { MOST_STIFF_TURN_TWICE } else { MOST_STIFF_TURN };
         let all = self.states.iter().zip(&self.has_nodes).zip(&self.crossing_times);
@@ -325,7 +331,7 @@ impl State {
                 *velocity += DVec3::from_slice(&change[..3]);
                 *spin += turned;
             } else {
-                // The centre is on the hinge and stays there.
+                // The frame's centre is on the hinge and stays where it is.
                 *spin += hinge.dot(turned) * *hinge;
             }
             self.start.centre += h * *velocity;
@@ -337,7 +343,7 @@ impl State {
         let Place { centre, rotation } = self.start;
         if let Mover::Dynamic { velocity, spin, inertia, hinge } = &self.mover {
             let turn = DMat3::from_quat(rotation);
-            // A hinge resists all gyroscopic torque.
+            // On a hinge there is no gyroscopic term: the hinge resists all gyroscopic torque.
             let gyroscopic = match *hinge {
                 DVec3::ZERO => gyroscopic_impulse(turn * *inertia * turn.transpose(), *spin, h),
                 _ => DVec3::ZERO,
@@ -381,7 +387,8 @@ impl Floating {
     }
 }
 
-/// Whichever of q and -q has w not negative: both are one rotation, and a small one is then near the identity.
+/// Of q and -q, which stand for the same rotation, the one whose w is not negative; a small rotation is then near the
+/// identity quaternion.
 pub(super) fn unwound(q: DQuat) -> DQuat {
     if q.w < 0.0 { -q } else { q }
 }

@@ -1,5 +1,5 @@
-//! The gap between the tool and the nearest body, for the haptic loop: takes the shortest of the gaps to skins (surface
-//! meshes), which the GPU found, and to half-spaces.
+//! The gap between the tool (the rigid body that the haptic device leads) and the nearest body, at the end of a step of
+//! the haptic loop: the shortest of the gaps to skins (surface meshes), which the GPU found, and to half-spaces.
 
 use glam::DVec3;
 
@@ -17,9 +17,10 @@ const FIRST_TOUCH: f64 = 1e-3;
 const ROUNDING: f64 = 1e-5;
 
 impl Simulation {
-    /// Adds the gap to the last step's wrench, where a haptic loop holds the tool and the tool touches nothing.
+    /// Stores the gap with the last step's contact wrench, where a haptic loop holds the tool and the tool touches
+    /// nothing.
     pub(super) fn add_gap(&mut self, report: &Report) -> Result<()> {
-        // In a frozen step (no attempt succeeded) the GPU found no gap.
+        // In a frozen step, in which no attempt succeeded, the GPU did not search for a gap.
         let is_known = !self.has_weight && !Flags(report.flags).contains(Flags::FROZEN);
         let touches = self.last_wrench.is_some_and(|w| w.pressing > 0.0 || w.wrench.force != DVec3::ZERO);
         if is_known && !touches {
@@ -31,8 +32,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// The shortest gap to any body; `None` where the tool is a body of the scene, or lies within one, or nothing is
-    /// near.
+    /// The shortest gap to any body; `None` where the tool is a body of the scene, where it lies within a body, or
+    /// where nothing is near.
     fn gap(&self) -> Result<Option<Gap>> {
         let model = &self.model;
         if model.tool_frame.is_none() {
@@ -69,7 +70,7 @@ impl Simulation {
             let along = DVec3::from(gap.way.map(f64::from));
             (along, along.length(), gap.triangle, *pair)
         });
-        // Of equally short ways the one to the triangle with the lowest index counts.
+        // Of several ways of equal length, the way to the triangle with the lowest index counts.
         let shortest = ways.min_by(|(_, a, t, _), (_, b, u, _)| a.total_cmp(b).then(t.cmp(u)));
         if back < (1.0 - ROUNDING) * shortest.map_or(f64::from(GAP_FAR), |way| way.1) {
             return Ok((true, None));
@@ -81,9 +82,10 @@ impl Simulation {
         Ok((false, gap))
     }
 
-    /// A gap of this distance (m), if it is within the range of the search; the distance is negative where a sphere
-    /// came into contact, or any tool with a half-space, in a step that began without contact. The gap's stiffness is
-    /// the pair's contact stiffness times the area over which a sphere of the tool's radius touches at first.
+    /// A gap of this distance (m), or `None` where the distance is beyond the range of the search. The distance is
+    /// negative where, in a step that began without contact, a spherical tool came into contact, or any tool came into
+    /// contact with a half-space. The gap's stiffness is the pair's contact stiffness times the area over which a
+    /// sphere of the tool's radius touches at first.
     fn within_range(&self, pair: usize, normal: DVec3, distance: f64) -> Option<Gap> {
         let area = 2.0 * std::f64::consts::PI * self.model.tool_radius * FIRST_TOUCH;
         let stiffness = f64::from(self.model.pairs[pair].stiffness) * area;

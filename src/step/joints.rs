@@ -1,6 +1,6 @@
 //! Ball joints between cores (rigid bodies to which nodes are attached) on the host, in f64: how far the two ends of
-//! each joint are apart, how far its sides (the two cores) are turned against each other, and what its springs add to
-//! the solver's rows of the two cores.
+//! each joint are apart, how far its two sides (the cores) are rotated relative to each other, and what its springs add
+//! to the solver's equations (rows) of the two cores.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -9,9 +9,9 @@ use crate::shaders::{self, NONE};
 use crate::stages::joints::Joint;
 use crate::step::trajectory::rotation_vector;
 
-/// Least value of the divisor 1 + cos(swing) in the axis of the twist's spring. The swing is the angle between the
-/// joint's axis on the first side and on the second. Beyond 155 degrees the twist is hardly defined, and with this
-/// limit the spring becomes softer.
+/// Least value of the divisor 1 + cos(swing) in the axis of the spring that limits the twist. The swing is the angle
+/// between the joint's axis on the first side and on the second side, the twist the rotation about that axis. Beyond a
+/// swing of 155 degrees the twist is hardly defined, and this limit makes the spring softer there.
 const LEAST_ALONG: f64 = 0.1;
 
 /// Writes the GPU's joints for a step of `h` seconds.
@@ -21,15 +21,16 @@ pub fn write(joints: &[Joint], frames: &Frames, h: f64, out: &mut [shaders::Join
     }
 }
 
-/// A joint's springs by implicit Euler. The force on the first side is -k (gap + h gap'), where gap is the distance
-/// vector between the joint's ends on the two sides and gap' its rate at the end of the step; it acts at the middle
-/// between the ends.
+/// A joint's springs by implicit Euler. The force on the first side is -k (gap + h gap'), where k is the stiffness, gap
+/// the vector from the joint's end on the second side to its end on the first, and gap' the rate of this vector at the
+/// end of the step; the force acts at the middle between the ends.
 fn at_start(joint: &Joint, frames: &Frames, h: f64) -> shaders::Joint {
     let places = joint.frames.map(|frame| frames.place(frame));
     let ends = [0, 1].map(|k| frames.world(joint.frames[k], joint.arms[k]));
     let middle = 0.5 * (ends[0] + ends[1]);
     let arms = places.map(|place| middle - place.centre);
-    // Displacement of the joint's end on side k over the step, and rotation of that side, if nothing pushed it.
+    // Displacement of the joint's end on side k over the step (m), and rotation vector of that side (rad), if nothing
+    // pushed the side.
     let way = |k: usize| match (frames.twist(joint.frames[k]), frames.end(joint.frames[k])) {
         (Some((velocity, spin)), _) => (h * (velocity + spin.cross(arms[k])), h * spin),
         (None, Place { centre, rotation }) => {
@@ -53,10 +54,11 @@ fn at_start(joint: &Joint, frames: &Frames, h: f64) -> shaders::Joint {
     }
 }
 
-/// The rotational part of a joint: a spring and damping towards the orientation at rest, and springs that push the
-/// second side back within its limits, where it would be beyond them at the end of the step. `way` is the rotation
-/// vector (rad) by which the first side will turn relative to the second in the step if nothing pushes them. Returns
-/// h^2 K + h D (kg m^2), and the torque on the first side at the step's start (N m).
+/// The rotational part of a joint: a spring and damper towards the orientation at rest, and springs that push the
+/// second side back within its limits of swing and twist, where without a push it would be beyond them at the end of
+/// the step. `way` is the rotation vector (rad) by which the first side will turn relative to the second in the step if
+/// nothing pushes them. Returns h^2 K + h D (kg m^2), with K the rotational stiffness and D the damping, and the torque
+/// on the first side at the step's start (N m).
 fn turning(joint: &Joint, [first, second]: [DQuat; 2], way: DVec3, h: f64) -> (DMat3, DVec3) {
     let resistance = &joint.resistance;
     let away = rotation_vector(unwound(second * first.conjugate()));
@@ -75,8 +77,8 @@ fn turning(joint: &Joint, [first, second]: [DQuat; 2], way: DVec3, h: f64) -> (D
         push_back(swing_stiffness, across.length().atan2(along) - limit, across.normalize_or_zero());
     }
     if let Some(limit) = resistance.twist {
-        // The twist of the rotation by its decomposition into swing and twist (P. Dobrowolski 2015), and the direction
-        // about which rotation increases the twist.
+        // The twist is found by the decomposition of the rotation into swing and twist (P. Dobrowolski 2015); `about`
+        // is the axis about which rotation increases the twist.
         let turn = unwound(first.conjugate() * second);
         let twist = 2.0 * DVec3::new(turn.x, turn.y, turn.z).dot(resistance.axis).atan2(turn.w);
         let about = (axes[0] + axes[1]) / (1.0 + along).max(LEAST_ALONG);

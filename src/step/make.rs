@@ -1,4 +1,7 @@
-//! Makes a simulation of a scene: prepares its bodies, opens a GPU, records the step.
+//! Makes a simulation of a scene, before its first step: prepares the bodies (computes on the host all that the GPU
+//! needs to know about them), opens a GPU, and records the command buffers of a step. A stage is a part of a step; the
+//! stages from the first one, pose, to the stage contact find where bodies touch. A layer is the tetrahedral mesh of a
+//! soft body.
 
 use crate::shaders;
 use std::sync::Arc;
@@ -23,14 +26,14 @@ use crate::step::tool::Tool;
 use crate::step::trajectory::Trajectory;
 use crate::{Error, Result};
 
-/// Number of tetrahedra below which a Vulkan device that is a CPU is faster with one thread than with two (README,
-/// "Measured facts").
+/// Number of tetrahedra below which a Vulkan device that is a CPU is faster on the calling thread alone than with
+/// worker threads, which it would have to wake for each pass (docs/evidence/benchmarks.md).
 const LITTLE_WORK: usize = 20_000;
 
-/// Number of tetrahedra per cell of a mesh that is made as a box.
+/// Number of tetrahedra into which each cell of a layer is cut that a scene gives as a box of cuboid cells.
 const KUHN_TETRAHEDRA: u64 = 6;
-/// Size of a tetrahedron's forces on its four nodes, bytes; the forces of all tetrahedra form the largest array that a
-/// mesh of them needs.
+/// Size of a tetrahedron's forces on its four nodes, bytes; the forces of all tetrahedra form the largest array that
+/// layers need.
 const FORCE_BYTES: u64 = 64;
 
 /// The parts of a simulation that are made before a GPU is opened.
@@ -45,8 +48,9 @@ struct Prepared {
 }
 
 impl Simulation {
-    /// Prepares the scene's bodies, opens a GPU and records the step. All input is read before the GPU is opened.
-    /// Nothing is measured, kept on disk or set in the environment unless `options` ask for it.
+    /// Prepares the scene's bodies, opens a GPU and records the step. All input is read before the GPU is opened. Only
+    /// where `options` ask for it does this function measure the GPU's speed, keep files on disk or set environment
+    /// variables.
     ///
     /// # Errors
     /// A file or a key of the scene is wrong ([`Error::Input`], [`Error::Key`]); [`Error::NoDevice`],
@@ -63,7 +67,8 @@ impl Simulation {
         prepared.record(scene, &context)
     }
 
-    /// Prepares the scene's bodies and records the step on a GPU that is open already and may have other simulations.
+    /// Prepares the scene's bodies and records the step on a GPU that is open already and may run other simulations
+    /// too.
     ///
     /// # Errors
     /// The errors of [`Simulation::open`], except [`Error::NoDevice`].
@@ -80,9 +85,9 @@ impl Simulation {
 }
 
 impl Simulation {
-    /// Checks that the GPU can hold the tetrahedral meshes (layers) that a scene gives as boxes, whose sizes are known
-    /// before they are made: a box may easily have so many cells that not even the host's memory would hold them.
-    /// [`Error::Memory`] if it cannot.
+    /// Checks that the GPU can hold the layers that a scene gives as boxes, and returns [`Error::Memory`] if it cannot.
+    /// The sizes of these layers are known before they are made: a box may easily have so many cells that not even the
+    /// host's memory would hold its layer.
     #[doc(hidden)]
     pub fn check_room(context: &Context, scene: &Scene) -> Result<()> {
         let count = |body: &scene::Body| match body.shape {
@@ -98,8 +103,8 @@ impl Simulation {
         }
         let device = context.device_name();
         Err(Error::Memory(format!(
-            "the forces of {tetrahedra} tetrahedra in boxes need {needed} bytes, but a storage buffer of {device} holds at \
-             most {most}"
+            "the forces of the {tetrahedra} tetrahedra in layers given as boxes need {needed} bytes, but a storage \
+             buffer of {device} holds at most {most} bytes"
         )))
     }
 }
@@ -166,8 +171,8 @@ impl Prepared {
     }
 }
 
-/// Recordings of the step with timestamps: one set timed stage by stage, one with the stages from pose to contact timed
-/// as one.
+/// Two sets of recordings of the step with timestamps: the first set measures the time of each stage, the second
+/// measures the stages from pose to contact together as if they were one stage.
 pub(super) fn timed(context: &Arc<Context>, stages: &Stages, scene: &Scene) -> Result<[Recordings; 2]> {
     let timed = |timers| Recordings::new(stages, scene.solver.max_iterations, || Recorder::timed_by(context, timers));
     Ok([timed(|stage| stage)?, timed(query_as_one)?])

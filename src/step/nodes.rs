@@ -1,5 +1,6 @@
-//! The nodes of soft bodies' tetrahedral meshes: reads their positions, and puts them elsewhere between two steps. A
-//! core is a rigid body inside a soft one, to which nodes are attached.
+//! Reads the positions of the nodes of soft bodies' tetrahedral meshes between two steps, and puts the nodes elsewhere.
+//! A core is a rigid body inside a soft one, to which nodes are attached; nodes that are not attached to a core are
+//! free. The skin of a body is its surface mesh.
 
 use glam::DVec3;
 
@@ -9,8 +10,9 @@ use crate::prepare::{Body, Embedding, Shape};
 use crate::{Error, Result};
 
 impl Simulation {
-    /// Displacements of a soft body's nodes from their rest positions in the body as the scene places it (rest axes of
-    /// the body, m), and their velocities (world axes, m/s), in input order; `None` for any other body.
+    /// Displacements of a soft body's nodes from where they would be at rest in the body as the scene places it (in the
+    /// body's own axes, m), and the nodes' velocities (world axes, m/s). Both have the order of the nodes in the body's
+    /// tetrahedral mesh. `None` for a body that is not soft.
     pub fn nodes(&self, body: usize) -> Result<Option<(Vec<DVec3>, Vec<DVec3>)>> {
         let Some(range) = self.model.soft.iter().find(|soft| soft.body == body) else { return Ok(None) };
         let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(None) };
@@ -38,7 +40,8 @@ impl Simulation {
         Ok(Some((displacements, velocities)))
     }
 
-    /// World positions of a soft body's nodes, m, in input order; empty for any other body.
+    /// World positions of a soft body's nodes, m, in the order of its tetrahedral mesh; empty for a body that is not
+    /// soft.
     pub fn node_positions(&self, body: usize) -> Result<Vec<DVec3>> {
         let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(Vec::new()) };
         let Some((moved, _)) = self.nodes(body)? else { return Ok(Vec::new()) };
@@ -46,7 +49,8 @@ impl Simulation {
         Ok(layer.nodes.iter().zip(&moved).map(|(rest, d)| position + orientation * (*rest + *d)).collect())
     }
 
-    /// World positions of the vertices of a soft body's skin, m, in file order; empty for any other body.
+    /// World positions of the vertices of a soft body's skin, m, in the skin's order; empty for a body that is not
+    /// soft.
     pub fn skin_positions(&self, body: usize) -> Result<Vec<DVec3>> {
         let Shape::Soft { layer, skin, embedding, .. } = &self.bodies[body].shape else { return Ok(Vec::new()) };
         let Some((moved, _)) = self.nodes(body)? else { return Ok(Vec::new()) };
@@ -58,9 +62,10 @@ impl Simulation {
         let all = skin.vertices.iter().zip(embedding);
         Ok(all.map(|(rest, e)| position + orientation * (*rest + displaced(e))).collect())
     }
-    /// Puts the free nodes of a soft body elsewhere and gives them velocities, both as [`Simulation::nodes`] returns
-    /// them; nodes attached to cores stay. For tests and experiments only: the solver's warm start and carried residual
-    /// are not adapted to the new positions.
+    /// Gives the free nodes of a soft body new displacements and velocities, both in the axes and the order of
+    /// [`Simulation::nodes`]; nodes attached to cores stay where they are. For tests and experiments only: what the
+    /// solver keeps of the last step (its solution and its residual, with which it starts the next step) is not adapted
+    /// to the new positions.
     #[doc(hidden)]
     pub fn place_nodes(&mut self, body: usize, displacements: &[DVec3], velocities: &[DVec3]) -> Result<()> {
         let soft = self.model.soft.iter().find(|soft| soft.body == body);

@@ -1,5 +1,6 @@
-//! Probes: vertices of skins (surface meshes) whose positions a scene records. The GPU gives the displacements of their
-//! nodes, and the host computes the positions in f64.
+//! Probes: vertices of skins (surface meshes) whose positions a scene records after each step. A vertex of a soft
+//! body's skin moves with the four nodes of the tetrahedron that it lies in: the GPU gives the displacements of these
+//! nodes, and the host computes the vertex's position in f64.
 
 use glam::DVec3;
 
@@ -9,16 +10,17 @@ use crate::shaders::NONE;
 use crate::stages::model::Model;
 use crate::{Error, Result};
 
-/// A probe on the host: a weighted sum of points that are attached to rigid coordinate frames.
+/// A probe on the host: a weighted sum of four points, which are the nodes of its tetrahedron. Each point's rest
+/// position is given in a frame (rigid coordinate frame of a body or of a rigid body inside it).
 pub struct ProbePlace {
-    /// Per point: rest position relative to the frame's centre (m), weight, frame.
+    /// For each point: its rest position relative to the frame's centre (m), its weight, and the index of the frame.
     pub points: [(DVec3, f64, usize); 4],
 }
 
-/// The probes on the host, and the four nodes of each for the GPU.
+/// The probes on the host, and for the GPU the indices of each probe's four nodes (`NONE` for a rigid body).
 pub type ProbeArrays = (Vec<ProbePlace>, Vec<[u32; 4]>);
 
-/// Finds the skin vertex nearest to each of the scene's probes.
+/// For each probe of the scene, finds the skin vertex nearest to the point that the scene gives.
 pub fn probes_of(scene: &Scene, bodies: &[Body], model: &Model) -> Result<ProbeArrays> {
     let (mut places, mut nodes) = (Vec::new(), Vec::new());
     for probe in &scene.probes {

@@ -1,4 +1,6 @@
-//! The report of a step.
+//! The report of a step: what the step did, and the state at its end. The tool is the rigid body that the haptic device
+//! leads. A contact patch is a place with one normal where two bodies may touch. A probe is a skin vertex whose
+//! position the scene records.
 
 use glam::{DQuat, DVec3};
 
@@ -11,7 +13,7 @@ pub struct StepReport {
     pub step: u64,
     /// Time at the end of the step, s.
     pub time: f64,
-    /// The tool, if the scene has one.
+    /// State of the tool, and the wrench on it, if the scene has a tool.
     pub tool: Option<ToolReport>,
     /// Number of contacts, which are vertices of a skin (surface mesh) inside another body; `None` where nothing can
     /// collide.
@@ -20,15 +22,16 @@ pub struct StepReport {
     pub max_depth: Option<f64>,
     /// Greatest angle by which the normal of a contact patch turned in the step, rad; `None` where nothing can collide.
     pub normal_turn: Option<f64>,
-    /// Conjugate gradient iterations of all solves of the step.
+    /// Number of conjugate gradient iterations, summed over all linear solves of the step.
     pub iterations: u32,
     /// Relative residual of the linear system at the end of the last solve.
     pub residual: f64,
-    /// Flags for what went wrong in the step.
+    /// Flags that tell what went wrong in the step; none is set if nothing did.
     pub flags: Flags,
-    /// Wall time of the step, from the device's pose to the wrench, microseconds.
+    /// Wall time of the step, from when the haptic device's pose is known until the contact wrench on the tool is
+    /// known, microseconds.
     pub step_us: f64,
-    /// World positions of the scene's probes, m, in the scene's order.
+    /// World positions of the probes, m, in the order in which the scene lists them.
     pub probes: Vec<DVec3>,
 }
 
@@ -50,6 +53,6 @@ pub struct ToolReport {
 pub struct Pose {
     /// Position, m.
     pub position: DVec3,
-    /// Orientation, as the rotation to the world.
+    /// Orientation, as the rotation from the object's axes to the world's.
     pub orientation: DQuat,
 }

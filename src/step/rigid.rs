@@ -1,4 +1,5 @@
-//! Pose, twist and wrench of a rigid object, which is the haptic device or the tool.
+//! Pose (position and orientation), twist (linear and angular velocity) and wrench (force and torque) of a rigid
+//! object: the haptic device, or the tool, which is the rigid body that the device leads.
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -8,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct RigidState {
     /// World position, m.
     pub position: DVec3,
-    /// Rotation to the world.
+    /// Rotation from the object's axes to the world's.
     pub orientation: DQuat,
     /// World velocity, m/s.
     pub velocity: DVec3,

@@ -1,6 +1,7 @@
 //! Saves the state of a simulation between two steps as bytes, and restores it. The state is all that the next step
-//! starts from, so a restored simulation continues with the same bits. What a user sets (materials, contact, coupling)
-//! is not part of the state and stays as it is.
+//! starts from, so a restored simulation gives the same results to the last bit. What a user sets (the parameters of
+//! materials, of contact and of the coupling between haptic device and tool) is not part of the state: restoring leaves
+//! it as it is.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -28,13 +29,13 @@ struct State {
     frames: Vec<SavedFrame>,
     wrench: Option<ContactWrench>,
     iterations: u32,
-    /// Contents of the GPU arrays that a step leaves for the next.
+    /// Contents of the GPU arrays that a step leaves for the next one, one array after the other.
     arrays: Vec<u8>,
 }
 
 impl Simulation {
-    /// The state after the last step. [`Simulation::restore`] continues from it, in this simulation or in another of
-    /// the same bodies, tool and GPU; both then give the same bits.
+    /// The state after the last step. [`Simulation::restore`] continues from it, in this simulation or in another one
+    /// with the same bodies and tool on the same GPU; both simulations then give the same results to the last bit.
     pub fn save(&self) -> Result<Vec<u8>> {
         let state = State {
             model: self.fingerprint(),
@@ -56,8 +57,8 @@ impl Simulation {
         Ok(bytes)
     }
 
-    /// Restores a saved state. Errors: the bytes are not a saved state, are damaged, or belong to a simulation of other
-    /// bodies; the simulation is then unchanged.
+    /// Restores a saved state. It is an error if the bytes are not a saved state, are damaged, or belong to a
+    /// simulation of other bodies; the simulation is then unchanged.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<()> {
         let wrong =
             |what: &str| Error::Usage(format!("the state {what}; give a state that a simulation of this scene saved"));
@@ -87,7 +88,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Hash of the topology, rest state and array sizes that a saved state must match.
+    /// Hash of all that must be equal in the simulation that saved a state and in the one that restores it: topology
+    /// and rest state of the bodies, and sizes of the arrays.
     fn fingerprint(&self) -> [u8; 32] {
         let model = &self.model;
         let mut hash = Sha256::new();

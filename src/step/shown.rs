@@ -1,6 +1,8 @@
 //! Arrays for renderers: the current skins (surface meshes of the bodies) on the GPU, and scalar fields to colour them
-//! by. This code reads what a step leaves and changes none of it, so a run gives the same bits whether it is displayed
-//! or not.
+//! by. This code reads what a step leaves on the GPU and changes none of it, so a run gives the same results to the
+//! last bit whether it is displayed or not. A frame is the rigid coordinate frame of a body or of a rigid body inside
+//! it; a link is the placement of one frame relative to another. The tool is the rigid body that the haptic device
+//! leads.
 
 mod contact_patches;
 mod overlay;
@@ -40,18 +42,19 @@ struct ShownFields {
 /// A scalar field as it was when it was asked for.
 #[derive(Clone)]
 pub struct FieldValues {
-    /// Which field it is.
+    /// Which field the values are of.
     pub field: Field,
-    /// One float per skin vertex, body after body, packed, padded to a whole texel of four. Every call returns the same
-    /// array, which can be a storage, texel or vertex buffer.
+    /// One float per skin vertex, body after body, packed; floats are added at the end until their number is a multiple
+    /// of four (one texel). Every call of [`Simulation::field`] returns the same array for a field, which can be bound
+    /// as a storage, texel or vertex buffer.
     pub values: Buffer,
-    /// The greatest value of each body, the tool's last; zero for a body without skin.
+    /// The greatest value on each body, that on the tool last; zero for a body without skin.
     pub greatest: Vec<f32>,
 }
 
 impl Simulation {
-    /// The skins as they are now, relative to `origin` (m). The arrays are made at the first call. They are filled when
-    /// this returns, and keep their contents until it is called again.
+    /// The skins as they are now, with positions relative to `origin` (m). The arrays are made at the first call. They
+    /// are filled when this function returns, and keep their contents until it is called again.
     #[doc(hidden)]
     pub fn skins(&mut self, origin: DVec3) -> Result<Skins<'_>> {
         let shown = self.shown_at(origin)?;
@@ -59,17 +62,17 @@ impl Simulation {
         Ok(shown.draw.skins())
     }
 
-    /// The arrays of [`Simulation::skins`] with the contents of its last call; before its first call they are
-    /// uninitialised.
+    /// The arrays of [`Simulation::skins`] with the contents that the last call of that function wrote; before its
+    /// first call the arrays are uninitialised.
     #[doc(hidden)]
     pub fn skin_arrays(&mut self) -> Result<Skins<'_>> {
         Ok(self.shown()?.draw.skins())
     }
 
-    /// A scalar field after the last step, on the GPU: its array is filled when this returns, and keeps its contents
-    /// until the field is asked for again (depth and pressure are filled together). The arrays are made at the first
-    /// call, and made anew, like those of the skins, where [`Simulation::set_contact`] brings friction into a scene
-    /// that had none.
+    /// A scalar field after the last step, on the GPU: its array is filled when this function returns, and keeps its
+    /// contents until the field is asked for again (a call for depth or for pressure fills both arrays). The arrays are
+    /// made at the first call. They and the arrays of the skins are made anew where [`Simulation::set_contact`] brings
+    /// friction into a scene that had none.
     #[doc(hidden)]
     pub fn field(&mut self, field: Field) -> Result<FieldValues> {
         let is_solved = u32::from(self.is_solved);
@@ -85,8 +88,8 @@ impl Simulation {
         Ok(FieldValues { field, values, greatest: greatest[..bodies].to_vec() })
     }
 
-    /// The arrays that are displayed, after writing frames and links as they are now; positions are relative to
-    /// `origin`.
+    /// Writes the frames and links as they are now for the recordings, and returns the arrays that are displayed.
+    /// Positions will be relative to `origin` (m).
     fn shown_at(&mut self, origin: DVec3) -> Result<&mut Shown> {
         self.shown()?;
         let Some(shown) = &mut self.shown else { return Err(missing()) };
@@ -132,7 +135,8 @@ impl Simulation {
         Ok(ShownFields { recordings: [depth?, pressure?, energy?, displacement?], fields })
     }
 
-    /// World positions of the vertices of any body's skin, m; the tool comes after the bodies.
+    /// World positions of the vertices of the skin of body `body`, m; the index after that of the last body is the
+    /// tool's.
     pub fn vertex_positions(&self, body: usize) -> Result<Vec<DVec3>> {
         let rigid = self.bodies.get(body).map(|body| &body.shape);
         match rigid {
@@ -149,8 +153,8 @@ impl Simulation {
         }
     }
 
-    /// For each body, the tool last, the range of its vertices among the skin vertices of all bodies; the range of a
-    /// half-space is empty.
+    /// For each body, and last for the tool, the range of its vertices among the skin vertices of all bodies; the range
+    /// of a half-space, which has no skin, is empty.
     #[doc(hidden)]
     pub fn skin_ranges(&self) -> Vec<Range<usize>> {
         let size = |body: &Body| match &body.shape {
@@ -166,7 +170,8 @@ impl Simulation {
         self.bodies.iter().chain(&self.tool_body).map(range).collect()
     }
 
-    /// Triangles of a body's skin, as indices of its own vertices; the tool comes after the bodies.
+    /// Triangles of the skin of body `body`, as indices of that skin's vertices; the index after that of the last body
+    /// is the tool's.
     pub fn skin_triangles(&self, body: usize) -> &[[u32; 3]] {
         match self.bodies.iter().chain(&self.tool_body).nth(body).map(|body| &body.shape) {
             Some(Shape::Soft { skin, .. } | Shape::Rigid { skin, .. }) => &skin.triangles,
@@ -174,8 +179,8 @@ impl Simulation {
         }
     }
 
-    /// Vertices of the tool's skin relative to its centre of mass, tool axes, m; empty where the tool is a body of the
-    /// scene.
+    /// Vertices of the tool's skin relative to the tool's centre of mass, tool axes, m; empty where the tool is one of
+    /// the scene's bodies and so has no body of its own.
     #[doc(hidden)]
     pub fn tool_skin(&self) -> Vec<DVec3> {
         match self.tool_body.as_ref().map(|body| &body.shape) {
@@ -185,7 +190,7 @@ impl Simulation {
     }
 }
 
-/// The error for arrays that should have been made before.
+/// The error that tells that arrays are missing which should have been made before.
 fn missing() -> Error {
     Error::Simulation("internal error: the arrays to display were not made".into())
 }

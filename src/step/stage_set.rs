@@ -1,4 +1,6 @@
-//! The stages that a scene needs, with their kernels and arrays; the order in which they run is in `algorithm.rs`.
+//! The stages (parts of a step) that a scene needs, with their kernels and arrays; the order in which they run is in
+//! `algorithm.rs`. A probe is a skin vertex (vertex of a body's surface mesh) whose position a scene records; it moves
+//! with the four nodes of the tetrahedron that it lies in.
 
 use std::sync::Arc;
 
@@ -14,7 +16,7 @@ use crate::stages::touch::TouchStages;
 use crate::stages::wrench::Wrench;
 use crate::stages::{Common, pose};
 
-/// The stages that a scene needs; the others are neither recorded nor allocated.
+/// The stages that a scene needs; stages that it does not need are `None`, and have neither commands nor arrays.
 pub struct Stages {
     pub common: Common,
     pub elastic: Elastic,
@@ -28,8 +30,8 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// Kernels and arrays of the stages that the model needs. `path`: the implementation of the depth stage, graphics
-    /// or compute, where that stage is needed; `probe_nodes`: the four nodes of each probe.
+    /// Makes the kernels and arrays of the stages that the model needs. `path` tells whether the depth stage, where it
+    /// is needed, runs as graphics or as compute pipelines; `probe_nodes` are the four nodes of each probe.
     pub fn new(context: &Arc<Context>, model: &Model, path: Option<Path>, probe_nodes: &[[u32; 4]]) -> Result<Stages> {
         let common = Common::new(context, model)?;
         let touch = if model.pairs.is_empty() { None } else { Some(TouchStages::new(context, model, path, true)?) };
@@ -43,13 +45,13 @@ impl Stages {
         Ok(Stages { elastic, common, solve, touch, wrench, gap, probes, attached, floating })
     }
 
-    /// Writes the materials of a model of the same bodies to the GPU.
+    /// Writes changed material parameters to the GPU; `model` must be a model of the same bodies as before.
     pub fn refresh(&self, model: &Model) -> Result<()> {
         self.elastic.refresh(model)?;
         self.solve.refresh(model)
     }
 
-    /// The arrays that a step leaves for the next: all that the GPU keeps of the past.
+    /// The arrays whose contents a step leaves for the next one: nothing else on the GPU is kept from step to step.
     pub fn state(&self) -> Vec<&Buffer> {
         let mut arrays = vec![&self.common.counts];
         arrays.extend(self.elastic.state());

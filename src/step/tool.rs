@@ -1,7 +1,9 @@
-//! The tool: a rigid body of six unknowns, which the haptic device holds by a virtual coupling. The host keeps the
-//! tool's pose and twist in f64 and computes its rows of the step's linear system, inertia and coupling; the solver on
-//! the GPU returns the change of its twist. Where the tool is a soft body of the scene, it is that body's first core (a
-//! rigid body inside it, to which nodes are attached), and only the coupling is added to that core's rows.
+//! The tool: the rigid body that the haptic device leads, through a virtual coupling (spring and damper between device
+//! and tool). The tool has six unknowns in the step's linear system: the change of its twist (linear and angular
+//! velocity). The host keeps the tool's pose and twist in f64 and computes the six rows, from inertia and coupling; the
+//! solver on the GPU returns the change of twist. Where the tool is a soft body of the scene, the device leads that
+//! body's first core (a rigid body inside it, to which nodes are attached), and only the coupling is added to the
+//! core's rows.
 
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -10,7 +12,8 @@ use crate::scene::Coupling;
 use crate::step::trajectory::rotation_vector;
 use crate::step::{RigidState, Wrench};
 
-/// Newton iterations for the gyroscopic term; they converge quadratically from the angular velocity at the start.
+/// Number of Newton iterations for the gyroscopic torque; they converge quadratically, starting from the angular
+/// velocity at the start of the step.
 const GYROSCOPIC_ROUNDS: usize = 4;
 
 /// State and constants of the tool.
@@ -18,15 +21,15 @@ const GYROSCOPIC_ROUNDS: usize = 4;
 pub struct Tool {
     /// Mass, kg.
     pub mass: f64,
-    /// Inertia tensor about the centre, tool axes, kg m^2.
+    /// Inertia tensor about the centre of mass, tool axes, kg m^2.
     pub inertia: DMat3,
     /// Virtual coupling to the haptic device; `None`: nothing holds the tool.
     pub coupling: Option<Coupling>,
-    /// World position of its centre of mass, m.
+    /// World position of the centre of mass, m.
     pub centre: DVec3,
-    /// Rotation from the tool to the world.
+    /// Rotation from the tool's axes to the world's.
     pub orientation: DQuat,
-    /// Linear velocity, world axes, m/s.
+    /// Velocity of the centre of mass, world axes, m/s.
     pub velocity: DVec3,
     /// Angular velocity, world axes, rad/s.
     pub angular_velocity: DVec3,
@@ -37,7 +40,7 @@ pub struct Tool {
 pub struct Rows {
     /// Symmetric positive definite matrix, row by row.
     pub matrix: [[f64; 6]; 6],
-    /// Right-hand side, N s and N m s.
+    /// Right-hand side: three linear impulses, N s, then three angular impulses, N m s.
     pub rhs: [f64; 6],
 }
 
@@ -52,8 +55,9 @@ impl Tool {
         }
     }
 
-    /// The rows of implicit Euler over `h` seconds, linearised about the start: inertia, gravity, gyroscopic torque,
-    /// and the coupling towards the haptic device's pose and twist at the end of the step.
+    /// The tool's rows for an implicit Euler step of `h` seconds, linearised about the state at its start. They contain
+    /// inertia, gravity, gyroscopic torque, and the coupling to the pose and twist of the haptic device at the end of
+    /// the step.
     pub fn rows(&self, h: f64, gravity: DVec3, device: &RigidState) -> Rows {
         let turn = DMat3::from_quat(self.orientation);
         let inertia = turn * self.inertia * turn.transpose();
@@ -70,8 +74,9 @@ impl Tool {
         rows
     }
 
-    /// The rows of the coupling alone: the matrix h^2 K + h D, and the coupling's impulse as right-hand side; zero
-    /// where nothing holds the tool.
+    /// The rows of the coupling alone: the matrix h^2 K + h D (h: time step; K, D: stiffness and damping of the
+    /// coupling), and the coupling's impulse over the step as right-hand side. Both are zero where nothing holds the
+    /// tool.
     pub fn coupling_rows(&self, h: f64, device: &RigidState) -> Rows {
         let mut rows = Rows { matrix: [[0.0; 6]; 6], rhs: [0.0; 6] };
         let Some(c) = &self.coupling else { return rows };
@@ -88,7 +93,8 @@ impl Tool {
         rows
     }
 
-    /// The wrench with which the coupling pulls the tool now, towards a state of the haptic device.
+    /// The wrench with which the coupling pulls the tool in its present state towards the haptic device's state
+    /// `device`.
     pub fn pull(&self, device: &RigidState) -> Wrench {
         let Some(c) = &self.coupling else { return Wrench::ZERO };
         let turn = rotation_vector(device.orientation * self.orientation.conjugate());
@@ -98,20 +104,21 @@ impl Tool {
         }
     }
 
-    /// The state of the haptic device that enters the coupling: the device's position, moved so close to the tool that
-    /// the coupling's spring pulls no harder than `force` (N).
+    /// The state of the haptic device, with its position moved so close to the tool that the coupling's spring pulls no
+    /// harder than `force` (N).
     pub fn within_reach(&self, device: &RigidState, force: f64) -> RigidState {
         let away = (device.position - self.centre).clamp_length_max(self.reach(force));
         RigidState { position: self.centre + away, ..*device }
     }
 
-    /// How far the coupling's spring stretches before it pulls with `force` (N), m.
+    /// The stretch of the coupling's spring, m, at which it pulls with `force` (N).
     fn reach(&self, force: f64) -> f64 {
         self.coupling.map_or(f64::INFINITY, |c| if c.stiffness > 0.0 { force / c.stiffness } else { f64::INFINITY })
     }
 
-    /// Energy in the coupling's springs and in the tool's motion, J. The spring pulls no harder than `force` (N),
-    /// however far away the haptic device is; `turns`: whether the angular spring counts.
+    /// Energy in the coupling's springs and kinetic energy of the tool, J. The linear spring is taken to pull no harder
+    /// than `force` (N), however far away the haptic device is. `turns` tells whether the energy of the angular spring
+    /// is included.
     pub fn stored(&self, device: &RigidState, force: f64, turns: bool) -> f64 {
         let turn = DMat3::from_quat(self.orientation);
         let (v, w) = (self.velocity, turn.transpose() * self.angular_velocity);
@@ -126,7 +133,7 @@ impl Tool {
         motion + springs
     }
 
-    /// Adds the solved change of twist and moves the tool for `h` seconds.
+    /// Adds the change of twist that the solver found, and moves the tool for `h` seconds with the new twist.
     pub fn advance(&mut self, h: f64, change: [f64; 6]) {
         self.velocity += DVec3::from_slice(&change[..3]);
         self.angular_velocity += DVec3::from_slice(&change[3..]);
@@ -136,9 +143,9 @@ impl Tool {
 }
 
 /// Change of a rigid body's angular momentum by its own spin over `h` seconds, N m s. It is I (w1 - w0), where w1
-/// solves the equation I (w1 - w0) + h w1 x I w1 = 0, the inertia I (world axes) is that of the start, and w0 = `w` is
-/// the angular velocity at the start, rad/s (E. Catto 2015, "Physics for game programmers: numerical methods"). With
-/// the torque at the start instead, the spin of any body that is not round would gain energy.
+/// solves the equation I (w1 - w0) + h w1 x I w1 = 0, I is the inertia tensor (world axes) at the start, and w0 = `w`
+/// is the angular velocity at the start, rad/s (E. Catto 2015, "Physics for game programmers: numerical methods"). If
+/// the torque at the start were used instead, a spinning body with unequal principal moments would gain energy.
 pub fn gyroscopic_impulse(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
     let cross =
         |v: DVec3| DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0));
@@ -150,6 +157,6 @@ pub fn gyroscopic_impulse(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
         end -= slope.inverse() * residual;
     }
     let impulse = inertia * (end - w);
-    // A body without extent has no inertia, so there is no solution, and no gyroscopic torque either.
+    // A body without extent has a zero inertia tensor, so that `slope` has no inverse; its gyroscopic torque is zero.
     if impulse.is_finite() { impulse } else { DVec3::ZERO }
 }

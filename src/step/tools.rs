@@ -1,5 +1,6 @@
-//! Makes the tool of a scene: either a rigid body of its own, or the held core, which is the core (a rigid body to
-//! which nodes are attached) of a body of the scene to which the haptic device is coupled.
+//! Makes the tool (what the haptic device leads) of a scene. The tool is either a rigid body of its own, or the held
+//! core: of a soft body of the scene, the core (rigid body inside it, to which nodes are attached) to which the haptic
+//! device is coupled.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -12,7 +13,8 @@ use crate::step::tool::Tool;
 use crate::step::{ContactWrench, Flags, Wrench};
 use crate::{Error, Result};
 
-/// The tool as the scene starts it; `body`: the tool's own body, prepared, if it has one.
+/// The tool in its state at the start of the scene. `body` is the prepared rigid body of the tool, if it has one of its
+/// own.
 pub(super) fn tool_of(scene: &Scene, body: Option<&Body>, model: &Model, frames: &Frames) -> Result<Option<Tool>> {
     let Some(spec) = &scene.tool else { return Ok(None) };
     let problem = "the body's first core is not dynamic";
@@ -24,7 +26,7 @@ pub(super) fn tool_of(scene: &Scene, body: Option<&Body>, model: &Model, frames:
     }
 }
 
-/// A tool with a rigid body of its own. Its inertia is that of its surface filled with uniform density.
+/// A tool with a rigid body of its own. Its inertia is that of a solid of uniform density within the body's surface.
 fn rigid(scene: &Scene, mass: f64, body: &Body) -> Tool {
     let inertia = match &body.shape {
         Shape::Rigid { volume, inertia, .. } => *inertia * (mass / volume),
@@ -41,7 +43,7 @@ fn rigid(scene: &Scene, mass: f64, body: &Body) -> Tool {
     }
 }
 
-/// The held core as a tool, with the nodes attached to it.
+/// The held core as a tool; its mass and inertia are those of the nodes attached to the core.
 fn held(scene: &Scene, model: &Model, core: usize, frames: &Frames) -> Tool {
     let core = &model.cores[core];
     let mut tool = Tool {
@@ -57,7 +59,7 @@ fn held(scene: &Scene, model: &Model, core: usize, frames: &Frames) -> Tool {
     tool
 }
 
-/// Mass of the body that the held core is part of, kg; 0 where no core is held.
+/// Mass of the whole soft body that the held core is part of, kg; 0 where no core is held.
 pub(super) fn tool_core_mass(model: &Model) -> f64 {
     let Some(core) = model.tool_core.map(|core| &model.cores[core]) else { return 0.0 };
     let mass = |node: usize| f64::from(model.node_rest[node][3]);
@@ -68,7 +70,8 @@ pub(super) fn tool_core_mass(model: &Model) -> f64 {
     }
 }
 
-/// Sets a held tool's pose and twist to those of its core's rigid coordinate frame.
+/// Sets pose and twist (linear and angular velocity) of a tool that is a held core to those of the core's rigid
+/// coordinate frame.
 pub(super) fn follow(tool: &mut Tool, frames: &Frames, frame: usize) {
     let place = frames.place(frame);
     (tool.centre, tool.orientation) = (place.centre, place.rotation);
@@ -77,10 +80,10 @@ pub(super) fn follow(tool: &mut Tool, frames: &Frames, frame: usize) {
     }
 }
 
-/// The contact wrench on the tool, as the GPU reports it.
+/// The contact wrench (force and torque) on the tool, as the GPU reports it after a step.
 pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report) -> ContactWrench {
     let vector = |x: [f32; 3]| DVec3::from(x.map(f64::from));
-    // A frozen step, in which no attempt succeeded, applied no forces.
+    // No forces were applied in a frozen step: every attempt at it failed, and the bodies were stopped where they are.
     let is_frozen = Flags(report.flags).contains(Flags::FROZEN);
     let matrix = |upper: &[f32; 21]| if is_frozen { [[0.0; 6]; 6] } else { symmetric(upper) };
     ContactWrench {

@@ -1,6 +1,7 @@
-//! Reference trajectory: a pose over time, given by keys. Positions are interpolated linearly and orientations by
-//! slerp; before the first and after the last key the pose is constant. A haptic device that a scene's keys move
-//! follows a trajectory, and so do driven cores (rigid bodies inside a soft one whose motion is prescribed).
+//! Reference trajectory: a pose over time, given by keys (a time with a pose). Between keys, positions are interpolated
+//! linearly and orientations by slerp; before the first and after the last key the pose is constant. Where a scene
+//! gives such keys, a simulated haptic device follows a trajectory, and so do driven cores (rigid bodies inside a soft
+//! one whose motion is prescribed).
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -25,14 +26,15 @@ impl Trajectory {
         !self.keys.is_empty()
     }
 
-    /// Replaces the trajectory by one that goes uniformly from its pose at `time` to the key `next`, and rests there.
+    /// Replaces the trajectory by one that goes at constant speed from the present trajectory's pose at `time` to the
+    /// key `next`, and then rests there.
     pub fn lead(&mut self, time: f64, next: Key) {
         let (position, orientation) = self.pose(time);
         self.keys.clear();
         self.keys.extend([Key { time, position, orientation }, next]);
     }
 
-    /// The pose at a time, s.
+    /// The pose at time `time`, s.
     pub fn pose(&self, time: f64) -> (DVec3, DQuat) {
         let next = self.keys.partition_point(|key| key.time <= time);
         let after = self.keys[next.min(self.keys.len() - 1)];
@@ -43,8 +45,8 @@ impl Trajectory {
         (before.position.lerp(after.position, s), before.orientation.slerp(near, s).normalize())
     }
 
-    /// The state of a haptic device that follows the trajectory: the pose at `time`, and the mean twist over the `h`
-    /// seconds before.
+    /// The state of a haptic device that follows the trajectory: its pose at `time`, and its mean linear and angular
+    /// velocity over the `h` seconds before that time.
     pub fn device(&self, time: f64, h: f64) -> RigidState {
         let (position, orientation) = self.pose(time);
         let (last, turned) = self.pose(time - h);

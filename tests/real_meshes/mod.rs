@@ -3,9 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-/// The folder of the meshes: the environment variable `PALPATE_MESHES`, or else `shared/meshes` in the parent folder of
-/// the repository. `None` if `PALPATE_MESHES` is `none`: then the caller skips its test. A folder that does not exist
-/// fails the test.
+/// The folder of the meshes: the one that the environment variable `PALPATE_MESHES` names, or `shared/meshes` in the
+/// parent folder of the repository if the variable is not set. Returns `None` if the variable is `none`: the caller
+/// then skips its test. If the folder does not exist, the test fails.
 pub fn meshes() -> Option<PathBuf> {
     let asked = std::env::var_os("PALPATE_MESHES");
     if asked.as_deref().is_some_and(|asked| asked == "none") {

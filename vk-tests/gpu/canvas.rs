@@ -1,4 +1,5 @@
-//! Tests of the drawing part of the Vulkan module (`palpate::internal::gpu`), whose render target is called a canvas:
+//! Tests of the drawing part of the Vulkan module (`palpate::internal::gpu`), whose render target (a colour image, a
+//! depth image or both) is called a canvas:
 //! which pixels a triangle covers, the depth test, blending, face culling, drawing onto a part of the canvas, index
 //! buffers and instances, multisampling, kept and cleared contents, and refused drawings.
 
@@ -17,10 +18,9 @@ const SIZE: [u32; 2] = [40, 24];
 /// Distance from an edge, pixels, within which a pixel's centre may count as either inside or outside: the rasterizer
 /// rounds corners to 1/16 of a pixel at worst.
 const NEAR_EDGE: f64 = 0.15;
-/// Tolerance of a colour channel (0 to 1) that is stored in a byte: it is rounded once as it is drawn and once as it is
-/// blended.
+/// Tolerance of a colour channel (0 to 1) that is drawn once: the image stores the channel in a byte.
 const BYTE: f64 = 1.01 / 255.0;
-/// Tolerance of a value in the depth image: f32, interpolated over the triangle.
+/// Tolerance of a depth (0 to 1) in the depth image, which is an f32 interpolated over the triangle.
 const DEPTH: f64 = 1e-6;
 const WHITE: [f32; 4] = [1.0; 4];
 const RED: [f32; 4] = [1.0, 0.0, 0.0, 1.0];
@@ -60,8 +60,8 @@ impl Sheet {
         Sheet { canvas, colour: array("colours"), depth: array("depths") }
     }
 
-    /// Draws, and returns colour (0 to 1) and depth of each pixel. The depth of a multisampled canvas is not copied
-    /// back.
+    /// Draws all of `all` onto the canvas, and returns the colour (channels 0 to 1) and the depth of each pixel. The
+    /// depth of a multisampled canvas is not copied back.
     pub fn draw(&self, before: Before, all: &[Drawn]) -> (Vec<[f64; 4]>, Vec<f32>) {
         let seen = self.canvas.mean.as_ref().or(self.canvas.colour.as_ref()).unwrap();
         let mut recorder = Recorder::untimed(context()).unwrap();
@@ -106,13 +106,13 @@ fn flat_of(corners: &Buffer) -> DrawFlat<'_> {
     DrawFlat { aside: 0.0, corners }
 }
 
-/// A draw of the first `count` corners of the array, one instance.
+/// A draw of one instance of the triangles that the first `count` corners of the array form.
 fn drawn<'a>(pipeline: &'a RasterPipeline, arguments: &'a DrawFlat<'a>, count: u32) -> Drawn<'a> {
     Drawn { pipeline, arguments, indices: None, range: (0, count), instances: 1, part: None }
 }
 
-/// Draws these corners on a canvas that is cleared to the colour `ground`, with one sample per pixel; returns the
-/// colours and depths of the pixels.
+/// Draws the triangles with these corners on a canvas with one sample per pixel that is cleared to the colour `ground`;
+/// returns the colours and depths of the pixels.
 fn painted(onto: &Onto, ground: [f32; 4], corners: &[Corner]) -> (Vec<[f64; 4]>, Vec<f32>) {
     let (pipeline, corners_there) = (flat(onto), array(corners));
     let mut sheet = Sheet::new(SIZE, 1);
@@ -120,12 +120,13 @@ fn painted(onto: &Onto, ground: [f32; 4], corners: &[Corner]) -> (Vec<[f64; 4]>,
     sheet.draw(Before::Cleared(ground), &[drawn(&pipeline, &flat_of(&corners_there), corners.len() as u32)])
 }
 
-/// Centres of pixels, row by row.
+/// Centres of the pixels of an image with this width and height, row by row, in pixels.
 pub fn centres(size: [u32; 2]) -> impl Iterator<Item = DVec2> {
     (0..size[1]).flat_map(move |y| (0..size[0]).map(move |x| DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)))
 }
 
-/// Signed distances of `x` from the three edges, pixels; all have one sign where `x` is inside.
+/// Signed distances of the point `x` from the three edges of a triangle, pixels; all three have the same sign where `x`
+/// is inside.
 fn edges([a, b, c]: [DVec2; 3], x: DVec2) -> [f64; 3] {
     [(a, b), (b, c), (c, a)].map(|(from, to)| (to - from).perp_dot(x - from) / from.distance(to))
 }
@@ -173,7 +174,7 @@ fn a_triangle_covers_the_pixels_whose_centres_are_inside() {
             said += 1;
         }
     }
-    assert!(said > 35 * 40 * 24, "only {said} pixels were far enough from edges; 33600 of 38400 expected");
+    assert!(said > 35 * 40 * 24, "only {said} pixels were far enough from edges; more than 33600 are expected");
 }
 
 #[test]
@@ -209,7 +210,8 @@ fn nearer_hides_farther_whatever_the_order() {
         expect_colour(&format!("pixel {x}, {y}"), colours[at(x, y)], wide(colour), BYTE);
         assert_eq!(depths[at(x, y)], depth);
     }
-    // The last rectangle is seen where there is no depth image, and where drawing does not write it (`hides: false`).
+    // The rectangle drawn last is seen where the canvas has no depth image, and where drawing does not write to the
+    // depth image (`hides: false`).
     let both = [near.clone(), far.clone()].concat();
     expect_colour("no depth image", painted(&PLAIN, GREY, &both).0[at(12, 10)], wide(BLUE), BYTE);
     let seen = painted(&Onto { hides: false, ..HIDING }, GREY, &both);
@@ -246,7 +248,7 @@ fn either_side_can_be_left_out() {
     let facing = [[5.0, 2.0], [5.0, 20.0], [18.0, 20.0]].map(DVec2::from);
     assert!(
         (facing[1] - facing[0]).perp_dot(facing[2] - facing[0]) < 0.0,
-        "y points down, so the area must be negative"
+        "y points down in the image, so the triangle's signed area must be negative"
     );
     let turned = [[25.0, 2.0], [38.0, 20.0], [25.0, 20.0]].map(DVec2::from);
     let both = [triangle(facing, 0.5, RED), triangle(turned, 0.5, BLUE)].concat();
@@ -323,9 +325,9 @@ fn samples_are_resolved_to_their_mean() {
             let quarters = 4.0 * got;
             assert!(
                 (quarters - quarters.round()).abs() < 4.0 * BYTE,
-                "case {case} at {x}: mean {got} of four samples is no multiple of 1/4"
+                "case {case} at {x}: the mean of four samples is {got}, which is no multiple of 1/4"
             );
-            // Where the edges are farther away than half a pixel's diagonal, all four samples agree.
+            // Where all edges are farther from the pixel's centre than half its diagonal, the four samples agree.
             match inside(corners, x, 0.5f64.sqrt() + NEAR_EDGE) {
                 Some(is_inside) => {
                     assert!((got - f64::from(u8::from(is_inside))).abs() < BYTE, "case {case} at {x}: colour {got}")
@@ -334,7 +336,7 @@ fn samples_are_resolved_to_their_mean() {
             }
         }
     }
-    assert!(between > 100, "only {between} pixels at edges have a colour between 0.2 and 0.8");
+    assert!(between > 100, "only {between} pixels at edges have a red channel of 0.2 to 0.8; more than 100 must");
 }
 
 #[test]

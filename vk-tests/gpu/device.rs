@@ -1,6 +1,6 @@
 //! Tests of the Vulkan module (`palpate::internal::gpu`) itself: order of dependent passes (a pass is one dispatch,
-//! draw, fill or copy), indirect arguments, fills and copies, replay of recordings, timers, threads, mapped memory, and
-//! rasterizing without attachments, as the stage that finds penetration depths does.
+//! draw, fill or copy), indirect arguments, fills and copies, replay of recordings (recorded command buffers), timers,
+//! threads, mapped memory, and rasterizing without attachments, which the engine uses to find penetration depths.
 
 use palpate::internal::gpu::{Buffer, Kernel, Memory, Named, RasterPipeline, Recorder, Recording, Size};
 use palpate::internal::shaders::test::{Bump, DrawRasterCells};
@@ -25,8 +25,9 @@ fn bump_of(cells: &Buffer, amount: u32) -> Bump<'_> {
     Bump { cells, amount, count: CELLS }
 }
 
-/// The expected contents of an array of cells that starts at `start` after passes of `test/bump` with these amounts.
-/// Each pass sets `cells = 3 cells + amount`, so that the result depends on the order of the passes.
+/// The expected contents of an array whose cells all have the value `start` at first, after one pass of the kernel
+/// `test/bump` for each of `amounts`. A pass sets each cell to 3 times its value plus the amount, so that the result
+/// depends on the order of the passes.
 fn folded(start: u32, amounts: impl IntoIterator<Item = u32>) -> Vec<u32> {
     let value = amounts.into_iter().fold(start, |v, amount| v.wrapping_mul(3).wrapping_add(amount));
     vec![value; CELLS as usize]
@@ -47,7 +48,7 @@ fn dependent_passes_run_in_order_and_independent_ones_do_not_wait() {
     recorder.copy(&a, &b);
     recorder.dispatch(&kernel, &bump_of(&b, 5), CELLS);
     let recording = recorder.finish().unwrap();
-    assert!(recording.stage_times().is_empty(), "there must be no times before the first run");
+    assert!(recording.stage_times().is_empty(), "a recording must have no stage times before its first run");
     recording.submit_and_wait().unwrap();
     assert_eq!(a.read::<u32>().unwrap(), folded(1, 0..20));
     assert_eq!(b.read::<u32>().unwrap(), folded(1, (0..20).chain([5])));
@@ -56,11 +57,11 @@ fn dependent_passes_run_in_order_and_independent_ones_do_not_wait() {
     assert_eq!(
         passes,
         [("first", 42, 22)],
-        "stage, passes, and passes that wait for an earlier one (20 pairs, the copy, the last dispatch)"
+        "stage, number of passes, and number of passes that wait: one of each of 20 pairs, the copy, the last dispatch"
     );
     let times = recording.stage_times();
     assert_eq!(times.iter().map(|t| t.0.as_str()).collect::<Vec<_>>(), ["first", "second"]);
-    assert!(times[0].1 > 0.0 && times[0].1 < 1e6, "first stage not in 0 to 1e6; times, us: {times:?}");
+    assert!(times[0].1 > 0.0 && times[0].1 < 1e6, "first stage takes no time, or over 1 s; stage times, us: {times:?}");
     assert_clean(context, "passes");
 }
 
@@ -155,7 +156,7 @@ fn arrays_come_back_as_they_went() {
 #[test]
 fn device_bytes_are_counted_and_given_back() {
     crate::harness::turn();
-    // A context of its own, since other tests allocate in the shared one.
+    // This test opens a context of its own, since other tests allocate memory in the context that they share.
     let context = Context::open(&Options {
         device: std::env::var("PALPATE_TEST_DEVICE").ok(),
         validation: true,
@@ -178,8 +179,8 @@ fn threads_share_the_queue() {
     let (context, kernel) = (context(), bump());
     std::thread::scope(|scope| {
         for thread in 0..4u32 {
-            // This thread has locked out other tests (`harness::turn`) for the threads that it spawns, too: they do not
-            // call `context()`.
+            // The test's own thread keeps other tests out (`harness::turn`), also on behalf of the threads that it
+            // spawns here; these must not call `context()`, which would wait for that lock.
             let (kernel, a) = (&kernel, cells("own"));
             scope.spawn(move || {
                 let mut recorder = Recorder::new(context).unwrap();
@@ -201,11 +202,11 @@ fn a_device_is_found_by_index_and_by_part_of_its_name() {
     let open = |device: &str| {
         Context::open(&Options { device: Some(device.into()), validation: false, ..Options::of_program() })
     };
-    let usable = list.iter().find(|d| d.usable.is_ok()).expect("a usable device");
+    let usable = list.iter().find(|d| d.usable.is_ok()).expect("no Vulkan device is usable");
     assert_eq!(open(&usable.index.to_string()).unwrap().device_name(), usable.name);
     let part = usable.name.to_uppercase();
     assert_eq!(open(&part[..part.len().min(6)]).unwrap().device_name(), usable.name);
-    let Err(error) = open("no such thing") else { panic!("opened a device that is not there") };
+    let Err(error) = open("no such thing") else { panic!("a device that does not exist was opened") };
     assert!(
         error.to_string().contains("no such thing") && error.to_string().contains(&usable.name),
         "wrong error: {error}"
@@ -213,16 +214,17 @@ fn a_device_is_found_by_index_and_by_part_of_its_name() {
     assert_eq!(error.exit_status(), 3);
 }
 
-/// For each cell of a grid of `side` x `side` cells, the sum of 1 + index over the rectangles from index `first` on
-/// that cover it, as the GPU computes it. A rectangle is given by its first and last cell: x, y, x, y.
+/// Draws the rectangles from index `first` on over a grid of `side` x `side` cells on the GPU. Each rectangle adds its
+/// index plus 1 to the cells that it covers; the cells' sums are returned. A rectangle is given by its first and its
+/// last cell: x and y of the first, then x and y of the last.
 fn covered(side: u32, rectangles: &[[i32; 4]], first: u32) -> Vec<u32> {
     let context = context();
     let pipeline = RasterPipeline::new(context, "test/raster_cells", &[("RASTER_CELLS", side.into())]).unwrap();
     let rectangles_there = Buffer::from_slice(context, "rectangles", rectangles, Memory::Device).unwrap();
     let raster_cells = Buffer::new(context, "raster_cells", u64::from(side * side) * 4, Memory::Device).unwrap();
     let out = Buffer::new(context, "out", raster_cells.bytes(), Memory::Readback).unwrap();
-    // Arguments of two indirect draws (vertices, instances, first vertex, first instance), of which only the second is
-    // run.
+    // The buffer holds the arguments of two indirect draws (numbers of vertices and instances, first vertex, first
+    // instance); only the second draw is run.
     let args = [[9u32; 4], [6, rectangles.len() as u32 - first, 0, 0]];
     let args = Buffer::from_slice(context, "args", &args, Memory::Device).unwrap();
     let mut recorder = Recorder::new(context).unwrap();
@@ -248,8 +250,8 @@ fn a_rectangle_of_squares_has_a_fragment_each_and_no_other() {
     for side in [1u32, 2, 3, 7, 64, 65, 1000, MOST_CELLS + 1, 4096] {
         let end = side.cast_signed() - 1;
         let mut rectangles = vec![[0, 0, end, end], [end; 4], [0; 4], [0, end, end, end], [end, 0, end, end]];
-        // A rectangle without any cell, and random ones: single cells, parts of a column, parts of a row, up to 100 x
-        // 100 cells.
+        // Further rectangles: one without any cell, and random ones in turn of a single cell, part of a column, part of
+        // a row, and up to 100 cells along each side.
         rectangles.push([1, 1, 0, 0]);
         for k in 0..200 {
             let mut at = || random.below(side as usize) as i32;
@@ -272,7 +274,7 @@ fn a_rectangle_of_squares_has_a_fragment_each_and_no_other() {
             let wrong = got.iter().zip(&want).filter(|(a, b)| a != b).count();
             assert!(
                 wrong == 0,
-                "grid with {side} cells a side, rectangles from {first} on: {wrong} cells have a wrong sum"
+                "grid with {side} cells a side, rectangles from index {first} on: {wrong} cells have a wrong sum"
             );
         }
     }

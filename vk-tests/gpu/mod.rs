@@ -1,4 +1,5 @@
-//! Tests of the Vulkan module (`palpate::internal::gpu`): GPU devices, kernels and their variants, drawing onto images.
+//! Tests of the Vulkan module (`palpate::internal::gpu`): GPU devices, kernels (compute shaders) and their variants,
+//! drawing onto images.
 
 pub mod canvas;
 pub mod device;

@@ -1,5 +1,5 @@
-//! Tests that `Options::replaced` puts another kernel with the same interface in a kernel's place. Mutation tests use
-//! this option: they plant a fault in a shader and expect a check to fail.
+//! Tests that the option `Options::replaced` puts another kernel (compute shader) with the same interface in a kernel's
+//! place. Mutation tests use this option: they plant a fault in a shader and expect a check to fail.
 
 use palpate::internal::gpu::{Buffer, Kernel, Memory, Recorder, Size};
 use palpate::{Context, Options};
@@ -29,9 +29,9 @@ fn a_replaced_kernel_runs_in_its_place_and_an_unknown_name_is_refused() {
         assert_eq!(cells.read::<u32>().unwrap(), [expected; 5]);
         assert_clean(&context, "a replaced kernel");
     }
-    let Err(error) = open(vec![("test/dump".into(), bytes)]) else { panic!("replaced a kernel that is not there") };
+    let Err(error) = open(vec![("test/dump".into(), bytes)]) else { panic!("an unknown kernel was replaced") };
     assert!(error.to_string().contains("test/dump; the nearest is test/bump"), "wrong error: {error}");
     let odd = open(vec![("test/bump".into(), vec![3, 2, 35])]).unwrap();
-    let Err(error) = Kernel::new(&odd, "test/bump", Size::Group, &[]) else { panic!("made a kernel of three bytes") };
+    let Err(error) = Kernel::new(&odd, "test/bump", Size::Group, &[]) else { panic!("three bytes made a kernel") };
     assert!(error.to_string().contains("3 bytes"), "wrong error: {error}");
 }

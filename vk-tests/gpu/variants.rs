@@ -8,20 +8,24 @@ use palpate::internal::shaders;
 
 use crate::harness::{assert_clean, context};
 
-/// Names of the buffers that a variant uses; they must be the same with both kinds of arrays.
+/// Names of the buffers that the variant of `kernel` with these constants uses; they must be the same whether arrays
+/// are read through texel buffers or through storage buffers.
 fn buffers(kernel: &str, constants: &[(&str, Const)]) -> BTreeSet<String> {
     let [texel, storage] = [Arrays::Texel, Arrays::Storage].map(|arrays| {
         let kernel = Kernel::with_arrays(context(), kernel, Size::Reduce, constants, arrays).unwrap();
         kernel.bindings().iter().map(|binding| binding.name.clone()).collect::<BTreeSet<_>>()
     });
-    assert_eq!(texel, storage, "buffers of {kernel} with {constants:?}: texel and storage arrays");
+    assert_eq!(texel, storage, "{kernel} with {constants:?}: buffers where arrays are texel, and storage, buffers");
     texel
 }
 
 /// Names of the buffers that the variant `with` uses in addition to those of the variant `without`.
 fn more(kernel: &str, with: &[(&str, Const)], without: &[(&str, Const)]) -> Vec<String> {
     let (with, without) = (buffers(kernel, with), buffers(kernel, without));
-    assert!(without.is_subset(&with), "{kernel}: all buffers {without:?} must be among {with:?}");
+    assert!(
+        without.is_subset(&with),
+        "{kernel}: the variant with the feature must use all buffers {without:?}, but uses only {with:?}"
+    );
     with.difference(&without).cloned().collect()
 }
 
@@ -35,28 +39,29 @@ fn a_feature_that_a_variant_lacks_takes_its_buffers_with_it() {
     assert_eq!(of("solve/conclude", "CONTACT"), ["contact_forces", "contacts"]);
     assert_eq!(of("contact/candidates", "SKINS"), ["hits", "shares"]);
     assert_eq!(of("elastic/element_forces", "NEWTON"), ["trial_change"]);
-    // `TOOL_CORE` is the index of the dynamic rigid core on which the virtual coupling acts, or `NONE`.
+    // `TOOL_CORE` is the index of the rigid core (rigid body inside a soft one) that the haptic device leads, through a
+    // spring and damper (virtual coupling), or `NONE`.
     let held = more("solve/assemble", &[("TOOL_CORE", Const::Uint(0))], &[("TOOL_CORE", Const::Uint(shaders::NONE))]);
-    assert_eq!(held, Vec::<String>::new(), "buffers that only a variant with a coupled rigid core uses");
+    assert_eq!(held, Vec::<String>::new(), "buffers that only the variant with a led rigid core uses");
     assert_clean(context(), "variants");
 }
 
 #[test]
 fn of_the_variants_that_run_side_by_side_the_leader_alone_writes_arguments() {
-    // `ROLE` selects the unknowns that a variant of solve/update updates; one variant has `LEADS` set and writes the
-    // scalars and the indirect arguments for all.
+    // `ROLE` selects the unknowns that a variant of the kernel solve/update updates. One of the variants has `LEADS`
+    // set: it writes the scalars and the indirect arguments that all variants use.
     for role in [shaders::FREE_NODES, shaders::ATTACHED_NODES, shaders::TOOL_ROWS] {
         let of = |leads: bool| buffers("solve/update", &[("ROLE", role.into()), ("LEADS", leads.into())]);
         let (leader, other) = (of(true), of(false));
         assert!(
             leader.contains("args") && !other.contains("args"),
-            "role {role}: buffers of the variant that leads {leader:?}, of another one {other:?}"
+            "role {role}: the variant that leads has the buffers {leader:?}, the variant that does not lead {other:?}"
         );
-        assert!(other.contains("dots"), "buffers of a variant that does not lead: {other:?}");
+        assert!(other.contains("dots"), "buffer dots is missing in a variant that does not lead, which has {other:?}");
     }
     let tool = buffers("solve/update", &[("ROLE", shaders::TOOL_ROWS.into())]);
     assert!(
         !tool.contains("residual") && !tool.contains("block_nodes"),
-        "buffers of the variant for the tool: {tool:?}"
+        "the variant for the tool must not use residual or block_nodes: {tool:?}"
     );
 }

@@ -1,5 +1,5 @@
-//! Bodies for the contact tests, in the form that the preparation of a scene gives: spheres, flat sheets, half-spaces,
-//! and skins (surface meshes) embedded in a layer (tetrahedral mesh).
+//! Bodies for the contact tests, in the form in which the engine prepares the bodies of a scene: spheres, flat sheets,
+//! half-spaces, and skins (surface meshes) embedded in a layer (tetrahedral mesh).
 
 use std::collections::BTreeMap;
 
@@ -10,8 +10,8 @@ use palpate::scene::Material;
 /// A triangle mesh: vertices, m, and the vertex indices of each triangle.
 pub type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);
 
-/// A sphere with outward triangles: an octahedron whose triangles are split in four `halvings` times, all vertices at
-/// `radius`.
+/// A sphere whose triangles face outwards. It is made of an octahedron: `halvings` times, all edges are halved, so that
+/// four triangles take the place of each. All vertices lie at the distance `radius` (m) from the origin.
 pub fn sphere(radius: f64, halvings: u32) -> Mesh {
     let mut points: Vec<DVec3> = [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::X, -DVec3::Y, -DVec3::Z].into();
     let mut triangles: Vec<[u32; 3]> =
@@ -34,7 +34,8 @@ pub fn sphere(radius: f64, halvings: u32) -> Mesh {
     (points.into_iter().map(|p| p * radius).collect(), triangles)
 }
 
-/// A square in the plane y = 0, `half` m to each side, facing up, of `cells` x `cells` squares of two triangles each.
+/// A square sheet in the plane y = 0 that faces up and reaches from -`half` to `half` (m) along x and z. It is divided
+/// into `cells` x `cells` squares of two triangles each.
 pub fn sheet(half: f64, cells: u32) -> Mesh {
     let at = |i: u32| (f64::from(i) / f64::from(cells) * 2.0 - 1.0) * half;
     let points = (0..=cells).flat_map(|z| (0..=cells).map(move |x| (x, z)));
@@ -48,8 +49,8 @@ pub fn sheet(half: f64, cells: u32) -> Mesh {
     (points, halves.collect())
 }
 
-/// Collision proxies (convex hulls that cover the skin), one for each octant with a triangle's centroid in it: up to
-/// eight, so that several proxies take part even where the skin as a whole is convex.
+/// Collision proxies (convex hulls that cover the skin): one for each octant of space that contains the centroid of a
+/// triangle. There are up to eight of them, so that several proxies take part even where the skin as a whole is convex.
 pub fn octants(skin: &Skin) -> Vec<Proxy> {
     let mut proxies = vec![Proxy::default(); 8];
     let mut owned = vec![false; skin.vertices.len()];
@@ -75,7 +76,7 @@ pub fn octants(skin: &Skin) -> Vec<Proxy> {
     proxies
 }
 
-/// A rigid body; `cut` makes the collision proxies of its skin.
+/// A rigid body with this mesh as its skin; the function `cut` makes the collision proxies of the skin.
 pub fn rigid(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec3, orientation: DQuat) -> Body {
     let skin = skin::build(mesh.0, mesh.1);
     let proxies = cut(&skin);
@@ -84,12 +85,12 @@ pub fn rigid(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVe
     Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
 }
 
-/// The collision proxies that the program itself makes: one hull, or as many as the skin's shape needs.
+/// The collision proxies that the engine itself makes for a skin: one hull, or as many as the skin's shape needs.
 pub fn whole(skin: &Skin) -> Vec<Proxy> {
     prepare::proxies(skin).unwrap()
 }
 
-/// A soft body without a rigid core: the skin is embedded in a somewhat larger box of Kuhn cells (cuboids of six
+/// A soft body with this mesh as its skin. The skin is embedded in a somewhat larger box of Kuhn cells (cuboids of six
 /// tetrahedra each), and no node is attached to a rigid body.
 pub fn soft(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec3, orientation: DQuat) -> Body {
     let reach = mesh.0.iter().fold(DVec3::ZERO, |reach, x| reach.max(x.abs()));
@@ -104,7 +105,7 @@ pub fn soft(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec
     Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
 }
 
-/// The fixed half-space below the plane `normal` . x = `offset`.
+/// The fixed half-space of all points x with `normal` . x < `offset` (m).
 pub fn half_space(normal: DVec3, offset: f64) -> Body {
     let (position, orientation) = (DVec3::ZERO, DQuat::IDENTITY);
     let shape = Shape::Plane { normal, offset };

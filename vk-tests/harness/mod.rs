@@ -1,6 +1,7 @@
-//! The shader test harness. A [`Case`] takes arrays, runs one kernel on them and checks the arrays afterwards: outputs
-//! start filled with a canary value and have guard words behind their end, inputs must be unchanged after the run, and
-//! any message of the Vulkan validation layer fails the case.
+//! The shader test harness. A [`Case`] takes arrays, runs one kernel (compute shader) on them and checks the arrays
+//! afterwards: outputs start filled with a canary value, and the canaries must be overwritten; guard words behind the
+//! end of an output, and all inputs, must be unchanged after the run. Any message of the Vulkan validation layer fails
+//! the case. Kernels read arrays through one of two kinds of buffers: texel buffers or storage buffers.
 
 pub mod bodies;
 pub mod random;
@@ -19,8 +20,8 @@ use palpate::{Context, Options};
 
 /// A quiet NaN that no arithmetic makes: a word of an output, float or integer, that still holds it was not written.
 pub const CANARY: u32 = 0x7fc0_dead;
-/// Kernels that fill lists in the order in which their invocations arrive, which differs from run to run, so that their
-/// outputs are not compared between runs. The results of later kernels do not depend on that order.
+/// Kernels whose outputs are not compared between runs: they fill lists in the order in which their invocations arrive,
+/// and this order differs from run to run. The results of kernels that read these lists do not depend on the order.
 const UNORDERED: [&str; 9] = [
     "cull/pairs",
     "cull/contact_patches",
@@ -48,8 +49,8 @@ pub fn context() -> &'static Arc<Context> {
     })
 }
 
-/// Through which kind of buffers kernels read their arrays in tests that do not compare both kinds: the environment
-/// variable `PALPATE_TEST_ARRAYS` (`texel` or `storage`), or `None` for the kind that the GPU device prefers.
+/// The kind of buffers through which kernels read their arrays in tests that do not compare both kinds. The environment
+/// variable `PALPATE_TEST_ARRAYS` (`texel` or `storage`) sets it; `None` stands for the kind that the GPU prefers.
 pub fn arrays() -> Option<Arrays> {
     match std::env::var("PALPATE_TEST_ARRAYS").as_deref() {
         Err(_) => None,
@@ -60,9 +61,9 @@ pub fn arrays() -> Option<Arrays> {
 }
 
 /// Waits until no other test uses the validation layer, and keeps other tests from it until this test's thread ends.
-/// The layer does not report to which test a message belongs; and where tests open and close devices in parallel,
-/// version 1.3.239 crashes in one of its own look-ups about once in a hundred runs. Tests that open no device with
-/// validation run in parallel.
+/// The layer does not report to which test a message belongs. Also, version 1.3.239 of the layer crashes about once in
+/// a hundred runs where tests open and close devices in parallel. Tests that open no device with validation do not call
+/// this function, so they run in parallel.
 pub fn turn() {
     static TURN: Mutex<()> = Mutex::new(());
     thread_local!(static HELD: Cell<Option<MutexGuard<'static, ()>>> = const { Cell::new(None) });
@@ -72,7 +73,7 @@ pub fn turn() {
     });
 }
 
-/// Fails on any validation message since the last call.
+/// Panics if the validation layer has reported anything since the last call; `what` names the test in the message.
 pub fn assert_clean(context: &Context, what: &str) {
     let messages = context.validation_messages();
     assert!(messages.is_empty(), "{what}: the validation layer reported:\n{}", messages.join("\n"));
@@ -90,7 +91,7 @@ struct Given {
     name: String,
     role: Role,
     words: Vec<u32>,
-    /// Number of bytes that the kernel may use; guard words lie behind them.
+    /// Number of bytes that the kernel may use; in arrays that it may write, guard words lie behind these bytes.
     bytes: usize,
 }
 
@@ -111,7 +112,7 @@ enum Extent {
     Groups(u32),
 }
 
-/// A case for a kernel; arrays are added by the names of the shader's buffers.
+/// A case for a kernel, without arrays at first. Each array is added under the name of the shader's buffer for it.
 pub fn case(kernel: &str) -> Case {
     Case {
         kernel: kernel.into(),
@@ -136,7 +137,7 @@ impl Case {
         self
     }
 
-    /// Adds an array that the kernel reads; it must be the same after the run.
+    /// Adds an array that the kernel reads; the array must be the same after the run.
     pub fn input<T: Pod>(self, name: &str, data: &[T]) -> Self {
         self.with(name, Role::Input, bytemuck::cast_slice(data))
     }
@@ -187,8 +188,8 @@ impl Case {
         self
     }
 
-    /// Runs the case with both kinds of arrays, which must leave the same bits, and checks guard words, inputs,
-    /// canaries and validation. Panics where any check fails.
+    /// Runs the case twice, with texel buffers and with storage buffers. Both runs must leave the same bits in the
+    /// arrays. Guard words, inputs, canaries and validation messages are checked too; any check that fails panics.
     pub fn run(self) -> Outcome {
         turn();
         let first = arrays().unwrap_or(context().arrays());
@@ -201,7 +202,7 @@ impl Case {
             if let Some(i) = (0..after.len()).find(differ).filter(|_| !UNORDERED.contains(&self.kernel.as_str())) {
                 let (kernel, name) = (&self.kernel, &given.name);
                 panic!(
-                    "{kernel}: word {i} of {name} is {:#x} with {first:?} arrays, {:#x} with the other kind",
+                    "{kernel}: word {i} of {name} is {:#x} with {first:?} buffers, but {:#x} with the other kind",
                     after[i], other[i]
                 );
             }
@@ -209,12 +210,12 @@ impl Case {
         Outcome { kernel: self.kernel, given: self.given, after }
     }
 
-    /// The contents of all arrays after a run with one kind of arrays.
+    /// The contents of all arrays after a run with one kind of buffers.
     fn run_with(&self, arrays: Arrays) -> Vec<Vec<u32>> {
         let context = context();
         let constants: Vec<_> = self.constants.iter().map(|(name, value)| (name.as_str(), *value)).collect();
-        // Drivers take longer to compile a kernel than to run it, and tests of the solver run the same kernels many
-        // times.
+        // Kernels are kept here once they are compiled: drivers take longer to compile a kernel than to run it, and
+        // tests of the solver run the same kernels many times.
         static KERNELS: Mutex<BTreeMap<String, Arc<Kernel>>> = Mutex::new(BTreeMap::new());
         let make = || {
             let kernel = Kernel::with_arrays(context, &self.kernel, self.size, &constants, arrays);
@@ -256,15 +257,16 @@ impl Case {
             match given.unwrap_or_else(|| panic!("{kernel}: {name} is not given")).role {
                 Role::Input => {}
                 Role::InOut => {
-                    assert!(binding.reads && binding.writes, "{kernel}: {name} is not both read and written")
+                    assert!(binding.reads && binding.writes, "{kernel} must both read and write in-out {name}")
                 }
-                Role::Output | Role::Partial => assert!(binding.writes, "{kernel}: {name} is never written"),
+                Role::Output | Role::Partial => assert!(binding.writes, "{kernel} never writes output {name}"),
             }
         }
     }
 }
 
-/// Checks that guard words and inputs are unchanged and that outputs are written in full.
+/// Checks that the guard words of an array, or all its words if it is an input, are unchanged, and that an output is
+/// written in full.
 fn check(kernel: &str, given: &Given, after: &[u32]) {
     let (end, name) = (given.bytes / 4, &given.name);
     if given.role == Role::Input {
@@ -274,12 +276,16 @@ fn check(kernel: &str, given: &Given, after: &[u32]) {
         return;
     }
     if let Some(i) = (end..after.len()).find(|&i| after[i] != CANARY) {
-        panic!("{kernel}: {name} was written {} words behind its end of {end} words: {:#x}", i - end, after[i]);
+        panic!(
+            "{kernel}: {name} was written {} words behind its end, which is at {end} words; the value there is {:#x}",
+            i - end,
+            after[i]
+        );
     }
     if given.role == Role::Output
         && let Some(i) = (0..end).find(|&i| after[i] == CANARY)
     {
-        panic!("{kernel}: word {i} of {end} of output {name} was never written");
+        panic!("{kernel}: word {i} of output {name} was never written; the output has {end} words");
     }
 }
 
@@ -299,20 +305,22 @@ impl Outcome {
     }
 }
 
-/// The allowed error of a value: `abs + rel * |want|`. Each constant of this type has a comment that gives its reason.
+/// The allowed error of a value: `abs + rel * |want|`, where `want` is the expected value. Each constant of this type
+/// has a comment that gives the reason for its numbers.
 #[derive(Debug, Clone, Copy)]
 pub struct Tolerance {
     /// Absolute part, in the units of the value.
     pub abs: f64,
-    /// Part relative to the wanted value.
+    /// Part relative to the magnitude of the expected value.
     pub rel: f64,
 }
 
-/// Checks that every value is within tolerance, and otherwise panics with a message that names the worst value. A NaN
-/// never passes, nor do lengths that differ.
+/// Checks that every value in `got` is within the tolerance of the value in `want`, and otherwise panics with a message
+/// that names the worst value. A NaN in `got` never passes, nor do lists of different length.
 pub fn expect_close(name: &str, got: &[f32], want: &[f64], tolerance: Tolerance) {
-    assert_eq!(got.len(), want.len(), "{name}: number of values got, and expected");
-    // The error divided by the allowed error; NaN and errors where none is allowed count as infinite.
+    assert_eq!(got.len(), want.len(), "{name}: number of values got, and number expected");
+    // The error divided by the allowed error. The quotient is infinite where the error is NaN, and where there is an
+    // error although none is allowed.
     let share = |(g, w): (&f32, &f64)| {
         let error = (f64::from(*g) - w).abs();
         let allowed = tolerance.abs + tolerance.rel * w.abs();
@@ -329,8 +337,8 @@ pub fn expect_close(name: &str, got: &[f32], want: &[f64], tolerance: Tolerance)
     {
         let (g, w, n) = (got[i], want[i], got.len());
         panic!(
-            "{name}: {failing} of {n} fail {tolerance:?}; the worst, [{i}], is {g:e}, expected {w:e}: \
-             {worst:.3} x the allowed error"
+            "{name}: {failing} of {n} values are not within {tolerance:?}; the worst, at index [{i}], is {g:e}, but \
+             {w:e} is expected: its error is {worst:.3} times the allowed error"
         );
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-/// A linear congruential generator (Knuth's MMIX constants); its field is the seed.
+/// A linear congruential generator (Knuth's MMIX constants). Its field is the state, which starts with the seed.
 pub struct Random(pub u64);
 
 impl Random {
@@ -17,12 +17,12 @@ impl Random {
         DVec3::new(self.next(), self.next(), self.next())
     }
 
-    /// A rotation whose rotation vector has random components of up to `reach` rad.
+    /// A rotation whose rotation vector has random components between -`reach` and `reach`, rad.
     pub fn turn(&mut self, reach: f64) -> DQuat {
         DQuat::from_scaled_axis(reach * self.vector())
     }
 
-    /// An index below `n`.
+    /// A random index from 0 to `n` - 1.
     pub fn below(&mut self, n: usize) -> usize {
         ((self.next() * 0.5 + 0.5) * n as f64) as usize
     }

@@ -1,5 +1,5 @@
-//! Tests of the harness itself: the kernel `shaders/test/copy.comp` breaks one rule that the harness checks, selected
-//! by its constant `misdeed`, and the harness must panic.
+//! Tests of the shader test harness itself: the kernel `shaders/test/copy.comp` commits a fault (a misdeed) that breaks
+//! one of the rules that the harness checks, and the harness must panic. The kernel's constant `misdeed` selects which.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -12,8 +12,9 @@ use crate::harness::{Outcome, Tolerance, assert_clean, case, context, expect_clo
 const TOLERANCE: Tolerance = Tolerance { abs: 0.0, rel: 2.4e-7 };
 const SCALE: f32 = 3.0;
 
-/// Runs the copy kernel over `n` elements with one of the shader's misdeeds (0: none), and returns the arrays after the
-/// run and the expected `target`. `marked_is_input` declares the array `marked`, which misdeed 2 changes, as an input.
+/// Runs the copy kernel over `n` elements with one of its misdeeds (0: no misdeed), and returns the arrays after the
+/// run and the expected contents of the array `target`. Misdeed 2 changes the array `marked`; `marked_is_input` tells
+/// whether the case declares this array as an input, and so forbids the change.
 fn copy(n: usize, misdeed: u32, marked_is_input: bool) -> (Outcome, Vec<f64>) {
     let params = CopyParams { unused: [0.0; 3], count: n as u32, also_unused: [[0.0; 3]; 3] };
     let source: Vec<f32> = (0..n).map(|i| 1.0 + i as f32 * 0.7).collect();
@@ -32,7 +33,7 @@ fn copy(n: usize, misdeed: u32, marked_is_input: bool) -> (Outcome, Vec<f64>) {
     (outcome, want)
 }
 
-/// The panic message of a closure, which must panic.
+/// Runs a closure, which must panic, and returns the message of the panic.
 fn message(what: impl FnOnce()) -> String {
     let panic = catch_unwind(AssertUnwindSafe(what)).expect_err("the closure did not panic, but it must");
     panic.downcast_ref::<String>().cloned().unwrap_or_else(|| panic.downcast_ref::<&str>().unwrap().to_string())
@@ -56,7 +57,7 @@ fn one_spoiled_value_fails() {
         let mut got = good.clone();
         got[41] = spoiled;
         let said = message(|| expect_close("target", &got, &want, TOLERANCE));
-        assert!(said.contains("1 of 100 fail") && said.contains("[41]"), "wrong panic: {said}");
+        assert!(said.contains("1 of 100 values are not") && said.contains("[41]"), "wrong panic: {said}");
     }
     assert!(message(|| expect_close("target", &good[1..], &want, TOLERANCE)).contains("values got"));
 }
@@ -78,7 +79,7 @@ fn a_changed_input_fails() {
 #[test]
 fn a_value_left_unwritten_fails() {
     let said = message(|| drop(copy(100, 3, true)));
-    assert!(said.contains("word 99 of 100 of output target was never written"), "wrong panic: {said}");
+    assert!(said.contains("word 99 of output target was never written"), "wrong panic: {said}");
 }
 
 #[test]
@@ -119,7 +120,8 @@ fn misuse_is_refused_by_name() {
     assert!(record(&given(&b, &c, &b), &[0; 4]).contains("writes array b and also binds it to target"));
     assert!(record(&given(&b, &c, &a), &[0; 4]).contains("writes array a and"));
     assert!(record(&given(&b, &c, &odd), &[]).contains("4 bytes of push constants, but was given 0"));
-    // A buffer is accepted under its own name only, unless `known_as` gives it others.
+    // A kernel's buffer takes an array only if the array has the buffer's name; `known_as` gives an array further
+    // names.
     let target = b.known_as(&["target"]);
     let swapped = record(&given(&target, &c, &d), &[0; 4]);
     assert!(swapped.contains("array b may not be bound to its buffer source"), "wrong error: {swapped}");

@@ -1,4 +1,4 @@
-//! Shaders with a planted fault, for mutation tests: tests that show that a check can fail.
+//! Makes shaders with a planted fault for mutation tests, which show that a check can fail.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use palpate_glsl::Arrays;
 
 /// The SPIR-V of the kernel `shaders/<kernel>.comp`, or of `shaders/<kernel>` where that name already has the extension
 /// of a shader stage, in which the text `from` is replaced by `to`; `from` must occur exactly once in the shader and
-/// its includes. [`palpate::Options::replaced`] takes the name together with these bytes.
+/// its includes. [`palpate::Options::replaced`] takes the kernel's name together with these bytes.
 pub fn spoiled(kernel: &str, from: &str, to: &str) -> Vec<u8> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let root = here.ancestors().map(|folder| folder.join("shaders")).find(|shaders| shaders.is_dir()).unwrap();

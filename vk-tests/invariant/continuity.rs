@@ -1,6 +1,7 @@
-//! Continuity of the contact force: a sphere is swept over the head and the gear in a thousand steps of 10 um, across
-//! borders between collision proxies, and the force must not jump. The bodies are rigid and the virtual coupling is
-//! stiff, so that only the contact law shows and no dynamics.
+//! Continuity of the contact force: a sphere (the tool) is swept over the skins (surface meshes) of a head and a gear
+//! in a thousand steps of 10 um, across borders between collision proxies (convex hulls that cover a skin), and the
+//! force must not jump. The bodies are rigid, and the virtual coupling (spring and damper that pull the tool along its
+//! path) is stiff, so that the force shows only the contact law and no dynamics.
 
 use std::collections::BTreeMap;
 
@@ -11,12 +12,12 @@ use palpate::{Options, Simulation};
 
 use crate::scene::whole_step::scene;
 
-/// Number of steps of a sweep, and the way that the tool goes in each, m.
+/// Number of steps of a sweep, and the distance that the tool moves in each step, m.
 const SWEEP: (usize, f64) = (1000, 1e-5);
 /// Penalty stiffness of contact, N/m^3.
 const STIFFNESS: f64 = 1e7;
-/// Number of first steps that are left out. The tool starts at full depth; after these steps it follows the desired
-/// pose and the contact normal follows from the skins.
+/// Number of steps at the start of a sweep that are not judged. The tool starts at full depth; only after these steps
+/// does it follow the path to which the coupling pulls it, and has the contact normal been found from the skins.
 const SETTLE: usize = 100;
 
 /// A straight sweep over the skin of a model.
@@ -24,18 +25,18 @@ struct Sweep {
     name: &'static str,
     model: &'static str,
     vertices: usize,
-    /// A point of the skin (surface mesh) near the middle of the sweep, m; `outward` and `along` are the directions of
-    /// the skin's normal and of the sweep there.
+    /// A point of the skin near the middle of the sweep, m; `outward` is the direction of the skin's normal at this
+    /// point, and `along` is the direction of the sweep.
     at: DVec3,
     outward: DVec3,
     along: DVec3,
-    /// Radius of the tool and its depth in the skin at the middle of the sweep, m.
+    /// Radius of the tool, m; `depth` is the tool's depth in the skin at the middle of the sweep, m.
     sphere: f64,
     depth: f64,
-    /// Limits of `jump`, `kink` and `sudden` of [`Felt`]. The aim is 3; where the engine does not reach it yet, the
-    /// limit lies just above the value that it reaches. A discontinuity of the force makes all three values large; a
-    /// steep but smooth slope of the skin makes only `jump` large; a vertex that enters contact at the steep rim of the
-    /// tool makes `jump` and `kink` large.
+    /// Limits of `jump`, `kink` and `sudden` of [`Felt`]. The aim is 3 for each; where the engine does not reach the
+    /// aim yet, the limit lies just above the value that the engine does reach. A discontinuity of the force makes all
+    /// three values large; a steep but smooth slope of the skin makes only `jump` large; a vertex that enters contact
+    /// at the steep rim of the tool makes `jump` and `kink` large.
     limits: [f64; 3],
 }
 
@@ -43,11 +44,11 @@ struct Sweep {
 struct Felt {
     /// Largest change of the force in one step, divided by the median change.
     jump: f64,
-    /// Largest difference between the changes of two successive steps, divided by the median change.
+    /// Largest difference between the changes of the force in two successive steps, divided by the median change.
     kink: f64,
     /// Greatest force of a contact in its first or last step, divided by the median change.
     sudden: f64,
-    /// Mean force, N.
+    /// Mean magnitude of the force, N.
     mean: f64,
     /// Fastest turning of the contact normal, rad per mm of the sweep.
     turn: f64,
@@ -74,8 +75,8 @@ fn open(sweep: &Sweep, from: DVec3, to: DVec3) -> Simulation {
     Simulation::open(&scene(&text), &options).unwrap()
 }
 
-/// The centre of the sphere on the line through `at` along `outward` where the nearest skin vertex is `depth` deep in
-/// the sphere.
+/// The point on the line through `at` along `outward` at which the sphere's centre must lie so that the nearest skin
+/// vertex is `depth` deep inside the sphere.
 fn middle(sweep: &Sweep, skin: &[DVec3]) -> DVec3 {
     let n = sweep.outward.normalize();
     let distance = |x: DVec3| skin.iter().map(|v| v.distance(x)).fold(f64::INFINITY, f64::min);

@@ -1,5 +1,7 @@
-//! Invariant: contact creates no energy. A rigid sphere (the tool) is dropped on a soft block, a free soft block is
-//! dropped on a half-space, and both are thrown with friction.
+//! Tests an invariant, a law that whole steps must keep: contact creates no energy. A rigid sphere (the tool) is
+//! dropped on a soft block, a free soft block is dropped on a half-space, and sphere and block are also thrown so that
+//! friction acts on them. A contact is a vertex of a body's skin (surface mesh) inside the other body; a penalty spring
+//! pushes it out along the normal of the contact patch (the place where two bodies may touch).
 
 use std::collections::BTreeMap;
 
@@ -10,31 +12,32 @@ use palpate::internal::shaders::Contact;
 use crate::invariant::invariants::{BLOCK, State};
 use crate::scene::whole_step::{open, run, scene};
 
-/// Greatest energy that may be gained, relative to the largest change of energy since the start: the state is f32, and
-/// the solver stops at a relative residual of 1e-6.
+/// Greatest energy that may be gained, relative to the largest change of energy since the start. It is not zero,
+/// because positions and velocities are f32, and the solver stops at a relative residual of 1e-6.
 const GAIN: f64 = 1.0e-5;
 
 /// Radius of the dropped sphere, m.
 const RADIUS: f64 = 0.02;
-/// Greatest slope of the facets of the sphere's mesh against the sphere, rad: an edge spans 0.075 rad, and a corner
-/// lies 1/sqrt(3) of that from the middle of its facet.
+/// Greatest angle between a facet of the sphere's mesh and the sphere, rad: an edge spans 0.075 rad, and a corner lies
+/// 1/sqrt(3) of this angle from the middle of its facet.
 const FACET: f64 = 0.044;
 
-/// Penalty energy of each contact of a step, J, by the body of the contact's vertex (`side`: the first or second of the
-/// pair) and the index of that skin vertex. Contacts released in the step, whose own stiffness is 0, count too.
+/// Penalty energy of each contact of a step, J: the energy stored in its penalty spring. The key is the body of the
+/// contact's vertex (`side`: first or second body of the pair) and the index of the vertex. Released contacts, which
+/// would pull and whose stiffness the step has set to 0, count too, with the stiffness of the others.
 fn penalties(contacts: &[Contact]) -> BTreeMap<(u32, u32), f64> {
     let stiffness = contacts.iter().map(|c| c.stiffness).fold(0.0, f32::max);
     let energy = |c: &Contact| 0.5 * f64::from(stiffness * c.area) * f64::from(c.depth).powi(2);
     contacts.iter().map(|c| ((c.side, c.vertex), energy(c))).collect()
 }
 
-/// Runs a drop and checks its energy at the start of each step, with the contacts found there. The sum of kinetic,
-/// elastic and gravitational energy must never exceed its start. With the penalty energy of the contacts, the sum may
-/// rise from one step to the next by two amounts only: the energy of contacts that are new since the last step (their
-/// vertices have moved inside for up to one step when they are found), and the work of a spinning sphere's facets that
-/// slide under the contacts.
-/// Depth is measured, and force acts, along the normal of the contact patch and not of the facet, so that sliding on a
-/// sloped facet changes the depth and meets no resistance. On a plane there is no such work.
+/// Runs a drop or throw and checks the energy at the start of each step, with the contacts that the step finds there.
+/// The sum of kinetic, elastic and gravitational energy must never exceed its initial value. If the penalty energy of
+/// the contacts is added, the sum may rise from one step to the next by two amounts only: the penalty energy of
+/// contacts that are new since the last step (their vertices have moved inwards for up to one step before they are
+/// found), and the work of a spinning sphere's facets that slide under the contacts. Depth is measured along the normal
+/// of the contact patch, and the force acts along it, but the facet is inclined to this normal: sliding on the facet
+/// changes the depth and meets no resistance. On a plane there is no such work.
 fn judge(name: &str, text: &str, steps: usize, height: impl Fn(&State) -> f64) {
     let scene = scene(text);
     let mut simulation = open(&scene, None);

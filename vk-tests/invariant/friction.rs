@@ -1,6 +1,7 @@
-//! Friction in whole steps: Coulomb's law on a slope, agreement in every step with the oracle (the reference
-//! implementation in f64) that simulates a copy of the scene (its "twin"), and the momentum of free bodies that
-//! collide.
+//! Friction in whole steps: Coulomb's law on a slope, agreement of every step with the oracle (the reference
+//! implementation in f64), and the momentum of free bodies that collide. The oracle's copy of a scene is called its
+//! twin. The tool is the rigid body, or the core (rigid body inside a soft one), that the haptic device leads through a
+//! virtual coupling (spring and damper). A contact patch is a place with one normal where two bodies may touch.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Embedding, Shape, Skin};
@@ -18,9 +19,9 @@ use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
 const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
 
-/// The oracle's copy of a scene with one pair of bodies: two soft bodies, a soft body or the tool against a half-space,
-/// or a soft body and the tool. The twin finds its own contacts; it takes only the normal of the contact patch from the
-/// engine.
+/// The twin of a scene with one pair of bodies: two soft bodies, a soft body and the tool, a soft body and a
+/// half-space, or the tool and a half-space. The twin finds its contacts itself; it takes only the normal of the
+/// contact patch from the engine.
 pub struct Twin {
     pub oracle: oracle::step::Simulation,
     soft: Vec<(Skin, Vec<Embedding>)>,
@@ -74,7 +75,8 @@ impl Twin {
         Twin { oracle, soft, tool, plane, law }
     }
 
-    /// Finds the contacts in the twin's present state, with depths along `normal`.
+    /// Finds the contacts (skin vertices inside the other body) in the twin's present state, with depths along
+    /// `normal`.
     fn contacts(&self, normal: DVec3) -> Vec<contact::Contact> {
         let soft = self.soft.iter().enumerate().map(|(i, (skin, e))| self.oracle.bodies[i].surface(i, skin, e));
         let tool = self.tool.iter().map(|skin| Surface {
@@ -90,14 +92,13 @@ impl Twin {
         }
     }
 
-    /// Centre of the rigid tool, or of the rigid core (rigid body inside a soft one) on which the virtual coupling
-    /// acts, m.
+    /// Centre of mass of the rigid tool, or of the core on which the virtual coupling acts, m.
     fn tool_centre(&self) -> DVec3 {
         let held = || self.oracle.cores[self.oracle.coupled.unwrap().core].centre;
         self.oracle.tool.as_ref().map_or_else(held, |tool| tool.centre)
     }
 
-    /// Linear momentum, kg m/s, and angular momentum about the origin, kg m^2/s.
+    /// Linear momentum of all soft bodies, kg m/s, and their angular momentum about the origin, kg m^2/s.
     fn momentum(&self) -> (DVec3, DVec3) {
         momentum(self.oracle.bodies.iter())
     }
@@ -114,7 +115,8 @@ fn momentum<'a>(bodies: impl Iterator<Item = &'a oracle::step::SoftBody>) -> (DV
     (linear, angular)
 }
 
-/// Linear and angular momentum of the first `count` soft bodies, from their state on the GPU.
+/// Linear momentum, kg m/s, and angular momentum about the origin, kg m^2/s, of the first `count` soft bodies, from
+/// their state on the GPU.
 fn device_momentum(simulation: &Simulation, count: usize) -> (DVec3, DVec3) {
     let bodies: Vec<_> = (0..count)
         .map(|index| {
@@ -126,8 +128,8 @@ fn device_momentum(simulation: &Simulation, count: usize) -> (DVec3, DVec3) {
     momentum(bodies.iter())
 }
 
-/// Greatest differences between engine and oracle: of force and torque on the tool (relative to the largest), of the
-/// tool's position (`place`, m), and of node displacements (`shape`, relative to the largest).
+/// Greatest differences between engine and oracle: `force` and `torque` on the tool, each relative to its largest
+/// value; `place`, the tool's position, m; `shape`, node displacements, relative to the largest displacement.
 #[derive(Debug, Default)]
 pub struct Errors {
     pub force: f64,
@@ -184,14 +186,16 @@ pub fn beside(
     errors
 }
 
-/// Friction over normal force, sums of magnitudes over all contacts of a step; zero where nothing touches.
+/// Sum of the magnitudes of the friction forces of all contacts of a step, divided by the sum of the magnitudes of
+/// their normal forces; zero where nothing touches.
 fn ratio(report: &oracle::step::Report) -> f64 {
     let force: f64 = report.contacts.iter().map(|c| c.force).sum();
     let drag: f64 = report.contacts.iter().map(|c| c.friction.length()).sum();
     if force > 0.0 { drag / force } else { 0.0 }
 }
 
-/// Tolerances as in vk-tests/scene/touch.rs: `FORCE` and `SHAPE` relative to the largest value, `PLACE` in m.
+/// Limits of the fields of [`Errors`], as in vk-tests/scene/touch.rs: `FORCE` and `SHAPE` are relative to the largest
+/// value, `PLACE` is in m.
 const FORCE: f64 = 5.0e-5;
 const SHAPE: f64 = 5.0e-5;
 const PLACE: f64 = 1.0e-7;
@@ -211,15 +215,18 @@ fn a_tool_dragged_over_a_block_rubs_as_the_oracles() {
             most = most.max(ratio(report));
         });
         println!(
-            "drag at {young:e} Pa, friction coefficient {friction}: differences from the oracle {errors:?}; friction \
-             over normal force at most {most:.3}"
+            "drag, Young's modulus {young:e} Pa, friction coefficient {friction}: differences from the oracle \
+             {errors:?}; friction over normal force at most {most:.3}"
         );
         assert!(most > 0.2 * friction);
-        assert!(errors.force < FORCE && errors.place < PLACE && errors.shape < SHAPE, "engine errors: {errors:?}");
+        assert!(
+            errors.force < FORCE && errors.place < PLACE && errors.shape < SHAPE,
+            "differences from the oracle: {errors:?}"
+        );
     }
 }
 
-/// A soft block thrown on a plane; `core` is further text of the block's table in the scene file.
+/// A scene of a soft block thrown on a plane; `core` is further text of the block's table in the scene file.
 pub fn thrown(young: f64, friction: f64, core: &str) -> String {
     format!(
         "[solver]\n{TIGHT}\n[contact]\nfriction = {friction:?}\n[[body]]\nname = \"block\"\n\
@@ -249,8 +256,8 @@ fn a_thrown_block_slides_and_stops_as_the_oracles() {
     }
 }
 
-/// Velocity along the slope, m/s, of a free rigid cube (the tool) after each step on a slope with this tangent, and the
-/// greatest differences from the oracle.
+/// Lets a free rigid cube (the tool) go on a slope whose angle has the tangent `tangent`. Returns its velocity down the
+/// slope after each step, m/s, and the greatest differences from the oracle.
 fn slide(tangent: f64, steps: usize) -> (Vec<f64>, Errors) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("cube.obj");
@@ -274,8 +281,8 @@ fn slide(tangent: f64, steps: usize) -> (Vec<f64>, Errors) {
 fn a_rigid_cube_sticks_to_a_slope_or_slides_as_coulomb_says() {
     for tangent in [0.2, 0.35] {
         let (velocity, errors) = slide(tangent, 400);
-        // The regularised friction law with coefficient mu = 0.4, speed v and normal force N: mu N v / sqrt(v^2 + (1e-3
-        // m/s)^2) = N tangent.
+        // The speed v at which the friction of the regularised law, with coefficient mu = 0.4 and normal force N,
+        // balances gravity: mu N v / sqrt(v^2 + v0^2) = N tangent, where v0 = 1e-3 m/s.
         let creep = 1e-3 * tangent / (0.4f64.powi(2) - tangent * tangent).sqrt();
         println!(
             "slope of tangent {tangent}: speed {:.5e} m/s, by the regularised law {creep:.5e} m/s; differences from \
@@ -294,8 +301,8 @@ fn a_rigid_cube_sticks_to_a_slope_or_slides_as_coulomb_says() {
         let want = 9.81 * cosine * (tangent - 0.4);
         let got = (velocity[399] - velocity[199]) / 0.2;
         // The friction law divides by the speed at the start of a step, so that at speed v and acceleration a the
-        // friction is too large by the fraction h a / v, with the step h = 1 ms. `late` is the mean excess over the
-        // last 0.2 s, as an acceleration.
+        // friction is too large by the fraction h a / v, with the time step h = 1 ms. `late` is the mean of this excess
+        // over the last 0.2 s, divided by the cube's mass, m/s^2.
         let late = 0.4 * 9.81 * cosine * 1e-3 * (velocity[399] / velocity[199]).ln() / 0.2;
         println!(
             "slope of tangent {tangent}: acceleration {got:.4} m/s^2, by Coulomb's law {want:.4} m/s^2, less \
@@ -306,7 +313,7 @@ fn a_rigid_cube_sticks_to_a_slope_or_slides_as_coulomb_says() {
     }
 }
 
-/// Two free blocks that collide obliquely and off their centres, without gravity.
+/// A scene of two free blocks that collide obliquely and off their centres, without gravity.
 pub fn collision(friction: f64) -> String {
     let body = |name: &str, place: DVec3, velocity: DVec3, turn: DQuat| {
         let list = |x: DVec3| format!("{:?}", x.to_array());
@@ -327,10 +334,11 @@ pub fn collision(friction: f64) -> String {
     )
 }
 
-/// Greatest change of linear momentum since the start over 500 steps in f32, relative to a body's mass times 0.5 m/s.
+/// Greatest change of linear momentum since the start that 500 steps in f32 may cause, relative to a body's mass times
+/// 0.5 m/s.
 const MOMENTUM: f64 = 1.0e-5;
-/// Greatest difference between the changes of angular momentum in engine and oracle, relative to the same momentum
-/// (mass times 0.5 m/s) times half the edge of a body.
+/// Greatest difference between the changes of angular momentum in engine and oracle, relative to a body's mass times
+/// 0.5 m/s times half the edge of a body.
 const SPIN: f64 = 1.0e-4;
 
 #[test]
@@ -361,7 +369,7 @@ fn two_free_bodies_that_collide_keep_their_momentum_with_and_without_friction() 
         assert!(touching > 10 && (most > 0.1) == (friction > 0.0));
         assert!(
             linear < MOMENTUM * size && angular < SPIN * size * 0.03,
-            "change of linear momentum {linear:e} kg m/s, angular {angular:e} kg m^2/s"
+            "linear momentum changes by {linear:e} kg m/s, angular differs from the oracle's by {angular:e} kg m^2/s"
         );
     }
 }

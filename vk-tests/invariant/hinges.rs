@@ -1,6 +1,6 @@
 //! Tests of rigid cores (rigid bodies inside a soft one, to which nodes are attached) and of rigid bodies on hinges:
-//! they turn about the hinge's axis and do not move otherwise, as in the oracle (the reference implementation in f64,
-//! which simulates a copy of the scene, its "twin") and as mechanics demands.
+//! they must turn about the hinge's axis and not move otherwise. Their motion is compared with that of the oracle (the
+//! reference implementation in f64), whose copy of the scene is called its twin, and with formulas of mechanics.
 
 use std::f64::consts::TAU;
 
@@ -12,7 +12,7 @@ use palpate_oracle as oracle;
 use crate::scene::bones::{SHAPE, SPEED, bar, twin_cores};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// Relative tolerance of a pendulum's period: its zero crossings are interpolated between steps of a millisecond.
+/// Relative tolerance of a pendulum's period, for which the times of zero angle are interpolated between steps of 1 ms.
 const PERIOD: f64 = 1e-4;
 
 #[test]
@@ -40,9 +40,9 @@ fn a_bar_on_a_hinge_swings_as_the_oracles() {
         let axis = simulation.bodies()[0].orientation * DVec3::new(0.0, 0.6, 0.8);
         let aside = turned.cross(axis).length();
         println!(
-            "hinged bar at {young:e} Pa: displacements differ from the oracle's by {shape:.1e}, velocities by \
-             {speed:.1e}; the hinged core turned by {:.3} rad, {aside:.1e} rad of it off the axis; up to {} solver \
-             iterations",
+            "hinged bar, Young's modulus {young:e} Pa: relative differences from the oracle are {shape:.1e} for \
+             displacements, {speed:.1e} for velocities; the hinged core turned by {:.3} rad, {aside:.1e} rad of this \
+             about other axes; up to {} solver iterations in a step",
             turned.length(),
             rows.iter().map(|r| r.iterations).max().unwrap()
         );
@@ -53,17 +53,17 @@ fn a_bar_on_a_hinge_swings_as_the_oracles() {
         );
         assert!(
             end.centre == start.centre && aside < 1e-12,
-            "rigid core moved by {} m, turned {aside:e} rad off its axis",
+            "the hinged core moved by {} m and turned by {aside:e} rad about other axes than the hinge's",
             end.centre - start.centre
         );
     }
 }
 
-/// Half extents of the slab, m, and its mass, kg.
+/// Half extents of a rigid slab, m, and its mass, kg.
 const SLAB: (DVec3, f64) = (DVec3::new(0.02, 0.1, 0.03), 0.2);
 
-/// A rigid slab on a hinge along z near one of its ends. `table` is further text of the scene's `[step]` table, `more`
-/// of the body's table and of tables after it.
+/// A rigid slab on a hinge along z near one of its ends. `table` is further text of the table `[step]` of the scene
+/// file; `more` is further text of the slab's table and text of tables after it.
 fn slab(table: &str, more: &str) -> Simulation {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("slab.obj");
@@ -116,13 +116,13 @@ fn a_hinged_slab_is_a_pendulum() {
         last = now;
     }
     let period = 2.0 * (crossings[2] - crossings[0]) / 2.0;
-    // The period of a pendulum that swings by a tenth of a radian. Gravity's torque is taken at the start of each step,
-    // so that the energy deviates periodically, by up to the fraction omega h / 2 of the swing's energy (omega: angular
-    // frequency, h: step); the deviation does not grow.
+    // `want` is the period of a pendulum with an amplitude of 0.1 rad. Gravity's torque is taken at the start of each
+    // step, so that the energy deviates periodically by up to the fraction omega h / 2 of the swing's energy (omega:
+    // angular frequency, h: time step); the deviation does not grow.
     let want = TAU * (moment() / (SLAB.1 * 9.81 * 0.08)).sqrt() * (1.0 + start * start / 16.0);
     println!(
-        "pendulum: period {period:.4} s, expected {want:.4} s; its energy exceeds that at the start by at most \
-         {most:.1e} of the energy of the swing"
+        "pendulum: period {period:.4} s, expected {want:.4} s; its energy exceeds its initial energy by at most the \
+         fraction {most:.1e} of the energy of the swing"
     );
     assert!(
         (period / want - 1.0).abs() < PERIOD && most < 1.05 * 0.5 * h * TAU / want,
@@ -133,7 +133,7 @@ fn a_hinged_slab_is_a_pendulum() {
 
 #[test]
 fn a_hinged_slab_that_is_struck_turns_about_its_hinge_and_keeps_its_spin() {
-    // A ball without a virtual coupling flies obliquely at the slab's lower end.
+    // A ball (the tool), which no haptic device holds, flies obliquely at the slab's lower end.
     let ball = "[contact]\nstiffness = 1e8\n[tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.035, -0.07, 0.005]\nvelocity = [-0.5, 0.1, 0.2]";
     let mut simulation = slab("gravity = [0.0, 0.0, 0.0]", ball);
     let start = simulation.frames(0)[0];

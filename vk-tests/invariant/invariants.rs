@@ -1,6 +1,6 @@
 //! Invariants of whole steps that need no comparison with a reference implementation: momentum is conserved, results
-//! are the same in every place and every run, a scene has no GPU passes and arrays that it does not need, and no step
-//! blows up.
+//! are the same in every place and every run, no GPU work and memory is spent that a scene does not need, and no step
+//! blows up. The tool is the rigid body that the haptic device leads.
 
 use std::collections::BTreeSet;
 
@@ -12,8 +12,8 @@ use palpate_oracle as oracle;
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// Nodes with their velocities at one moment, as a body (`twin`) of the oracle, the reference implementation in f64,
-/// and the tool at that moment.
+/// The state of the first body and of the tool at one moment. `twin` is a copy of the body for the oracle, the
+/// reference implementation in f64, which computes momentum and energy from it.
 pub struct State {
     twin: oracle::step::SoftBody,
     pub tool: Option<palpate::internal::step::tool::Tool>,
@@ -61,10 +61,10 @@ impl State {
     }
 }
 
-/// Extent of the block, as a key of a scene's `layer` table.
+/// Extent of the soft block of these tests, as a key of a body's `layer` table in the scene file.
 pub const BLOCK: &str = "box = [[-0.05, -0.05, -0.05], [0.05, 0.05, 0.05]]";
 
-/// A free block that flies into a free sphere at rest, off its centre.
+/// A scene of a free block that flies into a free sphere (the tool) at rest, off its centre.
 fn collision(young: f64) -> String {
     format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[[body]]\nname = \
@@ -75,11 +75,12 @@ fn collision(young: f64) -> String {
     )
 }
 
-/// Greatest change of linear momentum, in a step and over all steps, relative to the block's momentum at the start:
-/// velocities are f32 (6e-8), and the solver leaves 1e-6 of a step's impulse, which the next step corrects.
+/// Greatest change of linear momentum in a step, and also over all steps, relative to the block's momentum at the
+/// start. It is not zero, because velocities are f32 (relative rounding error 6e-8), and because the solver leaves an
+/// error of 1e-6 of a step's impulse, which the next step corrects.
 const MOMENTUM: f64 = 5.0e-7;
-/// Greatest change of angular momentum in a step, relative to the linear momentum times half the block's edge, for the
-/// same reasons.
+/// Greatest change of angular momentum in a step, relative to the block's linear momentum at the start times half its
+/// edge. It is not zero for the reasons given at `MOMENTUM`.
 const SPIN: f64 = 5.0e-7;
 
 #[test]
@@ -114,9 +115,9 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
         }
         let (size, arm) = (start.length(), 0.05);
         println!(
-            "momentum at {young:e} Pa: linear {size:.3} kg m/s, relative change {:.1e} in a step, {:.1e} over all \
-             steps; angular, relative to the linear one times 0.05 m: change {:.1e} in a step apart from the method's \
-             own torque, {:.1e} by that torque, {:.1e} over all steps; up to {contacts} contacts, force up to \
+            "momentum, Young's modulus {young:e} Pa: linear {size:.3} kg m/s, relative change {:.1e} in a step, {:.1e} \
+             over all steps; angular, relative to the linear one times 0.05 m: change {:.1e} in a step apart from the \
+             method's own torque, {:.1e} by that torque, {:.1e} over all steps; up to {contacts} contacts, force up to \
              {force:.1} N",
             worst / size,
             drift / size,
@@ -132,8 +133,8 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
     }
 }
 
-/// Step reports without their wall time as text that differs where any bit does: the debug form of an f64 is the
-/// shortest that reads back as the same number.
+/// Step reports, without their wall time, as text. Two texts differ where any bit of the reports differs, since the
+/// debug form of an f64 is the shortest text that reads back as that number.
 fn bits(rows: &[StepReport]) -> Vec<String> {
     rows.iter().map(|row| format!("{:?}", StepReport { step_us: 0.0, ..row.clone() })).collect()
 }
@@ -143,7 +144,7 @@ fn a_run_repeats_to_the_last_bit() {
     let slide = DVec3::new(0.012, 0.0, -0.007);
     let place = Place { turn: DQuat::from_rotation_z(0.5), slide, ..Place::default() };
     let scene = scene(&press(2.0e4, 0.001, place, ""));
-    // Either implementation ("path") of the stage that finds penetration depths: compute or graphics pipelines.
+    // The stage that finds penetration depths has two implementations, called paths: compute and graphics pipelines.
     for path in [depth::Path::Compute, depth::Path::Graphics] {
         let [(a, shape_a), (b, shape_b)] = [(), ()].map(|()| {
             let mut simulation = open(&scene, Some(path));
@@ -155,8 +156,8 @@ fn a_run_repeats_to_the_last_bit() {
     }
 }
 
-/// The stages that the plan (the recorded GPU work of a step) contains, the stages that have passes (dispatches, draws,
-/// fills or copies), and the number of bytes allocated on the GPU.
+/// For the scene `text`: the stages (parts of a step) that the plan (the recorded GPU work of a step) contains, the
+/// stages that have passes (dispatches, draws, fills or copies), and the number of bytes allocated on the GPU.
 fn needs(text: &str) -> (Vec<&'static str>, Vec<String>, u64) {
     let simulation = open(&scene(text), None);
     let planned = simulation.plan().entries.iter().filter(|e| e.recorded).map(|e| e.stage).collect();
@@ -194,9 +195,10 @@ fn a_scene_records_and_allocates_only_what_it_needs() {
     assert!(alone.2 + TOUCH_BYTES < tool.2 && alone.2 < floor.2 && floor.2 + TOUCH_BYTES < tool.2);
 }
 
-/// Greatest error of the force one kilometre away, relative to the largest force. Positions are f64 on the host and
-/// relative to the tool on the GPU. There remain the rounding of a kilometre in f64 (1e-13 m, while depths
-/// are millimetres) and the last bit of an f32 number where that rounding changes it.
+/// Greatest difference, relative to the largest force, between the forces in a scene and in its copy one kilometre
+/// away. Positions are f64 on the host and relative to the tool on the GPU. So the copy differs only by the rounding of
+/// a kilometre in f64 (1e-13 m, while depths are millimetres) and by the last bit of f32 numbers that this rounding
+/// changes.
 const FAR: f64 = 1.0e-5;
 
 #[test]
@@ -209,12 +211,12 @@ fn a_kilometre_away_the_forces_are_the_same() {
         rows.iter().flat_map(|r| r.tool.map(|t| [t.force, t.torque / 0.02])).flatten().collect::<Vec<_>>()
     });
     let error = relative_error(&far, &near);
-    println!("a kilometre away: forces differ by {error:.1e} of the largest");
+    println!("a kilometre away: forces differ by {error:.1e} of the largest force");
     assert!(error < FAR);
 }
 
-/// Greatest distance of the tool from the haptic device and of a node from its rest position, m: the device moves by
-/// 4.5 mm.
+/// Greatest allowed distance of the tool from the haptic device, and of a node from its rest position, m: a little more
+/// than the 4.5 mm by which the device moves.
 const BOUND: f64 = 0.005;
 
 #[test]
@@ -233,20 +235,20 @@ fn a_press_stays_finite_for_all_stiffnesses_and_steps() {
             let iterations = rows.iter().map(|r| r.iterations).max().unwrap();
             let off = tool.tool.position.distance(tool.device.position);
             println!(
-                "{young:.0e} Pa, step {:5.2} ms: force up to {peak:.3} N, tool {:.2} mm from the device, nodes moved \
-                 by up to {:.2} mm, up to {iterations} solver iterations",
+                "Young's modulus {young:.0e} Pa, time step {:5.2} ms: force up to {peak:.3} N, tool {:.2} mm from the \
+                 device, nodes moved by up to {:.2} mm, up to {iterations} solver iterations",
                 dt * 1e3,
                 off * 1e3,
                 largest * 1e3,
             );
             assert!(
                 rows.iter().all(|row| row.flags == Flags::default()),
-                "a step raised flags at {young:e} Pa, {dt} s"
+                "a step raised flags at a Young's modulus of {young:e} Pa and a time step of {dt} s"
             );
             assert!(moved.iter().all(|d| d.is_finite()) && force.iter().all(|f| f.is_finite()));
             assert!(
                 peak > 0.0 && off < BOUND && largest < BOUND,
-                "no force, or too large motion, at {young:e} Pa, {dt} s"
+                "no force, or too large motion, at a Young's modulus of {young:e} Pa and a time step of {dt} s"
             );
         }
     }

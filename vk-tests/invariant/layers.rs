@@ -1,6 +1,7 @@
-//! Compares layers (tetrahedral meshes of soft bodies) that the program makes for a surface with layers that conform to
-//! the surface: when a sphere is pressed in by a tenth of the body's height, the force on it must agree with that of a
-//! refined layer, the reference.
+//! Compares two kinds of layers (tetrahedral meshes of soft bodies): those that the program makes for a given surface,
+//! and those whose boundary conforms to the surface. A sphere is pressed into the body by a tenth of the body's height;
+//! with either kind, the force on the sphere must agree with the force that a refined conforming layer, the reference,
+//! gives.
 
 use std::path::Path;
 
@@ -11,7 +12,7 @@ use palpate::{Options, Simulation, StepReport};
 
 use crate::scene::whole_step::scene;
 
-/// The flag of a step in which contacts are under tension even after a second solve.
+/// The flag of a step in which contacts still pull (are under tension) even after a second solve.
 const PULLING: u32 = 256;
 /// Greatest relative difference from the reference's force. The program's documentation promises it for both kinds of
 /// layer.
@@ -20,7 +21,7 @@ const PROMISED: f64 = 0.10;
 const HALF: f64 = 0.05;
 /// Radius of the sphere, m; its area of contact is a few cells wide.
 const SPHERE: f64 = 0.05;
-/// Number of steps, of 20 ms each: ten to press, the others until the force is steady.
+/// Number of steps, of 20 ms each: the sphere is pressed in during the first ten, and the force settles in the others.
 const STEPS: usize = 22;
 
 /// Force on the sphere, N, after it was pressed in by a tenth of the block's height and held there until the force is
@@ -36,7 +37,8 @@ fn pressed(layer: &str, surface: Option<&Path>) -> (f64, usize) {
          [tool]\nsphere = {SPHERE:?}\nmass = 0.1\nposition = [0.0, {start:?}, 0.0]\n\
          [coupling]\nstiffness = 1e6\ndamping = 1e3\nangular_stiffness = 100.0\nangular_damping = 1.0\n\
          [drive]\nkeys = [[0.0, 0.0, {start:?}, 0.0], [0.2, 0.0, {end:?}, 0.0]]\n",
-        // Only the nodes in the bottom plane are attached, whatever the cells, so that all layers are held alike.
+        // Only the nodes in the bottom plane are attached to the fixed core (rigid body inside the block), whatever the
+        // size of the cells, so that all layers are held alike.
         -HALF + 1e-6
     );
     let mut simulation = Simulation::open(&scene(&text), &options()).unwrap();
@@ -44,7 +46,7 @@ fn pressed(layer: &str, surface: Option<&Path>) -> (f64, usize) {
     let tetrahedra = layer.tetrahedra.len();
     let rows: Vec<StepReport> = (0..STEPS).map(|_| simulation.step().unwrap()).collect();
     // At such long steps the contact normal, which follows the contacts with a lag of one step, sways by a few degrees
-    // (README, Known limits): contacts at the rim may be under tension, and the force is steady only to within a few
+    // (docs/evidence/limits.md): contacts at the rim may be under tension, and the force is steady only to within a few
     // percent. So the mean of the force over the last four steps is compared.
     let released = rows.iter().filter(|row| row.flags.0 == PULLING).count();
     let others = rows.iter().filter(|row| ![0, PULLING].contains(&row.flags.0)).count();

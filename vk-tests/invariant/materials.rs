@@ -1,5 +1,6 @@
-//! Tests of the material laws: neo-Hookean and corotational tetrahedra in one system, each with its own density and
-//! damping, against values computed by hand and against the oracle (the reference implementation in f64).
+//! Tests of the material laws: neo-Hookean and corotational tetrahedra in one body, with different densities and
+//! dampings, are compared with values computed by hand and with the oracle (the reference implementation in f64), whose
+//! copy of a scene is called its twin.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::layer::volume6;
@@ -13,12 +14,13 @@ use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 use crate::solver::system::{DT, System, layered, material, mixed, triples};
 use crate::stage::elastic::{deformed_of, expect_of_largest, expect_oracle, stretched, sync};
 
-/// Tolerance of forces relative to the largest force, as in the tests of the corotational law alone; the stiffest
-/// material has the largest force.
+/// Tolerance of forces relative to the largest force, which is that of the stiffest material; the tests of the
+/// corotational law alone use it too.
 const FORCE: f64 = 1.0e-5;
-/// Tolerance relative to the largest value, at strains of 1e-6.
+/// Tolerance of forces relative to the largest force, where strains are as small as 1e-6.
 const TINY_STRAIN: f64 = 5.0e-6;
-/// Tolerance relative to the largest value where the expected values are computed by hand: a dozen roundings.
+/// Tolerance relative to the largest value where the expected values are computed by hand: the sum of a dozen rounding
+/// errors of f32.
 const BY_HAND: f64 = 1.0e-6;
 /// Tolerance of displacements after 20 steps, relative to the largest: ten times the measured error; the solver stops
 /// at a relative residual of 1e-6.
@@ -27,9 +29,9 @@ const STEPS: f64 = 3.0e-6;
 #[test]
 fn a_neo_hookean_tetrahedron_stretched_by_half_by_hand() {
     // The kernel elastic/element_forces, which computes the forces of elements, runs on one tetrahedron with unit edges
-    // along the axes, of volume V = 1/6, with the deformation gradient F = diag(1.5, 1, 1): I = |F|^2 = 4.25, J = det F
-    // = 1.5, cofactors C = diag(1, 1.5, 1.5), stress P = 4/3 mu (1 - 1 / (I + 1)) F + ((lambda + 5/6 mu) (J - 1) - mu)
-    // C.
+    // along the axes. Its volume is V = 1/6, its deformation gradient F = diag(1.5, 1, 1). So |F|^2 = 4.25, J = det F =
+    // 1.5, and the cofactor matrix of F is C = diag(1, 1.5, 1.5). With the Lame parameters mu and lambda, the stress is
+    // P = 4/3 mu (1 - 1 / (|F|^2 + 1)) F + ((lambda + 5/6 mu) (J - 1) - mu) C.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], attached: vec![false; 4], ..Layer::default() };
     let soft = Material { law: MaterialLaw::NeoHookean, ..material(2e4) };
@@ -71,8 +73,8 @@ fn mixed_tetrahedra_agree_with_the_oracle_at_every_size() {
 
 #[test]
 fn mixed_tetrahedra_pressed_flat_and_inside_out_agree_with_the_oracle() {
-    // Where a principal stretch lies below a limit, the compression penalty stiffens both materials, and the solver's
-    // operator uses the gradients of neo-Hookean tetrahedra at that limit.
+    // Where a principal stretch lies below a limit, a compression penalty (an additional stiffness) acts in materials
+    // of both laws, and the solver's matrix uses the gradients that neo-Hookean tetrahedra have at that limit.
     for (least, spread) in [(0.2, 0.09), (-0.35, 0.25)] {
         let mut system = deformed_of(&mixed(600), 600, 13, |random| {
             let (turn, least) = (random.turn(2.5), least + spread * random.next());
@@ -107,8 +109,8 @@ fn mixed_tetrahedra_keep_the_digits_of_tiny_strains_and_rigid_ones_push_nothing(
 
 #[test]
 fn bodies_of_regions_and_of_either_law_step_as_the_oracles_do() {
-    // Whole steps of a block 0.2 m long: one end is fixed, the other one neo-Hookean, and a dense sphere lies in its
-    // middle.
+    // Whole steps of a block 0.2 m long with regions of different materials: one end is fixed, the material at the
+    // other end is neo-Hookean, and a sphere of a denser material lies in the middle of the block.
     for law in ["corotational", "neo-hookean"] {
         let text = format!(
             "[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[[body]]\nname = \"block\"\n\
@@ -136,8 +138,8 @@ fn bodies_of_regions_and_of_either_law_step_as_the_oracles_do() {
     }
 }
 
-/// Final volume over rest volume of a block with Poisson's ratio 0.49 whose ends are pulled apart to twice its length.
-/// No step may raise a flag.
+/// Final volume, divided by the rest volume, of a block with Poisson's ratio 0.49 that is pulled at its ends to twice
+/// its length. No step may raise a flag.
 fn drawn_volume(law: &str) -> f64 {
     let text = format!(
         "[step]\ngravity = [0, 0, 0]\n[solver]\nmax_iterations = 1000\n[[body]]\nname = \"block\"\n\
@@ -161,8 +163,8 @@ fn drawn_volume(law: &str) -> f64 {
 
 #[test]
 fn a_block_drawn_to_twice_its_length_keeps_its_volume_only_by_the_nonlinear_law() {
-    // Whole steps far from rest, at 2 MPa. The corotational law is linear in the stretches, so that nothing stops the
-    // block from becoming thinner and thinner.
+    // Whole steps far from rest, with a Young's modulus of 2 MPa. The corotational law is linear in the stretches, so
+    // that nothing stops the block from becoming thinner and thinner.
     let [linear, soft] = ["corotational", "neo-hookean"].map(drawn_volume);
     println!("final volume over rest volume: {linear:.3} corotational, {soft:.3} neo-Hookean");
     assert!((0.99..1.05).contains(&soft), "neo-Hookean: final volume over rest volume {soft}");

@@ -1,5 +1,5 @@
-//! Invariants of whole steps, laws of physics that must hold: momentum, energy, friction, hinges, material laws,
-//! continuity of the force.
+//! Tests of invariants, which are laws that whole time steps must keep: momentum, energy, friction, hinges, material
+//! laws, continuity of the force.
 
 pub mod continuity;
 pub mod energy;

@@ -1,6 +1,6 @@
 //! Tests of free bodies and bodies at rest: in free flight momentum is conserved, a body at rest stays where it is, and
-//! a body that rolls or slides moves as a rigid one does. The oracle is the reference implementation in f64; it
-//! simulates a copy of a body, its "twin".
+//! a body that rolls or slides moves as a rigid one does. The oracle is the reference implementation in f64; the copy
+//! of a body that it simulates is called the body's twin.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::{Flags, Simulation, StepReport};
@@ -32,7 +32,7 @@ fn centre(body: &oracle::step::SoftBody) -> DVec3 {
     moments.sum::<DVec3>() / body.elements.masses.iter().sum::<f64>()
 }
 
-/// A free body that a free ball (the tool) strikes off its centre, without gravity.
+/// A scene of a free body that a free ball (the tool) strikes off its centre, without gravity.
 pub fn struck(layer: &str, young: f64, preconditioner: &str, ball: &str) -> String {
     format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[solver]\n{TIGHT}\npreconditioner = \"{preconditioner}\"\n[[body]]\n\
@@ -55,13 +55,14 @@ const FLIGHT: usize = 500;
 const BESIDE: usize = 60;
 /// Greatest relative change of linear momentum in the flight.
 const MOMENTUM: f64 = 1.0e-6;
-/// Greatest change of angular momentum in a step, apart from that by the torque of the method itself (see
-/// vk-tests/invariant/invariants.rs), relative to the linear momentum times half the body's extent.
+/// Greatest change of angular momentum in a step, relative to the linear momentum times half the body's extent. The
+/// change that the method's own torque causes is left out: the method keeps the elements' rotations fixed over a step,
+/// which gives a small net torque (see vk-tests/invariant/invariants.rs).
 const SPIN: f64 = 1.0e-7;
 /// Greatest difference of angular momentum from the oracle's, relative to the product that `SPIN` uses; larger than
 /// `SPIN`, because the errors of single steps add up.
 const SPIN_BESIDE: f64 = 1.0e-6;
-/// Greatest difference of displacements from the oracle's, relative to the largest.
+/// Greatest difference of node displacements from the oracle's, relative to the largest displacement.
 const SHAPE: f64 = 1.0e-6;
 
 #[test]
@@ -71,7 +72,7 @@ fn a_tossed_body_keeps_its_momentum() {
     let gear = ("gear", GEAR, 0.05, "mass = 0.03\nposition = [-0.02, 0.065, 0.0]\nvelocity = [1.5, -0.4, 0.3]");
     let every = [2e4, 2e6].into_iter().flat_map(|young| PRECONDITIONERS.map(|p| (block, young, p)));
     // A gear is not tossed with the "coarse" preconditioner: in undisturbed flight it would raise flag 1 (not
-    // converged), because only rounding errors are left to solve for; see the README's known limits.
+    // converged), because only rounding errors are left to solve for; see docs/evidence/limits.md.
     for ((name, layer, half, ball), young, preconditioner) in every.chain([(gear, 2e4, "jacobi")]) {
         let what = format!("{name} of {young:e} Pa, {preconditioner}");
         toss(&what, &struck(layer, young, preconditioner, ball), half);
@@ -108,8 +109,8 @@ fn toss(what: &str, text: &str, half: f64) {
         iterations += row.iterations;
         let after = twin_of(&simulation);
         linear = linear.max(momentum(&after, DVec3::ZERO).0.distance(first.0));
-        // Both angular momenta are about the centre of mass of the earlier state. `turn` cancels the change that is due
-        // to rotations that are fixed over a step; vk-tests/invariant/invariants.rs explains it.
+        // The angular momenta before and after the step are both about the centre of mass before the step. Adding
+        // `turn` cancels the change that the method's own torque causes (see `SPIN`).
         let point = centre(&before);
         let operator = before.elements.linearised(&before.displacement, &before.rotations());
         let stiff = operator.apply_stiffness(&after.velocity, &before.rotations());
@@ -181,8 +182,8 @@ fn a_body_at_rest_on_a_plane_stays() {
             }
         }
         println!(
-            "at rest, {young:e} Pa, friction coefficient {friction}: drift of two corners {:.1e} m and {:.1e} m, of \
-             the rigid frame's centre {:.1e} m, of a point that turns with the frame {:.1e} m",
+            "at rest, Young's modulus {young:e} Pa, friction coefficient {friction}: drift of two corners {:.1e} m and \
+             {:.1e} m, of the rigid frame's centre {:.1e} m, of a point that turns with the frame {:.1e} m",
             drift[0], drift[1], drift[2], drift[3]
         );
         let sunk = 0.03 - start[2].y;
@@ -198,10 +199,10 @@ fn probe(name: &str, body: &str, nearest: DVec3) -> String {
 /// Radius of the ball, m.
 const RADIUS: f64 = 0.03;
 /// Greatest relative difference from a rigid body's accelerations. Contact pressure acts on points of the ball where
-/// they were at the start of the step h, so that at speed v the pressure's centre lies h v ahead of the ball's
-/// centre. The damping of contact (its coefficient is the stiffness times the step) shifts the pressure's centre by up
-/// to another h v. The shift of up to 2 h v brakes the ball by the fraction 2 h v / r (r: radius) of its weight normal
-/// to the slope. The rest of the tolerance is for the unevenness of the skin (surface mesh).
+/// they were at the start of a step, so that, with time step h and speed v, the pressure's centre lies h v ahead of the
+/// ball's centre. The damping of contact (its coefficient is the stiffness times h) shifts the pressure's centre by up
+/// to another h v. The shift of up to 2 h v brakes the ball with a force of up to 2 h v / r (r: the ball's radius)
+/// times the normal force. The rest of the tolerance is for the unevenness of the ball's skin (surface mesh).
 const RIGID: f64 = 0.05;
 
 /// The motion of a ball on a slope, and the moment of inertia with which a rigid ball would move.
@@ -210,12 +211,13 @@ struct Descent {
     speed: Vec<f64>,
     /// Angular speed about the centre after each step, rad/s.
     spin: Vec<f64>,
-    /// Moment of inertia over mass times the square of the radius.
+    /// Moment of inertia, divided by the mass times the square of the radius.
     inertia: f64,
 }
 
-/// A soft ball of 2 MPa set down on a slope with an initial speed of `velocity` (m/s), in steps of 1 ms; x points down
-/// the slope.
+/// Simulates a soft ball with a Young's modulus of 2 MPa that is set down on a slope with an initial speed of
+/// `velocity` (m/s), in steps of 1 ms. The x axis points down the slope. `core` is further text of the ball's table in
+/// the scene.
 fn descend(degrees: f64, friction: f64, damping: &str, core: &str, velocity: f64, steps: usize) -> Descent {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("ball.obj");
@@ -224,8 +226,8 @@ fn descend(degrees: f64, friction: f64, damping: &str, core: &str, velocity: f64
     let f = triangles.iter().map(|t| format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1));
     std::fs::write(&file, v.chain(f).collect::<String>()).unwrap();
     let gravity = DQuat::from_rotation_z(degrees.to_radians()) * (-9.81 * DVec3::Y);
-    // The ball begins a little inside the slope, about where it will lie, turned so that its meshes have no symmetry
-    // there.
+    // The ball begins a little inside the slope, about as deep as it will lie later, and is turned so that its meshes
+    // are not symmetric about the normal of the slope.
     let text = format!(
         "[step]\ngravity = {:?}\n[solver]\n{TIGHT}\n[contact]\nfriction = {friction:?}\ndamping = {damping}\n\
          depth_limit = 0.005\n[[body]]\nname = \"ball\"\nsurface = {file:?}\nlayer = {{ cell = 0.01 }}\n\
@@ -253,7 +255,7 @@ fn descend(degrees: f64, friction: f64, damping: &str, core: &str, velocity: f64
     descent
 }
 
-/// Slope of the least-squares line through values at intervals of 1 ms, per second.
+/// Rate of change, per second, of the least-squares line through values at intervals of 1 ms.
 fn rate(values: &[f64]) -> f64 {
     let middle = (values.len() - 1) as f64 / 2.0;
     let moments = values.iter().enumerate().map(|(k, x)| ((k as f64 - middle) * x, (k as f64 - middle).powi(2)));
@@ -287,8 +289,8 @@ fn a_ball_slides_down_a_slope_as_a_rigid_one() {
     // A solid sphere slides where the slope's tangent is more than 3.5 times the friction coefficient; tan 30 degrees =
     // 0.58.
     for friction in [0.1, 0.15] {
-        // The damping of contact is 0, because it would brake the spin as much as the lag of the pressure does (see
-        // `RIGID`).
+        // The damping of contact is 0, because it would brake the spin as much as the shift of the pressure by h v does
+        // (see `RIGID`).
         let ball = descend(30.0, friction, "0.0", "", 0.3, 100);
         let (sin, cos) = 30f64.to_radians().sin_cos();
         let (fall, turn) = (9.81 * (sin - friction * cos), 9.81 * friction * cos / (ball.inertia * RADIUS));

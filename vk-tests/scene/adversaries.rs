@@ -19,15 +19,17 @@ const STEPS: usize = 20;
 /// Flags as in `trace.csv`: a contact deeper than the limit (8), and a skin that is not a height field (16).
 const DEEP: u32 = 8;
 const NOT_HEIGHT_FIELD: u32 = 16;
-/// Flags that a step may also have where one body lies deep in another: a skin is not a height field, contacts still
-/// pull after the second solve (256), tetrahedra are inverted (1024).
+/// Flags that a step may have, besides `DEEP`, where one body lies deep in another: a skin is not a height field (16),
+/// contacts still pull after the second solve (256), tetrahedra are inverted (1024).
 const UNSEEN: u32 = NOT_HEIGHT_FIELD | 256 | 1024;
 
-/// A soft block with edges of 0.1 m and its top at y = 0; its bottom is attached to a fixed rigid core.
+/// A soft block with edges of 0.1 m and its top at y = 0; its bottom nodes are attached to a fixed core (rigid body
+/// inside a soft one).
 const BLOCK: &str = "layer = { box = [[-0.05, -0.1, -0.05], [0.05, 0.0, 0.05]], cells = [6, 6, 6] }\n\
                      material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }\n\
                      [[body.core]]\nname = \"bottom\"\nbind = { box = [[-1, -0.11, -1], [1, -0.09, 1]] }\n";
-/// `STILL` switches gravity off. `HELD` is a virtual coupling, which pulls the tool to the place where it starts.
+/// Scene text: `STILL` switches gravity off. `HELD` is a virtual coupling (spring and damper between haptic device and
+/// tool), which pulls the tool to the place where it starts.
 const STILL: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n";
 const HELD: &str = "[coupling]\nstiffness = 2000.0\ndamping = 10.0\nangular_stiffness = 1.0\nangular_damping = 0.01\n";
 
@@ -187,7 +189,7 @@ fn what_only_touches_is_not_pushed() {
     assert!(rows.iter().all(|row| row.max_depth.unwrap() < 1e-7));
 }
 
-/// Numbers of rigid cubes along the two sides of the slab, and the distance between neighbouring cubes, m.
+/// Numbers of rigid cubes along the x and the z side of a soft slab, and the distance between neighbouring cubes, m.
 const CUBES: (usize, usize, f64) = (20, 10, 0.02);
 
 #[test]
@@ -200,8 +202,8 @@ fn two_hundred_pairs_of_bodies_touch_a_fine_skin_at_once() {
     many_pairs([40, 4, 20]);
 }
 
-/// Presses rigid cubes into a soft slab of `cells` boxes, each cut into six tetrahedra. Every pair of the slab and a
-/// cube must have contacts.
+/// Presses rigid cubes into a soft slab with `cells` cells along its three edges, each cut into six tetrahedra. The
+/// slab must have contacts with every cube.
 fn many_pairs(cells: [u32; 3]) {
     let folder = tempfile::tempdir().unwrap();
     let half = DVec3::splat(0.006);
@@ -223,8 +225,8 @@ fn many_pairs(cells: [u32; 3]) {
         );
     }
     let mut simulation = open(&scene(&text), Some(Path::Compute));
-    // Contacts are those of the first step, in which cubes and slab still overlap as the scene places them: later the
-    // slab has moved away from the cubes.
+    // The contacts of the first step are judged, in which cubes and slab still overlap as the scene places them: in
+    // later steps the slab has moved away from the cubes.
     let mut rows = run(&mut simulation, 1);
     let (contact_patches, contacts) = simulation.touch().unwrap();
     let mut pushed = vec![false; columns * CUBES.1];

@@ -22,15 +22,17 @@ use crate::scene::judge::{APART, Pose, Subject, Tally, head, judge};
 
 /// Greatest error of a depth, relative to the smaller body's size, as promised to users.
 const DEPTH: f64 = 1e-5;
-/// Greatest number of colliding vertices that only the query or only the rays find, relative to the number of contacts.
+/// Greatest number of colliding vertices (vertices inside the other body) that only the query or only the rays find,
+/// relative to the number of contacts, which are the colliding vertices that the query finds.
 const DIFFERENT: f64 = 1e-3;
 /// Depth of a light contact, relative to the smaller body's size.
 const LIGHT: f64 = 5e-3;
-/// Least ratio of the depth along the normal to the distance to the other surface: 1, less an allowance for rounding.
+/// Least ratio of a contact's depth along the normal to the vertex's shortest distance to the other surface: 1, less an
+/// allowance for rounding.
 const LEAST_RATIO: f64 = 1.0 - 1e-6;
 /// Number of poses of each pair of real meshes; each pose is queried twice.
 const POSES: usize = 20;
-/// Number of poses of small meshes that are queried, over all ten pairs of meshes.
+/// Number of poses of small meshes that are queried, summed over all ten pairs of meshes.
 const THROWN: usize = 10_000;
 
 /// A context without Vulkan's validation layer, since these tests run ten thousand queries.
@@ -39,8 +41,9 @@ fn device() -> Arc<Context> {
     Context::open(&Options { device, validation: false, ..Options::of_program() }).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Distance, m, by which body b, which lies far away along `towards`, moves back until a vertex of either body meets a
-/// triangle of the other; `None` if that never happens. `a` and `b` are the bodies' vertices.
+/// Distance, m, by which body b, which lies far away from body a in the direction `towards`, must move against this
+/// direction until a vertex of either body meets a triangle of the other; `None` if the bodies never meet. `a` and `b`
+/// are the bodies' vertices.
 fn room(towards: DVec3, subjects: [&Subject; 2], a: &[DVec3], b: &[DVec3]) -> Option<f64> {
     let up = Rays::new(-towards, b, &subjects[1].skin().triangles);
     let down = Rays::new(towards, a, &subjects[0].skin().triangles);
@@ -112,7 +115,7 @@ fn real_meshes_in_light_contact_agree_with_f64_rays() {
         let mut sum = Tally::default();
         for pose in 0..POSES {
             let (poses, towards) = light(&mut random, [a, b]);
-            // The query runs once with the direction that the broad phase estimates, and once with `towards`.
+            // The query runs once with the direction of depth that it estimates itself, and once with `towards`.
             for direction in [None, Some(towards)] {
                 query.set_direction(direction);
                 let answer = query.run(poses[0], poses[1]).unwrap();
@@ -139,7 +142,7 @@ fn real_meshes_in_light_contact_agree_with_f64_rays() {
     assert!(all.contacts > 10 * POSES && at(0.0) > LEAST_RATIO);
     assert!(
         all.worst <= DEPTH,
-        "greatest depth error, relative to the smaller body's size: {}, of {}",
+        "greatest depth error, relative to the smaller body's size, is {}; it occurs in {}",
         all.worst,
         all.where_worst
     );

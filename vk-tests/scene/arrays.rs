@@ -9,8 +9,8 @@ use palpate::{Options, Scene, Simulation};
 /// Number of elements that the texel buffers of every Vulkan device can hold.
 const GUARANTEED: u32 = 65_536;
 
-/// Runs a scene and returns the bits of the force and the residual of each step, and of the node positions after the
-/// last.
+/// Runs a scene and returns the bits of the force on the tool and of the solver's residual for each step, and then the
+/// bits of the node positions after the last step.
 fn left(scene: &Scene, options: Options, steps: usize) -> Vec<u64> {
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
     let options = Options { device, ..options };

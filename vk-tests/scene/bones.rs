@@ -1,6 +1,9 @@
-//! Whole steps of soft bodies against the f64 oracle, the reference implementation on the CPU, which uses no moving
-//! frames. The bodies have several rigid cores (to which nodes are attached), some of them driven, that is, moved as
-//! the scene's keys say; or they are free, and have a floating frame, which is fitted to their nodes.
+//! Compares whole simulation steps of soft bodies with the f64 oracle, the reference implementation on the CPU, which
+//! uses no moving coordinate frames. Some bodies have several rigid cores (rigid bodies inside a soft one, to which
+//! nodes of its tetrahedral mesh are attached); a core is fixed, driven (it moves as keys, poses at given times, say)
+//! or dynamic (it moves freely). Other bodies are free: they have no core, and their floating frame, a rigid coordinate
+//! frame, is fitted to their nodes. The tool is the rigid body that the haptic device leads through the virtual
+//! coupling, a spring and damper.
 
 use std::fmt::Write;
 
@@ -15,15 +18,17 @@ use palpate_oracle as oracle;
 use crate::scene::touch::{Place, Twin, press};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// Greatest error of displacements, relative to the largest; the same as in `whole_step.rs`, where cores are fixed.
+/// Greatest allowed error of node displacements, relative to the largest displacement; `whole_step.rs`, where cores are
+/// fixed, allows as much.
 pub const SHAPE: f64 = 2.0e-5;
-/// Greatest error of velocities, relative to the largest. It is greater than `SHAPE`, since the solver finds changes of
-/// velocity to a tolerance relative to the whole right-hand side.
+/// Greatest allowed error of node velocities, relative to the largest velocity. It is greater than `SHAPE`, since the
+/// solver finds changes of velocity to a tolerance relative to the whole right-hand side.
 pub const SPEED: f64 = 1.0e-4;
-/// Greatest error of the tool's force, relative to the largest force of the run.
+/// Greatest allowed error of the force on the tool, relative to the largest force of the run.
 const FORCE: f64 = 5.0e-5;
 
-/// Scene of a bar that is attached to a rigid core at either end; the second core moves along `keys`.
+/// Text of a scene with a bar that is attached to a rigid core at either end. The first core is fixed, and the second
+/// is driven along `keys`. `young` is Young's modulus, Pa.
 pub fn bar(young: f64, keys: &str) -> String {
     format!(
         "[step]\ngravity = [0.0, -9.81, 0.0]\n[solver]\ntolerance = 5e-6\nmax_iterations = 1000\n[[body]]\n\
@@ -36,8 +41,8 @@ pub fn bar(young: f64, keys: &str) -> String {
     )
 }
 
-/// Keys of a driven core. Its poses turn the body's rest coordinates by up to `angle` (rad) and shift them by up to
-/// `shift` (m) within 40 ms, from the pose in which the scene places the body.
+/// Text of the keys of a driven core. Within 40 ms they turn the body by up to `angle` (rad) and shift it by up to
+/// `shift` (m), from the pose in which the scene places the body.
 pub fn keys(scene_position: DVec3, orientation: DQuat, angle: f64, shift: DVec3) -> String {
     let mut text = String::from("[");
     for (time, share) in [(0.0, 0.0), (0.02, 0.4), (0.04, 1.0)] {
@@ -87,7 +92,7 @@ fn a_bar_between_a_fixed_and_a_kinematic_core_bends_as_the_oracles() {
                 worst = worst.max(relative_error(&moved, &twin.bodies[0].displacement));
             }
         }
-        println!("bar at {young:e} Pa turned by {angle} rad: displacements differ by {worst:.1e} of the largest");
+        println!("bar at {young:e} Pa turned by {angle} rad: greatest relative error of displacements {worst:.1e}");
         assert!(
             flags == 0 && worst < SHAPE,
             "{young:e} Pa, {angle} rad: relative error of displacements {worst:e}, flags {flags}, residual {residual:e}"
@@ -96,7 +101,7 @@ fn a_bar_between_a_fixed_and_a_kinematic_core_bends_as_the_oracles() {
 }
 
 /// Presses a block with a tool that the virtual coupling pulls, in the engine and in the oracle. Returns the greatest
-/// force, N, and the relative errors of the force and of displacements.
+/// force on the tool, N, the relative error of the force, and the relative error of displacements.
 fn pressed(scene: &Scene, steps: usize) -> (f64, f64, f64) {
     let mut simulation = open(scene, None);
     let mut twin = Twin::new(scene, &simulation);
@@ -134,12 +139,13 @@ fn a_block_whose_core_is_kinematic_into_the_tool_pushes_as_the_oracles() {
     let scene = scene(&text.replace("motion = \"fixed\"", driven));
     let (peak, force, shape) = pressed(&scene, 50);
     println!(
-        "block on a driven core: error of force {force:.1e} of {peak:.2} N, relative error of displacements {shape:.1e}"
+        "block on a driven core: greatest force {peak:.2} N; relative errors of force {force:.1e}, of displacements \
+         {shape:.1e}"
     );
     assert!(peak > 0.1 && force < FORCE && shape < SHAPE, "relative errors: force {force:e}, displacements {shape:e}");
 }
 
-/// A body's dynamic cores as the oracle represents them, in their initial state.
+/// The dynamic cores of a body as the oracle represents them, in their initial state.
 pub fn twin_cores(simulation: &Simulation, body: usize) -> Vec<oracle::step::Core> {
     let place = &simulation.bodies()[body];
     let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
@@ -186,13 +192,14 @@ fn dynamic_cores_and_the_bar_between_them_move_as_the_oracles() {
             let centre = place.centre.distance(twin.cores[twin.cores.len() - 1].centre);
             println!(
                 "{name} bar at {young:e} Pa: relative errors of displacements {shape:.1e}, of velocities {speed:.1e}; \
-                 core off by {centre:.1e} m; up to {} solver iterations",
+                 error of the last core's centre {centre:.1e} m; up to {} solver iterations",
                 rows.iter().map(|r| r.iterations).max().unwrap()
             );
             assert!(rows.iter().all(|row| row.flags == Flags::default()));
             assert!(
                 shape < SHAPE && speed < SPEED && centre < 1e-6,
-                "{name} bar at {young:e} Pa: errors of displacements {shape:e}, velocities {speed:e}, core {centre:e} m"
+                "{name} bar at {young:e} Pa: relative errors of displacements {shape:e}, of velocities {speed:e}; \
+                 error of the last core's centre {centre:e} m"
             );
         }
     }
@@ -226,12 +233,14 @@ fn a_dynamic_rigid_body_falls_on_a_block_as_a_tool_that_nobody_holds() {
     let place = other.frames(1)[0];
     let (away, turned) = (place.centre.distance(held.centre), place.rotation.angle_between(held.orientation));
     println!(
-        "ball: {touched} steps in contact; then its pose differs by {away:.1e} m and {turned:.1e} rad from the \
-         tool's, and the block's displacements by {error:.1e} of the largest"
+        "ball as a body and ball as the tool: {touched} steps in contact; at the end their centres are {away:.1e} m \
+         apart and their orientations differ by {turned:.1e} rad; relative difference of the block's displacements \
+         {error:.1e}"
     );
     assert!(
         touched > 30 && away < 1e-7 && turned < 1e-5 && error < SHAPE,
-        "ball and tool differ by {away:e} m and {turned:e} rad, displacements of the block by {error:e} of the largest"
+        "centres of ball and tool are {away:e} m apart, their orientations differ by {turned:e} rad; relative \
+         difference of the block's displacements {error:e}"
     );
 }
 
@@ -279,13 +288,14 @@ fn a_kinematic_body_presses_as_if_the_other_came_to_it() {
     let relative: Vec<DVec3> = lifted.iter().map(|d| *d - lift).collect();
     let error = relative_error(&relative, &pressed);
     let largest = pressed.iter().map(|d| d.length()).fold(0.0, f64::max);
-    println!("moving cube and moving core: displacements differ by {error:.1e} of {largest:.4} m");
+    println!("moving cube and moving core: relative difference of displacements {error:.1e}, largest {largest:.4} m");
     assert!(largest > 0.005 && error < SHAPE, "relative difference of displacements {error:e}");
 }
 
 #[test]
 fn a_slab_that_tumbles_gains_no_energy() {
-    // No force acts on the slab; it spins about an axis near its middle principal axis, in steps from 1 to 33 ms.
+    // No force acts on the slab. It spins about an axis near that of its middle principal moment of inertia, where
+    // rotation is unstable. The time step is 1, 4 or 33 ms.
     for dt in [0.001, 0.004, 0.033] {
         let size = DVec3::new(0.3, 0.04, 1.0);
         let inertia = DMat3::from_diagonal(DVec3::new(
@@ -318,7 +328,7 @@ fn a_slab_that_tumbles_gains_no_energy() {
             most = most.max(energy(&tool));
         }
         println!(
-            "slab in steps of {dt} s: kinetic energy at most {:.6} of that at the start, {:.3} of it after 20 s",
+            "slab in steps of {dt} s: kinetic energy relative to that at the start: at most {:.6}, after 20 s {:.3}",
             most / start,
             energy(&tool) / start
         );
@@ -328,7 +338,7 @@ fn a_slab_that_tumbles_gains_no_energy() {
 
 #[test]
 fn a_human_bends_its_arm() {
-    // The scene that comes with the program turns a forearm about its elbow by half a radian in 0.2 s.
+    // The scene, which comes with the program, turns a forearm about its elbow by half a radian in 0.2 s.
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/touch-human.toml");
     let elbow = DVec3::new(0.457, 1.395, -0.012);
     let turn = DQuat::from_rotation_y(-0.5);
@@ -339,10 +349,10 @@ fn a_human_bends_its_arm() {
     assert!(rows.iter().all(|row| row.flags == Flags::default()));
     let Shape::Soft { layer, frames, node_frames, proxies, .. } = &simulation.bodies()[0].shape else { panic!("soft") };
     let driven = |frame: u32| matches!(frames[frame as usize].motion, FrameMotion::Kinematic(_));
-    assert!(proxies.iter().any(|proxy| driven(proxy.frame)), "the arm must have collision proxies of its own");
+    assert!(proxies.iter().any(|proxy| driven(proxy.frame)), "the forearm must have collision proxies (convex hulls)");
     let (moved, _) = simulation.nodes(0).unwrap().unwrap();
-    // Nodes attached to the forearm's bone are where the bone took them, and nodes attached to other bones have not
-    // moved. The free nodes between them are displaced.
+    // Nodes attached to the driven core, the forearm's bone, are where the bone took them, and nodes attached to other
+    // bones have not moved. The free nodes between them are displaced.
     let (mut attached, mut free) = (0, 0.0f64);
     for (n, d) in moved.iter().enumerate() {
         let taken = turn * (layer.nodes[n] - elbow) + elbow - layer.nodes[n];
@@ -369,7 +379,9 @@ fn a_free_block_is_pushed_away_and_spun_as_the_oracles() {
     let free = format!("{}{}", &text[..core], &text[end..])
         .replace("position = [0.0, 0.0, 0.0]", "position = [0.03, 0.0, 0.01]\nvelocity = [0.0, 0.5, 0.2]");
     let (peak, force, shape) = pressed(&scene(&free), 120);
-    println!("free block: error of force {force:.1e} of {peak:.2} N, relative error of displacements {shape:.1e}");
+    println!(
+        "free block: greatest force {peak:.2} N; relative errors of force {force:.1e}, of displacements {shape:.1e}"
+    );
     assert!(peak > 0.1 && force < FORCE && shape < SHAPE, "relative errors: force {force:e}, displacements {shape:e}");
 }
 
@@ -399,11 +411,11 @@ fn a_floating_frame_keeps_up_with_a_body_that_flies_and_turns() {
     });
     let stray = stray.fold(0.0, f64::max);
     println!(
-        "flying bar: moved by {away:.2} m, turned by {turned:.2} rad; up to {stray:.1e} m from its rest shape in the \
-         floating frame; mean velocity {mean:.2} m/s"
+        "flying bar: nodes moved by up to {away:.2} m, frame turned by {turned:.2} rad; nodes up to \
+         {stray:.1e} m from their rest places in the floating frame; mean velocity {mean:.2} m/s"
     );
     assert!(
         away > 0.2 && turned > 0.5 && stray < 0.01,
-        "moved by {away} m, turned by {turned} rad, {stray} m from its rest shape"
+        "nodes moved by up to {away} m, frame turned by {turned} rad, nodes up to {stray} m from their rest places"
     );
 }

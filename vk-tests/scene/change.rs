@@ -1,6 +1,7 @@
-//! Changes of materials, contact law and driven cores (rigid cores, to which nodes are attached, moved as keys say)
-//! between two steps. From the change on, a simulation must give the same bits as one that was opened with the change
-//! in its scene and into which the state before the change was restored.
+//! Changes, between two steps, of materials, of the contact law (pressure of depth) and of the motion of driven cores
+//! (rigid bodies inside a soft one, to which nodes are attached and which move as keys, poses at given times, say).
+//! From the change on, a simulation must give the same bits as one that was opened with the change in its scene and
+//! into which the state before the change was restored.
 
 use std::time::Duration;
 
@@ -18,8 +19,8 @@ const BEFORE: usize = 25;
 /// Number of steps after the change.
 const AFTER: usize = 15;
 
-/// Runs the next steps and returns the bits of force, iterations, residual and flags of each, and of the displacements
-/// after the last.
+/// Runs the next steps. Returns, as bits, the force on the tool, the number of solver iterations, the residual and the
+/// flags of each step, and the node displacements after the last step.
 fn seen(simulation: &mut Simulation) -> Vec<u64> {
     let mut bits = Vec::new();
     for row in run(simulation, AFTER) {
@@ -67,8 +68,8 @@ fn another_material_is_felt_at_once() {
     let change = |simulation: &mut Simulation, to: &Scene| simulation.set_material(0, 0, material_of(to)).unwrap();
     let jacobi = "preconditioner = \"jacobi\"";
     becomes(jacobi, &text(jacobi, plain), &text(jacobi, other), change);
-    // The aggregates of the coarse space (blocks of nodes in the two-level preconditioner) are formed by mass: with
-    // another density, a new simulation would have other aggregates. So this change keeps the density.
+    // The coarse space of the two-level preconditioner is built on aggregates, blocks of nodes that are formed by mass:
+    // with another density, a new simulation would have other aggregates. So this change keeps the density.
     let (coarse, as_heavy) = ("preconditioner = \"coarse\"", other.replace("1500", "1000"));
     becomes(coarse, &text(coarse, plain), &text(coarse, &as_heavy), change);
     let patches =
@@ -80,7 +81,7 @@ fn another_material_is_felt_at_once() {
 #[ignore = "long: 6 s"]
 fn another_material_of_free_and_jointed_bodies_is_felt_at_once() {
     let change = |simulation: &mut Simulation, to: &Scene| simulation.set_material(0, 0, material_of(to)).unwrap();
-    // The preconditioner is set in the scene, since otherwise it would be chosen by the material.
+    // The scene names the preconditioner, since by default the engine chooses one by the material.
     let jacobi = |text: String| text.replacen("[solver]\n", "[solver]\npreconditioner = \"jacobi\"\n", 1);
     let free = jacobi(friction::collision(0.0));
     let heavier = free.replacen(

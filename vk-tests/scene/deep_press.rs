@@ -9,9 +9,10 @@ use palpate::{Options, Simulation, StepReport};
 use crate::harness::real_meshes::meshes;
 use crate::scene::whole_step::scene;
 
-/// Flags that a folded skin (surface mesh of the body) raises: depth beyond the limit (8), and not a height field (16).
+/// Bits that a folded skin (surface mesh of the body) sets in the flags of a step: 8 if a depth is beyond the limit, 16
+/// if the skin is not a height field over a plane across the contact normal.
 const FOLDED: u32 = 8 + 16;
-/// Numbers of steps, of 2 ms each, in which the sphere is pressed in, stays, is pulled out and stays away.
+/// Numbers of steps, each of 2 ms, in which the sphere is pressed in, stays, is pulled out and stays away.
 const PHASES: [usize; 4] = [200, 25, 100, 500];
 
 /// The least ratio of a tetrahedron's volume to its rest volume; negative if a tetrahedron is inverted.
@@ -29,8 +30,9 @@ fn largest(moved: &[DVec3]) -> f64 {
     moved.iter().map(|d| d.length()).fold(0.0, f64::max)
 }
 
-/// One test: a surface mesh is filled with tetrahedra of size `cell` (m), whose nodes in the middle are attached to a
-/// rigid core. A sphere of radius `sphere` (m) presses the body on the way from `from` to `to`.
+/// One test: the surface mesh `name` is filled with tetrahedra of size `cell` (m), whose nodes in the middle are
+/// attached to a rigid core, a rigid body inside the soft one. A sphere of radius `sphere` (m) presses the body on the
+/// way from `from` to `to`. `body_radius` (m) is the radius of the body there.
 struct Deep {
     name: &'static str,
     cell: f64,
@@ -85,15 +87,16 @@ fn press(deep: &Deep) {
     let pressing = &force[touch..PHASES[0]];
     let fall = pressing.windows(2).map(|w| w[0] - w[1]).fold(0.0, f64::max);
     println!(
-        "{name}: {} tetrahedra; pressed in by {:.4} m, to {:.1} N; least volume of a tetrahedron {least:.2} of its \
-         rest volume; greatest fall of the force in a step {fall:.1e} N; displacement left at the end {left:.1e} of \
-         {deepest:.3} m",
+        "{name}: {} tetrahedra; sphere pressed in by {:.4} m, force there {:.1} N; least ratio of a tetrahedron's \
+         volume to its rest volume {least:.2}; greatest fall of the force in a step {fall:.1e} N; greatest \
+         displacement {deepest:.3} m, ratio of the displacement at the end to it {left:.1e}",
         layer.tetrahedra.len(),
         travel - at_touch,
         force[PHASES[0] - 1]
     );
-    // A sphere that is pressed in deeper than its radius has skin above its widest circle. Measured along the contact
-    // normal, such skin lies deep in the sphere or is no height field, and flags report that.
+    // Where a sphere is pressed in deeper than its radius, some of the body's skin lies above the sphere's widest
+    // circle. Measured along the contact normal, such skin is deeper than the limit or is no height field, and flags
+    // report that.
     let folds = rows.iter().filter(|row| row.flags.0 != 0).count();
     let others: Vec<(u64, u32)> =
         rows.iter().filter(|row| row.flags.0 & !FOLDED != 0).map(|r| (r.step, r.flags.0)).collect();
@@ -112,12 +115,15 @@ fn press(deep: &Deep) {
     );
     println!("{name}: {folds} steps with flags of a folded skin");
     assert!(least > 0.0, "{name}: a tetrahedron is inverted: least ratio of volumes {least}");
-    // Skin that comes into contact or leaves it above the sphere's widest circle changes the force by a few
-    // thousandths. Without such skin the force must not fall at all.
+    // Skin that comes into contact above the sphere's widest circle, or leaves it there, changes the force by a few
+    // thousandths of its value. Without such skin the force must not fall at all.
     let allowed = if folds > 0 { 0.005 * force[PHASES[0] - 1] } else { 0.0 };
     assert!(fall <= allowed, "{name}: the force falls by {fall} N on the way in");
-    assert!(force[PHASES[..3].iter().sum::<usize>()..].iter().all(|f| *f == 0.0), "{name}: still in contact");
-    assert!(left < 0.01, "{name}: displacement at the end is {left} of the greatest");
+    assert!(
+        force[PHASES[..3].iter().sum::<usize>()..].iter().all(|f| *f == 0.0),
+        "{name}: there is a force in the last phase, when the sphere is away"
+    );
+    assert!(left < 0.01, "{name}: ratio of the displacement at the end to the greatest: {left}");
 }
 
 #[test]

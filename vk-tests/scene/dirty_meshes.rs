@@ -1,5 +1,5 @@
-//! Defective meshes: tetrahedral meshes with slivers (nearly flat tetrahedra) under gravity, and skins (surface meshes)
-//! with holes pressed by a tool.
+//! Tests of bodies with defective meshes: tetrahedral meshes with slivers (nearly flat tetrahedra) under gravity, and
+//! skins (surface meshes) with holes, pressed by the tool, a rigid sphere.
 
 use glam::DVec3;
 use palpate::Flags;
@@ -10,8 +10,9 @@ use crate::scene::whole_step::{open, run, scene};
 
 /// Number of steps, of 1 ms each.
 const STEPS: usize = 50;
-/// Upper bound of displacements, relative to the distance g t^2 / 2 of free fall in the same time t. Elasticity holds a
-/// body back, but implicit Euler falls too far: g h^2 n (n + 1) / 2 in n steps of length h, here 2 % more.
+/// Upper bound of displacements, relative to the distance g t^2 / 2 of free fall in time t under gravity g. Elasticity
+/// holds a body back, but implicit Euler lets it fall too far: g h^2 n (n + 1) / 2 in n steps of length h, which is 2 %
+/// more here.
 const FREE_FALL: f64 = 1.05;
 
 #[test]
@@ -23,7 +24,8 @@ fn layers_with_slivers_stay_finite_and_fall_no_faster_than_they_must() {
         let mesh = tetrahedra::read(&file).unwrap();
         let low = mesh.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
         let high = mesh.nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-        // The lower tenth of the body is attached to a fixed core.
+        // The nodes in the lower tenth of the body's height are attached to a fixed core (rigid body inside the soft
+        // one).
         let held = low.y + 0.1 * (high.y - low.y);
         let below = low - DVec3::ONE;
         for young in [2e4, 2e6] {
@@ -65,7 +67,7 @@ fn a_sphere_pressed_into_a_skin_with_holes_is_pushed_back() {
     let Some(meshes) = meshes() else { return };
     for name in ["open_holes", "triangle_soup"] {
         let file = meshes.join(format!("bad/{name}.obj"));
-        // The tool moves inwards from in front of the belly.
+        // The tool starts in front of the belly and moves towards it.
         let text = format!(
             "[[body]]\nname = \"human\"\nsurface = {file:?}\nlayer = {{ cell = 0.08 }}\n\
              material = {{ young = 2e4, poisson = 0.45, density = 1000.0 }}\n\
@@ -82,7 +84,7 @@ fn a_sphere_pressed_into_a_skin_with_holes_is_pushed_back() {
         println!("{name}: force {:.3} N at the end, up to {contacts} contacts, flags {flags}", force[79].length());
         assert!(
             force.iter().all(|f| f.is_finite()) && contacts > 10,
-            "{name}: a force is not finite, or at most 10 contacts"
+            "{name}: a force is not finite, or there are never more than 10 contacts"
         );
         assert!(
             force[79].z > 0.5 * force[79].length() && force[79].length() > 0.1,

@@ -1,5 +1,6 @@
-//! Tests of `Simulation::explain`, which reports the passes and arrays of a step. Every kernel must be listed as
-//! recorded, or as left out with a reason, and features that a scene does not use must cost nothing.
+//! Tests of `Simulation::explain`, which reports the passes (dispatches, draws, fills and copies on the GPU) and the
+//! arrays of a step, by stage, and the features that the scene uses. Every kernel must be listed as recorded, or as
+//! left out with a reason, and features that a scene does not use must cost nothing.
 
 use std::collections::BTreeSet;
 
@@ -26,7 +27,7 @@ fn block(contact: &str, material: &str, body: &str, rest: &str) -> String {
 
 const TOOL: &str = "[tool]\nsphere = 0.02\nmass = 0.05\nposition = [0.0, 0.0499, 0.0]\n\
                     [coupling]\nstiffness = 500.0\ndamping = 2.0\n";
-/// A bar with a dynamic rigid core (to which nodes are attached) at either end.
+/// Text of a bar with a dynamic rigid core (a rigid body inside the bar, to which nodes are attached) at either end.
 const BAR: &str = "[[body]]\nname = \"bar\"\nlayer = { box = [[0.2, 0.0, 0.0], [0.4, 0.02, 0.02]], cells = [10, 1, 1] }\n\
                    material = { young = 2e6, poisson = 0.3, density = 1000.0 }\n\
                    [[body.core]]\nname = \"left\"\nmotion = \"dynamic\"\nbind = { box = [[0.1, -1, -1], [0.245, 1, 1]] }\n\
@@ -37,7 +38,7 @@ const BAR: &str = "[[body]]\nname = \"bar\"\nlayer = { box = [[0.2, 0.0, 0.0], [
 const LITTLE: u64 = 1024;
 
 /// Checks that every kernel is listed once, either recorded or left out with a reason, and that the numbers of passes
-/// agree with those of the recorded step.
+/// agree with those of the recorded step. Returns the explanation.
 fn check(name: &str, simulation: &Simulation) -> Explanation {
     let explanation = simulation.explain(ITERATIONS);
     let (mut all, mut recorded) = (Vec::new(), 0);
@@ -69,16 +70,16 @@ fn check(name: &str, simulation: &Simulation) -> Explanation {
     assert_eq!(
         all.iter().cloned().collect::<BTreeSet<_>>(),
         known,
-        "{name}: kernels in the list, and all kernels of the engine"
+        "{name}: the kernels listed (left) must be all kernels of the engine (right)"
     );
     assert_eq!(
         all.len(),
         known.len(),
-        "{name}: number of kernels in the list, and of different kernels: no kernel may be in two stages"
+        "{name}: a kernel is listed twice: entries in the list (left), different kernels (right)"
     );
     let (stages, dependent) = simulation.passes(ITERATIONS);
-    assert_eq!(explanation.passes, stages.iter().map(|(_, n)| n).sum::<u32>(), "{name}: number of passes");
-    assert_eq!(explanation.dependent_passes, dependent, "{name}: number of dependent passes");
+    assert_eq!(explanation.passes, stages.iter().map(|(_, n)| n).sum::<u32>(), "{name}: passes explained and recorded");
+    assert_eq!(explanation.dependent_passes, dependent, "{name}: number of passes that wait for an earlier pass");
     for (stage, passes) in stages {
         let own = explanation.stages.iter().find(|known| known.stage == stage).unwrap();
         assert_eq!(own.passes, passes, "{name}: number of passes of stage {stage}");
@@ -88,13 +89,13 @@ fn check(name: &str, simulation: &Simulation) -> Explanation {
     let arrays: u64 = explanation.stages.iter().map(|stage| stage.bytes_device).sum();
     let share = arrays as f64 / explanation.bytes_device as f64;
     println!(
-        "{name}: {recorded} of {} kernels recorded; bound arrays are {share:.4} of the allocated bytes",
+        "{name}: {recorded} kernels recorded, {} in all; ratio of bytes in bound arrays to allocated bytes {share:.4}",
         known.len()
     );
     let is_little = explanation.bytes_device - arrays.min(explanation.bytes_device) < LITTLE;
     assert!(
         arrays <= explanation.bytes_device && (share > 0.8 || is_little),
-        "{name}: bound arrays are {share} of the allocated bytes"
+        "{name}: ratio of bytes in bound arrays to allocated bytes {share}"
     );
     assert!(explanation.features.iter().all(|feature| !feature.reason.is_empty()), "{name}: a feature has no reason");
     assert!(explanation.to_string().lines().count() > known.len());
@@ -197,10 +198,10 @@ fn a_feature_that_is_not_used_costs_nothing() {
         let ((absent, absent_bytes), (mut off, off_bytes), (used, used_bytes)) =
             (cost(&absent), cost(&off), cost(&used));
         off.preset = None;
-        assert_eq!(off, absent, "{name}: the costs with the feature switched off and without its keys");
-        assert_eq!(off_bytes, absent_bytes, "{name}: bytes with the feature switched off and without its keys");
+        assert_eq!(off, absent, "{name}: costs differ between the feature switched off and its keys left out");
+        assert_eq!(off_bytes, absent_bytes, "{name}: bytes differ: feature switched off (left), keys left out (right)");
         println!(
-            "{name}: switched off {} passes, {} bytes; used {} passes, {} bytes",
+            "{name}: {} passes and {} bytes with the feature switched off, {} passes and {} bytes with it used",
             off.passes, off_bytes, used.passes, used_bytes
         );
         assert!(
@@ -229,8 +230,8 @@ fn times_that_nobody_asks_for_leave_the_step_as_it_is() {
 
 #[test]
 fn one_side_takes_less_memory() {
-    // If `sides` is "one", only vertices of the finer skin (surface mesh) of a pair are tested for contact. That case
-    // is compared with the oracle in touch.rs.
+    // If `sides` is "one", only vertices of the finer skin (surface mesh) of a pair of bodies are tested for contact;
+    // touch.rs compares that case with a reference implementation.
     let of = |sides: &str| {
         let mut simulation = open(&scene(&block(&format!("[contact]\nsides = \"{sides}\""), "", "", TOOL)), None);
         let row = run(&mut simulation, 3).pop().unwrap();

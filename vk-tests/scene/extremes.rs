@@ -6,14 +6,16 @@ use palpate::{Flags, Simulation, StepReport};
 
 use crate::scene::whole_step::{open, run, scene};
 
-/// `BLOCK` has edges of 0.1 m and its top at y = 0; `HELD` attaches its bottom to a fixed rigid core.
+/// `BLOCK` is text of the tetrahedral mesh and the material of a cube with edges of 0.1 m and its top at y = 0. `HELD`
+/// is text of a fixed rigid core (rigid body inside the cube), to which the nodes of its bottom are attached.
 const BLOCK: &str = "layer = { box = [[-0.05, -0.1, -0.05], [0.05, 0.0, 0.05]], cells = [4, 4, 4] }\n\
                      material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }\n";
 const HELD: &str = "[[body.core]]\nname = \"k\"\nbind = { box = [[-1, -0.11, -1], [1, -0.09, 1]] }\n";
-/// The tool: a sphere that starts 1 mm deep in the block's top.
+/// Text of the tool, a rigid sphere that starts 1 mm deep in the block's top.
 const SPHERE: &str = "sphere = 0.01\nmass = 0.05\nposition = [0.0, 0.009, 0.0]\n";
 
-/// A block and a tool. `tool` is text of the scene's table `[tool]`, `more` is text of further tables.
+/// Opens a simulation of the block and a tool. `tool` is text of the scene's table `[tool]`, `more` is text of further
+/// tables.
 fn press(tool: &str, more: &str) -> Simulation {
     open(&scene(&format!("[[body]]\nname = \"b\"\n{BLOCK}{HELD}[tool]\n{tool}{more}")), None)
 }
@@ -45,7 +47,8 @@ fn bodies_in_the_same_place_are_seen_to_overlap() {
 fn what_overflows_is_flagged_and_moves_nothing() {
     let mut simulation = press(SPHERE, "[step]\ngravity = [0.0, -1e30, 0.0]\n");
     for row in run(&mut simulation, 3) {
-        // The step is tried again in halves, quarters and eighths. These overflow as well, so that the state is frozen.
+        // The step is tried again in halves, quarters and eighths. These parts overflow as well, so that the state is
+        // frozen.
         let said = Flags::NON_FINITE | Flags::STEP_RETRIED | Flags::FROZEN;
         assert!(row.flags.contains(said), "flags are missing: {row:?}");
         let tool = row.tool.unwrap();
@@ -65,8 +68,8 @@ fn what_overflows_is_flagged_and_moves_nothing() {
 
 #[test]
 fn as_many_iterations_as_a_scene_allows_are_done() {
-    // The bar is long and stiff: with the Jacobi preconditioner it takes many iterations, and many submits, until
-    // forces reach its end.
+    // The bar is long and stiff: with the Jacobi preconditioner it takes many iterations, in many submissions to the
+    // GPU, until forces reach its end.
     let bar = "[step]\ndt = 0.01\n[solver]\npreconditioner = \"jacobi\"\nmax_iterations = 1500\ntolerance = 1e-6\n\
                [[body]]\nname = \"bar\"\nlayer = { box = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.1]], cells = [40, 3, 3] }\n\
                material = { young = 1e9, poisson = 0.4, density = 1000.0 }\n\

@@ -1,9 +1,10 @@
 //! Tests of the haptic loop with the engine and a simulated hand, in virtual time (one thread, no clock, the same bits
 //! every time). With the local model, which extrapolates the newest contact wrench between simulation steps, contact
-//! must be stable where playing that wrench unchanged is not; the hand must gain no energy; a steady force must be free
-//! of noise and equal to that of the simulation; and a drag along the skin (surface mesh) must add no damping. The
-//! passivity controller may *lend* energy to the hand, for a force that comes up where the hand has already moved
-//! unopposed.
+//! must be stable even where it is unstable if that wrench is played unchanged. The hand must gain no energy; a steady
+//! force must be free of noise and equal to that of the simulation; and a drag along the skin (surface mesh) must add
+//! no damping. The passivity observer accounts for the energy that the hand gets, and the passivity controller damps
+//! where that is too much. The loop may *lend* energy to the hand, for a contact force that appears late, after the
+//! hand has already moved.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::haptics::environment::Environment;
@@ -21,7 +22,7 @@ use palpate_devices::{Hand, HandParameters, Scripted};
 
 use crate::scene::whole_step::scene;
 
-/// Period of a tick of the loop, s.
+/// Period of a tick (one cycle of the haptic loop), s.
 const PERIOD: f64 = 1e-3;
 /// Rate of the simulation, Hz.
 const RATE: f64 = 50.0;
@@ -44,7 +45,7 @@ fn block() -> Simulation {
     Simulation::open(&scene(&text), &options).unwrap()
 }
 
-/// All ticks of a run of the haptic loop, and the simulated hand after it.
+/// All ticks of a run of the haptic loop, and the simulated hand after the run.
 struct Session {
     ticks: Vec<Tick>,
     hand: Hand,
@@ -59,8 +60,9 @@ impl Session {
     }
 }
 
-/// Runs the loop with a simulated hand on a delta.6 device. The hand intends to press the tool `deep` m below the
-/// block's top, to stay there from 0.5 s to `until` (s), and then to let go.
+/// Runs the loop with a simulated hand that holds a delta.6 haptic device. The hand intends to press the tool `deep` m
+/// below the block's top, to stay there from 0.5 s to `until` (s), and then to lift it off. `adjust` changes the loop's
+/// settings before the run of `seconds` s.
 fn press(deep: f64, until: f64, seconds: f64, adjust: impl FnOnce(&mut Settings)) -> Session {
     let mut simulation = block();
     let profile = Profile::named("delta.6").unwrap();
@@ -102,8 +104,8 @@ fn at_50_hz_a_body_of_two_kilonewtons_a_metre_is_held_and_without_the_local_mode
     let stiffness = (more - less) / (high - low);
     let (_, raw) = press(0.014, false).force(1500);
     println!(
-        "stiffness {stiffness:.0} N/m felt at {more:.2} N; standard deviation of the force {noise:.1e} N with the \
-         local model, {raw:.2} N without"
+        "stiffness felt {stiffness:.0} N/m; at a force of {more:.2} N, standard deviation of the force {noise:.1e} N \
+         with the local model, {raw:.2} N without"
     );
     assert!((1700.0..2300.0).contains(&stiffness), "stiffness {stiffness} N/m, expected 1700 to 2300 N/m");
     // The standard deviation of a steady force must be below 1 % of the force or 0.01 N.
@@ -125,8 +127,8 @@ fn a_press_hold_and_release_gives_the_hand_no_energy() {
         let (seen, received) = (session.ticks.last().unwrap().energy.net(), session.hand.energy().received());
         let lent = session.ticks.iter().map(|tick| tick.energy.lent).fold(0.0, f64::max);
         println!(
-            "local model {local_model}: the hand received {received:.1e} J ({seen:.1e} J by the passivity observer), \
-             at most {most:.1e} J allowed beyond {lent:.1e} J lent; peak force {peak:.2} N"
+            "local model {local_model}: the hand received {received:.1e} J ({seen:.1e} J by the passivity observer); \
+             {lent:.1e} J were lent, and {most:.1e} J more are allowed; peak force {peak:.2} N"
         );
         assert!(
             peak > 1.0 && received <= lent + most && seen <= lent + most && lent < 1e-4,
@@ -135,7 +137,7 @@ fn a_press_hold_and_release_gives_the_hand_no_energy() {
     }
 }
 
-/// A simulation that also keeps the contact wrench of each step.
+/// A simulation, and the contact wrenches of all its steps so far.
 struct Recorded<'a> {
     simulation: &'a mut Simulation,
     wrenches: Vec<ContactWrench>,
@@ -149,8 +151,9 @@ impl Environment for Recorded<'_> {
     }
 }
 
-/// Runs the loop with a scripted device, which has the named profile and follows keys exactly; passivity control is on.
-/// Returns all ticks of the loop, and the contact wrenches of all simulation steps.
+/// Runs the loop with a scripted device, which has the named profile (limits of a model of device) and follows keys,
+/// poses at given times, exactly; passivity control is on. Returns all ticks of the loop, and the contact wrenches of
+/// all simulation steps.
 fn follow(simulation: &mut Simulation, profile: &str, keys: &[Key], seconds: f64) -> (Vec<Tick>, Vec<ContactWrench>) {
     let profile = Profile::named(profile).unwrap();
     let tool = simulation.tool().unwrap().clone();
@@ -237,7 +240,7 @@ fn a_force_held_is_that_of_the_step_and_of_the_block_at_rest_and_the_first_touch
     }
 }
 
-/// A soft head, and a sphere above its cheek.
+/// Opens a simulation of a soft head, with a sphere above its cheek as the tool.
 fn head() -> Simulation {
     let text = "[[body]]\nname = \"head\"\nsurface = { model = \"head\", vertices = 6000 }\nlayer = { cell = 0.018 }\n\
          material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }\n\
@@ -281,9 +284,12 @@ fn a_drag_over_the_head_adds_no_damping_to_the_force_along_the_motion() {
         let size = median(dragged.iter().map(|tick| tick.played.force.length()).collect());
         assert!(
             size > 1.0 && (played - found).abs() < 0.03 * size,
-            "{profile}: along the drag {played} N played, {found} N computed, size of the force {size} N"
+            "{profile}: force along the drag {played} N played, {found} N computed; magnitude of the force {size} N"
         );
-        assert!(left_out < 0.03 * along, "{profile}: {left_out} N of {along} N are not played");
+        assert!(
+            left_out < 0.03 * along,
+            "{profile}: of the contact force of {along} N along the drag, {left_out} N are not played"
+        );
         assert!(
             dragged.iter().filter(|tick| acts(tick)).count() * 100 < dragged.len(),
             "{profile}: passivity control acts in 1 % of the ticks or more"

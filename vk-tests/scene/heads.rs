@@ -1,16 +1,17 @@
-//! A sphere as the tool presses into whole heads, and its force must rise smoothly: into the head of a scene that comes
-//! with the program, and into a scanned head where its mesh is available.
+//! The tool, a rigid sphere that the haptic device leads, presses into a whole soft head, and the force on it must rise
+//! smoothly. One head is that of a scene that comes with the program; the other is a scanned head, where its mesh is
+//! available.
 
 use crate::harness::real_meshes::meshes;
 use std::path::Path;
 
 use palpate::{Flags, Options, Scene, Simulation, StepReport};
 
-/// Greatest change of the force in a step while the tool presses, divided by the median change. The change is greatest
-/// at the first touch, with twice the median; a contact that appears or vanishes abruptly would change the force far
-/// more.
+/// Upper bound of the largest change of the force in a step while the tool presses, relative to the median change in a
+/// step. The largest change comes at the first touch and is about twice the median; a contact that appears or vanishes
+/// abruptly would change the force far more.
 const JUMP: f64 = 4.0;
-/// Number of steps over which the force is averaged; this mean must never fall while the device moves inwards.
+/// Number of steps over which the force is averaged; this mean must never fall while the haptic device moves inwards.
 const WINDOW: usize = 5;
 
 /// Runs a press at constant speed and checks that the force is zero before the first contact and then rises smoothly,
@@ -29,9 +30,9 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
     let mean: Vec<f64> = pressing.windows(WINDOW).map(|w| w.iter().sum::<f64>() / WINDOW as f64).collect();
     let slope = mean.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
     println!(
-        "{name}: first contact in step {touch}; {:.3} N and {} contacts at the end; change of the force a step: \
-         median {median:.1e} N, largest {:.2} medians, least change of the mean {:.2} medians; up to {} solver \
-         iterations",
+        "{name}: first contact in step {touch}; {:.3} N and {} contacts at the end; change of the force in a \
+         step: median {median:.1e} N, largest {:.2} times the median; least change of the mean force {:.2} times the \
+         median; up to {} solver iterations",
         force[steps - 1],
         rows[steps - 1].contacts.unwrap(),
         largest / median,
@@ -43,7 +44,7 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
     assert!(flagged.is_empty(), "{name}: steps with flags, and their flags: {flagged:?}");
     assert!(
         force[..touch].iter().all(|f| *f == 0.0) && force[steps - 1] > 1.0,
-        "{name}: force before the first contact, or at most 1 N at the end"
+        "{name}: there is a force before the first contact, or at most 1 N at the end"
     );
     assert!(largest < JUMP * median && slope > 0.0, "{name}: the force jumps or falls");
 }

@@ -1,6 +1,7 @@
-//! A soft body in place of a rigid tool: the virtual coupling (spring and damper to the haptic device) pulls one of its
-//! rigid cores, to which nodes are attached. Its steps are compared with the f64 oracle, the reference implementation
-//! on the CPU, and it must come to rest at any stiffness of the coupling.
+//! Tests of a soft body that is held in place of a rigid tool: the virtual coupling (spring and damper to the haptic
+//! device) pulls one of the body's rigid cores (rigid bodies inside it, to which nodes are attached). Steps are
+//! compared with the f64 oracle, the reference implementation on the CPU, and the body must come to rest at any
+//! stiffness of the coupling.
 
 use glam::DVec3;
 use palpate::internal::shaders::Contact;
@@ -9,9 +10,10 @@ use palpate::{Flags, Options, Scene, Simulation, StepReport, ToolReport};
 use crate::invariant::friction::beside;
 use crate::scene::whole_step::{run, scene, soft_twin};
 
-/// A soft cube (the pad) of 36 mm and 47 g above a block with a fixed bottom; the virtual coupling pulls on the rigid
-/// core in the cube's middle. In 50 ms the device moves 5 mm down into the block and by `aside` (m), and turns to the
-/// orientation `turn`.
+/// Text of a scene with a soft cube (the pad) of 36 mm and 47 g above a block with a fixed bottom; the virtual coupling
+/// pulls on the rigid core in the cube's middle. In 50 ms the device moves 5 mm down into the block and by `aside` (m),
+/// and turns to the orientation `turn`. `young` (Pa) is the pad's Young's modulus; `coupling` and `more` are text of
+/// the tables `[coupling]` and `[contact]`.
 pub fn pad(young: f64, coupling: &str, more: &str, aside: DVec3, turn: [f64; 4]) -> String {
     let end = DVec3::new(0.004, 0.0435, -0.003) + aside;
     format!(
@@ -35,8 +37,8 @@ pub fn pad(young: f64, coupling: &str, more: &str, aside: DVec3, turn: [f64; 4])
 
 /// Orientation of the pad at the start.
 pub const START: [f64; 4] = [0.0, 0.06, 0.0, 0.9981983770774224];
-/// Greatest errors of force, torque and displacements, each relative to the largest value, and of the core's position,
-/// m.
+/// Greatest allowed errors against the oracle: of force, torque and displacements, each relative to the largest value
+/// of its kind, and (`PLACE`) of the position of the held core, m.
 const FORCE: f64 = 5.0e-5;
 const TORQUE: f64 = 1.0e-4;
 const SHAPE: f64 = 5.0e-5;
@@ -58,17 +60,19 @@ fn a_held_pad_presses_and_rubs_as_the_oracles() {
         });
         println!(
             "held pad of {young:e} Pa, friction {friction}: force up to {peak:.2} N, core turned by up to \
-             {turned:.1e} rad from the oracle's, up to {iterations} solver iterations; {errors:?}"
+             {turned:.1e} rad from the oracle's, up to {iterations} solver iterations; errors against the oracle \
+             {errors:?}"
         );
         assert!(peak > 0.2 && turned < 1e-5, "peak force {peak} N, core turned by {turned:e} rad from the oracle's");
         assert!(errors.force < FORCE && errors.torque < TORQUE && errors.shape < SHAPE && errors.place < PLACE);
     }
 }
 
-/// Upper bound of the energy after 100 ms, relative to the energy at 100 ms. The pad goes straight down, since the
-/// contact normal of a tilted pad would change from step to step, and a contact force that turns does work.
+/// Upper bound of the energy after 100 ms, relative to the energy at 100 ms. In the test with this bound the pad goes
+/// straight down, since the contact normal of a tilted pad would change from step to step, and a contact force that
+/// turns does work.
 const GROWTH: f64 = 1.005;
-/// Upper bound of the nodes' last speed, relative to their highest speed.
+/// Upper bound of the highest speed of a node at the end, relative to the highest speed in the run.
 const REST: f64 = 0.02;
 /// Mass of the pad, kg.
 const MASS: f64 = 0.0467;
@@ -91,8 +95,9 @@ fn energy_and_speed(scene: &Scene, simulation: &Simulation, row: &StepReport) ->
     (energy, speed)
 }
 
-/// Presses for 500 steps of 1 ms. Returns the greatest energy after 100 ms (twice the time for which the device moves),
-/// relative to the energy at 100 ms; and the last speed, relative to the highest.
+/// Presses the pad for 500 steps of 1 ms. Returns the greatest energy after 100 ms (twice the time for which the device
+/// moves), relative to the energy at 100 ms, and the highest speed of a node at the end, relative to the highest in the
+/// run. `stiffness` (N/m) and `damping` (N s/m) are those of the coupling.
 fn held(young: f64, stiffness: f64, damping: f64) -> (f64, f64) {
     let coupling =
         format!("stiffness = {stiffness:?}\ndamping = {damping:?}\nangular_stiffness = 0.5\nangular_damping = 0.005");
@@ -105,15 +110,16 @@ fn held(young: f64, stiffness: f64, damping: f64) -> (f64, f64) {
         let rows = run(&mut simulation, 10);
         assert!(
             rows.iter().all(|row| row.flags == Flags::default()),
-            "{young:e} Pa, {stiffness} N/m: a step has flags"
+            "pad of {young:e} Pa, coupling of {stiffness} N/m: a step has flags"
         );
         seen.push(energy_and_speed(&scene, &simulation, &rows[9]));
     }
     let most = seen[10..].iter().map(|(energy, _)| *energy).fold(0.0, f64::max);
     let fastest = seen.iter().map(|(_, speed)| *speed).fold(0.0, f64::max);
     println!(
-        "{young:e} Pa at {stiffness} N/m, {damping:.2} N s/m: energy {:.2e} J at 100 ms, at most {most:.2e} J \
-         afterwards, {:.2e} J at the end; speed up to {fastest:.2e} m/s, {:.2e} m/s at the end",
+        "pad of {young:e} Pa, coupling of {stiffness} N/m and {damping:.2} N s/m: energy {:.2e} J at 100 ms, at most \
+         {most:.2e} J afterwards, {:.2e} J at the end; highest speed of a node {fastest:.2e} m/s, {:.2e} m/s at the \
+         end",
         seen[9].0, seen[49].0, seen[49].1
     );
     (most / seen[9].0, seen[49].1 / fastest)
@@ -122,20 +128,21 @@ fn held(young: f64, stiffness: f64, damping: f64) -> (f64, f64) {
 #[test]
 #[ignore = "long: 52 s"]
 fn a_held_pad_comes_to_rest_at_any_stiffness_of_the_coupling() {
-    // Trials with stiffnesses and moduli between these gave the same results.
+    // In trials with other values of Young's modulus and of the coupling's stiffness, between those below, the pad came
+    // to rest as well.
     for young in [2e4, 2e6] {
         for stiffness in [10.0, 500.0, 5000.0] {
             let critical = 2.0 * f64::sqrt(stiffness * MASS);
             let (most, speed) = held(young, stiffness, critical);
             assert!(
                 most < GROWTH && speed < REST,
-                "{young:e} Pa, {stiffness} N/m: energy rises or the pad does not come to rest"
+                "pad of {young:e} Pa, coupling of {stiffness} N/m: the energy rises or the pad does not come to rest"
             );
         }
     }
     // Without damping the pad comes to rest later, but gains no energy.
     for stiffness in [10.0, 5000.0] {
         let (most, _) = held(2e6, stiffness, 0.0);
-        assert!(most < GROWTH, "{stiffness} N/m, undamped: energy rises");
+        assert!(most < GROWTH, "undamped coupling of {stiffness} N/m: the energy rises");
     }
 }

@@ -1,5 +1,6 @@
-//! Rigid cores (to which nodes of a soft body are attached) with ball joints between them: whole steps against the f64
-//! oracle, the reference implementation on the CPU, and invariants.
+//! Rigid cores (rigid bodies inside a soft one, to which its nodes are attached) with ball joints between them: whole
+//! steps are compared with the f64 oracle, the reference implementation on the CPU, and joints must stay closed and
+//! keep momentum.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{Frame, FrameMotion, Shape};
@@ -13,8 +14,9 @@ use palpate_oracle::joint::Side;
 use crate::scene::bones::{SHAPE, SPEED, carry, keys, twin_cores};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// A bar of 20 cm with three cores and a joint between neighbours. `root` is the text of the motion of the core named
-/// root, `joints` are further keys of each joint, and `step` further keys of the `[step]` table.
+/// Text of a scene with a bar of 20 cm that has three cores and a joint between neighbours. `root` is the text of the
+/// motion of the core named root, `joints` are further keys of each joint, and `step` further keys of the `[step]`
+/// table.
 pub fn chain(young: f64, root: &str, joints: [&str; 2], step: &str) -> String {
     let core = |name: &str, motion: &str, from: f64, to: f64| {
         format!(
@@ -31,7 +33,7 @@ pub fn chain(young: f64, root: &str, joints: [&str; 2], step: &str) -> String {
          layer = {{ box = [[-0.1, -0.02, -0.02], [0.1, 0.02, 0.02]], cells = [12, 3, 3] }}\n\
          position = [0.4, 0.1, -0.2]\norientation = [0.1, 0.2, 0.3, 0.9273618495495703]\n\
          material = {{ young = {young:e}, poisson = 0.4, density = 1000.0, damping_stiffness = 0.002 }}\n{}{}{}{}{}",
-        // The cores are not in the order of the chain.
+        // The cores are listed in another order than that along the bar.
         core("tip", dynamic, 0.08, 0.2),
         core("root", root, -0.2, -0.08),
         core("middle", dynamic, -0.02, 0.02),
@@ -40,13 +42,13 @@ pub fn chain(young: f64, root: &str, joints: [&str; 2], step: &str) -> String {
     )
 }
 
-/// Coordinate frames of the first body.
+/// The rigid coordinate frames of the first body.
 fn frames(simulation: &Simulation) -> &[palpate::internal::prepare::Frame] {
     let Shape::Soft { frames, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
     frames
 }
 
-/// The first body's joints as the oracle represents them, with the cores at rest.
+/// The first body's joints as the oracle represents them, with the cores in their initial poses.
 fn twin_joints(simulation: &Simulation) -> Vec<oracle::joint::Joint> {
     let (places, orientation) = (simulation.frames(0), simulation.bodies()[0].orientation);
     let is_dynamic = |frame: &usize| matches!(frames(simulation)[*frame].motion, FrameMotion::Dynamic { .. });
@@ -65,7 +67,8 @@ fn twin_joints(simulation: &Simulation) -> Vec<oracle::joint::Joint> {
     simulation.joints().iter().map(twin).collect()
 }
 
-/// Gives the oracle's joints the poses of driven cores (which move as keys say) at the end of the step, `time`.
+/// Gives the oracle's joints the poses of driven cores (which move as keys, poses at given times, say) at `time` (s),
+/// the end of the step.
 fn drive(twin: &mut oracle::step::Simulation, simulation: &Simulation, time: f64) {
     let orientation = simulation.bodies()[0].orientation;
     for (joint, model) in twin.joints.iter_mut().zip(simulation.joints()) {
@@ -88,7 +91,7 @@ fn gap(simulation: &Simulation) -> f64 {
     simulation.joints().iter().map(gap).fold(0.0, f64::max)
 }
 
-/// Rotation of a joint's second core relative to its first.
+/// Rotation of a joint's second core relative to the joint's first core.
 fn turn(simulation: &Simulation, joint: usize) -> DQuat {
     let places = simulation.frames(0);
     let [a, b] = simulation.joints()[joint].frames.map(|frame| places[frame].rotation);
@@ -136,7 +139,7 @@ fn beside(name: &str, text: &str, steps: usize) -> (Simulation, [[f64; 2]; 2]) {
     let turns = [0, 1].map(|joint| turn(&simulation, joint).to_scaled_axis().length());
     println!(
         "{name}: relative errors of displacements {shape:.1e}, of velocities {speed:.1e}; joints turned by \
-         {turns:.2?} rad, open by up to {widest:.1e} m; up to {iterations} solver iterations"
+         {turns:.2?} rad, gap of a joint up to {widest:.1e} m; up to {iterations} solver iterations"
     );
     assert!(
         shape < SHAPE && speed < SPEED,
@@ -145,14 +148,14 @@ fn beside(name: &str, text: &str, steps: usize) -> (Simulation, [[f64; 2]; 2]) {
     (simulation, most)
 }
 
-/// Greatest gap of a joint, m, which carries 60 g at six times gravity in steps of 1 ms; the gap grows with the square
-/// of the step.
+/// Upper bound of the gap, m, of a joint that carries 60 g at six times Earth's gravity in steps of 1 ms; the gap grows
+/// with the square of the step's length.
 const OPEN: f64 = 3e-4;
-/// Greatest angle beyond a limit, rad, where the bar is turned by half a radian in 40 ms: the limit acts in the
-/// direction in which the axis leans at the step's start, and the tip swings sideways by some hundredths of a radian in
-/// a step.
+/// Upper bound of the angle, rad, by which a joint turns beyond its limit while the bar is turned by half a radian in
+/// 40 ms. It is not zero: the limit acts in the direction in which the axis leans at the start of a step, and the tip
+/// of the bar swings sideways by some hundredths of a radian in a step.
 const BEYOND: f64 = 0.04;
-/// Gravity of some six g, partly sideways.
+/// Text of a gravity of about six times Earth's, partly sideways.
 const PULLED: &str = "gravity = [10.0, -60.0, 20.0]";
 
 #[test]
@@ -195,7 +198,10 @@ fn joints_resist_and_end_as_the_oracles() {
             for (kind, limit, most) in [0, 1].map(|k| (["swing", "twist"][k], limits[k], most[joint][k])) {
                 let Some(limit) = limit else { continue };
                 println!("{name}, joint {joint}: {kind} up to {most:.4} rad, limit {limit} rad");
-                assert!(most > 0.99 * limit && most < limit + BEYOND, "{kind} up to {most} rad, limit {limit} rad");
+                assert!(
+                    most > 0.99 * limit && most < limit + BEYOND,
+                    "{name}, joint {joint}: {kind} up to {most} rad, limit {limit} rad"
+                );
             }
         }
     }
@@ -205,8 +211,9 @@ fn joints_resist_and_end_as_the_oracles() {
 fn a_joint_is_a_hundred_times_stiffer_than_what_it_holds() {
     // The tissue is as soft as air, so that the joint holds only a core of mass m and moment of inertia I about its
     // centre. A unit impulse changes the velocity of the core's end of the joint by 1/m if the joint is at the core's
-    // centre. At an arm d from the centre the impulse turns the core as well: 1/m + d^2 / I in the two directions
-    // across the arm.
+    // centre. At an arm d from the centre the impulse turns the core as well, and the change is 1/m + d^2 / I in the
+    // two directions across the arm. The stiffness wanted is 100 / (h^2 c), with the step h and the mean c of that
+    // change over the three directions.
     let of = |x: f64| {
         let text = chain(1e-3, "", ["", ""], "")
             .replace("point = [-0.05, 0.004, -0.003]", &format!("point = [{x}, 0.0, 0.0]"));
@@ -222,18 +229,19 @@ fn a_joint_is_a_hundred_times_stiffer_than_what_it_holds() {
     let want = |readiness: f64| 100.0 / (readiness * 1e-6);
     let (at_middle, beside) = (want(1.0 / mass), want(1.0 / mass + 2.0 / 3.0 * 0.05 * 0.05 / inertia));
     println!(
-        "joint at the core's centre: {middle:.4e} N/m, expected {at_middle:.4e} N/m; aside: {aside:.4e} N/m, expected \
-         {beside:.4e} N/m"
+        "stiffness of a joint at the core's centre {middle:.4e} N/m, expected {at_middle:.4e} N/m; of a joint 50 mm \
+         aside {aside:.4e} N/m, expected {beside:.4e} N/m"
     );
-    // The lumped masses are not quite symmetric, so that their inertia has entries besides those used here.
+    // The nodes' lumped masses are not quite symmetric, so that the core's inertia tensor has other entries besides the
+    // one used here.
     assert!((middle / at_middle - 1.0).abs() < 1e-3 && (aside / beside - 1.0).abs() < 3e-3);
 }
 
-/// Greatest share of the linear momentum that is lost in the flight.
+/// Greatest allowed change of the linear momentum in the whole flight, relative to its magnitude.
 const MOMENTUM: f64 = 1e-6;
-/// Greatest change of angular momentum in a step, relative to the linear momentum times half the bar. It is not zero:
-/// the solver keeps the rotations of tetrahedra fixed over a step, and this causes a small net torque, as
-/// vk-tests/invariant/invariants.rs explains.
+/// Greatest allowed change of angular momentum in a step, relative to the linear momentum times half the bar's length.
+/// It is not zero: the solver keeps the rotations of tetrahedra fixed over a step, and this causes a small net torque,
+/// as vk-tests/invariant/invariants.rs explains.
 const SPIN: f64 = 4e-6;
 
 #[test]
@@ -266,17 +274,18 @@ fn a_free_chain_keeps_its_momentum() {
     let lost = before.distance(after) / before.length();
     let gained = spin.distance(spun) / (before.length() * 0.1 * 300.0);
     println!(
-        "free chain: joints folded by {folded:.2?} rad; relative loss of momentum {lost:.1e}, relative change of \
-         angular momentum a step {gained:.1e}"
+        "free chain: joints folded by {folded:.2?} rad; relative change of linear momentum {lost:.1e} in all, of \
+         angular momentum {gained:.1e} per step"
     );
     assert!(
         folded[1] > 0.05 && lost < MOMENTUM && gained < SPIN,
-        "joints folded by {folded:?} rad; relative change of linear momentum {lost:e}, of angular momentum {gained:e} \
-         a step"
+        "joints folded by {folded:?} rad; relative change of linear momentum {lost:e} in all, of angular momentum \
+         {gained:e} per step"
     );
 }
 
-/// Number of steps after which the human's left arm is bent and the ball that pushes it is still on it.
+/// Number of steps that pose the human. After them its left arm is bent, and the ball that pushes the arm still touches
+/// it.
 const BENT: usize = 500;
 
 #[test]
@@ -298,8 +307,8 @@ fn a_human_is_posed_by_pushing_its_arm() {
     let turned = |name: &str| (places[bone(name)].rotation * start[bone(name)].rotation.inverse()).to_scaled_axis();
     let (arm, forearm, other) = (turned("left_upper_arm"), turned("left_forearm"), turned("right_forearm"));
     println!(
-        "human: left upper arm turned by {:.2} rad, left forearm {:.2} rad, right forearm {:.3} rad; joints open by \
-         {widest:.1e} m",
+        "human: left upper arm turned by {:.2} rad, left forearm {:.2} rad, right forearm {:.3} rad; gap of a joint \
+         up to {widest:.1e} m",
         arm.length(),
         forearm.length(),
         other.length()
@@ -307,9 +316,9 @@ fn a_human_is_posed_by_pushing_its_arm() {
     // The left arm goes down: it turns clockwise about the axis that points to the front.
     assert!(
         arm.z < -0.2 && forearm.z < -0.4 && other.length() < 0.1,
-        "turned by (rad): upper arm {arm}, forearm {forearm}, other forearm {other}"
+        "rotation vectors, rad: left upper arm {arm}, left forearm {forearm}, right forearm {other}"
     );
-    assert!(widest < 1e-5, "joints open by {widest:e} m");
+    assert!(widest < 1e-5, "gap of a joint {widest:e} m");
     for (joint, model) in simulation.joints().iter().enumerate() {
         let ([swing, twist], limits) = (angles(&simulation, joint), model.resistance);
         let within = swing < limits.swing.unwrap() + 0.01 && twist < limits.twist.unwrap() + 0.01;

@@ -1,5 +1,6 @@
 //! Compares the answer of a proximity query (the vertices of two bodies that lie inside the other body, and their
-//! depths) with f64 ray casts along the query's own normals; used by `agreement.rs`.
+//! depths) with f64 ray casts along the query's own normals; used by `agreement.rs`. A contact patch is a place and a
+//! normal at which the two bodies may touch; the place is a rectangle in a plane across the normal.
 
 use glam::{DQuat, DVec3};
 use palpate::QueryContact;
@@ -11,10 +12,11 @@ use palpate_oracle::skin::normals;
 
 use crate::harness::bodies::{Mesh, rigid};
 
-/// A vertex nearer than this to a discontinuity of the answer is not compared, since rounding decides about it. The
-/// distance is relative to the smaller body's size, or a difference of unit vectors.
+/// Width of the surroundings of a discontinuity of the answer. A vertex in them is not compared, since rounding decides
+/// whether it is a contact. The width is a distance relative to the smaller body's size or, for directions, a
+/// difference of unit vectors.
 pub const APART: f64 = 1e-5;
-/// Number of differences that are described in reports.
+/// Greatest number of differences that a report describes.
 const NAMED: usize = 20;
 /// Least cosine between two normals that count as equal.
 const SAME: f64 = 1.0 - 1e-9;
@@ -52,7 +54,7 @@ impl Subject {
     }
 }
 
-/// Results of comparisons, of one query or summed over several.
+/// Results of comparisons of the query with ray casts, of one query or summed over several.
 #[derive(Debug, Default, Clone)]
 pub struct Tally {
     pub queries: usize,
@@ -68,7 +70,7 @@ pub struct Tally {
     pub different: Vec<String>,
     /// Number of vertices that are not compared, since rounding decides about them.
     pub apart: usize,
-    /// Number of queries with flags.
+    /// Number of queries whose answer has flags.
     pub flagged: usize,
     /// Depth along the normal divided by the distance to the other surface, for each contact.
     pub ratios: Vec<f64>,
@@ -90,7 +92,9 @@ impl Tally {
         self.ratios.extend(other.ratios);
     }
 
-    /// Adds a description of a difference. The cosine in it is that between the vertex's normal and the ray.
+    /// Adds the description of a difference between query and ray cast. It names the vertex that only one of them
+    /// finds, the contact that the query reports, if any, and what the ray hits. The cosine in it is that of the angle
+    /// between the vertex's normal and the ray.
     fn tell(&mut self, difference: impl FnOnce() -> String) {
         if self.different.len() < NAMED {
             self.different.push(difference());
@@ -108,8 +112,8 @@ impl Tally {
 /// Prints the heading of the table whose lines `Tally::row` prints.
 pub fn head() {
     println!(
-        "error/size: greatest depth error relative to the smaller body; missing, extra: vertices found only by rays, \
-         only by the query; apart: vertices not compared; flagged: queries with flags\n\
+        "error/size: greatest error of a depth, relative to the smaller body's size; missing: vertices found only by \
+         rays; extra: vertices found only by the query; apart: vertices not compared; flagged: queries with flags\n\
          mesh pair              queries  contacts  error/size missing extra apart flagged"
     );
 }
@@ -142,7 +146,7 @@ fn normal_of(contact_patch: &ContactPatch) -> DVec3 {
     DVec3::from(contact_patch.normal.map(f64::from)).normalize()
 }
 
-/// Compares an answer with ray casts. The query may leave out contacts deeper than `limit` (m).
+/// Compares an answer with ray casts and returns the results. The query may leave out contacts deeper than `limit` (m).
 pub fn judge(what: &str, subjects: [&Subject; 2], poses: [Pose; 2], answer: &Answer, limit: f64) -> Tally {
     let size = subjects[0].size.min(subjects[1].size);
     let positions = [0, 1].map(|k| subjects[k].placed(poses[k]));
@@ -188,7 +192,7 @@ impl Side<'_> {
     /// depth.
     fn found(&self, what: &str, v: usize, contact: &QueryContact, size: f64, tally: &mut Tally) {
         let of = |seen: &&Seen| contact.normal.dot(seen.normal).abs() > SAME;
-        let Some(seen) = self.seen.iter().find(of) else { panic!("{what}: no ray cast for {contact:?}") };
+        let Some(seen) = self.seen.iter().find(of) else { panic!("{what}: no ray along {contact:?}") };
         let (x, facing) = (self.positions[v], self.facing[v].dot(seen.normal));
         let ray_hit = seen.rays.first(x);
         let inside = ray_hit.filter(|ray_hit| ray_hit.leaves && facing > 0.0);
@@ -198,7 +202,7 @@ impl Side<'_> {
         } else if let Some(ray_hit) = inside {
             let error = (contact.depth - ray_hit.depth).abs() / size;
             if error > tally.worst {
-                (tally.worst, tally.where_worst) = (error, format!("{what}: {contact:?} against {ray_hit:?}"));
+                (tally.worst, tally.where_worst) = (error, format!("{what}: {contact:?}, by ray {ray_hit:?}"));
             }
         } else {
             tally.extra += 1;
@@ -210,7 +214,7 @@ impl Side<'_> {
     /// must not lie within the other body.
     fn not_found(&self, what: &str, v: usize, answer: &Answer, (size, limit): (f64, f64), tally: &mut Tally) {
         let x = self.positions[v];
-        // Where there is a single normal, the query tests the whole skin.
+        // Where all contact patches and contacts have one normal, the query tests all vertices of the skin.
         let looks = |seen: &&Seen| {
             let of = |r: &ContactPatch| normal_of(r).dot(seen.normal).abs() > SAME && holds(r, x - answer.origin);
             self.seen.len() == 1 || answer.contact_patches.iter().any(of)

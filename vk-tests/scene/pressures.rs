@@ -1,16 +1,16 @@
 //! The pressures and friction stresses that contacts report for the end of the step, times the contacts' areas, must
-//! sum to the contact wrench on the tool.
+//! sum to the contact force on the tool, the rigid body that the haptic device leads.
 
 use std::path::Path;
 
 use glam::DVec3;
 use palpate::{Options, Scene, Simulation};
 
-/// Tolerance relative to the summed magnitudes of the contact forces, for f32 rounding in a sum of up to a thousand
-/// forces.
+/// Greatest allowed error of the contacts' total force, relative to the summed magnitudes of the contact forces: f32
+/// rounding in a sum of up to a thousand forces.
 const ROUNDED: f64 = 1e-5;
 
-/// Scene of a ball that is pressed 4 mm into a block and pulled along it.
+/// Text of a scene of a ball, the tool, that is pressed 4 mm into a block and pulled along it.
 const SLIDING: &str = "\
 [contact]\nfriction = 0.5\n\
 [[body]]\nname = \"block\"\nlayer = { box = [[-0.03, -0.02, -0.03], [0.03, 0.0, 0.03]], cells = [8, 4, 8] }\n\
@@ -20,8 +20,8 @@ material = { young = 2e4, poisson = 0.4, density = 1000.0 }\n\
 [coupling]\nstiffness = 1000.0\ndamping = 10.0\nangular_stiffness = 0.5\nangular_damping = 0.002\n\
 [drive]\nkeys = [[0.0, 0.0, 0.0105, 0.0], [0.03, 0.0, 0.006, 0.0], [0.06, 0.01, 0.006, 0.0]]\n";
 
-/// Force of the reported contacts on the body with index `held` (the tool, or the body that the virtual coupling
-/// pulls), N, and the sum of their magnitudes, N.
+/// Total force of the reported contacts on the body with index `held` (the tool, or the body that the virtual coupling,
+/// a spring and damper to the haptic device, pulls), N, and the sum of the magnitudes of those contacts' forces, N.
 fn summed(simulation: &Simulation, held: usize) -> (DVec3, f64) {
     let (mut force, mut sizes) = (DVec3::ZERO, 0.0);
     for contact in simulation.contacts().unwrap() {
@@ -37,7 +37,8 @@ fn summed(simulation: &Simulation, held: usize) -> (DVec3, f64) {
     (force, sizes)
 }
 
-/// Runs a scene. Returns the largest error of the sum relative to the summed magnitudes, and the largest tool force, N.
+/// Runs a scene and checks in each step that the contacts' forces sum to the force on the tool. Returns the largest
+/// difference relative to the summed magnitudes of contact forces, and the largest force on the tool, N.
 fn worst(file: &Path, steps: usize) -> (f64, f64) {
     let scene = Scene::load(file).unwrap();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
@@ -61,11 +62,13 @@ fn worst(file: &Path, steps: usize) -> (f64, f64) {
     (error, largest)
 }
 
-/// Runs a scene that comes with the program and checks the sum. Returns the largest force, N.
+/// Runs a scene that comes with the program and makes the checks of `worst`. Returns the largest force on the tool, N.
 fn expect_the_wrench(name: &str, steps: usize) -> f64 {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("assets/scenes/{name}.toml"));
     let (error, largest) = worst(&file, steps);
-    println!("{name}: error {error:.1e} of the summed magnitudes of contact forces; tool force up to {largest:.3} N");
+    println!(
+        "{name}: error {error:.1e}, relative to the summed sizes of contact forces; tool force up to {largest:.3} N"
+    );
     largest
 }
 

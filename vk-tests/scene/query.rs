@@ -1,6 +1,7 @@
-//! The proximity query without a simulation, mostly of two spheres: depths along the normal of its contact patch or
-//! along a given direction, at any place and scale. Answers must be right on both depth paths (graphics and compute
-//! implementation of the depth stage) and the same in every run.
+//! Tests of the proximity query (which vertices of two bodies lie inside the other body, and how deep) without a
+//! simulation, mostly of two spheres. Depths are measured along a given direction, or along the normal of the contact
+//! patch, the place where the bodies may touch; sizes and places vary. Answers must be right on both depth paths
+//! (graphics and compute implementation of the depth stage) and the same in every run.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Body, Shape};
@@ -15,9 +16,9 @@ use crate::harness::random::Random;
 use crate::harness::{assert_clean, context};
 use crate::scene::whole_step::scene;
 
-/// Tolerance of depths relative to the radius, as promised to users.
+/// Tolerance of depths relative to the spheres' radius, as promised to users.
 const DEPTH: f64 = 1e-5;
-/// Tolerance of a unit vector's components, in f32.
+/// Tolerance of a unit vector's components, which are f32 numbers.
 const UNIT: f64 = 1e-6;
 
 type PoseOf = (DVec3, DQuat);
@@ -27,8 +28,8 @@ fn placed(body: &Body, (position, orientation): PoseOf) -> (Vec<DVec3>, Vec<[u32
     (skin.vertices.iter().map(|x| position + orientation * *x).collect(), skin.triangles.clone())
 }
 
-/// Checks every contact against the ray along its normal, and that no contact which a ray finds is missing. Returns the
-/// number of contacts.
+/// Checks every contact against the ray along its normal, and that no contact which a ray finds is missing. Depths may
+/// be off by `DEPTH` times `radius` (m). Returns the number of contacts.
 fn check(what: &str, bodies: [&Body; 2], poses: [PoseOf; 2], answer: &Answer, radius: f64) -> usize {
     let normal = DVec3::from(answer.contact_patches[0].normal.map(f64::from)).normalize();
     let [(ax, at), (bx, bt)] = [0, 1].map(|k| placed(bodies[k], poses[k]));
@@ -80,7 +81,7 @@ fn spheres_of_any_size_anywhere_along_any_direction() {
                     let at = place * random.vector();
                     let poses = [(at, random.turn(3.0)), (at + gap * radius * towards, random.turn(3.0))];
                     let answer = query.run(poses[0], poses[1]).unwrap();
-                    let what = format!("{}, radius {radius}, {gap} radii apart", path.name());
+                    let what = format!("{}, radius {radius} m, {gap} radii apart", path.name());
                     assert_eq!(
                         (answer.flags, answer.contact_patches.len()),
                         (Flags::default(), 1),
@@ -109,7 +110,8 @@ fn spheres_of_any_size_anywhere_along_any_direction() {
 #[test]
 #[ignore = "long: 15 s"]
 fn a_fine_head_in_a_cube_of_twelve_triangles_is_found_whole_or_flagged() {
-    // All vertices of the head lie in a few cells of a grid whose cells fit the cube's triangles.
+    // The engine sorts vertices into a grid whose cells are about as large as the cube's triangles, so that all
+    // vertices of the head lie in a few cells.
     let corners = (0..8).map(|k| DVec3::new((k & 1).into(), (k >> 1 & 1).into(), (k >> 2).into()) - 0.5).collect();
     let quads = [[0u32, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     let halves = quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
@@ -133,7 +135,7 @@ fn a_fine_head_in_a_cube_of_twelve_triangles_is_found_whole_or_flagged() {
                 if !answer.flags.contains(Flags::CONTACT_OVERFLOW) {
                     check(&what, bodies, poses, &answer, 0.3);
                 } else {
-                    assert!(vertices > 10_000, "{what}: the query reports that contacts overflow");
+                    assert!(vertices > 10_000, "{what}: the contacts overflow, which only the finer head may cause");
                 }
             }
         }

@@ -1,5 +1,5 @@
-//! A session (haptic loop with device, tool and simulation) is recorded and replayed: the replay must give the same
-//! bits, or name the first tick or step that differs.
+//! A session (a run of the haptic loop with device, tool and simulation) is recorded and replayed. The replay must give
+//! the same bits, or name the first difference, by the tick (one cycle of the loop) or the simulation step.
 
 use std::path::{Path, PathBuf};
 
@@ -20,12 +20,13 @@ use crate::scene::whole_step::open;
 
 /// Number of ticks of the haptic loop, of 1 ms each.
 const TICKS: u64 = 300;
-/// Ticks from one simulation step to the next, and ticks from the start of a step until the loop receives its wrench.
+/// Number of ticks from one simulation step to the next, and (`DELAY`) from the start of a step until the loop receives
+/// the contact wrench of that step.
 const EVERY: u64 = 15;
 const DELAY: u64 = 9;
 
-/// Records a session in virtual time, in which the device follows the scene's keys. `spoil` may change every tick
-/// before it is recorded. Returns the greatest force of contact on the tool, N.
+/// Records a session in virtual time, in which the device follows the scene's keys (poses at given times). `spoil` may
+/// change every tick before it is recorded. Returns the greatest contact force on the tool, N.
 fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tick)) -> f64 {
     let mut simulation = open(scene, Some(path));
     let tool = simulation.tool().unwrap().clone();
@@ -75,7 +76,8 @@ fn again(scene: &Scene, path: depth::Path, file: &Path) -> Replayed {
     replayed
 }
 
-/// Writes the scene of a press that slides aside to a file. Returns the scene, and the path for its recording.
+/// Writes a scene to a file, in which the tool presses a block and slides along it. Returns the scene, and the path of
+/// the file for a recording.
 fn pressed(folder: &Path) -> (Scene, PathBuf) {
     let file = folder.join("scene.toml");
     let place = Place { slide: DVec3::new(0.01, 0.0, -0.005), ..Place::default() };

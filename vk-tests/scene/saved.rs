@@ -9,7 +9,7 @@ use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene};
 use crate::scene::{held, joints};
 
-/// Number of steps before the state is saved, and number of steps that are compared.
+/// Number of steps before the state is saved, and (`AFTER`) number of steps that are compared.
 const BEFORE: usize = 30;
 const AFTER: usize = 25;
 
@@ -45,8 +45,8 @@ fn goes_on_as_before(name: &str, text: &str) {
     run(&mut other, BEFORE + 9);
     other.restore(&state).unwrap();
     assert!(seen(&mut other) == first, "{name}: other results after restoring in another simulation");
-    // This shows that the comparison can fail: steps that do not start from the restored state give other bits.
-    assert!(seen(&mut other) != first, "{name}: other steps gave the same bits");
+    // The next steps start from a later state and must give other bits; this shows that the comparison can fail.
+    assert!(seen(&mut other) != first, "{name}: later steps gave the same bits");
     println!("{name}: the saved state has {} bytes", state.len());
 }
 

@@ -1,5 +1,6 @@
-//! The paper's scenes of two soft bodies, as they come with the program: their first steps must have no flags and no
-//! excessive motion. Tests of the later steps take minutes and are run by name (`lasting`).
+//! Scenes of two soft bodies that come with the program, after those of the paper whose method it implements. Their
+//! first steps must have no flags and no excessive motion. Tests of the later steps take minutes and are run by name
+//! (`lasting`). A probe is a point of a body's surface whose path is written down.
 
 use std::path::Path;
 
@@ -58,8 +59,8 @@ fn pumpkins_start() {
 /// Number of steps of a whole run.
 const WHOLE: usize = 300;
 
-/// Runs a scene and checks the force between its two bodies. `jump` bounds the change of the force in a step, relative
-/// to its peak.
+/// Runs a scene and checks the contact force between its two bodies. `jump` bounds the change of the force in a step,
+/// relative to the greatest force of the run.
 fn runs(name: &str, jump: f64) {
     let mut simulation = open(name);
     let (mut force, mut flagged) = (vec![], vec![]);
@@ -81,17 +82,18 @@ fn runs(name: &str, jump: f64) {
     changes.sort_by(f64::total_cmp);
     let share = |at: usize| changes[at * (changes.len() - 1) / 100] / peak;
     println!(
-        "{name}: {touched} of {WHOLE} steps in contact, force up to {peak:.2} N; change of the force in a step \
-         relative to that: median {:.4}, 99th percentile {:.3}, largest {:.3}; steps and their flags {flagged:?}",
+        "{name}: {touched} of {WHOLE} steps in contact, force up to {peak:.2} N; change of the force in a step, \
+         relative to that force: median {:.4}, 99th percentile {:.3}, largest {:.3}; steps with flags, and their \
+         flags {flagged:?}",
         share(50),
         share(99),
         share(100)
     );
     assert!(
         flagged.is_empty() && touched > 200,
-        "{name}: {touched} steps in contact; steps and their flags {flagged:?}"
+        "{name}: {touched} steps in contact; steps with flags, and their flags {flagged:?}"
     );
-    assert!(share(100) < jump, "{name}: the force changes in a step by {} of its peak", share(100));
+    assert!(share(100) < jump, "{name}: greatest change of the force in a step, relative to its peak {}", share(100));
 }
 
 #[test]

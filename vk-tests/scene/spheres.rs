@@ -1,6 +1,8 @@
-//! Sphere meshes against planes and each other, through every kernel of the proximity query and on every depth path,
-//! that is, implementation of the stage that finds ray hits. Depths must be those of f64 ray casts on the same meshes,
-//! and their error against a true sphere must shrink with the square of the edge length.
+//! Tests of sphere meshes against planes and each other, through every kernel of the proximity query and on every depth
+//! path. A depth path is an implementation of the stage that finds ray hits: places where a vertex's ray along the
+//! contact normal meets a triangle of the other body. The second body of a pair is called the tool. Depths must be
+//! those of f64 ray casts on the same meshes, and their error against a true sphere must shrink with the square of the
+//! edge length.
 
 use std::collections::BTreeMap;
 
@@ -21,7 +23,7 @@ const DEPTH: f64 = 1e-5 * RADIUS;
 /// Greatest ratio of the depth error on a mesh to that on a mesh with twice the edge length: a quarter in theory, and a
 /// little more since the worst vertex is not at the same place in its triangle.
 const SECOND_ORDER: f64 = 0.35;
-/// World positions of a rigid skin and its triangles.
+/// World positions of the vertices of a rigid body's skin (surface mesh), and the skin's triangles.
 fn mesh(body: &Body) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let Shape::Rigid { skin, .. } = &body.shape else { panic!("not rigid") };
     let place = |x: &DVec3| body.position + body.orientation * *x;
@@ -32,8 +34,9 @@ fn mesh(body: &Body) -> (Vec<DVec3>, Vec<[u32; 3]>) {
 /// vertex within its body.
 type Depths = BTreeMap<(u32, u32), (f64, u32)>;
 
-/// The ray hits that the kernels found. `first` and `first_triangle` are the first vertex and triangle of each body,
-/// which are subtracted, since results count vertices and triangles within their body.
+/// The ray hits that the kernels found. The kernels number the vertices and triangles of both bodies in common arrays,
+/// and the results here number them within each body: `first` and `first_triangle`, the numbers of each body's first
+/// vertex and triangle, are subtracted.
 fn got(flow: &Flow, first: [u32; 2], first_triangle: [u32; 2]) -> Depths {
     let hit = |(hit, what): (&[f32; 4], &[u32; 4])| {
         let (side, other) = (what[1] as usize % 2, 1 - what[1] as usize % 2);
@@ -43,7 +46,7 @@ fn got(flow: &Flow, first: [u32; 2], first_triangle: [u32; 2]) -> Depths {
     flow.hits.iter().zip(&flow.what).filter_map(hit).collect()
 }
 
-/// The ray hits of f64 ray casts along the normal.
+/// The ray hits of f64 ray casts between bodies `a` and `b` along the normal.
 fn wanted(normal: DVec3, a: &Body, b: &Body) -> Depths {
     let ((ax, at), (bx, bt)) = (mesh(a), mesh(b));
     let sides = [ray_depths(normal, &ax, &at, &bx, &bt, 1.0), ray_depths(-normal, &bx, &bt, &ax, &at, 1.0)];
@@ -58,15 +61,16 @@ fn wanted(normal: DVec3, a: &Body, b: &Body) -> Depths {
 /// Side (0: body a, 1: body b), vertex and opposing triangle of a contact, counted within their bodies.
 type Touch = (usize, u32, u32);
 
-/// The contacts of two rigid bodies by ray casts, and the first vertex and triangle of each body.
+/// The contacts of two rigid bodies by ray casts, and the numbers of the first vertex and triangle of each body in
+/// arrays that hold those of body a before those of body b.
 pub fn sides(a: &Body, b: &Body, normal: DVec3) -> (Vec<Touch>, [(u32, u32); 2]) {
     let (vertices, triangles) = mesh(a);
     let found = wanted(normal, a, b).into_iter().map(|((side, v), (_, triangle))| (side as usize, v, triangle));
     (found.collect(), [(0, 0), (vertices.len() as u32, triangles.len() as u32)])
 }
 
-/// Checks that both sets have the same contacts at the same depths; only a vertex whose depth is zero within the
-/// tolerance may be in one set alone. Returns how many contacts are in both.
+/// Checks that `got` and `want` have the same contacts at the same depths; only a vertex whose depth is zero within the
+/// tolerance may be in one of them alone. Returns how many contacts are in both.
 fn same(what: &str, got: &Depths, want: &Depths) -> usize {
     let mut matched = 0;
     for (key, (depth, _)) in want {
@@ -90,13 +94,14 @@ fn same(what: &str, got: &Depths, want: &Depths) -> usize {
     matched
 }
 
-/// Gives the pair its contact normal, from the body towards the tool, so that there is a single contact patch.
+/// Gives the pair of bodies its contact normal, from the body towards the tool, so that there is a single contact patch
+/// (place where the pair may touch).
 fn give_direction(flow: &mut Flow, normal: DVec3) {
     flow.pairs[0].direction = normal.normalize().as_vec3().extend(1.0).to_array();
 }
 
-/// Runs the query on every depth path and compares it with ray casts. Returns the results of the last path, and its
-/// depths.
+/// Runs the query on every depth path and compares it with ray casts; at least `least` contacts must be found by both.
+/// Returns the results of the last path, and its depths.
 fn every_path(what: &str, a: &Body, tool: &Body, normal: DVec3, least: usize) -> (Flow, Depths) {
     let Shape::Rigid { skin, .. } = &a.shape else { panic!("not rigid") };
     let first = [0, skin.vertices.len() as u32];
@@ -106,7 +111,7 @@ fn every_path(what: &str, a: &Body, tool: &Body, normal: DVec3, least: usize) ->
         let mut flow = Flow::new(std::slice::from_ref(a), Some(tool), tool.position);
         give_direction(&mut flow, normal);
         flow.query(path);
-        assert_eq!(flow.counts.flags, 0, "{what}, {}", path.name());
+        assert_eq!(flow.counts.flags, 0, "{what}, {}: flags", path.name());
         let depths = got(&flow, first, first_triangle);
         let normal = DVec3::from_array(flow.contact_patches[0].normal.map(f64::from)).normalize();
         let matched = same(&format!("{what}, {}", path.name()), &depths, &wanted(normal, a, tool));
@@ -121,7 +126,7 @@ fn a_sphere_on_a_plane_of_two_triangles() {
     let tool = rigid("tool", sphere(RADIUS, 4), whole, DVec3::new(1e-3, 0.9 * RADIUS, -2e-3), DQuat::IDENTITY);
     let plane = rigid("plane", sheet(0.05, 1), whole, DVec3::ZERO, DQuat::IDENTITY);
     let (flow, depths) = every_path("two triangles", &plane, &tool, DVec3::Y, 20);
-    // Found by hand: the lowest vertex is a tenth of the radius below the plane.
+    // The value wanted is found by hand: the lowest vertex is a tenth of the radius below the plane.
     let deepest = depths.values().fold(0.0f64, |most, d| most.max(d.0));
     let normal_y = f64::from(flow.contact_patches[0].normal[1]);
     assert!(
@@ -160,7 +165,8 @@ fn two_spheres_in_general_position() {
     }
 }
 
-/// Another size of the grid's cells gives other lists of vertices by cell, but must give the same ray hits.
+/// The compute path sorts vertices into the square cells of a grid. Cells of another size give other lists of vertices,
+/// but must give the same ray hits.
 #[test]
 fn the_size_of_squares_changes_no_depth() {
     let mut random = Random(12);
@@ -205,8 +211,8 @@ fn sphere_depth(x: DVec3, normal: DVec3, centre: DVec3) -> Option<f64> {
     (across2 < RADIUS * RADIUS && depth > 0.0).then_some(depth)
 }
 
-/// Greatest error of the kernels' depths of vertices of body a against a true sphere at `place`, m, and the number of
-/// those vertices.
+/// Greatest error of the kernels' depths of vertices of body `a` against a true sphere at `place`, m, and the number of
+/// those vertices. The mesh of the sphere is refined by `halvings` halvings of its edges.
 fn worst(a: &Body, halvings: u32, turn: DQuat, place: DVec3, path: Path) -> (f64, usize) {
     let tool = rigid("tool", sphere(RADIUS, halvings), whole, place, turn);
     let mut flow = Flow::new(std::slice::from_ref(a), Some(&tool), place);

@@ -1,5 +1,6 @@
-//! A tool that presses into a soft body: step by step against the f64 oracle (the reference implementation on the CPU),
-//! and on both depth paths (graphics and compute implementation of the depth stage).
+//! Tests of a tool (rigid body that the haptic device leads) that presses into a soft body. Each step is compared with
+//! the f64 oracle (the reference implementation on the CPU), and both depth paths (graphics and compute implementation
+//! of the depth stage) are compared with each other.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Shape};
@@ -14,8 +15,8 @@ use palpate_oracle::step::{self};
 
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// Where a press happens: the block is turned, then shifted (m); the device's motion ends `slide` (m) aside, in the
-/// block's axes.
+/// Where a press happens: the block is turned by `turn`, then shifted by `shift` (m), and the device's motion ends
+/// `slide` (m) aside, in the block's axes.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Place {
     pub shift: DVec3,
@@ -23,8 +24,9 @@ pub struct Place {
     pub slide: DVec3,
 }
 
-/// A sphere of 20 mm radius is pressed into a block with a fixed bottom, from 0.5 mm above it to 4 mm deep in 40 ms,
-/// and then stays at rest. `solver` is text of the `[solver]` table.
+/// Text of a scene in which a sphere of 20 mm radius is pressed into a block with a fixed bottom, from 0.5 mm above the
+/// block to 4 mm deep in 40 ms, and then stays at rest. `young` is the block's Young's modulus (Pa), `dt` the time step
+/// (s), `solver` text of the `[solver]` table.
 pub fn press(young: f64, dt: f64, place: Place, solver: &str) -> String {
     let world = |local: DVec3| (place.shift + place.turn * local).to_array().map(|x| format!("{x:?}")).join(", ");
     let (origin, start) = (world(DVec3::ZERO), world(DVec3::Y * 0.0505));
@@ -95,7 +97,8 @@ impl Twin {
     }
 }
 
-/// Among contacts that only the engine or only the oracle has: the greatest depth (m), and their number.
+/// The greatest depth (m) and the number of contacts that only the engine (`device`) or only the oracle (`twin`) has.
+/// `tool_vertex_first` is the number of the tool's first vertex in the engine.
 fn unmatched(device: &[Contact], twin: &[contact::Contact], tool_vertex_first: u32) -> (f64, usize) {
     let of_device = |c: &Contact| {
         let of_tool = c.side % 2 == 1;
@@ -114,11 +117,11 @@ fn unmatched(device: &[Contact], twin: &[contact::Contact], tool_vertex_first: u
 /// Number of steps of the press: approach, press, rest.
 const PRESS_STEPS: usize = 60;
 const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
-/// Error of the tool's force, relative to the largest of the run.
+/// Greatest allowed error of the force on the tool, relative to the largest force of the run.
 const FORCE: f64 = 5.0e-5;
-/// Error of the tool's position, relative to the greatest distance from its start.
+/// Greatest allowed error of the tool's position, relative to the greatest distance from its start.
 const POSE: f64 = 1.0e-5;
-/// Error of node displacements, relative to the largest.
+/// Greatest allowed error of node displacements, relative to the largest displacement.
 const DISPLACEMENT: f64 = 5.0e-5;
 /// Greatest depth of a contact that only the engine or only the oracle finds, m.
 const LONE_DEPTH: f64 = 1.0e-7;
@@ -136,12 +139,10 @@ fn touch_agrees_with_the_oracle_and_the_depth_paths_with_each_other() {
         scene.contact.sides = sides;
         let paths = [depth::Path::Compute, depth::Path::Graphics];
         let [(compute, found), (graphics, found_too)] = paths.map(|path| against_the_oracle(&scene, path, young));
-        assert_eq!(found, found_too, "contacts of the two depth paths");
+        assert_eq!(found, found_too, "contacts of the compute path (left) and the graphics path (right)");
         let force = |rows: &[StepReport]| -> Vec<DVec3> { rows.iter().map(|r| r.tool.unwrap().force).collect() };
         let error = relative_error(&force(&compute), &force(&graphics));
-        println!(
-            "touch at {young:e} Pa: forces of the compute and graphics paths differ by {error:.1e} of the largest"
-        );
+        println!("touch at {young:e} Pa: relative difference of the forces of compute and graphics path {error:.1e}");
         assert!(error < FORCE);
     }
 }
@@ -190,9 +191,10 @@ fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Step
     let (force, pose) = (relative_error(&forces.0, &forces.1), relative_error(&poses.0, &poses.1));
     let peak = forces.1.iter().map(|f| f.length()).fold(0.0, f64::max);
     println!(
-        "touch at {young:e} Pa, {}: errors of force {force:.1e} of {peak:.2} N, tool position {pose:.1e}, \
-         displacements {shapes:.1e} (relative); up to {} contacts; {} contacts found by engine or oracle alone (to \
-         {:.1e} m deep); contact normal off the block's top by {tilt:.1e}; up to {} solver iterations",
+        "touch at {young:e} Pa, {} path: greatest force {peak:.2} N; relative errors of force {force:.1e}, of the \
+         tool's position {pose:.1e}, of displacements {shapes:.1e}; up to {} contacts in a step; {} contacts found by \
+         engine or oracle alone, up to {:.1e} m deep; contact normal off that of the block's top by {tilt:.1e}; up to \
+         {} solver iterations",
         path.name(),
         found.iter().map(Vec::len).max().unwrap(),
         lone.1,

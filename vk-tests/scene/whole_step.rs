@@ -17,8 +17,8 @@ pub fn scene(text: &str) -> Scene {
     Scene::load(&file).unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
 
-/// Opens a simulation of the scene with validation on. `path` chooses the implementation of the depth stage (graphics
-/// or compute) if it is given.
+/// Opens a simulation of the scene with Vulkan's validation layer on. `path` chooses the implementation of the depth
+/// stage (graphics or compute) if it is given.
 pub fn open(scene: &Scene, path: Option<depth::Path>) -> Simulation {
     crate::harness::turn();
     let options =
@@ -28,7 +28,7 @@ pub fn open(scene: &Scene, path: Option<depth::Path>) -> Simulation {
     Simulation::open(&scene, &options).unwrap()
 }
 
-/// Runs steps; any validation message is a failure.
+/// Runs steps and returns their reports; any message of Vulkan's validation layer is a failure.
 pub fn run(simulation: &mut Simulation, steps: usize) -> Vec<StepReport> {
     let rows = (0..steps).map(|_| simulation.step().unwrap()).collect();
     let messages = simulation.context().validation_messages();
@@ -43,14 +43,14 @@ pub fn soft_twin(simulation: &Simulation, body: usize) -> oracle::step::SoftBody
     oracle::step::SoftBody::new(layer.clone(), materials, body.position, body.orientation, body.velocity)
 }
 
-/// Largest difference divided by the largest wanted value.
+/// Length of the largest difference divided by the length of the largest wanted vector.
 pub fn relative_error(got: &[DVec3], want: &[DVec3]) -> f64 {
     let largest = want.iter().map(|x| x.length()).fold(0.0, f64::max);
     got.iter().zip(want).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / largest
 }
 
-/// Error of displacements after 20 steps, relative to the largest. The engine keeps f32 displacements, and its solver
-/// stops at a relative residual of 1e-6.
+/// Greatest allowed error of displacements after 20 steps, relative to the largest displacement. The engine keeps f32
+/// displacements, and its solver stops at a relative residual of 1e-6.
 const FREE_FALL: f64 = 2.0e-5;
 
 #[test]
@@ -80,7 +80,7 @@ fn free_fall_of_a_bound_human_agrees_with_the_oracle() {
         let error = relative_error(&moved, &twin.bodies[0].displacement);
         let iterations: Vec<u32> = rows.iter().map(|row| row.iterations).collect();
         println!(
-            "free fall at {young:e} Pa: displacements differ by {error:.2e} of the largest; solver iterations \
+            "free fall at {young:e} Pa: relative error of displacements {error:.2e}; solver iterations in each step \
              {iterations:?}"
         );
         assert!(rows.iter().all(|row| row.flags.0 == 0), "a step has flags at {young:e} Pa");
@@ -88,7 +88,7 @@ fn free_fall_of_a_bound_human_agrees_with_the_oracle() {
     }
 }
 
-/// Greatest number of bytes on the GPU per tetrahedron, all arrays together, where nothing touches.
+/// Greatest allowed number of bytes on the GPU per tetrahedron, in all arrays together, for a scene without contact.
 const BYTES: f64 = 400.0;
 
 #[test]
@@ -101,7 +101,7 @@ fn a_tetrahedron_takes_little_memory() {
              bind = {{ box = [[-1e-6, -1e-6, -1e-6], [1e-6, 1.0, 1.0]] }}\n"
         );
         let bytes = open(&scene(&text), None).context().bytes_allocated() as f64 / f64::from(6 * 12u32.pow(3));
-        println!("{young:e} Pa: {bytes:.0} bytes a tetrahedron");
-        assert!(bytes <= BYTES, "{young:e} Pa: {bytes} bytes a tetrahedron");
+        println!("{young:e} Pa: {bytes:.0} bytes per tetrahedron");
+        assert!(bytes <= BYTES, "{young:e} Pa: {bytes} bytes per tetrahedron");
     }
 }

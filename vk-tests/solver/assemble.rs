@@ -1,6 +1,7 @@
-//! Kernel solve/assemble, by hand and against the f64 oracle (the reference implementation on the CPU): the right-hand
-//! side b, and the inverses of the 3x3 diagonal blocks of the operator A, which are the block Jacobi preconditioner
-//! M^-1.
+//! Tests of the kernel solve/assemble, against values found by hand and against the f64 oracle (the reference
+//! implementation on the CPU). The kernel computes the right-hand side b of the linear system A x = b, and the inverses
+//! of the 3x3 diagonal blocks of the operator A, which are the block Jacobi preconditioner M^-1. An attached node moves
+//! with a rigid core (a rigid body inside the soft one); the other nodes are free, that is, unknowns.
 
 use std::collections::BTreeMap;
 
@@ -13,13 +14,13 @@ use crate::harness::{Tolerance, context, expect_close};
 use crate::solver::system::{DT, System, layer, layered, material, mixed, triples, two_layers};
 use crate::stage::elastic::expect_of_largest;
 
-/// Error of b relative to the largest value of a body's rows. Each row sums a few dozen elastic terms, of strains of
-/// order one, which are known to 1e-7.
+/// Greatest allowed error of b, relative to the largest value of a body's rows. Each row sums a few dozen elastic
+/// terms, of strains of order one, which f32 represents to 1e-7.
 const RHS: f64 = 4.0e-6;
-/// Error of the entries of inverse times block: rounding of the block's entries (1e-6) times its condition number (up
-/// to 30 here).
+/// Greatest allowed error of an entry of the product of inverse and block, which is the identity: rounding of the
+/// block's entries (1e-6) times its condition number (up to 30 here).
 const IDENTITY: f64 = 3.0e-5;
-/// Relative error of M^-1 b and b . M^-1 b: sums of a hundred products with f32 blocks.
+/// Greatest allowed relative error of M^-1 b and of b . M^-1 b: sums of a hundred products with f32 blocks.
 const SUM: f64 = 2.0e-5;
 
 /// The 3x3 diagonal block of each free node in the oracle's matrix; `None` for attached nodes.
@@ -38,11 +39,11 @@ fn true_blocks(system: &System) -> Vec<Option<DMat3>> {
     system.twin.unknowns().nodes.iter().flatten().map(own).collect()
 }
 
-/// Compares right-hand side, blocks, M^-1 b and inner products with the oracle.
+/// Compares the right-hand side, the inverse blocks, M^-1 b and inner products with the oracle's.
 fn expect_oracle(what: &str, system: System) {
     let mut passes = Passes::new(system);
     let mut random = Random(61);
-    // The residual carried over from the last step is about a tenth of a node's weight.
+    // The residual carried over from the last step is about a tenth of the impulse of a node's weight in a step.
     let carried_residual = passes.system.random_field(&mut random);
     passes.carried_residual = carried_residual.iter().map(|x| x.map(|x| 1e-4 * x)).collect();
     passes.assemble();
@@ -95,9 +96,10 @@ impl Wide for Vec<f32> {
 
 #[test]
 fn a_tetrahedron_at_rest_by_hand() {
-    // solve/assemble at rest: b = h m g, and the diagonal block of node i is (1 + h alpha) m I + (h^2 + h beta) V (mu
-    // (|g_i|^2 I + g_i g_i^T) + lambda g_i g_i^T), with step h, node mass m, gravity g, damping alpha and beta, volume
-    // V and gradient g_i of the shape function. It is diagonal for node 1, whose gradient is e_x. Node 2 is attached.
+    // At rest b = h m g, and the diagonal block of node i is (1 + h alpha) m I + (h^2 + h beta) V (mu (|g_i|^2 I + g_i
+    // g_i^T) + lambda g_i g_i^T), with time step h, node mass m, gravity g, damping alpha (by mass) and beta (by
+    // stiffness), volume V, Lamé constants mu and lambda, and gradient g_i of the node's shape function. The block of
+    // node 1, whose gradient is e_x, is diagonal. Node 2 is attached.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let tetrahedron =
         Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], attached: vec![false, false, true, false], ..Layer::default() };
@@ -134,8 +136,9 @@ fn the_right_hand_side_and_the_blocks_agree_with_the_oracle_at_every_size() {
 
 #[test]
 fn contacts_count_in_the_right_hand_side_and_the_blocks() {
-    // solve/assemble with contacts on one skin vertex, on the three vertices of an opposing triangle (their tetrahedra
-    // share nodes), and with released contacts, which have no stiffness.
+    // A contact acts on one vertex of a skin (surface mesh of a body), on the three vertices of an opposing triangle,
+    // whose tetrahedra share nodes, or on the tool (rigid body that the haptic device leads). Some contacts are
+    // released: they have no stiffness.
     for seed in 0..3 {
         let system = System::new(&two_layers(), 0.004, seed).with_contacts(100, seed + 70);
         expect_oracle("contacts", system);
@@ -148,8 +151,8 @@ fn contacts_count_in_the_right_hand_side_and_the_blocks() {
 
 #[test]
 fn mixed_materials_count_with_their_own_density_and_damping() {
-    // solve/assemble: each element's density and damping alpha count at its nodes; its law and damping beta enter
-    // with its gradients.
+    // Each element's density and its damping alpha (by mass) count at its nodes; its material law and its damping beta
+    // (by stiffness) enter with its gradients.
     let bodies = [
         layered(layer(200), mixed(1000), DQuat::from_rotation_y(2.0)),
         layered(layer(65), mixed(300), DQuat::from_rotation_x(-1.0)),
@@ -159,8 +162,7 @@ fn mixed_materials_count_with_their_own_density_and_damping() {
 
 #[test]
 fn the_inverse_blocks_are_symmetric_and_positive() {
-    // solve/assemble: whatever rounding does, the preconditioner must stay positive definite, also under stiff
-    // contacts.
+    // Whatever rounding does, the preconditioner must stay positive definite, also under stiff contacts.
     let mut system = System::new(&two_layers(), 0.012, 9).with_tool().with_friction().with_contacts(100, 90);
     system.contacts.iter_mut().for_each(|contact| {
         contact.damping *= 100.0;

@@ -1,6 +1,7 @@
-//! Number of iterations of conjugate gradients that stiff bodies take with the coarse space of the preconditioner
-//! (whose unknowns are motions of aggregates, that is, blocks of nodes), from zero until the 2-norm of the recurrence's
-//! residual is 1e-4 of that of the right-hand side, under gravity and a load on ten nodes.
+//! Tests of the number of iterations of conjugate gradients that stiff bodies take with the coarse space of the
+//! preconditioner, whose unknowns are motions of aggregates (blocks of nodes). The iterations start from zero and end
+//! when the 2-norm of the residual, as the recurrence gives it, is 1e-4 of that of the right-hand side. The loads are
+//! gravity and a pull at ten nodes.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::Layer;
@@ -12,15 +13,15 @@ use super::passes::Passes;
 use crate::harness::real_meshes::meshes;
 use crate::solver::system::{System, layered};
 
-/// Reduction of the residual's 2-norm.
+/// Ratio of the residual's 2-norm to that of the right-hand side at which the iterations end.
 const REDUCTION: f64 = 1e-4;
-/// Number of nodes with a single load each.
+/// Number of nodes that are pulled, each by itself.
 const LOADED: usize = 10;
 /// Gravity, m/s^2.
 const GRAVITY: f32 = 9.81;
-/// Edge of the block, m.
+/// Edge of the cubes, m.
 const EDGE: f64 = 0.1;
-/// Distance from the centroid of the human's nodes, m, within which nodes are attached.
+/// Distance from the centroid of the human's nodes, m, within which nodes are attached to a rigid core.
 const BOUND: f64 = 0.15;
 /// Limit of iterations, above what any of these bodies may take.
 const LIMIT: usize = 500;
@@ -32,7 +33,7 @@ fn block(cells: u32) -> Layer {
     layer
 }
 
-/// Nodes that are unknowns.
+/// Indices of the nodes that are unknowns.
 fn free(passes: &Passes) -> Vec<usize> {
     let blocks = &passes.system.model.blocks;
     assert!(blocks.blocks.iter().all(|block| block[3] == NONE), "a dynamic core has unknowns that are no nodes");
@@ -53,7 +54,8 @@ fn load(passes: &mut Passes) {
     }
 }
 
-/// Number of iterations for a layer of 2 MPa in a step of `dt` seconds.
+/// Number of iterations in a step of `dt` seconds, for a body with the tetrahedral mesh `layer` and a Young's modulus
+/// of 2 MPa.
 fn iterations(layer: Layer, dt: f32) -> usize {
     let tetrahedra = layer.tetrahedra.len();
     let (law, damping_mass, damping_stiffness) = (MaterialLaw::Corotational, 0.0, 0.0);
@@ -84,19 +86,20 @@ fn iterations(layer: Layer, dt: f32) -> usize {
     count as usize
 }
 
-/// Greatest number of iterations for 10,368 tetrahedra at 2 MPa and 1 ms.
+/// Greatest allowed number of iterations for a cube of 10,368 tetrahedra in a step of 1 ms.
 const BLOCK: usize = 35;
-/// Greatest ratio of the iterations for ten times as many tetrahedra.
+/// Greatest allowed ratio of the number of iterations for a cube of ten times as many tetrahedra to the number for the
+/// cube of 10,368 tetrahedra.
 const GROWTH: usize = 2;
-/// Greatest number of iterations for the human at 2 MPa and 10 ms.
+/// Greatest allowed number of iterations for the human in a step of 10 ms.
 const HUMAN: usize = 130;
 
 #[test]
 fn a_stiff_block_takes_few_iterations_and_ten_times_the_tetrahedra_hardly_more() {
     let small = iterations(block(12), 1e-3);
-    assert!(small <= BLOCK, "{small} iterations for the smaller block");
+    assert!(small <= BLOCK, "{small} iterations for the smaller cube");
     let large = iterations(block(26), 1e-3);
-    assert!(large <= GROWTH * small, "{large} iterations for the larger block, {small} for the smaller");
+    assert!(large <= GROWTH * small, "{large} iterations for the larger cube, {small} for the smaller");
 }
 
 #[test]

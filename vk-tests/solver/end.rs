@@ -1,5 +1,8 @@
-//! Kernel solve/conclude, which gives the verdict on a solve (done, continue, retry, Newton iteration or failed), and
-//! solve/commit, which moves the state to the end of the step.
+//! Tests of the kernel solve/conclude, which gives the verdict on a solve of A x = b (done, continue, retry, Newton
+//! iteration or failed), and of solve/commit, which moves the state to the end of the step. A block is the nodes of one
+//! workgroup; a contact that pulls at the end of the step is released, that is, it loses its stiffness, and the system
+//! is solved again. The tool is the rigid body that the haptic device leads, the oracle the f64 reference
+//! implementation.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::shaders;
@@ -11,10 +14,10 @@ use crate::solver::system::{System, layer, layered, material, triples, two_layer
 
 /// Relative error of a few f32 roundings.
 const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };
-/// Relative error of a residual of order one: inner products through blocks inverted in f32.
+/// Relative error of a residual of order one, which inner products through blocks inverted in f32 give.
 const RESIDUAL: Tolerance = Tolerance { abs: 0.0, rel: 1e-4 };
-/// The verdict that a solve is accepted, and flags as in `trace.csv`: not converged, deeper than the limit, not finite,
-/// contacts that still pull.
+/// The verdict that a solve is accepted. The four constants after it are bits of flags, as in `trace.csv`: not
+/// converged, a contact deeper than the limit, a number that is not finite, contacts that still pull.
 const DONE: u32 = 0;
 const NOT_CONVERGED: u32 = 1;
 const DEPTH_LIMIT: u32 = 8;
@@ -25,7 +28,7 @@ fn some_nodes() -> Passes {
     let mut passes = Passes::new(System::new(&[layered(layer(70), material(2e4), DQuat::IDENTITY)], 0.0, 1));
     passes.system.params.tolerance = 0.01;
     (passes.state.rhs_norm2, passes.state.floor_norm2) = (64.0, 1e-6);
-    // The newest iterate is in the second of the two sets.
+    // The kernels keep two sets of iterates; the newest iterate is in the second set.
     (passes.state.status, passes.state.current) = (1, 1);
     passes.iterations[1].count = 17;
     // These fields are written by wrench/reduce alone: solve/conclude must leave them.
@@ -34,7 +37,8 @@ fn some_nodes() -> Passes {
     passes
 }
 
-/// Replaces the inner products of the blocks of nodes by `dots`.
+/// Replaces the inner products of the blocks of nodes by `dots`: for each block, its shares of r . M^-1 r, with the
+/// residual r and the preconditioner M^-1, and of the squared residual that rounding of x leaves.
 fn with_dots(passes: &mut Passes, dots: &[[f32; 2]]) {
     (passes.dots, passes.block_count) = (dots.to_vec(), dots.len());
 }
@@ -46,11 +50,13 @@ fn granted(passes: &Passes) -> [u32; 2] {
 
 #[test]
 fn verdicts_by_hand() {
-    // solve/conclude: the residual is sqrt(0.16 / 64) = 0.05, within ten times the tolerance, so that there is no flag.
+    // With r . M^-1 r = 0.16 and b . M^-1 b = 64, the residual is sqrt(0.16 / 64) = 0.05, within ten times the
+    // tolerance, so that there is no flag.
     let groups = 70u32.div_ceil(context().group_size());
     let mut passes = some_nodes();
     passes.system.counts.flags = DEPTH_LIMIT;
-    // The residual that rounding of x leaves, (eps x)^2 . D with D the diagonal of A, is below that of rounding of b.
+    // The squared residual that rounding of x leaves, (eps x)^2 . D with the rounding unit eps and the diagonal D of A,
+    // is 8e-7 here, below that of rounding of b, 1e-6.
     with_dots(&mut passes, &[[0.06, 4e-7], [0.1, 4e-7]]);
     passes.conclude();
     let report = passes.report;
@@ -101,7 +107,7 @@ fn verdicts_by_hand() {
     passes.conclude();
     assert_eq!((passes.report.verdict, passes.state.newton_iterations), (shaders::VERDICT_FAILED, 0));
 
-    // At rest, where b is within its rounding, the residual counts as zero.
+    // At rest, where b is zero up to its rounding, the residual counts as zero.
     passes = some_nodes();
     (passes.state.rhs_norm2, passes.state.floor_norm2) = (1e-9, 1e-8);
     with_dots(&mut passes, &[[1e-9, 0.0]]);
@@ -119,7 +125,7 @@ fn the_gap_is_looked_for_where_a_loop_holds_the_tool() {
         assert_eq!(
             passes.args[3 * shaders::ARGS_GAP as usize],
             want,
-            "workgroups requested for wrench/gap; haptic loop holds the tool (1: yes) {is_held}, inner product {worth}"
+            "workgroups requested for wrench/gap; a haptic loop holds the tool (1: yes): {is_held}; r . M^-1 r {worth}"
         );
     }
 }
@@ -143,10 +149,10 @@ fn what_is_no_number_is_not_accepted() {
 
 #[test]
 fn what_broke_down_is_accepted_where_it_is_nearly_solved() {
-    // solve/conclude: residuals^2 of 0.32 / 64 = 0.005 and 1.28 / 64 = 0.02 lie below and above 0.1^2, up to which a
-    // solve that broke down is accepted. At the iteration limit both are accepted, but not 96 / 64 = 1.5, which is
-    // further from the solution than zero is. A residual within the floor of sqrt(16 / 64) that rounding of x leaves is
-    // always accepted.
+    // A solve that broke down is accepted up to a squared residual of 0.1^2 = 0.01: with 0.32 / 64 = 0.005 it is, with
+    // 1.28 / 64 = 0.02 it is not. At the iteration limit both are accepted, but not 96 / 64 = 1.5: x = 0 has a smaller
+    // residual, of one. A residual within ten times the floor that rounding of x leaves, here sqrt(16 / 64), is always
+    // accepted.
     let (stopped, broken) = (2, 3);
     for (status, residual2, floor2, want) in [
         (broken, 0.32, 0.0, DONE),
@@ -172,8 +178,8 @@ fn what_broke_down_is_accepted_where_it_is_nearly_solved() {
     }
 }
 
-/// Pressure of each contact at the end of the step, k depth + (h k + d) rate, Pa, for a change of velocity given in the
-/// oracle's unknowns (k: stiffness, d: damping, h: step).
+/// Pressure of each contact at the end of the step, k depth + (h k + d) rate, Pa, with stiffness k, damping d, time
+/// step h and rate of depth, for a change of velocity `change` given in the oracle's unknowns.
 fn pressures(system: &System, change: &[f64]) -> Vec<f64> {
     let places = system.twin.unknowns();
     let end: Vec<f64> = system.start().iter().zip(change).map(|(v, dv)| v + dv).collect();
@@ -187,8 +193,8 @@ fn pressures(system: &System, change: &[f64]) -> Vec<f64> {
 
 #[test]
 fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
-    // solve/conclude after solve/element_product and solve/gather on random vectors in place of a solution, against the
-    // oracle's b - A x.
+    // The kernels solve/element_product, solve/gather and solve/conclude run on random vectors in place of a solution,
+    // and are compared with the oracle's b - A x.
     for seed in 0..3 {
         let system = System::new(&two_layers(), 0.004, seed).with_tool();
         let system = if seed < 2 { system } else { system.with_friction() };
@@ -213,7 +219,8 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
         }
         let r = &left[places.tool..];
         norm2 += (0..36).map(|k| r[k / 6] * passes.rigid_inverse(0, k / 6, k % 6) * r[k % 6]).sum::<f64>();
-        // The norm of b keeps the residual below one: a solution with a greater residual is worse than zero and fails.
+        // The norm of b is chosen so that the residual stays below one: a solution with a greater residual is worse
+        // than zero and fails.
         passes.state.rhs_norm2 = 4.0 * norm2 as f32;
         let want = (norm2 / f64::from(passes.state.rhs_norm2)).sqrt();
 
@@ -222,7 +229,7 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
         let on = |c: &usize| before[*c].stiffness != 0.0;
         let is_under_tension: Vec<bool> = (0..100).map(|c| on(&c) && pressures[c] < 0.0).collect();
         let released = is_under_tension.iter().filter(|p| **p).count();
-        assert!(released > 5 && released < 90, "{released} contacts are under tension");
+        assert!(released > 5 && released < 90, "number of contacts that pull: {released}");
         let deepest = (0..100).filter(on).map(|c| before[c].depth).fold(0.0, f32::max);
         let tool_x = passes.tool_iterate().x;
         for (retries, status) in [(0, 1), (3, 2), (4, 1), (0, 0)] {
@@ -269,7 +276,8 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
 
 #[test]
 fn the_state_moves_by_hand() {
-    // solve/commit with a frame turned by 90 degrees about z: what moves along the world's y moves along the frame's x.
+    // The body's frame, a rigid coordinate frame, is turned by 90 degrees about z: what moves along the world's y moves
+    // along the frame's x.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let bound = vec![false, false, false, true];
     let tetrahedron = palpate::internal::prepare::Layer {
@@ -300,7 +308,8 @@ fn the_state_moves_by_hand() {
 
 #[test]
 fn the_state_moves_at_every_size() {
-    // solve/commit: v += x and d += h R^T v, with velocity v, solution x, displacement d and the frame's rotation R.
+    // solve/commit computes v += x and d += h R^T v, with velocity v, solution x, displacement d, time step h and the
+    // frame's rotation R.
     let width = context().group_size() as usize;
     for nodes in [0, 1, width - 1, width, width + 1, 1234] {
         let turn = DQuat::from_scaled_axis(DVec3::new(1.0, -2.0, 0.5));

@@ -1,5 +1,9 @@
-//! Kernel solve/update, an iteration of conjugate gradients with a single reduction (Chronopoulos and Gear 1989): its
-//! scalars gamma = r.u and delta = w.u, beta and alpha, and its vectors (u = M^-1 r, w = A u, s = A p).
+//! Tests of the kernel solve/update, one iteration of conjugate gradients with a single reduction (Chronopoulos and
+//! Gear 1989) for A x = b. With operator A, preconditioner M, iterate x, residual r and search direction p: u = M^-1 r,
+//! w = A u, s = A p, gamma = r.u, delta = w.u, beta = gamma / gamma' and alpha = gamma / (delta - beta gamma / alpha'),
+//! where gamma' and alpha' are those of the last iteration. A block is the nodes that one workgroup owns. The tool is
+//! the rigid body that the haptic device leads. The kernels keep two sets of iterates and scalars; they read one and
+//! write the other.
 
 use palpate::internal::shaders;
 use palpate::internal::shaders::{Iteration, RigidIterate, Solve};
@@ -12,7 +16,7 @@ use crate::solver::system::{System, layer, layered, material, triples};
 /// Tolerance for a few roundings of numbers of order one.
 const ROUNDING: Tolerance = Tolerance { abs: 2e-6, rel: 2e-6 };
 
-/// Passes on one block of eight nodes, of which only the scalars matter.
+/// Passes of the solver on one block of eight nodes; only the scalars matter.
 fn bare() -> Passes {
     let mut passes = Passes::new(System::new(&[layered(layer(8), material(2e4), glam::DQuat::IDENTITY)], 0.0, 1));
     assert_eq!(passes.blocks(), 1);
@@ -24,9 +28,9 @@ fn bare() -> Passes {
 
 #[test]
 fn two_iterations_by_hand() {
-    // solve/update: gamma = 6 and delta = 12 give alpha = 1/2; then gamma = 3 and delta = 5 give beta = 1/2 and alpha =
-    // gamma / (delta - beta gamma / alpha') = 3 / (5 - 3) = 3/2. With u = 1 in both: p = 1, x = 1/2; p = 3/2, x = 1/2 +
-    // 9/4.
+    // gamma = 6 and delta = 12 give alpha = 1/2; then gamma = 3 and delta = 5 give beta = 1/2 and alpha = gamma /
+    // (delta - beta gamma / alpha') = 3 / (5 - 3) = 3/2. With u = 1 in both iterations, the first gives p = 1 and x =
+    // 1/2, the second p = 3/2 and x = 1/2 + 9/4.
     let mut passes = bare();
     let ones = vec![[1.0, 1.0, 1.0, 0.0]; 8];
     for (dots, iteration, p, x) in [
@@ -53,7 +57,7 @@ fn two_iterations_by_hand() {
 
 #[test]
 fn it_stops_where_it_should() {
-    // solve/update stops where gamma is down to tolerance^2 b.M^-1 b = 1 or to the rounding floor, at the iteration
+    // The iteration stops where gamma is down to tolerance^2 b.M^-1 b = 1 or to the rounding floor, at the iteration
     // limit, and where the operator seems not positive or a number is not finite.
     let stopped = |gamma: f32, delta: f32, change: fn(&mut Passes)| {
         let mut passes = bare();
@@ -110,14 +114,14 @@ fn it_stops_where_it_should() {
 
 #[test]
 fn the_tools_rows_follow_the_same_recurrence() {
-    // solve/gather and solve/update with a tool and contacts: the tool's p, s, x, r, u follow the nodes' recurrences.
+    // With a tool and contacts, the tool's p, s, x, r and u follow the same recurrences as those of the nodes.
     for set in [0, 1] {
         tools_rows(set);
     }
 }
 
-/// Lets the kernels read the tool's iterate from the set `set`, and checks the iterate that they write to the other
-/// set.
+/// Lets the kernels read the tool's iterate from the set with index `set`, and checks the iterate that they write to
+/// the other set.
 fn tools_rows(set: u32) {
     let mut passes =
         Passes::new(System::new(&crate::solver::system::two_layers(), 0.004, 2).with_tool().with_contacts(50, 3));
@@ -128,7 +132,8 @@ fn tools_rows(set: u32) {
     *passes.tool_iterate_mut() = RigidIterate { x: six(), p: six(), s: six(), r: six(), u: six() };
     passes.rigid_inverses = (0..36).map(|k| six()[k % 6]).collect();
     passes.gather(1);
-    // The blocks' inner products are large, so that with the tool's share alpha and beta are still of order one.
+    // The blocks' inner products are chosen large, so that alpha and beta are still of order one when the tool's share
+    // is added.
     assert_eq!(passes.dots.len(), 3, "number of inner products: of two blocks of nodes and of the tool");
     (passes.dots[0], passes.dots[1]) = ([30.0, 40.0], [10.0, 60.0]);
     passes.iterations[set as usize] = Iteration { gamma: 80.0, alpha: 1.5, count: 1 };
@@ -171,7 +176,7 @@ fn tools_rows(set: u32) {
 
 #[test]
 fn vectors_follow_the_scalars_at_every_size() {
-    // solve/update: p = u + beta p, s = w + beta s, x += alpha p, r -= alpha s, u = M^-1 r.
+    // An update computes p = u + beta p, s = w + beta s, x += alpha p, r -= alpha s and u = M^-1 r.
     let width = context().reduce_size() as usize;
     let large = context().group_size() as usize;
     for (case, nodes) in [0, 1, width - 1, width, width + 1, large - 1, large, large + 1, 1234].into_iter().enumerate()
@@ -185,7 +190,8 @@ fn vectors_follow_the_scalars_at_every_size() {
         (passes.solution, passes.residual, passes.preconditioned) = (field(), field(), field());
         (passes.direction, passes.direction_product, passes.operator_product) = (field(), field(), field());
         passes.inverse = (0..2 * nodes).map(|_| random.vector().as_vec3().extend(0.0).to_array()).collect();
-        // beta = 1 / -2.5 = -0.4 and alpha = 1 / (delta + 0.4) = 0.7, from sums over all blocks.
+        // Sums over all blocks give gamma = 1 and delta, and so beta = 1 / -2.5 = -0.4 and alpha = 1 / (delta + 0.4) =
+        // 0.7.
         let set = case % 2;
         passes.state.current = set as u32;
         passes.iterations[set] = Iteration { gamma: -2.5, alpha: 1.0, count: 1 };

@@ -1,6 +1,7 @@
-//! Rigid cores (to which nodes are attached) with joints between them, in the solver: their rows of A and b, the
-//! inverse that preconditions them, and the whole solve, against f64 matrices made of the numbers that the kernels
-//! read.
+//! Rigid cores (rigid bodies inside a soft one, to which nodes are attached) with joints between them, in the solver of
+//! A x = b: their rows of the operator A and of the right-hand side b, the inverse that preconditions these rows, and
+//! the whole solve, against f64 matrices made of the numbers that the kernels read. The oracle is the f64 reference
+//! implementation on the CPU.
 
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
@@ -26,11 +27,11 @@ const JOINED: [[usize; 2]; 7] = [[3, 1], [1, 0], [1, 2], [3, 4], [4, 3], [6, 4],
 const HINGED: usize = 2;
 /// The core that does not move.
 const FIXED: usize = 6;
-/// Error of an entry of the inverse relative to the geometric mean of its two diagonal entries: blocks are inverted in
-/// f32.
+/// Greatest allowed error of an entry of the inverse, relative to the geometric mean of the diagonal entries of its row
+/// and column: blocks are inverted in f32.
 const INVERSE: f64 = 1.0e-5;
 
-/// A bar with a core every 8 cm; a slab of nodes is attached to each core.
+/// A bar with a core every 8 cm; the nodes in a slab around each core's place are attached to that core.
 fn bar() -> Body {
     let mut layer = kuhn_box(DVec3::new(-0.26, -0.02, -0.02), DVec3::new(0.26, 0.02, 0.02), [26, 2, 2]);
     let core_of = |x: &DVec3| {
@@ -63,7 +64,8 @@ fn bar() -> Body {
     body
 }
 
-/// Passes on the bar. The numbers in its joints, which the host writes in each step, are random.
+/// Passes of the solver on the bar. The numbers of its joints, which the host otherwise writes in each step, are
+/// random.
 fn passes(with: Preconditioner) -> Passes {
     let mut passes = Passes::new(System::preconditioned(&[bar()], 0.004, 3, with));
     let model = &passes.system.model;
@@ -90,8 +92,8 @@ fn passes(with: Preconditioner) -> Passes {
 }
 
 /// A row of a joint's Jacobian J for the core on side `side` of the joint: six factors of the core's twist. J gives the
-/// motion of the joint's first side relative to its second along `axis`, or about it if `about`. A core on a hinge only
-/// turns about it.
+/// motion of the joint's first side relative to its second along `axis`, or the rotation about `axis` if `about`. A
+/// core on a hinge only turns about its axis `hinge`.
 fn row(joint: &shaders::Joint, side: usize, axis: DVec3, about: bool, hinge: DVec3) -> [f64; 6] {
     let arm = DVec3::from(joint.arm[side].map(f64::from));
     let (mut linear, mut angular) = if about { (DVec3::ZERO, axis) } else { (axis, arm.cross(axis)) };
@@ -103,8 +105,8 @@ fn row(joint: &shaders::Joint, side: usize, axis: DVec3, about: bool, hinge: DVe
     all.map(|x| sign * x)
 }
 
-/// Adds the joints' J^T G J, entry by entry through `add`, and J^T f to b (G: h^2 times stiffness, f: impulse). `first`
-/// gives the first unknown of a core.
+/// Adds the joints' J^T G J to a matrix, entry by entry through `add`, and their J^T f to b, with G the square of the
+/// time step times the joint's stiffness and f the joint's impulse. `first` gives the first unknown of a core.
 fn add_joints(passes: &Passes, first: impl Fn(usize) -> usize, mut add: impl FnMut(usize, usize, f64), b: &mut [f64]) {
     for joint in &passes.joints {
         for about in [false, true] {
@@ -138,7 +140,7 @@ fn add_joints(passes: &Passes, first: impl Fn(usize) -> usize, mut add: impl FnM
     }
 }
 
-/// The oracle's A and b, with the joints added.
+/// The oracle's A and b, with the rows of the joints added.
 fn with_joints(passes: &Passes) -> (Entries, Vec<f64>) {
     let s = &passes.system;
     let (mut a, mut b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
@@ -154,7 +156,7 @@ fn rows_of_joints_are_in_a_and_b() {
     passes.assemble();
     let (a, b) = with_joints(&passes);
     let unknowns = passes.system.twin.unknowns();
-    // A core on a hinge spins about it and does not move otherwise.
+    // A core on a hinge spins about the hinge and does not move otherwise.
     let mut twists = vec![];
     for rigid in &passes.rigids {
         let mut six: [f64; 6] = std::array::from_fn(|_| random.next());
@@ -191,7 +193,7 @@ fn rows_of_joints_are_in_a_and_b() {
     }
 }
 
-/// A core's rows of A x, summed over its blocks.
+/// A core's rows of A x, summed over its blocks (attached nodes, split by workgroup).
 fn rows_of(passes: &Passes, rigid: &Rigid) -> [f32; 6] {
     let turn = DQuat::from_array(passes.block_turns[rigid.block_first as usize].map(f64::from));
     let (mut force, mut torque) = (DVec3::ZERO, DVec3::ZERO);
@@ -210,9 +212,9 @@ fn cores_that_are_joined_are_inverted_as_one() {
     passes.assemble();
     passes.cores();
     let count = passes.rigids.len();
-    // For each core the sum of P^T D P over its attached nodes. D is a node's diagonal block, which `inverse` holds for
-    // attached nodes, and P maps the core's twist to the node's velocity. Ones stand in for motions that a hinge
-    // prevents.
+    // `dense` holds, for each core, the sum of P^T D P over its attached nodes. D is a node's diagonal block, which
+    // `inverse` holds for attached nodes, and P maps the core's twist to the node's velocity. Ones stand in for motions
+    // that a hinge prevents.
     let mut dense = Mat::<f64>::zeros(6 * count, 6 * count);
     for (index, rigid) in passes.rigids.iter().enumerate() {
         let turn = DQuat::from_array(passes.system.frames[rigid.frame as usize].rotation.map(f64::from));
@@ -256,8 +258,8 @@ fn cores_that_are_joined_are_inverted_as_one() {
             let (row, column) = (6 * (index - first) + i, j);
             let got = f64::from(passes.rigid_inverses[rigid.inverse_first as usize + row * width + column]);
             let (a, b) = (6 * index + i, 6 * first + j);
-            // For motions that a hinge prevents, the matrix here has ones on its diagonal but the kernel's inverse is
-            // zero: the ones are subtracted.
+            // For motions that a hinge prevents, `dense` has ones on its diagonal, but the kernel's inverse is zero
+            // there: the ones are subtracted.
             let held = |k: usize| passes.rigids[k / 6].hinge != [0.0; 3];
             let want = if a / 6 == b / 6 && held(a) {
                 let hinge = DVec3::from(passes.rigids[a / 6].hinge.map(f64::from));

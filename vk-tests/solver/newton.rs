@@ -1,5 +1,8 @@
-//! Newton iterations, each of which linearises elasticity again within a step: the trial displacements from
-//! elastic/trial, and whole steps against the f64 oracle, the reference implementation on the CPU.
+//! Tests of Newton iterations, each of which linearises elasticity again within a step. The trial displacements that
+//! the kernel elastic/trial computes between iterations are checked against f64, and whole steps against the f64
+//! oracle, the reference implementation on the CPU. A core is a rigid body inside a soft one, to which nodes are
+//! attached; a released contact would pull, and gets no stiffness; an F-bar patch is a set of tetrahedra that share one
+//! volumetric strain.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -14,14 +17,14 @@ use crate::scene::bones::{self, carry, twin_cores};
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
-/// Error of a trial displacement, m: positions of order 0.1 m with a dozen roundings.
+/// Greatest allowed error of a trial displacement, m: positions of order 0.1 m with a dozen roundings.
 const PLACED: Tolerance = Tolerance { abs: 1.0e-7, rel: 2.0e-6 };
 const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
-/// Error of displacements relative to the largest: three times the measured error; the solver stops at a residual of
-/// 1e-6.
+/// Greatest allowed error of displacements, relative to the largest displacement. It is three times the measured error;
+/// the solver stops at a relative residual of 1e-6.
 const SHAPE: f64 = 5.0e-6;
-/// Errors of displacements and force in contact, relative to the largest, as in vk-tests/scene/touch.rs. Contacts whose
-/// pressures differ by rounding may be released in different steps.
+/// Greatest allowed errors of displacements and force in contact, relative to the largest, as in
+/// vk-tests/scene/touch.rs. Contacts whose pressures differ by rounding may be released in different steps.
 const TOUCHED: f64 = 5.0e-5;
 /// Least change of the displacements, relative to the largest, that more than one Newton iteration must make in these
 /// scenes.
@@ -108,8 +111,9 @@ fn a_trial_that_overflows_leaves_rotations_to_start_from() {
     );
 }
 
-/// A bar under gravity, attached on its left to a fixed rigid core, in steps of 10 ms. `right` is text of a core at its
-/// right end, or empty; `more` is further keys of the body.
+/// Text of a scene with a bar under gravity, attached on its left to a fixed core, in steps of 10 ms. `newton` is the
+/// number of Newton iterations, `right` text of a core at the bar's right end, or empty; `more` is further keys of the
+/// body.
 fn bar(newton: u32, right: &str, more: &str) -> String {
     let bar = bones::bar(2e4, "[]").replace("tolerance = 5e-6\nmax_iterations = 1000", TIGHT);
     let end = bar.find("[[body.core]]\nname = \"right\"").unwrap();
@@ -133,8 +137,8 @@ fn against_the_oracle(scene: &Scene, steps: usize) -> (f64, Vec<DVec3>) {
     let (mut worst, mut moved) = (0.0f64, vec![]);
     for _ in 0..steps {
         let row = run(&mut simulation, 1).remove(0);
-        // A core that is driven so fast turns further in a step than soft tissue should, which raises a flag. The body
-        // must move as in the oracle even then.
+        // A driven core (one that moves as the scene says) may turn further in a step than soft tissue should, which
+        // raises a flag. The body must move as in the oracle even then.
         assert_eq!(row.flags.0 & !Flags::TURNS_TOO_FAR.0, 0, "flags in step {}", row.step);
         carry(&mut twin.bodies[0], &simulation, 0, row.time, scene.step.dt);
         twin.step(None, &[]).unwrap();
@@ -167,8 +171,8 @@ fn bars_that_swing_or_are_bent_are_linearised_again_as_the_oracles() {
         let (_, once) = against_the_oracle(&scene(&text(1)), 12);
         let change = relative_error(&once, &moved);
         println!(
-            "bar {name}: relative error of displacements {error:.1e}; they differ by {change:.1e} from those with one \
-             Newton iteration"
+            "bar {name}: relative error of displacements {error:.1e}, relative change of displacements by the second \
+             and third Newton iteration {change:.1e}"
         );
         assert!(
             change > BENT && error < SHAPE,
@@ -185,12 +189,14 @@ fn contacts_push_or_are_dropped_between_linearisations_as_the_oracles() {
     let pressed = press(2e4, 0.01, place, &solver);
     let stone = "[[body.core]]\nname = \"stone\"\nmotion = \"dynamic\"\n\
                  bind = { box = [[-0.06, -0.04, -0.06], [0.0, 0.001, 0.06]] }\n";
-    // The preconditioner is Jacobi: with a coarse space, the residual's norm says less about errors of sliding parts.
+    // The preconditioner is Jacobi: with a coarse space (of a two-level preconditioner), the residual's norm says less
+    // about errors of sliding parts.
     let thrown = |friction: f64, core: &str| {
         let text = crate::invariant::friction::thrown(5e4, friction, core);
         format!("[step]\ndt = 0.01\n{text}").replace("[solver]", "[solver]\npreconditioner = \"jacobi\"")
     };
-    // In the second scene contacts are also released in the second and third Newton iteration.
+    // In the scene "half attached to a core, thrown", contacts are released in the second and third Newton iteration
+    // too.
     for (name, text, steps, releases) in [
         ("pressed by a tool", pressed, 12, true),
         ("half attached to a core, thrown", thrown(0.4, stone), 25, true),
@@ -216,16 +222,17 @@ fn contacts_push_or_are_dropped_between_linearisations_as_the_oracles() {
 fn one_linearisation_records_what_it_did_before() {
     let passes = |newton: u32| open(&scene(&bar(newton, "", "dilatation = \"patch\"\n")), None).passes(10);
     let stages = |elastic: u32, solve: u32| vec![("elastic".to_string(), elastic), ("solve".to_string(), solve)];
-    // Stage elastic: one pass clears the flags, one is for elements, one for F-bar patches. Stage solve: seven passes
-    // come before ten iterations of four passes each, five come after, and two are for the coarse space.
+    // A pass is a command on the GPU. Stage elastic has one pass that clears the flags, one for elements and one for
+    // F-bar patches. In stage solve, seven passes come before ten iterations of four passes each, five come after, and
+    // two are for the coarse space.
     assert_eq!(passes(1), (stages(3, 54), 44));
     assert_eq!(passes(3), (stages(9, 80), 72));
 }
 
 #[test]
 fn a_step_that_fails_is_halved_whatever_its_linearisations() {
-    // The device's pose jumps so far that the square of the tool's right-hand side overflows in the whole step, but not
-    // in its halves.
+    // The haptic device's pose jumps so far that the square of the tool's right-hand side overflows in the whole step,
+    // but not in its halves.
     for newton in [1, 3] {
         let tool = "[tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.0, 50.0, 0.0]\n\
                     [coupling]\nstiffness = 5e29\ndamping = 0.0\nangular_stiffness = 1.0\nangular_damping = 0.01\n\

@@ -1,6 +1,6 @@
-//! The operator product A x by solve/element_product (elements), solve/contact_product (contacts) and solve/gather
-//! (sums over nodes), with the tool's rows, by hand and against the f64 oracle (the reference implementation on the
-//! CPU).
+//! Tests of the operator product A x, against values found by hand and against the f64 oracle (the reference
+//! implementation on the CPU). The kernels are solve/element_product (elements), solve/contact_product (contacts) and
+//! solve/gather (sums over nodes, and the rows of the tool, the rigid body that the haptic device leads).
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -10,10 +10,11 @@ use crate::harness::{Tolerance, context, expect_close};
 use crate::solver::system::{DT, System, layer, layered, material, mixed, triples, two_layers};
 use crate::stage::elastic::expect_of_largest;
 
-/// Error of A x relative to the largest value of a body's rows, which sum a few dozen terms. Each term is a dozen
-/// roundings of 6e-8 away from the input.
+/// Greatest allowed error of A x, relative to the largest value of a body's rows, which sum a few dozen terms. Each
+/// term is a dozen roundings of 6e-8 away from the input.
 const PRODUCT: f64 = 2.0e-6;
-/// Error of inner products relative to the sum of magnitudes: vectors of a hundred numbers of both signs.
+/// Greatest allowed error of inner products, relative to the sum of the magnitudes of the terms: vectors of a hundred
+/// numbers of both signs.
 const DOT: f64 = 2.0e-6;
 /// Number of contacts: one and a half workgroups, and more than one contact of each kind.
 const CONTACTS: usize = 100;
@@ -44,7 +45,8 @@ fn magnitude(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a * b).abs()).sum()
 }
 
-/// Compares the product, at nodes and tool, with the oracle's matrix. Returns how many tetrahedra are inverted.
+/// Compares the product A x, at nodes and tool, with that of the oracle's matrix. Returns how many tetrahedra are
+/// inverted.
 fn expect_oracle(what: &str, system: System, seed: u64) -> usize {
     let mut passes = Passes::new(system);
     let mut random = Random(seed);
@@ -73,9 +75,9 @@ fn expect_oracle(what: &str, system: System, seed: u64) -> usize {
 
 #[test]
 fn a_unit_tetrahedron_and_one_contact_by_hand() {
-    // solve/element_product and solve/contact_product: gradients g are e_x, e_y, e_z, moduli mu = 2 and lambda = 3, and
-    // node 1 moves along x at 1 m/s: W = sum v g^T = diag(1, 0, 0), and S = 2 mu sym(W) + lambda tr(W) I = diag(2 * 2 +
-    // 3, 3, 3).
+    // The gradients g of the shape functions of nodes 1 to 3 are e_x, e_y, e_z, the Lamé constants are mu = 2 and
+    // lambda = 3, and node 1 moves along x at 1 m/s. The velocity gradient is W = sum v g^T = diag(1, 0, 0), with node
+    // velocities v, and the stress is S = 2 mu sym(W) + lambda tr(W) I = diag(2 * 2 + 3, 3, 3).
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let tetrahedron = palpate::internal::prepare::Layer {
         nodes,
@@ -86,10 +88,10 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
     let mut system = System::new(&[layered(tetrahedron, material(2e4), DQuat::IDENTITY)], 0.0, 1);
     system = system.with_tool().with_contacts(3, 2);
     system.gradients[..3].copy_from_slice(&[[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 3.0], [0.0, 0.0, 1.0, 0.0]]);
-    // Contact 2 is that of one skin vertex of the layer (tetrahedral mesh), with normal velocity n . (0.25 v_0 + 0.75
-    // v_1), and the tool at rest.
+    // Contact 2 is that of one vertex of the skin (surface mesh), with normal velocity n . (0.25 v_0 + 0.75 v_1), where
+    // v_0 and v_1 are velocities of nodes 0 and 1 and n is the contact normal, and the tool at rest.
     let contact = &mut system.contacts[2];
-    // The tool's lever, -arm x n, is (0, 0, 1).
+    // The tool's lever, -arm x n, is (0, -4/3, 1).
     (contact.normal, contact.area, contact.arm) = ([0.0, 0.6, 0.8], 0.5, [-1.0 / 0.6, 0.0, 0.0]);
     (contact.stiffness, contact.damping, contact.quads, contact.tool_sign) = (4.0, 2.0, 1, -1.0);
     system.entry_nodes[8] = [0, 1, 2, 3];
@@ -114,8 +116,8 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
 
 #[test]
 fn nodes_gather_their_elements_by_hand() {
-    // solve/gather, one tetrahedron: w = (1 + h alpha) m p + its element force. Padding entries in a node's list add no
-    // force.
+    // For one tetrahedron, a node's row of w = A u is (1 + h alpha) m u + the element's force on the node, with time
+    // step h, mass damping alpha and node mass m. Padding entries in a node's list of elements add no force.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let tetrahedron = palpate::internal::prepare::Layer {
         nodes,
@@ -164,7 +166,7 @@ fn products_agree_with_the_assembled_matrix_at_every_size() {
 
 #[test]
 fn products_agree_with_the_assembled_matrix_for_mixed_materials() {
-    // solve/gather: a node's damping is that of the elements at the node.
+    // A node's damping is that of the elements at the node, weighted by their mass.
     let bodies = [layered(layer(200), mixed(1000), DQuat::from_rotation_x(1.0))];
     expect_oracle("mixed materials", System::new(&bodies, AMPLITUDE, 3), 4);
 }
@@ -214,8 +216,8 @@ fn the_operator_is_symmetric_and_positive() {
 
 #[test]
 fn rigid_motions_meet_no_elastic_force() {
-    // solve/element_product gives no force for translations at any deformation, nor for twists of a body that is turned
-    // but not deformed.
+    // solve/element_product must give no force for translations at any deformation, nor for twists of a body that is
+    // turned but not deformed.
     let bodies = two_layers();
     let mut passes = Passes::new(System::new(&bodies, AMPLITUDE, 5));
     passes.preconditioned = vec![[0.3, -0.7, 0.4, 0.0]; passes.nodes()];
@@ -239,7 +241,7 @@ fn rigid_motions_meet_no_elastic_force() {
     system.rotate();
     let mut passes = Passes::new(system);
     let largest = |passes: &Passes| passes.element_forces.iter().flatten().fold(0.0f32, |m, f| m.max(f.abs()));
-    // For comparison: speeds of the same size that are no rigid motion.
+    // For comparison, the velocities are of similar size but are no rigid motion.
     passes.preconditioned = twist.iter().map(|v| [v[1], -v[2], v[0] * 0.5, 0.0]).collect();
     passes.apply(Change::Preconditioned);
     let usual = largest(&passes);
@@ -254,8 +256,8 @@ fn rigid_motions_meet_no_elastic_force() {
 
 #[test]
 fn inner_products_of_every_mode() {
-    // solve/gather in its modes 0 (warm start), 1 (iteration) and 2 (end), with and without contacts, against f64 sums
-    // with the kernel's own w.
+    // solve/gather runs in its modes 0 (warm start, with w = A x), 1 (iteration, with w = A u) and 2 (end, with w = A
+    // x), with and without contacts. Its inner products are compared with f64 sums that use the kernel's own w.
     for contacts in [0, CONTACTS] {
         let system = System::new(&two_layers(), AMPLITUDE, 6).with_tool().with_contacts(contacts, 7);
         let mut passes = Passes::new(system);
@@ -276,7 +278,8 @@ fn inner_products_of_every_mode() {
             let pairs = match mode {
                 0 => [(w.clone(), first), (w.clone(), conditioned(&w))],
                 1 => [(wide(&passes.residual), first.clone()), (w, first)],
-                // (eps x)^2 . D, with D the diagonal of A: what rounding of x makes of A x.
+                // The last inner product is (eps x)^2 . D, with the rounding unit eps and the diagonal D of A: the
+                // squared residual that rounding of x leaves.
                 _ => {
                     let lost: Vec<f64> = wide(&passes.solution).iter().map(|x| 6e-8 * x).collect();
                     let diagonal = |i: usize| 1.0 / f64::from(passes.inverse[2 * (i / 3)][i % 3]);
@@ -289,7 +292,7 @@ fn inner_products_of_every_mode() {
                 let error = (got - dot(a, b)).abs();
                 assert!(
                     error <= DOT * magnitude(a, b),
-                    "mode {mode}, inner product {k}: {got:e}, expected {:e}",
+                    "solve/gather in mode {mode}, inner product {k}: {got:e}, expected {:e}",
                     dot(a, b)
                 );
             }

@@ -1,7 +1,8 @@
-//! Kernels solve/first_residual, which inverts the tool's block, chooses the factor of the warm start and writes the
-//! indirect arguments of the iteration loop, and solve/first_iterate, which makes the first iterate. The tool's block
-//! is the 6x6 diagonal block of the operator A for the motion of the tool; in "blocks of nodes", a block is the nodes
-//! that one workgroup owns.
+//! Kernels solve/first_residual, which inverts the tool's block, chooses the factor of the warm start (the multiple of
+//! the last solution from which the solver starts) and writes the indirect arguments of the iteration loop, and
+//! solve/first_iterate, which makes the first iterate. The system is A x = b with preconditioner M. The tool's block is
+//! the 6x6 diagonal block of A for the motion of the tool (the rigid body that the haptic device leads); in "blocks of
+//! nodes", a block is the nodes that one workgroup owns.
 
 use palpate::internal::shaders;
 use palpate::internal::shaders::Iteration;
@@ -15,13 +16,13 @@ use crate::stage::elastic::expect_of_largest;
 
 /// Relative error of a few f32 roundings.
 const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };
-/// Error relative to the largest value: sums over a hundred contacts, each of which is a dozen roundings away from the
-/// input.
+/// Error relative to the largest value: the values are sums over a hundred contacts, and each term is a dozen roundings
+/// away from the input.
 const SUM: f64 = 5.0e-6;
 /// Error of an entry of the inverse of the tool's block relative to the geometric mean of its two diagonal entries:
-/// rounding of the block (1e-6) times its condition number in these units, some hundreds.
+/// rounding of the block (1e-6) times the block's condition number in these units, some hundreds.
 const INVERSE: f64 = 1.0e-4;
-/// Relative error of factors and norms: inner products through blocks inverted in f32.
+/// Relative error of factors and norms, which are inner products with blocks that were inverted in f32.
 const FACTOR: f64 = 1.0e-4;
 
 /// Numbers of workgroups in x of the indirect dispatches from `ARGS_LOOP_ELEMENT_PRODUCT` to `ARGS_GAP`.
@@ -62,8 +63,8 @@ fn the_warm_factor_and_the_arguments_by_hand() {
 
 #[test]
 fn a_body_at_rest_and_a_failed_solution_start_from_nothing() {
-    // solve/first_residual: where b is within its rounding, the loop ends before the first iteration; an A x that
-    // overflowed gives the factor zero.
+    // solve/first_residual: where b is no larger than its rounding errors, the loop ends before the first iteration.
+    // Where A x has overflowed, the factor of the warm start is zero.
     let mut passes = Passes::new(System::new(&[], 0.0, 1));
     passes.block_count = 1;
     (passes.partials, passes.dots) = (vec![[0.5, 0.5]], vec![[1.0, 1.0]]);
@@ -81,7 +82,7 @@ fn a_body_at_rest_and_a_failed_solution_start_from_nothing() {
     }
 }
 
-/// The inverse of the tool's block in the oracle's matrix, by rows.
+/// The inverse of the tool's block, row by row, from the matrix A of the oracle (the f64 reference implementation).
 fn tool_block(system: &System) -> [Vec<f64>; 6] {
     let (a, _) = system.twin.assemble(system.device.as_ref(), &system.twin_contacts);
     let tool = system.twin.unknowns().tool;
@@ -95,7 +96,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// M^-1 r over the oracle's unknowns, with the kernel's 3x3 blocks of nodes and the oracle's 6x6 block of the tool.
+/// The vector M^-1 r in the order of the oracle's unknowns. M^-1 consists of the kernel's inverses of 3x3 blocks for
+/// the nodes and of `inverse`, the oracle's inverse of the 6x6 block, for the tool.
 fn preconditioned(passes: &Passes, inverse: &[Vec<f64>; 6], r: &[f64]) -> Vec<f64> {
     let places = passes.system.twin.unknowns();
     let mut z = vec![0.0; r.len()];
@@ -120,7 +122,7 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         let mut passes = Passes::new(system.with_contacts(contacts, 70 + seed));
         let mut random = Random(80 + seed);
         let x = passes.system.random_field(&mut random);
-        // The tool's values are large, so that they count in the factor.
+        // The tool's values are large, so that they matter in the factor of the warm start.
         let tool_x: [f32; 6] = std::array::from_fn(|_| 20.0 * random.next() as f32);
         passes.solution = x.clone();
         // Either of the two sets of iterates may hold the last step's solution.
@@ -143,7 +145,10 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         for k in 0..36 {
             let (i, j) = (k / 6, k % 6);
             let error = (passes.rigid_inverse(0, i, j) - inverse[i][j]).abs();
-            assert!(error < INVERSE * (inverse[i][i] * inverse[j][j]).sqrt(), "inverse [{i}][{j}] is off by {error:e}");
+            assert!(
+                error < INVERSE * (inverse[i][i] * inverse[j][j]).sqrt(),
+                "entry ({i}, {j}) of the inverse is off by {error:e}"
+            );
         }
         let y = a.multiply(&s.unknowns(&x, &tool_x));
         let (zb, zy) = (preconditioned(&passes, &inverse, &b), preconditioned(&passes, &inverse, &y));
@@ -171,15 +176,15 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
             expect_close("tool's u", &tool_now.u[i..=i], &u[i..=i], Tolerance { abs: SUM * size, rel: 0.0 });
         }
         assert_eq!((tool_now.p, tool_now.s), ([0.0; 6], [0.0; 6]));
-        // The factor must make sure that the first residual is never greater than without a warm start.
+        // With this factor, the first residual must never be greater than without a warm start.
         assert!(dot(&r, &preconditioned(&passes, &inverse, &r)) <= dot(&b, &zb) * (1.0 + FACTOR));
     }
 }
 
 #[test]
 fn the_first_iterate_at_every_size() {
-    // solve/first_iterate: x = w x, r = b - w y, u = M^-1 r, with factor w of the warm start and y = A x. Where w is
-    // zero, the old x and y are not used.
+    // solve/first_iterate: with factor w of the warm start and y = A x, the kernel sets r = b - w y and u = M^-1 r, and
+    // replaces x by w x. Where w is zero, the old x and y are not used.
     let width = context().group_size() as usize;
     for nodes in [0, 1, width - 1, width, width + 1, 1234] {
         for warm_start in [0.75, 0.0] {

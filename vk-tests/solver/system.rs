@@ -1,5 +1,7 @@
 //! Inputs of the solver's kernels, and the f64 oracle (the reference implementation on the CPU) in the same state:
-//! layers (tetrahedral meshes) in a deformed state, contacts, a tool.
+//! layers (tetrahedral meshes of soft bodies) in a deformed state, contacts, and a tool (the rigid body that the haptic
+//! device leads). A core is a rigid body inside a soft one; a frame is a rigid coordinate frame; an entry is a node
+//! with its weight in a contact.
 
 use std::collections::BTreeMap;
 
@@ -31,10 +33,11 @@ pub struct System {
     pub node_elements: Vec<[u32; 4]>,
     pub displacement: Vec<[f32; 4]>,
     pub velocity: Vec<[f32; 4]>,
-    /// Change of velocity at which a further Newton iteration linearises elasticity; empty in the first one.
+    /// Change of velocity at which a further Newton iteration linearises elasticity; empty in the first Newton
+    /// iteration.
     pub trial_change: Vec<[f32; 4]>,
-    /// Rotations, gradients and element forces as elastic/element_forces leaves them; gradients and forces include the
-    /// zeros that pad node lists.
+    /// Rotations, gradients and element forces (this field and the next two) as elastic/element_forces leaves them.
+    /// Gradients and forces end with zeros, to which the padding of `node_elements` refers.
     pub rotations: Vec<[f32; 4]>,
     pub gradients: Vec<[f32; 4]>,
     pub element_forces: Vec<[f32; 4]>,
@@ -49,7 +52,7 @@ pub struct System {
     pub device: Option<Device>,
 }
 
-/// A scene for a layer, which depends only on the step `dt` (s) and the preconditioner.
+/// A scene of which only the time step `dt` (s) and the preconditioner matter to a layer.
 fn scene(dt: f32, preconditioner: Preconditioner) -> Scene {
     Scene {
         file: "none".into(),
@@ -117,8 +120,8 @@ pub fn material(young: f64) -> Material {
     Material { law, young, poisson: 0.45, density: 1e3, damping_mass: 0.5, damping_stiffness: 2e-3 }
 }
 
-/// Three materials of both laws, each with its own stiffness, density and damping, assigned in turn to `tetrahedra`
-/// tetrahedra.
+/// Three materials, of both material laws (corotational and neo-Hookean), each with its own stiffness, density and
+/// damping. They are assigned in turn to `tetrahedra` tetrahedra.
 pub fn mixed(tetrahedra: usize) -> Materials {
     let soft = material(2e4);
     let dense = Material { law: MaterialLaw::NeoHookean, density: 1.5e3, damping_mass: 3.0, ..material(4e4) };
@@ -148,8 +151,9 @@ fn generic_tool() -> Tool {
 }
 
 impl System {
-    /// Layers whose nodes are displaced at random by up to `amplitude` (m), with velocities of up to 0.1 m/s. Rotations
-    /// and what follows from them come from elastic/element_forces, and the oracle is given the same rotations.
+    /// Layers whose nodes are displaced at random by up to `amplitude` (m), with velocities of up to 0.1 m/s. The
+    /// tetrahedra's rotations, gradients and forces come from elastic/element_forces, and the oracle is given the same
+    /// rotations.
     pub fn new(bodies: &[Body], amplitude: f64, seed: u64) -> System {
         System::preconditioned(bodies, amplitude, seed, Preconditioner::Jacobi)
     }
@@ -180,7 +184,7 @@ impl System {
         let gravity = DVec3::new(1.5, -9.75, 0.5);
         let mut twin = Simulation::new(f64::from(dt), gravity);
         for (body, range) in bodies.iter().zip(&model.soft) {
-            let Shape::Soft { layer, materials, .. } = &body.shape else { panic!("{} is not soft", body.name) };
+            let Shape::Soft { layer, materials, .. } = &body.shape else { panic!("body {} is not soft", body.name) };
             let mut soft = SoftBody::new(layer.clone(), materials, body.position, body.orientation, DVec3::ZERO);
             let own = range.nodes.clone();
             soft.displacement = displacement[own.clone()].iter().map(wide).collect();
@@ -223,7 +227,8 @@ impl System {
         system
     }
 
-    /// Sets dynamic cores in motion: their twists, and the velocities of the nodes attached to them.
+    /// Sets dynamic cores (whose motion the solver finds) in motion: gives them twists, and the nodes attached to them
+    /// the velocities that follow.
     fn start_cores(&mut self) {
         for (index, core) in self.model.cores.iter().enumerate() {
             let place = self.model.frames[core.frame].clone();
@@ -266,19 +271,21 @@ impl System {
         }
     }
 
-    /// The trial change as elastic/element_forces reads it: a single zero vector if there is none.
+    /// The trial change of velocity as elastic/element_forces reads it: a single zero vector if there is no trial
+    /// change.
     pub fn trial(&self) -> &[[f32; 4]] {
         if self.trial_change.is_empty() { &[[0.0; 4]] } else { &self.trial_change }
     }
 
-    /// Velocities at the end of the step that a body's trial displacements already contain, m/s.
+    /// The velocities, m/s, with which a body's nodes went to the displacements at which a further Newton iteration
+    /// linearises; zero in the first Newton iteration.
     pub fn kinematic_velocity(&self, body: usize) -> Vec<DVec3> {
         let own = self.model.soft.get(body).map_or(0..0, |soft| soft.nodes.clone());
         let gained = |i: usize| self.trial_change.get(i).map(|x| wide(&self.velocity[i]) + wide(x));
         own.map(|i| gained(i).unwrap_or_default()).collect()
     }
 
-    /// Adds a tool that a virtual coupling pulls towards a pose of the haptic device.
+    /// Adds a tool that a virtual coupling (spring and damper) pulls towards a pose of the haptic device.
     pub fn with_tool(mut self) -> System {
         let tool = generic_tool();
         let device = Device {
@@ -312,7 +319,7 @@ impl System {
 
     /// Adds contacts of every kind: each side of a contact is one skin vertex of a layer, the three vertices of an
     /// opposing triangle (whose tetrahedra share nodes), the tool, or something that does not move. Every eleventh
-    /// contact is released.
+    /// contact is released: it has no stiffness and no damping, like a contact that would pull.
     pub fn with_contacts(mut self, count: usize, seed: u64) -> System {
         let mut random = Random(seed);
         let (near, far) = (0, self.twin.bodies.len() - 1);
@@ -369,7 +376,7 @@ impl System {
         let (start, unknowns) = (self.start(), self.twin.unknowns());
         let row = self.twin.row(&unknowns, &twin);
         let drag = self.twin.drag(&unknowns, &start, &twin);
-        // Friction acts on the tool at the other side's point.
+        // Friction acts on the tool at the contact point of the other side.
         let at = if let Side::Tool = sides[0] { twin.second.position } else { twin.first.position };
         let sign = match sides {
             [Side::Tool, _] => 1.0,
@@ -394,8 +401,8 @@ impl System {
         self.twin_contacts.push(twin);
     }
 
-    /// Adds entries (nodes and weights) for `quads` skin vertices on neighbouring tetrahedra; all weights sum to
-    /// `sign`. Returns the sum of weights at each node without the sign.
+    /// Adds entries for `quads` vertices of the skin (surface mesh), which lie in neighbouring tetrahedra; all weights
+    /// sum to `sign`. Returns, for each node, the sum of its weights without that sign.
     fn add_entries(&mut self, body: usize, quads: usize, sign: f64, random: &mut Random) -> Vec<(u32, f64)> {
         let (tetrahedra, first) = (&self.twin.bodies[body].layer.tetrahedra, self.model.soft[body].nodes.start as u32);
         let start = random.below(tetrahedra.len());
@@ -416,8 +423,8 @@ impl System {
         sums.into_iter().collect()
     }
 
-    /// Makes the index of the entries by node: each node has a run of entries in the order of contacts. The runs are
-    /// not in the order of nodes.
+    /// Makes the index from nodes to entries: each node has a run (a range of the array `sorted`) with its entries in
+    /// the order of contacts. The runs are not in the order of nodes.
     fn transpose(&mut self) {
         let mut runs = vec![Vec::new(); self.node_entries.len()];
         for (c, contact) in self.contacts.iter().enumerate() {
@@ -435,7 +442,7 @@ impl System {
         }
     }
 
-    /// Velocities at the start of the step, as the oracle's unknowns.
+    /// Velocities at the start of the step, in the order of the oracle's unknowns.
     pub fn start(&self) -> Vec<f64> {
         let twist =
             self.twin.tool.as_ref().map(|tool| [tool.velocity.to_array(), tool.angular_velocity.to_array()].concat());
@@ -443,7 +450,7 @@ impl System {
         self.unknowns(&self.velocity, &std::array::from_fn(|k| twist.get(k).copied().unwrap_or_default() as f32))
     }
 
-    /// Values at the nodes, and the tool's six, as the oracle's unknowns.
+    /// Puts values at the nodes, and the tool's six values, into the order of the oracle's unknowns.
     pub fn unknowns(&self, nodes: &[[f32; 4]], tool: &[f32; 6]) -> Vec<f64> {
         let unknowns = self.twin.unknowns();
         let mut all = vec![0.0; unknowns.count];
@@ -462,8 +469,8 @@ impl System {
         all
     }
 
-    /// The oracle's unknowns as values at the nodes, three a node, by body (zero at attached nodes, the core's motion
-    /// at those of a dynamic core), and the tool's six values.
+    /// Converts the oracle's unknowns to three values for each node, body by body, and the tool's six values. At nodes
+    /// that are attached to a dynamic core the values are the core's motion; at other attached nodes they are zero.
     pub fn rows(&self, unknowns: &[f64]) -> (Vec<Vec<f64>>, Vec<f64>) {
         let places = self.twin.unknowns();
         let row = |map: &palpate_oracle::step::Map| {
@@ -484,13 +491,14 @@ impl System {
 /// What a contact acts on at one of its two sides.
 #[derive(Clone, Copy)]
 enum Side {
-    /// Index of the body, and number of its skin vertices in the contact.
+    /// A soft body: its index, and the number of its skin vertices in the contact.
     Soft(usize, usize),
     Tool,
     Fixed,
 }
 
-/// Two layers, of 100 and 60 nodes and of different stiffness, turned; nine nodes of the second are attached.
+/// Two layers of different stiffness, each of them turned. The first has 100 nodes; the second has 60 nodes, of which
+/// nine are attached.
 pub fn two_layers() -> Vec<Body> {
     let mut second = layer(60);
     second.attached[..9].fill(true);
@@ -500,7 +508,7 @@ pub fn two_layers() -> Vec<Body> {
     ]
 }
 
-/// The first three numbers of each four.
+/// The first three numbers of each element.
 pub fn triples(nodes: &[[f32; 4]]) -> Vec<f32> {
     nodes.iter().flat_map(|x| [x[0], x[1], x[2]]).collect()
 }

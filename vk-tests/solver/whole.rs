@@ -1,5 +1,6 @@
 //! The solver's passes in the order of the step, on small systems: the solution must agree with a direct solution by
-//! the f64 oracle, the reference implementation on the CPU.
+//! the f64 oracle, the reference implementation on the CPU. A core is a rigid body inside a soft one, to which nodes
+//! are attached. A released contact is one that lost its stiffness because it would pull.
 
 use palpate::internal::prepare::Body;
 use palpate::internal::shaders;
@@ -18,7 +19,8 @@ pub const SOLUTION: f64 = 1.0e-4;
 /// Limit of iterations; there are less than 500 unknowns.
 const LIMIT: usize = 300;
 
-/// Compares the solution, at nodes by body and of the tool, with a direct solution of the oracle's system.
+/// Compares the solution at the nodes of each body, and that of the tool, with a direct solution of the oracle's
+/// system.
 fn expect_direct(what: &str, passes: &Passes) {
     let s = &passes.system;
     let (a, b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
@@ -35,14 +37,15 @@ fn expect_direct(what: &str, passes: &Passes) {
     }
 }
 
-/// Preconditioners without and with the coarse space.
+/// The preconditioner without a coarse space, and the one with a coarse space.
 const BOTH: [Preconditioner; 2] = [Preconditioner::Jacobi, Preconditioner::Coarse];
 
 fn system(bodies: &[Body], seed: u64, preconditioner: Preconditioner) -> System {
     System::preconditioned(bodies, 0.004, seed, preconditioner)
 }
 
-/// Solves, and checks the solution and the verdict. Returns the passes after solve/conclude.
+/// Solves the system, and checks the solution, that the solver converged, and the residual. Returns the passes after
+/// solve/conclude.
 fn solved(what: &str, system: System) -> Passes {
     let mut passes = Passes::new(system);
     passes.system.params.tolerance = 1e-6;
@@ -82,9 +85,9 @@ fn a_dynamic_core_and_what_hangs_on_it_are_one_system() {
     for with in BOTH {
         for (what, bodies) in [
             ("a core", two_layers_one_on_a_core()),
-            ("a hinge", two_layers_one_on_a_hinge()),
-            ("a core of several blocks", vec![large_core(false)]),
-            ("a hinge of several blocks", vec![large_core(true)]),
+            ("a core on a hinge", two_layers_one_on_a_hinge()),
+            ("a large core", vec![large_core(false)]),
+            ("a large core on a hinge", vec![large_core(true)]),
         ] {
             let what = format!("{with:?}, {what}");
             let passes = solved(&what, system(&bodies, 5, with));
@@ -92,8 +95,8 @@ fn a_dynamic_core_and_what_hangs_on_it_are_one_system() {
             let (a, b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
             let x = Solver::default().solve(&a, &b).unwrap();
             let first = s.twin.unknowns().cores[0];
-            expect_of_largest("linear", &passes.core_changes[..3], &x[first..first + 3], SOLUTION);
-            expect_of_largest("angular", &passes.core_changes[3..], &x[first + 3..first + 6], SOLUTION);
+            expect_of_largest("core, linear", &passes.core_changes[..3], &x[first..first + 3], SOLUTION);
+            expect_of_largest("core, angular", &passes.core_changes[3..], &x[first + 3..first + 6], SOLUTION);
             println!("{what}: {} iterations", passes.iterations_done());
             let all = system(&bodies, 6, with).with_tool().with_contacts(20, 8);
             let passes = solved(&format!("{what}, contacts and a tool"), all);
@@ -108,14 +111,15 @@ fn a_dynamic_core_and_what_hangs_on_it_are_one_system() {
 #[test]
 #[ignore = "long: 13 s"]
 fn bodies_of_every_kind_are_solved_with_a_coarse_level() {
-    // The bodies include flat ones and one with two frames; last come two bodies of which one has a coarse space.
+    // The bodies include flat ones and one with two rigid coordinate frames. Last come two bodies, only one of which
+    // has a coarse space.
     for (what, bodies) in kinds() {
         let passes = solved(what, system(&bodies, 7, Preconditioner::Coarse));
         println!("{what}: {} iterations", passes.iterations_done());
     }
     let one = system(&soft_and_stiff(), 7, Preconditioner::Auto).with_tool().with_contacts(20, 8);
     assert_eq!(one.model.coarse.bodies.len(), 1);
-    solved("one of two", one);
+    solved("two bodies, one of which has a coarse space", one);
 }
 
 #[test]
@@ -125,7 +129,7 @@ fn a_solution_found_is_found_again_at_once() {
     // left to solve.
     for with in BOTH {
         let given = || system(&two_layers(), 4, with).with_tool().with_contacts(20, 8);
-        let mut passes = solved("first", given());
+        let mut passes = solved("first solution", given());
         let first = passes.iterations_done();
         passes.system.contacts = given().contacts;
         passes.rigids[0].carried_residual = [0.0; 6];
@@ -134,19 +138,19 @@ fn a_solution_found_is_found_again_at_once() {
         passes.iterate(LIMIT);
         assert!(
             passes.iterations_done() <= first / 4,
-            "{} iterations from the solution, {first} at first",
+            "{} iterations from the first solution, {first} iterations to find it",
             passes.iterations_done()
         );
-        expect_direct("again", &passes);
+        expect_direct("second solution", &passes);
     }
 }
 
 #[test]
 #[ignore = "long: 1 min"]
 fn a_step_with_pulling_contacts_ends_as_the_oracles() {
-    // Solves, releases contacts under tension and solves again, until the verdict is done; then runs solve/commit. The
-    // oracle releases contacts twice at most, the kernels four times: systems in which that makes a difference are left
-    // out, but enough systems must remain.
+    // Solves, releases contacts under tension and solves again, until no contact has to be released; then runs
+    // solve/commit. The oracle releases contacts twice at most, the kernels four times: systems that need more than two
+    // solves are left out, but enough systems must remain.
     BOTH.into_iter().for_each(pulled);
 }
 
@@ -156,7 +160,8 @@ fn pulled(with: Preconditioner) {
         let system = system(&two_layers(), seed, with).with_tool();
         let system = if rubs { system.with_friction() } else { system };
         let mut passes = Passes::new(system.with_contacts(12, 30 + seed));
-        // The tolerance is tighter than that of a usual step: over this long step, displacements magnify the residual.
+        // The tolerance is tighter than usual, since this long time step magnifies the residual's effect on
+        // displacements.
         passes.system.params.tolerance = 5e-7;
         let mut solves = 0;
         loop {
@@ -179,7 +184,7 @@ fn pulled(with: Preconditioner) {
         let released: Vec<usize> = released.filter(|c| s.twin_contacts[*c].stiffness > 0.0).collect();
         assert!(
             released.is_empty(),
-            "contacts {released:?} are released by the kernels or by the oracle alone; {} contacts push",
+            "contacts {released:?} are released only by the kernels or only by the oracle; {} contacts push",
             (0..12).filter(active).count()
         );
         passes.commit();

@@ -1,7 +1,8 @@
-//! Kernel contact/candidates, which decides for each skin vertex whether it collides and how deep, on made-up lists of
-//! ray hits. The nearest hit on a vertex's ray decides, depths in several contact patches of a pair of bodies (places
-//! that touch along one normal) are blended, and flags and pushes (depth times area times normal, from which the next
-//! step's normals are found) are written. Results are compared with f64.
+//! Kernel contact/candidates, which decides for each candidate (vertex of a skin, that is a surface mesh) whether it
+//! collides and how deep. The tests make up lists of ray hits (triangles of the other body that a vertex's ray meets).
+//! The nearest hit on a vertex's ray decides, depths in several contact patches of a pair of bodies (places where the
+//! pair may touch along one normal) are blended, and flags and pushes (depth times area times normal, from which the
+//! next step's normals are found) are written. Results are compared with f64.
 
 use glam::{DMat3, DVec3};
 use palpate::internal::shaders;
@@ -14,23 +15,25 @@ use crate::harness::random::Random;
 use crate::harness::{Tolerance, expect_close};
 use crate::stage::flow::Flow;
 
-/// Flags of a step: too many contacts, a contact deeper than the limit, and a skin that is not a height field.
+/// Flags of a step, in this order: too many contacts or ray hits; a contact deeper than the limit; a skin that is not a
+/// height field.
 const CONTACT_OVERFLOW: u32 = 4;
 const DEPTH_LIMIT: u32 = 8;
 const NOT_HEIGHT_FIELD: u32 = 16;
 /// Tolerance of depths and positions, m: positions of some centimetres in f32 are known to 4e-9 m, and triangles are
 /// inclined by up to 45 degrees.
 const DEPTH: f64 = 4e-8;
-/// Tolerance of blended values, relative: depths of at least 4 mm are known to 1e-5, the strengths of patches (share
-/// over depth squared) to twice that, and the smooth step has slope 3.
+/// Tolerance of blended values, relative: depths of at least 4 mm are known to 1e-5, the strengths of patches (share,
+/// that is weight of the patch at the vertex, over depth squared) are known to twice that error, and the smooth step
+/// that turns strengths into blending weights has slope 3.
 const BLENDED: f64 = 1e-4;
 const FIRST_PROXY_PAIR: u32 = 10;
 
 /// A ray hit: its depth, m, and whether it is on the front of a triangle.
 type RayHit = (f64, bool);
 
-/// A ray hit with its triangle: triangle, depth, front, and index of the opposing collision proxy in the pair of
-/// bodies.
+/// A ray hit as the tests make it: triangle, depth (m), whether the front is hit, and index of the opposing pair proxy
+/// (a collision proxy, or convex hull, in the pair of bodies).
 type Made = (u32, f64, bool, u32);
 
 /// Skin vertices of one side of the pair (0: body a, 1: body b) with the hits on their rays in each contact patch, and
@@ -52,9 +55,8 @@ fn wide(x: &[f32]) -> DVec3 {
 }
 
 impl Given {
-    /// A pair of bodies with contact patches of these normals, and no vertices yet. The pair has two pair proxies
-    /// (collision proxies that take part in it) of body a, then two of b; vertices will lie in the second one of their
-    /// side.
+    /// A pair of bodies with contact patches of these normals, and no vertices yet. The pair has two pair proxies of
+    /// body a, then two of body b; vertices will lie in the second pair proxy of their side.
     fn new(side: u32, normals: &[DVec3]) -> Given {
         let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, glam::DQuat::IDENTITY);
         let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
@@ -85,7 +87,7 @@ impl Given {
         self.flow.contact_patches.iter().filter(|contact_patch| contact_patch.weight > 0.0).count()
     }
 
-    /// Adds a vertex with its outward normal, and the hits on its ray in each patch, in this order.
+    /// Adds a vertex with its outward normal, and makes the hits on its ray in each patch, in the order of `ray_hits`.
     fn add(&mut self, x: DVec3, outward: DVec3, ray_hits: &[Vec<RayHit>], random: &mut Random) {
         let model = &mut self.flow.model;
         let first = self.flow.skin.len() as u32;
@@ -159,7 +161,8 @@ impl Given {
         };
         flow.active_chunks = (0..chunks).map(entry).collect();
         flow.work_items = (0..chunks * each).map(|i| [i / each, i % each]).collect();
-        // Chunks of the other side, one for each pair proxy, are listed behind those that the kernel works on.
+        // Behind the chunks that the kernel works on, one more chunk is listed for each of the four pair proxies; a ray
+        // hit names the chunk of its triangle.
         let opposing = flow.work_items.len() as u32;
         for other in 0..4 {
             flow.work_items.push([flow.active_chunks.len() as u32, 0]);
@@ -186,8 +189,8 @@ impl Given {
         flow.candidates();
     }
 
-    /// Compares every candidate with f64. Returns the number of contacts, and how many of them are blended from several
-    /// patches.
+    /// Compares the result for every vertex with f64. Returns the number of contacts, and the number of contacts that
+    /// are blended from several patches.
     fn check(&self) -> [usize; 2] {
         let (flow, mut found, mut blended) = (&self.flow, 0, 0);
         for (v, is_hit) in self.is_hit.iter().enumerate() {
@@ -359,7 +362,7 @@ fn vertices_by_the_hundred_in_up_to_four_regions_against_the_oracle() {
             let [found, blended] = given.check();
             assert!(
                 found > 80 && (contact_patches == 1) == (blended == 0),
-                "{found} contacts in {contact_patches} contact patches, {blended} of them blended"
+                "{found} contacts in {contact_patches} patches; {blended} contacts are blended from several patches"
             );
         }
     }

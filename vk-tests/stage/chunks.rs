@@ -1,8 +1,9 @@
 //! Kernel cull/chunks, which finds the box of each chunk (group of at most 64 skin vertices) along the axes of a
-//! contact patch (place where a pair of bodies may touch along one normal) and writes the min-max depth grid, and
-//! cull/meet, which lists the chunks that may reach the other body. No chunk that may touch may be lost, and chunks
-//! that cannot touch must be left out. A pair proxy is a collision proxy in a pair of bodies; a side is body a or b of
-//! the pair.
+//! contact patch (place where a pair of bodies may touch along one normal) and writes the min-max depth grid (how far
+//! each body reaches along the normal, over 16 x 16 cells of the patch), and cull/meet, which lists the chunks that may
+//! reach the other body. No chunk that may touch may be lost, and chunks that cannot touch must be left out. A pair
+//! proxy is a collision proxy (convex hull) in a pair of bodies; a side is body a or b of the pair; a work item is a
+//! chunk in a patch. The oracle is the f64 reference implementation.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::Size;
@@ -19,9 +20,9 @@ use crate::stage::flow::{Flow, GRID_WORDS};
 use crate::stage::skin::covered;
 
 /// Greatest distance by which a box may exceed the oracle's, m, for positions of half a metre: a micrometre, a
-/// thousandth of the spread, and the rounding of the box at rest.
+/// thousandth of the spread of the displacements in the chunk, and the rounding of the box at rest.
 const BOX: f64 = 4e-6;
-/// Cells of the min-max depth grid along a side.
+/// Number of cells of the min-max depth grid along each tangent.
 const GRID: usize = 16;
 
 fn wide(x: &[f32]) -> DVec3 {
@@ -32,7 +33,7 @@ fn axes(contact_patch: &ContactPatch) -> [DVec3; 3] {
     [wide(&contact_patch.tangent), wide(&contact_patch.bitangent), wide(&contact_patch.normal)]
 }
 
-/// A contact patch along a normal, over the square from -half to half.
+/// A contact patch along a normal, over the square from -`half` to `half` (m) along both tangents.
 fn contact_patch(normal: DVec3, half: f32) -> ContactPatch {
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let [normal, tangent, bitangent] = [normal, tangent, bitangent].map(|axis| axis.as_vec3().to_array());
@@ -47,8 +48,8 @@ fn contact_patch(normal: DVec3, half: f32) -> ContactPatch {
     }
 }
 
-/// Two soft balls whose nodes are displaced by up to `size` (m) along each axis. Every pair proxy takes part in each of
-/// the patches, and their boxes are so large that all chunks may meet the other side.
+/// Two soft balls whose nodes are displaced by up to `size` (m) along each axis. Every pair proxy takes part in each
+/// patch, and the boxes of pair proxies are so large that all chunks may meet the other side.
 fn shaken(size: f64, contact_patches: &[ContactPatch], random: &mut Random) -> Flow {
     let mut place = || (0.1 * random.vector(), random.turn(3.0));
     let ((x, q), (y, p)) = (place(), place());
@@ -97,7 +98,7 @@ fn boxed(flow: &Flow, chunk: usize, frame: usize, contact_patch: &ContactPatch) 
     chunk_box(rest, (&moved, f64::from(chunk.weight_bound)), (wide(&frame.centre), rotation), axes(contact_patch))
 }
 
-/// The height of a sortable key: the inverse of `height_key` in shared/depth_grid.glsl.
+/// The height that a sortable key stands for: the inverse of `height_key` in shared/depth_grid.glsl.
 fn height_of(key: u32) -> f64 {
     f64::from(f32::from_bits(if key & 0x8000_0000 != 0 { key & 0x7fff_ffff } else { !key }))
 }
@@ -134,12 +135,12 @@ fn check_slabs(flow: &Flow, contact_patches: usize, tight: bool) -> usize {
                 let allowed = BOX + 2e-3 * (want.1 - want.0).max_element();
                 assert!(
                     errors.iter().all(|e| *e < 0.0 && -*e < allowed),
-                    "chunk {index}: distances of its box from the oracle's, m: {errors:?}"
+                    "chunk {index}: differences of its box from the oracle's box, m: {errors:?}"
                 );
                 let beyond = side * (slab[7] - extreme);
                 assert!(
                     beyond > 0.0 && beyond < allowed,
-                    "chunk {index}: the slab's extreme is {beyond} m beyond the oracle's"
+                    "chunk {index}: its extreme height is {beyond} m beyond the oracle's"
                 );
                 let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
                 for x in &skin {
@@ -148,19 +149,20 @@ fn check_slabs(flow: &Flow, contact_patches: usize, tight: bool) -> usize {
                     let plane = slab[4] * x.x + slab[5] * x.y + slab[6];
                     assert!(
                         side * (plane - x.z) > 0.0,
-                        "a vertex of chunk {index} passes its plane by {} m",
+                        "a vertex of chunk {index} passes the plane of the chunk's slab by {} m",
                         side * (x.z - plane)
                     );
-                    assert!(side * (slab[7] - x.z) > 0.0, "a vertex of chunk {index} passes its box");
+                    assert!(side * (slab[7] - x.z) > 0.0, "a vertex of chunk {index} leaves the box");
                     let [i, j] = grid_cell_of(contact_patch, x);
                     let grid = flow.depth_grids[(2 * r + pair_proxy.side as usize) * 256 + j * GRID + i];
                     assert!(side * (height_of(grid) - x.z) > 0.0, "a vertex of chunk {index} passes the depth grid");
                 }
-                // A box at an angle to the patch's axes is less than twice as large along them as the skin in it.
+                // Along the patch's axes, a box that is inclined to them is less than twice as large as the skin in the
+                // box.
                 let (own, skins) = (want.1 - want.0, high - low);
                 assert!(
                     !tight || own.max_element() < 1.8 * skins.max_element() + BOX,
-                    "box of {own} m, skin in it of {skins} m"
+                    "box of chunk {index} with edges of {own} m, for skin with an extent of {skins} m"
                 );
                 count += 1;
             }
@@ -187,8 +189,8 @@ fn no_skin_leaves_its_chunk_s_slab_or_passes_the_field() {
 fn chunks_beside_the_column_or_in_front_of_all_boxes_are_left_out() {
     let mut random = Random(82);
     let mut flow = shaken(0.003, &[contact_patch(DVec3::Z, 0.05)], &mut random);
-    // All pair proxies of a have boxes between heights 0 and 0.1; of b only the first takes part, with a box above
-    // 0.02.
+    // All pair proxies of body a have boxes between heights of 0 and 0.1 m. Of body b only the first pair proxy takes
+    // part; its box begins at a height of 0.02 m.
     let pair_proxies = flow.model.pair_proxies.clone();
     for (pair_proxy, given) in pair_proxies.iter().zip(flow.boxes.chunks_mut(PAIR_PATCHES)) {
         let (low, high) = if pair_proxy.side == 0 { (0.0, 0.1) } else { (0.02, 9.0) };
@@ -220,7 +222,10 @@ fn chunks_beside_the_column_or_in_front_of_all_boxes_are_left_out() {
             left[side] += usize::from(is_open && found == 0);
         }
     }
-    assert!(kept.iter().chain(&left).all(|n| *n > 0), "chunks by side: {kept:?} kept, {left:?} left out");
+    assert!(
+        kept.iter().chain(&left).all(|n| *n > 0),
+        "numbers of chunks of bodies a and b: {kept:?} kept, {left:?} left out"
+    );
 }
 
 #[test]
@@ -241,7 +246,7 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
             skin.iter().map(|x| x.y).fold(f64::INFINITY, f64::min)
         };
         let below = (0..proxy.chunk_count).filter(|k| lowest(*k) <= 0.01).count() as u32;
-        // The chunks that are kept are those whose box reaches below the plane, apart from rounding.
+        // Apart from rounding, a chunk is kept exactly if its box reaches below the plane.
         let may = |slack: f64| {
             let top = |k: &u32| {
                 boxed(&flow, (proxy.chunk_first + k) as usize, proxy.frame as usize, &flow.contact_patches[0]).1.z
@@ -255,11 +260,11 @@ fn a_half_space_keeps_the_chunks_that_reach_below_it() {
             listed.fold((0, 0), |(n, work_items), entry| (n + 1, work_items + entry.contact_patches.count_ones()));
         assert!(
             chunks == work_items && chunks >= below && chunks >= may(0.0) && chunks <= may(-1e-3),
-            "{chunks} chunks kept, {below} reach below the plane"
+            "{chunks} chunks are kept; the skin of {below} chunks reaches below the plane"
         );
         totals = [totals[0] + chunks, totals[1] + proxy.chunk_count];
     }
-    assert!(totals[0] > 0 && totals[0] < totals[1], "chunks kept, and all chunks: {totals:?}");
+    assert!(totals[0] > 0 && totals[0] < totals[1], "number of chunks kept, and number of all chunks: {totals:?}");
 }
 
 /// Kernel cull/meet on chunks of three pair proxies with random flat slabs, against random min-max depth grids.
@@ -275,7 +280,7 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
         let contact_patches: Vec<ContactPatch> = (0..PAIR_PATCHES).map(|_| contact_patch(DVec3::Z, 1.0)).collect();
         let mut height = |share: f64| (random.next() + share) as f32;
         let key = |x: f32| if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 0x8000_0000 };
-        // The grid's heights are about -0.6 for a and 0.6 for b, give or take 1.
+        // The grid's heights are random: for body a between -1.6 and 0.4 m, for body b between -0.4 and 1.6 m.
         let depth_grids: Vec<f32> =
             (0..PAIR_PATCHES * GRID_WORDS).map(|k| if k / 256 % 2 == 0 { height(-0.6) } else { height(0.6) }).collect();
         let slab = |height: &mut dyn FnMut(f64) -> f32| {
@@ -345,13 +350,13 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
         }
         assert!(
             count < 300 || (dropped > 300 && counts[0][0] > 50),
-            "{dropped} chunks dropped; chunks and work items left by pair proxy: {counts:?}"
+            "{dropped} work items dropped; numbers of chunks and work items left, by pair proxy: {counts:?}"
         );
     }
 }
 
-/// Two spheres, a tool and a body: every chunk with a colliding vertex or an opposing triangle must be active, and most
-/// of the others must not be.
+/// Two spheres, a tool and a body: every chunk with a colliding vertex or an opposing triangle must be active (pass
+/// culling), and many other chunks must not be active.
 #[test]
 fn chunks_that_collide_are_active_and_those_far_away_are_not() {
     let mut random = Random(86);
@@ -394,7 +399,7 @@ fn chunks_that_collide_are_active_and_those_far_away_are_not() {
             );
             let share = active.len() as f64 / flow.model.chunks.len() as f64;
             println!(
-                "spheres {gap} radii apart: {} of {} chunks are active, {} are needed",
+                "sphere centres {gap} radii apart: {} chunks of {} are active, {} chunks are needed",
                 active.len(),
                 flow.model.chunks.len(),
                 needed.len()

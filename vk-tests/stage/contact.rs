@@ -1,6 +1,9 @@
-//! Kernels contact/candidates (which skin vertices collide), contact/deepest (the deepest of them, where not all fit)
-//! and contact/response (coefficients of contacts for the solver): soft balls, a tool and a floor against the f64
-//! oracle, the flags, and contact lists of any length. A side is body a or b of a pair.
+//! Tests of the kernels contact/candidates (which finds the skin vertices that collide), contact/deepest (which lists
+//! the deepest contacts where not all fit) and contact/response (which computes the coefficients of contacts for the
+//! solver). Soft balls, a tool and a floor are compared with the f64 oracle; flags and contact lists of any length are
+//! tested. A side is body a or b of a pair; a candidate is a skin vertex that may be a contact; a chunk is a group of
+//! at most 64 skin vertices; a contact patch is a place where a pair may touch along one normal; a depth path is an
+//! implementation of the stage that finds ray hits.
 
 use std::collections::BTreeMap;
 
@@ -24,13 +27,14 @@ use crate::stage::flow::{Flow, PATHS};
 const RADIUS: f64 = 0.01;
 /// Tolerance of depths, m, as in vk-tests/scene/spheres.rs.
 const DEPTH: f64 = 1e-5 * RADIUS;
-/// Relative tolerance of areas, weights and rates, which are products of a few f32 numbers; normals from fans of six
-/// triangles lose a digit.
+/// Relative tolerance of areas, weights and rates, which are products of a few f32 numbers; a vertex normal, which is
+/// summed over the six triangles at the vertex, loses a digit.
 const RELATIVE: f64 = 1e-5;
 /// Tolerance of barycentric weights: positions are known to 1e-7 of the radius, and triangles have edges of some 0.1
 /// radii.
 const WEIGHT: f64 = 2e-5;
-/// Flags of a step: too many contacts, a contact deeper than the limit, and a skin that is not a height field.
+/// Flags of a step, in this order: too many contacts; a contact deeper than the limit; a skin that is not a height
+/// field.
 const CONTACT_OVERFLOW: u32 = 4;
 const DEPTH_LIMIT: u32 = 8;
 const NOT_HEIGHT_FIELD: u32 = 16;
@@ -106,7 +110,8 @@ fn wanted(bodies: &[Body], tool: &Body, flow: &Flow, sides: Sides) -> BTreeMap<(
         };
         firsts.push(firsts[firsts.len() - 1] + count);
     }
-    // Bodies a, b, floor, tool make these pairs, in this order; the half-space is always second.
+    // The bodies (0: ball a, 1: ball b, 2: floor, 3: tool) make these pairs, in this order; the floor, a half-space, is
+    // always second.
     let pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (3, 2)];
     assert_eq!(flow.pairs.len(), pairs.len());
     let mut contacts = BTreeMap::new();
@@ -143,8 +148,8 @@ fn wanted(bodies: &[Body], tool: &Body, flow: &Flow, sides: Sides) -> BTreeMap<(
     contacts
 }
 
-/// The weight of each node, and that of the tool, in the normal velocity J v = n . (v(s1) - v(s2)) of the two surface
-/// points.
+/// The weight of each node, and that of the tool, in a contact's normal velocity J v = n . (v(s1) - v(s2)), with the
+/// normal n and the velocities v of the contact's two surface points s1 and s2.
 fn jacobian(contact: &oracle::Contact, flow: &Flow) -> (BTreeMap<u32, f64>, f64) {
     let (mut nodes, mut tool) = (BTreeMap::new(), 0.0);
     for (point, sign) in [(&contact.first, 1.0), (&contact.second, -1.0)] {
@@ -162,14 +167,14 @@ fn jacobian(contact: &oracle::Contact, flow: &Flow) -> (BTreeMap<u32, f64>, f64)
     (nodes, tool)
 }
 
-/// Compares one contact's record and entries with the oracle's.
+/// Compares one contact's record and entries (nodes with weights) with those of the oracle's contact.
 fn check(flow: &Flow, c: usize, want: &oracle::Contact) {
     let got = &flow.contacts[c];
     let what = format!("contact {c}, side {}, vertex {}", got.side, got.vertex);
     let relative = Tolerance { abs: 0.0, rel: RELATIVE };
     expect_close(&what, &got.normal, &want.normal.to_array(), Tolerance { abs: 1e-6, rel: 0.0 });
     expect_close(&what, &[got.depth], &[want.depth], Tolerance { abs: DEPTH, rel: 0.0 });
-    // The area of a vertex that is nearly edge-on nearly vanishes.
+    // A vertex whose surface is nearly parallel to the contact normal has almost no area.
     expect_close(&what, &[got.area], &[want.area], Tolerance { abs: 1e-5 * RADIUS * RADIUS, rel: 1e-4 });
     expect_close(&what, &[got.stiffness, got.damping], &[want.stiffness, want.damping], relative);
     let (nodes, tool) = jacobian(want, flow);
@@ -184,7 +189,8 @@ fn check(flow: &Flow, c: usize, want: &oracle::Contact) {
         let (g, w) = (entries.get(node).copied().unwrap_or(0.0), nodes.get(node).copied().unwrap_or(0.0));
         assert!((g - w).abs() < WEIGHT, "{what}: weight of node {node} is {g}, expected {w}");
     }
-    // Arm and rate are those of the colliding vertex: the force acts on the line through it and the opposing point.
+    // Arm (from the tool's centre) and rate (normal velocity) are taken at the colliding vertex: the force acts on the
+    // line through this vertex and the opposing point.
     let vertex = vector(&flow.skin[got.vertex as usize]) - vector(&flow.params.tool_centre);
     let lever = tool * vertex.cross(want.normal);
     expect_close(&what, &got.arm, &vertex.to_array(), Tolerance { abs: DEPTH, rel: RELATIVE });
@@ -203,8 +209,8 @@ fn a_crowd_of_soft_and_rigid_bodies_against_the_oracle() {
     }
 }
 
-/// Compares all contacts with the oracle's. `gather` lists the sides that must have contacts, `silent` those that must
-/// not.
+/// Compares all contacts with the oracle's. `gather` lists the sides that must have contacts, `silent` the sides that
+/// must have none.
 fn check_crowd(path: Path, sides: Sides, levels: [u32; 3], gather: &[usize], silent: &[usize]) {
     let (bodies, tool, flow) = crowd_of(path, sides, levels);
     let want = wanted(&bodies, &tool, &flow, sides);
@@ -213,12 +219,17 @@ fn check_crowd(path: Path, sides: Sides, levels: [u32; 3], gather: &[usize], sil
     assert_eq!(
         got.len(),
         flow.counts.contacts as usize,
-        "number of different contacts; a vertex may be listed once a side"
+        "number of different contacts; each side may list a vertex once"
     );
     for (key, contact) in &want {
         match got.get(key) {
             Some(c) => check(&flow, *c, contact),
-            None => assert!(contact.depth < DEPTH, "{}: {key:?}, {} m deep, is missed", path.name(), contact.depth),
+            None => assert!(
+                contact.depth < DEPTH,
+                "depth path {}: contact (side, vertex) {key:?}, {} m deep, is missed",
+                path.name(),
+                contact.depth
+            ),
         }
     }
     for (key, c) in &got {
@@ -228,7 +239,7 @@ fn check_crowd(path: Path, sides: Sides, levels: [u32; 3], gather: &[usize], sil
         );
     }
     let sides: Vec<usize> = (0..12).map(|s| got.keys().filter(|k| k.0 == s).count()).collect();
-    // All but tool and floor touch each other; a half-space has no vertices that could collide.
+    // All pairs of bodies touch, except tool and floor; a half-space has no vertices that could collide.
     assert!(
         gather.iter().all(|s| sides[*s] > 2) && silent.iter().all(|s| sides[*s] == 0),
         "numbers of contacts by side: {sides:?}"
@@ -255,7 +266,7 @@ fn a_depth_beyond_the_limit_is_flagged_and_counts() {
 /// Runs contact/deepest on candidates with these depths (0: no contact). Returns the list of the deepest that it
 /// writes.
 fn deepest(depths: &[f32], capacity: usize) -> Vec<u32> {
-    // Depths of candidates that do not collide are left from an earlier step.
+    // Candidates that do not collide keep a depth of an earlier step, here 7 m.
     let hits: Vec<[f32; 4]> = depths.iter().map(|d| [if *d > 0.0 { *d } else { 7.0 }, 0.0, 0.0, 0.0]).collect();
     let word = |half: &[f32]| half.iter().enumerate().map(|(l, d)| u32::from(*d > 0.0) << l).sum();
     let colliding: Vec<u32> = depths.chunks(32).map(word).collect();
@@ -300,7 +311,7 @@ fn the_deepest_stay_in_order_where_not_all_fit() {
             assert_eq!(
                 source[..capacity],
                 wanted_deepest(&depths, capacity),
-                "list of the deepest of {chunks} chunks, where {capacity} fit"
+                "list of the deepest candidates of {chunks} chunks, where {capacity} contacts fit"
             );
             assert_eq!(source[capacity], NONE);
         }
@@ -350,8 +361,9 @@ fn more_contacts_than_fit_are_flagged() {
 
 #[test]
 fn one_vertex_against_a_half_space_by_hand() {
-    // A regular octahedron with unit radius, whose lowest corner is 0.25 deep and the sole contact. The corner faces
-    // the half-space exactly, so that its area is its rest area: a third of four triangles with edge sqrt(2).
+    // The tool is a regular octahedron with a radius of 1 m. Its lowest corner, the sole contact, is 0.25 m deep. The
+    // corner faces the half-space exactly, so that its area is its rest area: a third of four triangles with edges of
+    // sqrt(2) m.
     let floor = half_space(DVec3::Y, 0.0);
     let tool = rigid("tool", sphere(1.0, 0), whole, DVec3::new(2.0, 0.75, 0.0), DQuat::IDENTITY);
     let mut flow = Flow::new(&[floor], Some(&tool), DVec3::ZERO);

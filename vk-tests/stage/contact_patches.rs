@@ -1,6 +1,7 @@
-//! Kernel cull/contact_patches, which finds the contact patches of a pair of bodies (places that may touch along one
-//! normal), their rectangles, and the pair proxies (collision proxies of the two bodies) that take part. A side is body
-//! a or b of the pair.
+//! Kernel cull/contact_patches, which finds the contact patches of a pair of bodies (places where the pair may touch
+//! along one normal), their rectangles, and the pair proxies that take part. A pair proxy is a collision proxy (convex
+//! hull) of one of the two bodies; a side is body a or b of the pair; inflation is how far a skin (surface mesh) may
+//! lie outside its hull.
 
 use bytemuck::Zeroable;
 use glam::DVec3;
@@ -24,8 +25,9 @@ const REGION_OVERFLOW: u32 = 2;
 const INFLATION: f32 = 0.03;
 const HALF: f64 = 0.2;
 
-/// Cubes as collision proxies, those of body a before those of b. Each pair of proxies has a direction with its weight,
-/// and a push: the sum of depth times area times normal over its contacts in the last step.
+/// Cubes as collision proxies, those of body a before those of b. `directions` has two elements for each pair of
+/// proxies: a direction with its weight, and a push, which is the sum of depth times area times normal over its
+/// contacts in the last step.
 struct Given {
     places: Vec<DVec3>,
     pair: Pair,
@@ -43,8 +45,8 @@ fn corners(place: DVec3) -> Vec<DVec3> {
 }
 
 impl Given {
-    /// Cubes about the origin; `counts` has the number of each body. The pairs of proxies have these directions and
-    /// weights in turn, and no pushes.
+    /// Cubes about the origin; `counts` has the number of cubes of each body. The pairs of proxies have these
+    /// directions and weights in turn, and no pushes.
     fn new(counts: [u32; 2], directions: &[(DVec3, f64)], random: &mut Random) -> Given {
         let pairs = counts[0] * counts[1];
         let pair = Pair {
@@ -106,14 +108,15 @@ impl Given {
     }
 }
 
-/// Checks what holds for any answer: axes are orthonormal, boxes hold the inflated hulls, a patch's rectangle is what
-/// its members (pair proxies that belong to the patch) of both sides cover in common, shares sum to one, min-max depth
-/// grids are cleared, and the pair proxies in a rectangle are active. Returns the number of patches.
+/// Checks what must hold for any input: axes are orthonormal, boxes hold the inflated hulls, a patch's rectangle is
+/// what its members (pair proxies that belong to the patch) of both sides cover in common, shares (weights of the
+/// patches at a pair proxy) sum to one, min-max depth grids (how far each side reaches along the normal, by cell) are
+/// cleared, and the pair proxies in a rectangle are active. Returns the number of patches.
 fn check(given: &Given, out: &Outcome) -> usize {
     let (contact_patches, boxes): (Vec<ContactPatch>, Vec<Box3>) = (out.get("contact_patches"), out.get("boxes"));
     let (shares, bits): (Vec<f32>, Vec<u32>) = (out.get("shares"), out.get("proxy_patches"));
     let (depth_grids, buckets): (Vec<u32>, Vec<u32>) = (out.get("depth_grids"), out.get("buckets"));
-    assert_eq!(buckets[..4], [7; 4], "heads of the buckets, which stage pose clears and this kernel leaves");
+    assert_eq!(buckets[..4], [7; 4], "heads of hash buckets, which stage pose clears and this kernel leaves");
     let live = contact_patches.iter().filter(|contact_patch| contact_patch.weight > 0.0).count();
     let count = given.places.len();
     for (r, contact_patch) in contact_patches.iter().enumerate().take(live) {
@@ -121,7 +124,7 @@ fn check(given: &Given, out: &Outcome) -> usize {
         let axes = [contact_patch.tangent, contact_patch.bitangent, contact_patch.normal].map(wide);
         for i in 0..3 {
             let along = axes.map(|axis| axis.dot(axes[i]) as f32);
-            expect_close("orthonormal", &along, &[0, 1, 2].map(|k| f64::from(u8::from(k == i))), PLACED);
+            expect_close("products of axes", &along, &[0, 1, 2].map(|k| f64::from(u8::from(k == i))), PLACED);
         }
         assert!(axes[0].cross(axes[1]).dot(axes[2]) > 0.0);
         let mut sides = vec![];
@@ -139,7 +142,7 @@ fn check(given: &Given, out: &Outcome) -> usize {
                 let got = boxes[p * PAIR_PATCHES + r].map(wide);
                 assert!(
                     (low - got[0]).min_element() > -2e-6 && (got[1] - high).min_element() > -2e-6,
-                    "box of pair proxy {p}"
+                    "the box of pair proxy {p} must hold its inflated hull"
                 );
                 if members.contains(&p) {
                     expect_close("box", &boxes[p * PAIR_PATCHES + r][0], &low.to_array(), PLACED);
@@ -156,7 +159,7 @@ fn check(given: &Given, out: &Outcome) -> usize {
         );
         assert!(
             buckets[4 + r * GRID_WORDS..][..GRID_WORDS].iter().all(|search_depth| *search_depth == NONE),
-            "the search depths must be cleared"
+            "the heights from which rays start must be cleared in all cells"
         );
     }
     for s in 0..count {
@@ -256,7 +259,7 @@ fn more_groups_than_regions_are_flagged() {
         assert_eq!(
             (check(&given, &out), flags(&out)),
             (count.min(PAIR_PATCHES), want),
-            "contact patches and flags for {count} groups of directions"
+            "number of contact patches, and flags, for {count} groups of directions"
         );
     }
 }
@@ -289,7 +292,10 @@ fn a_half_space_has_one_region_and_the_slots_that_reach_it() {
     for (s, bit) in bits.iter().enumerate() {
         let lowest = given.hull(s).iter().map(|x| normal.as_dvec3().dot(*x)).fold(f64::INFINITY, f64::min);
         let above = lowest + 0.3 - f64::from(INFLATION);
-        assert!(above.abs() < 1e-5 || (*bit == 1) == (above < 0.0), "a hull at {above} m above the inflated plane");
+        assert!(
+            above.abs() < 1e-5 || (*bit == 1) == (above < 0.0),
+            "pair proxy {s}: its inflated hull is {above} m above the plane, and its bits of patches are {bit}"
+        );
         assert_eq!(shares[PAIR_PATCHES * s], *bit as f32);
         below += bit;
     }

@@ -1,5 +1,6 @@
 //! Kernels contact/candidates (which skin vertices collide) and contact/response (coefficients of contacts for the
-//! solver) for any number of elements. A candidate is a vertex of a skin (surface mesh) that may be a contact.
+//! solver) for any number of elements. A candidate is a vertex of a skin (surface mesh) that may be a contact. An entry
+//! is a node with its weight in a contact, and a quad is four entries; each node has linked lists of its entries.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::shaders;
@@ -19,8 +20,8 @@ fn sizes() -> [usize; 6] {
     [0, 1, width - 1, width, width + 1, 1234]
 }
 
-/// A skin of `n` separate triangles that face down to a half-space, in chunks (groups of up to 64 vertices) of their
-/// first corners.
+/// A skin of `n` separate triangles that face down to a half-space, with chunks (groups of up to 64 vertices) that hold
+/// the first corners of the triangles.
 fn loose(n: usize, random: &mut Random) -> Flow {
     let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, DQuat::IDENTITY);
     let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
@@ -94,7 +95,7 @@ fn responses_of_any_number() {
         flow.model.skin_nodes = (0..vertices as u32).map(|i| [0, 1, 2, 3].map(|k| (i * 7 + k * 13) % 50)).collect();
         flow.model.skin_weights = (0..vertices).map(|i| [0.25, 0.5, 0.25 + (i % 4) as f32 * 0.125, 0.0]).collect();
         // Every third candidate is a contact, and every other contact is with a triangle. Candidates that fill up the
-        // last chunk are none.
+        // last chunk are no contacts.
         let hit = |i: usize| if i % 3 == 2 && i < 3 * n { [0.1 + i as f32, 0.25, 0.5, 2.0] } else { [0.0; 4] };
         let count = (3 * n).next_multiple_of(CHUNK_VERTICES);
         flow.hits = (0..count).map(hit).collect();
@@ -113,7 +114,8 @@ fn responses_of_any_number() {
     }
 }
 
-/// Checks that each node's lists hold its entries and no others, and that each touched node is listed once.
+/// Checks that each node's lists hold its entries and no others, and that each node with entries is once in the list of
+/// touched nodes.
 fn check_lists(flow: &Flow, counts: &[u32]) {
     let lists = flow.node_lists.len() / counts.len();
     let mut listed = vec![false; flow.next_entries.len()];

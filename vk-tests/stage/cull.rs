@@ -14,17 +14,18 @@ use crate::harness::bodies::sphere;
 use crate::harness::random::Random;
 use crate::harness::{Outcome, Tolerance, case, context, expect_close};
 
-/// Error of a gap, m: f32 positions of order one are known to 1e-7, and a gap is the difference of two after a few
-/// rounds of the iteration (GJK).
+/// Error of a gap, m: f32 positions of order one are known to 1e-7, and a gap is the difference of two positions after
+/// a few iterations (GJK).
 const GAP: f64 = 2e-6;
 /// Error of a separation along a face normal, m: one difference of dot products of unit normals with points of order
 /// one.
 const SEPARATION: f64 = 1e-6;
-/// Error of a direction: blending weights change by the separation's error over the blend width, some 0.05 here.
+/// Error of a direction, a blend of face normals: blending weights change by the error of the separation over the width
+/// of the blend, which is some 0.05 m here.
 const DIRECTION: Tolerance = Tolerance { abs: 1e-4, rel: 0.0 };
-/// Error of a weight (reach - separation)^2 near one.
+/// Error of a direction's weight, (reach - separation)^2, which is near one.
 const WEIGHT: Tolerance = Tolerance { abs: 1e-6, rel: 1e-5 };
-/// How far a skin may lie outside its hull, m.
+/// How far a skin (surface mesh) may lie outside its hull, m.
 const INFLATION: f32 = 0.05;
 
 /// Hulls of two bodies in the arrays that the kernels read, the first body's before the second's.
@@ -124,12 +125,12 @@ fn mixed(random: &mut Random, count: usize, spread: f64) -> Hulls {
     hulls
 }
 
-/// Gap up to which a pair may touch: both inflations together, m.
+/// Reach, the gap up to which a pair may touch: the inflations of both hulls together, m.
 const REACH: f64 = 0.1;
 /// Number of pairs that a workgroup handles.
 const SHARE: usize = 64;
 
-/// Runs cull/pairs on `n` pairs, each of one of the first `a_count` proxies and one of the rest.
+/// Runs cull/pairs on `n` pairs. A pair consists of one of the first `a_count` proxies and one of the other proxies.
 fn test_pairs(hulls: &Hulls, a_count: usize, n: usize) -> (Outcome, Vec<[u32; 4]>) {
     let b_count = hulls.proxies.len() - a_count;
     let all = (0..a_count as u32).flat_map(|a| (0..b_count as u32).map(move |b| [a, a_count as u32 + b, 0, 0]));
@@ -158,8 +159,8 @@ fn test_pairs(hulls: &Hulls, a_count: usize, n: usize) -> (Outcome, Vec<[u32; 4]
 
 #[test]
 fn two_cubes_by_hand() {
-    // The cases: gaps of 0.09 and 0.11, around the reach of 0.1; an overlap; and cubes that are apart at a corner
-    // though their boxes overlap.
+    // The cases are: gaps of 0.09 m and 0.11 m, below and above the reach of 0.1 m; an overlap; and cubes that are
+    // apart at a corner though their boxes overlap.
     let quarter = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_4);
     for (turn, place, near) in [
         (DQuat::IDENTITY, DVec3::X * 1.09, true),
@@ -181,7 +182,7 @@ fn two_cubes_by_hand() {
         assert_eq!(out.get::<u32>("args")[3 * shaders::ARGS_DIRECTION as usize], u32::from(near));
         let [reach, gap] = out.get::<[f32; 2]>("reach_of")[0].map(f64::from);
         assert!((reach - if near { REACH } else { -1.0 }).abs() < 1e-7, "reach {reach} m");
-        // Two of the near pairs have a gap of 0.09, and the third overlaps.
+        // Two of the three near pairs have a gap of 0.09 m; in the third the cubes overlap.
         assert!(
             !near || (gap - 0.09).abs() < 1e-4 || (gap <= 0.0 && place == DVec3::splat(0.3)),
             "gap {gap} m, expected 0.09 m or an overlap"
@@ -209,10 +210,10 @@ fn no_pair_within_reach_is_missed_and_none_beyond_it_is_kept() {
             let (a, b) = (&hulls.points[*a as usize], &hulls.points[*b as usize]);
             let is_kept = kept.binary_search(&(i as u32)).is_ok();
             if proximity::pairs(a, b, REACH - GAP).expect("parry answers") {
-                assert!(is_kept, "pair {i} is missed; its distance {:?}", exact::exact_distance(a, b));
+                assert!(is_kept, "pair {i} is missed; normal, distance {:?}", exact::exact_distance(a, b));
                 near += 1;
             } else if !proximity::pairs(a, b, REACH + GAP).expect("parry answers") {
-                assert!(!is_kept, "pair {i} is kept; its distance {:?}", exact::exact_distance(a, b));
+                assert!(!is_kept, "pair {i} is kept; normal, distance {:?}", exact::exact_distance(a, b));
                 far += 1;
             }
         }
@@ -220,7 +221,7 @@ fn no_pair_within_reach_is_missed_and_none_beyond_it_is_kept() {
         for i in kept {
             let [a, b, ..] = pairs[i as usize].map(|p| p as usize);
             let gap = exact::exact_distance(&hulls.points[a], &hulls.points[b]).expect("parry answers").1.max(0.0);
-            // The kernel's distance is a lower bound, and nearly the distance itself.
+            // The gap that the kernel finds is a lower bound of the true gap, and nearly equal to it.
             let found = f64::from(reach[i as usize][1]);
             assert!(found <= gap + GAP && found >= gap - 0.01 * REACH, "pair {i}: gap {found} m, expected {gap} m");
         }
@@ -228,7 +229,7 @@ fn no_pair_within_reach_is_missed_and_none_beyond_it_is_kept() {
     assert!(near > 100 && far > 100, "{near} pairs within reach, {far} beyond");
 }
 
-/// Gaps a thousandth of the reach below and above it: the bound may miss no pair and keep few others.
+/// Each gap is a thousandth of the reach below or above the reach: exactly the pairs with gaps below must be kept.
 #[test]
 fn gaps_next_to_the_reach_are_told_apart() {
     let mut random = Random(32);
@@ -257,11 +258,11 @@ fn gaps_next_to_the_reach_are_told_apart() {
     }
 }
 
-/// Runs cull/direction on these pairs and returns their directions and pushes. The reach of each pair is 1, and hulls
-/// that do not overlap count as `gap` apart. `last` has the contacts of the last step: pair and push.
+/// Runs cull/direction on these pairs and returns their directions and pushes. The reach of each pair is 1 m, and hulls
+/// that do not overlap count as `gap` (m) apart. `last` has the pair and the push of each contact of the last step.
 fn directions(hulls: &Hulls, pairs: &[[u32; 4]], gap: f32, last: &[(u32, DVec3)]) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
     let listed: Vec<u32> = (0..pairs.len() as u32).rev().collect();
-    // Candidates that were no contacts lie between those that were.
+    // Between the candidates that were contacts lie candidates that were none.
     let sources: Vec<u32> = (0..last.len() as u32).map(|c| 3 * c + 1).collect();
     let mut pushes = vec![[1e3, 1e3, 1e3, 0.0]; 3 * last.len() + 1];
     for (source, (pair, push)) in sources.iter().zip(last) {
@@ -296,9 +297,9 @@ fn cubes_part_along_their_faces() {
     let pairs = [[0, 1, 0, 0], [0, 2, 0, 0], [0, 0, 0, 0]];
     let (got, pushes) = directions(&hulls, &pairs, 0.0, &[]);
     assert_eq!(pushes, [[0.0; 4]; 3]);
-    expect_close("along x, 0.1 deep", &got[0], &[1.0, 0.0, 0.0, 1.0], WEIGHT);
-    expect_close("along y, 0.2 apart", &got[1], &[0.0, 1.0, 0.0, 0.64], WEIGHT);
-    expect_close("0.3 apart at a corner", &directions(&hulls, &pairs[1..2], 0.3, &[]).0[0][3..], &[0.49], WEIGHT);
+    expect_close("cubes along x, 0.1 m deep", &got[0], &[1.0, 0.0, 0.0, 1.0], WEIGHT);
+    expect_close("cubes along y, 0.2 m apart", &got[1], &[0.0, 1.0, 0.0, 0.64], WEIGHT);
+    expect_close("weight at 0.3 m", &directions(&hulls, &pairs[1..2], 0.3, &[]).0[0][3..], &[0.49], WEIGHT);
     let length = f64s(&got[2]).length();
     assert!(
         (length - 1.0).abs() < 1e-6 && (f64::from(got[2][3]) - 1.0).abs() < 1e-5,

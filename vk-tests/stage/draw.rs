@@ -11,7 +11,8 @@ use crate::scene::whole_step::{open, run, scene};
 
 /// Error of positions relative to the distance from the chosen origin: f32 sums of a few terms.
 const POSITION: f64 = 4e-7;
-/// Error of unit normals: the error of a position over the shortest edge of the skins here (5 mm), and a little more.
+/// Error of unit normals: the error of a position over the shortest edge of the skins in these tests (5 mm), and a
+/// little more.
 const NORMAL: f64 = 2e-4;
 
 /// World positions of the skin vertices of all bodies and of the tool, in f64.
@@ -24,7 +25,7 @@ fn places(simulation: &Simulation) -> Vec<DVec3> {
     all
 }
 
-/// Vertex normals of the skins with these positions.
+/// Vertex normals of the skins if their vertices are at `places`.
 fn normals(simulation: &Simulation, places: &[DVec3]) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; places.len()];
     for (body, range) in simulation.skin_ranges().iter().enumerate() {
@@ -77,7 +78,7 @@ fn skins_are_shown_where_they_are() {
     shown_as_it_is("free", &friction::collision(0.3), DVec3::ZERO);
     let keys = "motion = \"driven\"\nkeys = [[0.0, 0.4, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703], \
                 [0.2, 0.42, 0.1, -0.2, 0.1, 0.2, 0.3, 0.9273618495495703]]";
-    // In this scene nothing can touch, so that there is no stage skin whose arrays the drawing could share.
+    // In this scene nothing can touch, so a step has no stage `skin` with arrays that the drawing could share.
     let chain = joints::chain(2e4, keys, ["", "stiffness = 0.5"], "gravity = [5.0, -25.0, 8.0]");
     shown_as_it_is("a chain", &chain, DVec3::new(0.4, 0.1, -0.2));
 }

@@ -1,5 +1,5 @@
-//! Kernel elastic/element_forces, by hand and against the f64 oracle: the rotation of each tetrahedron, its rotated
-//! gradients, and its part of the right-hand side.
+//! Kernel elastic/element_forces, by hand and against the f64 oracle (reference implementation): the rotation of each
+//! tetrahedron, its rotated gradients, and its part of the right-hand side.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::Flags;
@@ -28,17 +28,17 @@ const FOUND: f64 = 2.0e-3;
 /// Error of gradients relative to the largest value: they are a dozen roundings away from the input.
 const GRADIENT: f64 = 1.0e-6;
 /// Error of gradients relative to the largest value where they are those of the deformed tetrahedron (neo-Hookean):
-/// they contain the inverse of the stretch, which is known to 1e-7 and is at least a third.
+/// they contain the inverse of the stretch, and the stretch is known to 1e-7 and is at least a third.
 const FOLDED: f64 = 5.0e-6;
 /// Error of forces relative to the largest value: strains of order one tenth come from terms of order one, known to
 /// 1e-7.
 const FORCE: f64 = 1.0e-5;
-/// Error relative to the largest value at strains of 1e-6; strains that are differences of numbers of order one would
-/// give 1e-1 at best.
+/// Error of forces relative to the largest value at strains of 1e-6; strains that are differences of numbers of order
+/// one would give 1e-1 at best.
 const TINY_STRAIN: f64 = 5.0e-6;
 
-/// Runs elastic/element_forces over a whole system. `patch_of` has the F-bar patch of each tetrahedron or `NONE`, and
-/// is empty without patches.
+/// Runs elastic/element_forces over a whole system. `patch_of` has the F-bar patch of each tetrahedron (the group with
+/// which it shares its volumetric strain) or `NONE`, and is empty without patches.
 pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
     let tetrahedra = system.model.tetrahedra.len();
     case("elastic/element_forces")
@@ -137,8 +137,8 @@ fn quaternions(system: &System) -> Vec<DQuat> {
     system.rotations.iter().map(|q| DQuat::from_array(q.map(f64::from))).collect()
 }
 
-/// Compares rotations with the oracle's polar ones, and gradients and forces with the oracle's at the rotations that
-/// the kernel found.
+/// Compares rotations with the oracle's polar rotations, and gradients and forces with the oracle's at the rotations
+/// that the kernel found.
 pub fn expect_oracle(what: &str, system: &System, force: f64) {
     let found = quaternions(system);
     let Some(body) = system.twin.bodies.first() else { return assert!(found.is_empty()) };
@@ -184,7 +184,7 @@ fn expect_gradients(what: &str, system: &System) {
         traces.1.push(e.x_axis.x + e.y_axis.y + e.z_axis.z);
     }
     expect_of_largest(&format!("{what}: gradients"), &got, &want, share);
-    expect_of_largest(&format!("{what}: tr(E)"), &traces.0, &traces.1, FORCE);
+    expect_of_largest(&format!("{what}: trace of the strain"), &traces.0, &traces.1, FORCE);
 }
 
 /// Checks that every value is within `share` of the largest wanted one.
@@ -195,8 +195,8 @@ pub fn expect_of_largest(what: &str, got: &[f32], want: &[f64], share: f64) {
 
 #[test]
 fn a_tetrahedron_stretched_along_an_edge_by_hand() {
-    // elastic/element_forces on a unit corner of 1 m with d_1 = (0.01, 0, 0): strain E = diag(0.01, 0, 0), stress P = 2
-    // mu E + 0.01 lambda I, volume V = 1/6.
+    // elastic/element_forces on a tetrahedron at the corner of a cube with edges of 1 m, whose second node is displaced
+    // by (0.01, 0, 0) m: strain E = diag(0.01, 0, 0), stress P = 2 mu E + 0.01 lambda I, volume V = 1/6.
     let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], attached: vec![false; 4], ..Layer::default() };
     let mut system = System::new(&[layered(layer, material(2e4), DQuat::IDENTITY)], 0.0, 1);
@@ -236,7 +236,8 @@ fn rotations_and_forces_agree_with_the_oracle_at_every_size() {
 
 #[test]
 fn far_rotations_are_found_from_a_cold_and_a_warm_start() {
-    // elastic/element_forces from the identity, for turns up to just below half a turn; at a third of a turn tr F = 0.
+    // elastic/element_forces from the identity, for turns up to just below half a turn; at a third of a turn the trace
+    // of the rotation is zero.
     let turns = [0.1, 1.0, 1.5, 2.0, 2.0 * std::f64::consts::FRAC_PI_3, 2.5, 3.0, 3.1, 3.13];
     let mut k = 0;
     let mut system = deformed(40 * turns.len(), 11, |random| {
@@ -246,7 +247,7 @@ fn far_rotations_are_found_from_a_cold_and_a_warm_start() {
     });
     system.rotate();
     expect_oracle("from the identity", &system, FORCE);
-    // Warm starts: from the rotations that were found, and from some way off.
+    // Warm starts follow: from the rotations that were found, and from rotations some way off.
     system.rotate();
     expect_oracle("from the rotations found", &system, FORCE);
     let mut random = Random(12);
@@ -255,7 +256,7 @@ fn far_rotations_are_found_from_a_cold_and_a_warm_start() {
         *q = off.normalize().as_quat().to_array();
     }
     system.rotate();
-    expect_oracle("warm", &system, FORCE);
+    expect_oracle("from rotations off by up to 0.5 rad an axis", &system, FORCE);
 }
 
 #[test]
@@ -279,7 +280,7 @@ fn inverted_tetrahedra_keep_proper_rotations() {
     expect_oracle("after five steps", &system, FORCE);
 }
 
-/// Flags after the kernel, which starts from those of the system.
+/// The flags that the kernel leaves if it starts from the system's flags.
 fn flags_of(system: &System) -> Flags {
     Flags(rotate(system, &[]).get::<Counts>("counts")[0].flags)
 }
@@ -356,9 +357,13 @@ fn rigid_motions_give_no_force_and_forces_balance() {
         .collect();
     for (t, forces) in system.element_forces[..1200].chunks(4).enumerate() {
         let size = crate::solver::system::triples(forces).iter().fold(0.0f32, |m, x| m.max(x.abs()));
-        assert!(f64::from(size) < FORCE * unit[t], "tetrahedron {t}: force {size:e}, at a strain of one {:e}", unit[t]);
+        assert!(
+            f64::from(size) < FORCE * unit[t],
+            "tetrahedron {t}: force {size:e}; a strain of one would give {:e}",
+            unit[t]
+        );
     }
-    // With the tetrahedra deformed, the forces of each must balance.
+    // With the tetrahedra deformed, the four forces of each tetrahedron must balance.
     system.displacement.iter_mut().for_each(|d| d[0] *= 1.3);
     system.rotate();
     for forces in system.element_forces[..1200].chunks(4) {
@@ -370,7 +375,7 @@ fn rigid_motions_give_no_force_and_forces_balance() {
 
 #[test]
 fn the_oracles_polar_rotation_is_one() {
-    // The other tests rely on this: R^T F is symmetric, and R is proper.
+    // The other tests rely on the oracle's polar rotation R of F: R^T F is symmetric, and R is proper.
     let mut random = Random(23);
     for _ in 0..100 {
         let least = random.next();

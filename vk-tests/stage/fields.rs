@@ -1,6 +1,7 @@
 //! Fields on the skins (surface meshes) for display: contact depth and pressure, strain energy density, displacement.
-//! Each kernel is compared with f64, whole fields with values computed on the host, and a run whose fields are read
-//! with a run whose fields are not.
+//! Each kernel is compared with f64, and whole fields are compared with values that the host computes. A run whose
+//! fields are read must give the same bits as a run whose fields are not read. A patch is a group of tetrahedra that
+//! share one volumetric strain (F-bar); the oracle is the f64 reference implementation.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::{Const, Size};
@@ -21,26 +22,27 @@ use crate::scene::whole_step::{open, run, scene, soft_twin};
 use crate::solver::system::{System, layered, material, mixed, two_layers};
 use crate::stage::elastic::{deformed_of, expect_of_largest, stretched};
 
-/// Error of densities relative to the largest: strains of order one tenth come from terms of order one, known to 1e-7;
-/// a density is their square.
+/// Error of energy densities relative to the largest density: strains of order one tenth come from terms of order one,
+/// known to 1e-7; a density is their square.
 const DENSITY: f64 = 1.0e-5;
-/// Error of densities relative to the largest at strains of 1e-6, some of which hardly change the volume, so that their
-/// trace is a small difference; strains that are differences of numbers of order one would give 1e-1 at best.
+/// Error of energy densities relative to the largest density, at strains of 1e-6, some of which hardly change the
+/// volume, so that their trace is a small difference; strains that are differences of numbers of order one would give
+/// 1e-1 at best.
 const TINY_STRAIN: f64 = 5.0e-5;
 /// Relative error where the expected values are computed by hand: a dozen roundings.
 const BY_HAND: f64 = 1.0e-6;
 /// Error of f32 sums of a few terms.
 const SUM: Tolerance = Tolerance { abs: 1e-6, rel: 2e-6 };
-/// Error of the force that a step's pressures give, relative to the summed sizes of its parts, which may cancel: f32
-/// sums.
+/// Error of the force that a step's pressures give, relative to the summed magnitudes of the forces at the contacts,
+/// which may cancel in the sum: f32 sums.
 const PRESSURE: f64 = 1.0e-5;
-/// Error of a whole field relative to its largest value: displacements are f32, and the stress is a small difference of
+/// Error of a whole field relative to its largest value: displacements are f32, and the strain is a small difference of
 /// them.
 const WHOLE: f64 = 2.0e-4;
-/// Largest value of a field at rest, where f64 leaves rounding; m or J/m^3.
+/// Largest value of a field at rest, where only rounding in f64 is left; m or J/m^3.
 const REST: f64 = 1.0e-12;
 
-/// The sizes 0, 1, around the width of a workgroup, and a large one.
+/// Numbers of elements: 0, 1, three numbers around the width of a workgroup, and a large number.
 fn sizes() -> [usize; 6] {
     let width = context().group_size() as usize;
     [0, 1, width - 1, width, width + 1, 1234]
@@ -95,8 +97,9 @@ fn column(rows: &[[f32; 4]], k: usize) -> Vec<f32> {
 
 #[test]
 fn the_energy_of_a_tetrahedron_stretched_along_an_edge_by_hand() {
-    // draw/energy on a unit corner with d_1 = (0.01, 0, 0), strain E = diag(0.01, 0, 0) and volume V = 1/6: the
-    // corotational density is (mu + lambda / 2) 1e-4.
+    // draw/energy on a tetrahedron at the corner of a cube with edges of 1 m, whose second node is displaced by (0.01,
+    // 0, 0) m. With strain E = diag(0.01, 0, 0) and volume V = 1/6 m^3, the corotational density is (mu + lambda / 2)
+    // 1e-4.
     for law in [MaterialLaw::Corotational, MaterialLaw::NeoHookean] {
         let nodes = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
         let layer = Layer { nodes, tetrahedra: vec![[0, 1, 2, 3]], attached: vec![false; 4], ..Layer::default() };
@@ -132,7 +135,7 @@ fn energies_agree_with_the_oracle_at_every_size_squeezed_and_tiny() {
                 }
             });
             let got: Vec<[f32; 4]> = energy(&system, &[]).get("densities");
-            expect_of_largest(&format!("{count} {what}"), &column(&got, 0), &wanted(&system), share);
+            expect_of_largest(&format!("{count} tetrahedra, {what}"), &column(&got, 0), &wanted(&system), share);
         }
     }
 }
@@ -217,7 +220,7 @@ fn nodes_have_the_mean_of_their_tetrahedra_and_vertices_that_of_their_nodes() {
         };
         let want: Vec<f64> = (0..n).map(mean).collect();
         let got: Vec<f32> = outcome.get("node_values");
-        expect_close("means", &got, &want, SUM);
+        expect_close("means at nodes", &got, &want, SUM);
 
         let (nodes, weights) = vertices(n, 50, &mut random);
         let values: Vec<f32> = (0..50).map(|_| random.next() as f32 + 1.0).collect();
@@ -239,7 +242,7 @@ fn nodes_have_the_mean_of_their_tetrahedra_and_vertices_that_of_their_nodes() {
                 .max(0.0),
         };
         let want: Vec<f64> = nodes.iter().zip(&weights).take(n).map(spread).collect();
-        expect_close("spread", &outcome.get::<f32>("values"), &want, SUM);
+        expect_close("values at vertices", &outcome.get::<f32>("values"), &want, SUM);
     }
 }
 
@@ -284,7 +287,7 @@ fn what_deformation_moved_is_turned_by_its_frames() {
             _ => nodes.iter().zip(weights).map(|(n, w)| f64::from(*w) * turned(n)).sum::<DVec3>().length(),
         };
         let want: Vec<f64> = nodes.iter().zip(&weights).take(n).map(moved).collect();
-        expect_close("moved", &outcome.get::<f32>("values"), &want, SUM);
+        expect_close("distances moved", &outcome.get::<f32>("values"), &want, SUM);
     }
 }
 
@@ -372,8 +375,8 @@ fn contacts_show_at_both_skins_and_the_greatest_of_a_vertex_stays() {
     }
 }
 
-/// A field as the GPU stores it, without padding. Also checks that the greatest value reported for each body is that of
-/// its vertices.
+/// A field as the GPU stores it, without padding. Also checks that the greatest value that is reported for each body is
+/// the greatest at its vertices.
 fn shown(simulation: &mut Simulation, field: Field) -> Vec<f32> {
     let ranges = simulation.skin_ranges();
     let found = simulation.field(field).unwrap();
@@ -420,7 +423,7 @@ fn of_host(simulation: &Simulation) -> (Vec<f64>, Vec<f64>) {
     (energies, distances)
 }
 
-/// Depth and pressure at all skin vertices from the contacts of the last step, as they were at the start of that step.
+/// Depth and pressure at all skin vertices at the start of the last step, from the contacts of that step.
 fn of_contacts(simulation: &Simulation) -> (Vec<f64>, Vec<f64>) {
     let total = simulation.skin_ranges().last().unwrap().end;
     let (mut depths, mut pressures) = (vec![0.0f64; total], vec![0.0f64; total]);
@@ -558,6 +561,6 @@ fn a_run_that_is_looked_at_is_the_same_bits() {
             }
         }
         let end = [&plain, &seen].map(|simulation| simulation.save().unwrap());
-        assert!(end[0] == end[1], "the states at the end differ");
+        assert!(end[0] == end[1], "the states of the two runs differ at the end");
     }
 }

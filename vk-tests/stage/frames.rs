@@ -1,6 +1,7 @@
 //! Kernels that deal with the rigid coordinate frames of bodies: tetrahedra, skin (surface mesh) and collision proxies
-//! with nodes in two frames, nodes attached to kinematic frames, the new state relative to the frame at the end of a
-//! step, and the sums from which a floating frame is fitted.
+//! with nodes in two frames, nodes attached to kinematic frames (whose motion is known) and to dynamic cores (rigid
+//! bodies inside soft ones, whose motion is solved for), the new state relative to the frame at the end of a step, and
+//! the sums from which a floating frame is fitted to the nodes of its body.
 
 use bytemuck::Zeroable;
 use glam::{DMat3, DQuat, DVec3};
@@ -43,7 +44,7 @@ fn narrow(x: DVec3) -> [f32; 4] {
     x.as_vec3().extend(0.0).to_array()
 }
 
-/// A bar whose halves belong to two frames.
+/// A bar, one half of which belongs to one frame and the other half to another frame.
 fn two_frames() -> Body {
     let mut body = layered(
         kuhn_box(DVec3::new(-0.06, -0.02, -0.02), DVec3::new(0.06, 0.02, 0.02), [6, 2, 2]),
@@ -114,10 +115,10 @@ fn tetrahedra_that_span_two_frames_have_the_oracles_forces() {
     for (angle, seed) in [(0.0, 5), (1e-3, 6), (0.1, 7), (0.3, 8)] {
         let (mut system, _) = bent(angle, seed);
         let spanning = system.model.tetrahedron_links.iter().filter(|links| **links != [0; 4]).count();
-        assert!(spanning > 10, "{spanning} tetrahedra span the frames");
+        assert!(spanning > 10, "only {spanning} tetrahedra span both frames");
         system.rotate();
         let body = &system.twin.bodies[0];
-        // The oracle uses its own rotations, those of the whole deformation from rest axes.
+        // The oracle uses its own rotations, the polar rotations of the whole deformation from rest axes.
         let rotations = body.elements.rotations(&body.displacement);
         let elastic = body.elements.forces(&body.displacement, &rotations);
         let h = system.twin.dt;
@@ -153,7 +154,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
     let (system, places) = bent(0.9, 11);
     let moved = world(&system, &places);
     let nodes = system.model.node_rest.len();
-    // Weights of the middle of each tetrahedron, and of a point outside it.
+    // Barycentric weights of the middle of each tetrahedron, and of a point outside the tetrahedron.
     let weights = [[0.25f32; 4], [1.5, -0.3, -0.4, 0.2]];
     let skin_nodes: Vec<[u32; 4]> = system.model.tetrahedra.iter().flat_map(|t| [*t; 2]).collect();
     let skin_weights: Vec<[f32; 4]> = system.model.tetrahedra.iter().flat_map(|_| weights).collect();
@@ -192,8 +193,8 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
     let want: Vec<f64> = skin_nodes.iter().zip(&skin_weights).flat_map(place).collect();
     expect_close("skin", out.get::<[f32; 4]>("skin").as_flattened(), &want, PLACED);
 
-    // A proxy on each frame that lists all nodes: its inflation follows from the node farthest from rest, seen from its
-    // frame.
+    // Each frame has a collision proxy (convex hull) that lists all nodes. A proxy's inflation (how far skin may lie
+    // outside the hull) follows from the greatest displacement of a node, seen from the proxy's frame.
     let proxy = |frame: u32| Proxy {
         frame,
         hull_first: 4 * frame,
@@ -208,7 +209,7 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
     let listed: Vec<[u32; 2]> = (0..2u32)
         .flat_map(|to| {
             let own = system.model.node_info.iter().enumerate().map(move |(n, info)| (to, n, info[2]));
-            // Two nodes share a texel, so that an odd number is filled up.
+            // Two nodes share a texel, so that an odd number of nodes is filled up with one more.
             own.chain((nodes % 2 == 1).then_some((to, 0, system.model.node_info[0][2])))
         })
         .map(|(to, n, from)| [n as u32, if to == from { 0 } else { link(to, from).unwrap() as u32 }])
@@ -318,7 +319,7 @@ fn kinematic_nodes_go_where_their_frame_takes_them() {
             .run();
         let got: Vec<[f32; 4]> = out.get("velocity");
         for i in 0..count {
-            assert_eq!(got[2 * i], [-7.0; 4], "velocity of a free node, which must stay");
+            assert_eq!(got[2 * i], [-7.0; 4], "velocity of a free node, which must stay as it was");
             let r = wide(&rest[2 * i + 1]);
             let want = (end.centre + end.rotation * r - start.centre - start.rotation * r) / h;
             // In f32 the vector part of the frame's turn, and thus the arc, has a relative error of 6e-8.
@@ -337,7 +338,7 @@ fn what_dynamic_cores_carry_has_their_twist_and_its_first_guess() {
         let (linear, angular) = (random.vector(), random.vector());
         let frame = Frame { core: 1, linear: linear.as_vec3().into(), angular: angular.as_vec3().into(), ..frame };
         let x: [f32; 6] = std::array::from_fn(|_| random.next() as f32);
-        // The core is the second of two, and either set may hold the newest iterate.
+        // The core is the second of two, and either of the solver's two sets of iterates may hold the newest iterate.
         let current = count as u32 % 2;
         let mut iterates = [RigidIterate::zeroed(); 4];
         iterates[2 * current as usize + 1].x = x;
@@ -403,7 +404,7 @@ fn floating_frames_are_fitted_from_the_sums_of_their_nodes() {
         }
         for (k, got) in [fit.shift, fit.twist, fit.momentum, fit.spin].iter().enumerate() {
             let error = wide(got).distance(want[k]) / size[k];
-            assert!(error < SUM, "sum {k} of {} nodes: relative error {error:e}", sizes[i]);
+            assert!(error < SUM, "sum {k} (shift, twist, momentum, spin) of {} nodes: error {error:e}", sizes[i]);
         }
     }
 }

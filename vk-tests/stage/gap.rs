@@ -1,6 +1,6 @@
-//! Tests of kernel wrench/gap and of the gap that the haptic loop is given. The kernel finds the shortest vector (a way)
-//! from the tool to the skins (surface meshes) at the end of a step; it is compared with a search over every point and
-//! triangle in f64.
+//! Tests of kernel wrench/gap and of the gap between tool and bodies that the haptic loop is given. The tool is the
+//! rigid body that the haptic device leads. The kernel finds the shortest vector (a way) from the tool to the skins
+//! (surface meshes) at the end of a step; it is compared with a search over every point and triangle in f64.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -25,12 +25,13 @@ const FAR: f32 = 3.0e38;
 /// Greatest number of chunks (groups of skin vertices and triangles) in a part of a skin, which one workgroup handles.
 const SHARE: u32 = 8;
 
-/// Inputs of wrench/gap. [`Flow`] holds the arrays of the stages before it for some bodies; the last body is the tool.
+/// Inputs of wrench/gap. [`Flow`] holds the arrays of the stages before that kernel for some bodies; the last body is
+/// the tool.
 struct Given {
     flow: Flow,
     parts: Vec<SkinPart>,
-    /// Changes of the twists of the rigid cores, then of the tool. They are put into the second of the solver's two sets
-    /// of iterates, which the test marks as the newest.
+    /// Changes of the twists of the rigid cores (rigid bodies inside soft ones), then of the tool. The changes are put
+    /// into the second of the solver's two sets of iterates, which the test marks as the newest.
     changes: Vec<[f32; 6]>,
     is_round: bool,
     /// Radius of a ball about the tool's centre that holds the tool, m.
@@ -172,7 +173,7 @@ impl Given {
         (indices, corners)
     }
 
-    /// All ways from the tool to a part, with the triangles' numbers as in the kernel.
+    /// All ways from the tool to a part, with triangles numbered as in the kernel.
     fn ways(&self, part: &SkinPart) -> Vec<Way> {
         let positions = self.positions();
         let model = &self.flow.model;
@@ -190,7 +191,8 @@ impl Given {
         let of_tool: Vec<&Proxy> = model.proxies.iter().filter(|p| p.frame as usize == self.tool_frame()).collect();
         let (first, count) = (of_tool[0].chunk_first, of_tool.iter().map(|p| p.chunk_count).sum());
         let (tool_indices, tool_corners) = self.triangles(first, count);
-        // Vertices of the tool go with triangles of the part, and the reverse; corners are indices among all positions.
+        // Ways go from vertices of the tool to triangles of the part, and from triangles of the tool to vertices of the
+        // part; corners are indices into all positions.
         let towards = own(first, count)
             .into_iter()
             .flat_map(|x| oracle::from_point(x, (&positions, &corners)).collect::<Vec<_>>());
@@ -224,20 +226,20 @@ impl Given {
                     let mut same = ways.iter().filter(|way| way.triangle == got.triangle as usize && way.faces);
                     assert!(
                         same.any(|known| known.along.distance(way) < CLOSE),
-                        "not a way to its triangle: {got:?}, shortest {front:?}"
+                        "the kernel's way does not lead to its triangle: {got:?}, shortest way {front:?}"
                     );
                     near += 1;
                 }
                 None => assert_eq!((got.way, got.triangle), ([0.0; 3], NONE)),
             }
-            // If the nearest triangle faces away, `back` is the length of the way to it; otherwise `back` is the length
-            // of some way that was met during the search.
+            // If the nearest triangle faces away, the kernel's `back` is the length of the way to this triangle;
+            // otherwise its `back` is the length of some way to a triangle facing away that was met during the search.
             let most = front.map_or(f64::INFINITY, |front| size(front) - CLOSE);
             for found in [got, other].map(|got| f64::from(got.back)) {
                 match back.filter(|back| size(*back) < most) {
                     Some(back) => assert!(
                         (found - size(back)).abs() < CLOSE,
-                        "way to a triangle that faces away: length {found} m, expected {back:?}"
+                        "way to a triangle that faces away: length {found} m, expected that of {back:?}"
                     ),
                     None => assert!(
                         found > back.map_or(0.0, |back| size(back) - CLOSE),
@@ -279,8 +281,8 @@ fn moving(frame: &Frame, random: &mut Random) -> Frame {
 
 #[test]
 fn a_triangle_before_a_sphere_and_behind_it_by_hand() {
-    // wrench/gap: in a step of 1/64 s the tool's centre moves by (0.64 + 0.64) / 64 = 0.02 along z, to 0.04 above a
-    // triangle in z = 0, or to 0.04 behind it.
+    // wrench/gap: in a step of 1/64 s the tool's centre moves by (0.64 + 0.64) / 64 = 0.02 m along z, to 0.04 m above a
+    // triangle in z = 0, or to 0.04 m behind the triangle.
     let mut random = Random(3);
     let tool = rigid("tool", sphere(RADIUS, 1), whole, DVec3::ZERO, DQuat::IDENTITY);
     let mesh = (
@@ -396,7 +398,8 @@ fn shortest_ways_to_deformed_bodies() {
     for seed in 0..12 {
         let mut random = Random(seed + 40);
         let (spans, is_round) = (seed % 2 == 1, seed % 4 < 2);
-        // First at rest, then with displaced nodes, and last with a shift of the whole ball besides.
+        // The ball is at rest for the first seeds, then its nodes are displaced, and for the last seeds the whole ball
+        // is shifted besides.
         let (size, shift) = [(0.0, 0.0), (0.004, 0.0), (0.01, 0.05)][seed as usize / 4];
         let shift = shift * random.vector().normalize();
         let (ball, mut shaken) = ball(spans, size, &mut random);
@@ -412,7 +415,7 @@ fn shortest_ways_to_deformed_bodies() {
         given.radius = if is_round { RADIUS } else { given.flow.model.tool_radius };
         given.flow.displacement = shaken;
         if spans {
-            // The frame of the larger part has moved away from the other one, and turned.
+            // The frame of the ball's larger part has moved away from the other frame, and turned.
             let frame = &mut given.flow.frames[1];
             frame.centre = (vector(frame.centre) + 0.04 * random.vector()).as_vec3().to_array();
             frame.rotation = (random.turn(0.4) * quaternion(frame.rotation)).as_quat().to_array();
@@ -442,7 +445,7 @@ fn shortest_ways_to_deformed_bodies() {
         }
     }
     println!("{near} parts within reach; in {within} parts the tool is within the body");
-    assert!(near > 60 && within > 30, "{near} parts within reach, {within} with the tool within the body");
+    assert!(near > 60 && within > 30, "{near} parts within reach; in {within} parts the tool is within the body");
 }
 
 /// The gap that whole steps report to the haptic loop.
@@ -458,7 +461,7 @@ mod told {
     const STEP: f64 = 5e-3;
     /// Stiffness of contact, N/m^3.
     const STIFFNESS: f64 = 3e7;
-    /// Error of the gap's length, m: f32 positions near the tool, and frames in f32.
+    /// Error of the gap's length, m: positions near the tool and frames are rounded to f32.
     const CLOSE: f64 = 5e-8;
 
     /// A scene with these bodies and a tool that has no virtual coupling.
@@ -470,8 +473,8 @@ mod told {
         open(&scene(&text), None)
     }
 
-    /// A block whose nodes are all attached to a rigid core; its top is at y = 0, and its sides are at 0.04 each way in
-    /// x and z.
+    /// A block whose nodes are all attached to a rigid core; its top is at y = 0, and its sides are 0.04 m from the
+    /// origin along x and z.
     fn block(core: &str) -> String {
         format!(
             "[[body]]\nname = \"block\"\n\
@@ -520,16 +523,16 @@ mod told {
         expect(&mut simulation, at(0.05, 0.012, 0.001), DVec3::new(0.01, 0.012, 0.0), 0.01f64.hypot(0.012) - RADIUS);
         let corner = DVec3::new(0.01, 0.012, -0.008);
         expect(&mut simulation, at(0.05, 0.012, -0.048), corner, corner.length() - RADIUS);
-        // The gap is found within the range of the search, and not beyond.
+        // The gap is found within the range of the search, and is not found beyond that range.
         expect(&mut simulation, at(0.0, 0.0399, 0.0), DVec3::Y, 0.0299);
         assert_eq!(step(&mut simulation, at(0.0, 0.0401, 0.0)).gap, None);
-        // The gap is that at the end of the step.
+        // The gap that is reported is that at the end of the step.
         let moving = RigidState { velocity: DVec3::new(0.4, -0.2, 0.0), ..at(0.0, 0.015, 0.0) };
         expect(&mut simulation, moving, DVec3::Y, 0.005 - 0.2 * STEP);
         // In the step in which tool and block meet, no contact was found at the start, and the gap ends below zero.
         let fast = RigidState { velocity: DVec3::Y * -2.0, ..at(0.0, 0.012, 0.0) };
         expect(&mut simulation, fast, DVec3::Y, 0.002 - 2.0 * STEP);
-        // No gap is reported if no haptic loop moves the tool, and none during contact.
+        // No gap is reported if no haptic loop moves the tool, and no gap is reported during contact.
         simulation.step().unwrap();
         assert_eq!(simulation.contact_wrench().unwrap().gap, None);
         let touching = (0..3).map(|_| step(&mut simulation, at(0.0, 0.0095, 0.0))).last().unwrap();
@@ -566,7 +569,8 @@ mod told {
         for k in 1..=3 {
             expect(&mut simulation, at(0.0, 0.02, 0.0), DVec3::Y, 0.01 - 0.2 * STEP * f64::from(k));
         }
-        // A block falls away in steps of implicit Euler: with a dynamic core, and floating without a core.
+        // A block falls away in steps of implicit Euler: first a block with a dynamic core (which moves freely), then a
+        // block without a core.
         let dynamic = block("motion = \"dynamic\"");
         let floating = dynamic.split("[[body.core]]").next().unwrap().to_string();
         for body in [dynamic, floating] {

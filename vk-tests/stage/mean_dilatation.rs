@@ -1,6 +1,7 @@
-//! Kernels elastic/mean_dilatation and solve/patch_product, against the f64 oracle: F-bar patches, whose tetrahedra
-//! share one volumetric strain (mean dilatation), with their rows in the operator, their part of the right-hand side,
-//! and their part of the operator product.
+//! Kernels elastic/mean_dilatation and solve/patch_product, against the f64 oracle (reference implementation). A patch
+//! (F-bar) is a group of tetrahedra that share one volumetric strain, their mean dilatation. The first kernel computes
+//! each patch's row, whose outer product with itself the patch adds to the operator, and the patch's part of the
+//! right-hand side; the second kernel computes the patch's part of the operator product.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -14,13 +15,14 @@ use crate::harness::{case, context};
 use crate::solver::system::{System, layered, material, triples, two_layers, two_layers_one_on_a_core};
 use crate::stage::elastic::{expect_of_largest, rotate, scattered};
 
-/// Error of rows relative to the largest value: up to twelve rotated gradients, each a dozen roundings away from the
-/// input.
+/// Error of rows relative to the largest value: a row sums up to twelve rotated gradients, each of which is a dozen
+/// roundings away from the input.
 const ROW: f64 = 1.0e-6;
 /// Error of the right-hand side relative to the largest value: strains of order one tenth come from terms of order one,
 /// known to 1e-7.
 const FORCE: f64 = 1.0e-5;
-/// Error of products relative to the largest value: a dozen terms of both signs, each known as well as a row.
+/// Error of products relative to the largest value: a product sums a dozen terms of both signs, each of which is as
+/// exact as a row.
 const PRODUCT: f64 = 3.0e-6;
 /// Largest displacement of a node, m, in cells of 20 mm.
 const AMPLITUDE: f64 = 0.004;
@@ -28,7 +30,7 @@ const AMPLITUDE: f64 = 0.004;
 /// Gives patches to the bodies for which `on` is true.
 fn patched(mut bodies: Vec<Body>, on: impl Fn(usize) -> bool) -> Vec<Body> {
     for (index, body) in bodies.iter_mut().enumerate().filter(|(index, _)| on(*index)) {
-        let Shape::Soft { layer, .. } = &mut body.shape else { panic!("{index} is not soft") };
+        let Shape::Soft { layer, .. } = &mut body.shape else { panic!("body {index} is not soft") };
         layer.patches = patches(layer, |_| 0);
     }
     bodies
@@ -74,7 +76,8 @@ fn mean_dilatation(system: &System, all: &Patches) -> (Vec<[f32; 4]>, Vec<[f32; 
     (outcome.get("element_forces"), outcome.get("patch_rows"))
 }
 
-/// Runs solve/patch_product: forces of patches for a change of velocity, at their places among the element forces.
+/// Runs solve/patch_product, which computes the forces of patches for a change of velocity. Returns the array of
+/// element forces, in which those of patches come last.
 fn product(system: &System, all: &Patches, rows: &[[f32; 4]], change: &[[f32; 4]]) -> Vec<[f32; 4]> {
     let first = 4 * (system.model.tetrahedra.len() + 1);
     let outcome = case("solve/patch_product")
@@ -169,9 +172,9 @@ fn patches_of_layers_agree_with_the_oracle() {
         let system = System::new(&patched(two_layers(), |body| on[body]), AMPLITUDE, seed);
         expect_oracle(&format!("two layers, {on:?}"), &system, seed + 10);
         let mut system = System::new(&patched(two_layers_one_on_a_core(), |body| on[body]), AMPLITUDE, seed);
-        expect_oracle(&format!("one on a core, {on:?}"), &system, seed + 20);
+        expect_oracle(&format!("two layers, one on a rigid core, {on:?}"), &system, seed + 20);
         system.trial_change = system.random_field(&mut Random(seed)).iter().map(|v| v.map(|x| 0.1 * x)).collect();
-        expect_oracle(&format!("one on a core, {on:?}, with a trial change"), &system, seed + 30);
+        expect_oracle(&format!("one on a rigid core, {on:?}, with a trial change"), &system, seed + 30);
     }
 }
 

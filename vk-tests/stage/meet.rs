@@ -1,6 +1,6 @@
-//! Kernel cull/meet, which joins the lists of chunks (groups of up to 64 skin vertices) of all pair proxies (a pair
-//! proxy is a collision proxy in a pair of bodies) into one, in the order of pair proxies, and flags what does not fit.
-//! A work item is a chunk in a contact patch.
+//! Kernel cull/meet, which joins the lists of chunks of all pair proxies into a single list, in the order of pair
+//! proxies, and raises a flag if not all fit. A chunk is a group of up to 64 skin vertices; a pair proxy is a collision
+//! proxy (convex hull) in a pair of bodies; a work item is a chunk in a contact patch (place where a pair may touch).
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
@@ -71,7 +71,7 @@ fn lists_of_slots_are_joined_in_order() {
                     let (first_work_item, index) = (work_items.len() as u32, want.len() as u32);
                     let mut contact_patches = 0;
                     for r in (0..PAIR_PATCHES as u32).filter(|r| found >> r & 1 == 1) {
-                        // Work items that do not fit are left out, from the end.
+                        // Work items that do not fit are left out: those at the end of the list.
                         contact_patches |= if work_items.len() < most { 1 << r } else { 0 };
                         work_items.push([index, pair_proxy.pair * PAIR_PATCHES as u32 + r]);
                     }

@@ -1,6 +1,7 @@
-//! Kernels depth/ray_hits and contact/candidates where results do not fit: more ray hits than the buffers hold, and
-//! loops that a driver leaves early. Whatever is missing must be flagged. Work items (a chunk of skin vertices in a
-//! contact patch) that cannot hit anything are tested too.
+//! Kernels depth/ray_hits and contact/candidates where results are incomplete: there are more ray hits than the buffers
+//! hold, or a driver leaves loops early. If anything is missing, a flag must be raised. A ray hit is a triangle that
+//! the ray of a skin vertex of the other body meets. Work items (chunks of skin vertices in a contact patch, which is a
+//! place where two bodies may touch) that cannot hit anything are tested too.
 
 use std::collections::BTreeMap;
 
@@ -102,11 +103,11 @@ fn more_crossings_than_fit_are_flagged_on_both_paths() {
                 QuerySettings { direction: Some(DVec3::Z), depth: Some(path), ..QuerySettings::of(&ball, &pile) };
             let mut query = Query::on_device(context(), &ball, &pile, &settings).unwrap();
             let answer = query.run((DVec3::ZERO, DQuat::IDENTITY), (DVec3::ZERO, DQuat::IDENTITY)).unwrap();
-            println!("{}, {layers} layers: {} ray hits, flags {:?}", path.name(), answer.counts.hits, answer.flags);
+            println!("{} path, {layers} layers: {} hits, flags {:?}", path.name(), answer.counts.hits, answer.flags);
             assert_eq!(
                 answer.flags.0 & CONTACT_OVERFLOW,
                 flags,
-                "{}, {layers} layers: flag that ray hits are missing",
+                "{} path, {layers} layers: flag that ray hits are missing",
                 path.name()
             );
             assert!(answer.counts.hits > 1000);

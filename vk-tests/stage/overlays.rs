@@ -1,6 +1,7 @@
-//! Meshes that are drawn over the skins (surface meshes): collision proxies, cut layers (tetrahedral meshes), rigid
-//! cores and bones. Their vertices must be where the host computes them in f64, and the meshes must be closed and face
-//! outward. The squares that show contact patches are tested too.
+//! Meshes that are drawn over the skins (surface meshes): collision proxies (convex hulls), cut layers (tetrahedral
+//! meshes of soft bodies), rigid cores (rigid bodies inside soft ones) and bones (capsules by which cores are given).
+//! Their vertices must be where the host computes them in f64, and the meshes must be closed and face outward. The
+//! squares that show contact patches are tested too.
 
 use std::collections::BTreeMap;
 
@@ -33,7 +34,7 @@ fn read(mesh: &Mesh, origin: DVec3) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (places.collect(), triangles.collect())
 }
 
-/// Checks that the parts follow one another, cover the whole mesh, and use their own vertices only.
+/// Checks that the parts of a mesh follow one another, cover the whole mesh, and use their own vertices only.
 fn check_parts(mesh: &Mesh, triangles: &[[u32; 3]]) {
     let (mut vertex, mut triangle) = (0, 0);
     for part in mesh.parts.iter() {
@@ -63,7 +64,7 @@ fn expect_closed(what: &str, places: &[DVec3], triangles: &[[u32; 3]]) {
             *edges.entry((a.min(b), a.max(b))).or_default() += if a < b { 1 } else { -1 };
         }
     }
-    assert!(!edges.is_empty() && edges.values().all(|n| *n == 0), "{what} is open");
+    assert!(!edges.is_empty() && edges.values().all(|n| *n == 0), "the surface of {what} is not closed");
 }
 
 fn near(what: &str, got: DVec3, want: DVec3, origin: DVec3) {
@@ -111,7 +112,7 @@ fn proxies_ride_on_their_frames() {
         }
         // The block's frame stays, and so do its hulls. The corners of the tool's hull are vertices of its skin, which
         // moves with the tool.
-        let Shape::Soft { proxies, .. } = &simulation.bodies()[0].shape else { panic!("rigid") };
+        let Shape::Soft { proxies, .. } = &simulation.bodies()[0].shape else { panic!("not a soft body") };
         let body = &simulation.bodies()[0];
         let rest: Vec<DVec3> =
             proxies.iter().flat_map(|p| &p.hull).map(|x| body.position + body.orientation * *x).collect();
@@ -165,9 +166,9 @@ fn the_parts_of_a_layer_go_by_material() {
 fn a_layer_is_cut_open_where_its_nodes_are() {
     let (mut simulation, origin) = pressed();
     run(&mut simulation, 40);
-    let Shape::Soft { layer, .. } = simulation.bodies()[0].shape.clone() else { panic!("rigid") };
-    // The default cut is across z, since the block is as wide as it is deep, and through the middle. Then follow a cut
-    // across y, and one that misses the block.
+    let Shape::Soft { layer, .. } = simulation.bodies()[0].shape.clone() else { panic!("not a soft body") };
+    // The default cut is across z, since the block is as wide as it is deep, and through the middle. A cut across y
+    // follows, and then a cut that misses the block.
     assert_eq!(simulation.layer_cut(0), Some(Cut { normal: DVec3::Z, offset: 0.0 }));
     let across = Cut { normal: DVec3::Y, offset: 0.01 };
     for cut in [None, Some(Cut { normal: 2.0 * across.normal, ..across }), Some(Cut { normal: DVec3::X, offset: 1.0 })]
@@ -191,7 +192,7 @@ fn a_layer_is_cut_open_where_its_nodes_are() {
         let (want, got) = (kept.map(volume6).sum::<f64>() / 6.0, properties(&places, &triangles).volume);
         assert!((got - want).abs() < VOLUME * want && want > 0.0, "volume {got} m^3, expected {want} m^3");
         let all = layer.tetrahedra.iter().map(volume6).sum::<f64>() / 6.0;
-        let [skin, open] = &mesh.parts[..] else { panic!("two parts of one body") };
+        let [skin, open] = &mesh.parts[..] else { panic!("a cut layer must have two parts") };
         assert_eq!((skin.name.as_str(), open.name.as_str()), ("skin", "cut"));
         assert_eq!(open.triangles.is_empty(), want == all);
         // Cut faces lie near the plane, since cells are 12.5 mm wide.
@@ -221,7 +222,9 @@ fn cores_and_bones_are_where_their_frames_are() {
     let mut simulation = chain();
     let origin = DVec3::new(0.4, 0.1, -0.2);
     run(&mut simulation, 30);
-    let Shape::Soft { layer, frames, node_frames, .. } = simulation.bodies()[0].shape.clone() else { panic!("rigid") };
+    let Shape::Soft { layer, frames, node_frames, .. } = simulation.bodies()[0].shape.clone() else {
+        panic!("not a soft body")
+    };
     let places_now = simulation.frames(0);
     let at =
         |frame: usize, x: DVec3| places_now[frame].centre + places_now[frame].rotation * (x - frames[frame].centre);
@@ -285,7 +288,7 @@ fn regions_are_squares_at_their_contacts() {
     assert!(u.dot(v).abs() < 1e-6 && u.dot(square.normal).abs() < 1e-6 && v.dot(square.normal).abs() < 1e-6);
     for contact in &contacts {
         let from = contact.position - square.centre;
-        // The bodies have moved on since, by less than 1 mm a step.
+        // After the contacts were found, the step moved the bodies by less than 1 mm.
         let within = [u, v].iter().zip(square.half).all(|(t, half)| t.dot(from).abs() <= half + 1e-3);
         assert!(within && square.normal.dot(from).abs() < 5e-3, "{contact:?} lies outside of its {square:?}");
     }

@@ -8,7 +8,7 @@ use crate::harness::{assert_clean, context, turn};
 /// Width and height of the image, pixels; a point, the unit of the quad's coordinates, is two pixels.
 const SIZE: [u32; 2] = [12, 8];
 const BACKGROUND: [f32; 4] = [0.2, 0.4, 0.6, 1.0];
-/// Error of a channel, in units of a byte: one of rounding in the product, and one in the blend.
+/// Error of a channel, in units of a byte: one unit by rounding in the product, and one unit by rounding in the blend.
 const ROUNDING: f64 = 2.0;
 
 #[test]
@@ -22,7 +22,8 @@ fn a_tinted_quad_of_the_atlas_is_mixed_with_the_picture_within_its_part() {
     let tint = [128u8, 192, 64, 192];
     let corner =
         |x: f32, y: f32, u: f32, v: f32| [x.to_bits(), y.to_bits(), u.to_bits(), v.to_bits(), u32::from_le_bytes(tint)];
-    // The quad goes from pixel (2, 2) to (10, 6); its last two columns lie beyond the part that may be drawn on.
+    // The quad goes from pixel (2, 2) to (10, 6); its last two columns of pixels lie beyond the part of the image that
+    // may be drawn on.
     let corners = [
         corner(1.0, 1.0, 0.0, 0.0),
         corner(5.0, 1.0, 1.0, 0.0),

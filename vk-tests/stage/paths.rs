@@ -1,5 +1,6 @@
-//! The two paths (implementations) of the stage that finds ray hits, compute and graphics, against each other: ray
-//! hits, contacts, forces and step reports must be the same to the last bit.
+//! The stage depth finds ray hits (triangles that the rays of skin vertices meet), and has two paths (implementations):
+//! compute and graphics. The tests compare the two paths: ray hits, contacts, forces and step reports must be the same
+//! to the last bit. A contact patch is a place where a pair of bodies may touch.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -50,7 +51,7 @@ fn judge(name: &str, scene: &Scene, steps: usize) {
                 bytemuck::cast_slice::<_, u32>(&contacts).to_vec(),
             )
         });
-        assert!(touches[0] == touches[1], "{name}, step {step}: contacts differ");
+        assert!(touches[0] == touches[1], "{name}, step {step}: contacts of both paths differ");
         contacts = contacts.max(rows[0].contacts.unwrap());
         force = force.max(rows[0].tool.unwrap().force.length());
     }
@@ -114,7 +115,7 @@ fn soft_balls_under_a_tool_are_the_same_by_both_paths() {
     );
 }
 
-/// The stages up to depth, on both paths, for rigid bodies and a tool.
+/// The stages of a step up to stage depth, on both paths, for rigid bodies and a tool.
 struct Query {
     common: Common,
     cull: Cull,
@@ -145,9 +146,10 @@ impl Query {
         Query { common, cull, skin, depths, recordings, model, scene }
     }
 
-    /// Hits of one path on the ray of each vertex in the spatial hash: 2 * patch + side, triangle, bits of the depth,
-    /// work item and front. They are sorted, so that the order in which they were found does not matter. `None` if a
-    /// flag reports that some are missing.
+    /// The hits that one path finds on the ray of each vertex in the spatial hash. A hit is four words: 2 * patch +
+    /// side of the vertex, triangle, bits of the depth, and the triangle's work item (group of skin vertices and
+    /// triangles in a patch) with a bit for the front. The hits are sorted, so that the order in which they were found
+    /// does not matter. `None` if a flag reports that some hits are missing.
     fn ray_hits(&self, path: usize, texel: f32, position: DVec3, orientation: DQuat) -> Option<Vec<Vec<[u32; 4]>>> {
         let params = StepParams { depth_limit: 1.0, texel, ..StepParams::zeroed() };
         self.common.params.write(&[params]).unwrap();
@@ -184,14 +186,16 @@ impl Query {
         };
         let all: Vec<Vec<_>> = (0..hash_entries).map(list).collect();
         let found: usize = all.iter().map(Vec::len).sum();
-        assert_eq!(found, counts.hits as usize, "ray hits on the lists, and counted by the kernel");
-        // Other flags may be raised: at some poses there are more directions than a pair has contact patches for.
+        assert_eq!(found, counts.hits as usize, "number of ray hits on the lists, and number counted by the kernel");
+        // Other flags may be raised: at some poses a pair has more directions of contact than it may have contact
+        // patches.
         (!Flags(counts.flags).contains(Flags::CONTACT_OVERFLOW)).then_some(all)
     }
 }
 
-/// Compares the paths at random poses of the tool near a vertex of the body, with grid cells of these edges (m; 0:
-/// chosen from the skins) in turn. Returns the number of hits, and the most cells along a side of a contact patch.
+/// Compares the paths at random poses of the tool near a vertex of the body, with grid cells whose edges, m, are the
+/// `texels` in turn (0: the edge is chosen from the skins). Returns the number of hits, and the most cells along a side
+/// of a contact patch.
 fn compare(body: Body, tool: &Body, poses: usize, texels: &[f32]) -> (usize, f32) {
     let prepare::Shape::Rigid { skin, .. } = &body.shape else { panic!("not rigid") };
     let vertices = skin.vertices.clone();
@@ -204,7 +208,7 @@ fn compare(body: Body, tool: &Body, poses: usize, texels: &[f32]) -> (usize, f32
         let orientation = random.turn(3.0);
         let texel = texels[pose % texels.len()];
         let [compute, graphics] = [0, 1].map(|path| query.ray_hits(path, texel, position, orientation).unwrap());
-        assert!(compute == graphics, "pose {pose}: ray hits differ, cells of {texel} m");
+        assert!(compute == graphics, "pose {pose}, cells of {texel} m: ray hits differ");
         ray_hits += compute.iter().map(Vec::len).sum::<usize>();
         for contact_patch in query
             .cull
@@ -219,7 +223,7 @@ fn compare(body: Body, tool: &Body, poses: usize, texels: &[f32]) -> (usize, f32
             squares = squares.max(along(0)).max(along(1));
         }
     }
-    println!("{ray_hits} ray hits, identical on both paths; up to {squares} cells along a side");
+    println!("{ray_hits} ray hits, identical on both paths; up to {squares} cells along a side of a patch");
     (ray_hits, squares)
 }
 
@@ -233,22 +237,22 @@ fn both_paths_find_the_same_crossings_at_random_poses() {
     let pumpkin = prepare::body(&scene.bodies[0], &scene).unwrap();
     let (ray_hits, _) = compare(pumpkin, &tool, 24, &[0.0, 1.0, 0.02, 0.002]);
     assert!(ray_hits > 10_000, "{ray_hits} ray hits, expected more than 10000");
-    // This grid has as many cells as a patch may have along a side, so that its far end is used when rasterized. The
-    // triangles are small: llvmpipe, Mesa's driver for CPUs, ends loops after 65,535 rounds, and an invocation of the
-    // compute path must not look through more cells than that.
+    // This grid has as many cells as a patch may have along a side, so that rasterization reaches the far end of the
+    // grid. The triangles are small: llvmpipe, Mesa's driver for CPUs, ends loops after 65,535 rounds, and an
+    // invocation of the compute path must not look through more cells than that.
     let (ray_hits, squares) = compare(tool.clone(), &tool, 6, &[1e-9]);
     let most = MOST_CELLS as f32;
     assert!(
         ray_hits > 5_000 && squares > most - 0.01 && squares <= most,
-        "{ray_hits} ray hits, {squares} cells along a side"
+        "{ray_hits} ray hits, {squares} cells along a side of a patch"
     );
 }
 
 #[test]
 #[ignore = "long: 8 s"]
 fn a_loop_that_the_device_leaves_early_is_flagged() {
-    // All vertices are in one cell: every triangle looks through all of them, which takes more rounds than llvmpipe's
-    // loops have.
+    // All vertices are in one cell: every triangle looks through all of them, which takes more rounds than the loops of
+    // llvmpipe (Mesa's driver for CPUs) can have.
     let scene = scene(
         "[[body]]\nname = \"pumpkin\"\nsurface = { model = \"pumpkin\", vertices = 40000 }\n\
          [tool]\nsphere = 0.15\nmass = 1.0\nposition = [0.0, 0.0, 0.0]\n",
@@ -266,5 +270,5 @@ fn a_loop_that_the_device_leaves_early_is_flagged() {
         "{total} ray hits; with one cell for all vertices, whether each path raises a flag: {:?}",
         found.each_ref().map(Option::is_none)
     );
-    assert!(found.iter().flatten().all(|found| *found == all), "other ray hits without a flag");
+    assert!(found.iter().flatten().all(|found| *found == all), "a path finds other ray hits and raises no flag");
 }

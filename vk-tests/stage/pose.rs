@@ -1,5 +1,6 @@
-//! Kernel pose/place: hulls and face planes of collision proxies in the world, the bounds of proxies, and cleared
-//! counters and indirect arguments.
+//! Kernel pose/place, which computes the hulls and face planes of collision proxies (convex hulls) in the world and the
+//! bounds of proxies, and clears counters and indirect arguments. Inflation, one of the bounds, is how far skin may lie
+//! outside the hull; a frame is a rigid coordinate frame; a link is the transform between two frames.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -137,7 +138,7 @@ fn a_quarter_turn_by_hand() {
     assert_eq!(out.get::<u32>("buckets"), [NONE; BUCKETS as usize]);
     let args: Vec<u32> = out.get("args");
     for args_index in 0..shaders::ARGS_LOOP_ELEMENT_PRODUCT {
-        assert_eq!(args[3 * args_index as usize..][..3], [0, 1, 1], "indirect argument {args_index}");
+        assert_eq!(args[3 * args_index as usize..][..3], [0, 1, 1], "indirect arguments of dispatch {args_index}");
     }
     let instances = 3 * shaders::ARGS_DRAW as usize + 1;
     assert_eq!(args[instances], 0, "number of instances to draw");
@@ -151,7 +152,8 @@ fn across(link: &Link, r: DVec3, d: DVec3) -> DVec3 {
     DVec3::from_array(link.offset.map(f64::from)) + DQuat::from_xyzw(x, y, z, w).normalize() * (r + d) - r
 }
 
-/// Proxies on five frames with these numbers of hull vertices, faces and nodes; if `spans`, with nodes in other frames.
+/// Proxies on five frames. `sizes` has the numbers of hull vertices, faces and nodes of each proxy; if `spans`, some
+/// nodes of a proxy are in other frames than the proxy.
 fn crowd(sizes: &[[usize; 3]], spans: bool, random: &mut Random) -> Given {
     let place = |random: &mut Random| frame(random.turn(3.0), random.vector());
     let link = |random: &mut Random| {

@@ -1,7 +1,9 @@
-//! Kernels skin/embed, which puts skin vertices into a spatial hash in the plane of their contact patch, and
-//! depth/ray_hits, which finds the triangles that the vertices' rays hit: every vertex that a patch sees is in one list
-//! of the hash, hits agree with f64, and no ray slips through at edges and corners. A hash entry is one vertex of a
-//! work item (a chunk, that is a group of skin vertices and triangles, in a patch). A side is body a or b of the pair.
+//! Kernels skin/embed, which puts skin vertices into a spatial hash in the plane of their contact patch (place where a
+//! pair of bodies may touch along one normal), and depth/ray_hits, which finds the triangles that the vertices' rays
+//! hit: every vertex that a patch sees is in one list of the hash, hits agree with f64, and no ray slips through at
+//! edges and corners. A hash entry is one vertex of a work item (a chunk, that is a group of skin vertices and
+//! triangles, in a patch). A side is body a or b of the pair. The min-max depth grid tells how far each side reaches
+//! along the normal, over 16 x 16 cells of a patch.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -27,7 +29,7 @@ pub fn axes(contact_patch: &ContactPatch) -> [DVec3; 3] {
 }
 
 /// Two rigid meshes, a's and b's, in chunks (fixed-size groups of vertices and triangles) that are all active in these
-/// contact patches. The min-max depth grids exclude nothing.
+/// contact patches. The min-max depth grids exclude no vertex and no triangle.
 pub fn meshes(sides: [&Mesh; 2], contact_patches: &[ContactPatch]) -> Flow {
     let ball = rigid("tool", sphere(1.0, 0), whole, DVec3::ZERO, DQuat::IDENTITY);
     let mut flow = Flow::new(&[half_space(DVec3::Y, 0.0)], Some(&ball), DVec3::ZERO);
@@ -81,7 +83,7 @@ pub fn meshes(sides: [&Mesh; 2], contact_patches: &[ContactPatch]) -> Flow {
     flow.skin = vec![[0.0; 4]; flow.model.skin_nodes.len()];
     flow.max_work_items = flow.work_items.len();
     flow.shares = vec![0.5; 2 * PAIR_PATCHES];
-    // By the grids, body a reaches up without limit, and b down without limit.
+    // According to the grids, body a reaches up without limit, and body b reaches down without limit.
     flow.depth_grids = (0..PAIR_PATCHES * GRID_WORDS).map(|k| if k / 256 % 2 == 0 { NONE } else { 0 }).collect();
     flow.args[3 * shaders::ARGS_ACTIVE as usize] = flow.active_chunks.len() as u32;
     flow.args[3 * shaders::ARGS_WORK_ITEMS as usize] = flow.work_items.len() as u32;
@@ -98,7 +100,7 @@ pub fn contact_patch(normal: DVec3, half: f32, cell: f32) -> ContactPatch {
     ContactPatch { normal, tangent, bitangent, low, high, cell: [cell, 1.7 * cell], weight: 1.0, turn: 0.0 }
 }
 
-/// For each hash entry its vertex and 2 * patch + side, from the chunks; `NONE` for unused entries.
+/// For each hash entry its vertex and the number 2 * patch + side, computed from the chunks; `NONE` for unused entries.
 fn hash_entries(flow: &Flow) -> Vec<(u32, u32)> {
     let mut hash_entries = vec![(NONE, NONE); flow.hash_entries.len()];
     for entry in flow.active_chunks.iter().take(flow.args[3 * shaders::ARGS_ACTIVE as usize] as usize) {
@@ -123,7 +125,8 @@ pub fn search_depth_key(side: usize, height: f32) -> u32 {
     if side == 0 { !key } else { key }
 }
 
-/// Compares the lists of all buckets with what must be in them. Returns the number of hash entries in lists.
+/// Compares the lists of all buckets with the hash entries that must be in the lists. Returns the number of hash
+/// entries in lists.
 fn check_hash_entries(flow: &Flow) -> usize {
     let known = hash_entries(flow);
     let mut listed = BTreeMap::new();
@@ -149,9 +152,9 @@ fn check_hash_entries(flow: &Flow) -> usize {
         let within = depth(0).min(depth(1));
         let sees = flow.shares[side * PAIR_PATCHES + r] > 0.0;
         match listed.get(&(hash_entry as u32)) {
-            None => assert!(!sees || within < EDGE, "vertex {vertex} is in no list of contact patch {r}"),
+            None => assert!(!sees || within < EDGE, "vertex {vertex} must be in a list of contact patch {r}"),
             Some(bucket) => {
-                assert!(sees && within > -EDGE, "vertex {vertex} is in a list of contact patch {r}");
+                assert!(sees && within > -EDGE, "vertex {vertex} must be in no list of contact patch {r}");
                 let stored = [0, 1, 2].map(|k| f64::from(f32::from_bits(flow.hash_entries[hash_entry][k])));
                 assert!(DVec3::from_array(stored).distance(at) < EDGE, "stored position {stored:?}, expected {at}");
                 // Whatever the hash function is, vertices of one cell must lie in one bucket.
@@ -168,7 +171,7 @@ fn check_hash_entries(flow: &Flow) -> usize {
                 *search_depth =
                     (*search_depth).min(search_depth_key(side, f32::from_bits(flow.hash_entries[hash_entry][2])));
                 let key = [*patch_side, (square(0) | square(1) << 16) as u32];
-                assert_eq!(flow.entry_cells[hash_entry], key, "vertex {vertex}: cell");
+                assert_eq!(flow.entry_cells[hash_entry], key, "key of the cell of vertex {vertex}");
                 let of_square = *cells.entry((*patch_side, square(0), square(1))).or_insert(*bucket);
                 assert_eq!(of_square, *bucket, "vertex {vertex}: a cell must have a single bucket");
             }
@@ -177,7 +180,7 @@ fn check_hash_entries(flow: &Flow) -> usize {
     assert_eq!(
         flow.buckets[flow.bucket_count as usize..][..search_depths.len()],
         search_depths,
-        "least keys of rays in cells"
+        "least sortable keys of rays, by cell"
     );
     let buckets: BTreeSet<_> = listed.values().collect();
     let (squares, lists) = (cells.len(), buckets.len());
@@ -257,7 +260,7 @@ fn check_ray_hits(flow: &Flow) -> usize {
             if let Some((found, is_front)) = got {
                 assert!(
                     (found - depth).abs() < EDGE + slack * (p.z - q.z).abs().max((q.z - r.z).abs()),
-                    "depth {found:e} m"
+                    "depth {found:e} m of a ray hit, expected {depth:e} m"
                 );
                 assert_eq!(*is_front, front, "vertex {vertex}, triangle {triangle}: whether the front is hit");
                 count += 1;
@@ -267,7 +270,7 @@ fn check_ray_hits(flow: &Flow) -> usize {
     count
 }
 
-/// Random vertices, and random triangles of about `size`, within a box about the origin.
+/// Random vertices, and random triangles with edges of about `size` (m), within a box about the origin.
 fn soup(vertices: usize, triangles: usize, size: f64, random: &mut Random) -> Mesh {
     let mut points: Vec<DVec3> = (0..vertices).map(|_| 0.5 * random.vector()).collect();
     let corners = (0..triangles as u32).map(|t| [0, 1, 2].map(|k| (vertices as u32) + 3 * t + k)).collect();
@@ -348,7 +351,7 @@ fn rays_through_edges_and_corners_meet_a_triangle() {
             assert_eq!(
                 (looking.count(), slipped),
                 (over.len(), 0),
-                "rays, and rays without a hit; cells of {cell} m, mirrored {turned}"
+                "number of rays, and of rays without a hit; cells of {cell} m, mirrored: {turned}"
             );
         }
     }
@@ -388,7 +391,7 @@ fn triangles_without_area_cross_nothing_and_hide_nothing() {
         flow.counts.hits
     };
     let before = count(&mesh);
-    // Triangles with two or three corners in one place, and walls along the rays.
+    // The mesh gets triangles with two or three corners in one place, and walls along the rays.
     let first = mesh.0.len() as u32;
     mesh.0.extend([DVec3::ZERO, DVec3::new(0.5, 0.5, 0.1), DVec3::new(0.5, 0.5, 0.3)]);
     mesh.1.extend(

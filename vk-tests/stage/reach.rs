@@ -1,5 +1,6 @@
-//! Kernel depth/ray_hits must leave out triangles that no ray can reach, since all rays in their cells of the grid
-//! start on the far side of them.
+//! Kernel depth/ray_hits, which finds the triangles that the rays of skin vertices meet, must leave out triangles that
+//! no ray can reach: in each cell of the grid that such a triangle covers, all rays start on the far side of the
+//! triangle.
 
 use std::collections::BTreeSet;
 
@@ -19,7 +20,8 @@ fn triangles_that_no_vertex_looks_as_far_back_as_are_left_out() {
     let run = |key: u32| {
         let mut flow = meshes([&points, &mesh], &[contact_patch]);
         flow.embed();
-        // The grid is set as if a's vertices cast their rays down from this height, in the first cell alone.
+        // The grid is set as if body a's vertices cast their rays down from the height of `key`, in the first cell
+        // alone.
         let first = flow.bucket_count as usize;
         flow.buckets[first..first + 256].fill(NONE);
         flow.buckets[first] = key;
@@ -35,8 +37,8 @@ fn triangles_that_no_vertex_looks_as_far_back_as_are_left_out() {
         assert!(found.iter().all(meets));
         found.len()
     };
-    // The mesh reaches up to an eighth: rays from 0.5 may hit all of it, rays from -0.2 nothing.
+    // The mesh reaches up to a height of 1/8 m: rays from 0.5 m may hit all of the mesh, rays from -0.2 m hit nothing.
     let found = run(search_depth_key(0, 0.5));
-    assert!(found > 0 && found < mesh.1.len() / 50, "{found} of {} triangles are hit", mesh.1.len());
+    assert!(found > 0 && found < mesh.1.len() / 50, "{found} triangles of {} are hit", mesh.1.len());
     assert_eq!(run(search_depth_key(0, -0.2)), 0);
 }

@@ -1,5 +1,6 @@
-//! Kernel contact/response, beyond what vk-tests/stage/contact.rs compares with the oracle: the quads of entries (four
-//! nodes with their weights), and friction.
+//! Kernel contact/response, beyond what vk-tests/stage/contact.rs compares with the oracle: the quads of entries (an
+//! entry is a node with its weight in a contact, a quad is four entries), and friction. The tool is the rigid body that
+//! the haptic device leads.
 
 use glam::DVec3;
 use palpate::internal::shaders::{Contact, NONE};
@@ -34,7 +35,7 @@ fn corners_in_one_tetrahedron_share_a_quad() {
         let want = tetrahedra(&flow, c);
         let quads = 4 * c..4 * c + contact.quads as usize;
         assert_eq!(flow.entry_nodes[quads.clone()], want, "tetrahedra of contact {c}");
-        // Each body's weights sum to one, with its sign; a body without nodes has none.
+        // The weights of a body with nodes sum to 1 or, for body b, to -1; a body without nodes has no weights.
         let sum: f32 = flow.entry_weights[quads].iter().flatten().sum();
         assert!((sum - sum.round()).abs() < 1e-5 && sum.abs() < 1.5, "contact {c}: weights sum to {sum}");
         let corners = flow.model.skin_nodes[contact.vertex as usize][0] != NONE;
@@ -51,13 +52,13 @@ fn wide(x: &[f32]) -> DVec3 {
     DVec3::new(x[0].into(), x[1].into(), x[2].into())
 }
 
-/// The point at which friction of the contact acts, and the relative velocity v1 - v2 there, from the contact's own
-/// entries.
+/// The point at which friction of the contact acts, and the relative velocity v1 - v2 of bodies a and b there, computed
+/// from the contact's own entries.
 fn relative(flow: &Flow, c: usize) -> (DVec3, DVec3) {
     let (contact, n) = (&flow.contacts[c], wide(&flow.contacts[c].normal));
     let pair = &flow.pairs[contact.side as usize / 2];
     let (of_second, vertex) = (contact.side % 2 == 1, wide(&flow.skin[contact.vertex as usize]));
-    // The surface point s1 lies beyond s2 by the depth.
+    // Along the normal, the surface point of body a lies beyond that of body b by the depth.
     let depth = f64::from(contact.depth) * n;
     let points = if of_second { [vertex + depth, vertex] } else { [vertex, vertex - depth] };
     let kinematic = |k: usize| pair.kinematic_frame[k] != NONE;
@@ -90,8 +91,8 @@ fn friction_of_soft_rigid_and_kinematic_skins() {
     let frictionless = flow.contacts.clone();
     flow.model.friction = [0.6, 0.01];
     [flow.params.friction, flow.params.friction_speed] = flow.model.friction;
-    // Of the pairs a-b, a-floor, a-tool, b-floor and b-tool, the first has body a on a kinematic frame, and b-floor has
-    // the floor on one.
+    // A kinematic frame is a rigid coordinate frame whose motion is known. Here ball a in pair a-b and the floor in
+    // pair b-floor are on kinematic frames; the other pairs are a-floor, a-tool, b-tool and tool-floor.
     (flow.pairs[0].kinematic_frame, flow.pairs[3].kinematic_frame) = ([0, NONE], [NONE, 1]);
     for (k, frame) in flow.frames.iter_mut().enumerate() {
         (frame.linear, frame.angular) = ([0.1, 0.3, -0.2 * k as f32], [2.0, -5.0, 3.0]);
@@ -117,7 +118,7 @@ fn friction_of_soft_rigid_and_kinematic_skins() {
         let pressure = f64::from(got.stiffness) * f64::from(got.depth) + f64::from(got.damping) * rate;
         let force = f64::from(got.area) * pressure.max(0.0);
         let speed = slip.length().hypot(f64::from(flow.model.friction[1]));
-        // The pressure may be a small difference of the spring's and the damper's.
+        // The pressure may be a small difference of the spring's pressure and the damper's pressure.
         let size = f64::from(got.area * got.damping) * v.length().max(0.1) * 0.6 / speed;
         let allowed = Tolerance { abs: 1e-5 * size, rel: 1e-4 };
         expect_close(&what, &[got.friction], &[f64::from(flow.model.friction[0]) * force / speed], allowed);

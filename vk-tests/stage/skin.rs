@@ -1,6 +1,7 @@
 //! Kernels skin/embed, which computes the positions of skin vertices (of the surface meshes), and skin/probe, which
 //! collects the displacements of nodes for probed vertices. The spatial hash that skin/embed fills is tested in
-//! ray_hits.rs.
+//! ray_hits.rs. A chunk is a group of skin vertices and triangles; each chunk belongs to a collision proxy (convex
+//! hull), and the proxy's inflation is how far skin may lie outside the hull.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{Body, Shape};
@@ -53,7 +54,7 @@ fn no_skin_leaves_its_inflated_hull() {
                     let outside = faces.iter().map(|f| vector(f).dot(x) - f64::from(f[3])).fold(f64::MIN, f64::max);
                     assert!(
                         outside <= f64::from(bounds.inflation),
-                        "a vertex lies {outside} m outside its hull, inflation {} m",
+                        "a vertex lies {outside} m outside its hull; the inflation is {} m",
                         bounds.inflation
                     );
                 }
@@ -62,7 +63,7 @@ fn no_skin_leaves_its_inflated_hull() {
     }
 }
 
-/// A chunk's own vertices and the corners of its triangles.
+/// A chunk's own vertices and the corners of the chunk's triangles.
 pub fn covered(model: &Model, chunk: &Chunk) -> Vec<u32> {
     let own = &model.chunk_vertices[chunk.vertex_first as usize..][..chunk.vertex_count as usize];
     let drawn = &model.chunk_triangles[chunk.triangle_first as usize..][..chunk.triangle_count as usize];
@@ -113,7 +114,7 @@ fn rigid_skin_of_any_size_and_only_what_is_listed() {
         let (rotation, centre) = (random.turn(3.0), DVec3::new(1.0, 2.0, 3.0));
         flow.frames[0] =
             Frame { rotation: rotation.as_quat().to_array(), centre: centre.as_vec3().to_array(), ..Frame::default() };
-        // A single chunk lists `n` vertices backwards; the skin has twice as many.
+        // A single chunk lists `n` vertices in falling order; the skin has twice as many vertices.
         let own = n.min(CHUNK_VERTICES) as u32;
         flow.model.chunks = vec![Chunk { vertex_count: own, embed_count: n as u32, ..Chunk::default() }];
         flow.model.chunk_vertices = (0..n.max(1) as u32).rev().collect();

@@ -1,6 +1,6 @@
-//! Tests of kernel contact/sort. An entry is a pair (node, weight) of a contact; a contact has up to four groups of four
-//! entries. The kernel is given, for each node, linked lists of the entries that name it, in any order, and writes them
-//! node after node into one array, where each node's entries are in a fixed order.
+//! Tests of kernel contact/sort. An entry is a pair (node, weight) of a contact; a contact has up to four groups of
+//! four entries. The kernel is given, for each node, linked lists of the entries that name it, in any order, and writes
+//! them node after node into one array, where each node's entries form a run, in a fixed order.
 
 use std::collections::BTreeMap;
 
@@ -19,7 +19,7 @@ use crate::stage::flow::Flow;
 /// The flag that some contacts are missing.
 const CONTACT_OVERFLOW: u32 = 4;
 
-/// The index that is expected: contact and weight of each node's entries, in rising order of entries.
+/// The runs that are expected: contact and weight bits of each node's entries, in rising order of entries.
 fn wanted(flow: &Flow) -> BTreeMap<usize, Vec<[u32; 2]>> {
     let mut runs: BTreeMap<usize, Vec<[u32; 2]>> = BTreeMap::new();
     for (c, contact) in flow.contacts[..flow.counts.contacts as usize].iter().enumerate() {
@@ -34,7 +34,7 @@ fn wanted(flow: &Flow) -> BTreeMap<usize, Vec<[u32; 2]>> {
     runs
 }
 
-/// Checks that every node's run holds exactly its entries in rising order, and that the runs cover the index without
+/// Checks that every node's run holds exactly its entries in rising order, and that the runs cover the array without
 /// gaps. Returns the number of entries.
 fn check(flow: &Flow) -> usize {
     let want = wanted(flow);
@@ -79,7 +79,8 @@ fn made_up(n: usize, nodes: u32, random: &mut Random) -> Flow {
     flow
 }
 
-/// Makes the linked lists of each node's entries, taking the contacts in random order, and shuffles the touched nodes.
+/// Makes the linked lists of each node's entries, taking the contacts in random order, and the list of touched nodes
+/// (nodes with entries), also in random order.
 fn list(flow: &mut Flow, nodes: usize, random: &mut Random) {
     flow.forget_entries(nodes);
     let lists = context().reduce_size() as usize;

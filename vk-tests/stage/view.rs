@@ -1,6 +1,6 @@
 //! The view, which draws a simulation: its shaders for light, values and shadows against f64, and images of a
-//! simulation. An image must not depend on the slices (parts of its draw work that are submitted one after another) in
-//! which it is drawn.
+//! simulation. An image must not depend on the slices (parts of the draw work, which are submitted one after another)
+//! in which it is drawn. An overlay is something that is drawn on or over the bodies, such as contact pressure.
 
 use bytemuck::Zeroable;
 use glam::{DMat4, DVec2, DVec3, DVec4};
@@ -21,7 +21,7 @@ use crate::scene::whole_step::{open, run, scene};
 const SIZE: [u32; 2] = [24, 16];
 /// Error of a colour channel: the shader's sRGB is off by 0.1 %, and the result is rounded to a byte.
 const SHADE: f64 = 2.0 / 255.0;
-/// Error of a depth: f32 directions, and corners that are rounded to 1/256 of a texel on a slope.
+/// Error of a depth: directions are rounded to f32, and corners on a slope are rounded to 1/256 of a texel.
 const DEPTH: f64 = 2e-5;
 /// Texels along a side of the shadow maps in these tests.
 const SIDE: u32 = 32;
@@ -189,7 +189,7 @@ fn words<T: bytemuck::Pod>(name: &str, data: &[T]) -> Buffer {
     Buffer::from_slice(context(), name, data, Memory::Device).unwrap()
 }
 
-/// A shadow map, the depths that the sun sees, with padding for reads of four depths at once.
+/// A buffer with a shadow map (the depths that the sun sees), padded for reads of four depths at once.
 fn shadow_array(depths: &[f32]) -> Buffer {
     words("shadow", &[depths, &[0.0; 4]].concat())
 }
@@ -255,7 +255,7 @@ fn expect_shaded(what: &str, view: &View, material: &Material, depths: &[f32], f
                 let n = if is_flat { towards } else { mix(share, face.normals).normalize() };
                 shade(x, n, value)
             };
-            expect_colour(&format!("{what}, at vertices: {at_vertices}, {at}"), got[pixel], want, SHADE);
+            expect_colour(&format!("{what}, shading at vertices: {at_vertices}, pixel {at}"), got[pixel], want, SHADE);
         }
     }
 }
@@ -271,7 +271,8 @@ fn surfaces_are_shaded_as_in_f64() {
     let mut random = Random(23);
     for case in 0..6 {
         let plain = Material { low: 2.0, high: 12.0, ..Material::body(case) };
-        // Values below the colour scale, low and high on it, and above it; none is half-way between two colours.
+        // The values lie below the colour scale, low, midway and high on the scale, and above the scale; no value is
+        // half-way between two colours.
         for (what, value) in [("below", 1.0), ("a little", 2.1), ("some", 5.3), ("much", 10.7), ("beyond", 20.0)] {
             for more in [0, flags::EVEN] {
                 let face = Face::new(&mut random, [value; 3]);
@@ -306,7 +307,7 @@ fn shadows_are_smooth_between_texels() {
     turn();
     let mut random = Random(31);
     for _ in 0..8 {
-        // No depth is near that of the face itself, where rounding would decide.
+        // No depth is near the depth of the face itself, where rounding would decide.
         let depths: Vec<f32> = (0..SIDE * SIDE).map(|_| if random.next() < 0.0 { 0.05 } else { 0.97 }).collect();
         let face = Face::new(&mut random, [0.0; 3]);
         let face = Face { normals: [DVec3::Z; 3], ..face };
@@ -416,7 +417,7 @@ fn a_square_throws_its_shadow_where_the_suns_rays_pass() {
             let ray = camera.ray(at.x, at.y, size[0], size[1]);
             let along = (offset - ray.origin.dot(normal)) / ray.direction.dot(normal);
             let x = ray.origin + along * ray.direction;
-            // No ground is drawn beyond what the sun sees.
+            // No ground is drawn beyond the square region that the shadow map covers.
             let from_middle = x - middle;
             let seen = across(sun).map(|axis| axis.dot(from_middle).abs()).into_iter().fold(0.0, f64::max);
             if along < 0.0 || seen > 0.95 * reach {
@@ -440,7 +441,7 @@ fn a_square_throws_its_shadow_where_the_suns_rays_pass() {
             } else {
                 bright += 1
             };
-            expect_colour(&format!("case {case} at {at}, {x}"), got[pixel], [0.0, 0.0, 0.0, share], SHADE);
+            expect_colour(&format!("case {case}, pixel {at}, point {x}"), got[pixel], [0.0, 0.0, 0.0, share], SHADE);
         }
         assert!(dark > 50 && bright > 500, "case {case}: {dark} pixels in the shadow, {bright} in the sun");
     }
@@ -481,7 +482,7 @@ fn the_same_moment_gives_the_same_picture() {
     for (k, picture) in first.iter().enumerate() {
         assert!(
             first[..k].iter().all(|other| other != picture),
-            "overlays {:?} give the same picture as earlier ones",
+            "overlays {:?} give the same picture as earlier overlays",
             SHOWN[k]
         );
         let behind = look::BACKGROUND.map(|x| (255.0 * x).round() as u8);

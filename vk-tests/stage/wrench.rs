@@ -1,5 +1,5 @@
-//! Kernel wrench/reduce, which sums the force and torque of the contacts on the tool, and the contact stiffness and
-//! damping that act on it.
+//! Kernel wrench/reduce, which sums the force and torque of the contacts on the tool (the rigid body that the haptic
+//! device leads), and the contact stiffness and damping that act on the tool. A pair has body a and body b.
 
 use glam::DVec3;
 use palpate::internal::gpu::Size;
@@ -11,8 +11,9 @@ use crate::harness::random::Random;
 use crate::harness::{Tolerance, case, context, expect_close};
 use crate::solver::system::{System, two_layers};
 
-/// Error of sums over contacts of terms of both signs, each a dozen roundings of 6e-8 away from the input: relative to
-/// the sum of magnitudes, which for an entry of a matrix is at most the geometric mean of its two diagonal entries.
+/// Relative error of sums over contacts, whose terms have both signs and are a dozen roundings of 6e-8 away from the
+/// input. The error is relative to the sum of the terms' magnitudes; for entry (i, k) of a matrix this sum is at most
+/// the geometric mean of the diagonal entries i and k.
 const SUM: f64 = 2.0e-6;
 
 /// Runs wrench/reduce and checks that every other word of the report stays as it was.
@@ -51,7 +52,7 @@ fn reduce_as(system: &System, forces: &[[f32; 4]], wants_stiffness: bool) -> Rep
 #[test]
 fn one_contact_by_hand() {
     // wrench/reduce with stiffness k = 100 N/m^3, at rest: the force is area * k * depth = 0.5 * 100 * 0.1 = 5 N,
-    // against the normal where the tool is body a. The arm goes from the tool's centre to the contact.
+    // against the normal where the tool is body a. The contact's arm goes from the tool's centre to the contact.
     let mut system = System::new(&[], 0.0, 1);
     system.contacts = vec![Contact {
         normal: [0.0, 0.0, 1.0],
@@ -88,8 +89,8 @@ fn one_contact_by_hand() {
     assert_eq!((report.force, report.torque, report.stiffness), ([0.0; 3], [0.0; 3], [0.0; 21]));
 }
 
-/// The upper triangle of a matrix by rows, and for each entry the geometric mean of its two diagonal entries as its
-/// scale.
+/// The entries (i, k) of a matrix's upper triangle, row by row, each with its scale, the geometric mean of the diagonal
+/// entries i and k.
 fn triangle(matrix: &[[f64; 6]; 6]) -> Vec<(f64, f64)> {
     let entry = |i: usize, k: usize| (matrix[i][k], (matrix[i][i] * matrix[k][k]).sqrt());
     (0..6).flat_map(|i| (i..6).map(move |k| entry(i, k))).collect()
@@ -97,9 +98,9 @@ fn triangle(matrix: &[[f64; 6]; 6]) -> Vec<(f64, f64)> {
 
 #[test]
 fn friction_by_hand() {
-    // wrench/reduce: friction with c = 2 N s/m and a slip of 3 m/s along x, which the step raises by 1 m/s (an impulse
-    // of h c = 2 / 128 N s for each m/s), drags the tool by 8 N, at an arm of 0.5 m along z. Its damping is c across
-    // the normal.
+    // wrench/reduce: the coefficient of friction is c = 2 N s/m. The slip is 3 m/s along x, and the step, of h = 1/128
+    // s, raises it by 1 m/s, for which the solver has computed the impulse h c * 1 m/s = 2/128 N s. So friction drags
+    // the tool by 2 * 4 = 8 N, at an arm of 0.5 m along z, and adds the damping c across the normal.
     let mut system = System::new(&[], 0.0, 1).with_friction();
     system.contacts = vec![Contact {
         normal: [0.0, 0.0, 1.0],
@@ -124,7 +125,7 @@ fn friction_by_hand() {
         damping[at] = value;
     }
     expect_close("damping", &report.damping, &damping, close);
-    // Where the tool is body b, it is dragged along.
+    // Where the tool is body b, friction drags the tool along with body a.
     system.contacts[0].tool_sign = -1.0;
     let report = reduce(&system, &[[impulse, 0.0, 0.0, 0.0]]);
     expect_close("force", &report.force, &[8.0, 0.0, 5.0], close);
@@ -147,8 +148,8 @@ fn agree(system: System, seed: u64) {
     let (places, start) = (system.twin.unknowns(), system.start());
     let (mut forces, mut resolved) = (vec![], vec![]);
     for (twin, contact) in system.twin_contacts.iter().zip(&system.contacts) {
-        // What solve/contact_product leaves of a contact for some solution x: h (h k + d) a (J x), with normal speed J
-        // x of up to 0.3 m/s.
+        // The impulse that solve/contact_product writes for a contact and some solution x is h (h k + d) a (J x), with
+        // time step h, stiffness k, damping d, area a, and normal speed J x of up to 0.3 m/s.
         let speed = f64::from(0.3 * random.next() as f32);
         let slope = h * twin.stiffness + twin.damping;
         let normal = (h * slope * twin.area * speed) as f32;
@@ -175,14 +176,14 @@ fn agree(system: System, seed: u64) {
     let size: f64 = resolved.iter().map(|r| r.force + r.friction.length()).sum();
     let (pushing, count) = (resolved.iter().filter(|r| r.active).count(), resolved.len());
     assert!(count < 100 || (pushing > count / 4 && pushing < count), "{pushing} of {count} contacts push");
-    // Levers are up to 0.2 m long.
+    // Arms of contacts are up to 0.2 m long.
     let within = |scale: f64| Tolerance { abs: SUM * scale, rel: 0.0 };
     expect_close("force", &report.force, &want.force.to_array(), within(size));
     expect_close("torque", &report.torque, &want.torque.to_array(), within(0.2 * size));
     expect_close("pressing", &[report.pressing], &[want.pressing], within(size));
     for (got, matrix) in [(report.stiffness, want.stiffness), (report.damping, want.damping)] {
         for (got, (want, scale)) in got.iter().zip(triangle(&matrix)) {
-            expect_close("matrix", &[*got], &[want], within(scale));
+            expect_close("entry of stiffness or damping", &[*got], &[want], within(scale));
         }
     }
 }

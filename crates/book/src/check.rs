@@ -104,9 +104,8 @@ pub fn problems(root: &Path) -> io::Result<Vec<String>> {
     let mut problems = Vec::new();
     for (name, page) in &pages {
         for link in &page.links {
-            problems.extend(
-                broken(root, &pages, name, link).map(|why| format!("{}: link {link}: {why}", name.display())),
-            );
+            problems
+                .extend(broken(root, &pages, name, link).map(|why| format!("{}: link {link}: {why}", name.display())));
         }
     }
     problems.extend(unlisted(&pages));

@@ -133,14 +133,18 @@ fn wrong_use_is_told_and_harms_nothing() {
         assert_eq!(count, 4 * 3 * 4);
         let mut nodes = vec![[7.0; 3]; count];
         refused(palpate_nodes(simulation, 0, null_mut(), count, &mut count), Null, "positions is null");
-        refused(palpate_nodes(simulation, 0, nodes.as_mut_ptr(), count - 1, &mut count), TooSmall, "room for 47 elements, but there are 48");
+        refused(
+            palpate_nodes(simulation, 0, nodes.as_mut_ptr(), count - 1, &mut count),
+            TooSmall,
+            "room for 47 elements, but there are 48",
+        );
         assert!(nodes.iter().all(|x| *x == [7.0; 3]));
         ok(palpate_nodes(simulation, 0, nodes.as_mut_ptr(), count, &mut count));
         assert!(nodes.iter().flatten().all(|x| x.abs() <= 0.05));
         let large = scene("[400, 300, 100]");
         let mut none = null_mut();
         let status = palpate_simulation_create(context, large, &mut none);
-        refused(status, palpate_status::Memory, "72000000 tetrahedra in boxes need 4608000000 bytes");
+        refused(status, palpate_status::Memory, "72000000 tetrahedra in layers given as boxes need 4608000000 bytes");
         assert!(none.is_null());
         ok(palpate_scene_destroy(large));
         let mut none = null_mut();

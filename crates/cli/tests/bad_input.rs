@@ -202,11 +202,14 @@ const ANSWERS: [(&str, Answer); 25] = [
                 "2 pieces were inside out, and reversed",
                 "784 edges of one triangle around 28 holes, left open; for volume and mass, triangle fans close them \
                  (17.30 % of the surface)",
-                "2390 pairs of triangles intersect, first 410 and 35121 (from 0), kept",
+                "2390 pairs of triangles intersect, kept; first triangles 410 and 35121 (from 0)",
             ],
         ),
     ),
-    ("self_intersect_tori.obj", Cells(0.3, &["256 pairs of triangles intersect, first 8 and 2469 (from 0), kept"])),
+    (
+        "self_intersect_tori.obj",
+        Cells(0.3, &["256 pairs of triangles intersect, kept; first triangles 8 and 2469 (from 0)"]),
+    ),
     ("sparse_ids_ok.v22.msh", Layer(&[])),
     ("triangle_soup.obj", Cells(0.1, &["14988 vertices joined with others at the same place, where edges were open"])),
     ("truncated.obj", Refused("obj:14: a vertex with 1 coordinates")),
@@ -218,7 +221,7 @@ const ANSWERS: [(&str, Answer); 25] = [
             &[
                 "156 triangles without area dropped",
                 "78 vertices joined with others at the same place, where edges were open",
-                "3 pairs of triangles intersect, first 2973 and 2977 (from 0), kept",
+                "3 pairs of triangles intersect, kept; first triangles 2973 and 2977 (from 0)",
             ],
         ),
     ),

@@ -1,4 +1,4 @@
-//! A swapchain and its images, each with a semaphore that is signalled when the image's content is complete.
+//! A window's swapchain and its images, each with a semaphore that is signalled when the image's content is complete.
 #![allow(unsafe_code)]
 
 use std::sync::Arc;
@@ -13,6 +13,7 @@ use crate::gpu::{Context, failed};
 pub(super) struct Chain {
     pub handle: vk::SwapchainKHR,
     pub images: Vec<Image>,
+    /// Size of the images, pixels.
     pub extent: vk::Extent2D,
     /// Size of the window that the swapchain was made for, pixels.
     pub asked: [u32; 2],
@@ -30,7 +31,8 @@ pub(super) struct Image {
 }
 
 impl Chain {
-    /// Number of images to request: one more than the minimum, so that one is free while others wait to be shown.
+    /// Number of images to request: one more than the surface's minimum, so that one is free while others wait to be
+    /// shown.
     pub fn images_of(can: &vk::SurfaceCapabilitiesKHR) -> u32 {
         let most = if can.max_image_count == 0 { u32::MAX } else { can.max_image_count };
         (can.min_image_count + 1).min(most)
@@ -42,7 +44,7 @@ impl Chain {
         info: &vk::SwapchainCreateInfoKHR,
         asked: [u32; 2],
     ) -> Result<Chain> {
-        // SAFETY: the surface is alive, and no work on the old swapchain is pending.
+        // SAFETY: the surface is alive, and no work on the old swapchain (`info.old_swapchain`) is pending.
         let handle =
             unsafe { swapchains.create_swapchain(info, None) }.map_err(failed("vkCreateSwapchainKHR", STAGE))?;
         let mut chain = Chain {

@@ -1,4 +1,5 @@
-//! Copies a rendered image into an image of the swapchain, with one command buffer that is recorded anew for each copy.
+//! Copies a rendered image into an image of a window's swapchain, with one command buffer that is recorded anew for
+//! each copy.
 #![allow(unsafe_code)]
 
 use std::sync::Arc;
@@ -10,16 +11,17 @@ use crate::error::Result;
 use crate::gpu::image::Image;
 use crate::gpu::{Context, failed};
 
-/// The command buffer and its synchronisation; at most one copy is pending at a time.
+/// The command buffer and its fence and semaphore; at most one copy is pending on the GPU at a time.
 pub(super) struct Commands {
     context: Arc<Context>,
     pool: vk::CommandPool,
     buffer: vk::CommandBuffer,
     fence: vk::Fence,
+    /// Whether a copy was submitted whose end nobody has waited for yet.
     is_under_way: bool,
-    /// The rendered image of the pending copy, kept alive.
+    /// The rendered image that the pending copy reads; this handle keeps the image alive.
     picture: Option<Image>,
-    /// Signalled when the swapchain's image may be overwritten; the copy waits for it.
+    /// Signalled when the acquired swapchain image may be overwritten; the copy waits for this semaphore.
     pub acquired: vk::Semaphore,
 }
 
@@ -38,8 +40,8 @@ impl Commands {
         let pool = vk::CommandPoolCreateInfo::default()
             .queue_family_index(context.queue_family)
             .flags(vk::CommandPoolCreateFlags::TRANSIENT);
-        // SAFETY (all here): the device is alive, infos live through their calls; on an error `commands` frees what was
-        // made.
+        // SAFETY (of all calls below): the device is alive; each info lives through its call; on an error, dropping
+        // `commands` frees what was made.
         unsafe {
             commands.pool = device.create_command_pool(&pool, None).map_err(failed("vkCreateCommandPool", STAGE))?;
             let info = vk::CommandBufferAllocateInfo::default().command_pool(commands.pool).command_buffer_count(1);
@@ -66,20 +68,21 @@ impl Commands {
         }
     }
 
-    /// Fills an acquired swapchain image of this size, and signals `drawn` when its content is complete.
+    /// Submits commands that fill the acquired swapchain image `image` of `size` pixels with `what`, and that signal
+    /// `drawn` when the image's content is complete.
     pub fn copy(&mut self, what: Content, image: vk::Image, size: vk::Extent2D, drawn: vk::Semaphore) -> Result<()> {
         self.wait()?;
         let picture = if let Content::Picture(picture) = what { Some(picture.clone()) } else { None };
         let (device, buffer) = (&self.context.device, self.buffer);
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY (all here): the pool's commands have ended; both images are alive, the swapchain's is acquired; the
-        // queue is locked.
+        // SAFETY (of all calls below): the pool's earlier commands have ended; both images are alive, and the swapchain
+        // image is acquired; the queue is locked.
         unsafe {
             let reset = device.reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty());
             reset.map_err(failed("vkResetCommandPool", STAGE))?;
             device.begin_command_buffer(buffer, &begin).map_err(failed("vkBeginCommandBuffer", STAGE))?;
-            // Earlier content is discarded. The submit waits for the semaphore in the same pipeline stage as this
-            // barrier.
+            // The image's earlier content is discarded. The submit waits for the semaphore `acquired` in the pipeline
+            // stage of this barrier (transfer), so the barrier comes after that wait.
             self.barrier(
                 image,
                 [Layout::UNDEFINED, Layout::TRANSFER_DST_OPTIMAL],
@@ -124,12 +127,13 @@ impl Commands {
             .image(image)
             .subresource_range(whole())];
         let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
-        // SAFETY: the command buffer is recording; the image is alive; synchronization2 is enabled.
+        // SAFETY: the command buffer is in recording state; the image is alive; synchronization2 is enabled.
         unsafe { self.context.device.cmd_pipeline_barrier2(self.buffer, &info) };
     }
 
     fn blit(&self, picture: &Image, image: vk::Image, size: vk::Extent2D) {
-        // The work that rendered the image has ended; this barrier makes its writes visible to the copy.
+        // The GPU work that rendered `picture` has ended; this barrier makes the writes of that work visible to the
+        // copy.
         let made = [vk::MemoryBarrier2::default()
             .src_stage_mask(Stages::ALL_COMMANDS)
             .src_access_mask(Access::MEMORY_WRITE)
@@ -150,7 +154,7 @@ impl Commands {
             .regions(&regions)
             .filter(vk::Filter::LINEAR);
         let (device, dependency) = (&self.context.device, vk::DependencyInfo::default().memory_barriers(&made));
-        // SAFETY: the command buffer is recording; both images are alive and in these layouts.
+        // SAFETY: the command buffer is in recording state; both images are alive and in the layouts given to the call.
         unsafe {
             device.cmd_pipeline_barrier2(self.buffer, &dependency);
             device.cmd_blit_image2(self.buffer, &info);

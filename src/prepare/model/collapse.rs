@@ -10,14 +10,15 @@ use glam::DVec3;
 
 use crate::prepare::NONE;
 
-/// Least cosine of the angle by which a collapse may turn a triangle's normal: about 80 degrees.
+/// Least cosine of the angle by which a collapse may turn a triangle's normal; the angle is about 80 degrees.
 const LEAST_COSINE: f64 = 0.2;
 
 /// Collapses the shortest edges of a closed manifold, each to its midpoint, until `count` vertices are left or no edge
 /// may be collapsed. The remaining vertices and triangles keep their order.
 pub fn to_count(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>, count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut mesh = Mesh::new(vertices, triangles);
-    // If the bound on the turn of normals forbids the last collapses, the second pass checks the topology only.
+    // If the bound on the turn of normals forbids too many collapses, the second pass, with a bound below any cosine,
+    // checks the topology only.
     for least_cosine in [LEAST_COSINE, -2.0] {
         mesh.queue_all();
         while mesh.left > count {
@@ -30,15 +31,15 @@ pub fn to_count(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>, count: usize) ->
     mesh.compact()
 }
 
-/// A mesh in reduction. A removed vertex has no triangles; a removed triangle has the vertices [`NONE`].
+/// A mesh while it is reduced. A removed vertex has no triangles; a removed triangle has the vertices [`NONE`].
 struct Mesh {
     vertices: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     /// Remaining triangles around each vertex.
     around: Vec<Vec<u32>>,
     left: usize,
-    /// Edges by squared length (as bits, whose order is that of non-negative floats), with their ends in ascending
-    /// order.
+    /// Edges, the shortest first: the squared length as a bit pattern (non-negative floats have the order of their bit
+    /// patterns), and the two ends in ascending order.
     queue: BinaryHeap<Reverse<(u64, u32, u32)>>,
 }
 

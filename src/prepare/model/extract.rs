@@ -1,5 +1,5 @@
-//! Extracts the zero surface of a solid (a signed distance function) by marching tetrahedra over the body-centred
-//! lattice, then smooths it without leaving the surface.
+//! Extracts the zero surface of a solid (a signed distance function) as a triangle mesh, by marching tetrahedra over a
+//! body-centred cubic lattice, then smooths the mesh while its vertices stay on the zero surface.
 //!
 //! Marching tetrahedra (A. Doi and A. Koide 1991) always give a closed manifold, because the linear interpolant in a
 //! tetrahedron has no ambiguous case.
@@ -12,10 +12,10 @@ use super::solid::gradient;
 use crate::prepare::lattice::Lattice;
 use crate::prepare::layer::FACES;
 
-/// Step of the numerical gradient, m: far smaller than any feature, far larger than rounding.
+/// Step of the numerical gradient, m: far smaller than any feature of a solid, far larger than rounding errors.
 const GRADIENT_STEP: f64 = 1e-5;
-/// Number of Newton iterations to the surface. The solids are nearly distance functions, so three come within a
-/// thousandth of an edge.
+/// Number of Newton iterations that bring a vertex onto the surface. The solids are nearly distance functions, so three
+/// iterations bring the vertex within a thousandth of an edge length.
 const NEWTON_STEPS: usize = 3;
 
 /// Orders of a tetrahedron's nodes (two inside, then two outside), each an even permutation.
@@ -25,7 +25,8 @@ const PAIRS: [[usize; 4]; 6] = [[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2,
 /// (all m). It is the connected piece that a ray from the point `inside` along x meets first. Vertices are numbered in
 /// lattice order.
 ///
-/// Only cells at the surface are visited, each from a neighbour (B. Wyvill and others 1986).
+/// Only cells at the surface and their neighbours are visited: the search spreads from cell to neighbouring cell (B.
+/// Wyvill and others 1986).
 pub fn surface(
     solid: &impl Fn(DVec3) -> f64,
     [low, high]: [DVec3; 2],
@@ -95,7 +96,8 @@ impl<S: Fn(DVec3) -> f64> Field<'_, S> {
         })
     }
 
-    /// The cells that one connected piece of the surface passes, in lattice order.
+    /// The cells that one connected piece of the surface passes, in lattice order: the piece that a ray from `inside`
+    /// along x meets first.
     fn crossed(&mut self, inside: DVec3) -> Vec<[usize; 3]> {
         let [x, y, z] = self.lattice.cell_at(inside);
         let last = self.lattice.size().map(|s| s - 1);
@@ -119,11 +121,11 @@ impl<S: Fn(DVec3) -> f64> Field<'_, S> {
     }
 }
 
-/// Moves every vertex halfway towards the mean of its neighbours, along the surface, and projects it back onto it;
-/// `rounds` times.
+/// Moves every vertex along the surface, halfway towards the mean of its neighbours, and projects the vertex back onto
+/// the surface. This is done `rounds` times.
 pub fn smooth(solid: &impl Fn(DVec3) -> f64, vertices: &mut Vec<DVec3>, triangles: &[[u32; 3]], rounds: usize) {
     for _ in 0..rounds {
-        // Each directed edge occurs once on a closed surface, so the sums count each neighbour once.
+        // On a closed surface each directed edge occurs in one triangle, so the sums count each neighbour once.
         let mut sums = vec![(DVec3::ZERO, 0.0); vertices.len()];
         for t in triangles {
             for k in 0..3 {
@@ -141,8 +143,8 @@ pub fn smooth(solid: &impl Fn(DVec3) -> f64, vertices: &mut Vec<DVec3>, triangle
 }
 
 /// Moves a point by the tangential part of `step`, then onto the surface by Newton's method. All iterations use the
-/// gradient at the start, because a gradient costs six evaluations and changes little over a step. The length of each
-/// iteration is limited, because it could be far too long at a crease.
+/// gradient at the start, because a gradient costs six evaluations and changes little over a step. The distance that an
+/// iteration moves the point is limited, because it could be far too long at a crease.
 fn onto(solid: &impl Fn(DVec3) -> f64, from: DVec3, step: DVec3) -> DVec3 {
     let slope = gradient(solid, from, GRADIENT_STEP);
     let steepness = slope.length_squared().max(0.1);

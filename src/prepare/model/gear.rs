@@ -1,9 +1,9 @@
 //! Generates a spur gear for scenes without files: twenty involute teeth, rim, web, hub and bore, with the axis along
 //! z.
 //!
-//! The gear is built ring by ring from its profile, so that every edge is sharp and every vertex of a flank (working
-//! side of a tooth) lies on an involute. If no grid has the wanted number of vertices, edges of flat faces are split,
-//! which leaves the surface in place.
+//! The gear's surface is a grid of points that is built ring by ring from the gear's profile, so that every edge is
+//! sharp and every vertex of a flank (working side of a tooth) lies on an involute. If no such grid has the wanted
+//! number of vertices, edges of flat faces are split, which leaves the surface in place.
 
 use std::f64::consts::{PI, TAU};
 
@@ -20,7 +20,8 @@ pub(super) const TIP: f64 = 0.05;
 const MODULE: f64 = TIP / (TEETH as f64 / 2.0 + 1.0);
 /// Radius of the pitch circle, m.
 const PITCH: f64 = MODULE * TEETH as f64 / 2.0;
-/// Radius of the root circle between the teeth, m: it leaves a clearance of a quarter of a module (ISO 53).
+/// Radius of the root circle between the teeth, m, which leaves the teeth of another gear a clearance of a quarter of a
+/// module (ISO 53).
 const ROOT: f64 = PITCH - 1.25 * MODULE;
 /// Cosine and tangent of the pressure angle, 20 degrees.
 const PRESSURE: (f64, f64) = (0.939_692_620_785_908_4, 0.363_970_234_266_202_4);
@@ -43,7 +44,7 @@ const SECTION: [(f64, f64); 6] = [
     (0.0195, HALF_WIDTH),
     (BORE, HALF_WIDTH),
 ];
-/// Edge length of the coarsest grid, m, and the ratio of each edge length that is tried to the one before.
+/// Edge length of the coarsest grid, m, and the ratio of each edge length that is tried to the previous one.
 const COARSEST: (f64, f64) = (0.01, 0.995);
 
 /// A gear with exactly `vertex_count` vertices.
@@ -63,8 +64,8 @@ pub fn gear(vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (vertices, triangles)
 }
 
-/// Half the angle that a tooth spans at a radius, rad: an involute above the base circle, radial below it, with a
-/// fillet at the foot.
+/// Half the angle that a tooth spans at a radius, rad. The tooth's flank is an involute above the base circle and a
+/// radial line below the base circle, with a fillet at the foot.
 fn half_angle(radius: f64) -> f64 {
     let involute = |tangent: f64| tangent - libm::atan(tangent);
     let roll = ((radius / BASE) * (radius / BASE) - 1.0).max(0.0).sqrt();
@@ -88,8 +89,8 @@ struct Grid {
     up: usize,
     /// Number of edges over the face width.
     levels: usize,
-    /// Radius and height (m) of every ring, from the root circle of one side through the bore to that of the other
-    /// side.
+    /// Radius and height (m) of every ring of points, from the root circle of one side through the bore to the root
+    /// circle of the other side.
     rings: Vec<(f64, f64)>,
 }
 
@@ -100,8 +101,8 @@ impl Grid {
         let tip = 2.0 * TIP * half_angle(TIP);
         let across = count((foot + tip) / 2.0, 2);
         let between = count(TAU * ROOT / TEETH as f64 - foot, 1);
-        // On the inner rings points lie closer together, so edges along the section have the geometric mean of the
-        // wanted edge length and of the distance between points around the ring.
+        // On the inner rings points lie closer together. An edge along the section is therefore as long as the
+        // geometric mean of the wanted edge length and the distance between neighbouring points of the ring.
         let crowd = TAU / (TEETH * (across + between)) as f64;
         let mut rings = vec![SECTION[0]];
         let other_side = SECTION.iter().rev().map(|&(r, z)| (r, -z));
@@ -141,7 +142,8 @@ impl Grid {
         (mesh.vertices, mesh.triangles)
     }
 
-    /// Adds a whole circle of points: for each tooth those over its foot, then those between it and the next tooth.
+    /// Adds a whole circle of points: for each tooth the points at its foot, then the points between this tooth and the
+    /// next.
     fn ring(&self, mesh: &mut Mesh, radius: f64, z: f64) -> Vec<u32> {
         let half = half_angle(ROOT);
         let gap = TAU / TEETH as f64 - 2.0 * half;
@@ -155,8 +157,8 @@ impl Grid {
             .collect()
     }
 
-    /// Adds the flat faces of all teeth on one side, starting from the root circle `foot`; returns the outline of that
-    /// side.
+    /// Adds the flat faces of all teeth on one side of the gear, starting from the points `foot` of the root circle;
+    /// returns the points along the outline of that side.
     fn cap(&self, mesh: &mut Mesh, foot: &[u32], z: f64) -> Vec<u32> {
         let mut outline = Vec::new();
         let pitch = self.across + self.between;
@@ -202,7 +204,7 @@ impl Mesh {
         }
     }
 
-    /// Adds triangles between two closed rows of points, as [`Mesh::strip`] does between open ones.
+    /// Adds triangles between two closed rows of points, as [`Mesh::strip`] does between two open rows.
     fn band(&mut self, a: &[u32], b: &[u32]) {
         self.strip(a, b);
         let last = a.len() - 1;

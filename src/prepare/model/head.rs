@@ -26,8 +26,8 @@ fn solid(point: DVec3) -> f64 {
 
 /// Signed distance of the head with a neck that goes on downwards, to where a body's chest would be.
 pub(super) fn with_neck(point: DVec3) -> f64 {
-    // The absolute value of x, slightly blended, evaluates both halves at once; the blend keeps the surface smooth
-    // where they meet.
+    // With the absolute value of x in place of x, the formulas of one half of the head give both halves. The absolute
+    // value is rounded off near x = 0, which keeps the surface smooth where the halves meet.
     let p = DVec3::new((point.x * point.x + MIRROR * MIRROR).sqrt(), point.y, point.z);
     let head = mouth(p, nose(p, eyes(p, skull(p))));
     let neck = stick(p * DVec3::new(0.95, 1.0, 1.0), (at(0.0, -0.04, -0.028), 0.05), (at(0.0, -0.2, -0.04), 0.054));
@@ -79,7 +79,7 @@ fn mouth(p: DVec3, head: f64) -> f64 {
     carve(join(join(head, swell, 0.02), lips, 0.006), line, 0.004)
 }
 
-/// Adds the ears: a shell that stands off to the back, hollowed at its front.
+/// Adds the ears: each is a shell that stands off to the back and is hollow at its front.
 fn ears(p: DVec3, head: f64) -> f64 {
     // The ear's own coordinates are rotated by angles with rational sine and cosine (3-4-5 and 7-24-25 triangles), so
     // that no trigonometric function is rounded.

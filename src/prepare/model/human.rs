@@ -1,9 +1,9 @@
 //! Generates a standing human for scenes without files: 1.7 m tall, y up, looking towards +z, soles at y = 0, arms held
-//! out level with palms down and fingers apart. The shape is a signed distance function, m, negative inside; the head
-//! is that of `head.rs`.
+//! out level with palms down and fingers apart. The shape is a signed distance function, m, negative inside; the head's
+//! shape comes from `head.rs`.
 //!
-//! Hands, feet and head get shorter edges than the rest: the mesh is made in a space (the *mesher's*) in which a
-//! bijective map magnifies these parts, and its vertices are then mapped back.
+//! Hands, feet and head get shorter edges than the rest: the mesh is made in the *mesher's space*, in which these parts
+//! are magnified by a bijective map, and the mesh's vertices are then mapped back.
 
 use glam::DVec3;
 
@@ -11,18 +11,18 @@ use super::Blank;
 use super::head::with_neck;
 use super::solid::{carve, ellipsoid, join, meet, stick};
 
-/// Origin of the head's coordinates in the body's, m.
+/// Origin of the head's coordinates in the coordinates of the body, m.
 const HEAD: DVec3 = DVec3::new(0.0, 1.575, 0.022);
 /// Height (y) and depth (z) of an arm's axis, m.
 const ARM: (f64, f64) = (1.395, -0.012);
 /// Half width of the zone in which the two mirrored halves are blended at the plane of symmetry, m.
 const MIRROR: f64 = 0.004;
-/// Distance that stands for parts which are left out because they are far away, m: it is larger than the width of any
+/// Distance that is used for parts which are left out because they are far away, m: it is larger than the width of any
 /// blend.
 const FAR: f64 = 1.0;
 
-/// Magnification of hands, head and feet in the mesher's space, along x (hands) or y (head, feet): where it begins, the
-/// length over which it sets in (both m), and its inverse.
+/// Magnification of hands, head and feet in the mesher's space, along x (hands) or y (head, feet): the coordinate at
+/// which the magnification begins (m), the length over which it sets in (m), and its inverse.
 const HAND: Lens = Lens { start: 0.46, length: 0.35, scale: 1.0 / 2.5 };
 const FACE: Lens = Lens { start: 1.43, length: 0.12, scale: 1.0 / 2.7 };
 const FOOT: Lens = Lens { start: -0.24, length: 0.18, scale: 1.0 / 2.2 };
@@ -50,13 +50,13 @@ struct Lens {
 }
 
 impl Lens {
-    /// Maps the mesher's coordinate to the body's along the line (m); the second value is the share by which lengths
-    /// across it shrink.
+    /// Maps a coordinate along the line from the mesher's space to the body's space (m). The second value is the factor
+    /// by which lengths across the line are to be multiplied.
     fn at(&self, u: f64) -> (f64, f64) {
         let t = ((u - self.start) / self.length).clamp(0.0, 1.0);
         let lost = 1.0 - self.scale;
         let share = 1.0 - lost * t * t * (3.0 - 2.0 * t);
-        // Length along the transition, which is the integral of the share.
+        // Distance covered in the body's space from `start` to the point, within `length`: the integral of `share`.
         let along = self.length * (t - lost * t * t * t * (1.0 - t / 2.0));
         (u.min(self.start) + along + self.scale * (u - self.start - self.length).max(0.0), share)
     }
@@ -76,7 +76,7 @@ fn at(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// The body's signed distance. Parts far from the point are left out, because no blend reaches that far.
+/// Signed distance of the whole body. Parts far from the point are left out, because no blend reaches that far.
 fn solid(point: DVec3) -> f64 {
     let p = DVec3::new((point.x * point.x + MIRROR * MIRROR).sqrt(), point.y, point.z);
     let mut body = if p.x < 0.5 && p.y > 0.55 { torso(p) } else { FAR };

@@ -1,8 +1,8 @@
 //! Surfaces with an exact number of vertices that the engine generates itself, so that scenes need no files.
 //!
 //! Head, pumpkin and human are solids given by signed distance functions, whose surfaces are extracted and then reduced
-//! by edge collapse; the gear is built from its profile. The models are bitwise the same on every machine, because only
-//! correctly rounded operations are used, and sines from `libm`.
+//! by edge collapse; the gear is built from its profile. The models are bitwise the same on every machine, because they
+//! are computed with correctly rounded operations and with the trigonometric functions of `libm` only.
 
 pub mod collapse;
 pub mod extract;
@@ -41,13 +41,13 @@ struct Blank<S> {
     /// Number of vertices that marching tetrahedra give for this solid times the square of the lattice's cell edge,
     /// m^2.
     vertices_per_cell: f64,
-    /// Greatest cell edge of the lattice, m. The thinnest parts are about this thick, and a coarser lattice might miss
-    /// them.
+    /// Greatest cell edge of the lattice, m. The thinnest parts of the solid are about this thick, and a coarser
+    /// lattice might miss these parts.
     coarsest: f64,
 }
 
-/// Number of vertices that are extracted for each vertex of the final surface: the others are collapsed, which removes
-/// the slivers of marching tetrahedra.
+/// Number of vertices that are extracted for each vertex of the final surface. Edge collapse removes the surplus, and
+/// with it the slivers of marching tetrahedra.
 const SURPLUS: f64 = 2.0;
 
 impl<S: Fn(DVec3) -> f64> Blank<S> {

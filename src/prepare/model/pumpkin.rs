@@ -1,7 +1,7 @@
 //! Generates a pumpkin for scenes without files: 0.3 m across, y up, with ten ribs and a bent stem.
 //!
 //! The ribs are ellipsoids around the axis, joined with narrow fillets, so that the grooves between them run from the
-//! dimple at the top to that at the bottom.
+//! dimple at the top to the dimple at the bottom.
 
 use glam::DVec3;
 
@@ -14,7 +14,7 @@ const RIBS: usize = 10;
 const RIB_OFFSET: f64 = 0.082;
 /// Half axes of a rib: outwards, up, along the circumference, m.
 const RIB: DVec3 = DVec3::new(0.066, 0.098, 0.043);
-/// Relative size of each rib: a real pumpkin is not perfectly regular.
+/// Relative size of each rib; the sizes differ because a real pumpkin is not perfectly regular.
 const RIB_SIZES: [f64; RIBS] = [1.0, 0.97, 1.03, 0.98, 1.01, 0.96, 1.02, 1.0, 0.97, 1.03];
 /// Width of the grooves' fillets, m.
 const GROOVE: f64 = 0.008;
@@ -29,13 +29,13 @@ const STEM: [(DVec3, f64); 4] = [
 ];
 /// Number of ridges of the stem.
 const STEM_RIBS: i32 = 5;
-/// Depth of the stem's grooves as a share of its radius.
+/// Depth of the stem's grooves as a share of the stem's radius.
 const STEM_GROOVE: f64 = 0.16;
 
 /// A pumpkin with exactly `vertex_count` vertices.
 pub fn pumpkin(vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let directions = std::array::from_fn(|k| {
-        // The offset of one half turns a rib towards +z.
+        // The offset of one half makes one of the ribs point towards +z.
         let (sine, cosine) = libm::sincos(std::f64::consts::TAU * (k as f64 + 0.5) / RIBS as f64);
         DVec3::new(cosine, 0.0, sine)
     });
@@ -65,7 +65,7 @@ fn stem(p: DVec3) -> f64 {
         let ((a, ra), (b, rb)) = (STEM[k], STEM[k + 1]);
         let axis = a + (b - a) * ((p.y - a.y) / (b.y - a.y)).clamp(0.0, 1.0);
         let (x, z) = (p.x - axis.x, p.z - axis.z);
-        // The cosine of a multiple of an angle is the real part of a power of cosine + i sine.
+        // The cosine of the n-th multiple of an angle is the real part of the n-th power of cosine + i sine.
         let (mut re, mut im) = (1.0, 0.0);
         let r = (x * x + z * z).sqrt().max(1e-9);
         for _ in 0..STEM_RIBS {

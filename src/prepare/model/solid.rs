@@ -1,13 +1,13 @@
-//! Building blocks of the generated solids. A solid is a function of a point: negative inside, and near the surface
-//! about the signed distance from it in metres.
+//! Building blocks of the generated solids. A solid is a function of a point: negative inside, and near the solid's
+//! surface about the signed distance of the point from the surface, m.
 //!
 //! Only additions, products, quotients and square roots are used. These are correctly rounded, so that a model is
 //! bitwise the same on every machine.
 
 use glam::DVec3;
 
-/// An ellipsoid with axes along the coordinate axes: zero exactly on the surface, and the distance to first order near
-/// it.
+/// An ellipsoid with axes along the coordinate axes: zero exactly on the surface, and near the surface the distance to
+/// first order.
 pub fn ellipsoid(p: DVec3, centre: DVec3, radii: DVec3) -> f64 {
     let scaled = (p - centre) / radii;
     let k0 = scaled.length();
@@ -39,7 +39,7 @@ pub fn meet(a: f64, b: f64, k: f64) -> f64 {
     -join(-a, -b, k)
 }
 
-/// The gradient by central differences over `step` (m).
+/// The gradient of a solid's function, by central differences over `step` (m).
 pub fn gradient(solid: &impl Fn(DVec3) -> f64, p: DVec3, step: f64) -> DVec3 {
     let slope = |axis: DVec3| (solid(p + axis * step) - solid(p - axis * step)) / (2.0 * step);
     DVec3::new(slope(DVec3::X), slope(DVec3::Y), slope(DVec3::Z))

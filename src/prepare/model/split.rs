@@ -7,11 +7,11 @@ use glam::DVec3;
 /// Greatest length of the x-y part of a face's unit normal, for the face to count as flat and perpendicular to z.
 const FLAT: f64 = 1e-9;
 
-/// Splits edges of a closed manifold between two faces that are perpendicular to z, the longest edge first, until the
-/// mesh has `count` vertices or no such edge is left.
+/// Splits edges of a closed manifold, the longest edge first, until the mesh has `count` vertices or no edge is left.
+/// Only edges between two faces that are both perpendicular to z are split.
 pub fn to_count(vertices: &mut Vec<DVec3>, triangles: &mut Vec<[u32; 3]>, count: usize) {
-    // The triangle to the left of each directed edge. The map is only looked up and never iterated, so hashing does not
-    // matter.
+    // The triangle to the left of each directed edge. The map is only looked up and never iterated, so the result does
+    // not depend on hashing.
     let mut left: HashMap<(u32, u32), u32> = HashMap::new();
     for (t, triangle) in triangles.iter().enumerate() {
         left.extend((0..3).map(|k| ((triangle[k], triangle[(k + 1) % 3]), t as u32)));

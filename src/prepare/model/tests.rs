@@ -1,4 +1,5 @@
-//! Tests of the generated models (head, pumpkin, gear, human): invariants that hold for all, and the features of each.
+//! Tests of the generated models (head, pumpkin, gear, human): invariants that hold for all models, and the features of
+//! single models.
 
 use glam::DVec3;
 
@@ -51,12 +52,12 @@ fn measures(model: Model) -> (DVec3, DVec3, f64) {
     }
 }
 
-/// Tolerance on the extents of a coarse mesh in addition to [`EXTENT`], as a share of its edge length: the mesh cuts
-/// off tips by up to that much.
+/// Tolerance on the extents of a coarse mesh in addition to [`EXTENT`], in edge lengths of the mesh: a coarse mesh cuts
+/// off tips by up to one edge length.
 const LOST: f64 = 1.0;
 /// Radius of the gear's bore, m.
 const BORE: f64 = 0.0125;
-/// Tolerance for vertices to lie on the involute, m: rounding only.
+/// Tolerance for vertices of a tooth's flank to lie on the involute, m: rounding errors only.
 const INVOLUTE: f64 = 1e-12;
 /// Tolerance on the extents of a fine mesh, m.
 const EXTENT: f64 = 0.003;
@@ -109,8 +110,8 @@ fn models_are_the_same_bits_every_time() {
 #[test]
 fn flanks_of_the_gear_are_involutes_and_its_bore_is_open() {
     let (vertices, triangles) = crate::prepare::model::surface(Model::Gear, Model::Gear.default_vertices());
-    // Angle from the middle of a tooth to the start of its involute on the base circle. It follows from the pitch
-    // circle, where the tooth is half a pitch wide.
+    // Angle from the middle of a tooth to the start of the tooth's involute on the base circle. The angle follows from
+    // the pitch circle, where the tooth is half a pitch wide.
     let pressure = 20f64.to_radians();
     let start = std::f64::consts::PI / (2.0 * gear::TEETH as f64) + pressure.tan() - pressure;
     let (mut flank, mut tips) = (0, 0);
@@ -123,8 +124,8 @@ fn flanks_of_the_gear_are_involutes_and_its_bore_is_open() {
             tips += 1;
             continue;
         }
-        // The involute's definition: the taut string from the base circle to the vertex is as long as the arc that it
-        // unwound from.
+        // By the involute's definition, the taut string from the base circle to the vertex is as long as the arc that
+        // the string unwound from.
         let string = (radius * radius - gear::BASE * gear::BASE).sqrt();
         let pitch = std::f64::consts::TAU / gear::TEETH as f64;
         let angle = v.y.atan2(v.x);
@@ -132,14 +133,14 @@ fn flanks_of_the_gear_are_involutes_and_its_bore_is_open() {
         let unrolled = start - from_middle + (string / gear::BASE).atan();
         assert!(
             (string - gear::BASE * unrolled).abs() < INVOLUTE,
-            "vertex {v}: the taut string is {string} m long, the arc that it unwound from {} m",
+            "vertex {v}: the taut string is {string} m long, but the arc that it unwound from is {} m long",
             gear::BASE * unrolled
         );
         flank += 1;
     }
     assert!(
         flank > 2_000 && tips > 1_000,
-        "{flank} vertices on flanks, expected over 2000; {tips} on tips, expected over 1000"
+        "{flank} vertices on flanks, expected over 2000; {tips} vertices on tips, expected over 1000"
     );
     let inside = |x: f64, y: f64| winding_number(&vertices, &triangles, DVec3::new(x, y, 0.0)) > 0.5;
     assert!(!inside(0.0, 0.0) && !inside(BORE - 1e-4, 0.0) && inside(BORE + 1e-4, 0.0));
@@ -151,7 +152,7 @@ fn flanks_of_the_gear_are_involutes_and_its_bore_is_open() {
 #[test]
 fn the_human_has_ten_fingers_apart() {
     let (vertices, triangles) = crate::prepare::model::surface(Model::Human, Model::Human.default_vertices());
-    // Beyond the knuckles each hand has four connected pieces.
+    // Beyond the knuckles the mesh of each hand consists of four connected pieces, the fingers without the thumb.
     let beyond = |t: &&[u32; 3]| t.iter().all(|&v| vertices[v as usize].x.abs() > 0.805);
     let fingers: Vec<[u32; 3]> = triangles.iter().filter(beyond).copied().collect();
     let (labels, _) = skin::parts(vertices.len(), &fingers);
@@ -174,7 +175,7 @@ fn the_pumpkin_has_ten_ribs_and_a_stem() {
     let at = |turns: f64, r: f64| DVec3::new(r * (turns * 0.62832).cos(), 0.0, r * (turns * 0.62832).sin());
     for k in 0..10 {
         let rib = f64::from(k) + 0.5;
-        assert!(inside(at(rib, 0.14)) && !inside(at(rib + 0.5, 0.136)), "rib {k} is missing, or the groove after it");
+        assert!(inside(at(rib, 0.14)) && !inside(at(rib + 0.5, 0.136)), "rib {k} or the groove after it is missing");
     }
     assert!(inside(DVec3::new(0.007, 0.115, 0.003)) && !inside(DVec3::new(0.04, 0.115, 0.0)));
 }

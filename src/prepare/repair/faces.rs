@@ -1,5 +1,5 @@
-//! First part of the repair of a surface: degenerate and duplicate faces are removed, and vertices that coincide at
-//! open edges (edges with only one triangle) are merged.
+//! First part of the repair of a surface, before it becomes the skin of a body: degenerate and duplicate faces
+//! (triangles) are removed, and vertices that coincide at *open edges* (edges with only one triangle) are merged.
 
 use std::collections::BTreeMap;
 
@@ -12,28 +12,28 @@ use crate::scene::obj::TriangleMesh;
 
 /// Greatest allowed magnitude of a coordinate: a product of four lengths must not overflow single precision (3.4e38).
 const LARGEST_COORDINATE: f64 = 1e9;
-/// Greatest allowed spacing of f32 numbers at the farthest coordinate, as a share of the mean edge: with one
-/// thousandth, rounding to f32 still preserves the shape.
+/// Greatest allowed distance between neighbouring f32 numbers at the largest coordinate, as a share of the mean edge
+/// length: with one thousandth, rounding to f32 still preserves the shape.
 const COARSEST: f64 = 1e-3;
-/// A triangle is degenerate if twice its area is at most this share of its longest edge squared: single precision could
-/// not represent its normal.
+/// A triangle is degenerate if twice its area is at most this share of its longest edge squared: its normal could not
+/// be computed in single precision.
 const THINNEST: f64 = 1e-7;
-/// Vertices at open edges coincide if they are nearer than this share of the bounding box's diagonal: exporters write
-/// six digits, so copies of one vertex may differ by that much. The share is far smaller than the mean edge, which
-/// [`COARSEST`] bounds.
+/// Vertices at open edges coincide if their distance is at most this share of the bounding box's diagonal: exporters
+/// write six digits, so copies of one vertex may differ by that much.
 const SAME_PLACE: f64 = 1e-6;
 
-/// The triangles in repair.
+/// The triangles of the surface that is being repaired.
 pub(super) struct Faces<'a> {
     pub vertices: &'a [DVec3],
     /// Vertex indices of each triangle.
     pub corners: Vec<[u32; 3]>,
-    /// Index of each triangle in the file.
+    /// For each triangle, its index in the file.
     pub origin: Vec<usize>,
 }
 
-/// Refuses a mesh without faces, a face that names no vertex, and coordinates of used vertices that single precision
-/// cannot hold.
+/// Refuses a mesh without faces, a face with the index of a vertex that does not exist, and a used vertex with a
+/// coordinate that is not finite, is too large for single precision, or for which the spacing of single-precision
+/// numbers is too coarse.
 pub(super) fn check(mesh: &TriangleMesh) -> Result<(), Refusal> {
     let refuse = |problem, remedy| Err(Refusal { problem, triangle: None, remedy });
     if mesh.triangles.is_empty() {
@@ -42,7 +42,7 @@ pub(super) fn check(mesh: &TriangleMesh) -> Result<(), Refusal> {
     let count = mesh.vertices.len();
     let wrong = |triangle: &[u32; 3]| triangle.iter().any(|&vertex| vertex as usize >= count);
     if let Some(triangle) = mesh.triangles.iter().position(wrong) {
-        let problem = format!("a face names a vertex beyond the last of {count}");
+        let problem = format!("a face names a vertex beyond the last of {count} vertices");
         return Err(Refusal { problem, triangle: Some(triangle), remedy: "correct the index, or export again" });
     }
     let greatest = |&vertex: &u32| mesh.vertices[vertex as usize].abs().to_array().into_iter().fold(0.0, f64::max);
@@ -76,9 +76,9 @@ impl<'a> Faces<'a> {
         Faces { vertices, origin: (0..corners.len()).collect(), corners }
     }
 
-    /// Removes faces and merges vertices until nothing changes: removing a sliver may open an edge whose vertices
-    /// coincide, and merging vertices may reveal duplicates and slivers. Every round uses fewer vertices, so the loop
-    /// ends.
+    /// Removes degenerate and duplicate faces and merges vertices until nothing changes: the removal of a sliver may
+    /// leave an open edge whose vertices coincide, and merged vertices may reveal duplicates and slivers. In every
+    /// round the faces use fewer vertices, so the loop ends.
     pub(super) fn clean(&mut self, report: &mut RepairReport) {
         loop {
             self.drop_flat(&mut report.zero_area);
@@ -89,7 +89,8 @@ impl<'a> Faces<'a> {
         }
     }
 
-    /// Keeps the triangles for which `keep` holds, and counts the others.
+    /// Keeps the triangles for whose index `keep` returns true; removes the other triangles and counts them in
+    /// `dropped`.
     fn retain(&mut self, dropped: &mut Count, keep: impl Fn(usize) -> bool) {
         let mut kept = 0;
         for triangle in 0..self.corners.len() {
@@ -124,7 +125,8 @@ impl<'a> Faces<'a> {
         self.retain(dropped, |triangle| !again[triangle]);
     }
 
-    /// Lets faces at open edges use the first of several vertices that coincide; returns whether any face changed.
+    /// Merges vertices that coincide at open edges: faces use the first of them from now on. Returns whether any face
+    /// changed.
     fn weld(&mut self, welded: &mut Count) -> bool {
         let first = self.first_at_place();
         let before = welded.count;
@@ -141,9 +143,9 @@ impl<'a> Faces<'a> {
         welded.count > before
     }
 
-    /// For each vertex, the vertex to use instead: at open edges the first one within [`SAME_PLACE`], otherwise the
-    /// vertex itself. Vertices that are on no open edge are left alone, so that closed pieces which touch stay
-    /// separate.
+    /// For each vertex, the vertex to use in its place: at open edges the first vertex that coincides with it (see
+    /// [`SAME_PLACE`]), otherwise the vertex itself. Vertices on no open edge are never merged, so that two closed
+    /// surfaces which touch stay separate.
     fn first_at_place(&self) -> Vec<u32> {
         let mut open: Vec<u32> = Edges::new(&self.corners).open().flatten().collect();
         open.sort_unstable();

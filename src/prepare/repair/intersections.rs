@@ -1,4 +1,5 @@
-//! Counts pairs of triangles of a surface that intersect, by a bounding volume hierarchy and exact predicates.
+//! Counts the pairs of intersecting triangles in a surface, for the report on its repair. A bounding volume hierarchy
+//! finds the pairs that may intersect, and exact predicates decide.
 
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
@@ -10,12 +11,12 @@ use super::faces::Faces;
 use super::points;
 use super::report::Intersections;
 
-/// Number of pairs listed in a report.
+/// Greatest number of intersecting pairs that a report lists.
 const NAMED: usize = 8;
 
-/// Counts the pairs of triangles in which an edge of one triangle passes through the other triangle. Pairs that share
-/// an edge, that only touch, or that lie in one plane are not counted. The signs of determinants are exact (J. Shewchuk
-/// 1997, from the `robust` crate).
+/// Counts the pairs of triangles in which an edge of one triangle passes through the other triangle. A pair that shares
+/// an edge, only touches, or lies in one plane is not counted. The signs of determinants are exact (J. Shewchuk 1997,
+/// in the crate `robust`).
 pub(super) fn count(faces: &Faces) -> Intersections {
     let boxes: Vec<Aabb> = faces.corners.iter().map(|&t| bounds(points(faces.vertices, t))).collect();
     let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
@@ -38,7 +39,8 @@ fn bounds(corners: [DVec3; 3]) -> Aabb {
     Aabb::new(Vector::new(low.x, low.y, low.z), Vector::new(high.x, high.y, high.z))
 }
 
-/// Whether an edge of one triangle passes through the other triangle; edges that end at a common vertex are left out.
+/// Whether an edge of triangle `a` passes through triangle `b`, or the reverse. Edges that end at a vertex of both
+/// triangles are left out.
 fn cross(faces: &Faces, a: usize, b: usize) -> bool {
     let (a, b) = (faces.corners[a], faces.corners[b]);
     if a.iter().filter(|vertex| b.contains(vertex)).count() > 1 {

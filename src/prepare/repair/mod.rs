@@ -1,12 +1,14 @@
-//! Makes a skin (the surface mesh that is seen and touched) of any triangle mesh: finds the defects of a surface and
-//! repairs them. To *reverse* a triangle is to exchange two of its corners, so that it faces the other way; a *piece*
-//! is a part of the surface that is connected across edges of two triangles.
+//! Makes a skin (the surface mesh that is seen and touched) of any triangle mesh, before the first step: finds the
+//! defects of a surface and repairs them. To *reverse* a triangle is to exchange two of its corners, so that it faces
+//! the other way; a *piece* is a part of the surface that is connected across edges with two triangles; an edge is
+//! *open* if it has one triangle.
 //!
 //! Contact depth is the depth of one skin inside another, so each skin must have an inside. [`repair`] merges vertices
 //! that coincide at open edges, removes degenerate and duplicate faces, orients faces and pieces outwards, tolerates
-//! holes, non-manifold edges and self-intersections, and refuses a surface without an inside. It counts everything in a
-//! [`RepairReport`]. [`strict`] runs the same code and refuses a surface that it would change. Vertices keep their
-//! order and number: the skin's vertex i is the file's i-th `v` line, and only the faces' indices change.
+//! holes, non-manifold edges and self-intersections, and refuses a surface without an inside. It counts all findings
+//! and changes in a [`RepairReport`]. [`strict`] runs the same code and refuses a surface with a defect. Vertices keep
+//! their order and number: a vertex of the skin has the index of its `v` line in the file, and only the faces' indices
+//! change.
 
 mod faces;
 mod intersections;
@@ -28,11 +30,11 @@ use faces::Faces;
 /// Why a surface cannot be a skin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refusal {
-    /// The defect.
+    /// The defect, in words for the user.
     pub problem: String,
     /// The first triangle with the defect, in the order of the file.
     pub triangle: Option<usize>,
-    /// Remedy for the user.
+    /// What the user can do about the defect.
     pub remedy: &'static str,
 }
 
@@ -57,15 +59,17 @@ fn line_of(path: &Path, triangle: usize) -> Option<usize> {
 
 /// Makes a skin of a mesh in file coordinates, in this order:
 ///
-/// 1. faces that name no vertex, and coordinates that single precision cannot hold, are refused;
+/// 1. a face with the index of a vertex that does not exist is refused, and so are coordinates that are too large for
+///    single precision, or for which the spacing of single-precision numbers is too coarse;
 /// 2. triangles without area and duplicate triangles (in either orientation) are removed, and vertices at open edges
 ///    that coincide are merged (faces then use the first of them), until nothing changes;
-/// 3. triangles are reversed until neighbours across each edge of two triangles are oriented consistently; in each
+/// 3. triangles are reversed until the two triangles of each edge with two triangles are oriented consistently; in each
 ///    piece the smaller number of triangles is reversed; a surface with one side only is refused;
-/// 4. each piece that is inside out (its volume is negative when triangle fans close its holes) is reversed; a cavity,
-///    which is a piece inside another one by the generalised winding number (Jacobson, Kavan and Sorkine-Hornung 2013),
-///    is reversed if the piece around it is; sheets, which are pieces without volume, stay unchanged;
-/// 5. a mesh without volume, or whose holes have more than three quarters of its area, is refused.
+/// 4. each piece that is inside out (its volume is negative when triangle fans close its holes) is reversed, except
+///    that a piece inside another piece (by the generalised winding number; Jacobson, Kavan and Sorkine-Hornung 2013)
+///    is reversed if and only if the piece around it was reversed; sheets, which are pieces without volume, stay
+///    unchanged;
+/// 5. a mesh without volume is refused, and so is a mesh whose holes have more than three quarters of its area.
 ///
 /// Open edges, edges of more than two triangles and intersecting triangles stay and are counted. A sound mesh comes
 /// back bitwise unchanged. The time is nearly linear in the number of triangles.
@@ -75,8 +79,9 @@ pub fn repair(mesh: TriangleMesh) -> std::result::Result<(TriangleMesh, RepairRe
     Ok((mesh, report))
 }
 
-/// Accepts a mesh that [`repair`] would not change, and refuses any other mesh with its first defect. Intersecting
-/// triangles, cavities and unused vertices are allowed: a point is inside if it is inside any piece.
+/// Accepts a mesh that [`repair`] would not change and that has no open edge, no edge of more than two triangles and no
+/// sheet (piece without volume); refuses any other mesh with its first defect. Intersecting triangles, inner pieces
+/// that enclose a cavity, and unused vertices are allowed.
 pub fn strict(mesh: TriangleMesh) -> std::result::Result<(TriangleMesh, RepairReport), Refusal> {
     let mut report = RepairReport::of(&mesh);
     let mesh = mend(mesh, &mut report).map_err(|refusal| report.dropped().unwrap_or(refusal))?;
@@ -119,7 +124,7 @@ pub fn origins(mesh: &TriangleMesh) -> std::result::Result<Vec<Origin>, Refusal>
     Ok(faces.origin.iter().enumerate().map(origin).collect())
 }
 
-/// Reads an OBJ file and repairs it, or, if `mends` is false, refuses it if it has defects.
+/// Reads an OBJ file. If `mends` is true, the surface is repaired, otherwise it is refused if it has a defect.
 pub fn read(path: &Path, mends: bool) -> Result<(TriangleMesh, RepairReport)> {
     let mesh = obj::read(path)?;
     let made = if mends { repair(mesh) } else { strict(mesh) };

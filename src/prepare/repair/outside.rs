@@ -1,6 +1,7 @@
-//! Second part of the repair of a surface: orients triangles outwards, and decides whether the surface has an inside at
-//! all. To *turn* a triangle or a piece is to reverse its orientation; a *piece* is a part of the surface that is
-//! connected across edges of two triangles.
+//! Second part of the repair of a surface, before it becomes the skin of a body: orients triangles outwards, and
+//! decides whether the surface has an inside at all. To *turn* a triangle or a piece is to reverse its orientation; a
+//! *piece* is a part of the surface that is connected across edges with two triangles. A hole is closed by a *fan*:
+//! triangles from the edges of the hole's *rim* to a point in the middle of the rim.
 
 use glam::DVec3;
 
@@ -13,11 +14,12 @@ use crate::prepare::skin::Sets;
 
 /// A piece is a sheet, not a solid, if its volume is at most this share of the cube of its bounding box's diagonal.
 const FLATTEST: f64 = 1e-9;
-/// Greatest area of the fans that close all holes, as a share of the surface's own area. The share is one for a nearly
-/// flat sheet and one half for half a sphere; beyond three quarters no point has a winding number clearly near 1.
+/// Greatest area of the fans that close all holes, as a share of the surface's own area. The share is 1 for a nearly
+/// flat sheet and 0.5 for half a sphere; if it is above 0.75, no point has a winding number clearly near 1.
 const MOST_OPEN: f64 = 0.75;
 
-/// Orients triangles and pieces outwards, and fills in the report's counts of edges, pieces and holes, and the volume.
+/// Orients triangles and pieces outwards, and writes the numbers of edges, pieces and holes and the volume into the
+/// report.
 pub(super) fn orient(faces: &mut Faces, report: &mut RepairReport) -> Result<(), Refusal> {
     let edges = Edges::new(&faces.corners);
     let count_where = |is_counted: &dyn Fn(usize) -> bool| {
@@ -38,9 +40,9 @@ pub(super) fn orient(faces: &mut Faces, report: &mut RepairReport) -> Result<(),
     judge(faces, report)
 }
 
-/// Turns triangles until neighbours across each edge of two triangles are oriented consistently. In each piece the
-/// smaller number of triangles is turned (if the numbers are equal, those whose orientation differs from that of the
-/// piece's first triangle). Returns the piece of each triangle and the number of pieces.
+/// Turns triangles until the two triangles of each edge with two triangles are oriented consistently. In each piece the
+/// triangles fall into two groups of opposite orientation, and the smaller group is turned (if both have the same size,
+/// the group without the piece's first triangle). Returns the piece of each triangle and the number of pieces.
 fn agree(faces: &mut Faces, edges: &Edges, report: &mut RepairReport) -> Result<(Vec<u32>, usize), Refusal> {
     let n = faces.corners.len();
     let mut joined = Sets::new(n);
@@ -78,13 +80,13 @@ fn agree(faces: &mut Faces, edges: &Edges, report: &mut RepairReport) -> Result<
     Ok((piece_of, count))
 }
 
-/// A part of the surface that is connected across edges of two triangles.
+/// A part of the surface that is connected across edges with two triangles, and its bounding box.
 struct Piece {
     /// Indices of the piece's triangles, ascending.
     triangles: Vec<u32>,
     low: DVec3,
     high: DVec3,
-    /// Signed volume with holes closed by triangle fans, in the cube of the file's unit.
+    /// Signed volume with holes closed by fans, in the cube of the file's unit of length.
     volume: f64,
     turned: bool,
 }
@@ -110,8 +112,9 @@ fn corners(faces: &Faces, piece: &Piece) -> Vec<[u32; 3]> {
     piece.triangles.iter().map(|&t| faces.corners[t as usize]).collect()
 }
 
-/// Turns pieces outwards, the largest volume first. A piece inside others is turned if the smallest piece around it was
-/// turned; any other piece is turned if its volume is negative.
+/// Turns pieces outwards, the piece with the largest volume first. A piece inside others is turned if the smallest
+/// piece around it was turned; any other piece is turned if its volume is negative. Pieces without volume (sheets)
+/// stay.
 fn turn_outwards(faces: &mut Faces, pieces: &mut [Piece], report: &mut RepairReport) {
     let is_sheet = |piece: &Piece| piece.volume.abs() <= FLATTEST * (piece.high - piece.low).length().powi(3);
     let mut order: Vec<usize> = (0..pieces.len()).collect();
@@ -139,7 +142,7 @@ fn turn_outwards(faces: &mut Faces, pieces: &mut [Piece], report: &mut RepairRep
     }
 }
 
-/// Refuses a surface without an inside.
+/// Writes holes and volume into the report, and refuses a surface without an inside.
 fn judge(faces: &Faces, report: &mut RepairReport) -> Result<(), Refusal> {
     let (vertices, triangles) = closed(faces.vertices, &faces.corners);
     let (own, fans) = triangles.split_at(faces.corners.len());
@@ -172,10 +175,10 @@ fn under(origin: DVec3, corners: [DVec3; 3]) -> f64 {
     a.dot(b.cross(c))
 }
 
-/// Volume enclosed by triangles and the fans over their holes.
+/// Volume enclosed by the triangles and the fans over their holes, in the cube of the file's unit of length.
 fn volume(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
-    // Tetrahedra are taken from a vertex of the surface, because from a distant origin their volumes would cancel in
-    // the sum.
+    // The volume is a sum over tetrahedra from each triangle to one point. This point is a vertex of the surface: with
+    // a distant point large volumes would cancel in the sum.
     let origin = triangles.first().map_or(DVec3::ZERO, |t| vertices[t[0] as usize]);
     let fans = Fans::new(vertices, triangles);
     let own: f64 = triangles.iter().map(|&t| under(origin, points(vertices, t))).sum();
@@ -185,17 +188,18 @@ fn volume(vertices: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
     (own + fans.edges.iter().map(of_fan).sum::<f64>()) / 6.0
 }
 
-/// The triangle fans that close a surface: a centre for each hole's rim, and the rim's edges, directed as in the
-/// surface.
+/// The fans that close a surface: the centre of each hole's rim, and the edges of all rims, directed as the surface's
+/// triangles run along them.
 struct Fans {
     centres: Vec<DVec3>,
-    /// Edges, each with the index of its rim.
+    /// Edges (two vertices each), each with the index of its rim.
     edges: Vec<([u32; 2], u32)>,
 }
 
 impl Fans {
-    /// A rim is a set of unmatched edges that are connected at vertices; its centre is the mean of its edges, weighted
-    /// by length. The cone over any closed chain of unmatched edges closes it, so a rim need not be a simple loop.
+    /// An edge is unmatched if triangles run along it more often in one direction than in the other. A rim is a set of
+    /// unmatched edges that are connected at vertices; its centre is the mean of its edges' midpoints, weighted by the
+    /// edges' lengths. A rim need not be a simple loop: triangles from all its edges to the centre close the surface.
     fn new(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Fans {
         let edges = Edges::new(triangles).unmatched();
         let mut ends: Vec<u32> = edges.iter().flatten().copied().collect();
@@ -218,9 +222,9 @@ impl Fans {
     }
 }
 
-/// The surface with every hole closed by a triangle fan from the centre of its rim: for integrals over the inside
-/// (volume, mass) and for filling with cells and voxels, never for contact. The given vertices and triangles come
-/// first, unchanged; a closed surface gets no fan.
+/// The surface with every hole closed by a fan of triangles from the hole's rim to the rim's centre. It serves for
+/// integrals over the inside (volume, mass) and for filling with cells and voxels, never for contact. The given
+/// vertices and triangles come first, unchanged; a closed surface gets no fan.
 pub fn closed(vertices: &[DVec3], triangles: &[[u32; 3]]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let fans = Fans::new(vertices, triangles);
     let first = vertices.len() as u32;

@@ -1,5 +1,6 @@
-//! Report on the repair of a surface, its findings and changes: counts, the first occurrence of each, and sentences for
-//! the user.
+//! Report on the repair of a surface, by which the surface becomes the skin of a body: for each kind of defect the
+//! number of occurrences and the first triangle that has it, and sentences for the user. To *reverse* a triangle is to
+//! exchange two of its corners, so that it faces the other way.
 
 use serde::{Deserialize, Serialize};
 
@@ -32,7 +33,7 @@ pub struct Intersections {
     pub first_pairs: Vec<[usize; 2]>,
 }
 
-/// State of a surface, its defects, and the changes made to it. Lengths are in file coordinates.
+/// State of a surface, its defects, and the changes made to it. Lengths are in the coordinates of the surface's file.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RepairReport {
     /// Number of vertices of the file, used or not.
@@ -43,7 +44,8 @@ pub struct RepairReport {
     pub triangles_kept: usize,
     /// Number of vertices that no triangle of the file uses.
     pub unused_vertices: usize,
-    /// Vertices at open edges that coincide with an earlier vertex, which faces use instead.
+    /// Vertices at open edges (edges with one triangle) that coincide with an earlier vertex: faces now use the earlier
+    /// vertex.
     pub welded_vertices: Count,
     /// Triangles without area, which are removed.
     pub zero_area: Count,
@@ -53,25 +55,26 @@ pub struct RepairReport {
     pub clashing_edges: Count,
     /// Number of triangles that were reversed to be consistent with their neighbours.
     pub turned_triangles: usize,
-    /// Number of pieces: parts that are connected across edges of two triangles.
+    /// Number of pieces: parts of the surface that are connected across edges with two triangles.
     pub pieces: usize,
     /// Pieces that were inside out and were reversed.
     pub turned_pieces: Count,
-    /// Number of pieces inside another one that are oriented inwards.
+    /// Number of cavities: pieces inside another piece that are oriented inwards.
     pub cavities: usize,
     /// Pieces without volume, which are kept as they are.
     pub sheets: Count,
-    /// Edges of one triangle, which are left open.
+    /// Edges with one triangle, which are left open.
     pub boundary_edges: Count,
-    /// Number of holes, counted by their rims: boundary edges joined at their vertices.
+    /// Number of holes, counted by their rims: a rim is a set of edges with one triangle that are connected at
+    /// vertices.
     pub holes: usize,
     /// Area of the triangle fans that close the holes for volume and mass, as a share of the surface's area.
     pub hole_area_share: f64,
-    /// Edges of more than two triangles, across which no triangle has a neighbour.
+    /// Edges with more than two triangles: across such an edge no triangle has a neighbour.
     pub non_manifold_edges: Count,
     /// Pairs of triangles that intersect; triangles that only touch are not counted.
     pub self_intersections: Intersections,
-    /// Volume with holes closed by triangle fans.
+    /// Volume with holes closed by triangle fans, in the cube of the file's unit of length.
     pub volume: f64,
 }
 
@@ -91,12 +94,12 @@ impl RepairReport {
         }
     }
 
-    /// Whether the surface has no defect that is worth a sentence.
+    /// Whether there is nothing to tell the user: no defect was found, and nothing was changed.
     pub fn is_clean(&self) -> bool {
         self.sentences().is_empty()
     }
 
-    /// The first reason to refuse the unrepaired surface, if there is one.
+    /// The first reason to refuse the surface if it may not be repaired; `None` if there is no reason.
     pub(super) fn defect(&self) -> Option<Refusal> {
         let open = format!("the surface is open: {} edges with one triangle", self.boundary_edges.count);
         let sheets = format!("{} pieces of the surface enclose no volume", self.sheets.count);
@@ -110,8 +113,8 @@ impl RepairReport {
             .or(refuse(self.turned_pieces, "the surface is inside out".into(), "reverse its faces (\"flip normals\")"))
     }
 
-    /// The first of the defects for which the repair removes faces or merges vertices, as a reason to refuse the
-    /// surface.
+    /// A reason to refuse the surface if it has a defect for which the repair removes faces or merges vertices: the
+    /// first such defect.
     pub(super) fn dropped(&self) -> Option<Refusal> {
         let flat = format!("{} triangles without area", self.zero_area.count);
         let copies = format!("{} triangles given more than once", self.duplicates.count);
@@ -121,7 +124,7 @@ impl RepairReport {
             .or(refuse(self.welded_vertices, apart, "weld vertices that coincide (\"merge by distance\")"))
     }
 
-    /// Findings and changes, one sentence each with the first triangle; empty for a sound surface.
+    /// Findings and changes, one sentence each, with the first triangle concerned; empty for a sound surface.
     pub(in crate::prepare) fn sentences(&self) -> Vec<(Option<usize>, String)> {
         let mut said = Vec::new();
         let mut say = |found: Count, text: String| {
@@ -150,8 +153,10 @@ impl RepairReport {
         );
         let intersections = &self.self_intersections;
         if let Some(&[a, b]) = intersections.first_pairs.first() {
-            let text =
-                format!("{} pairs of triangles intersect, first {a} and {b} (from 0), kept", intersections.count);
+            let text = format!(
+                "{} pairs of triangles intersect, kept; first triangles {a} and {b} (from 0)",
+                intersections.count
+            );
             said.push((Some(a), text));
         }
         said

@@ -1,13 +1,16 @@
-//! Tests of the repair on small meshes; `crates/cli/tests/bad_input.rs` tests it on defective files.
+//! Tests of the repair of surfaces on small meshes; `crates/cli/tests/bad_input.rs` tests the repair on defective
+//! files. A *piece* is a part of a surface that is connected across edges with two triangles; a *cavity* is a piece
+//! inside another piece, oriented inwards. A repaired surface is the *skin* of a body, and *proxies* are convex hulls
+//! that cover the skin.
 
 use super::*;
 use crate::prepare::{layer, proxy, skin, sphere};
 
-/// Relative rounding error of a volume that is summed over a few hundred triangles.
+/// Greatest relative rounding error of a volume that is summed over a few hundred triangles.
 const ROUNDING: f64 = 1e-12;
 
-/// Closed tetrahedra at the given corners with the given edge lengths: oriented outwards, or inwards if the length is
-/// negative.
+/// Closed tetrahedra, each given by its corner and the length of its edges along the axes. A tetrahedron is oriented
+/// outwards, or inwards if the length is negative.
 fn tetrahedra(places: &[(DVec3, f64)]) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for &(corner, edge) in places {
@@ -39,7 +42,7 @@ fn join(a: TriangleMesh, b: TriangleMesh) -> TriangleMesh {
     TriangleMesh { vertices: [a.vertices, b.vertices].concat(), triangles }
 }
 
-/// The mesh with separate vertices for every triangle.
+/// The mesh with three vertices of its own for every triangle.
 fn soup(mesh: &TriangleMesh) -> TriangleMesh {
     let vertices = mesh.triangles.iter().flatten().map(|&v| mesh.vertices[v as usize]).collect();
     TriangleMesh {
@@ -48,11 +51,12 @@ fn soup(mesh: &TriangleMesh) -> TriangleMesh {
     }
 }
 
+/// The message with which [`strict`] refuses a mesh; empty if the mesh is accepted.
 fn answer(mesh: &TriangleMesh) -> String {
     strict(mesh.clone()).err().map(|refusal| refusal.error(Path::new("none.obj")).to_string()).unwrap_or_default()
 }
 
-/// Checks that a repaired mesh is a sound skin: it is strictly accepted, and proxies can cover it.
+/// Checks that a repaired mesh is a sound skin: [`strict`] accepts it, and proxies can cover it.
 fn assert_sound(mesh: &TriangleMesh) {
     assert_eq!(answer(mesh), "");
     let skin = skin::build(mesh.vertices.clone(), mesh.triangles.clone());
@@ -130,7 +134,8 @@ fn every_triangle_knows_where_it_came_from() {
 
 #[test]
 fn a_collapsed_edge_is_closed_again() {
-    // A vertex of a box's side is moved onto its neighbour: two triangles lose their area, and no gap may be left.
+    // A vertex on one side of a box is moved onto a neighbouring vertex: two triangles lose their area and are removed,
+    // and the repair must leave no gap.
     let mut mesh = boxed(DVec3::ZERO, DVec3::ONE, 4);
     let inner = |v: &DVec3| v.x == 0.0 && v.y == 0.5 && v.z == 0.5;
     let at = mesh.vertices.iter().position(inner).unwrap();
@@ -173,7 +178,7 @@ fn holes_are_closed_for_volume_alone() {
         (report.volume - 1.0).abs() < ROUNDING && (report.hole_area_share - 0.2).abs() < ROUNDING,
         "unexpected report: {report:?}"
     );
-    // The proxies fill the solid behind the hole, so the open box counts as one convex body with one hull.
+    // Proxies are made for the box with its hole closed, so the open box counts as convex and gets one hull.
     let skin = skin::build(open.vertices, open.triangles);
     let proxies = proxy::proxies(&skin).unwrap();
     proxy::tests::check(&skin, &proxies);
@@ -187,7 +192,7 @@ fn holes_are_closed_for_volume_alone() {
 
 #[test]
 fn an_edge_of_four_triangles_is_kept() {
-    // The mesh consists of two cubes that share an edge.
+    // The mesh consists of two cubes that share an edge, which has four triangles.
     let mut mesh =
         join(boxed(DVec3::ZERO, DVec3::ONE, 1), boxed(DVec3::new(1.0, 1.0, 0.0), DVec3::new(2.0, 2.0, 1.0), 1));
     let first: Vec<u32> =

@@ -1,13 +1,13 @@
-//! Edges of a triangle mesh and the triangles at each edge. A *use* is the record of one triangle at one of its edges;
-//! the records are sorted, so nothing depends on hashing.
+//! Edges of a triangle mesh and the triangles at each edge, for the repair of surfaces. A *use* of an edge is the
+//! record of one triangle that has this edge. The uses are sorted, so nothing depends on hashing.
 
-/// One triangle's use of an edge.
+/// One triangle's use of an edge, whose ends are the vertices `low` and `high` (the lower and the higher index).
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Use {
     pub low: u32,
     pub high: u32,
     pub triangle: u32,
-    /// Whether the triangle runs along the edge from the lower to the higher vertex index.
+    /// Whether the triangle's corners run along the edge from `low` to `high`.
     pub forward: bool,
 }
 
@@ -29,7 +29,7 @@ impl Edges {
         Edges(uses)
     }
 
-    /// The uses of each edge.
+    /// For each edge, its uses.
     pub(super) fn groups(&self) -> impl Iterator<Item = &[Use]> {
         self.0.chunk_by(|a, b| (a.low, a.high) == (b.low, b.high))
     }
@@ -39,15 +39,16 @@ impl Edges {
         self.groups().filter_map(|uses| if let &[a, b] = uses { Some((a, b)) } else { None })
     }
 
-    /// The edges that have one triangle, directed as the triangle runs.
+    /// The edges with one triangle, directed as the triangle's corners run.
     pub(super) fn open(&self) -> impl Iterator<Item = [u32; 2]> {
         let run = |edge: &Use| if edge.forward { [edge.low, edge.high] } else { [edge.high, edge.low] };
         self.groups().filter(|uses| uses.len() == 1).map(move |uses| run(&uses[0]))
     }
 
-    /// The directed edges that remain when each edge's uses in one direction are cancelled against those in the other:
-    /// triangle fans must run against them to close the surface. For a consistently oriented surface they are its open
-    /// edges; an edge of many triangles remains as often as its uses in the two directions differ.
+    /// The directed edges that remain when, at each edge, uses in one direction are cancelled against uses in the other
+    /// direction. Triangles that close the surface must run against the remaining edges. In a consistently oriented
+    /// surface only the edges with one triangle remain. An edge remains as often as the numbers of its uses in the two
+    /// directions differ.
     pub(super) fn unmatched(&self) -> Vec<[u32; 2]> {
         let mut left = Vec::new();
         for uses in self.groups() {

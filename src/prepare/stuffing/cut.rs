@@ -1,13 +1,17 @@
-//! Finds where lattice edges leave the solid (the *cuts*), and warps the lattice so that no cut is too near a node.
+//! Part of isosurface stuffing, which fills a *solid* (the inside of a surface) with tetrahedra by means of a
+//! body-centred cubic lattice: finds the points where lattice edges leave the solid (the *cuts*), and warps the lattice
+//! so that no cut is too near a node. A lattice edge is *long* (one edge of a cubic cell) or *short* (half a space
+//! diagonal of a cell).
 //!
-//! If a cut is nearer to a node than the share [`LONG`] or [`SHORT`] of its edge, the node is *warped*: moved onto the
-//! cut, and so onto the surface. The remaining cuts lie between these shares of their edges, and that alone bounds the
-//! angles of every stencil (the tetrahedra that fill the inside part of a lattice tetrahedron). The surface is drawn at
-//! a *level*, a signed distance slightly off zero. The method follows F. Labelle and J. Shewchuk 2007 ("the paper").
+//! A node is *warped*, that is, moved onto a cut and so onto the surface, if the cut is nearer to the node than the
+//! share [`LONG`] of a long edge or [`SHORT`] of a short edge. The remaining cuts keep these distances from both ends
+//! of their edges, and that alone bounds the angles of every stencil (the tetrahedra that fill the inside part of a
+//! lattice tetrahedron). The surface is drawn at a *level*, a signed distance slightly off zero (negative distances are
+//! inside). The method follows F. Labelle and J. Shewchuk 2007 ("the paper").
 //!
 //! An edge that leaves the solid between two inside nodes has two cuts, one for each end, and connects nothing: its
 //! ends belong to different *limbs* (parts of the solid with a narrow gap between them), unless two other edges of a
-//! lattice triangle connect them within the solid.
+//! lattice triangle connect these ends within the solid.
 
 use std::collections::{HashMap, HashSet};
 
@@ -17,15 +21,15 @@ use super::sample::{Edge, Field, in_parallel};
 use crate::prepare::distance::{HALF, Solid};
 use crate::prepare::lattice::Lattice;
 
-/// Share of a long edge within which a cut warps the node. Together with [`SHORT`] it gives the largest bound on the
-/// angles that was found by sampling all stencils, warps and cuts: 10.5 degrees; the paper's 0.25 and 0.41 give 9.2 in
-/// the same trial.
+/// A node is warped onto a cut nearer than this share of a long edge. With this value and [`SHORT`], the smallest
+/// dihedral angle that occurs in samples of all stencils, warps and cuts is 10.5 degrees, the best bound that was
+/// found; the paper's values, 0.25 for long edges and 0.41 for short ones, give 9.2 degrees.
 pub(super) const LONG: f64 = 0.28;
-/// Share of a short edge within which a cut warps the node.
+/// A node is warped onto a cut nearer than this share of a short edge.
 pub(super) const SHORT: f64 = 0.40;
-/// Tolerance of a cut, as a share of its edge.
+/// Tolerance of a cut's position, as a share of the length of its edge.
 const PRECISION: f64 = 1e-3;
-/// Greatest number of iterations of the search for a cut.
+/// Greatest number of iterations in the search for a cut.
 const STEPS: usize = 30;
 
 /// Side of the surface on which a lattice node lies.
@@ -49,17 +53,17 @@ pub(super) struct Cuts {
     pub leave: HashMap<(u32, u32), f64>,
     /// Edges (lower node first) that leave the solid between inside or warped ends, and so connect nothing.
     pub apart: HashSet<(u32, u32)>,
-    /// Edges that leave the solid, but whose ends are nevertheless connected by the two other edges of a lattice
-    /// triangle (lower node first), with the gap's width, m.
+    /// Edges (lower node first) that leave the solid, but whose ends are connected by the two other edges of a lattice
+    /// triangle; each with the width of the gap, m.
     pub welded: Vec<([u32; 2], f64)>,
-    /// Edges that pass through the solid between outside ends, which the layer cannot represent, with the width of the
-    /// material, m.
+    /// Edges (lower node first) that pass through the solid between two outside ends, each with the width of the solid
+    /// there, m. The tetrahedra cannot represent this part of the solid.
     pub lost: Vec<([u32; 2], f64)>,
 }
 
 impl Cuts {
-    /// The cut on the edge from an inside node, as a share of the edge, clamped to the range for which the angles are
-    /// bounded.
+    /// The position of the cut on the edge from the inside node `from`, as a share of the edge from that node, clamped
+    /// to the range for which the angles are bounded.
     pub(super) fn share(&self, from: u32, to: u32) -> f64 {
         let least = threshold(from, to);
         self.leave.get(&(from, to)).map_or(0.5, |&t| t.clamp(least, 1.0 - least))
@@ -71,11 +75,13 @@ impl Cuts {
     }
 }
 
+/// Share of the edge from node `a` to node `b` within which a cut warps a node.
 fn threshold(a: u32, b: u32) -> f64 {
     if Lattice::is_long(a, b) { LONG } else { SHORT }
 }
 
-/// Cuts and warps the lattice for the surface moved outwards by `level` (m). The outside nodes `taken` count as inside.
+/// Cuts and warps the lattice for the surface, moved outwards by `level` (m). The outside nodes `taken` count as
+/// inside, because features thinner than a cell need them.
 pub(super) fn cut(solid: &Solid, lattice: &Lattice, field: &Field, edges: &[Edge], level: f64, taken: &[u32]) -> Cuts {
     let side = |v: &f64| if *v < 0.0 { Side::Inside } else { Side::Outside };
     let mut cuts = Cuts {
@@ -118,15 +124,16 @@ pub(super) fn cut(solid: &Solid, lattice: &Lattice, field: &Field, edges: &[Edge
     cuts
 }
 
-/// Length of the stretch between the first and the last hit of an edge on the surface, m.
+/// Distance between the first and the last point at which an edge meets the surface, m.
 fn width(lattice: &Lattice, edge: &Edge) -> f64 {
     let [a, b] = edge.nodes.map(|n| lattice.position(n));
     let (first, last) = (edge.hits.first().unwrap_or(&0.0), edge.hits.last().unwrap_or(&0.0));
     (last - first) * a.distance(b)
 }
 
-/// Where an edge leaves the solid, seen from its first node (`forth`) and from its second (`back`), as a share of the
-/// edge from that node; and how often the samples along the edge change sides.
+/// Where an edge leaves the solid, seen from its first node (`forth`) and from its second node (`back`), as a share of
+/// the edge from the respective node; and how often successive samples of the signed distance along the edge lie on
+/// different sides of the surface.
 #[derive(Clone, Copy, Default)]
 struct Leave {
     forth: Option<f64>,
@@ -150,26 +157,29 @@ impl Leave {
     }
 }
 
-/// The search for the level on an edge from `a` to `b`, between two of its samples.
+/// The search for the point with the signed distance `level` on an edge from `a` to `b`, between two samples of the
+/// signed distance along the edge.
 struct Search<'a> {
     solid: &'a Solid,
     a: DVec3,
     b: DVec3,
-    /// The hit of the edge on the surface between the samples, as a share of the edge, if there is one.
+    /// Where the edge meets the surface between the two samples, as a share of the edge; `None` if it does not.
     hit: Option<f64>,
     level: f64,
 }
 
 impl Search<'_> {
-    /// The share of the edge at which the signed distance is the level, by regula falsi (Illinois variant). The sign of
-    /// the distance is known from the hit.
+    /// The share of the edge at which the signed distance is the level, by regula falsi (Illinois variant). A sample is
+    /// a share of the edge and the signed distance there (m). The sign of distances between the samples changes at the
+    /// hit.
     fn cut(&self, from: (f64, f64), to: (f64, f64)) -> f64 {
         let value = |t: f64| {
             let at = self.a.lerp(self.b, t);
             let distance = self.solid.distance(at);
             let negative = match self.hit {
                 Some(hit) => (if t < hit { from.1 } else { to.1 }) < 0.0,
-                // Without a hit the edge passes a hole, where the winding number crosses one half without a triangle.
+                // Without a hit the edge goes through a hole, where the winding number passes one half without a
+                // triangle.
                 None => self.solid.winding(at) > HALF,
             };
             (if negative { -distance } else { distance }) - self.level
@@ -177,9 +187,9 @@ impl Search<'_> {
         if let (Some(hit), true) = (self.hit, self.level == 0.0) {
             return hit;
         }
-        // The level may lie beyond the samples, which are on different sides of the surface itself. The cut is then the
-        // sample itself: the middle of a gap thinner than twice the level, or an end of the edge, where warping leaves
-        // the node in place.
+        // The samples are on different sides of the surface, but may be on the same side of the level. The cut is then
+        // at the sample nearer to the level. This sample is the middle of a gap narrower than twice the level, or an
+        // end of the edge; warping leaves the node at that end in place.
         let (inner, outer) = if from.1 < to.1 { (from, to) } else { (to, from) };
         if outer.1 <= self.level {
             return outer.0;
@@ -211,8 +221,9 @@ impl Search<'_> {
 }
 
 impl Cuts {
-    /// Sets the cuts on edges of nodes that were taken in: an edge between two inside ends has no cut; any other edge
-    /// is cut beyond its last hit on the surface, but no nearer to the node than [`threshold`] allows.
+    /// Sets the cuts on the edges of the outside nodes `taken`, which count as inside: an edge between two inside ends
+    /// has no cut; any other edge is cut where it meets the surface for the last time, as seen from the taken node, but
+    /// no nearer to that node than the share [`threshold`].
     fn leave_taken(&mut self, lattice: &Lattice, edges: &[Edge], leaves: &mut [Leave], taken: &[u32]) {
         for &n in taken {
             for m in lattice.neighbours(n) {
@@ -236,11 +247,11 @@ impl Cuts {
         }
     }
 
-    /// Moves every node with cuts too near to it onto the nearest of them, in node order. Edges to a node that was
-    /// warped earlier have lost their cuts and are ignored.
+    /// Warps every node that is too near a cut: moves it onto the nearest cut, in the order of the nodes. Edges to a
+    /// node that was warped earlier have lost their cuts and are ignored.
     fn warp(&mut self, lattice: &Lattice, edges: &[Edge], leaves: &[Leave]) {
-        // Each entry is a node, the share of an edge from it to the cut, and the other node. If an edge has one cut, it
-        // is tested for both ends.
+        // Each entry is a node, the position of a cut as a share of the edge from that node, and the edge's other node.
+        // If an edge has only one cut, the cut is tested for both ends of the edge.
         let mut near: Vec<(u32, f64, u32)> = Vec::new();
         for (edge, leave) in edges.iter().zip(leaves) {
             let [a, b] = edge.nodes;
@@ -266,8 +277,8 @@ impl Cuts {
         }
     }
 
-    /// Connects the ends of an edge again if a triangle connects them by its other two edges through an inside node:
-    /// otherwise two tetrahedra could disagree about a face that they share.
+    /// Connects the ends of an edge of `apart` again if the other two edges of a lattice triangle connect them through
+    /// an inside node: otherwise two tetrahedra could disagree about a face that they share.
     pub(super) fn join(&mut self, lattice: &Lattice) {
         let side = &self.side;
         // Only edges with an inside end and no outside end can connect limbs: any other edge has a cut or lies in the

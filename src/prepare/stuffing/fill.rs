@@ -1,5 +1,7 @@
-//! Fills the cut lattice: collects the pieces (stencil tetrahedra) of all lattice tetrahedra, numbers their corners,
-//! and orders the corners so that all volumes are positive. A *cut* is the point where a lattice edge leaves the solid.
+//! Part of isosurface stuffing, which fills a *solid* (the inside of a surface) with tetrahedra by means of a lattice.
+//! A *cut* is a point where a lattice edge leaves the solid. This file collects the *pieces* (tetrahedra that fill the
+//! inside part of one lattice tetrahedron) of all lattice tetrahedra, numbers their corners, and orders the corners so
+//! that all volumes are positive.
 
 use std::collections::HashMap;
 
@@ -18,8 +20,8 @@ pub(super) struct Filling {
     pub tetrahedra: Vec<[u32; 4]>,
 }
 
-/// Fills the inside of the solid; nodes are numbered in lattice order. The *limbs* (parts of the solid with a narrow
-/// gap between them) that meet in a lattice tetrahedron are filled one by one.
+/// Fills the solid with tetrahedra; their nodes are numbered in the order of the lattice nodes. If several *limbs*
+/// (parts of the solid with a narrow gap between them) meet in a lattice tetrahedron, they are filled one by one.
 pub(super) fn fill(lattice: &Lattice, octants: &Octants, cuts: &Cuts) -> Filling {
     let place = |corner: Corner| match corner {
         Corner::Node(n) => cuts.warped.get(&n).copied().unwrap_or_else(|| lattice.position(n)),
@@ -30,7 +32,7 @@ pub(super) fn fill(lattice: &Lattice, octants: &Octants, cuts: &Cuts) -> Filling
         let side = nodes.map(|n| cuts.side[n as usize]);
         for side in limbs(cuts, nodes, side) {
             let choices = pieces(lattice, nodes, side);
-            // Of several choices, the one whose worst angle is best is taken.
+            // Of several choices, the one whose angles keep farthest from 0 and 180 degrees is taken.
             let best = if choices.len() < 2 {
                 choices.into_iter().next()
             } else {
@@ -42,7 +44,7 @@ pub(super) fn fill(lattice: &Lattice, octants: &Octants, cuts: &Cuts) -> Filling
     number(found, place)
 }
 
-/// The worst dihedral angle of some pieces: its difference from 0 or 180 degrees, whichever is less.
+/// How near the dihedral angles of some pieces come to 0 or 180 degrees (least difference, degrees); more is better.
 fn worst(pieces: &[Piece], place: impl Fn(Corner) -> DVec3) -> f64 {
     let of = |piece: &Piece| {
         let (least, largest) = dihedral(piece.map(&place));
@@ -51,8 +53,9 @@ fn worst(pieces: &[Piece], place: impl Fn(Corner) -> DVec3) -> f64 {
     pieces.iter().map(of).fold(f64::INFINITY, f64::min)
 }
 
-/// One assignment of sides to a tetrahedron's corners for each limb in it: inside nodes of another limb count as
-/// outside, and so do nodes on the surface that no edge connects to the limb.
+/// For each limb in a lattice tetrahedron, the sides (inside, on the surface, outside) of the four nodes as seen from
+/// this limb: inside nodes of another limb count as outside, and so do nodes on the surface that no edge connects to
+/// the limb.
 fn limbs(cuts: &Cuts, nodes: [u32; 4], side: [Side; 4]) -> Vec<[Side; 4]> {
     let inside = |k: &usize| side[*k] == Side::Inside;
     if (0..4).all(|k| !inside(&k)) {
@@ -64,7 +67,7 @@ fn limbs(cuts: &Cuts, nodes: [u32; 4], side: [Side; 4]) -> Vec<[Side; 4]> {
     }
     let mut limbs = Vec::new();
     for first in (0..4).filter(inside) {
-        // Connection is transitive among inside nodes, so that the first node of a limb can represent it.
+        // Connection is transitive among inside nodes, so that the first node of a limb can represent the limb.
         if (0..first).filter(inside).any(|k| joined(k, first)) {
             continue;
         }
@@ -76,7 +79,8 @@ fn limbs(cuts: &Cuts, nodes: [u32; 4], side: [Side; 4]) -> Vec<[Side; 4]> {
     limbs
 }
 
-/// Numbers the corners in lattice order: each lattice node is followed by the cuts on its edges.
+/// Numbers the corners of the pieces in the order of the lattice nodes: each node is followed by the cuts on its edges.
+/// `place` gives the position of a corner, m.
 fn number(pieces: Vec<Piece>, place: impl Fn(Corner) -> DVec3) -> Filling {
     let mut corners: Vec<Corner> = Vec::new();
     let mut seen: HashMap<Corner, u32> = HashMap::new();

@@ -1,25 +1,26 @@
-//! Larger cells inside the solid: an octree over the cells of the background lattice, and the tetrahedra between its
-//! octants. An *octant* of level l is a cube of 2^l cells along each side.
+//! Part of isosurface stuffing, which fills a *solid* (the inside of a surface) with tetrahedra by means of a
+//! body-centred cubic lattice: makes larger tetrahedra deep inside the solid, by an octree over the lattice's cubic
+//! cells. An *octant* of level l is a cube of 2^l cells along each side.
 //!
 //! As in the paper (F. Labelle and J. Shewchuk 2007), two octants of one size share four tetrahedra on their common
-//! face; one of these is bisected if a smaller octant touches its outer edge. An octant with four smaller ones on a
-//! face gets eight tetrahedra there, and each smaller one gets a pyramid, cut into two halves. Octants larger than a
-//! cell stay away from the surface, so that their tetrahedra are never cut or warped, and have angles of 35 degrees and
-//! more.
+//! face; such a tetrahedron is bisected if a smaller octant touches its edge in the face. If four smaller octants lie
+//! on a face of an octant, the larger octant gets eight tetrahedra there, and each smaller octant gets a pyramid, cut
+//! into two halves. Octants larger than a cell stay away from the surface, so that the surface never cuts their
+//! tetrahedra and their nodes are never moved onto it; these tetrahedra have dihedral angles of 35 degrees and more.
 
 use super::sample::Field;
 use crate::prepare::distance::Solid;
 use crate::prepare::lattice::Lattice;
 
-/// Least distance of an octant larger than a cell from the surface, in cells: its neighbours then have no cuts, and
-/// their nodes are not warped.
+/// Least distance of an octant larger than a cell from the surface, in cell edges: the surface then does not cut the
+/// octant's neighbours, and their nodes are not moved onto the surface.
 const DEEP: f64 = 2.0;
 
-/// Number of layers of cells around an octant larger than a cell that must be inside the solid. This is needed for
-/// surfaces with holes, where the inside may end far from any triangle.
+/// Around an octant larger than a cell, this many shells of cells must be inside the solid. This is needed for surfaces
+/// with holes, where the inside may end far from any triangle.
 const RING: usize = 2;
 
-/// Whether all nodes of an octant's cells and of [`RING`] cells around it are inside.
+/// Whether all nodes of an octant's cells and of [`RING`] shells of cells around the octant are inside the solid.
 fn all_inside(lattice: &Lattice, field: &Field, low: [usize; 3], size: usize) -> bool {
     let cells = |k: usize| low[k] - RING..=low[k] + size + RING;
     cells(2).all(|z| {
@@ -32,13 +33,14 @@ fn all_inside(lattice: &Lattice, field: &Field, low: [usize; 3], size: usize) ->
     })
 }
 
-/// The level of the octant that contains each cell.
+/// For each cell, the level of the octant that contains the cell.
 pub(super) struct Octants {
     level: Vec<u8>,
 }
 
 impl Octants {
-    /// Octants of up to `grade` cells a side (1, 2, 4, ...); any two that touch differ by at most one level.
+    /// Makes octants with at most `grade` cells (1, 2, 4, ...) along each side. Octants that touch differ by at most
+    /// one level.
     pub(super) fn new(solid: &Solid, lattice: &Lattice, field: &Field, grade: u32) -> Self {
         let mut octants = Octants { level: vec![0; lattice.size().iter().product()] };
         for level in 1..=grade.ilog2() as u8 {
@@ -50,8 +52,8 @@ impl Octants {
         octants
     }
 
-    /// Low cells of all places where an octant of a level fits: it lies deep enough, and everything around it has at
-    /// least the next lower level.
+    /// The places where an octant of the given level fits, each given by its cell with the lowest indices: the octant
+    /// lies deep enough, and all cells in and around it belong to octants of at least the next lower level.
     fn candidates(&self, solid: &Solid, lattice: &Lattice, field: &Field, level: u8) -> Vec<[usize; 3]> {
         let (size, half) = (1 << level, 1 << (level - 1));
         let mut found = Vec::new();
@@ -76,7 +78,8 @@ impl Octants {
         found
     }
 
-    /// Whether the octant at `low` and everything within half its size around it have at least the next lower level.
+    /// Whether all cells of the octant at `low`, and all cells within half its size around it, belong to octants of at
+    /// least the next lower level.
     fn ring_reaches(&self, lattice: &Lattice, low: [usize; 3], level: u8) -> bool {
         let (size, half) = (1usize << level, 1usize << (level - 1));
         let steps = |k: usize| (low[k] - half..low[k] + size + half).step_by(half);
@@ -91,7 +94,8 @@ impl Octants {
         }
     }
 
-    /// Calls `f` with the nodes of every tetrahedron; their volumes may have either sign.
+    /// Calls `f` with the nodes of every tetrahedron on the faces of octants (a cell is an octant of level 0). The
+    /// volume may have either sign.
     pub(super) fn each(&self, lattice: &Lattice, mut f: impl FnMut([u32; 4])) {
         let faces = Faces { lattice, level: &self.level };
         lattice.each_cell(|cell| faces.each(cell, &mut f));
@@ -126,14 +130,14 @@ impl Faces<'_> {
         }
     }
 
-    /// Level of the next cell along an axis; 0 beyond the lattice.
+    /// Level of the octant of the next cell along an axis; 0 beyond the lattice.
     fn level_above(&self, mut cell: [usize; 3], axis: usize) -> u8 {
         cell[axis] += 1;
         if cell[axis] < self.lattice.size()[axis] { self.level[self.lattice.place(cell)] } else { 0 }
     }
 
-    /// Makes the tetrahedra of the octant at `cell` on its low or high face along `axis`. Tetrahedra between two
-    /// octants of one size are made by the octant on the high side of their face.
+    /// Calls `f` with the tetrahedra of the octant at `cell` on its low or high face along `axis`. Tetrahedra that two
+    /// octants of one size share are made only once, for the octant on the high side of the common face.
     fn face(&self, cell: [usize; 3], level: u8, axis: usize, high: bool, f: &mut impl FnMut([u32; 4])) {
         let size = 1usize << level;
         let mut beyond = cell;
@@ -177,12 +181,12 @@ impl Faces<'_> {
         }
     }
 
-    /// Makes the tetrahedra between a small octant's centre and its face on a larger octant. The larger octant's face
-    /// is split by lines from its centre to its corners.
+    /// Calls `f` with the two tetrahedra between the centre of a small octant and its face on a larger octant. The
+    /// larger octant's face is split by lines from the middle of that face to the face's corners.
     fn half_pyramids(&self, centre: [i32; 3], base: [i32; 3], width: i32, axis: usize, f: &mut impl FnMut([u32; 4])) {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-        // This corner is a corner of the larger octant if both coordinates in the face are multiples of the larger
-        // octant's width.
+        // The corner `p` of the small face is also a corner of the larger octant if both its coordinates in the face
+        // are multiples of the larger octant's width.
         let is_corner = |p: &[i32; 3]| p[u] % (2 * width) == 0 && p[v] % (2 * width) == 0;
         let at = |i: i32, j: i32| {
             let mut p = base;
@@ -198,7 +202,7 @@ impl Faces<'_> {
         }
     }
 
-    /// Whether the midpoint of an edge of an octant of a level is a corner of a smaller octant that touches the edge.
+    /// Whether the midpoint of an edge of an octant of this level is a corner of a smaller octant.
     fn is_split(&self, middle: [i32; 3], level: u8) -> bool {
         (0..8).any(|k: usize| {
             let cell = [0, 1, 2].map(|i| (middle[i] / 2 - (k >> i & 1) as i32) as usize);
@@ -206,7 +210,7 @@ impl Faces<'_> {
         })
     }
 
-    /// Passes on a tetrahedron given by positions in half cells, if the lattice has all its nodes.
+    /// Calls `f` with the nodes of a tetrahedron given by positions in half cells, if the lattice has all four nodes.
     fn give(&self, places: [[i32; 3]; 4], f: &mut impl FnMut([u32; 4])) {
         let nodes = places.map(|p| self.lattice.node(p));
         if let [Some(a), Some(b), Some(c), Some(d)] = nodes {

@@ -1,16 +1,18 @@
-//! Fills any surface with a layer (tetrahedral mesh) by isosurface stuffing (F. Labelle and J. Shewchuk 2007).
+//! Fills any surface with a *layer* (tetrahedral mesh of a soft body) by isosurface stuffing (F. Labelle and J.
+//! Shewchuk 2007), before the first step. The *solid* is the inside of the surface.
 //!
-//! The signed distance from the surface is sampled at the nodes of a body-centred cubic lattice (`sample`); the lattice
-//! is cut where its edges leave the solid, and warped so that no cut is too near a node (`cut`); the inside part of
-//! every lattice tetrahedron is filled by a stencil (`stencil`, `fill`); deep inside, an octree makes larger tetrahedra
-//! (`grade`). All dihedral angles are above 10 degrees for any surface, because the bound depends on the lattice alone.
+//! The signed distance from the surface, negative inside, is sampled at the nodes of a body-centred cubic lattice
+//! (module `sample`). A *cut* is a point where a lattice edge leaves the solid; a node that is too near a cut is
+//! *warped*, that is, moved onto the cut (`cut`). A *stencil* fills the inside part of every lattice tetrahedron with
+//! tetrahedra (`stencil`, `fill`); deep inside, an octree makes larger tetrahedra (`grade`). All dihedral angles are
+//! above 10 degrees for any surface, because the bound depends on the lattice alone.
 //!
 //! There are three additions to the paper. The surface is drawn at a *level*, a signed distance slightly off zero (the
-//! *shift*), so that the layer's volume equals the surface's: at a shift of zero, flat faces inside a convex surface
-//! would make it too small. A lattice edge that leaves the solid between two inside ends connects nothing, so that
-//! *limbs* (parts of the solid with a gap narrower than a cell between them) stay separate. Outside nodes are *taken
-//! in*, that is, count as inside, where a feature is thinner than a lattice cell (`thin`). The report counts and
-//! locates gaps that were filled and features that are too thin.
+//! *shift*), so that the layer's volume equals the surface's: with a shift of zero, the layer in a convex surface would
+//! be too small, because the layer's flat faces lie inside the surface. A lattice edge that leaves the solid between
+//! two inside ends connects nothing, so that *limbs* (parts of the solid with a gap narrower than a cell between them)
+//! stay separate. Outside nodes are *taken in*, that is, count as inside, where a feature of the surface is thinner
+//! than a lattice cell (`thin`). The report counts and locates gaps that were filled and features that are too thin.
 
 mod cut;
 mod fill;
@@ -34,36 +36,36 @@ use super::{Layer, layer, mass};
 pub use report::{Dropped, LayerReport, SurfaceEdge, SurfaceEdges, Thickened};
 use stencil::Corner;
 
-/// Greatest number of tetrahedra in a layer; a simulation step with more does not fit any GPU.
+/// Greatest number of tetrahedra in a layer; a simulation with more tetrahedra does not fit any GPU.
 pub const MAX_TETRAHEDRA: f64 = 4e6;
-/// Greatest number of tetrahedra in the whole lattice around the skin, used or not (it has a sixth of that number of
-/// nodes).
+/// Greatest number of tetrahedra of the whole lattice around the surface, inside or not; the lattice has one node for
+/// every six tetrahedra.
 const MAX_LATTICE: f64 = 48e6;
-/// Least volume of a solid, as a share of its largest extent cubed.
+/// Least volume of a solid, as a share of the cube of its largest extent along an axis.
 const LEAST_VOLUME: f64 = 1e-9;
-/// Greatest shift of the level, in cells.
+/// Greatest shift of the level, as a share of the cell edge.
 const MAX_SHIFT: f64 = 0.1;
-/// Relative difference of the volumes at which a shift is good enough.
+/// A shift is good enough if the layer's volume differs from the surface's by at most this share.
 const AGREEMENT: f64 = 1e-3;
-/// Greatest number of fillings with different shifts.
+/// Greatest number of shifts that are tried; the surface is filled once for each.
 const TRIALS: usize = 4;
-/// Greatest allowed grade.
+/// Greatest allowed cell edge deep inside, as a multiple of the cell edge at the surface.
 const MAX_GRADE: u32 = 8;
 
 /// Parameters of the layer to be made.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Edge of the lattice's cubic cells, m.
+    /// Edge length of the lattice's cubic cells, m.
     pub cell: f64,
     /// Greatest cell edge deep inside, as a multiple of `cell`: 1 (all equal), 2, 4 or 8.
     pub grade: u32,
-    /// Makes a shell: only tetrahedra with a node less than this deep below the surface (m) are kept. `None`: a full
-    /// layer.
+    /// If given, the layer is a shell: only tetrahedra with a node less than this deep below the surface (m) are kept.
+    /// `None`: the layer fills the whole solid.
     pub thickness: Option<f64>,
 }
 
 impl Options {
-    /// Options of a full layer with one cell size (m) everywhere.
+    /// Options of a layer that fills the whole solid, with one cell size (edge length, m) everywhere.
     pub fn uniform(cell: f64) -> Self {
         Options { cell, grade: 1, thickness: None }
     }
@@ -73,8 +75,8 @@ impl Options {
 /// to a rigid core.
 ///
 /// The surface may be open, folded over or partly oriented inwards: a point is inside if its winding number is above
-/// one half. Errors, each with its remedy: a surface smaller than a cell, more than [`MAX_TETRAHEDRA`], nothing inside,
-/// a coordinate that is not finite.
+/// one half. Errors, each with its remedy: a surface smaller than a cell, more than [`MAX_TETRAHEDRA`] tetrahedra,
+/// nothing inside, a coordinate that is not finite.
 pub fn stuff(vertices: &[DVec3], triangles: &[[u32; 3]], options: &Options) -> Result<(Layer, LayerReport), String> {
     let start = Instant::now();
     let low = vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
@@ -99,7 +101,7 @@ pub fn stuff(vertices: &[DVec3], triangles: &[[u32; 3]], options: &Options) -> R
     let filled = surface.fill_to(surface_volume, area);
     if filled.layer.tetrahedra.len() as f64 > MAX_TETRAHEDRA {
         return Err(format!(
-            "a cell of {cell:.3e} m gives {} tetrahedra, more than 4 million; choose a larger one",
+            "a cell of {cell:.3e} m gives {} tetrahedra, more than 4 million; choose a larger cell",
             filled.layer.tetrahedra.len()
         ));
     }
@@ -112,11 +114,11 @@ fn triangle_area([a, b, c]: [DVec3; 3]) -> f64 {
     (b - a).cross(c - a).length() / 2.0
 }
 
-/// Refuses cells that are too coarse or too fine.
+/// Refuses a grade that is not possible, and cells that are too large or too small for the surface.
 fn check(vertices: &[DVec3], triangles: &[[u32; 3]], extent: DVec3, options: &Options) -> Result<(), String> {
     let cell = options.cell;
     if !options.grade.is_power_of_two() || options.grade > MAX_GRADE {
-        return Err(format!("a grade of {}; give 1, 2, 4 or 8 times the cell", options.grade));
+        return Err(format!("a grade of {} is not possible; give 1, 2, 4 or 8 times the cell", options.grade));
     }
     if extent.max_element().is_nan() || extent.max_element() < cell {
         return Err(format!(
@@ -137,7 +139,7 @@ fn check(vertices: &[DVec3], triangles: &[[u32; 3]], extent: DVec3, options: &Op
     Ok(())
 }
 
-/// Everything that does not change with the level.
+/// The surface with its lattice, samples and options: everything that does not change with the level.
 struct Surface<'a> {
     vertices: &'a [DVec3],
     triangles: &'a [[u32; 3]],
@@ -154,7 +156,7 @@ struct Surface<'a> {
 struct Filled {
     layer: Layer,
     shift: f64,
-    /// Volume of the layer and of the inside that a shell leaves out, m^3.
+    /// Volume of the layer, together with the inner volume that a shell leaves out, m^3.
     volume: f64,
     parts: usize,
     dropped: Vec<parts::Dropped>,
@@ -165,8 +167,8 @@ struct Filled {
 }
 
 impl Surface<'_> {
-    /// The filling whose volume is nearest to `volume` (m^3), by the secant method from shift 0; `area` is the
-    /// surface's (m^2). Shifts beyond [`MAX_SHIFT`] cells are not tried.
+    /// The filling whose volume is nearest to `volume` (m^3), found by the secant method from shift 0. `area` is the
+    /// surface's area (m^2). Shifts greater than [`MAX_SHIFT`] times the cell edge are not tried.
     fn fill_to(&self, volume: f64, area: f64) -> Filled {
         let most = MAX_SHIFT * self.options.cell;
         let mut best = self.fill(0.0);

@@ -1,6 +1,7 @@
-//! Connectivity of the filling (all tetrahedra inside the solid): duplicates nodes at which tetrahedra touch by a
-//! corner or an edge only, and removes small separate parts (*bits*). A *cut* is the point where a lattice edge leaves
-//! the solid; a node that was moved onto a cut is *warped*.
+//! Part of isosurface stuffing, which fills a *solid* (the inside of a surface) with tetrahedra by means of a lattice.
+//! This file mends the connectivity of the *filling* (all tetrahedra): it duplicates nodes at which tetrahedra touch by
+//! a corner or an edge only, and removes small separate parts (*bits*). A *cut* is a point where a lattice edge leaves
+//! the solid; a lattice node that was moved onto a cut is *warped*.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +15,7 @@ use crate::prepare::distance::Solid;
 use crate::prepare::layer::FACES;
 use crate::prepare::skin::{self, Sets};
 
-/// Whether a corner lies on the surface: a warped node or a cut.
+/// Whether a corner of a tetrahedron lies on the surface, that is, is a warped node or a cut.
 fn on_surface(cuts: &Cuts, corner: Corner) -> bool {
     match corner {
         Corner::Node(n) => cuts.side[n as usize] == Side::On,
@@ -22,8 +23,8 @@ fn on_surface(cuts: &Cuts, corner: Corner) -> bool {
     }
 }
 
-/// Duplicates every surface node whose tetrahedra are not connected by faces with material behind them; returns the
-/// number of nodes added.
+/// Duplicates every surface node whose tetrahedra fall into groups that no shared face connects (a face in a gap of the
+/// solid does not count as shared): each group gets a node of its own. Returns the number of nodes added.
 pub(super) fn split(solid: &Solid, cuts: &Cuts, filling: &mut Filling) -> usize {
     let surface: Vec<bool> = filling.corners.iter().map(|&c| on_surface(cuts, c)).collect();
     let near: Vec<u32> = (0..filling.tetrahedra.len() as u32)
@@ -53,7 +54,8 @@ pub(super) fn split(solid: &Solid, cuts: &Cuts, filling: &mut Filling) -> usize 
     filling.nodes.len() - before
 }
 
-/// Joins *wedges* across shared faces. A wedge is a corner of one of the tetrahedra `near` the surface.
+/// Joins *wedges* at each node of a face that two tetrahedra share. A wedge is a corner of one of the tetrahedra `near`
+/// the surface; wedge 4 i + k is corner k of the i-th tetrahedron in `near`.
 fn joined_wedges(solid: &Solid, filling: &Filling, surface: &[bool], near: &[u32]) -> Sets {
     let mut faces: Vec<([u32; 3], u32, u8)> = Vec::with_capacity(4 * near.len());
     for (local, &t) in near.iter().enumerate() {
@@ -68,8 +70,8 @@ fn joined_wedges(solid: &Solid, filling: &Filling, surface: &[bool], near: &[u32
     for pair in faces.chunk_by(|a, b| a.0 == b.0).filter(|g| g.len() == 2) {
         let [(face, s, opposite_s), (_, t, opposite_t)] = [pair[0], pair[1]];
         let [p, q] = [s, t].map(|local| filling.tetrahedra[near[local as usize] as usize]);
-        // If nodes in the gap between two limbs (parts of the solid) were warped, the limbs may share a face there, but
-        // no material.
+        // If nodes in the gap between two limbs (parts of the solid with a narrow gap between them) were warped, the
+        // limbs may share a face there, although the solid does not connect them.
         let in_surface = face.iter().all(|&n| surface[n as usize]);
         let ends = [p[opposite_s as usize], q[opposite_t as usize]].map(|n| filling.nodes[n as usize]);
         if in_surface && leaves(solid, ends[0], ends[1]) {
@@ -85,7 +87,7 @@ fn joined_wedges(solid: &Solid, filling: &Filling, surface: &[bool], near: &[u32
     wedges
 }
 
-/// Whether the segment from `a` to `b`, both inside, leaves the solid.
+/// Whether the segment from `a` to `b` leaves the solid; both points are inside.
 fn leaves(solid: &Solid, a: DVec3, b: DVec3) -> bool {
     let hits = solid.hits(a, b);
     hits.windows(2).any(|pair| solid.signed(a.lerp(b, (pair[0] + pair[1]) / 2.0)) > 0.0)
@@ -98,8 +100,9 @@ pub(super) struct Dropped {
     pub place: DVec3,
 }
 
-/// For each connected piece of the surface, keeps the largest part (by volume) that touches it; removes all other
-/// parts. Returns the number of parts that stay, and the removed parts.
+/// Keeps, for each connected piece of the surface, the largest part of the filling (by volume) that touches the piece;
+/// removes all other parts. Two tetrahedra belong to one part if they are connected through shared nodes. Returns the
+/// number of parts that stay, and the removed parts.
 pub(super) fn drop_bits(
     solid: &Solid,
     (vertices, triangles): (&[DVec3], &[[u32; 3]]),
@@ -124,7 +127,7 @@ pub(super) fn drop_bits(
     }
     let (pieces, piece_count) = skin::parts(vertices.len(), triangles);
     let mut largest: Vec<Option<u32>> = vec![None; piece_count];
-    // Only inside nodes are used: their nearest piece of the surface is that of their own part, whereas a node on the
+    // Only inside nodes tell which piece of the surface their part touches: the piece nearest to them. A node on the
     // surface may lie on the piece of a neighbouring part.
     let mut asked = vec![false; filling.nodes.len()];
     let touches = |t: &&[u32; 4]| t.iter().any(|&n| on_surface(cuts, filling.corners[n as usize]));

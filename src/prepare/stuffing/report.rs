@@ -1,6 +1,7 @@
-//! The report on a layer (tetrahedral mesh) that was made by filling a surface: sizes, angles, volumes, and features of
-//! the surface that the background lattice could not represent. Positions and lengths are in the coordinates of the
-//! surface.
+//! The report on a *layer* (tetrahedral mesh of a soft body) that was made by filling a surface by means of a
+//! body-centred cubic lattice (isosurface stuffing): sizes, angles, volumes, and features of the surface that the
+//! lattice could not represent. A *cell* is a cube of the lattice; the *filling* is the set of tetrahedra before small
+//! parts are removed. Positions and lengths are in the coordinates of the surface.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,30 +12,30 @@ use crate::prepare::quality::quality;
 /// Greatest number of places listed in a report; the worst come first.
 const PLACES: usize = 100;
 
-/// A lattice edge across a gap that the layer fills, or through a piece of material that it lacks.
+/// A lattice edge across a gap of the solid that the layer fills, or through a piece of the solid that the layer lacks.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceEdge {
     /// Midpoint of the edge, m.
     pub place: [f64; 3],
-    /// Length of the gap, or of the material, along the edge, m.
+    /// Length of the gap, or of the piece of the solid, along the edge, m.
     pub width: f64,
 }
 
-/// Lattice edges of one kind: across filled gaps, or through missing material.
+/// Lattice edges of one kind: across gaps that are filled, or through pieces of the solid that are missing.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceEdges {
-    /// Number of such edges.
+    /// Number of edges of this kind.
     pub count: usize,
-    /// The edges with the widest gap or material, widest first.
+    /// The edges with the widest gaps or pieces, widest first, at most 100.
     pub widest: Vec<SurfaceEdge>,
 }
 
-/// Lattice nodes outside the surface that count as inside (are *taken in*) for the sake of thin features.
+/// Lattice nodes outside the surface that are *taken in*, that is, count as inside, so that thin features are filled.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Thickened {
-    /// Number of such nodes.
+    /// Number of nodes that are taken in.
     pub nodes: usize,
-    /// Positions of those farthest from the surface, farthest first, m.
+    /// Positions of the taken nodes that are farthest from the surface, farthest first, m; at most 100.
     pub places: Vec<[f64; 3]>,
 }
 
@@ -44,11 +45,11 @@ pub struct Thickened {
 pub struct Dropped {
     /// Number of parts left out.
     pub parts: usize,
-    /// Number of their tetrahedra.
+    /// Number of tetrahedra in all parts left out.
     pub tetrahedra: usize,
-    /// Their volume, m^3.
+    /// Volume of all parts left out, m^3.
     pub volume: f64,
-    /// One node of each of the largest parts, largest first, m.
+    /// Position of one node of each of the largest parts left out, largest first, m; at most 100.
     pub places: Vec<[f64; 3]>,
 }
 
@@ -61,36 +62,39 @@ pub struct LayerReport {
     pub tetrahedra: usize,
     /// Volume of the layer, m^3.
     pub volume: f64,
-    /// Volume inside the surface, m^3; if the surface is not closed or not clean, that of the points with a winding
-    /// number above one half.
+    /// Volume inside the surface, m^3. If `clean` is false, it is the volume in which the winding number is above one
+    /// half.
     pub surface_volume: f64,
     /// Whether the surface is closed and has a winding number of 0 or 1 everywhere.
     pub clean: bool,
-    /// Volume of the layer, including the inside that a shell leaves out, over that of the surface, less one.
+    /// Ratio of two volumes, less one: that of the layer (with the inside that a layer of limited thickness leaves out)
+    /// to that of the surface.
     pub volume_difference: f64,
-    /// Outward shift of the surface that makes the layer's volume agree with the surface's, m.
+    /// By how much the surface was shifted outwards before it was filled, so that the layer's volume agrees with the
+    /// surface's, m.
     pub shift: f64,
-    /// Smallest dihedral angle, degrees.
+    /// Smallest dihedral angle of all tetrahedra, degrees.
     pub worst_dihedral: f64,
-    /// Smallest dihedral angle that 99 in 100 tetrahedra exceed, degrees.
+    /// First percentile of the tetrahedra's smallest dihedral angles, degrees.
     pub first_percentile_dihedral: f64,
-    /// Largest dihedral angle, degrees.
+    /// Largest dihedral angle of all tetrahedra, degrees.
     pub largest_dihedral: f64,
-    /// Number of parts of the layer that share no node.
+    /// Number of parts of the layer; different parts share no node.
     pub parts: usize,
-    /// Small parts left out of the layer.
+    /// Small parts of the filling that were left out of the layer.
     pub dropped: Dropped,
     /// Number of lattice edges across a gap whose sides were kept separate.
     pub separated: usize,
     /// Number of nodes that were duplicated because tetrahedra touched there by a corner or an edge only.
     pub doubled: usize,
-    /// Lattice edges across a gap that is filled: both sides are connected within a cell.
+    /// Lattice edges across a gap that is filled, so that its two sides are connected.
     pub welded: SurfaceEdges,
     /// Lattice nodes outside the surface that count as inside, so that features thinner than a cell stay connected.
     pub thickened: Thickened,
-    /// Lattice edges through material that the layer lacks: features thinner than a cell, and sharp edges.
+    /// Lattice edges through pieces of the solid that the layer lacks: features thinner than a cell, and sharp edges.
     pub lost: SurfaceEdges,
-    /// Wall-clock time, s; it is not stored with a cached report, which must be the same in every run.
+    /// Wall-clock time of the filling, s. It is not stored in the cache, because a cached report must be the same in
+    /// every run.
     #[serde(skip)]
     pub seconds: f64,
 }
@@ -104,7 +108,7 @@ fn surface_edges(mut edges: Vec<([u32; 2], f64)>, lattice: &Lattice) -> SurfaceE
 }
 
 impl Filled {
-    /// The report on this filling of a surface; `taken` are the nodes that were taken in.
+    /// The report on this filling of a surface; `taken`: the nodes outside the surface that were taken in.
     pub(super) fn report(
         &self,
         surface_volume: f64,

@@ -1,6 +1,7 @@
-//! Samples the solid for isosurface stuffing: signed distances at lattice nodes, and samples along the lattice edges
-//! near the surface. They are computed once; the level (signed distance at which the surface is drawn, slightly off
-//! zero) is applied later (`cut.rs`).
+//! Part of isosurface stuffing, which fills a *solid* (the inside of a surface) with tetrahedra by means of a
+//! body-centred cubic lattice: samples the signed distance from the surface at lattice nodes and along the lattice
+//! edges near the surface. The samples are taken once; the level (signed distance at which the surface is drawn,
+//! slightly off zero) is applied later, in `cut.rs`.
 
 use std::sync::Mutex;
 
@@ -9,37 +10,40 @@ use glam::DVec3;
 use crate::prepare::distance::{HALF, Solid};
 use crate::prepare::lattice::Lattice;
 
-/// Edge length, in cells, of the largest block that is classified as inside or outside by a single test.
+/// Edge length, in cells, of the largest cube of cells (block) that is classified as inside or outside by a single
+/// test.
 const BLOCK: usize = 8;
 /// A winding number that differs by this much from both 0 and 1 means that the surface is open, folded over or partly
 /// oriented inwards: the numerical error of winding numbers is smaller.
 const CLEAN: f64 = 0.2;
 
-/// A stretch of an edge whose middle is nearer to the surface than this share of the stretch's length only grazes it:
-/// it crosses a bulge or hollow that is shallow compared with the cell, which counts neither as a part of the solid nor
-/// as a gap.
+/// The stretch of an edge between two hits (points where the edge meets the surface) is ignored if its middle is nearer
+/// to the surface than this share of its length. Such a stretch crosses a bulge or hollow that is shallow compared with
+/// the cell; the bulge does not count as a part of the solid, nor the hollow as a gap.
 const GRAZING: f64 = 0.15;
 
 /// Signed distance from the surface at every node of a lattice.
 pub(super) struct Field {
-    /// Signed distance, m, negative inside: exact up to the requested `reach` from the surface, at least `reach` in
-    /// magnitude beyond it.
+    /// Signed distance, m, negative inside. It is exact at nodes up to the requested `reach` from the surface; at nodes
+    /// farther away its magnitude is at least `reach`.
     pub value: Vec<f64>,
-    /// Whether all computed winding numbers were about 0 or 1.
+    /// Whether all winding numbers that were computed are about 0 or 1.
     pub clean: bool,
 }
 
 /// A lattice edge that may meet the surface.
 pub(super) struct Edge {
-    /// Its nodes, the lower index first.
+    /// The two nodes of the edge, the lower index first.
     pub nodes: [u32; 2],
-    /// Hits of the edge on the surface, as ascending shares of its length.
+    /// Points where the edge meets the surface (hits), as ascending shares of the edge.
     pub hits: Vec<f64>,
-    /// Shares of the edge with the signed distance (m) there: at both ends, and between every two successive hits.
+    /// Samples: a share of the edge with the signed distance (m) there. They lie at both ends, and midway between
+    /// successive hits unless that stretch of the edge is ignored (see [`GRAZING`]).
     pub samples: Vec<(f64, f64)>,
 }
 
-/// Splits `items` into runs of `chunk` and calls `work` with the index and the items of each run, on all processors.
+/// Splits `items` into runs of `chunk` items and calls `work` with the index and the items of each run, on all
+/// processors.
 pub(super) fn in_parallel<T: Send>(items: &mut [T], chunk: usize, work: impl Fn(usize, &mut [T]) + Sync) {
     let queue = Mutex::new(items.chunks_mut(chunk).enumerate());
     let next = || queue.lock().ok().and_then(|mut queue| queue.next());
@@ -55,8 +59,8 @@ pub(super) fn in_parallel<T: Send>(items: &mut [T], chunk: usize, work: impl Fn(
     });
 }
 
-/// Signed distances at all nodes, exact within `reach` (m) of the surface. No point outside the box from `low` to
-/// `high` is inside the solid.
+/// Computes the signed distances at all nodes, exact within `reach` (m) of the surface. The box from `low` to `high`
+/// contains the solid.
 pub(super) fn field(solid: &Solid, lattice: &Lattice, (low, high): (DVec3, DVec3), reach: f64) -> Field {
     let [nx, ny, nz] = lattice.size();
     let mut value = vec![0.0; lattice.node_count()];
@@ -76,7 +80,7 @@ pub(super) fn field(solid: &Solid, lattice: &Lattice, (low, high): (DVec3, DVec3
     Field { value, clean: clean.into_inner() }
 }
 
-/// Classifies blocks of cells in one slab of the lattice, whose first node is `first`.
+/// Classifies blocks of cells in one slab of the lattice; `first` is the first node of the slab.
 struct Blocks<'a> {
     solid: &'a Solid,
     lattice: &'a Lattice,
@@ -87,8 +91,9 @@ struct Blocks<'a> {
 }
 
 impl Blocks<'_> {
-    /// Fills in the nodes of the cells `from..end`; returns whether all winding numbers were clean. A ball that the
-    /// surface does not enter lies wholly inside or outside, so that one winding number is enough for the block in it.
+    /// Writes the signed distances of the nodes of the cells `from..end` into `values`; returns whether all winding
+    /// numbers were about 0 or 1. A ball that the surface does not enter lies wholly inside or outside, so that one
+    /// winding number is enough for a block of cells within such a ball.
     fn fill(&self, from: [usize; 3], end: [usize; 3], values: &mut [f64]) -> bool {
         let low = self.lattice.at(from.map(|c| 2 * c as i32));
         let high = self.lattice.at(end.map(|c| 2 * c as i32 - 1));
@@ -96,8 +101,8 @@ impl Blocks<'_> {
         let distance = self.solid.distance(centre);
         if distance > radius + self.reach {
             let (sign, clean) = self.side(centre);
-            // Otherwise each node is tested, because the winding number of an open surface crosses one half far from
-            // any triangle.
+            // If the winding number is not about 0 or 1, smaller blocks and finally single nodes are tested, because
+            // the winding number of an open surface passes one half far from any triangle.
             if clean {
                 self.each(from, end, |node, at| values[node] = sign * (distance - at.distance(centre)));
                 return true;
@@ -125,7 +130,7 @@ impl Blocks<'_> {
         clean
     }
 
-    /// Sign of the distance (-1 inside, 1 outside), and whether the winding number is that of a clean surface.
+    /// Sign of the distance at a point (-1 inside, 1 outside), and whether the winding number there is about 0 or 1.
     fn side(&self, at: DVec3) -> (f64, bool) {
         if at.cmplt(self.low).any() || at.cmpgt(self.high).any() {
             return (1.0, true);
@@ -135,7 +140,7 @@ impl Blocks<'_> {
         (if inside { -1.0 } else { 1.0 }, (winding - f64::from(u8::from(inside))).abs() < CLEAN)
     }
 
-    /// Calls `f` with each node of the cells `from..end`, as index within the slab, and its position.
+    /// Calls `f` with the index in the slab and the position (m) of each node of the cells `from..end`.
     fn each(&self, from: [usize; 3], end: [usize; 3], mut f: impl FnMut(usize, DVec3)) {
         for (z, y) in (from[2]..end[2]).flat_map(|z| (from[1]..end[1]).map(move |y| (z, y))) {
             for x in from[0]..end[0] {
@@ -154,9 +159,9 @@ pub(super) fn edges(solid: &Solid, lattice: &Lattice, value: &[f64]) -> Vec<Edge
         let from = lattice.position(a);
         for b in lattice.neighbours(a).filter(|&b| b > a) {
             let (va, vb) = (value[a as usize], value[b as usize]);
-            // If the edge meets the surface, the distances of its ends from the surface add up to at most its length.
-            // An edge with ends on different sides is always taken, because the winding number of an open surface
-            // crosses one half far from any triangle.
+            // If the edge meets the surface, the distances of its two ends from the surface add up to at most the
+            // edge's length. An edge with ends on different sides is always taken, because the winding number of an
+            // open surface passes one half far from any triangle.
             let length = lattice.position(b).distance(from);
             if va.abs() + vb.abs() <= 1.001 * length || (va < 0.0) != (vb < 0.0) {
                 edges.push(Edge { nodes: [a, b], hits: Vec::new(), samples: vec![(0.0, va), (1.0, vb)] });

@@ -1,11 +1,14 @@
-//! Features thinner than the lattice: lattice nodes outside the solid are *taken in* (count as inside), so that no
-//! feature becomes separate and no part of the surface is left without a tetrahedron near it. A node is *filled* if
-//! tetrahedra have it as a node.
+//! Part of isosurface stuffing, which fills a *solid* (the inside of a surface) with tetrahedra by means of a
+//! body-centred cubic lattice. This file treats features of the surface that are thinner than a lattice cell: lattice
+//! nodes outside the solid are *taken in* (count as inside), so that no feature becomes separate and no part of the
+//! surface is left without a tetrahedron near it. A lattice node is *filled* if tetrahedra of the filling have it as a
+//! node.
 //!
 //! The Voronoi cells of the lattice's nodes are truncated octahedra with a circumradius of 0.56 cell edges. A feature's
-//! axis passes through a sequence of neighbouring Voronoi cells; their nodes are a chain that lies within 0.56 cell
-//! edges of the axis. The nodes of the cheapest chains from filled parts to unfilled ones are taken in; they are found
-//! by E. Dijkstra's algorithm (1959), which charges more for edges outside the solid.
+//! axis passes through a sequence of neighbouring Voronoi cells; the nodes of these cells form a *chain* that lies
+//! within 0.56 cell edges of the axis. The nodes of the cheapest chains from filled parts of the surface to unfilled
+//! parts are taken in. E. Dijkstra's algorithm (1959) finds these chains; edges outside the solid cost more than edges
+//! inside.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -19,22 +22,22 @@ use crate::prepare::distance::Solid;
 use crate::prepare::lattice::Lattice;
 use crate::prepare::skin::{self, Sets};
 
-/// A vertex of the surface without a filled node within this many cell edges lies on a lost feature. A vertex of a flat
-/// surface always has a filled node within 0.9 cell edges.
+/// A vertex of the surface lies on a lost feature if there is no filled node within this many cell edges. A vertex of a
+/// flat surface always has a filled node within 0.9 cell edges.
 const LOST: f64 = 1.0;
-/// Nodes farther outside than this, in cell edges, are in no chain.
+/// No chain contains a node that lies farther outside the solid than this many cell edges.
 const FAR: f64 = 0.8;
-/// Additional cost of an edge per cell edge of distance outside the solid, relative to its cost inside.
+/// The cost of an edge rises by this multiple of its cost inside the solid for every cell edge of distance outside.
 const PRICE: f64 = 16.0;
 
-/// Connected parts of the inside nodes, by lattice edges that stay in the solid.
+/// The *parts* (limbs) of the solid: sets of inside nodes that are connected by lattice edges within the solid.
 struct Limbs<'a> {
     lattice: &'a Lattice,
     field: &'a Field,
     cuts: &'a Cuts,
     /// Part of each inside node.
     label: Vec<u32>,
-    /// For each part whether it stays: at each connected piece of the surface the largest part stays.
+    /// For each part, whether it stays in the filling: at each connected piece of the surface the largest part stays.
     kept: Vec<bool>,
 }
 
@@ -51,7 +54,7 @@ pub(super) fn taken_in(
     let mut taken = vec![false; field.value.len()];
     let mut used = vec![false; vertices.len()];
     triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
-    // A piece of the surface without any inside node starts from the node nearest to its first vertex.
+    // If a piece of the surface has no part that stays, the node nearest to the piece's first vertex is taken in.
     let mut filled = vec![false; piece_count];
     limbs.pieces_filled(solid, &pieces, &mut filled);
     for v in (0..vertices.len()).filter(|&v| used[v]) {
@@ -69,7 +72,7 @@ pub(super) fn taken_in(
         let end = |v: &usize| limbs.nearest(vertices[*v]);
         let mut ends: Vec<(f64, usize, u32)> =
             lost.iter().filter_map(|v| end(v).map(|n| (way[n as usize], *v, n))).collect();
-        // The farthest vertices come first, because their chains also serve nearer ones.
+        // The vertices with the costliest chains come first, because their chains also serve nearer vertices.
         ends.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         for (_, v, node) in ends {
             if !limbs.covers(vertices[v], &taken) {
@@ -83,7 +86,7 @@ pub(super) fn taken_in(
     nodes
 }
 
-/// Takes in the nodes of a chain, from its end to its start.
+/// Takes in the nodes of a chain, from the chain's end `node` to its start; `from` is the previous node of each node.
 fn take(mut node: u32, from: &[u32], taken: &mut [bool]) {
     while node != NONE && !std::mem::replace(&mut taken[node as usize], true) {
         node = from[node as usize];
@@ -128,7 +131,7 @@ impl<'a> Limbs<'a> {
         self.cuts.side[n as usize] == Side::Inside && self.kept[self.label[n as usize] as usize]
     }
 
-    /// Marks the pieces of the surface that touch a part which stays.
+    /// Marks in `filled` the pieces of the surface that touch a part which stays.
     fn pieces_filled(&self, solid: &Solid, pieces: &[u32], filled: &mut [bool]) {
         let near = |n: &u32| self.is_kept(*n) && self.field.value[*n as usize].abs() < 1.5 * self.lattice.cell();
         for n in (0..self.field.value.len() as u32).filter(near) {
@@ -161,7 +164,7 @@ impl<'a> Limbs<'a> {
             let held = || self.lattice.neighbours(n).any(|m| self.is_kept(m) && self.cuts.joined(n, m));
             taken[n as usize] || self.is_kept(n) || (on() && held())
         };
-        // Most vertices have such a node close by, so a small neighbourhood is tried first.
+        // Most vertices have a filled node close by, so a small neighbourhood is tried first.
         self.around(point, 0.5).any(holds) || self.around(point, LOST).any(holds)
     }
 
@@ -175,8 +178,8 @@ impl<'a> Limbs<'a> {
             .collect()
     }
 
-    /// Cost of the cheapest chain to each node from a part that stays or from a seed, and the previous node of that
-    /// chain.
+    /// For each node, the cost of the cheapest chain that leads to it from a part that stays or from a node in `seeds`,
+    /// and the previous node of that chain.
     fn ways(&self, seeds: &[bool]) -> (Vec<f64>, Vec<u32>) {
         let count = self.field.value.len();
         let (mut way, mut from) = (vec![f64::INFINITY; count], vec![NONE; count]);

@@ -1,4 +1,5 @@
-//! The volume inside the surface, which the layer (tetrahedral mesh) should have.
+//! Part of isosurface stuffing, which fills a surface with a layer (tetrahedral mesh of a soft body) by means of a
+//! lattice of cubic cells: computes the volume inside the surface, which the layer should have.
 
 use glam::DVec3;
 
@@ -7,13 +8,13 @@ use crate::prepare::distance::{HALF, Solid};
 use crate::prepare::lattice::Lattice;
 use crate::prepare::mass;
 
-/// Approximate number of sample points for a surface that is not closed and clean (winding number 0 or 1 everywhere):
-/// the volume is then accurate to two thousandths.
+/// Approximate number of sample points for a surface that is open, or not clean (that has winding numbers other than 0
+/// and 1): with this number the relative error of the volume is about two thousandths.
 const POINTS: usize = 60_000;
 
 /// Volume inside the surface, m^3, and whether it is the exact volume of a closed surface. For a surface that is open,
-/// partly oriented inwards or folded over, it is the volume with winding numbers above one half, sampled at points of
-/// the cells near the surface.
+/// partly oriented inwards or folded over, it is the volume in which the winding number is above one half; it is
+/// estimated from points in the lattice cells near the surface.
 pub(super) fn target(
     solid: &Solid,
     lattice: &Lattice,
@@ -50,7 +51,7 @@ pub(super) fn target(
     (cells * cell.powi(3), false)
 }
 
-/// Whether every edge has exactly one triangle in each direction.
+/// Whether, along every edge, exactly one triangle runs in each of the two directions.
 fn is_closed(triangles: &[[u32; 3]]) -> bool {
     let ends = |t: &[u32; 3]| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])];
     let mut forth: Vec<(u32, u32)> = triangles.iter().flat_map(ends).collect();

@@ -1,7 +1,9 @@
-//! The Galerkin coarse matrix A_c = P^T A P of a soft body at rest: A is the matrix of implicit Euler with step h =
-//! `dt`, (1 + h alpha) M + (h^2 + h beta) K, with M the mass and K the stiffness matrix, alpha and beta the mass and
-//! stiffness damping; P maps the modes of blocks of nodes to node velocities (see `coarse.rs`). A core is a rigid body
-//! inside the soft one, to which nodes are attached.
+//! The Galerkin coarse matrix A_c = P^T A P of a soft body at rest, made before the first step (and anew when a
+//! material changes) for the solver's preconditioner (see `coarse.rs`). A is the matrix of implicit Euler with step h =
+//! `dt`, (1 + h alpha) M + (h^2 + h beta) K, with mass matrix M, stiffness matrix K, and the coefficients alpha and
+//! beta of mass- and stiffness-proportional damping. P maps the motions (modes) of blocks of nodes to node velocities:
+//! a block of free nodes moves by affine functions, and the nodes attached to a core, a rigid body inside the soft one,
+//! by the core's twist (linear and angular velocity).
 
 use std::collections::BTreeMap;
 
@@ -13,8 +15,8 @@ use super::BLOCK_UNKNOWNS;
 use crate::shaders::NONE;
 
 impl Model {
-    /// P^T A P at rest, without contact and without the limits of joints; hinged cores are treated as if they moved
-    /// freely.
+    /// P^T A P of these blocks at rest, without contact and without the limits of joints; hinged cores are treated as
+    /// if they moved freely.
     pub(super) fn coarse_matrix(&self, soft: &SoftRange, blocks: &[usize], dt: f64) -> Mat<f64> {
         let mut bases: Vec<Option<(usize, Basis)>> = vec![None; soft.nodes.len()];
         for (k, b) in blocks.iter().enumerate() {
@@ -25,8 +27,8 @@ impl Model {
             }
         }
         let mut matrix = self.restricted(soft, &bases, BLOCK_UNKNOWNS * blocks.len(), dt);
-        // All blocks of a core move with its one twist; a joint's springs are added to the modes of the core's first
-        // block alone.
+        // All blocks of a core move with the core's twist, so it suffices to add a joint's springs to the modes of the
+        // core's first block.
         let first_unknown = |core: usize| {
             let first = blocks.iter().position(|b| *b == self.blocks.cores[core].1.start)?;
             Some(BLOCK_UNKNOWNS * first)
@@ -35,8 +37,8 @@ impl Model {
         matrix
     }
 
-    /// A at rest, without contact and joints, restricted to the twist of a core in its frame's axes (linear, then
-    /// angular) while all other nodes stay still.
+    /// A at rest, without contact and joints, restricted to the twist of a core in the axes of its rigid coordinate
+    /// frame (linear, then angular part), while all nodes that are not attached to the core stay still.
     pub(in super::super) fn core_block(&self, core: &Core, dt: f64) -> Mat<f64> {
         let own = |soft: &&SoftRange| core.nodes.iter().all(|n| soft.nodes.contains(&(*n as usize)));
         let Some(soft) = self.soft.iter().find(own) else { return Mat::zeros(6, 6) };
@@ -47,8 +49,9 @@ impl Model {
         self.restricted(soft, &bases, 6, dt)
     }
 
-    /// P^T A P of a soft body at rest, without contact and joints. `bases`: for each of its nodes the first mode of its
-    /// block and its basis functions, `None` for a node that does not move; `modes`: the size of the matrix.
+    /// P^T A P of a soft body at rest, without contact and joints. `bases`: for each of the body's nodes the first mode
+    /// of the node's block and the node's basis functions, `None` for a node that does not move; `modes`: number of
+    /// rows of the matrix.
     fn restricted(&self, soft: &SoftRange, bases: &[Option<(usize, Basis)>], modes: usize, dt: f64) -> Mat<f64> {
         let basis = |n: usize| bases[n - soft.nodes.start].as_ref();
         let mut matrix = Mat::zeros(modes, modes);
@@ -81,9 +84,9 @@ impl Model {
         matrix
     }
 
-    /// Adds the part c c^T of an F-bar patch (tetrahedra e that share one volumetric strain), c_j = sqrt((h^2 + h beta)
-    /// lambda / V) sum_e V_e g_ej for node j, with V_e volumes, V their sum, g rest gradients and lambda the Lame
-    /// parameter.
+    /// Adds the part c c^T of an F-bar patch (tetrahedra e that share one volumetric strain). Its row for node j is c_j
+    /// = sqrt((h^2 + h beta) lambda / V) sum_e V_e g_ej, with V_e the volumes of the tetrahedra, V their sum, g_ej the
+    /// rest gradients of the node's shape functions and lambda the Lame parameter.
     fn add_patch<'a>(
         &self,
         matrix: &mut Mat<f64>,
@@ -111,12 +114,14 @@ impl Model {
     }
 }
 
-/// How a node moves with the modes of its block, in rest axes.
+/// How a node moves with the modes of its block, in the axes of the body at rest.
 #[derive(Debug, Clone)]
 enum Basis {
-    /// Velocity c0 + c1 x + c2 y + c3 z of a free node, as the weights 1, x, y, z of the modes.
+    /// Velocity c0 + c1 x + c2 y + c3 z of a free node, where c0 to c3 are the modes of its block: the weights 1, x, y,
+    /// z.
     Affine([f64; 4]),
-    /// Velocity linear + angular x arm of an attached node, as the matrix that maps angular to angular x arm.
+    /// Velocity v + w x r of a node attached to a core, where v and w are the core's linear and angular velocity and r
+    /// is the node's place relative to the frame's centre: the matrix that maps w to w x r.
     Twist(DMat3),
 }
 
@@ -133,7 +138,7 @@ impl Basis {
         Basis::Twist(DMat3::from_cols(DVec3::X.cross(place), DVec3::Y.cross(place), DVec3::Z.cross(place)))
     }
 
-    /// The basis functions as 3x3 matrices, each for three modes.
+    /// The basis functions as 3x3 matrices, each of which maps three modes to a part of the node's velocity.
     fn matrices(&self) -> Vec<DMat3> {
         match self {
             Basis::Affine(weights) => weights.iter().map(|w| DMat3::from_diagonal(DVec3::splat(*w))).collect(),

@@ -1,5 +1,5 @@
 //! Scalar fields that are shown as colours on the skins (surface meshes): contact depth and pressure, strain energy,
-//! displacement. They are computed from the state that a step leaves, and do not change it. A frame is a rigid
+//! displacement. The fields are computed from the state that a step leaves, without changing it. A frame is a rigid
 //! coordinate frame, a core a rigid body inside a soft one, to which nodes are attached.
 
 use std::ops::Range;
@@ -20,12 +20,13 @@ use crate::shaders::{Contact, NONE};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Field {
     /// How deep a vertex was in another body at the start of the last step, m; zero without a contact. A contact is
-    /// found at a vertex of either skin; it counts for that vertex and for the three corners of the triangle that its
-    /// ray hits. Of several contacts of a vertex the deepest is shown.
+    /// found at a vertex of either skin; it counts for that vertex and for the three corners of the triangle that the
+    /// vertex's ray along the contact normal hits. Of several contacts of a vertex the deepest is shown.
     Depth,
-    /// Pressure of the last step's contacts at the end of the step, Pa; a contact's pressure times its area is its
-    /// force along its normal. Pressure is shown at the same vertices as depth, at each the greatest one. After a saved
-    /// state was restored, and until the next step, it is the pressure at the start of the last step.
+    /// Pressure of the last step's contacts at the end of the step, Pa; a contact's pressure times its area is the
+    /// contact force along its normal. Pressure is shown at the same vertices as depth; of several contacts of a vertex
+    /// the one with the greatest pressure is shown. After a saved state was restored, and until the next step, the
+    /// field is the pressure at the start of the last step.
     Pressure,
     /// Strain energy density of the tetrahedral mesh in which the skin is embedded, J/m^3, by the law of each
     /// tetrahedron's material: averaged by volume around each node, and interpolated to the skin by its embedding
@@ -33,8 +34,8 @@ pub enum Field {
     StrainEnergy,
     /// Distance, m, by which deformation has moved a vertex from where it would be if its nodes were attached rigidly
     /// to their frames (those of the body's cores, or the floating frame of a body without cores). Rigid motion of the
-    /// whole body is no part of it; with fixed cores it is the distance from where the vertex was placed. Zero on rigid
-    /// bodies.
+    /// whole body is no part of it; in a body with fixed cores the field is the distance from where the vertex was
+    /// placed. Zero on rigid bodies.
     Displacement,
 }
 
@@ -52,7 +53,7 @@ impl Field {
         }
     }
 
-    /// Unit of its values.
+    /// Unit of the field's values.
     pub fn unit(self) -> &'static str {
         match self {
             Field::Depth | Field::Displacement => "m",
@@ -170,8 +171,8 @@ impl Fields {
         })
     }
 
-    /// Records the passes that fill the array of a field, and the greatest value of each body; depth and pressure are
-    /// filled together. `touch` must be what [`Fields::new`] was given.
+    /// Records the passes that fill a field's array in `values` and its array in `most_values`; depth and pressure are
+    /// filled together. `touch` must be the contact arrays that [`Fields::new`] was given.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -195,7 +196,7 @@ impl Fields {
     }
 
     /// Records the passes that fill `values` for the vertices of another mesh, which are attached to nodes: with the
-    /// field's values there, or with zeros for a field that is defined by contacts.
+    /// field's values at these vertices, or with zeros where the field is defined by contacts.
     pub fn record_onto(
         &self,
         recorder: &mut Recorder,
@@ -234,8 +235,8 @@ impl Fields {
         }
     }
 
-    /// Records one pass that finds the greatest value in each of `ranges`. A range is two u32: its first index, and one
-    /// past its last.
+    /// Records one pass that finds the greatest of the `values` in each of the `ranges`. A range is two u32: its first
+    /// index, and the index after its last one.
     pub fn record_most(&self, recorder: &mut Recorder, ranges: &Buffer, values: &Buffer, most: &Buffer) {
         let arguments = shaders::draw::Most { ranges, values, most };
         recorder.dispatch_groups(&self.most, &arguments, (ranges.bytes() / 8) as u32);

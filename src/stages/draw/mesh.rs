@@ -39,7 +39,7 @@ impl Outline {
         self.add([node; 4], [1.0, 0.0, 0.0, 0.0], NONE, value)
     }
 
-    /// Adds a vertex attached to a frame, at a position `local` in it (m), and returns its index.
+    /// Adds a vertex attached to a frame, at a position `local` in the frame (m), and returns its index.
     pub fn add_rigid(&mut self, frame: u32, local: DVec3, value: f32) -> u32 {
         self.add([NONE, 0, 0, 0], texel(local, 0.0), frame, value)
     }
@@ -57,13 +57,13 @@ impl Outline {
 pub struct Mesh {
     /// The vertices of the mesh.
     pub points: Points,
-    /// Three u32 per triangle, packed, padded with zeros to a whole texel of four.
+    /// The three vertices of each triangle, a u32 each, without gaps; the array is padded to a whole texel of four u32.
     pub triangles: Buffer,
-    /// One float per vertex to colour it by, packed and padded in the same way as `triangles`.
+    /// One float per vertex to colour it by, without gaps; the array is padded to a whole texel of four floats.
     pub values: Buffer,
-    /// The range of all vertices: 0, and their number.
+    /// Two u32, the range of all vertices: 0, and the number of vertices.
     pub range: Buffer,
-    /// The greatest of the values.
+    /// The greatest of `values`, one float.
     pub most: Buffer,
 }
 

@@ -13,17 +13,19 @@ pub struct Points {
     place: Kernel,
     /// Number of vertices.
     pub count: u32,
-    /// Per vertex: its four nodes; the first is `NONE` where it is attached to a frame.
+    /// Per vertex: its four nodes; the first is `NONE` where the vertex is attached to a frame.
     pub nodes: Buffer,
-    /// Per vertex: the weights of its nodes, or its position in the frame, m.
+    /// Per vertex: the weights of its nodes, or, where it is attached to a frame, its position in that frame, m.
     pub weights: Buffer,
     rigid_frames: Buffer,
-    /// Per vertex: its current position, m, relative to the origin that `frames` is relative to; w is 1.
+    /// Per vertex: its current position, m, relative to the same origin as the frames that [`Points::record`] is given;
+    /// w is 1.
     pub positions: Buffer,
 }
 
 impl Points {
-    /// Kernel and arrays for `vertices` vertices; `rigid_frames`: the frame of each vertex that is attached to one.
+    /// Kernel and arrays for `vertices` vertices; `rigid_frames`: per vertex, the frame that it is attached to, or
+    /// `NONE`.
     pub fn new(
         context: &Arc<Context>,
         vertices: usize,

@@ -1,5 +1,6 @@
-//! Records the passes of the solver, in the order in which they run. Iterates (residual, direction and so on) have two
-//! copies, or sets; an iteration reads one set and writes the other.
+//! Records the passes of the solve stage of a step, in the order in which they run: conjugate gradients for a linear
+//! system A x = b, whose matrix A is called the operator. The iterates (residual, direction and so on) exist twice, as
+//! two sets; an iteration reads one set and writes the other.
 
 use std::mem::offset_of;
 
@@ -18,7 +19,8 @@ enum Change {
 }
 
 impl Solve {
-    /// Records the reset at the start of a step: no contact is released yet, and no Newton iteration is done.
+    /// Records the reset, at the start of a step, of two counters of the solver's state: how often contacts were
+    /// released and the system was solved again, and how many Newton iterations were done.
     pub fn record_reset(&self, recorder: &mut Recorder) {
         recorder.stage("solve");
         recorder.fill_range(&self.state, offset_of!(shaders::Solve, retries) as u64, 8, 0);
@@ -118,8 +120,9 @@ impl Solve {
         );
     }
 
-    /// Records `iterations` solver iterations, rounded up to an even number, of three dependent passes each. Once the
-    /// solver has converged, the indirect arguments of these passes are zero, and they cost next to nothing.
+    /// Records `iterations` solver iterations, rounded up to an even number, each of three passes that depend on one
+    /// another. Once the solver has converged, the indirect arguments of the passes are zero, and the passes cost next
+    /// to nothing.
     pub fn record_iterations(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, iterations: u32) {
         recorder.stage("solve");
         for iteration in 0..iterations.next_multiple_of(2) {
@@ -174,7 +177,7 @@ impl Solve {
     }
 
     /// Records what follows the iterations: the residual computed anew, the verdict whether the solution is accepted,
-    /// and, if it is, the new state.
+    /// and, if it is accepted, the new velocities and displacements.
     pub fn record_end(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("solve");
         let touch = self.touch.as_ref();
@@ -222,7 +225,7 @@ impl Solve {
         recorder.dispatch_indirect(&self.commit, &arguments, &common.args, shaders::ARGS_COMMIT);
     }
 
-    /// Records the passes that stop all motion and clear the carried residual.
+    /// Records the passes that stop all motion and clear the residual that is carried over to the next step.
     pub fn record_stop(&self, recorder: &mut Recorder, elastic: &Elastic) {
         recorder.stage("solve");
         for buffer in [&elastic.velocity, &self.carried_residual, &self.solution, &self.iterates] {
@@ -248,9 +251,10 @@ impl Solve {
         recorder.dispatch_groups(kernel, &arguments, self.block_count);
     }
 
-    /// Records the inversion of the diagonal blocks of A for the twists of dynamic cores, which are rigid bodies that
-    /// forces move. Cores that joints connect form a group; the workgroup of the group's first core does the work, and
-    /// the workgroups of the others return at once.
+    /// Records the inversion of the diagonal blocks of A for the twists (linear and angular velocities) of dynamic
+    /// cores, which are rigid bodies that forces move and that have nodes attached to them. Cores that joints connect
+    /// form a group; the workgroup of the group's first core does the work, and the workgroups of the others return at
+    /// once.
     fn record_cores(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         let Some(kernel) = &self.cores else { return };
         let arguments = shaders::solve::Cores {
@@ -270,7 +274,8 @@ impl Solve {
         recorder.dispatch_groups(kernel, &arguments, self.core_count as u32);
     }
 
-    /// Records the operator's products with a vector, element by element: of tetrahedra, F-bar patches and contacts.
+    /// Records the operator's product with a vector, element by element: tetrahedra, F-bar patches (groups of
+    /// tetrahedra that share one volumetric strain) and contacts.
     fn record_product(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, change: Change) {
         let (of_solution, set, vector) = match change {
             Change::Solution => (1, 0, &self.solution),
@@ -326,8 +331,9 @@ impl Solve {
         });
     }
 
-    /// Records the sums of element and contact products at nodes, with the inner products that follow. `set`: the set
-    /// of iterates that is read; `None` outside the solver's loop.
+    /// Records the passes that sum the products of elements and contacts at the nodes, and take the inner products of
+    /// vectors that conjugate gradients need. `set`: the set of iterates that is read; `None` outside the solver's
+    /// loop.
     fn record_gather(
         &self,
         recorder: &mut Recorder,

@@ -1,5 +1,5 @@
-//! Tests that a pass with two swapped buffers is refused before a step runs: it swaps any two buffers of each pass of
-//! the solver and of the stages before it.
+//! Tests that a pass with two swapped buffers is refused when it is recorded. The test swaps every two buffers of each
+//! pass of the solver, and of the stages from pose to contact, which run before the solver.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -53,7 +53,7 @@ fn any_two_buffers_of_a_pass_that_are_swapped_are_refused_by_name() {
                 let refused = given(Some((i, j))).map_err(|error| error.to_string());
                 assert!(
                     refused.is_err_and(|e| e.contains("may not be bound to its buffer")),
-                    "{}: swapped buffers {a} and {b} were accepted",
+                    "kernel {}: swapped buffers {a} and {b} were accepted, expected an error",
                     kernel.name()
                 );
                 swaps += 1;
@@ -62,8 +62,8 @@ fn any_two_buffers_of_a_pass_that_are_swapped_are_refused_by_name() {
         kernels.insert(kernel.name());
     }
     for kernel in ["solve/update", "solve/assemble", "solve/gather", "contact/candidates"] {
-        assert!(kernels.contains(kernel), "kernel {kernel} was not tested, only {kernels:?}");
+        assert!(kernels.contains(kernel), "kernel {kernel} was not tested; the tested kernels are {kernels:?}");
     }
-    println!("{swaps} swaps of two buffers refused in {} passes of {} kernels", seen.len(), kernels.len());
+    println!("refused swaps of two buffers: {swaps}, in {} passes of {} different kernels", seen.len(), kernels.len());
     assert!(swaps > 2000, "only {swaps} swaps of two buffers were tested, expected more than 2000");
 }

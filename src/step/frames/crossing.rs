@@ -1,5 +1,5 @@
-//! How stiff the part of a body that is measured in one rigid coordinate frame is for its size: the time that a
-//! pressure wave takes across it.
+//! The time that a pressure wave takes across a body, or across the part of a body whose nodes are measured in one
+//! rigid coordinate frame. The shorter this time, the stiffer is the part for its size.
 
 use glam::DVec3;
 
@@ -21,7 +21,7 @@ pub fn crossing_times(model: &Model) -> Vec<Option<f64>> {
     }
     for (t, nodes) in model.tetrahedra.iter().enumerate() {
         let [mu, lambda, _] = model.material_of(t);
-        // Each of a tetrahedron's nodes has a quarter of its volume.
+        // Each of a tetrahedron's nodes has a quarter of the tetrahedron's volume.
         for node in nodes {
             let frame = model.node_info[*node as usize][2] as usize;
             volumes[frame] += 0.25 * model.volume(t);

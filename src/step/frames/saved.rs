@@ -1,6 +1,6 @@
 //! The motion of all rigid coordinate frames, for saving it with a simulation's state and restoring it; masses and
-//! joints are not saved. Driven frames follow a trajectory, floating ones are fitted to nodes, dynamic ones are moved
-//! by forces.
+//! joints are not saved. Driven frames follow a trajectory, floating frames are fitted to nodes, and dynamic frames are
+//! moved by forces.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -13,16 +13,17 @@ use crate::step::trajectory::Trajectory;
 pub struct SavedFrame {
     start: Place,
     end: Place,
-    /// Linear and angular velocity, world axes, m/s and rad/s; of floating and dynamic frames.
+    /// Linear and angular velocity, world axes, m/s and rad/s; zero except for floating and dynamic frames.
     twist: [DVec3; 2],
-    /// Translation (m) and rotation vector (rad) from the frame to the fit of its nodes; of floating frames.
+    /// Translation (m) and rotation vector (rad) from the frame to the fit of its nodes; zero except for floating
+    /// frames.
     fit: [DVec3; 2],
-    /// Reference trajectory; of driven frames.
+    /// Reference trajectory; `None` except for driven frames.
     trajectory: Option<Trajectory>,
 }
 
 impl SavedFrame {
-    /// Whether the frame's trajectory, if it has one, has a key and so a pose at any time.
+    /// Whether the frame's trajectory, if there is one, has at least one key and so gives a pose at any time.
     pub fn is_whole(&self) -> bool {
         self.trajectory.as_ref().is_none_or(Trajectory::is_whole)
     }
@@ -34,7 +35,7 @@ impl Frames {
         self.states.iter().map(State::saved).collect()
     }
 
-    /// Restores the motion of the frames of the same model.
+    /// Restores the motion of all frames, which must be those of the model that was saved.
     pub fn restore(&mut self, saved: &[SavedFrame]) {
         self.states.iter_mut().zip(saved).for_each(|(state, saved)| state.restore(saved));
     }

@@ -1,5 +1,6 @@
-//! The contact patches of the last step as rectangles to display. A contact patch is an area with one normal where two
-//! bodies may touch; rays along the normal give the depth of contacts.
+//! The contact patches of the last step as rectangles to display. A contact patch is an area with one normal where a
+//! pair of bodies may touch. A contact is a skin vertex (vertex of a body's surface mesh) inside the other body; rays
+//! along the normal give its depth. Collision proxies are convex hulls that cover a body's skin.
 
 use glam::DVec3;
 
@@ -13,17 +14,19 @@ use crate::stages::PAIR_PATCHES;
 /// that both bodies cover.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactPatchRectangle {
-    /// The two bodies, as indices; the normal points from the first to the second. The tool comes after the bodies.
+    /// Indices of the two bodies; the normal points from the first to the second. The index after that of the last body
+    /// is the tool's.
     pub bodies: [usize; 2],
     /// Centre of the rectangle, world, m.
     pub centre: DVec3,
     /// Normal of the patch, unit, world axes.
     pub normal: DVec3,
-    /// Sides of the rectangle, unit, world axes, perpendicular to the normal and to each other.
+    /// Directions of the rectangle's sides: unit vectors, world axes, perpendicular to the normal and to each other.
     pub tangents: [DVec3; 2],
     /// Half the extent of the rectangle along each tangent, m.
     pub half: [f64; 2],
-    /// Number of the pair's contacts whose normal is nearer to this patch's than to those of the pair's other patches.
+    /// Number of those contacts of the two bodies whose normal is nearer to the normal of this patch than to the
+    /// normals of the bodies' other patches.
     pub contacts: usize,
 }
 
@@ -32,9 +35,10 @@ fn wide(x: [f32; 3]) -> DVec3 {
 }
 
 impl Simulation {
-    /// The active contact patches of the last step, and one for each half-space that is touched. Along its normal a
-    /// rectangle is at the mean of the patch's contacts, or, without any, where the smaller body's collision proxies
-    /// face the other body. This reads a few numbers back from the GPU.
+    /// The contact patches that the last step used, and one for each half-space that a body touches. Along its normal a
+    /// rectangle lies at the mean of the patch's contacts. A patch without contacts lies where the collision proxies of
+    /// one body face the other body; of the two bodies this is the one with the smaller extent along the normal. This
+    /// function reads a few numbers back from the GPU.
     #[doc(hidden)]
     pub fn contact_patch_rectangles(&self) -> Result<Vec<ContactPatchRectangle>> {
         if self.step == 0 {
@@ -89,7 +93,9 @@ impl Simulation {
         ContactPatchRectangle { bodies, centre, normal, tangents, half, contacts: contacts.len() }
     }
 
-    /// How far along a normal from body a to body b the proxies of the smaller body reach towards the other, m.
+    /// Greatest coordinate along the normal that body a's proxies reach, m, if body a is the body with the smaller
+    /// extent along the normal; otherwise the least that body b's proxies reach. The normal points from body a to body
+    /// b.
     fn facing(&self, [a, b]: [usize; 2], normal: DVec3) -> f64 {
         let range = |body: usize| {
             let heights = self.hull_corners(body).into_iter().map(|x| normal.dot(x));
@@ -116,7 +122,7 @@ impl Simulation {
     }
 }
 
-/// The rectangle around the contacts with a half-space, if there are any.
+/// The rectangle around a body's contacts with a half-space, if there are any contacts.
 fn of_plane(bodies: [usize; 2], normal: DVec3, contacts: &[&ContactPoint]) -> Option<ContactPatchRectangle> {
     if contacts.is_empty() {
         return None;

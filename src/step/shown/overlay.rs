@@ -1,6 +1,8 @@
-//! Meshes that are drawn in addition to the skins (surface meshes) and show what the step works with: collision proxies
-//! (convex hulls that cover the skins), tetrahedral meshes, cores (rigid bodies inside a soft one, to which nodes are
-//! attached) and bones (cores given by a capsule).
+//! Overlays: meshes that are drawn in addition to the skins (surface meshes) and show what the step works with:
+//! collision proxies (convex hulls that cover the skins), layers (tetrahedral meshes), cores (rigid bodies inside a
+//! soft one, to which nodes are attached) and bones (cores given by a capsule). A frame is the rigid coordinate frame
+//! of a body or a core. A recording is a recorded GPU command buffer. The tool is the rigid body that the haptic device
+//! leads.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -20,8 +22,8 @@ use crate::{Error, Result};
 /// A mesh to draw over the skins, or in their place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Overlay {
-    /// The convex hulls of all bodies' collision proxies, attached to their frames; one part per body. Values: the
-    /// index of the proxy among all.
+    /// The collision proxies of all bodies, each attached to its frame; one part per body. Values: the index of the
+    /// proxy among the proxies of all bodies.
     Proxies,
     /// Tetrahedral meshes (layers) cut open (see [`Simulation::cut_layer`]), with nodes where they are now; for each
     /// material of a soft body two parts, "skin" for faces on the mesh's boundary and "cut" for those that the cut laid
@@ -30,8 +32,8 @@ pub enum Overlay {
     /// The boundary of the tetrahedra whose four nodes are all attached to one core; one part per core, with its name.
     /// Values: the core's index in its body.
     Cores,
-    /// The capsules of cores that are bones, or whose nodes are chosen by a capsule, attached to their frames; one part
-    /// per such core, with its name. Values: the core's index in its body.
+    /// The capsules of bones and of other cores whose nodes are chosen by a capsule, each attached to the core's frame;
+    /// one part per such core, with its name. Values: the core's index in its body.
     Bones,
 }
 
@@ -53,29 +55,31 @@ impl Overlay {
 /// A part of an overlay's mesh.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Part {
-    /// Its name; see [`Overlay`].
+    /// Name of the part; [`Overlay`] tells which names there are.
     pub name: String,
-    /// The body that it belongs to, as an index; the tool comes after the bodies.
+    /// Index of the body that the part belongs to; the index after that of the last body is the tool's.
     pub body: usize,
-    /// The range of its vertices.
+    /// The range of the part's vertices among those of the mesh.
     pub vertices: Range<usize>,
-    /// The range of its triangles.
+    /// The range of the part's triangles among those of the mesh.
     pub triangles: Range<usize>,
     /// In [`Overlay::Layers`] the material of the tetrahedra that its triangles belong to, as an index into
     /// [`Simulation::materials`]; otherwise zero.
     pub material: usize,
 }
 
-/// An overlay's mesh on the GPU, as it was when it was asked for. Every call returns handles of the same arrays.
+/// An overlay's mesh on the GPU, as it was when [`Simulation::overlay`] was called. Every call for the same overlay
+/// returns handles of the same arrays.
 #[derive(Clone)]
 pub struct Mesh {
-    /// One vec4 per vertex: position, m, relative to the origin that was asked for; w is 1.
+    /// One vec4 per vertex: position, m, relative to the origin that the caller gave; w is 1.
     pub positions: Buffer,
-    /// Three u32 per triangle, counter-clockwise seen from outside, packed, padded to a whole texel of four.
+    /// Three u32 per triangle, its vertices counter-clockwise seen from outside, packed; zeros are added at the end
+    /// until the number of u32 is a multiple of four (one texel).
     pub triangles: Buffer,
     /// One float per vertex to colour it by, packed and padded in the same way as `triangles`.
     pub values: Buffer,
-    /// The greatest of the values; zero where there are none.
+    /// The greatest of `values`; zero where the mesh has no vertices.
     pub greatest: f32,
     /// Number of vertices.
     pub vertex_count: usize,
@@ -85,8 +89,8 @@ pub struct Mesh {
     pub parts: Arc<[Part]>,
 }
 
-/// The plane at which a tetrahedral mesh is cut open: tetrahedra with `normal . x > offset`, x their centroid, are left
-/// out.
+/// The plane at which a layer is cut open: a tetrahedron with centroid x is left out of the drawing if
+/// `normal . x > offset`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cut {
     /// Unit normal, rest axes of the body.
@@ -101,14 +105,15 @@ pub(super) struct ShownMesh {
     parts: Arc<[Part]>,
     triangle_count: usize,
     place: Recording,
-    /// One recording per [`Field`]; only for tetrahedral meshes.
+    /// One recording per [`Field`]; empty for overlays other than [`Overlay::Layers`].
     fields: Vec<Recording>,
 }
 
 impl Simulation {
-    /// The mesh of an overlay as it is now, relative to `origin` (m). Its arrays are filled when this returns, and keep
-    /// their contents until the same overlay is asked for again. They are made at the first call, and made anew
-    /// whenever the arrays of the skins are; those of tetrahedral meshes also when a cut has changed.
+    /// The mesh of an overlay as it is now, relative to `origin` (m). Its arrays are filled when this function returns,
+    /// and keep their contents until it is called again for the same overlay. The arrays are made at the first call,
+    /// and made anew whenever the arrays of the skins are made anew. The arrays of layers are also made anew when a cut
+    /// has changed.
     #[doc(hidden)]
     pub fn overlay(&mut self, overlay: Overlay, origin: DVec3) -> Result<Mesh> {
         if let Overlay::Layers(_) = overlay {
@@ -140,9 +145,9 @@ impl Simulation {
         })
     }
 
-    /// Sets where a soft body's tetrahedral mesh is cut open from now on. `None` restores the default cut, through the
-    /// middle of the mesh's box across the shorter of the x and z axes. Errors: the body is not soft, or the normal has
-    /// no direction.
+    /// Sets where a soft body's layer is cut open from now on. `None` restores the default cut, a plane through the
+    /// middle of the layer's bounding box; its normal is the x axis or the z axis, whichever the box is shorter along.
+    /// It is an error if the body is not soft, or if the cut's normal is zero or a number of the cut is not finite.
     #[doc(hidden)]
     pub fn cut_layer(&mut self, body: usize, cut: Option<Cut>) -> Result<()> {
         if self.layer_cut(body).is_none() {
@@ -167,7 +172,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Where a soft body's tetrahedral mesh is cut open; `None` where the body is not soft.
+    /// The plane at which a soft body's layer is cut open; `None` where the body is not soft.
     #[doc(hidden)]
     pub fn layer_cut(&self, body: usize) -> Option<Cut> {
         let Shape::Soft { layer, .. } = &self.bodies.get(body)?.shape else { return None };
@@ -204,7 +209,8 @@ impl Simulation {
         Ok(ShownMesh { triangle_count: outline.triangles.len(), mesh, parts: parts.into(), place, fields })
     }
 
-    /// The bodies, and the tool's own: index, body, first frame.
+    /// Index, body and index of the first frame of each body, and last of the body that the tool has of its own, if
+    /// any.
     fn shown_bodies(&self) -> impl Iterator<Item = (usize, &Body, u32)> {
         let all = self.bodies.iter().chain(&self.tool_body).zip(&self.model.body_frames);
         all.enumerate().map(|(index, (body, frame))| (index, body, *frame))
@@ -308,8 +314,8 @@ impl Building {
     }
 }
 
-/// The default cut: through the middle of a mesh's box, across the shorter of the x and z axes, so that most of the
-/// mesh is seen.
+/// The default cut: a plane through the middle of a layer's bounding box, with the normal along that of the x and z
+/// axes along which the box is shorter, so that the cut is as wide as possible.
 fn middle(layer: &Layer) -> Cut {
     let low = layer.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = layer.nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -339,8 +345,8 @@ fn opened(layer: &Layer, cut: Cut) -> (Vec<OwnFace>, Vec<OwnFace>) {
     faces.partition(|(face, _)| outer.contains(&sorted(*face)))
 }
 
-/// Adds triangles whose corners are nodes of a body; the body's first node has the index `first` among all nodes. Each
-/// node becomes one vertex.
+/// Adds triangles whose corners are nodes of a body to an outline; the body's first node has the index `first` among
+/// the nodes of all bodies. Each node becomes one vertex with the value `value`.
 fn add_faces(outline: &mut Outline, first: u32, faces: &[[u32; 3]], value: f32) {
     let nodes: BTreeSet<u32> = faces.iter().flatten().copied().collect();
     let vertices: BTreeMap<u32, u32> =
@@ -353,8 +359,8 @@ const AROUND: usize = 16;
 /// Number of rings of vertices on each end of a capsule.
 const RINGS: usize = 5;
 
-/// Adds a capsule that tapers from the radius at one end of its axis to that at the other: two half spheres with a cone
-/// between.
+/// Adds a capsule to an outline: a hemisphere at each end of the axis from `a` to `b`, each with its own radius, and
+/// the surface of a truncated cone between them.
 fn add_capsule(outline: &mut Outline, frame: u32, [a, b]: [DVec3; 2], radii: [f64; 2], value: f32) {
     let axis = (b - a).try_normalize().unwrap_or(DVec3::Y);
     let (u, v) = axis.any_orthonormal_pair();

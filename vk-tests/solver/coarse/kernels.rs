@@ -1,8 +1,10 @@
-//! The kernels that apply the coarse space of the preconditioner (solve/coarse, and parts of solve/assemble, gather,
-//! first_residual, first_iterate and update) against f64 sums. The sums use the oracle's prolongation P and the coarse
-//! inverse A_c^-1 that the kernels read. The preconditioner is M^-1 = D^-1 + P A_c^-1 P^T, with the diagonal blocks D
-//! of the operator A. A block is the nodes of one workgroup and has twelve modes, its affine motions, which are columns
-//! of P; see mod.rs.
+//! Tests of the kernels that apply the coarse space of the preconditioner (solve/coarse, and parts of solve/assemble,
+//! gather, first_residual, first_iterate and update) against f64 sums. The sums use the oracle's prolongation P (the
+//! oracle is the reference implementation on the CPU) and the coarse inverse A_c^-1 that the kernels read. The
+//! preconditioner is M^-1 = D^-1 + P A_c^-1 P^T, with the diagonal blocks D of the operator A; the restriction is P^T.
+//! A block is the nodes of one workgroup and has twelve modes, its affine motions, which are columns of P; see mod.rs.
+//! The solver finds x in A x = b by conjugate gradients, which keep the residual r = b - A x, u = M^-1 r, w = A u, the
+//! search direction p and s = A p.
 
 use faer::Mat;
 use glam::{DMat3, DVec3};
@@ -16,11 +18,11 @@ use crate::harness::context;
 use crate::harness::random::Random;
 use crate::solver::system::{System, layer, triples, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge};
 
-/// Error of sums of f32 products, relative to the sum of the terms' magnitudes: some hundred roundings that mostly
-/// cancel.
+/// Greatest allowed error of a sum of f32 products, relative to the sum of the terms' magnitudes: some hundred
+/// roundings that mostly cancel.
 pub const SUM: f64 = 2.0e-6;
-/// Error relative to the sum of the terms' magnitudes: after a few iterations, where P^T r comes from a recurrence, and
-/// for products with blocks inverted in f32.
+/// Greatest allowed error relative to the sum of the terms' magnitudes where `SUM` is too small: after a few
+/// iterations, in which a recurrence gives P^T r, and for products with blocks inverted in f32.
 const ROUNDS: f64 = 5.0e-6;
 /// Largest displacement of a node, m. Cells have edges of 20 mm, so that blocks of eight nodes turn by some degrees.
 const AMPLITUDE: f64 = 0.004;
@@ -52,8 +54,8 @@ fn transposed(matrix: &Mat<f64>, x: &[f64]) -> Vec<f64> {
     (0..matrix.ncols()).map(|j| x.iter().enumerate().map(|(i, x)| matrix[(i, j)] * x).sum()).collect()
 }
 
-/// Checks that each value is off by at most `share` of its size in `sizes`. Returns the largest error relative to the
-/// size.
+/// Checks that each value of `got` is off by at most `share` of its size in `sizes`. Returns the largest error relative
+/// to the size.
 fn expect_within(what: &str, got: &[f64], want: &[f64], sizes: &[f64], share: f64) -> f64 {
     assert_eq!((got.len(), sizes.len()), (want.len(), want.len()), "{what}: numbers of results and of sizes");
     let mut worst = 0.0f64;
@@ -66,7 +68,7 @@ fn expect_within(what: &str, got: &[f64], want: &[f64], sizes: &[f64], share: f6
 }
 
 impl Twin {
-    /// The coarse space of a system, with its blocks rotated as solve/assemble found.
+    /// The coarse space of a system whose blocks are rotated as solve/assemble found.
     pub fn new(passes: &Passes) -> Twin {
         let p = coarse_vector_of(&passes.system, &passes.block_turns);
         Twin { p, inverse: host_inverse(&passes.system.model, false) }
@@ -120,8 +122,8 @@ fn diagonal(passes: &Passes, x: &[f64], of: fn(f64) -> f64) -> Vec<f64> {
     z
 }
 
-/// Sums the values of all blocks of a rigid core in the core's first block, since the blocks' attached nodes all move
-/// with the core.
+/// Puts the sum over all blocks of nodes attached to a rigid core (rigid body inside a soft one) into the first of
+/// these blocks, since the attached nodes all move with the core.
 fn summed(passes: &Passes, mut modes: Vec<f64>) -> Vec<f64> {
     modes.truncate(BLOCK_UNKNOWNS * passes.blocks());
     for rigid in &passes.rigids[..passes.system.model.cores.len()] {
@@ -136,7 +138,7 @@ fn summed(passes: &Passes, mut modes: Vec<f64>) -> Vec<f64> {
 }
 
 /// Random values of the unknowns that f32 holds exactly; motions that a hinge does not allow are zero. Values of cores
-/// and tool are `rigid` times as large.
+/// and of the tool (rigid body that the haptic device leads) are multiplied by `rigid`.
 pub fn random_unknowns(system: &System, random: &mut Random, rigid: f64) -> Vec<f64> {
     let unknowns = system.twin.unknowns();
     let mut x: Vec<f64> = (0..unknowns.count).map(|_| f64::from(random.next() as f32)).collect();
@@ -152,7 +154,7 @@ pub fn random_unknowns(system: &System, random: &mut Random, rigid: f64) -> Vec<
     x
 }
 
-/// The six values of a core, or of the tool, which comes after the cores.
+/// The six values (three linear, three angular) of a core, or of the tool, which comes after the cores.
 pub fn six(passes: &Passes, index: usize, x: &[f64]) -> [f32; 6] {
     let unknowns = passes.system.twin.unknowns();
     let first = unknowns.cores.get(index).copied().unwrap_or(unknowns.tool);
@@ -198,7 +200,7 @@ fn follow(what: &str, system: System) -> f64 {
     let absolute = twin.absolute();
     let mut worst = 0.0f64;
     // The terms of b, elastic forces, nearly cancel: errors are relative to the largest value of b and not to each
-    // value.
+    // value's own size.
     let of_b = absolute.restricted(&vec![largest(&b); b.len()]);
     worst = worst.max(expect_within(
         &format!("{what}: P^T b"),
@@ -250,7 +252,7 @@ fn follow(what: &str, system: System) -> f64 {
     let (warm_start, m_b, m_y) =
         (f64::from(passes.state.warm_start), twin.preconditioned(&passes, &b), twin.preconditioned(&passes, &y));
     let norms = (dot(&b, &m_b), dot(&y, &m_y));
-    // The tolerance is that of inner products through blocks inverted in f32.
+    // The tolerance, 1e-4, is that of inner products through blocks inverted in f32.
     assert!(
         (f64::from(passes.state.rhs_norm2) - norms.0).abs() < 1e-4 * norms.0,
         "{what}: b.M^-1 b is {}, expected {}",
@@ -285,7 +287,7 @@ fn follow(what: &str, system: System) -> f64 {
             &of_w,
             SUM,
         ));
-        // r comes from a recurrence and keeps the rounding errors of the larger values that it had before.
+        // A recurrence gives r, which keeps the rounding errors of the larger values that r had before.
         seen.iter_mut().zip(&r).for_each(|(seen, r)| *seen = r.abs().max(*seen));
         let sizes = absolute.restricted(&seen);
         worst = worst.max(expect_within(
@@ -350,7 +352,8 @@ fn largest(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |m, x| m.max(x.abs()))
 }
 
-/// Checks the kernels' u against M^-1 of their r, and u at the nodes attached to dynamic cores.
+/// Checks the kernels' u against M^-1 of their r, and u at the nodes attached to dynamic cores. Returns the largest
+/// error relative to the size of a value.
 fn expect_preconditioned(what: &str, passes: &Passes, twin: &Twin) -> f64 {
     let (r, u) = (passes.unknowns(&passes.residual, |now| now.r), passes.unknowns(&passes.preconditioned, |now| now.u));
     let sizes = twin.sizes(passes, &r);
@@ -373,7 +376,7 @@ fn passes_follow_the_oracle_on_bodies_of_every_kind() {
     for (what, bodies) in kinds() {
         worst = worst.max(follow(what, coarse(&bodies, 5)));
     }
-    println!("coarse space: errors of up to {worst:.1e} of the sums of the terms' magnitudes");
+    println!("coarse space: largest error, relative to the sum of the terms' magnitudes, {worst:.1e}");
 }
 
 #[test]
@@ -398,8 +401,8 @@ fn one_of_two_bodies_has_a_coarse_level() {
     assert_eq!(
         bodies,
         [1],
-        "bodies with a coarse space; (body, stiffness number: stiffness over inertia of a node, number of \
-         aggregates): {:?}",
+        "only body 1 must have a coarse space; index, stiffness number (stiffness over inertia of a node) and number \
+         of blocks of each such body: {:?}",
         system.model.coarse.bodies
     );
     follow("one of two bodies", system);

@@ -1,5 +1,6 @@
-//! The inverse of the coarse matrix A_c = P^T A P that the host computes, against that of the f64 oracle (P:
-//! prolongation, A: operator; mod.rs explains the coarse space).
+//! Tests of the inverse of the coarse matrix A_c = P^T A P that the host computes, against that of the f64 oracle, the
+//! reference implementation on the CPU. A is the operator of the linear system; the columns of the prolongation P are
+//! modes, affine motions of blocks of nodes (mod.rs explains the coarse space).
 
 use faer::{Mat, Side};
 use glam::DQuat;
@@ -12,8 +13,9 @@ use crate::solver::system::{System, layer, layered, material};
 
 /// Relative rounding of a number stored in half precision: half a unit in the last place.
 const HALF: f64 = 1.0 / 2048.0;
-/// Error of an entry relative to the geometric mean of its two diagonal entries: node positions, gradients and masses
-/// in f32 (6e-8) times the condition number of the scaled matrix, a hundred or two.
+/// Greatest allowed error of an entry, relative to the geometric mean of the diagonal entries of its row and column:
+/// rounding of node positions, gradients and masses to f32 (6e-8) times the condition number of the scaled matrix, one
+/// or two hundred.
 const INPUT: f64 = 2e-5;
 
 fn absolute(matrix: &Mat<f64>) -> Mat<f64> {
@@ -29,13 +31,13 @@ fn the_host_s_inverse_is_the_oracle_s() {
         let p = coarse_vector_of(&system, &rest_turns(&system));
         let (a, _) = system.twin.assemble(None, &[]);
         let want = correction(&a, &p).unwrap();
-        // A check of the oracle itself: its correction leaves no error that the modes can represent.
+        // The oracle itself is checked: its correction leaves no error that the modes can represent.
         let (square, of_p) = (matrix(&a, &Mat::identity(p.nrows(), p.nrows())), absolute(&p));
         let left = &want * &square * &p - &p;
         let worst = (0..p.nrows()).flat_map(|i| (0..p.ncols()).map(move |j| (i, j))).map(|at| left[at].abs());
         assert!(
             worst.fold(0.0, f64::max) < 1e-8,
-            "{what}: error in the span of the modes that the oracle's correction leaves"
+            "{what}: the oracle's correction leaves an error in the span of the modes"
         );
         let inverse = host_inverse(&system.model, false);
         let got = &p * &inverse * p.transpose();
@@ -51,7 +53,7 @@ fn the_host_s_inverse_is_the_oracle_s() {
         }
         let (share, i, j) = worst;
         println!("{what}: {} modes, {} unknowns, largest error {share:.3} of the tolerance", p.ncols(), p.nrows());
-        assert!(share < 1.0, "{what}: {:e} in row {i}, column {j}, expected {:e}", got[(i, j)], want[(i, j)]);
+        assert!(share < 1.0, "{what}: entry {:e} at row {i}, column {j}, expected {:e}", got[(i, j)], want[(i, j)]);
     }
 }
 
@@ -71,7 +73,8 @@ fn the_inverse_is_symmetric_to_the_bit_and_has_ones_on_its_diagonal() {
     }
 }
 
-/// The block Jacobi preconditioner: the inverted diagonal blocks of A, 3x3 of nodes and 6x6 of rigid cores.
+/// The block Jacobi preconditioner: the inverted diagonal blocks of A, 3x3 of nodes and 6x6 of rigid cores (rigid
+/// bodies inside soft ones).
 fn jacobi(system: &System, a: &Entries) -> Mat<f64> {
     let unknowns = system.twin.unknowns();
     let square = matrix(a, &Mat::identity(unknowns.count, unknowns.count));
@@ -85,7 +88,7 @@ fn jacobi(system: &System, a: &Entries) -> Mat<f64> {
     inverse
 }
 
-/// Eigenvalues in rising order of a symmetric matrix that is scaled to ones on its diagonal (zeros stay).
+/// Eigenvalues, in rising order, of a symmetric matrix that is first scaled to ones on its diagonal (zeros stay zero).
 fn scaled_eigenvalues(matrix: &Mat<f64>) -> Vec<f64> {
     let root = |i: usize| if matrix[(i, i)] > 0.0 { matrix[(i, i)].sqrt() } else { 1.0 };
     let scaled = Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] / (root(i) * root(j)));
@@ -126,8 +129,9 @@ fn half_precision_leaves_the_preconditioner_positive() {
         let grown = (0..p.nrows()).map(|i| coarse[(i, i)] / exact[(i, i)]).fold(1.0, f64::max);
         let number = system.model.coarse.bodies[0].1;
         println!(
-            "{what}, stiffness over inertia of a node {number:.1e}: eigenvalues from {:.1e} to {:.1e}, of the coarse \
-             part alone from {:.1e}; diagonal of the coarse part greater than the exact one by up to {:.1e}",
+            "{what}, stiffness over inertia of a node {number:.1e}: eigenvalues of the preconditioner from {:.1e} to \
+             {:.1e}, least of the coarse part alone {:.1e}; relative excess of the coarse part's diagonal over the \
+             exact one up to {:.1e}",
             values[0],
             values[values.len() - 1],
             alone[0],

@@ -1,7 +1,8 @@
-//! The coarse space of the two-level additive Schwarz preconditioner: its matrix, made on the host, and the passes that
-//! apply it. A block is the nodes that one workgroup of the solver owns; each block of free nodes is an aggregate of
-//! the coarse space. A block has twelve modes, affine motions of all its nodes, which are columns of the prolongation
-//! P; its coarse index is the place of its modes in the kernels' arrays.
+//! Tests of the coarse space of the two-level additive Schwarz preconditioner: of its matrix, made on the host, and of
+//! the passes that apply it. A block is the nodes that one workgroup of the solver owns; each block of free nodes
+//! (nodes that are not attached to a rigid core, a rigid body inside the soft one) is an aggregate of the coarse space.
+//! A block has twelve modes, affine motions of all its nodes, which are columns of the prolongation P; its coarse index
+//! is the place of its modes in the kernels' arrays. The oracle is the f64 reference implementation on the CPU.
 
 mod kernels;
 mod law;
@@ -58,8 +59,8 @@ fn rest_turns(system: &System) -> Vec<[f32; 4]> {
     system.model.blocks.blocks.iter().map(|block| system.frames[block[2] as usize].rotation).collect()
 }
 
-/// The coarse inverses that the kernels read, as one matrix over the modes of all blocks; if `scaled`, with ones on the
-/// diagonal as they are stored.
+/// The inverses of the coarse matrices of all bodies, which the kernels read, as one matrix over the modes of all
+/// blocks. If `scaled`, they are as stored, scaled to ones on the diagonal.
 fn host_inverse(model: &Model, scaled: bool) -> Mat<f64> {
     let (coarse, count) = (&model.coarse, BLOCK_UNKNOWNS * model.blocks.blocks.len());
     let mut inverse = Mat::zeros(count, count);
@@ -78,7 +79,7 @@ fn host_inverse(model: &Model, scaled: bool) -> Mat<f64> {
     inverse
 }
 
-/// A box of 20 mm cells; the nodes for which `held` is true are attached.
+/// The layer (tetrahedral mesh) of a box of 20 mm cells; the nodes for which `held` is true are attached.
 fn boxed(cells: [u32; 3], held: impl Fn(DVec3) -> bool) -> Layer {
     let half = 0.01 * DVec3::new(cells[0].into(), cells[1].into(), cells[2].into());
     let mut layer = kuhn_box(-half, half, cells);
@@ -86,7 +87,7 @@ fn boxed(cells: [u32; 3], held: impl Fn(DVec3) -> bool) -> Layer {
     layer
 }
 
-/// The layer (tetrahedral mesh), turned within its rest frame.
+/// The layer, turned by a fixed oblique rotation within its rest frame.
 fn tilted(mut layer: Layer) -> Layer {
     let turn = DQuat::from_scaled_axis(DVec3::new(0.5, -0.8, 0.3));
     layer.nodes.iter_mut().for_each(|x| *x = turn * *x);
@@ -131,7 +132,7 @@ pub fn large_core(hinged: bool) -> Body {
     body
 }
 
-/// Two bodies, of which the first is soft enough to go without a coarse space and the second has one.
+/// Two bodies: the first is soft enough to go without a coarse space, and the second has one.
 pub fn soft_and_stiff() -> Vec<Body> {
     let mut second = layer(60);
     second.attached[..9].fill(true);

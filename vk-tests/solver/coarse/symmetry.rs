@@ -57,7 +57,7 @@ fn the_preconditioner_is_symmetric_and_positive() {
             let z: Vec<f64> = (0..twin.p.ncols()).map(|_| random.next()).collect();
             vectors.push(product(&twin.p, &z).iter().map(|x| f64::from(*x as f32)).collect());
         }
-        // A vector in which only the cores move.
+        // A vector in which only the dynamic cores (rigid bodies inside soft ones) move.
         let mut rigid = vectors[0].clone();
         let firsts = passes.system.twin.unknowns().cores;
         let own = |i: usize| firsts.iter().any(|first| (*first..first + 6).contains(&i));

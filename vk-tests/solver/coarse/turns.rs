@@ -1,5 +1,6 @@
-//! The rotations of blocks of nodes (one workgroup's nodes, an aggregate of the coarse space), which solve/assemble
-//! finds from the displacements: the modes of the coarse space, affine motions of a block, turn with them.
+//! Tests of the rotations of blocks, which solve/assemble finds from the displacements. A block is the nodes that one
+//! workgroup of the solver owns, an aggregate of the coarse space of the preconditioner; the modes of the coarse space,
+//! affine motions of a block, turn with it.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::scene::Preconditioner;
@@ -9,7 +10,7 @@ use super::{kinds, plane, row, tilted, turned};
 use crate::harness::random::Random;
 use crate::solver::system::System;
 
-/// Error of an angle, rad.
+/// Greatest allowed error of an angle, rad.
 const ANGLE: f64 = 1e-5;
 
 /// The solver's passes for bodies whose free nodes are turned by `turn` in their rest frames, and shifted.
@@ -109,8 +110,8 @@ fn blocks_at_rest_and_carried_ones_are_not_turned() {
 
 #[test]
 fn what_is_known_of_flat_blocks_is_found() {
-    // For a flat block, a turn within its plane must be found; for a row of nodes, which shows no turn, the rotation
-    // must be as at rest. After any other turn, the result must still be a rotation.
+    // For a flat block, a turn within its plane must be found. A row of nodes shows no turn, and its rotation must be
+    // as at rest. After any other turn, the result must still be a rotation.
     let mut random = Random(12);
     for (what, layer, axis) in [("a plane", plane(), Some(DVec3::Z)), ("a row", row(), None)] {
         let tilt = DQuat::from_scaled_axis(DVec3::new(0.5, -0.8, 0.3));

@@ -1,5 +1,6 @@
-//! The solver's kernels, one method each, which runs the kernel in the test harness and stores the arrays that it
-//! wrote. A block is the nodes that one workgroup owns.
+//! Drivers of the solver's kernels (compute shaders) for tests. Each method of [`Passes`] runs one kernel in the test
+//! harness and stores the arrays that the kernel wrote. A block is the set of nodes that one workgroup owns; a dynamic
+//! core is a rigid body inside a soft one, to which nodes are attached and whose motion the solver finds.
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders::{Contact, Iteration};
@@ -22,7 +23,8 @@ impl Passes {
         self.rigids.len() as u32
     }
 
-    /// Number of workgroups: one for each block of nodes, and one for the tool.
+    /// Number of workgroups of solve/gather: one for each block of nodes, and one for the tool (the rigid body that the
+    /// haptic device leads) if there is one.
     fn groups(&self) -> usize {
         self.blocks() + usize::from(self.tool)
     }
@@ -46,7 +48,8 @@ impl Passes {
             .input("node_elements", &s.node_elements)
             .input("element_forces", &s.element_forces)
             .input("gradients", &s.gradients)
-            // Without patches (F-bar) the kernel does not read this array.
+            // The kernel does not read this array, since no tetrahedra here share their volumetric strain (F-bar
+            // patches).
             .input("patch_rows", &s.gradients)
             .input("node_entries", &s.node_entries)
             .input("sorted", &s.sorted)
@@ -139,8 +142,8 @@ impl Passes {
         self.element_forces = forces;
     }
 
-    /// Runs solve/gather. `mode` is as in the kernel's header (0: warm start, 1: iteration, 2: end) and determines of
-    /// which vectors the inner products are taken.
+    /// Runs solve/gather. `mode` is as in the kernel's header (0: warm start, 1: iteration, 2: end) and determines
+    /// which vectors enter the inner products.
     pub fn gather(&mut self, mode: u32) {
         let outcomes: Vec<_> = self.variants().iter().map(|variant| self.gather_variant(mode, variant)).collect();
         let (roles, groups) = (self.roles(), self.groups());
@@ -203,7 +206,8 @@ impl Passes {
             .run()
     }
 
-    /// Runs solve/coarse: before the loop if `warm_start`, else at its end, on the final residual.
+    /// Runs solve/coarse, which applies the coarse space of the preconditioner: before the iteration loop if
+    /// `warm_start`, else after the loop, to the final residual.
     pub fn coarse(&mut self, warm_start: bool) {
         let (coarse, blocks) = (&self.system.model.coarse, self.blocks());
         let outcome = case("solve/coarse")

@@ -1,6 +1,7 @@
-//! The solver's passes one at a time, each run in the test harness; arrays go from one pass to the next as in the step.
-//! A block is the nodes that one workgroup owns; a rigid body is a dynamic core (to which nodes are attached) or the
-//! tool.
+//! Runs the solver's passes one at a time in the test harness; as in a step, each pass reads the arrays that earlier
+//! passes wrote. A block is the set of nodes that one workgroup owns. A rigid body is a dynamic core (a rigid body
+//! inside a soft one, to which nodes are attached) or the tool (which the haptic device leads). The oracle is the f64
+//! reference implementation.
 
 mod kernels;
 mod side_by_side;
@@ -16,23 +17,25 @@ pub use kernels::SKIN_PARTS;
 use crate::harness::case;
 use crate::solver::system::System;
 
-/// The change of velocity to which solve/element_product applies the operator.
+/// The change of velocity that solve/element_product multiplies by the operator A: the solution, or the preconditioned
+/// residual.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Change {
     Solution,
     Preconditioned,
 }
 
-/// A system and the solver's arrays, named as the kernels name them.
+/// A linear system to be solved, and the solver's arrays, which have the names that the kernels give them.
 pub struct Passes {
     pub system: System,
-    /// Variants of the kernels: with contacts, with a tool, with friction, with a coarse space of the preconditioner.
+    /// Which variants of the kernels run: `contact`, `tool`, `friction` and `coarse` say whether there are contacts, a
+    /// tool, friction, and a coarse space of the preconditioner.
     pub contact: bool,
     pub tool: bool,
     pub friction: bool,
     pub coarse: bool,
-    /// Number of blocks that solve/first_residual and solve/conclude sum over: the model's, unless a test sets its own
-    /// inner products.
+    /// Number of blocks that solve/first_residual and solve/conclude sum over: the model's number, unless a test makes
+    /// up the inner products of its own blocks.
     pub block_count: usize,
     pub element_forces: Vec<[f32; 4]>,
     pub contact_forces: Vec<[f32; 4]>,
@@ -40,34 +43,36 @@ pub struct Passes {
     pub rhs: Vec<[f32; 4]>,
     pub inverse: Vec<[f32; 4]>,
     pub solution: Vec<[f32; 4]>,
-    /// Residual of the newer of the two sets of iterates; the next three vectors are of the same set.
+    /// Residual. The kernels write two sets of iterates in turn; this vector and the next three belong to the newer
+    /// set.
     pub residual: Vec<[f32; 4]>,
     pub preconditioned: Vec<[f32; 4]>,
     pub direction: Vec<[f32; 4]>,
     pub direction_product: Vec<[f32; 4]>,
     pub operator_product: Vec<[f32; 4]>,
     pub partials: Vec<[f32; 2]>,
-    /// Inner products of each block of nodes, and those of the tool.
+    /// Two inner products of each block of nodes, then two of the tool.
     pub dots: Vec<[f32; 2]>,
     pub block_rotations: Vec<[f32; 4]>,
     pub block_turns: Vec<[f32; 4]>,
     pub restricted_rhs: Vec<[f32; 4]>,
     pub restricted_product: Vec<[f32; 4]>,
     pub restricted_residual: Vec<[f32; 4]>,
-    /// P^T s of both sets of iterates (P: prolongation, s = A p).
+    /// P^T s of both sets of iterates, with the prolongation P from the coarse space, and s = A p for the search
+    /// direction p.
     pub restricted_direction: Vec<[f32; 4]>,
     pub coarse_rhs: Vec<[f32; 4]>,
     pub coarse_product: Vec<[f32; 4]>,
     pub coarse_dots: Vec<[f32; 4]>,
-    /// The dynamic cores, then the tool.
+    /// The rigid bodies: the dynamic cores, then the tool.
     pub rigids: Vec<Rigid>,
-    /// The joints, as the host writes them.
+    /// The joints between rigid cores, as the host writes them for the kernels.
     pub joints: Vec<Joint>,
     /// For each side of a joint at a dynamic core, twice the joint's index plus the side (0 or 1); sorted by core.
     pub joint_sides: Vec<u32>,
-    /// The inverse of each group of joined rigid bodies, by rows.
+    /// For each group of rigid bodies that joints connect, the inverse of the group's diagonal block of A, row by row.
     pub rigid_inverses: Vec<f32>,
-    /// Iterates of the rigid bodies, in both sets.
+    /// Iterates of the rigid bodies, of the first set and then of the second.
     pub iterates: Vec<RigidIterate>,
     pub iterations: [Iteration; 2],
     pub state: Solve,
@@ -80,7 +85,7 @@ pub struct Passes {
 pub const UNTOUCHED: u32 = 77_777;
 
 impl Passes {
-    /// Passes before a first step: no carried residual, and no earlier solution.
+    /// The passes before a first step, with no residual and no solution from an earlier step.
     pub fn new(system: System) -> Passes {
         let model = &system.model;
         let (nodes, blocks, tool) = (model.node_rest.len(), model.blocks.blocks.len(), system.twin.tool.is_some());
@@ -144,7 +149,7 @@ impl Passes {
         self.system.model.blocks.blocks.len()
     }
 
-    /// Number of iterations done.
+    /// Number of iterations that the solver has done.
     pub fn iterations_done(&self) -> u32 {
         self.iterations[self.state.current as usize].count
     }
@@ -166,13 +171,14 @@ impl Passes {
         self.rigid(self.rigids.len() - 1)
     }
 
-    /// The tool's rows of A p, as solve/gather left them.
+    /// The tool's six rows of the operator product (A times the vector of the last pass), as solve/gather left them.
     pub fn tool_rows(&self) -> [f32; 6] {
         let Some([a, b, _]) = self.restricted_product.chunks(3).nth(self.blocks()) else { return [0.0; 6] };
         [a[0], a[1], a[2], a[3], b[0], b[1]]
     }
 
-    /// Values at the nodes, and six values of each rigid body's newest iterate, as the oracle's unknowns.
+    /// Puts values at the nodes, and six values of each rigid body's newest iterate, into the order of the oracle's
+    /// unknowns.
     pub fn unknowns(&self, nodes: &[[f32; 4]], six: impl Fn(&RigidIterate) -> [f32; 6]) -> Vec<f64> {
         let mut all = self.system.unknowns(nodes, &six(&self.tool_iterate()));
         let first = self.state.current as usize * self.rigids.len();
@@ -208,7 +214,8 @@ impl Passes {
         }
     }
 
-    /// Runs the passes that recompute the residual and give the verdict.
+    /// Runs the passes that recompute the residual and decide whether the step is done, must be solved again, or has
+    /// failed.
     pub fn record_end(&mut self) {
         self.apply(Change::Solution);
         self.gather(2);
@@ -233,13 +240,13 @@ impl Passes {
         self.report = outcome.get("report")[0];
     }
 
-    /// Entry (i, k) of the inverse of a rigid body's own block, for a body that no joint joins to another.
+    /// Entry (i, k) of the inverse of a rigid body's 6x6 diagonal block of A, for a body without joints.
     pub fn rigid_inverse(&self, index: usize, i: usize, k: usize) -> f64 {
         f64::from(self.rigid_inverses[self.rigids[index].inverse_first as usize + 6 * i + k])
     }
 
-    /// The inverse of a free node's diagonal block times a vector, in f64; for a node attached to a dynamic core, the
-    /// block itself times the vector.
+    /// The inverse of a free node's 3x3 diagonal block of A times a vector, in f64. For a node attached to a dynamic
+    /// core, the array has the block itself, which is multiplied by the vector instead.
     pub fn precondition(&self, node: usize, b: [f64; 3]) -> [f64; 3] {
         let [d, o] = [0, 1].map(|k| self.inverse[2 * node + k].map(f64::from));
         let rows = [[d[0], o[0], o[1]], [o[0], d[1], o[2]], [o[1], o[2], d[2]]];
@@ -247,8 +254,8 @@ impl Passes {
     }
 }
 
-/// The dynamic cores and the tool, from the model's blocks and joints; how many numbers their inverses have; and the
-/// sides of joints at each core.
+/// Makes, from the model's blocks and joints, `rigids` and `joint_sides` of [`Passes`], and between them the length of
+/// `rigid_inverses`.
 fn rigids(system: &System) -> (Vec<Rigid>, usize, Vec<u32>) {
     let (model, blocks) = (&system.model, &system.model.blocks.blocks);
     let (mut rigids, mut numbers, mut sides) = (Vec::new(), 0, Vec::new());

@@ -1,6 +1,7 @@
 //! Variants of a solver kernel that run at the same time: for blocks of free nodes (a block is the nodes that one
-//! workgroup owns), for blocks of nodes attached to dynamic cores, and for the tool. Each variant reads what was there
-//! before any of them ran, and no two write the same word.
+//! workgroup owns), for blocks of nodes attached to dynamic cores (rigid bodies inside soft ones), and for the tool
+//! (the rigid body that the haptic device leads). Each variant reads the arrays as they were before any variant ran,
+//! and no two variants write the same word.
 
 use bytemuck::Pod;
 
@@ -47,7 +48,7 @@ pub fn settled<const N: usize>(
 ) -> Vec<[f32; N]> {
     for (i, value) in values.iter_mut().enumerate() {
         let blank = value.iter().filter(|x| x.to_bits() == CANARY).count();
-        assert_eq!(blank, if written(i) { 0 } else { N }, "{name} [{i}]: words that were not written");
+        assert_eq!(blank, if written(i) { 0 } else { N }, "number of unwritten words in element {i} of {name}");
         if blank > 0 {
             *value = [0.0; N];
         }
@@ -77,8 +78,8 @@ impl Passes {
         roles
     }
 
-    /// The role of the block whose modes (its affine motions, the coarse space) are stored at `coarse_index`, or the
-    /// tool's role where there is no such block.
+    /// The role of the block whose modes (the twelve affine motions of the block, which span the coarse space) are
+    /// stored at `coarse_index`, or the tool's role where there is no such block.
     pub fn role_of_coarse_index(&self, coarse_index: usize) -> u32 {
         let blocks = &self.system.model.blocks;
         match blocks.coarse_indices.iter().position(|own| *own as usize == coarse_index) {

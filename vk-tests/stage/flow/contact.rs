@@ -1,6 +1,6 @@
-//! The second half of the [`Flow`] (kernels of the query, see mod.rs): from ray hits to contacts, their coefficients in
-//! the solver, and the index from nodes to the contacts that act on them. A candidate is a skin vertex that may be a
-//! contact.
+//! The second half of the [`Flow`] (kernels of the proximity query and the contact response, see mod.rs): from ray hits
+//! to contacts, their coefficients in the solver, and the index from nodes to the contacts that act on them. A
+//! candidate is a skin vertex that may be a contact; an entry is a node with its weight in a contact.
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
@@ -61,7 +61,7 @@ impl Flow {
         self.pushes = out.get("candidate_pushes");
     }
 
-    /// Runs contact/deepest: the list of the deepest candidates, where not all fit.
+    /// Runs contact/deepest, which makes the list of the deepest candidates where not all fit.
     pub fn deepest(&mut self) {
         let out = case("contact/deepest")
             .size(Size::Group)
@@ -120,7 +120,7 @@ impl Flow {
         self.args = out.get("args");
     }
 
-    /// Runs contact/sort: the index from nodes to the entries of contacts.
+    /// Runs contact/sort, which makes the index from nodes to the entries of contacts.
     pub fn sort(&mut self) {
         let entries = self.next_entries.len();
         let out = case("contact/sort")

@@ -1,8 +1,10 @@
-//! The kernels from pose to contact, which are the proximity query and the contact response. Each runs in the test
-//! harness on what the kernel before it wrote, so that tests can check the whole query while the harness guards each
-//! kernel. Words: a pair proxy is a collision proxy in a pair of bodies; a side, body a or b of a pair; a chunk, up to
-//! 64 skin vertices with their triangles; a contact patch, a place where a pair may touch along one normal; a work
-//! item, a chunk in a patch; a hash entry, one vertex of a work item in the spatial hash.
+//! The kernels from pose to contact, which are the proximity query and the contact response. Each kernel runs in the
+//! test harness on the arrays that the kernel before it wrote, so that tests can check the whole query while the
+//! harness checks each kernel. A pair proxy is a collision proxy (convex hull) in a pair of bodies; a side is body a or
+//! b of a pair; a chunk is a group of up to 64 skin vertices with their triangles; a contact patch is a place where a
+//! pair may touch along one normal; a work item is a chunk in a patch; a hash entry is one vertex of a work item in the
+//! spatial hash; a candidate is a skin vertex that may be a contact; a contact entry is a node with its weight in a
+//! contact.
 
 mod contact;
 mod query;
@@ -26,9 +28,10 @@ use crate::harness::context;
 
 /// The depth paths (implementations of the stage that finds ray hits) that the flow can run.
 pub const PATHS: [Path; 1] = [Path::Compute];
-/// Cells of the two min-max depth grids of a contact patch, 16 x 16 for each side.
+/// Cells of the two min-max depth grids of a contact patch (how far each side reaches along the normal): 16 x 16 a
+/// side.
 pub const GRID_WORDS: usize = 2 * 16 * 16;
-/// A box: least and greatest corner.
+/// A box, given by its least and its greatest corner.
 pub type Box3 = [[f32; 3]; 2];
 
 /// Inputs and outputs of the kernels, as the host reads them.
@@ -49,11 +52,12 @@ pub struct Flow {
     pub bounds: Vec<ProxyBounds>,
     pub active_pairs: Vec<u32>,
     pub reach: Vec<[f32; 2]>,
-    /// Two entries for each pair of proxies: unit normal and weight; push and its length.
+    /// Two elements for each pair of proxies: the unit normal with its weight, and the push (sum of depth times area
+    /// times normal over the pair's contacts in the last step) with its length.
     pub directions: Vec<[f32; 4]>,
-    /// [`PAIR_PATCHES`] patches for each pair of bodies.
+    /// [`PAIR_PATCHES`] contact patches for each pair of bodies.
     pub contact_patches: Vec<ContactPatch>,
-    /// [`PAIR_PATCHES`] entries for each pair proxy, as in `boxes`.
+    /// Weights of contact patches at pair proxies: [`PAIR_PATCHES`] elements for each pair proxy, as in `boxes`.
     pub shares: Vec<f32>,
     pub boxes: Vec<Box3>,
     pub proxy_patches: Vec<u32>,
@@ -61,7 +65,8 @@ pub struct Flow {
     pub active_pair_proxies: Vec<u32>,
     pub depth_grids: Vec<u32>,
     pub pair_proxy_chunks: Vec<[u32; 2]>,
-    /// [`PAIR_PATCHES`] entries for each chunk of a pair proxy: low, high, plane and extreme of its box in a patch.
+    /// [`PAIR_PATCHES`] elements for each chunk of a pair proxy. Each has the chunk's box in a patch: least and
+    /// greatest corner in the patch's plane, a plane that no vertex passes, and the extreme height.
     pub slabs: Vec<[f32; 8]>,
     pub active_chunks: Vec<ActiveChunk>,
     pub work_items: Vec<[u32; 2]>,
@@ -69,33 +74,34 @@ pub struct Flow {
     pub args: Vec<u32>,
     pub skin: Vec<[f32; 4]>,
     pub buckets: Vec<u32>,
-    /// Hash entries: position of the vertex along the patch's axes (bits), next entry of its bucket.
+    /// Hash entries: bits of the vertex's position along the patch's axes, and the next hash entry of the same bucket.
     pub hash_entries: Vec<[u32; 4]>,
     pub entry_hits: Vec<u32>,
     pub entry_cells: Vec<[u32; 2]>,
-    /// Ray hits: triangle, next hit on the ray, bits of the depth, work item and front.
+    /// Ray hits: triangle, next hit on the same ray, bits of the depth, and the triangle's work item with a bit for the
+    /// front.
     pub ray_hits: Vec<[u32; 4]>,
     pub hits: Vec<[f32; 4]>,
     pub what: Vec<[u32; 4]>,
     pub normals: Vec<[f32; 4]>,
     pub pushes: Vec<[f32; 4]>,
     pub source: Vec<u32>,
-    /// A bit for each candidate that collides.
+    /// One bit for each candidate, which is set if the candidate collides.
     pub chunk_contacts: Vec<u32>,
     pub contacts: Vec<Contact>,
     pub entry_nodes: Vec<[u32; 4]>,
     pub entry_weights: Vec<[f32; 4]>,
     pub node_list_counts: Vec<u32>,
     pub node_entries: Vec<[u32; 2]>,
-    /// The last entry that was put on each of a node's lists, or NONE. A node has as many lists as a workgroup of
-    /// contact/sort has lanes.
+    /// The contact entry that was last put on each of a node's lists, or NONE. A node has as many lists as a workgroup
+    /// of contact/sort has lanes.
     pub node_lists: Vec<u32>,
     pub next_entries: Vec<u32>,
     pub touched_nodes: Vec<u32>,
     pub sorted: Vec<[u32; 2]>,
 }
 
-/// The data, or one zero if there is none, for an array that is bound but not read.
+/// The data, or a single zero element if there are no data, for an array that is bound but not read.
 pub fn some<T: Pod>(data: &[T]) -> Vec<T> {
     if data.is_empty() { vec![T::zeroed()] } else { data.to_vec() }
 }
@@ -134,7 +140,7 @@ fn scene(sides: Sides) -> Scene {
 }
 
 impl Flow {
-    /// Bodies at their places, with positions relative to `origin`.
+    /// The inputs for these bodies at their places, with positions relative to `origin`.
     pub fn new(bodies: &[Body], tool: Option<&Body>, origin: DVec3) -> Flow {
         Flow::of_sides(bodies, tool, origin, Sides::Both)
     }
@@ -237,7 +243,8 @@ impl Flow {
         self.meet();
     }
 
-    /// Runs what follows the query: the list of contacts, their response, and the index from nodes to contacts.
+    /// Runs the kernels that follow the query, which make the list of contacts, the coefficients of contacts, and the
+    /// index from nodes to contacts.
     pub fn gather(&mut self) {
         self.deepest();
         self.respond();

@@ -1,5 +1,5 @@
-//! The first half of the [`Flow`] (kernels of the query, see mod.rs): from bodies in their rigid coordinate frames to
-//! ray hits of skin vertices.
+//! The first half of the [`Flow`] (kernels of the proximity query and the contact response, see mod.rs): from bodies in
+//! their rigid coordinate frames to ray hits of skin vertices.
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
@@ -9,7 +9,7 @@ use palpate::internal::stages::{CHUNK_VERTICES, PAIR_PATCHES};
 use super::{Flow, GRID_WORDS, fours, some};
 use crate::harness::case;
 
-/// Nodes with their links (transforms between frames), two a texel.
+/// Pairs of a node and its link (transform between two frames), with two pairs in each texel of four words.
 fn pairs(nodes: &[[u32; 2]]) -> Vec<u32> {
     fours(nodes.as_flattened())
 }
@@ -179,8 +179,9 @@ impl Flow {
         self.args = out.get("args");
     }
 
-    /// Words of `buckets`, to whole texels: the heads of the spatial hash's lists, and for each cell of the min-max
-    /// depth grids the height from which the farthest ray starts.
+    /// Number of words of `buckets`, rounded up to whole texels of four. `buckets` holds the heads of the spatial
+    /// hash's lists and, for each cell of the contact patches' depth grids, the height from which the farthest ray
+    /// starts.
     fn bucket_words(&self) -> usize {
         (self.bucket_count as usize + PAIR_PATCHES * self.pairs.len() * GRID_WORDS).next_multiple_of(4)
     }

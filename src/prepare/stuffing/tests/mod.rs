@@ -1,5 +1,8 @@
-//! Tests of isosurface stuffing, which fills a surface with a layer (tetrahedral mesh): solids of known volume, thin
-//! features, narrow gaps, defective surfaces.
+//! Tests of isosurface stuffing, which fills a surface with a *layer* (tetrahedral mesh of a soft body) by means of a
+//! lattice of cubic *cells*: solids of known volume, thin features, narrow gaps, defective surfaces. The
+//! *extrapolation* of a surface vertex is by how much the least of its weights in its tetrahedron lies below zero; it
+//! is 0 for a vertex inside the layer. The *grade* is the ratio of the largest cell edge deep inside to the cell edge
+//! at the surface; a *shell* is a layer of limited thickness.
 
 mod random;
 mod real;
@@ -12,15 +15,16 @@ use super::*;
 use crate::prepare::layer::{self, FACES};
 use crate::prepare::{embed, sphere};
 
-/// Least allowed dihedral angle, degrees: all tetrahedra of the test with random cuts (`random.rs`) stay above it.
+/// Least allowed dihedral angle, degrees. The smallest angle in the test with random cuts (`random.rs`) is slightly
+/// above this bound.
 const ANGLE: f64 = 10.0;
 /// Greatest allowed dihedral angle, degrees.
 const WIDEST: f64 = 165.0;
 
 type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);
 
-/// Invariants of any layer: angles, positive volumes, all nodes used, faces shared by two tetrahedra in opposite
-/// orientations, a closed boundary, and a report that agrees with the layer.
+/// Checks what every layer must fulfil: bounded angles, positive volumes, no unused node, inner faces that two
+/// tetrahedra share in opposite orientations, a closed boundary, and a report that agrees with the layer.
 fn check(layer: &Layer, report: &LayerReport) {
     assert!(report.worst_dihedral > ANGLE && report.largest_dihedral < WIDEST, "unexpected report: {report:?}");
     assert!(report.first_percentile_dihedral >= report.worst_dihedral);
@@ -42,7 +46,7 @@ fn check(layer: &Layer, report: &LayerReport) {
     for group in faces.chunk_by(|a, b| a.0 == b.0) {
         assert!(
             group.len() == 1 || (group.len() == 2 && group[0].1 != group[1].1),
-            "not one tetrahedron in each orientation at an inner face: {group:?}"
+            "an inner face must have one tetrahedron in each orientation: {group:?}"
         );
     }
     let (skin, triangles, _) = layer::boundary(layer);
@@ -92,7 +96,7 @@ impl Numbers {
     }
 }
 
-/// A torus about the z axis, oriented outwards.
+/// A torus about the z axis with these two radii, m, oriented outwards.
 fn torus(major: f64, minor: f64) -> Mesh {
     let (n, m) = (96u32, 48u32);
     let mut mesh: Mesh = Default::default();
@@ -123,14 +127,14 @@ fn spheres_boxes_and_tori_have_their_volume_and_their_surface() {
     for (mesh, volume) in cases {
         for cell in [0.021, 0.0137, 0.01] {
             let (layer, report) = uniform(&mesh, cell);
-            // The polyhedra themselves are within 0.4 % of the round solids.
+            // The polyhedra that are filled have the volumes of the round solids within 0.4 %.
             assert!((report.volume / volume - 1.0).abs() < 0.006, "volume {} m^3, expected {volume}", report.volume);
             assert!(report.clean && report.parts == 1 && report.thickened.nodes == 0, "unexpected report: {report:?}");
             let solid = Solid::new(&mesh.0, &mesh.1).unwrap();
             let (skin, ..) = layer::boundary(&layer);
             let off = skin.iter().map(|&p| solid.distance(p)).fold(0.0, f64::max);
-            // Points where the surface cuts an edge are accurate to a thousandth of that edge; the whole surface is then
-            // shifted by `report.shift` along its normal, so that the volume is kept.
+            // The surface is shifted by `report.shift` along its normal, so that the volume is kept. The point where
+            // the shifted surface cuts a lattice edge is accurate to a thousandth of the edge.
             assert!(
                 off < 2e-3 * cell + 1.001 * report.shift.abs(),
                 "a boundary node is {off} m off the surface; the surface was shifted by {} m",
@@ -153,7 +157,7 @@ fn a_hollow_stays_hollow() {
 
 #[test]
 fn plates_nearer_than_a_cell_are_not_welded() {
-    // The last rotation puts the gap along the lattice's own faces.
+    // The last rotation makes the gap parallel to faces of the lattice's tetrahedra.
     let turns = [glam::DMat3::IDENTITY, glam::DMat3::from_rotation_x(0.5), glam::DMat3::from_rotation_x(FRAC_PI_4)];
     for (turn, gap, offset) in turns.into_iter().flat_map(|turn| {
         let gaps = [0.9, 0.5, 0.3, 0.2, 0.05].into_iter();
@@ -164,13 +168,13 @@ fn plates_nearer_than_a_cell_are_not_welded() {
         let mut both = joined(&[lower, upper]);
         both.0.iter_mut().for_each(|v| *v = turn * *v);
         let (layer, report) = uniform(&both, 1.0);
-        assert_eq!(report.parts, 2, "plates with gap {gap}, offset {offset} must be two parts: {report:?}");
+        assert_eq!(report.parts, 2, "plates {gap} cells apart (lattice offset {offset}) must be two parts: {report:?}");
         assert_eq!((report.welded.count, report.dropped.parts), (0, 0));
         assert!(layer.tetrahedra.len() > 500);
     }
 }
 
-/// A fork, whose two prongs on a base have a gap between them; it is one connected surface.
+/// The surface of a fork, in one piece: two prongs on a base, with a gap of width `gap` (m) between the prongs.
 fn fork(gap: f64) -> Mesh {
     let mut block = layer::kuhn_box(DVec3::ZERO, DVec3::new(5.0, 3.0, 2.0), [5, 3, 2]);
     let nodes = block.nodes.clone();
@@ -180,7 +184,7 @@ fn fork(gap: f64) -> Mesh {
     });
     let (mut vertices, triangles, _) = layer::boundary(&block);
     for v in &mut vertices {
-        // The gap between y = 1 and y = 2 is made as narrow as `gap`.
+        // The gap, which lies between y = 1 and y = 2 before, gets the width `gap`.
         v.y = if v.y < 1.5 { 2.0 * v.y } else { 2.0 + gap + 2.0 * (v.y - 2.0) };
     }
     (vertices, triangles)
@@ -192,14 +196,15 @@ fn prongs_of_a_fork_hang_together_at_its_base_only() {
         let mesh = fork(gap);
         let (mut layer, report) = uniform(&mesh, 0.5);
         assert_eq!(report.parts, 1);
-        // When the base and one more cell at the gap's end are removed, the prongs must be separate.
+        // When all tetrahedra in the base and within about a cell of the gap's end are removed, the prongs must be
+        // separate.
         let nodes = layer.nodes.clone();
         layer.tetrahedra.retain(|t| t.iter().all(|&n| nodes[n as usize].x > 1.6));
         let (labels, _) = layer::parts(&layer);
         let mut used: Vec<u32> = layer.tetrahedra.iter().map(|t| labels[t[0] as usize]).collect();
         used.sort_unstable();
         used.dedup();
-        assert_eq!(used.len(), 2, "number of prongs that stay separate parts in a fork with gap {gap} m, expected 2");
+        assert_eq!(used.len(), 2, "number of separate prongs of a fork whose gap is {gap} m wide");
     }
 }
 
@@ -221,7 +226,7 @@ fn shells_and_grades_keep_the_surface_and_thin_out_the_inside() {
     let (_, whole) = uniform(&mesh, cell);
     for grade in [2, 4] {
         let (layer, report) = made(&mesh, &Options { cell, grade, thickness: None });
-        // The inside has no crack: all boundary nodes lie on the sphere.
+        // All boundary nodes lie on the sphere, so the inside of the layer has no crack.
         let (skin, ..) = layer::boundary(&layer);
         assert!(skin.iter().all(|p| (p.length() - 0.1).abs() < 0.1 * cell));
         println!("grade {grade} gives {} tetrahedra, equal cells give {}", report.tetrahedra, whole.tetrahedra);
@@ -233,7 +238,7 @@ fn shells_and_grades_keep_the_surface_and_thin_out_the_inside() {
         let deepest = layer.nodes.iter().map(|n| 0.1 - n.length()).fold(0.0, f64::max);
         assert!(
             deepest > thickness && deepest < thickness + grade as f64 * cell * 1.01,
-            "the deepest node of the shell is {deepest} m below the surface"
+            "the deepest node of a shell {thickness} m thick is {deepest} m below the surface"
         );
         let share = 1.0 - ((0.1 - thickness) / 0.1).powi(3);
         assert!(report.volume > share * whole.volume && report.volume < whole.volume);
@@ -266,8 +271,8 @@ fn open_turned_and_torn_surfaces_are_filled_soundly() {
                 report.tetrahedra, report.volume_difference
             );
             assert!(!report.clean && layer.tetrahedra.len() > 20);
-            // The inside of the soup has thin sheets, whose volume is lost. For the other surfaces the volumes nearly
-            // agree; the bounded shift of the level cannot correct the rest.
+            // The inside of the soup of triangles has thin sheets, whose volume is lost. For the other surfaces, layer
+            // and surface have nearly the same volume.
             assert!(name == "soup" || report.volume_difference.abs() < 0.02, "{name}: unexpected report: {report:?}");
         }
     }

@@ -1,13 +1,15 @@
-//! Test of isosurface stuffing with random cuts (points where lattice edges leave the solid) and warps (lattice nodes
-//! moved onto a cut): bounded angles and matching faces depend on the lattice alone, not on the surface.
+//! Test of isosurface stuffing, which fills a solid with tetrahedra by means of a lattice, with random *cuts* (points
+//! where lattice edges leave the solid) and *warps* (lattice nodes moved onto a cut): the angles must be bounded and
+//! the faces must match for any cuts, since both depend on the lattice alone and not on the surface.
 
 use glam::DVec3;
 
 use super::super::*;
 use super::{ANGLE, Numbers, check, cuboid};
 
-/// Random cuts of a lattice: its nodes are inside, on the surface or outside at random, with random cuts, warps and
-/// disconnected edges up to what the thresholds allow, and often exactly at them.
+/// Random cuts of a lattice: its nodes are inside, on the surface or outside at random, and edges are cut or
+/// disconnected at random. A node is warped by at most the share of an edge that stuffing allows (`LONG` or `SHORT`),
+/// often by exactly that share.
 fn random_cuts(lattice: &Lattice, numbers: &mut Numbers) -> cut::Cuts {
     use cut::{Cuts, LONG, SHORT, Side};
     let count = lattice.node_count() as u32;
@@ -40,7 +42,7 @@ fn random_cuts(lattice: &Lattice, numbers: &mut Numbers) -> cut::Cuts {
             cuts.warped.insert(node, lattice.position(node).lerp(lattice.position(to), share));
         }
         for m in neighbours {
-            // Shares beyond the thresholds are included, because `Cuts::share` clamps them.
+            // Any share of the edge is used, because `Cuts::share` clamps it to the range that stuffing allows.
             cuts.leave.insert((node, m), numbers.next());
             if node < m && numbers.next() < 0.3 {
                 cuts.apart.insert((node, m));
@@ -66,8 +68,8 @@ fn any_cuts_fill_a_lattice_with_good_angles_and_faces_that_meet() {
         parts::split(&solid, &cuts, &mut filling);
         let within: Vec<bool> = filling.corners.iter().map(|&c| is_within(&cuts, c)).collect();
         let layer = layer_of(filling);
-        // If two tetrahedra disagreed about a face that they share, the layer would have a crack, whose boundary has
-        // inside nodes.
+        // If two tetrahedra disagreed about a face that they share, the layer would have a crack, and nodes inside the
+        // solid would lie on the layer's boundary.
         let faces = layer::boundary_faces(&layer.tetrahedra);
         assert!(faces.iter().flat_map(|f| f.0).all(|n| !within[n as usize]));
         let parts = layer::parts(&layer).1;
@@ -87,10 +89,11 @@ fn any_cuts_fill_a_lattice_with_good_angles_and_faces_that_meet() {
         check(&filled.layer, &report);
     }
     println!("smallest dihedral angle of random cuts: {worst:.2} degrees");
-    // The smallest angle must come near the bound; otherwise the random cuts would not test it.
+    // The smallest angle must come near the bound `ANGLE`; otherwise the random cuts would not test the bound.
     assert!(worst < ANGLE + 1.5);
 }
 
+/// Whether a corner of the filling is a lattice node inside the solid.
 fn is_within(cuts: &cut::Cuts, corner: Corner) -> bool {
     matches!(corner, Corner::Node(n) if cuts.side[n as usize] == cut::Side::Inside)
 }

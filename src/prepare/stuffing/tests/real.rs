@@ -1,5 +1,6 @@
-//! Tests of isosurface stuffing, which fills a surface with a layer (tetrahedral mesh), on real meshes, sound and
-//! defective.
+//! Tests of isosurface stuffing, which fills a surface with a *layer* (tetrahedral mesh of a soft body) by means of a
+//! lattice of cubic *cells*, on real meshes, sound and defective. The *extrapolation* of a surface vertex is by how
+//! much the least of its weights in its tetrahedron lies below zero; it is 0 for a vertex inside the layer.
 
 use glam::DVec3;
 
@@ -40,8 +41,8 @@ fn files_with_defects_are_filled_soundly_or_refused() {
             Err(error) => println!("{name} is refused: {error}"),
             Ok((layer, report)) => {
                 println!(
-                    "{name}: {} tetrahedra, least angle {:.1}, volume difference {:+.2e}, parts {}, dropped {}, \
-                     thickened {}, {:.2} s",
+                    "{name}: {} tetrahedra, least dihedral angle {:.1} degrees, relative volume difference {:+.2e}, \
+                     {} parts, {} parts left out, {} outside nodes taken in, filled in {:.2} s",
                     report.tetrahedra,
                     report.worst_dihedral,
                     report.volume_difference,
@@ -74,11 +75,11 @@ fn lasting_seconds_against_vertices() {
     }
 }
 
-/// Distance outside the surface, in cells, beyond which a tetrahedron's centroid shows that it fills space outside the
-/// solid.
+/// A tetrahedron fills space outside the surface if its centroid is farther outside than this, in cell edges.
 const OUTSIDE: f64 = 0.2;
 
-/// Checks that each tetrahedron which fills a gap or thickens a feature is near a place that the report lists.
+/// Checks that every tetrahedron which fills space outside the surface is near a place that the report lists: a gap
+/// that was filled (`welded`), or an outside node that was taken in for a thin feature (`thickened`).
 fn what_lies_outside_is_reported(mesh: &Mesh, layer: &Layer, report: &LayerReport, cell: f64) {
     let solid = Solid::new(&mesh.0, &mesh.1).unwrap();
     let welded = report.welded.widest.iter().map(|w| w.place);
@@ -105,9 +106,11 @@ fn the_real_meshes_keep_their_volume_and_their_angles() {
         let (layer, report) = uniform(&mesh, cell);
         let out = embed::extrapolation(&embed(&mesh.0, &layer).unwrap());
         println!(
-            "{name} cell {cell:.4}: {} nodes, {} tetrahedra, dihedral angles: least {:.2}, first percentile {:.2}, \
-             largest {:.2}; volume difference {:+.2e}, shift {:.3} cells, parts {} dropped {} separated {} doubled {} \
-             welded {} lost {} thickened {}, extrapolation {out:.2}, {:.2} s",
+            "{name} with cells of {cell:.4} m: {} nodes, {} tetrahedra, dihedral angles: least {:.2}, first percentile \
+             {:.2}, largest {:.2} degrees; relative volume difference {:+.2e}, shift of the surface {:.3} cells; parts \
+             {}, parts left out {}, lattice edges over gaps kept open {}, nodes duplicated {}, lattice edges over gaps \
+             filled {}, lattice edges through lost features {}, outside nodes taken in {}; greatest extrapolation \
+             {out:.2}, filled in {:.2} s",
             report.nodes,
             report.tetrahedra,
             report.worst_dihedral,
@@ -126,7 +129,7 @@ fn the_real_meshes_keep_their_volume_and_their_angles() {
         );
         assert!(report.volume_difference.abs() < 0.02);
         assert_eq!((report.parts, report.dropped.parts), (1, 0));
-        // Every skin vertex has a filled node within one cell.
+        // Every vertex of the surface has a node of the layer within one cell, so no weight is far below zero.
         assert!(out < 1.5, "greatest extrapolation of a surface vertex {out}, expected below 1.5");
         what_lies_outside_is_reported(&mesh, &layer, &report, cell);
     }
