@@ -121,9 +121,9 @@ impl Simulation {
     /// Simulates a step of `h` seconds for the haptic loop: the step starts from the loop's state of the tool, and the
     /// virtual coupling pulls the tool towards the loop's haptic device at its present pose. The pose of the device at
     /// the end of the step is not known, and extrapolating its motion, at 50 steps a second, makes a contact oscillate
-    /// that is otherwise steady (docs/understanding/virtual-coupling.md). Where contact pushed the tool in the last step, the tool starts
-    /// no further out along the contact normal than that step left it. A tool that is a core of a soft body keeps the
-    /// simulation's own state. The weight of the tool is compensated and not felt.
+    /// that is otherwise steady (docs/understanding/virtual-coupling.md). Where contact pushed the tool in the last
+    /// step, the tool starts no further out along the contact normal than that step left it. A tool that is a core of a
+    /// soft body keeps the simulation's own state. The weight of the tool is compensated and not felt.
     #[doc(hidden)]
     pub fn step_device_input(&mut self, input: &DeviceInput, h: f64) -> Result<StepReport> {
         let time = self.time + h;
