@@ -1,8 +1,8 @@
-//! Kernels solve/first_residual, which inverts the tool's block, chooses the factor of the warm start (the multiple of
-//! the last solution from which the solver starts) and writes the indirect arguments of the iteration loop, and
-//! solve/first_iterate, which makes the first iterate. The system is A x = b with preconditioner M. The tool's block is
-//! the 6x6 diagonal block of A for the motion of the tool (the rigid body that the haptic device leads); in "blocks of
-//! nodes", a block is the nodes that one workgroup owns.
+//! Tests of the kernels solve/first_residual, which inverts the tool's block, chooses the factor of the warm start (the
+//! multiple of the last solution from which the solver starts) and writes the indirect arguments of the iteration loop,
+//! and solve/first_iterate, which makes the first iterate. The system is A x = b with preconditioner M. The tool's
+//! block is the 6x6 diagonal block of A for the motion of the tool (the rigid body that the haptic device leads); in
+//! "blocks of nodes", a block is the nodes that one workgroup owns.
 
 use palpate::internal::shaders;
 use palpate::internal::shaders::Iteration;
@@ -19,8 +19,9 @@ const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };
 /// Error relative to the largest value: the values are sums over a hundred contacts, and each term is a dozen roundings
 /// away from the input.
 const SUM: f64 = 5.0e-6;
-/// Error of an entry of the inverse of the tool's block relative to the geometric mean of its two diagonal entries:
-/// rounding of the block (1e-6) times the block's condition number in these units, some hundreds.
+/// Error of an entry of the inverse of the tool's block relative to the geometric mean of the diagonal entries in its
+/// row and in its column: rounding of the block (1e-6) times the block's condition number in these units, some
+/// hundreds.
 const INVERSE: f64 = 1.0e-4;
 /// Relative error of factors and norms, which are inner products with blocks that were inverted in f32.
 const FACTOR: f64 = 1.0e-4;
@@ -157,7 +158,7 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         expect_close("warm_start", &[state.warm_start], &[warm_start], Tolerance { abs: FACTOR * size, rel: FACTOR });
         expect_close("b . M^-1 b", &[state.rhs_norm2], &[dot(&b, &zb)], Tolerance { abs: 0.0, rel: FACTOR });
         assert!(state.floor_norm2 > 0.0 && state.floor_norm2 < 1e-9 * state.rhs_norm2);
-        // From here on, wanted vectors are computed with the factor that the kernel found.
+        // From here on, the expected vectors are computed with the factor that the kernel found.
         let warm_start = f64::from(state.warm_start);
         let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| b - warm_start * y).collect();
         let scaled: Vec<f64> = tool_x.iter().map(|x| warm_start * f64::from(*x)).collect();

@@ -1,8 +1,8 @@
-//! Kernel contact/candidates, which decides for each candidate (vertex of a skin, that is a surface mesh) whether it
-//! collides and how deep. The tests make up lists of ray hits (triangles of the other body that a vertex's ray meets).
-//! The nearest hit on a vertex's ray decides, depths in several contact patches of a pair of bodies (places where the
-//! pair may touch along one normal) are blended, and flags and pushes (depth times area times normal, from which the
-//! next step's normals are found) are written. Results are compared with f64.
+//! Tests of kernel contact/candidates, which decides for each candidate (vertex of a skin, that is a surface mesh)
+//! whether it collides and how deep. The tests make up lists of ray hits (triangles of the other body that a vertex's
+//! ray meets). The nearest hit on a vertex's ray decides, depths in several contact patches of a pair of bodies (places
+//! where the pair may touch along one normal) are blended, and flags and pushes (depth times area times normal, from
+//! which the next step's normals are found) are written. Results are compared with f64.
 
 use glam::{DMat3, DVec3};
 use palpate::internal::shaders;
@@ -37,7 +37,7 @@ type RayHit = (f64, bool);
 type Made = (u32, f64, bool, u32);
 
 /// Skin vertices of one side of the pair (0: body a, 1: body b) with the hits on their rays in each contact patch, and
-/// the [`Flow`] (arrays of the query) that holds them.
+/// the [`Flow`] (arrays of the proximity query) that holds them.
 struct Given {
     side: u32,
     flow: Flow,
@@ -274,12 +274,12 @@ fn the_nearest_crossing_decides() {
         assert_eq!(depth(&[]), 0.0);
         assert_eq!(depth(&[(0.01, true)]), 0.01);
         assert_eq!(depth(&[(0.01, false)]), 0.0, "the ray hits the back of a triangle, so that the vertex is outside");
-        // The ray passes two walls. The vertex lies inside the nearer one, whatever the order of the list.
+        // The ray passes two walls. The vertex lies inside the nearer wall, whatever the order of the list.
         let mut layers = [(0.005, true), (0.008, false), (0.012, true), (0.015, false)];
         assert_eq!(depth(&layers), 0.005);
         layers.reverse();
         assert_eq!(depth(&layers), 0.005);
-        // The vertex lies between the walls, in front of the second.
+        // The vertex lies between the walls, in front of the second wall.
         assert_eq!(depth(&[(0.007, true), (0.003, false), (0.01, false)]), 0.0);
     }
 }

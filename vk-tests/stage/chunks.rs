@@ -1,9 +1,9 @@
-//! Kernel cull/chunks, which finds the box of each chunk (group of at most 64 skin vertices) along the axes of a
-//! contact patch (place where a pair of bodies may touch along one normal) and writes the min-max depth grid (how far
-//! each body reaches along the normal, over 16 x 16 cells of the patch), and cull/meet, which lists the chunks that may
-//! reach the other body. No chunk that may touch may be lost, and chunks that cannot touch must be left out. A pair
-//! proxy is a collision proxy (convex hull) in a pair of bodies; a side is body a or b of the pair; a work item is a
-//! chunk in a patch. The oracle is the f64 reference implementation.
+//! Tests of kernel cull/chunks, which finds the box of each chunk (group of at most 64 skin vertices) along the axes of
+//! a contact patch (place where a pair of bodies may touch along one normal) and writes the min-max depth grid (how far
+//! each body reaches along the normal, over 16 x 16 cells of the patch), and of kernel cull/meet, which lists the
+//! chunks that may reach the other body. No chunk that may touch may be lost, and chunks that cannot touch must be left
+//! out. A pair proxy is a collision proxy (convex hull) in a pair of bodies; a side is body a or b of the pair; a work
+//! item is a chunk in a patch. The oracle is the f64 reference implementation.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::Size;
@@ -19,7 +19,7 @@ use crate::harness::{case, context};
 use crate::stage::flow::{Flow, GRID_WORDS};
 use crate::stage::skin::covered;
 
-/// Greatest distance by which a box may exceed the oracle's, m, for positions of half a metre: a micrometre, a
+/// Greatest distance by which a box may exceed the oracle's box, m, for positions of half a metre: a micrometre, a
 /// thousandth of the spread of the displacements in the chunk, and the rounding of the box at rest.
 const BOX: f64 = 4e-6;
 /// Number of cells of the min-max depth grid along each tangent.

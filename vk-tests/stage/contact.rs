@@ -204,13 +204,14 @@ fn check(flow: &Flow, c: usize, want: &oracle::Contact) {
 fn a_crowd_of_soft_and_rigid_bodies_against_the_oracle() {
     for path in PATHS {
         check_crowd(path, Sides::Both, [3; 3], &[0, 1, 2, 4, 5, 6, 8, 9], &[10]);
-        // Only vertices of the finer skin of each pair are tested: b's against a, and the balls' against the tool.
+        // Only vertices of the finer skin of each pair are tested: those of ball b against ball a, and those of the
+        // balls against the tool.
         check_crowd(path, Sides::One, [3, 4, 2], &[1, 2, 4, 6, 8], &[0, 5, 9, 10]);
     }
 }
 
-/// Compares all contacts with the oracle's. `gather` lists the sides that must have contacts, `silent` the sides that
-/// must have none.
+/// Compares all contacts with the oracle's contacts. `gather` lists the sides that must have contacts, `silent` the
+/// sides that must have none.
 fn check_crowd(path: Path, sides: Sides, levels: [u32; 3], gather: &[usize], silent: &[usize]) {
     let (bodies, tool, flow) = crowd_of(path, sides, levels);
     let want = wanted(&bodies, &tool, &flow, sides);

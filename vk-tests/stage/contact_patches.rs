@@ -1,7 +1,7 @@
-//! Kernel cull/contact_patches, which finds the contact patches of a pair of bodies (places where the pair may touch
-//! along one normal), their rectangles, and the pair proxies that take part. A pair proxy is a collision proxy (convex
-//! hull) of one of the two bodies; a side is body a or b of the pair; inflation is how far a skin (surface mesh) may
-//! lie outside its hull.
+//! Tests of kernel cull/contact_patches, which finds the contact patches of a pair of bodies (places where the pair may
+//! touch along one normal), their rectangles, and the pair proxies that take part. A pair proxy is a collision proxy
+//! (convex hull) of one of the two bodies; a side is body a or b of the pair; inflation is how far a skin (surface
+//! mesh) may lie outside its hull.
 
 use bytemuck::Zeroable;
 use glam::DVec3;
@@ -26,7 +26,7 @@ const INFLATION: f32 = 0.03;
 const HALF: f64 = 0.2;
 
 /// Cubes as collision proxies, those of body a before those of b. `directions` has two elements for each pair of
-/// proxies: a direction with its weight, and a push, which is the sum of depth times area times normal over its
+/// proxies: a direction with its weight, and a push, which is the sum of depth times area times normal over the pair's
 /// contacts in the last step.
 struct Given {
     places: Vec<DVec3>,
@@ -166,8 +166,8 @@ fn check(given: &Given, out: &Outcome) -> usize {
         let own = &shares[PAIR_PATCHES * s..][..PAIR_PATCHES];
         let sum: f32 = own.iter().sum();
         let member = bits[s] >> PAIR_PATCHES != 0;
-        // In a patch of which it is no member, the pair proxy's share is at most (s - 0.1) / 20, where s is the patch's
-        // share of the strength of all patches.
+        // In a patch of which pair proxy `s` is no member, its share is at most (q - 0.1) / 20, where q is the patch's
+        // strength over the sum of the strengths of all patches.
         for r in (0..live).filter(|r| bits[s] >> (PAIR_PATCHES + r) & 1 == 0) {
             let strength = contact_patches[r].weight
                 / contact_patches.iter().map(|contact_patch| contact_patch.weight).sum::<f32>();

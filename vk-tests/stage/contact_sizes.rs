@@ -1,6 +1,7 @@
-//! Kernels contact/candidates (which skin vertices collide) and contact/response (coefficients of contacts for the
-//! solver) for any number of elements. A candidate is a vertex of a skin (surface mesh) that may be a contact. An entry
-//! is a node with its weight in a contact, and a quad is four entries; each node has linked lists of its entries.
+//! Tests of the kernels contact/candidates (which finds the skin vertices that collide) and contact/response (which
+//! computes the coefficients of contacts for the solver) for any number of elements. A candidate is a vertex of a skin
+//! (surface mesh) that may be a contact. An entry is a node with its weight in a contact, and a quad is four entries;
+//! each node has linked lists of its entries.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::shaders;

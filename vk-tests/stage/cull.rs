@@ -1,6 +1,6 @@
-//! Kernels cull/pairs, which lists the pairs of collision proxies (convex hulls) that may touch, and cull/direction,
-//! which finds the normal that separates a pair best and sums the pushes (depth times area times normal) of the pair's
-//! contacts in the last step.
+//! Tests of the kernels cull/pairs, which lists the pairs of collision proxies (convex hulls) that may touch, and
+//! cull/direction, which finds the normal that separates a pair best and sums the pushes (depth times area times
+//! normal) of the pair's contacts in the last step.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -23,12 +23,14 @@ const SEPARATION: f64 = 1e-6;
 /// Error of a direction, a blend of face normals: blending weights change by the error of the separation over the width
 /// of the blend, which is some 0.05 m here.
 const DIRECTION: Tolerance = Tolerance { abs: 1e-4, rel: 0.0 };
-/// Error of a direction's weight, (reach - separation)^2, which is near one.
+/// Error of a direction's weight, (reach - separation)^2, which is near one; the reach is the gap up to which a pair
+/// may touch.
 const WEIGHT: Tolerance = Tolerance { abs: 1e-6, rel: 1e-5 };
 /// How far a skin (surface mesh) may lie outside its hull, m.
 const INFLATION: f32 = 0.05;
 
-/// Hulls of two bodies in the arrays that the kernels read, the first body's before the second's.
+/// Hulls of two bodies in the arrays that the kernels read, the hulls of the first body before those of the second
+/// body.
 #[derive(Default)]
 struct Hulls {
     points: Vec<Vec<DVec3>>,
@@ -234,7 +236,8 @@ fn no_pair_within_reach_is_missed_and_none_beyond_it_is_kept() {
 fn gaps_next_to_the_reach_are_told_apart() {
     let mut random = Random(32);
     for round in 0..4 {
-        // One hull against two hundred others, each moved along the line through the nearest points to the wanted gap.
+        // One hull is tested against two hundred others, each of which was moved along the line through the nearest
+        // points to the wanted gap.
         let mut hulls = mixed(&mut random, 201, 2.0);
         let mut wanted = vec![];
         hulls.swap_first(round);

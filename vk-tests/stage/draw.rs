@@ -1,5 +1,5 @@
-//! Skins (surface meshes) as they are drawn: positions and normals on the GPU must be those that the host computes in
-//! f64, and the arrays can be exported to other programs.
+//! Tests of skins (surface meshes) as they are drawn: positions and normals on the GPU must be those that the host
+//! computes in f64, and the arrays can be exported to other programs.
 
 use glam::DVec3;
 use palpate::Simulation;

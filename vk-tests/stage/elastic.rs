@@ -1,5 +1,5 @@
-//! Kernel elastic/element_forces, by hand and against the f64 oracle (reference implementation): the rotation of each
-//! tetrahedron, its rotated gradients, and its part of the right-hand side.
+//! Tests of kernel elastic/element_forces, by hand and against the f64 oracle (reference implementation): the rotation
+//! of each tetrahedron, its rotated gradients, and its part of the right-hand side.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::Flags;
@@ -137,8 +137,8 @@ fn quaternions(system: &System) -> Vec<DQuat> {
     system.rotations.iter().map(|q| DQuat::from_array(q.map(f64::from))).collect()
 }
 
-/// Compares rotations with the oracle's polar rotations, and gradients and forces with the oracle's at the rotations
-/// that the kernel found.
+/// Compares rotations with the oracle's polar rotations, and gradients and forces with those that the oracle computes
+/// at the rotations that the kernel found.
 pub fn expect_oracle(what: &str, system: &System, force: f64) {
     let found = quaternions(system);
     let Some(body) = system.twin.bodies.first() else { return assert!(found.is_empty()) };
@@ -187,7 +187,7 @@ fn expect_gradients(what: &str, system: &System) {
     expect_of_largest(&format!("{what}: trace of the strain"), &traces.0, &traces.1, FORCE);
 }
 
-/// Checks that every value is within `share` of the largest wanted one.
+/// Checks that the error of every value is at most `share` times the largest wanted value.
 pub fn expect_of_largest(what: &str, got: &[f32], want: &[f64], share: f64) {
     let largest = want.iter().fold(0.0f64, |m, w| m.max(w.abs()));
     expect_close(what, got, want, Tolerance { abs: share * largest, rel: 0.0 });

@@ -1,7 +1,7 @@
-//! Fields on the skins (surface meshes) for display: contact depth and pressure, strain energy density, displacement.
-//! Each kernel is compared with f64, and whole fields are compared with values that the host computes. A run whose
-//! fields are read must give the same bits as a run whose fields are not read. A patch is a group of tetrahedra that
-//! share one volumetric strain (F-bar); the oracle is the f64 reference implementation.
+//! Tests of fields on the skins (surface meshes) for display: contact depth and pressure, strain energy density,
+//! displacement. Each kernel is compared with f64, and whole fields are compared with values that the host computes. A
+//! run whose fields are read must give the same bits as a run whose fields are not read. A patch is a group of
+//! tetrahedra that share one volumetric strain (F-bar); the oracle is the f64 reference implementation.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::{Const, Size};
@@ -23,7 +23,7 @@ use crate::solver::system::{System, layered, material, mixed, two_layers};
 use crate::stage::elastic::{deformed_of, expect_of_largest, stretched};
 
 /// Error of energy densities relative to the largest density: strains of order one tenth come from terms of order one,
-/// known to 1e-7; a density is their square.
+/// known to 1e-7; a density is quadratic in the strains.
 const DENSITY: f64 = 1.0e-5;
 /// Error of energy densities relative to the largest density, at strains of 1e-6, some of which hardly change the
 /// volume, so that their trace is a small difference; strains that are differences of numbers of order one would give

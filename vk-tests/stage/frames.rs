@@ -1,7 +1,7 @@
-//! Kernels that deal with the rigid coordinate frames of bodies: tetrahedra, skin (surface mesh) and collision proxies
-//! with nodes in two frames, nodes attached to kinematic frames (whose motion is known) and to dynamic cores (rigid
-//! bodies inside soft ones, whose motion is solved for), the new state relative to the frame at the end of a step, and
-//! the sums from which a floating frame is fitted to the nodes of its body.
+//! Tests of the kernels that deal with the rigid coordinate frames of bodies: tetrahedra, skin (surface mesh) and
+//! collision proxies with nodes in two frames, nodes attached to kinematic frames (whose motion is known) and to
+//! dynamic cores (rigid bodies inside soft ones, whose motion is solved for), the new state relative to the frame at
+//! the end of a step, and the sums from which a floating frame is fitted to the nodes of its body.
 
 use bytemuck::Zeroable;
 use glam::{DMat3, DQuat, DVec3};
@@ -22,7 +22,7 @@ use crate::solver::system::{System, layered, material};
 
 /// Error of positions of some tenths of a metre after a dozen f32 operations, m.
 const PLACED: Tolerance = Tolerance { abs: 2e-7, rel: 1e-6 };
-/// Error of forces relative to the largest: strains of a tenth from positions known to 1e-7.
+/// Error of forces relative to the largest: strains of one tenth are computed from positions known to 1e-7.
 const FORCE: f64 = 1.0e-5;
 /// Error of velocities of about 1 m/s.
 const VELOCITY: Tolerance = Tolerance { abs: 1e-6, rel: 2e-6 };

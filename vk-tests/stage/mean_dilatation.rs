@@ -1,7 +1,7 @@
-//! Kernels elastic/mean_dilatation and solve/patch_product, against the f64 oracle (reference implementation). A patch
-//! (F-bar) is a group of tetrahedra that share one volumetric strain, their mean dilatation. The first kernel computes
-//! each patch's row, whose outer product with itself the patch adds to the operator, and the patch's part of the
-//! right-hand side; the second kernel computes the patch's part of the operator product.
+//! Tests of the kernels elastic/mean_dilatation and solve/patch_product, against the f64 oracle (reference
+//! implementation). A patch (F-bar) is a group of tetrahedra that share one volumetric strain, their mean dilatation.
+//! The first kernel computes each patch's row, whose outer product with itself the patch adds to the operator, and the
+//! patch's part of the right-hand side; the second kernel computes the patch's part of the operator product.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::layer::kuhn_box;
@@ -24,7 +24,7 @@ const FORCE: f64 = 1.0e-5;
 /// Error of products relative to the largest value: a product sums a dozen terms of both signs, each of which is as
 /// exact as a row.
 const PRODUCT: f64 = 3.0e-6;
-/// Largest displacement of a node, m, in cells of 20 mm.
+/// Largest displacement of a node, m; the cells of the layers are 20 mm wide.
 const AMPLITUDE: f64 = 0.004;
 
 /// Gives patches to the bodies for which `on` is true.

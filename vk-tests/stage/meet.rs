@@ -1,6 +1,7 @@
-//! Kernel cull/meet, which joins the lists of chunks of all pair proxies into a single list, in the order of pair
-//! proxies, and raises a flag if not all fit. A chunk is a group of up to 64 skin vertices; a pair proxy is a collision
-//! proxy (convex hull) in a pair of bodies; a work item is a chunk in a contact patch (place where a pair may touch).
+//! Tests of kernel cull/meet, which joins the lists of chunks of all pair proxies into a single list, in the order of
+//! pair proxies, and raises a flag if not all fit. A chunk is a group of up to 64 skin vertices; a pair proxy is a
+//! collision proxy (convex hull) in a pair of bodies; a work item is a chunk in a contact patch (place where a pair may
+//! touch).
 
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;

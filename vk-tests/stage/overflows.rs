@@ -1,7 +1,7 @@
-//! Kernels depth/ray_hits and contact/candidates where results are incomplete: there are more ray hits than the buffers
-//! hold, or a driver leaves loops early. If anything is missing, a flag must be raised. A ray hit is a triangle that
-//! the ray of a skin vertex of the other body meets. Work items (chunks of skin vertices in a contact patch, which is a
-//! place where two bodies may touch) that cannot hit anything are tested too.
+//! Tests of the kernels depth/ray_hits and contact/candidates where results are incomplete: there are more ray hits
+//! than the buffers hold, or a driver leaves loops early. If anything is missing, a flag must be raised. A ray hit is a
+//! triangle that the ray of a skin vertex of the other body meets. Work items (chunks of skin vertices in a contact
+//! patch, which is a place where two bodies may touch) that cannot hit anything are tested too.
 
 use std::collections::BTreeMap;
 
@@ -40,9 +40,9 @@ fn what_a_driver_leaves_out_of_long_loops_is_flagged() {
     let mut random = Random(67);
     let axes =
         ContactPatch { tangent: [1.0, 0.0, 0.0], bitangent: [0.0, 1.0, 0.0], ..contact_patch(DVec3::Z, 1.0, 0.25) };
-    // Eight rows of eight grid cells, with a triangle for each row. Row r has a pile of vertices in its cell r: the
-    // lanes of a workgroup, each of which takes a row, come to the piles one after another, and each lane to one pile
-    // only.
+    // The grid has eight rows of eight cells, and each row has a triangle. Row r has a pile of vertices in its cell r:
+    // the lanes of a workgroup, each of which takes a row, come to the piles one after another, and each lane to one
+    // pile only.
     let at = |k: usize| -0.875 + 0.25 * k as f64;
     let rows = (0..8).flat_map(|r| {
         let across = DVec3::new(0.999, at(r), 0.0);

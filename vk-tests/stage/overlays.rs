@@ -1,7 +1,7 @@
-//! Meshes that are drawn over the skins (surface meshes): collision proxies (convex hulls), cut layers (tetrahedral
-//! meshes of soft bodies), rigid cores (rigid bodies inside soft ones) and bones (capsules by which cores are given).
-//! Their vertices must be where the host computes them in f64, and the meshes must be closed and face outward. The
-//! squares that show contact patches are tested too.
+//! Tests of the meshes that are drawn over the skins (surface meshes): collision proxies (convex hulls), cut layers
+//! (tetrahedral meshes of soft bodies), rigid cores (rigid bodies inside soft ones) and bones (capsules by which cores
+//! are given). Their vertices must be where the host computes them in f64, and the meshes must be closed and face
+//! outward. The squares that show contact patches are tested too.
 
 use std::collections::BTreeMap;
 
@@ -180,12 +180,12 @@ fn a_layer_is_cut_open_where_its_nodes_are() {
         let (places, triangles) = read(&mesh, origin);
         check_parts(&mesh, &triangles);
         expect_closed("a layer", &places, &triangles);
-        // The node at which each vertex lies.
+        // `node_of` finds the node at which a vertex lies.
         let node_of =
             |x: DVec3| (0..now.len()).min_by(|a, b| now[*a].distance(x).total_cmp(&now[*b].distance(x))).unwrap();
         let nodes: Vec<usize> = places.iter().map(|x| node_of(*x)).collect();
         places.iter().zip(&nodes).for_each(|(x, n)| near("a node", *x, now[*n], origin));
-        // The volume behind the cut, with the nodes where they are now.
+        // The mesh must enclose the volume behind the cut, with the nodes where they are now.
         let volume6 = |t: &[u32; 4]| palpate::internal::prepare::layer::volume6(&now, t);
         let middle = |t: &[u32; 4]| t.iter().map(|n| layer.nodes[*n as usize]).sum::<DVec3>() / 4.0;
         let kept = layer.tetrahedra.iter().filter(|t| used.normal.dot(middle(t)) <= used.offset);

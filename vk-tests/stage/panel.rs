@@ -1,4 +1,5 @@
-//! Shader view/panel, which draws tinted quads with texels of an atlas and blends them with the image, against f64.
+//! Tests of shader view/panel, which draws tinted quads with texels of an atlas and blends them with the image, against
+//! f64.
 
 use palpate::internal::gpu::{Before, Buffer, Canvas, Image, Memory, Recorder, Texels};
 use palpate_view::painter::{Atlas, Flat, Painter, Piece};

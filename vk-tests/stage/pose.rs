@@ -1,6 +1,6 @@
-//! Kernel pose/place, which computes the hulls and face planes of collision proxies (convex hulls) in the world and the
-//! bounds of proxies, and clears counters and indirect arguments. Inflation, one of the bounds, is how far skin may lie
-//! outside the hull; a frame is a rigid coordinate frame; a link is the transform between two frames.
+//! Tests of kernel pose/place, which computes the hulls and face planes of collision proxies (convex hulls) in the
+//! world and the bounds of proxies, and clears counters and indirect arguments. Inflation, one of the bounds, is how
+//! far skin may lie outside the hull; a frame is a rigid coordinate frame; a link is the transform between two frames.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};

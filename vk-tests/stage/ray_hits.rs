@@ -1,9 +1,9 @@
-//! Kernels skin/embed, which puts skin vertices into a spatial hash in the plane of their contact patch (place where a
-//! pair of bodies may touch along one normal), and depth/ray_hits, which finds the triangles that the vertices' rays
-//! hit: every vertex that a patch sees is in one list of the hash, hits agree with f64, and no ray slips through at
-//! edges and corners. A hash entry is one vertex of a work item (a chunk, that is a group of skin vertices and
-//! triangles, in a patch). A side is body a or b of the pair. The min-max depth grid tells how far each side reaches
-//! along the normal, over 16 x 16 cells of a patch.
+//! Tests of the kernels skin/embed, which puts skin vertices into a spatial hash in the plane of their contact patch
+//! (place where a pair of bodies may touch along one normal), and depth/ray_hits, which finds the triangles that the
+//! vertices' rays hit: every vertex that a patch sees is in one list of the hash, hits agree with f64, and no ray slips
+//! through at edges and corners. A hash entry is one vertex of a work item (a chunk, that is a group of skin vertices
+//! and triangles, in a patch). A side is body a or b of the pair. The min-max depth grid tells how far each side
+//! reaches along the normal, over 16 x 16 cells of a patch.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -415,7 +415,8 @@ fn what_lies_in_front_of_all_that_the_other_side_reaches_is_left_out() {
     let square = |x: &[f32; 4]| x[0] < -1.0 + 2.0 / 16.0 && x[1] < -1.0 + 2.0 / 16.0;
     let listed = flow.hash_entries.iter().filter(|hash_entry| hash_entry[3] != NONE - 1).count();
     let contact_patch = flow.contact_patches[0];
-    // The lists hold all of b's vertices but only those of a in that cell, whichever way the patch's axes lie.
+    // The lists hold all of b's vertices but of a's vertices only those in that cell, whichever way the patch's axes
+    // lie.
     let first = flow.skin.iter().take(flow.skin.len() - mesh.0.len()).filter(|x| {
         let at = palpate_oracle::contact_patches::along(axes(&contact_patch), wide([x[0], x[1], x[2]])).as_vec3();
         square(&[at.x, at.y, 0.0, 0.0])

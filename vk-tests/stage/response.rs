@@ -1,6 +1,6 @@
-//! Kernel contact/response, beyond what vk-tests/stage/contact.rs compares with the oracle: the quads of entries (an
-//! entry is a node with its weight in a contact, a quad is four entries), and friction. The tool is the rigid body that
-//! the haptic device leads.
+//! Tests of kernel contact/response, beyond what vk-tests/stage/contact.rs compares with the oracle: the quads of
+//! entries (an entry is a node with its weight in a contact, a quad is four entries), and friction. The tool is the
+//! rigid body that the haptic device leads.
 
 use glam::DVec3;
 use palpate::internal::shaders::{Contact, NONE};

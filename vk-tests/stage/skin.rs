@@ -1,7 +1,7 @@
-//! Kernels skin/embed, which computes the positions of skin vertices (of the surface meshes), and skin/probe, which
-//! collects the displacements of nodes for probed vertices. The spatial hash that skin/embed fills is tested in
-//! ray_hits.rs. A chunk is a group of skin vertices and triangles; each chunk belongs to a collision proxy (convex
-//! hull), and the proxy's inflation is how far skin may lie outside the hull.
+//! Tests of the kernels skin/embed, which computes the positions of skin vertices (of the surface meshes), and
+//! skin/probe, which collects the displacements of nodes for probed vertices. The spatial hash that skin/embed fills is
+//! tested in ray_hits.rs. A chunk is a group of skin vertices and triangles; each chunk belongs to a collision proxy
+//! (convex hull), and the proxy's inflation is how far skin may lie outside the hull.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{Body, Shape};

@@ -1,6 +1,6 @@
 //! Tests of kernel contact/sort. An entry is a pair (node, weight) of a contact; a contact has up to four groups of
 //! four entries. The kernel is given, for each node, linked lists of the entries that name it, in any order, and writes
-//! them node after node into one array, where each node's entries form a run, in a fixed order.
+//! the entries node after node into one array, where each node's entries form a run, in a fixed order.
 
 use std::collections::BTreeMap;
 
@@ -145,7 +145,7 @@ fn the_crowd_s_contacts_are_indexed_whole() {
 }
 
 /// The entries of one node are spread over the whole array of entries, so that they lie in more than one of the windows
-/// of 65,536 entries that contact/sort treats at a time. A driver that ends loops early must cause a flag.
+/// of 65,536 entries that contact/sort treats at a time. If a driver ends loops early, a flag must be raised.
 #[test]
 fn runs_longer_than_a_window_are_in_order() {
     for (n, stride) in [(10_000, 1), (10_000, 2_500), (4_097, 4_096), (32_768, 1)] {

@@ -1,4 +1,4 @@
-//! The view, which draws a simulation: its shaders for light, values and shadows against f64, and images of a
+//! Tests of the view, which draws a simulation: its shaders for light, values and shadows against f64, and images of a
 //! simulation. An image must not depend on the slices (parts of the draw work, which are submitted one after another)
 //! in which it is drawn. An overlay is something that is drawn on or over the bodies, such as contact pressure.
 
@@ -127,7 +127,7 @@ fn lit(view: &View, depths: &[f32], x: DVec3, n: DVec3) -> f64 {
     texels.map(one).sum::<f64>() / 9.0
 }
 
-/// A triangle that covers the image and is nearly parallel to it: positions are pixels from the image's middle.
+/// A triangle that covers the image and is nearly parallel to the image: positions are pixels from the image's middle.
 struct Face {
     positions: [DVec3; 3],
     normals: [DVec3; 3],

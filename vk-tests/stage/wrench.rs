@@ -1,5 +1,5 @@
-//! Kernel wrench/reduce, which sums the force and torque of the contacts on the tool (the rigid body that the haptic
-//! device leads), and the contact stiffness and damping that act on the tool. A pair has body a and body b.
+//! Tests of kernel wrench/reduce, which sums the force and torque of the contacts on the tool (the rigid body that the
+//! haptic device leads), and the contact stiffness and damping that act on the tool. A pair has body a and body b.
 
 use glam::DVec3;
 use palpate::internal::gpu::Size;
@@ -190,8 +190,8 @@ fn agree(system: System, seed: u64) {
 
 #[test]
 fn stiffness_is_positive_and_reaction_is_opposite() {
-    // wrench/reduce: x.Kx >= 0 for the stiffness K and any twist x. With the sides of every contact exchanged, the
-    // wrench changes its sign and K stays.
+    // wrench/reduce: x.Kx > 0 for the stiffness K of these contacts and a random twist x. With the sides of every
+    // contact exchanged, the wrench changes its sign and K stays.
     let mut system = System::new(&two_layers(), 0.004, 1).with_tool().with_contacts(60, 3);
     let forces = vec![[0.0; 4]; 60];
     let report = reduce(&system, &forces);

@@ -254,8 +254,8 @@ impl Passes {
     }
 }
 
-/// Makes, from the model's blocks and joints, `rigids` and `joint_sides` of [`Passes`], and between them the length of
-/// `rigid_inverses`.
+/// Makes `rigids` and `joint_sides` of [`Passes`] from the model's blocks and joints. The number that is returned
+/// between these two is the length of `rigid_inverses`.
 fn rigids(system: &System) -> (Vec<Rigid>, usize, Vec<u32>) {
     let (model, blocks) = (&system.model, &system.model.blocks.blocks);
     let (mut rigids, mut numbers, mut sides) = (Vec::new(), 0, Vec::new());
