@@ -89,3 +89,8 @@ pub mod internal {
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 pub struct Readme;
+
+/// The Rust code of the book's page on the Rust interface, likewise.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/reference/rust.md")]
+pub struct RustPage;

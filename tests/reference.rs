@@ -23,7 +23,7 @@ is a description, not a value. How to choose a material or a mesh stands in the 
 /// The page of scene files, made from the lists of keys that the reader accepts.
 fn page() -> String {
     let mut page = HEAD.to_owned();
-    let cell = |text: &str| text.replace('|', "\\\\|");
+    let cell = |text: &str| text.replace('|', "\\|");
     for table in TABLES {
         let heading =
             if table.heading.starts_with("The ") { table.heading.into() } else { format!("`{}`", table.heading) };

@@ -18,7 +18,8 @@ pub fn mend(root: &Path, book: &Path) -> io::Result<Vec<String>> {
                 folders.push(name);
             } else if name.extension().is_some_and(|end| end == "html") {
                 let text = std::fs::read_to_string(&file)?;
-                let mended = links(&text, |link| target(root, book, &folder, link));
+                let target = |link: &str| target(root, book, &folder, link);
+                let mended = links(&text, " href=\"", target).and_then(|text| links(&text, " src=\"", target));
                 match mended {
                     Ok(mended) if mended != text => std::fs::write(&file, mended)?,
                     Ok(_) => {}
@@ -30,16 +31,15 @@ pub fn mend(root: &Path, book: &Path) -> io::Result<Vec<String>> {
     Ok(problems)
 }
 
-/// The HTML text with every link (value of `href`) replaced by what `target` returns for it; the error is the first
-/// link for which `target` returns `None`.
-fn links(text: &str, target: impl Fn(&str) -> Option<String>) -> Result<String, String> {
-    const START: &str = " href=\"";
-    let mut parts = text.split(START);
+/// Replaces every link that follows `start` (the attribute `href` or `src` of an element) by what `target` makes of it;
+/// fails with the first link that has no target.
+fn links(text: &str, start: &str, target: impl Fn(&str) -> Option<String>) -> Result<String, String> {
+    let mut parts = text.split(start);
     let mut result = parts.next().unwrap_or_default().to_owned();
     for part in parts {
         let (link, rest) = part.split_once('"').unwrap_or((part, ""));
         let target = target(link).ok_or_else(|| link.to_owned())?;
-        result += &format!("{START}{target}\"{rest}");
+        result += &format!("{start}{target}\"{rest}");
     }
     Ok(result)
 }
@@ -77,13 +77,13 @@ mod tests {
         std::fs::write(root.join("README.md"), "").unwrap();
         std::fs::write(root.join("src/law.rs"), "").unwrap();
         std::fs::write(book.join("b.html"), "").unwrap();
-        let page =
-            "<a href=\"../../src/law.rs#L1\">x</a> <a href=\"../b.html\">y</a> <a href=\"../../README.html\">z</a>";
+        let page = "<a href=\"../../src/law.rs#L1\">x</a> <a href=\"../b.html\">y</a> <img src=\"../../src/law.rs\"> \
+                    <a href=\"../../README.html\">z</a>";
         std::fs::write(book.join("a/page.html"), page).unwrap();
         assert_eq!(mend(root, &book).unwrap(), Vec::<String>::new());
         let mended = std::fs::read_to_string(book.join("a/page.html")).unwrap();
-        let expected =
-            "<a href=\"../../../src/law.rs#L1\">x</a> <a href=\"../b.html\">y</a> <a href=\"../../../README.md\">z</a>";
+        let expected = "<a href=\"../../../src/law.rs#L1\">x</a> <a href=\"../b.html\">y</a> \
+                        <img src=\"../../../src/law.rs\"> <a href=\"../../../README.md\">z</a>";
         assert_eq!(mended, expected);
         std::fs::write(book.join("a/page.html"), "<a href=\"../c.html\">x</a>").unwrap();
         assert_eq!(mend(root, &book).unwrap(), ["a/page.html: ../c.html leads nowhere"]);

@@ -389,7 +389,7 @@ fn a_log_hears_what_is_chosen_and_found() {
     );
     assert!(
         heard.iter().any(|(level, line)| *level == 0 && line.starts_with("depth stage: ")),
-        "no note names the path of the depth stage: {heard:?}"
+        "no note says whether the depth stage runs as graphics or as compute: {heard:?}"
     );
     assert!(
         heard.iter().all(|(level, line)| *level == 0 && !line.contains('\n')),

@@ -208,7 +208,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
     let done = simulate(engine, &scene, &extent, arguments, output.as_mut())?;
     let page = match output {
-        None => "no page was written: give --out DIR for one, with curves and pictures".into(),
+        None => "no page was written: give --out DIR for one".into(),
         Some(mut output) => {
             let page = format!("report: {}", output.path(PAGE).display());
             write_end(&mut output, &scene, &done)?;
@@ -217,7 +217,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     };
     let Done { tally, outcome, report, nearest, .. } = &done;
-    let remedy = felt::remedy(tally, !scene.trajectory.is_empty(), nearest.as_ref());
+    let remedy = felt::remedy(tally, felt::advice(&scene), nearest.as_ref());
     print(&format!(
         "{}\n{}{}{}{}{page}\n",
         felt::headline(tally),
@@ -390,7 +390,7 @@ fn progress(extent: &Extent) -> ProgressBar {
 /// Writes the files that describe the end of the run: layers (tetrahedral meshes of the bodies), skins (their surface
 /// meshes) and the summary.
 fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
-    let Done { tally, outcome, report, played, nearest, pictures } = done;
+    let Done { tally, outcome, report, .. } = done;
     for layer in &outcome.layers {
         let name = format!("{}.vtk", layer.name);
         output.write(&name, |w| vtk::write_layer(w, &layer.nodes, &layer.tetrahedra, &layer.displacement))?;
@@ -402,6 +402,19 @@ fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
     let preset = scene.preset.clone();
     let summary = Summary { haptics, preset, ..Summary::new(&scene.name(), scene.step.dt, &outcome.facts, tally) };
     output.write(SUMMARY, |w| serde_json::to_writer_pretty(w, &summary).map_err(Into::into))?;
+    // The run's results are kept even if no page can be made of them.
+    match page(output, scene, done) {
+        Ok(html) => output.write(PAGE, |w| w.write_all(html.as_bytes())),
+        Err(error) => {
+            tell(&format!("no {PAGE} was written: {error}"));
+            Ok(())
+        }
+    }
+}
+
+/// The page of a run whose other files are written.
+fn page(output: &Output, scene: &Scene, done: &Done) -> Result<String> {
+    let Done { tally, outcome, report, played, nearest, pictures } = done;
     let unreadable = |error: csv::Error| Error::Output { file: output.path(TRACE), source: error.into() };
     let trace = BufReader::new(output.read(TRACE)?);
     let page = Page {
@@ -414,8 +427,7 @@ fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
         pictures: pictures.as_ref().map(Vec::as_slice).map_err(String::as_str),
         command: &command_line(),
     };
-    let html = page.html()?;
-    output.write(PAGE, |w| w.write_all(html.as_bytes()))
+    page.html()
 }
 
 #[cfg(test)]

@@ -210,7 +210,7 @@ fn a_session_has_its_device_energy_lateness_and_events_on_the_page() {
     let played = format!("The greatest force played was {:.4} N", haptics["peak_force_n"].as_f64().unwrap());
     let worst = format!("{:.0}", haptics["lateness"]["worst_us"].as_f64().unwrap());
     let lent = format!("{:.3}", 1e3 * haptics["energy_j"]["lent"].as_f64().unwrap());
-    for part in [&played, &worst, &lent, "haptic loop", "bare timer", "lent to the hand by the controller"] {
+    for part in [&played, &worst, &lent, "haptic loop", "a thread that only sleeps", "received in advance"] {
         assert!(text.contains(part), "{part} is not in the page: {text}");
     }
     // The force fades in at the start of every session (run with a haptic device).

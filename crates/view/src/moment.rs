@@ -39,7 +39,7 @@ pub struct Moment {
     pub(super) materials: Vec<Coloured>,
 }
 
-/// The simulated time as text, in as many digits as a step needs, three at least: `t = 0.125 s`.
+/// The simulated time as text, to a thousandth of a second or, where steps are shorter, to the power of ten below a step: `t = 0.125 s`.
 pub fn clock(simulation: &Simulation) -> String {
     let digits = (-simulation.scene().step.dt.log10()).ceil().clamp(3.0, 9.0) as usize;
     format!("t = {:.digits$} s", simulation.time())

@@ -7,7 +7,8 @@
 //! distance by which the body as a whole gave way.
 
 use glam::DVec3;
-use palpate::{StepReport, ToolReport};
+use palpate::scene::DeviceKind;
+use palpate::{Scene, StepReport, ToolReport};
 use serde::Serialize;
 
 use super::Tally;
@@ -132,18 +133,30 @@ pub fn headline(tally: &Tally) -> String {
     )
 }
 
-/// Advice to the user if the tool never touched anything; `None` if it touched something, and if there is no tool.
-pub fn remedy(tally: &Tally, has_trajectory: bool, nearest: Option<&Distance>) -> Option<String> {
+/// How the user makes the tool of a scene touch a body.
+pub fn advice(scene: &Scene) -> &'static str {
+    match (scene.haptics.device, scene.trajectory.is_empty()) {
+        (DeviceKind::Haply, _) => "Move the device so that the tool meets a body, or place the tool nearer to one.",
+        (DeviceKind::Replay, _) => "The recorded motion leads the tool past all bodies.",
+        (_, false) => "Let the keys of [drive] lead the tool into a body, or simulate for longer.",
+        (_, true) => {
+            "Give keys in [drive] that lead the tool into a body, or place the tool elsewhere by tool.position."
+        }
+    }
+}
+
+/// What to tell the user if the tool never touched anything: how far away it was, and the `advice` for the scene. `None`
+/// if the tool touched something, and if there is no tool.
+pub fn remedy(tally: &Tally, advice: &str, nearest: Option<&Distance>) -> Option<String> {
     tally.touch.as_ref().filter(|touch| touch.first.is_none())?;
     let away = nearest.map_or(String::new(), |Distance { body, distance, is_of_surface }| {
         let what = if *is_of_surface { "surface" } else { "centre" };
-        format!("At the end the tool's {what} was {} mm from body {body}, the nearest one. ", millimetres(*distance))
+        format!(
+            "At the end the tool's {what} was {} mm from body {body}, counting planes and skin vertices of soft bodies. ",
+            millimetres(*distance)
+        )
     });
-    let remedy = match has_trajectory {
-        true => "Let the keys of [drive] lead the tool into a body, or simulate for longer.",
-        false => "Give keys in [drive] that lead the tool into a body, or place the tool elsewhere by tool.position.",
-    };
-    Some(format!("{away}{remedy}"))
+    Some(format!("{away}{advice}"))
 }
 
 /// A force, N, as text: to a tenth of a millinewton or, if it is below a millinewton, with three significant digits.
@@ -190,7 +203,7 @@ mod tests {
         let expected = "The tool felt at most 2.0000 N, at 0.3 s, with an indentation of 10.00 mm since its first \
                         touch at 0.2 s; it was in contact in 3 of 6 steps.";
         assert_eq!(headline(&tally), expected);
-        assert_eq!(remedy(&tally, true, None), None);
+        assert_eq!(remedy(&tally, "", None), None);
     }
 
     #[test]
@@ -198,13 +211,13 @@ mod tests {
         let never = tally(&[(0.05, 0.0)]);
         let distance = Distance { body: "head".into(), distance: 0.0123, is_of_surface: true };
         assert_eq!(headline(&never), "The tool never touched anything.");
-        let said = remedy(&never, true, Some(&distance)).unwrap();
-        assert!(said.contains("12.30 mm from body head") && said.contains("[drive]"), "wrong advice: {said}");
+        let said = remedy(&never, "Press.", Some(&distance)).unwrap();
+        assert!(said.contains("12.30 mm from body head") && said.ends_with("Press."), "wrong advice: {said}");
         let felt = never.touch.as_ref().unwrap().felt();
         assert_eq!(felt, Felt::default());
         let mut without = Tally::default();
         assert!(headline(&without).contains("has no tool") && headline(&without).contains("nothing in it can collide"));
         without.add(&StepReport { contacts: Some(7), ..StepReport::default() });
-        assert!(headline(&without).contains("up to 7 contacts") && remedy(&without, true, None).is_none());
+        assert!(headline(&without).contains("up to 7 contacts") && remedy(&without, "", None).is_none());
     }
 }

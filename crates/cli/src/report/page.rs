@@ -90,7 +90,7 @@ impl Page<'_> {
 
     fn write_felt(&self, body: &mut String) {
         let _ = writeln!(body, "<p class=\"finding headline\">{}</p>", set(&felt::headline(self.tally)));
-        if let Some(remedy) = felt::remedy(self.tally, !self.scene.trajectory.is_empty(), self.nearest) {
+        if let Some(remedy) = felt::remedy(self.tally, felt::advice(self.scene), self.nearest) {
             let _ = writeln!(body, "<p>{}</p>", escaped(&remedy));
         }
         if self.tally.raised().next().is_none() {
@@ -308,7 +308,10 @@ impl Session<'_> {
     fn write_lateness(&self, body: &mut String) {
         let heads = ["", "updates", "median, us", "99 %, us", "99.9 %, us", "worst, us", "more than 2 ms late"];
         let mut late = Table::new(heads);
-        let loops = [("haptic loop", Some(&self.report.lateness)), ("bare timer", self.report.bare.as_ref())];
+        let loops = [
+            ("haptic loop", Some(&self.report.lateness)),
+            ("a thread that only sleeps, for comparison", self.report.bare.as_ref()),
+        ];
         for (name, lateness) in loops.into_iter().filter_map(|(name, lateness)| Some((name, lateness?))) {
             let us = |share| format!("{:.0}", 1e6 * lateness.quantile(share));
             let worst = format!("{:.0}", 1e6 * lateness.worst());
@@ -338,7 +341,7 @@ impl Session<'_> {
         let rows = [
             ("given by the hand", taken),
             ("received by the hand", given),
-            ("lent to the hand by the controller", energy.lent),
+            ("received in advance, before the hand gave it", energy.lent),
             ("stored", energy.stored),
             ("dissipated", energy.dissipated()),
             ("dissipated by passivity control", energy.damped),

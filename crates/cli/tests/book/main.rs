@@ -30,6 +30,8 @@ const SEEN: [&str; 8] = ["assets", "examples", "docs", "crates", "src", "vk-test
 /// Number of rings, number of sectors, and radius (m) of the sphere that stands in for a mesh of the reader's own,
 /// which the pages call `my-organ.obj` (coordinates in metres) and `my-organ-mm.obj` (in millimetres).
 const ORGAN: (u32, u32, f64) = (40, 50, 0.025);
+/// Seconds after which a block is ended.
+const PATIENCE: &str = "600";
 /// Words that the message about a missing haptic device contains.
 const NO_DEVICE: &str = "the haptic device is lost";
 
@@ -82,9 +84,10 @@ fn markdown(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// README.md, CONTRIBUTING.md and all pages of the book.
+/// The pages at the root of the repository and all pages of the book.
 fn pages() -> Vec<Page> {
-    let mut files: Vec<PathBuf> = ["README.md", "CONTRIBUTING.md"].map(|name| root().join(name)).into();
+    let mut files: Vec<PathBuf> =
+        ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md"].map(|name| root().join(name)).into();
     markdown(&root().join("docs"), &mut files);
     files.sort();
     files.iter().filter(|file| file.exists()).map(|file| page(file)).collect()
@@ -143,6 +146,8 @@ fn organ(scale: f64) -> String {
 /// Writes scripts that stand in for programs that the commands call, into `bin`, which is first on the path, and into
 /// `folder`:
 /// - `palpate` is the program of this build; its subcommand `view` ends after a second, since nobody closes its window;
+///   where a service of haptic devices runs on this machine, the program is not called with `--haptics haply`, since it
+///   would move a device that nobody holds;
 /// - `cargo run --release -- ..` calls `palpate`; of other calls of cargo, which would build the repository again, only
 ///   the names of tests and packages are checked;
 /// - `python3` is a Python that has NumPy;
@@ -156,7 +161,9 @@ fn stand_ins(folder: &Path, bin: &Path) {
         &bin.join("palpate"),
         &format!(
             "#!/bin/bash\nif [ \"${{1-}}\" = view ]; then\n  case \" $* \" in *' --steps '*|*' --seconds '*) ;; *) set -- \"$@\" --seconds 1 ;; esac\nfi\n\
-             exec {program} \"$@\"\n"
+             case \" $* \" in *' --haptics haply '*) if (: < /dev/tcp/localhost/10001) 2> /dev/null; then \
+             echo '{NO_DEVICE}' >&2; exit 4; fi ;; esac\n\
+             exec '{program}' \"$@\"\n"
         ),
     );
     executable(
@@ -165,7 +172,7 @@ fn stand_ins(folder: &Path, bin: &Path) {
             "#!/bin/bash\ncase \"$1 ${{2-}} ${{3-}}\" in\n  'run --release --') shift 3; exec palpate \"$@\" ;;\n  \
              'run --release -p') [ -d \"{repository}/crates/${{4#palpate-}}\" ] || {{ echo \"cargo: no package $4\" >&2; exit 1; }} ;;\n  \
              fmt*|test*|doc*|clippy*|build*|check*)\n    while [ $# -gt 0 ]; do\n      case $1 in\n        \
-             --test) ls {repository}/{{tests,crates/*/tests}}/\"$2\"{{.rs,/main.rs}} 2>/dev/null | grep -q . || [ \"$2\" = vk-tests ] \
+             --test) ls '{repository}'/{{tests,crates/*/tests}}/\"$2\"{{.rs,/main.rs}} 2>/dev/null | grep -q . || [ \"$2\" = vk-tests ] \
              || {{ echo \"cargo: no test $2\" >&2; exit 1; }} ;;\n        \
              -p) [ \"$2\" = palpate ] || [ -d \"{repository}/crates/${{2#palpate-}}\" ] || {{ echo \"cargo: no package $2\" >&2; exit 1; }} ;;\n      \
              esac\n      shift\n    done ;;\n  *) echo \"cargo $*: no stand-in for this call\" >&2; exit 1 ;;\nesac\n"
@@ -176,7 +183,8 @@ fn stand_ins(folder: &Path, bin: &Path) {
     let python = ["python3", "/usr/bin/python3"].into_iter().find(has_numpy);
     let python = python.expect("no Python has NumPy; ./setup.sh --tests installs it");
     let python = Command::new("which").arg(python).output().unwrap().stdout;
-    symlink(String::from_utf8(python).unwrap().trim(), bin.join("python3")).unwrap();
+    let python = String::from_utf8(python).unwrap();
+    executable(&bin.join("python3"), &format!("#!/bin/bash\nexec '{}' \"$@\"\n", python.trim()));
     executable(
         &bin.join("sbatch"),
         "#!/bin/bash\nfor last; do :; done\nfor task in 1 2; do SLURM_ARRAY_TASK_ID=$task bash -euc \"$last\"; done\n",
@@ -189,7 +197,7 @@ fn stand_ins(folder: &Path, bin: &Path) {
     }
     let install = format!(
         "#!/bin/bash\nprefix=target/install\n[ \"${{1-}}\" = --prefix ] && prefix=$2\nmkdir -p \"$prefix\"\n\
-         exec {repository}/install.sh --prefix \"$(realpath \"$prefix\")\" --built {}\n",
+         exec '{repository}/install.sh' --prefix \"$(realpath \"$prefix\")\" --built '{}'\n",
         built.display()
     );
     executable(&folder.join("install.sh"), &install);
@@ -218,9 +226,9 @@ fn run(page: &Page, display: &Display, cache: &Path) -> Result<(), String> {
         if !block.is("sh") {
             continue;
         }
-        let mut command = Command::new("bash");
-        command.args(["-e", "-u", "-o", "pipefail", "-c", &block.text]).current_dir(&folder);
-        command.env("PATH", &path).env("HOME", place.path()).env("PALPATE_CACHE", cache);
+        let mut command = Command::new("timeout");
+        command.args([PATIENCE, "bash", "-e", "-u", "-o", "pipefail", "-c", &block.text]).current_dir(&folder);
+        command.env("PATH", &path).env("PALPATE_CACHE", cache).env("PYTHONDONTWRITEBYTECODE", "1");
         command.env("DISPLAY", display.name()).env_remove("WAYLAND_DISPLAY").env("XMODIFIERS", "@im=none");
         let done = command.output().unwrap();
         let said = [&done.stdout[..], &done.stderr[..]].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
@@ -268,9 +276,10 @@ fn unknown(command: &str, known: &mut HashMap<String, Option<String>>) -> Option
     let Some(help) = options(subcommand, known) else { return Some(format!("there is no `palpate {subcommand}`")) };
     let options = words.filter_map(|word| word.trim_matches(['[', ']']).strip_prefix("--"));
     let name = |option: &str| option.split(['=', '[', '`', ',', ']']).next().unwrap_or_default().to_owned();
+    let known: Vec<&str> = help.split(|c: char| !c.is_ascii_alphanumeric() && c != '-').collect();
     options
         .map(name)
-        .find(|option| !option.is_empty() && !help.contains(&format!("--{option}")))
+        .find(|option| !option.is_empty() && !known.contains(&format!("--{option}").as_str()))
         .map(|option| format!("`palpate {subcommand}` has no option --{option}"))
 }
 
