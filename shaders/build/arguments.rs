@@ -50,7 +50,8 @@ pub fn modules(headers: &[String], shaders: &[Shader]) -> Result<String, String>
     };
     let most = shaders.iter().map(storage).collect::<Result<Vec<_>, _>>()?.into_iter().max().unwrap_or(0);
     let mut out = format!(
-        "/// The most storage buffers of a shader that reads no texel buffers.\npub const MOST_STORAGE_BUFFERS: u32 = {most};\n"
+        "/// Greatest number of storage buffers of any shader, in its version without texel buffers.\n\
+         pub const MOST_STORAGE_BUFFERS: u32 = {most};\n"
     );
     for (stage, text) in stages {
         let own: String = structs.remove(stage).unwrap_or_default().into_values().collect();

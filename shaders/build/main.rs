@@ -77,7 +77,7 @@ fn build() -> Result<(), String> {
 /// The Rust text of the table of binaries.
 fn table(shaders: &[Shader]) -> String {
     let mut text = String::from(
-        "/// Name of every shader, and its SPIR-V that reads texel and that reads storage buffers; sorted by name.\n\
+        "/// Name of every shader, and its SPIR-V with texel buffers and with storage buffers; sorted by name.\n\
          pub static SHADERS: &[(&str, [&[u8]; 2])] = &[\n",
     );
     for Shader { name, files, .. } in shaders {

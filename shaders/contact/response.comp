@@ -91,7 +91,7 @@ void main() {
         add(corners.z, -sign * found.z);
     }
     float rate = 0.0;
-    vec3 relative = vec3(0.0);      // v(s1) - v(s2), m/s; without friction, the part of the nodes is left out
+    vec3 relative = vec3(0.0);      // v(s1) - v(s2), m/s; if FRICTION is false, velocities of nodes are left out
     for (uint q = 0; q < quads; q++) {
         entry_nodes[4 * c + q] = nodes[q];
         entry_weights[4 * c + q] = weights[q];

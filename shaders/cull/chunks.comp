@@ -22,7 +22,7 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 2) const bool SPANS = false;       // whether a chunk may have nodes in other frames
+layout(constant_id = 2) const bool SPANS = false;  // whether a chunk may have nodes in frames other than its proxy's
 
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer PairProxies { PairProxy pair_proxies[]; };

@@ -21,12 +21,13 @@
 //
 // The column of a patch is what its members of body a and its members of body b cover in common. All proxies of both
 // bodies that lie in the column, and whose skin may reach the other body's skin along the normal, become active pair
-// proxies.
+// proxies. In `proxy_patches` each pair proxy has two bit masks of patches: those in whose column it is active (lowest
+// PAIR_PATCHES bits), and those of which it is a member (the next PAIR_PATCHES bits).
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 2) const float FOLLOW = 1.0;          // share of its rotation that a normal makes in one step
-layout(constant_id = 3) const uint BUCKETS = 1;
+layout(constant_id = 3) const uint BUCKETS = 1;  // number of hash lists, whose heads precede the grids in `buckets`
 layout(constant_id = 1) const uint MOST_CELLS = 128;      // most cells of the spatial hash along a side of a patch
 
 layout(scalar) readonly buffer Params { StepParams params; };
@@ -41,11 +42,11 @@ layout(scalar) buffer Boxes { vec3 boxes[]; };  // least and greatest corners of
 layout(scalar) coherent buffer ProxyPatches { uint proxy_patches[]; };  // masks: in a patch's column, member of a patch
 layout(scalar) writeonly buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };
 layout(scalar) writeonly buffer ActivePairProxies { uint active_pair_proxies[]; };  // pair proxies in a column
-layout(scalar) writeonly buffer DepthGrids { uint depth_grids[]; };  // min-max depth grids, cleared here
+layout(scalar) writeonly buffer DepthGrids { uint depth_grids[]; };  // min-max depth grids of chunks (cleared here)
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) buffer Args { uint args[]; };
 layout(scalar) coherent buffer NearPairs { uint near_pairs[]; };  // proxy pairs with a direction, in order
-layout(scalar) writeonly buffer Buckets { uint buckets[]; };  // hash lists, and depth grids of vertices, cleared here
+layout(scalar) writeonly buffer Buckets { uint buckets[]; };  // heads of hash lists; depth grids of vertices (cleared)
 
 #include "shared/sum.glsl"
 #include "shared/depth_grid.glsl"
@@ -73,8 +74,8 @@ const float LEAST_PART = 0.01;
 const float TOLD = 0.1;
 // Weight in a patch's normal of a direction that is estimated from hulls, relative to one found from contacts.
 const float GUESS = 0.01;
-// Total push of contacts (depth x area, m^3) at which contacts have half their full weight, in units of e^3, with e the
-// greater of the mean edge lengths of both skins, m.
+// Total push (depth x area) of contacts at which contacts have half their full weight, in units of e^3, with e the
+// greater of the mean edge lengths of both skins.
 const float LEAST_PUSH = 0.1;
 
 shared vec3 low[SIZE];

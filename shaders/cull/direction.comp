@@ -10,11 +10,11 @@
 // oracle::proximity::direction. A candidate is the result of contact/candidates for one skin vertex.
 //
 // Over all face normals n of both hulls (oriented from a to b) the separation is s(n) = min n.y - max n.x, over the
-// vertices y of hull b and x of hull a. Directions near the greatest separation s_max are blended, n = sum max(0, 1 -
-// (s_max - s) / blend)^2 n, so that the normal turns smoothly where the best face changes, for separate and for
-// overlapping hulls alike; the direction of least penetration would jump from face to face, and the force with it. The
-// weight of the pair is max(0, reach - max(s_max, distance))^2, which vanishes at the distance `reach` beyond which the
-// pair is culled.
+// vertices y of hull b and x of hull a. Face normals near the greatest separation s_max are blended: the estimate is
+// the sum of max(0, 1 - (s_max - s(n)) / blend)^2 n, normalised. So it turns smoothly where the best face changes, for
+// separate and for overlapping hulls; the direction of least penetration would jump from face to face, and the force
+// with it. The weight of the pair is max(0, reach - max(s_max, distance))^2, which vanishes at the distance `reach`
+// beyond which the pair is culled.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

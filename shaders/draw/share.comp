@@ -13,7 +13,7 @@ layout(constant_id = 1) const uint PATCHES = 0;
 
 layout(scalar) readonly buffer PatchFirst { uint patch_first[]; };  // start of a patch in `patch_members`, then the end
 layout(scalar) readonly buffer PatchMembers { uint patch_members[]; };        // tetrahedra of each patch
-layout(scalar) buffer Densities { vec4 densities[]; };  // J/m^3; volume V (m^3); tr(E); lambda (Pa), from draw/energy
+layout(scalar) buffer Densities { vec4 densities[]; };  // energy density (J/m^3), V (m^3), tr(E), lambda (Pa)
 
 void main() {
     uint p = gl_GlobalInvocationID.x;

@@ -8,12 +8,12 @@
 // Draw stage (for display, not part of a step): depth (m) and pressure (Pa) of the last step's contacts at skin
 // vertices (vertices of the bodies' surface meshes). A contact counts at the vertex that collided and at the corners of
 // the triangle that this vertex met, so that both skins show the contact; where a vertex has several contacts, the
-// greatest number counts. The pressure is what the solver applied at the end of the step (end_pressure in
-// shared/contact_law.glsl), or zero if this pressure is negative. After a saved state was loaded this pressure is not
-// known; then the pressure at the start of the step stands for it. A contact that was released, because it would have
-// pulled, counts for neither depth nor pressure. The arrays are cleared before. No number is negative, so a float's
-// bits as an integer sort like the float. One invocation runs for each contact; it writes by atomics whose order does
-// not matter. The test compares with Simulation::touch.
+// greatest depth and the greatest pressure count. The pressure is what the solver applied at the end of the step
+// (end_pressure in shared/contact_law.glsl), or zero if this pressure is negative. After a saved state was loaded this
+// pressure is not known; then the pressure at the start of the step stands for it. A contact that was released, because
+// it would have pulled, counts for neither depth nor pressure. The arrays are cleared before. No depth or pressure is
+// negative, so the bits of these floats, read as integers, sort like the floats. One invocation runs for each contact;
+// it writes by atomics whose order does not matter. The test compares with Simulation::touch.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint CAPACITY = 0;

@@ -22,15 +22,15 @@ layout(constant_id = 2) const uint TETRAHEDRA = 0;
 layout(constant_id = 5) const bool NEWTON = false;       // whether this is a later Newton iteration
 
 layout(scalar) readonly buffer Params { StepParams params; };
-READ_ONLY(uvec4, patch_nodes);         // three per patch: its nodes, padded with its first node
-READ_ONLY(uvec4, patch_members);  // six per patch, two tetrahedra in each: index; places of its nodes, four bits each
+READ_ONLY(uvec4, patch_nodes);         // three texels per patch: its nodes, padded with its first node
+READ_ONLY(uvec4, patch_members);  // two tetrahedra a texel: index; numbers of its four nodes in the patch, 4 bits each
 READ_ONLY(vec4, patch_constants);      // V (m^3), lambda (Pa), beta (s)
 READ_ONLY(vec4, rest_gradients);       // three per tetrahedron; w of the first: sqrt(V_e)
 READ_ONLY(vec4, gradients);  // scaled gradients, three per tetrahedron, then three zero vectors; w of the third: tr(E)
 READ_ONLY(vec4, velocity);
 READ_ONLY(vec4, trial_change);
-layout(scalar) writeonly buffer PatchRows { vec4 patch_rows[]; };          // c, twelve nodes a patch
-layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };  // N s; patches come after the tetrahedra
+layout(scalar) writeonly buffer PatchRows { vec4 patch_rows[]; };          // c: a vector for each of a patch's nodes
+layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };  // N s; tetrahedra's entries, then patches'
 
 #include "shared/f_bar_patch.glsl"
 #include "shared/lag.glsl"

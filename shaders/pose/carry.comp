@@ -8,8 +8,7 @@
 
 // Pose stage of a step: velocities of the nodes of soft bodies that are attached to rigid cores (rigid bodies inside
 // soft ones). A core is kinematic if its motion is prescribed, dynamic if the solver finds its motion; its frame is its
-// rigid coordinate frame. One invocation runs for each attached node. The f64 reference implementation is oracle::step,
-// where attached nodes may have any velocity.
+// rigid coordinate frame. One invocation runs for each attached node. The f64 reference implementation is oracle::step.
 //
 // On a dynamic core a node gets the velocity at the start of the step, v = u + w x arm, with the core's velocity u and
 // angular velocity w, and the vector `arm` from the core's centre to the node. The node's first guess of the change of

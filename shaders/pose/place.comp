@@ -10,14 +10,14 @@
 // world. A frame is a rigid coordinate frame, a link the relative placement of two frames. The kernel writes the hull's
 // vertices x = c + R r, with their rest positions r, and centre c and rotation R of the proxy's frame; the hull's face
 // planes, each with the normal n = R n_rest and the offset offset_rest + n . c; the hull's box; and a bound on how far
-// skin lies outside the hull: this distance at rest (margin) and (sum |w|) max |d|, over embedding weights w and
-// displacements d, in the proxy's frame, of the nodes that move the skin. All workgroups together clear the spatial
+// skin lies outside the hull: the sum of this distance at rest (margin) and (sum |w|) max |d|, over embedding weights w
+// and displacements d, in the proxy's frame, of the nodes that move the skin. All workgroups together clear the spatial
 // hash of the depth stage; the first invocation clears the step's counters and indirect arguments. One workgroup runs
 // for each proxy. The f64 reference implementation is oracle::proximity.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
-layout(constant_id = 2) const bool SPANS = false;       // whether a proxy may have nodes in other frames
+layout(constant_id = 2) const bool SPANS = false;       // whether a proxy may have nodes in frames other than its own
 layout(constant_id = 4) const uint BUCKETS = 1;
 
 layout(scalar) readonly buffer Frames { Frame frames[]; };

@@ -18,7 +18,7 @@ Block block_of(uint b) {
 // forces of elements on nodes; damping (bits of a float).
 uvec4 block_node(Block block, uint k) { return fetch(block_nodes, block.first + k); }
 
-// Mass-proportional damping alpha m of a node, kg/s.
+// Mass-proportional damping alpha m of a node, kg/s: damping coefficient alpha (1/s) times the node's mass m.
 float node_damping(uvec4 node) { return uintBitsToFloat(node.w); }
 
 // Index of a block's modes (basis of the coarse space) among the modes of all blocks, which are stored body by body. An

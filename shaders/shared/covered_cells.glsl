@@ -4,10 +4,10 @@
 // `skin` and `buckets` as read-only arrays.
 
 // Whether the ray of some vertex of the other side may meet a triangle of `side`. The triangle's box runs from `least`
-// to `greatest`; `height` is the coordinate along the normal up to which it reaches towards the other body, m. The
-// answer is true if, in any cell of the depth grid that the box covers, this height reaches the other side's vertex
-// that lies farthest into the triangle's body. The answer is also true where the driver ends the loops before all cells
-// are tested.
+// to `greatest`; `height` is the coordinate along the normal up to which the triangle reaches towards the other body,
+// m. The answer is true if, in any cell of the grid of sort keys (shared/spatial_hash.glsl) that the box covers, this
+// height reaches the other side's vertex that lies farthest into the triangle's body. The answer is also true where the
+// driver ends the loops before all cells are tested.
 bool seen(ContactPatch contact_patch, uint patch_index, uint side, vec2 least, vec2 greatest, float height) {
     // The margin covers the rounding of the exact test in shared/ray_hit.glsl.
     vec2 margin = 1.0e-3 * grid_cell_size(contact_patch);

@@ -5,7 +5,7 @@
 // integers that sort like the floats. A side is body a (0) or b (1). A shader that writes the grids declares
 // `depth_grids`.
 
-const uint GRID = 16;  // number of cells of a depth grid along each side
+const uint GRID = 16;  // number of rows, and of columns, of a depth grid
 
 // An unsigned integer that sorts like the float.
 uint height_key(float height) {
@@ -32,7 +32,7 @@ uvec4 grid_cells(ContactPatch contact_patch, vec2 low, vec2 high) {
     return uvec4(first, last);
 }
 
-// Bound on a chunk in a patch's axes: its box along the tangents, and a plane on the side towards the other body.
+// Bound on a chunk in a patch's axes: its box along the tangents, and a plane that bounds it towards the other body.
 struct Slab {
     vec2 low, high;             // the box along the tangents, m
     vec3 plane;                 // height of the plane at tangential coordinates u, v: plane.x u + plane.y v + plane.z

@@ -34,9 +34,9 @@ mat3 linear_stress(mat3 e, float mu, float lambda) {
     return mu * (e + transpose(e)) + mat3(pressure, 0, 0, 0, pressure, 0, 0, 0, pressure);
 }
 
-// Modulus of the compression penalty, Pa: a principal stretch s below LEAST adds this modulus times (s - LEAST) to the
-// stress along the stretch's axis, because corotational elasticity alone lets a tetrahedron be pressed flat and turn
-// inside out.
+// Modulus of the compression penalty, Pa: a principal stretch s below LEAST (shared/strain.glsl) adds this modulus
+// times (s - LEAST) to the stress along the stretch's axis, because corotational elasticity alone lets a tetrahedron be
+// pressed flat and turn inside out.
 float compression_modulus(ElasticMaterial material) { return STIFFENING * (material.lambda + 2.0 * material.mu); }
 
 #include "shared/neo_hookean.glsl"

@@ -29,8 +29,8 @@ void record_ray_hit(uint hash_entry, bool front, float depth, uint triangle, uin
 
 // Tests a triangle against all vertices of the other side in the cells from `first` to `last`. `corners` are the
 // coordinates of the triangle's corners along the patch's axes, m; `side` and `work_item` belong to the triangle,
-// `patch_side` (2 * patch + side) to the vertices. One loop goes through the cells' lists and along each list, so that
-// no lane waits for others at the end of a list. Returns the number of lists whose end was reached.
+// `patch_side` (2 * patch + the other side) to the vertices. One loop goes through the cells' lists and along each
+// list, so that no lane waits for others at the end of a list. Returns the number of lists whose end was reached.
 uint hit_cells(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint side, uint triangle, uint work_item) {
     ivec2 cell = ivec2(first.x - 1, first.y);
     uint left = uint(last.x - first.x + 1) * uint(last.y - first.y + 1), ended = 0, hash_entry = NONE;

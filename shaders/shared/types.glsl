@@ -133,7 +133,7 @@ struct Pair {
     uint is_plane;              // 1: b is a half-space
     uint kinematic_frame[2];       // frame of a and of b where these are rigid and kinematic, or NONE
     uint lone_side;             // which vertices are tested for contact; 0: of both sides, 1: of a alone, 2: of b alone
-    vec4 direction;             // prescribed contact normal, used in place of culling's; w = 0: none is prescribed
+    vec4 direction;             // prescribed contact normal, in place of one from culling; w = 0: none is prescribed
     vec4 plane;                 // unit normal and offset (m) of the half-space's boundary
 };
 
@@ -313,7 +313,7 @@ const uint VERDICT_NEWTON = 4; // solved, but not the last Newton iteration: lin
 
 const uint FLAG_NOT_CONVERGED = 1;      // the residual is well above both the tolerance and residual_floor
 const uint FLAG_PATCH_OVERFLOW = 2;    // more contact patches or work items, or smaller hash cells, than supported
-const uint FLAG_CONTACT_OVERFLOW = 4;   // more contacts or ray hits than their arrays hold, or a loop cut short
+const uint FLAG_CONTACT_OVERFLOW = 4;   // too many contacts or ray hits for the arrays, or the driver cut off a loop
 const uint FLAG_DEPTH_LIMIT = 8;        // a contact is deeper than depth_limit
 const uint FLAG_NOT_HEIGHT_FIELD = 16;  // a skin folds over itself along the normal of a contact patch
 const uint FLAG_NON_FINITE = 32;        // a number of the solution is NaN or infinite

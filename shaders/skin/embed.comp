@@ -35,9 +35,9 @@ READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
 READ_ONLY(uvec4, node_info);       // z: index of the node's frame
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
-layout(scalar) readonly buffer Shares { float shares[]; };    // weights of contact patches for each proxy of a pair
+layout(scalar) readonly buffer Shares { float shares[]; };    // weight of each contact patch at a pair proxy's vertices
 layout(scalar) writeonly buffer Skin { vec4 skin[]; };
-layout(scalar) buffer Buckets { uint buckets[]; };  // heads of the hash's lists, then depth grids; cleared to NONE
+layout(scalar) buffer Buckets { uint buckets[]; };  // hash lists' heads, then sort keys, see shared/spatial_hash.glsl
 layout(scalar) writeonly buffer HashEntries { uvec4 hash_entries[]; };       // CHUNK_VERTICES for each work item
 layout(scalar) writeonly buffer EntryHits { uint entry_hits[]; };     // first hit on each vertex's ray, here NONE
 layout(scalar) writeonly buffer EntryCells { uvec2 entry_cells[]; };      // cell of each vertex in the hash

@@ -9,11 +9,17 @@
 // Solve: right-hand side b and preconditioner of the linear system A x = b, whose unknowns x are changes of velocity,
 // at the nodes. One workgroup runs for each block of nodes: neighbouring free nodes, or nodes attached to one dynamic
 // core (rigid body inside a soft one, whose motion the solver finds). Nodes whose motion is prescribed are in no block.
-// The f64 reference is oracle::step. The kernel writes:
+// The f64 reference is oracle::step.
+//
+// Symbols: step h; mass m, gravity g, damping alpha and beta, velocity v of a node; force f and stiffness K of an
+// element; and of a contact (shared/contact_law.glsl) the weight w of the node, area a, stiffness k, damping d, depth
+// delta, rate delta', normal n, friction c and tangential velocity v_t. A frame is a rigid coordinate frame.
+//
+// The kernel writes:
 // - the right-hand side b of each node: h m g - h alpha m v, plus the sum over its elements of h f - (h^2 + h beta) K
 //   v, minus the sum over its contacts of w ((h a k delta + (h^2 k + h d) a delta') n + h c v_t), plus the carried
 //   residual b - A x of the last solve. Were this residual not carried over, its impulse would be lost in every step,
-//   always in the same smooth motions, because iterations after a warm start reduce the residual of these last.
+//   always in the same smooth motions: iterations after a warm start reduce the residual of smooth motions last.
 // - for each free node, the inverse of its 3x3 diagonal block of A; for each attached node, its diagonal block itself,
 //   from which solve/cores computes the diagonal block of the core.
 // - for each block of nodes, b . D^-1 b, with D the nodes' diagonal blocks, and (e . D^-1 e) eps^2, where e sums the
@@ -21,10 +27,6 @@
 //   nothing but rounding error.
 // - for each block of nodes, its rotation (the polar part of its nodes' affine fit), and P^T b, the restriction of b to
 //   its modes (basis of the coarse space, shared/coarse_vector.glsl), which are in the axes that this rotation gives.
-//
-// Symbols: step h; mass m, gravity g, damping alpha and beta, velocity v of a node; force f and stiffness K of an
-// element; and of a contact (shared/contact_law.glsl) the weight w of the node, area a, stiffness k, damping d, depth
-// delta, rate delta', normal n, friction c and tangential velocity v_t. A frame is a rigid coordinate frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -57,7 +59,7 @@ READ_ONLY(vec4, carried_residual);        // carried residual b - A x of the las
 layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) writeonly buffer Rhs { vec4 rhs[]; };
 layout(scalar) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
-layout(scalar) writeonly buffer Inverse { vec4 inverse[]; };      // D^-1, two texels per node: xx yy zz, xy xz yz
+layout(scalar) writeonly buffer Inverse { vec4 inverse[]; };      // D^-1; attached nodes: D; xx yy zz, xy xz yz
 layout(scalar) writeonly buffer Partials { vec2 partials[]; };    // b . D^-1 b and (e . D^-1 e) eps^2 of each block
 layout(scalar) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three texels per block
 layout(scalar) buffer BlockRotations { vec4 block_rotations[]; };  // rotation of each block in its frame

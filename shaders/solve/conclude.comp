@@ -11,8 +11,8 @@
 //
 // The relative residual sqrt((b - A x) . M^-1 (b - A x) / b . M^-1 b), with preconditioner M, is recomputed; the value
 // that the iterations carry along by recurrence is not used. A contact is under tension if its pressure at the end of
-// the step, k delta + (h k + d) delta' (shared/contact_law.glsl), is negative. Contacts do not adhere, so such contacts
-// are released, and the host has the system solved again, MAX_RETRIES times at most (each solve starts from the last
+// the step (end_pressure in shared/contact_law.glsl) is negative. Contacts do not adhere, so such contacts are
+// released, and the host has the system solved again, MAX_RETRIES times at most (each solve starts from the last
 // solution and is short). The pressure of contacts that are still under tension after the last of these solves counts
 // as zero, and a flag reports them. Once the system is solved, a further Newton iteration may follow. A dynamic core is
 // a rigid body inside a soft one, whose motion the solver finds; the tool is the body that the haptic device leads.

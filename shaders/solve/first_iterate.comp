@@ -34,7 +34,7 @@ layout(scalar) writeonly buffer Residual { vec4 residual[]; };
 layout(scalar) writeonly buffer Preconditioned { vec4 preconditioned[]; };
 layout(scalar) writeonly buffer Direction { vec4 direction[]; };                          // search direction p
 layout(scalar) writeonly buffer DirectionProduct { vec4 direction_product[]; };               // A p
-layout(scalar) writeonly buffer RestrictedDirection { vec4 restricted_direction[]; };     // P^T A p, in two sets
+layout(scalar) writeonly buffer RestrictedDirection { vec4 restricted_direction[]; };     // P^T A p, zero at first
 
 #include "shared/blocks.glsl"
 #include "shared/coarse_vector.glsl"

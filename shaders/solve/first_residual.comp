@@ -9,13 +9,13 @@
 #include "shared/rotation.glsl"
 
 // Solve: prepares the scalars and the rigid bodies for the first conjugate gradient iteration on A x = b, with
-// preconditioner M. Rigid bodies are dynamic cores (bodies inside soft ones, whose motion the solver finds) and the
-// tool (body that the haptic device leads). The kernel sums the inner products of all workgroups; inverts the tool's
-// 6x6 block of A and writes the tool's b; and sets the indirect arguments of the iterations' dispatches. It also
-// chooses the factor of the warm start, w = (y . M^-1 b) / (y . M^-1 y) with y = A x and x the last step's solution, at
-// which w x has the least residual, so that a warm start is never worse than none (projection on the earlier solution,
-// Fischer 1998). Where b is mere rounding error, as at rest, no iteration is run. There is one workgroup. The f64
-// reference is oracle::step.
+// preconditioner M; D is made of the nodes' 3x3 diagonal blocks of A. Rigid bodies are dynamic cores (bodies inside
+// soft ones, whose motion the solver finds) and the tool (body that the haptic device leads). The kernel sums the inner
+// products of all workgroups; inverts the tool's 6x6 block of A and writes the tool's b; and sets the indirect
+// arguments of the iterations' dispatches. It also chooses the warm start's factor w = (y . M^-1 b) / (y . M^-1 y) with
+// y = A x and x the last step's solution, at which w x has the least residual, so that a warm start is never worse than
+// none (projection on the earlier solution, Fischer 1998). Where b is mere rounding error, as at rest, no iteration is
+// run. There is one workgroup. The f64 reference is oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -33,7 +33,7 @@ layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer Contacts { Contact contacts[]; };
-layout(scalar) readonly buffer Partials { vec2 partials[]; };      // b . D^-1 b and its rounding, from solve/assemble
+layout(scalar) readonly buffer Partials { vec2 partials[]; };      // b . D^-1 b, and the part of it due to rounding
 layout(scalar) readonly buffer Dots { vec2 dots[]; };          // inner products from solve/gather before the loop
 layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };   // inner products from solve/coarse before the loop
 READ_ONLY(vec4, restricted_product);    // A x, summed over each block of nodes (shared/twist.glsl)
@@ -59,8 +59,8 @@ TWIST_OF(coarse_product)
 
 const uint CORES = RIGIDS - (TOOL ? 1 : 0);
 
-// Factor w of the warm start; `sums`: b . M^-1 b, its rounding, y . M^-1 b, y . M^-1 y. The factor is zero at rest, and
-// where the last solution is zero or has overflowed.
+// Factor w of the warm start; `sums`: b . M^-1 b, an estimate of b . M^-1 b for a b of mere rounding error, y . M^-1 b,
+// y . M^-1 y. The factor is zero at rest, and where the last solution is zero or has overflowed.
 float warm_start_factor(vec4 sums) {
     float factor = sums.z / sums.w;
     return sums.x > sums.y && sums.w > 0.0 && !isnan(factor) && !isinf(factor) ? factor : 0.0;

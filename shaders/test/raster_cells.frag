@@ -1,7 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 
-// Test shader of rasterization without attachments (images), not part of the step: adds the number of a rectangle of
+// Test shader of rasterization without attachments (images), not part of the step: adds 1 + the index of a rectangle of
 // cells to the cell at the pixel. One invocation runs for each cell of a rectangle.
 
 layout(constant_id = 1) const uint RASTER_CELLS = 1;

@@ -15,7 +15,7 @@
 // shortest way between a vertex of one of the two surfaces and a triangle of the other; vertices of both surfaces are
 // tested, as for contacts. For triangles that face away from the tool only the least distance is kept: where this
 // distance is less than the length of the way, the tool is within a body. Among equally long ways the one with the
-// lower index of its triangle counts; if the triangle is one too, the one with the lower index of its vertex.
+// lower index of its triangle counts; if their triangle is the same, the one with the lower index of its vertex.
 //
 // The chunks of a part are visited in the order of lower bounds of their distance, until no bound is below the length
 // of the shortest way found. A bound is the distance to the chunk's box at rest, moved by the middle of the range of

@@ -9,8 +9,9 @@
 // at the end of the step, as the solver applied them. For a haptic loop the kernel also computes the contact stiffness
 // and damping that the tool feels, sum a k J^T n n^T J and sum J^T (a d n n^T + c (I - n n^T)) J over contacts, with J
 // a contact's Jacobian with respect to the tool's twist; the compliance of the bodies is left out. Symbols of a contact
-// are as in shared/contact_law.glsl: area a, stiffness k, damping d, depth delta, rate delta', friction c; n is the
-// normal. Without a haptic loop the stiffness and damping are zero. There is one workgroup. The f64 reference is
+// are as in shared/contact_law.glsl: area a (m^2), stiffness k (N/m^3), damping d (N s/m^3), depth delta (m), its rate
+// delta' (m/s), and friction coefficient c (N s/m: friction is -c times the sliding velocity); n is the unit normal.
+// Without a haptic loop the stiffness and damping are zero. There is one workgroup. The f64 reference implementation is
 // oracle::wrench.
 
 layout(local_size_x_id = 0) in;

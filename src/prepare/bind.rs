@@ -64,9 +64,9 @@ pub fn capsule_depth(point: DVec3, capsule: &Capsule) -> f64 {
     (point - a - t * along).length() / (capsule.radii[0] + t * (capsule.radii[1] - capsule.radii[0]))
 }
 
-/// Removes from `named`, the selected nodes of the bone with index `index`, the nodes that belong to another bone. If
-/// capsules overlap, a node belongs to the bone with the least [`capsule_depth`], in a tie to the bone with the lowest
-/// index. A core that is no bone keeps all of its selected nodes.
+/// Unmarks the nodes that belong to another bone in `named`, which marks the nodes selected for the bone with index
+/// `index`. If capsules overlap, a node belongs to the bone with the least [`capsule_depth`], in a tie to the bone with
+/// the lowest index. A core that is no bone keeps all of its selected nodes.
 pub fn nearer_bones(layer: &Layer, cores: &[Core], index: usize, named: &mut [bool]) {
     let bone = |core: &Core| if let Some(Bind::Capsule(capsule)) = core.bind { Some(capsule) } else { None };
     let Some(own) = bone(&cores[index]) else { return };
@@ -122,8 +122,8 @@ mod tests {
     #[test]
     fn a_capsule_binds_its_nodes() {
         let rod = |radii| Capsule { ends: [DVec3::ZERO, DVec3::new(0.5, 0.0, 0.0)], radii };
-        // The capsule's axis passes nodes 0, 1 and 2. The nodes are 0.25 apart, so that a radius of 0.26 adds node 3
-        // beyond the axis's end, and the neighbours of nodes 0, 1 and 2 in y and in z.
+        // The capsule's axis runs through nodes 0, 1 and 2. The nodes are 0.25 apart, so that a radius of 0.26 adds
+        // node 3 beyond the axis's end, and the neighbours of nodes 0, 1 and 2 in y and in z.
         assert_eq!(bound(Bind::Capsule(rod([0.1, 0.1]))).unwrap(), [0, 1, 2]);
         assert_eq!(bound(Bind::Capsule(rod([0.26, 0.26]))).unwrap(), [0, 1, 2, 3, 5, 6, 7, 25, 26, 27]);
         assert_eq!(bound(Bind::Capsule(rod([0.05, 0.26]))).unwrap(), [0, 1, 2, 3, 7, 27]);

@@ -13,9 +13,9 @@ use crate::Result;
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{Bind, Body, Hinge, Motion};
 
-/// A dynamic core is refused if its attached nodes lie on one line, that is, if the determinant of its inertia tensor
-/// is at most this share of the cube of its mean principal inertia. A core on a hinge is refused if its inertia about
-/// the hinge is at most this share of its mean principal inertia.
+/// A dynamic core (one that forces move) is refused if its attached nodes lie on one line, that is, if the determinant
+/// of its inertia tensor is at most this share of the cube of its mean principal inertia. A dynamic core on a hinge is
+/// refused if its inertia about the hinge is at most this share of its mean principal inertia.
 const THINNEST: f64 = 1e-6;
 /// Remedy for a core without attached nodes.
 const ENLARGE: &str = "enlarge the region, or leave the core out for a free body";
@@ -178,8 +178,8 @@ pub fn floating(layer: &Layer, materials: &Materials) -> Frame {
     Frame { centre, motion: FrameMotion::Floating { mass: density * all, inertia: inertia * density } }
 }
 
-/// Lumped mass of each node over the density of the body's base material, m^3. Because of this division, the centre of
-/// mass of a body with one material has the same bits for any density.
+/// Lumped mass of each node divided by the density of the body's base material, m^3. Because of this division, the
+/// centre of mass of a body with one material has the same bits for any density.
 fn shares(layer: &Layer, materials: &Materials) -> Vec<f64> {
     let mut shares = vec![0.0; layer.nodes.len()];
     for (index, t) in layer.tetrahedra.iter().enumerate() {

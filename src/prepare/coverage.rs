@@ -4,8 +4,8 @@
 
 use super::{Proxy, Skin};
 
-/// Tolerance that lets a point on an inflated face count as inside: the rounding error of its distance from the plane,
-/// as a share of the skin's size.
+/// Tolerance that lets a point on an inflated face count as inside: the rounding error of the point's distance from the
+/// face's plane, as a share of the greatest magnitude of a coordinate of the skin's vertices.
 const ROUNDING: f64 = 1e-12;
 
 /// Share of the skin's vertices (only those that triangles use) inside at least one inflated proxy. The share is 1 if
@@ -97,10 +97,10 @@ mod tests {
         (0..4).map(|k| d[nodes[k] as usize] * e.weights[k]).sum()
     }
 
-    /// Greatest share, over all proxies, of its inflation that a proxy needs to contain its skin under the displacement
-    /// field `d`; the skin is covered if this share is at most 1. Under displacements the inflation is the margin plus
-    /// the product of a bound on the embedding weights and the largest displacement of the proxy's nodes; `weight`, if
-    /// given, replaces that bound.
+    /// A proxy needs a share of its inflation to contain its skin under the displacement field `d`. Returns the
+    /// greatest of these shares; the skin is covered if it is at most 1. Under displacements a proxy's inflation is its
+    /// margin plus the largest displacement of its nodes times the greatest sum of absolute embedding weights of its
+    /// vertices; `weight`, if given, replaces this greatest sum.
     fn used(body: &Body, model: &Model, d: &[DVec3], weight: Option<f64>) -> f64 {
         let Shape::Soft { layer, embedding, skin, proxies, .. } = &body.shape else { panic!("the body is not soft") };
         let mut worst = 0.0f64;
@@ -142,7 +142,7 @@ mod tests {
 
     /// Displaces the four nodes of the vertex that is extrapolated most: outwards where the vertex's weight is
     /// positive, inwards where it is negative, so that all four displacements move the vertex outwards. The proxy then
-    /// needs nearly its whole inflation, and an inflation with the bound 1 on the weights is too small.
+    /// needs nearly its whole inflation; with 1 in place of the sum of absolute weights, the inflation is too small.
     #[test]
     fn the_weights_of_extrapolated_skin_are_needed() {
         let (body, model) = head(0.06);

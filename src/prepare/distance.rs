@@ -184,8 +184,8 @@ mod tests {
     use super::*;
     use crate::prepare::sphere;
 
-    /// Allowed error of winding numbers that are computed with dipoles, for a coarse sphere. Far larger errors, below
-    /// one half, would still tell inside from outside.
+    /// Allowed error of winding numbers that are computed with dipoles, for a coarse sphere. Any error below one half
+    /// would still let the winding number tell inside from outside.
     const DIPOLES: f64 = 0.02;
 
     #[test]

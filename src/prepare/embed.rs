@@ -10,10 +10,10 @@ use parry3d_f64::shape::TriMesh;
 
 use super::{Embedding, Layer, layer};
 
-/// A point with a weight this far below zero still counts as inside: the weight differs from zero by rounding.
+/// A point whose least weight is at most this far below zero still counts as inside: the difference is due to rounding.
 const INSIDE_ROUNDING: f64 = 1e-12;
-/// A skin vertex whose distance from the layer exceeds this share of the layer's diagonal is refused: skin and layer
-/// are then not in the same units or place.
+/// A skin vertex whose distance from the layer exceeds this share of the diagonal of the layer's bounding box is
+/// refused: skin and layer are then not in the same units or place.
 const FARTHEST: f64 = 0.1;
 /// A tetrahedron is flat if six times its volume is at most this share of the cube of its longest edge.
 const FLAT: f64 = 1e-14;

@@ -16,10 +16,12 @@ const FLAT: f64 = 1e-6;
 /// greater distance, the triangle is a sliver and gives no face.
 const COPLANAR: f64 = 1e-7;
 
-/// Sets of more points than this are thinned before their hull is computed.
+/// Sets of more points than this are thinned before their hull is computed: only the outermost point along each of a
+/// fixed set of directions is kept.
 const MANY: usize = 1500;
-/// Number of thinning directions along each side of a cube's face. Neighbouring directions are at most 12 degrees
-/// apart, which is finer than a hull of 64 corners can resolve.
+/// The directions for thinning run from a cube's centre to a square grid of points on each face of the cube; this is
+/// the grid's number of points along one side. Neighbouring directions are at most 12 degrees apart, which is finer
+/// than a hull of 64 corners can resolve.
 const DIRECTIONS: usize = 10;
 
 /// A convex hull with volume.
@@ -85,8 +87,9 @@ pub fn reduced(points: &[DVec3]) -> Option<Hull> {
     Some(growing.hull)
 }
 
-/// A hull that grows by one corner at a time. Each time, the corner of the full hull that lies farthest outside (in a
-/// tie, the corner with the lowest index) becomes a corner of this hull; the part left outside therefore shrinks fast.
+/// A hull that grows by one corner at a time. Each time, of the corners of the points' full convex hull, the one that
+/// lies farthest outside this hull (in a tie, the one with the lowest index) becomes a corner of this hull; the part
+/// left outside therefore shrinks fast.
 pub struct Growing {
     /// Corners of the full hull.
     corners: Vec<DVec3>,
@@ -243,7 +246,7 @@ mod tests {
     use super::*;
     use crate::prepare::{layer, sphere};
 
-    /// Tolerance for every corner to lie within the hull's own planes, in a hull of about unit size.
+    /// Greatest distance by which rounding may move a corner off the hull's surface, in a hull of about unit size.
     const INSIDE: f64 = 1e-12;
 
     fn check(hull: &Hull) {
@@ -270,9 +273,12 @@ mod tests {
         check(&hull);
         let margin = points.iter().map(|&p| hull.height(p)).fold(0.0, f64::max);
         // The middle of a face lies 1 - cos(a) below the unit sphere, where `a` is the angle between the middle and the
-        // face's corners. With 64 corners, `a` is 0.27 at best, which gives 0.04; corners that are chosen greedily give
-        // up to twice that distance.
-        assert!(margin > 0.02 && margin < 0.1, "margin {margin}, expected 0.02 to 0.1 of the radius");
+        // face's corners. With 64 corners, `a` is 0.27 rad at best, which gives the distance 0.04; corners that are
+        // chosen greedily give up to twice that distance.
+        assert!(
+            margin > 0.02 && margin < 0.1,
+            "a point sticks out of the hull by {margin} of the radius, expected 0.02 to 0.1"
+        );
     }
 
     #[test]

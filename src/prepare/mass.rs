@@ -72,7 +72,7 @@ mod tests {
         let want = 0.4 * 0.09 * ball.volume;
         for e in [ball.inertia.x_axis.x, ball.inertia.y_axis.y, ball.inertia.z_axis.z] {
             // The polyhedron is inscribed in the sphere, so its radius of gyration is a little shorter than the
-            // sphere's; the relative difference is less than that of the volumes.
+            // sphere's; the relative difference is less than the relative difference of the volumes.
             assert!(e < want && e > 0.995 * want, "moment of inertia {e} m^5, expected a little less than {want} m^5");
         }
         // An inward orientation gives a negative volume; surfaces with such a volume are refused.

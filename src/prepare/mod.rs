@@ -155,7 +155,7 @@ pub enum FrameMotion {
     Floating {
         /// Mass of all nodes, kg.
         mass: f64,
-        /// Inertia tensor of the lumped nodes about the frame's origin, rest-frame axes, kg m^2.
+        /// Inertia tensor of the masses lumped at the nodes about the frame's origin, rest-frame axes, kg m^2.
         inertia: DMat3,
     },
 }

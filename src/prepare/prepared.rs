@@ -189,8 +189,8 @@ fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
     }
 }
 
-/// The layer's boundary as a surface, and the report on the repair of this surface. Only the boundary of a given mesh
-/// is repaired, because elements of such a mesh may overlap or be missing.
+/// The layer's boundary as a surface, and the report on the repair of this surface. Only the boundary of a layer that
+/// the user gave is repaired, because elements of such a mesh may overlap or be missing.
 fn boundary(keys: &Keys, layer: &Layer, source: Option<&scene::Layer>) -> Result<(TriangleMesh, Option<RepairReport>)> {
     let (vertices, triangles, _) = layer::boundary(layer);
     let mesh = TriangleMesh { vertices, triangles };
@@ -202,7 +202,8 @@ fn boundary(keys: &Keys, layer: &Layer, source: Option<&scene::Layer>) -> Result
     Ok((mesh, Some(found)))
 }
 
-/// A layer, its groups of tetrahedra, notes for the user, and the report on the filling if the layer was made so.
+/// A layer, its groups of tetrahedra, notes for the user, and, if the layer was made by filling a surface with
+/// tetrahedra, the report on the filling.
 #[derive(Default)]
 struct Filled {
     layer: Layer,

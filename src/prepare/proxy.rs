@@ -5,8 +5,8 @@
 //! Approximate convex decomposition (K. Mamou's V-HACD, in the crate parry) cuts the voxels of the solid into parts,
 //! and parts with too many skin triangles are halved. Each skin triangle belongs to the part that contains the voxel of
 //! the triangle's centroid. A part's hull is the convex hull of its triangles' corners and of its inner voxels'
-//! centres, so that the hull is tight on the skin and solid behind it. All hulls together have a limited number of
-//! triangles; hulls get further corners where the skin sticks out most.
+//! centres, so that the hull fits the skin tightly and contains the part's volume behind the skin. All hulls together
+//! have a limited number of triangles; hulls get further corners where the skin sticks out most.
 
 use glam::DVec3;
 use parry3d_f64::math::Vector;

@@ -120,8 +120,8 @@ mod tests {
                 p.hull
             );
         }
-        // Many triangles that follow another frame make a proxy of their own, a few stay with their proxy. With a
-        // single frame nothing changes.
+        // Triangles that follow another frame make a proxy of their own if they are more than a tenth of their proxy's
+        // triangles; fewer stay with their proxy. With a single frame nothing changes.
         let few: Vec<u32> = bar.nodes.iter().map(|n| u32::from(n.x > 3.6)).collect();
         assert_eq!(on_frames(whole.clone(), &skin, &bar, &embedding, &few).len(), 2);
         let fewer: Vec<u32> = bar.nodes.iter().map(|n| u32::from(n.x > 3.9 && n.y > 0.6)).collect();

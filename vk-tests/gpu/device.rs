@@ -57,7 +57,8 @@ fn dependent_passes_run_in_order_and_independent_ones_do_not_wait() {
     assert_eq!(
         passes,
         [("first", 42, 22)],
-        "stage, number of passes, and number of passes that wait: one of each of 20 pairs, the copy, the last dispatch"
+        "stage, number of its passes, and number of these that wait for an earlier pass (one of each of the 20 pairs, \
+         the copy and the last dispatch must wait)"
     );
     let times = recording.stage_times();
     assert_eq!(times.iter().map(|t| t.0.as_str()).collect::<Vec<_>>(), ["first", "second"]);
@@ -179,8 +180,8 @@ fn threads_share_the_queue() {
     let (context, kernel) = (context(), bump());
     std::thread::scope(|scope| {
         for thread in 0..4u32 {
-            // The test's own thread keeps other tests out (`harness::turn`), also on behalf of the threads that it
-            // spawns here; these must not call `context()`, which would wait for that lock.
+            // The test's own thread holds the lock that keeps other tests out (`harness::turn`), also on behalf of the
+            // threads that it spawns here; these must not call `context()`, which would wait for that lock.
             let (kernel, a) = (&kernel, cells("own"));
             scope.spawn(move || {
                 let mut recorder = Recorder::new(context).unwrap();

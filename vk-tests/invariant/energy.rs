@@ -117,7 +117,7 @@ fn a_dropped_tool_never_gains_energy() {
              [tool]\nsphere = {RADIUS:?}\nmass = 0.05\nposition = [0.0, {:?}, 0.0]\n",
             0.05 + RADIUS + drop
         );
-        judge(&format!("tool on {young:e} Pa from {drop} m"), &text, steps, |s| s.tool.as_ref().unwrap().centre.y);
+        judge(&format!("tool dropped {drop} m on {young:e} Pa"), &text, steps, |s| s.tool.as_ref().unwrap().centre.y);
     }
 }
 
@@ -136,6 +136,6 @@ fn a_dropped_block_never_gains_energy() {
             lowest + drop
         );
         let height = |s: &State| s.nodes().map(|(m, x, _)| m * x.y).sum::<f64>() / s.nodes().map(|n| n.0).sum::<f64>();
-        judge(&format!("block of {young:e} Pa from {drop} m, tilt {tilt}"), &text, steps, height);
+        judge(&format!("block of {young:e} Pa dropped {drop} m, tilt {tilt} rad"), &text, steps, height);
     }
 }

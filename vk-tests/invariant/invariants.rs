@@ -166,7 +166,7 @@ fn needs(text: &str) -> (Vec<&'static str>, Vec<String>, u64) {
 }
 
 /// Least number of bytes that the contact stages alone allocate for the sphere: for each of its vertices, 16 entries of
-/// the lists that assign contacts to nodes (node, weight, sorted, next: 20 bytes).
+/// the lists that assign contacts to nodes (node, weight, sorted, next: together 20 bytes).
 const TOUCH_BYTES: u64 = 2562 * 16 * 20;
 
 #[test]

@@ -67,7 +67,7 @@ fn options() -> Options {
     Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), ..Options::of_program() }
 }
 
-/// Writes the surface of the block, each edge cut into `cells`, to a file.
+/// Writes the surface of the block, each edge divided into `cells` parts, to a file.
 fn block(folder: &Path, cells: u32) -> std::path::PathBuf {
     let (vertices, triangles, _) =
         layer::boundary(&layer::kuhn_box(DVec3::splat(-HALF), DVec3::splat(HALF), [cells; 3]));
@@ -95,8 +95,8 @@ fn a_layer_made_for_a_surface_is_as_stiff_as_one_that_conforms() {
         let error = |force: f64| force / reference - 1.0;
         println!(
             "press by a tenth of the height, cells of {cell:.4} m: force {reference:.3} N with the refined layer \
-             ({fine} tetrahedra), {:+.1} % from that with the conforming layer ({coarse} tetrahedra), {:+.1} % from it \
-             with the layer made for the surface ({stuffed} tetrahedra)",
+             ({fine} tetrahedra); the force differs from this by {:+.1} % with the conforming layer ({coarse} \
+             tetrahedra) and by {:+.1} % with the layer made for the surface ({stuffed} tetrahedra)",
             100.0 * error(conforming),
             100.0 * error(made)
         );

@@ -15,7 +15,7 @@ use crate::solver::system::{DT, System, layered, material, mixed, triples};
 use crate::stage::elastic::{deformed_of, expect_of_largest, expect_oracle, stretched, sync};
 
 /// Tolerance of forces relative to the largest force, which is that of the stiffest material; the tests of the
-/// corotational law alone use it too.
+/// corotational law alone have the same tolerance.
 const FORCE: f64 = 1.0e-5;
 /// Tolerance of forces relative to the largest force, where strains are as small as 1e-6.
 const TINY_STRAIN: f64 = 5.0e-6;

@@ -274,7 +274,8 @@ fn a_ball_rolls_down_a_slope_as_a_rigid_one() {
         let slip = ball.speed[199] / (ball.spin[199] * RADIUS) - 1.0;
         println!(
             "rolling, {name}: accelerations {got:.4} m/s^2 and {spin:.2} rad/s^2; of a rigid ball {want:.4} m/s^2 and \
-             {:.2} rad/s^2 (of a solid sphere {:.4} m/s^2); slip over speed {:.1e}; moment of inertia {:.4} m r^2",
+             {:.2} rad/s^2 (of a solid sphere {:.4} m/s^2); slip over speed {:.1e}; moment of inertia {:.4} times mass \
+             times radius squared",
             want / RADIUS,
             9.81 * 15f64.to_radians().sin() / 1.4,
             slip,

@@ -42,7 +42,7 @@ fn expect_the_same(name: &str, steps: usize) {
         None,
         "{name}: index of the first result that differs between texel and storage buffers"
     );
-    assert_eq!(few, storage, "{name}: results with small texel buffers and with storage buffers");
+    assert_eq!(few, storage, "{name}: results with small texel buffers (left) and with storage buffers (right)");
 }
 
 #[test]

@@ -41,7 +41,7 @@ pub fn bar(young: f64, keys: &str) -> String {
     )
 }
 
-/// Text of the keys of a driven core. Within 40 ms they turn the body by up to `angle` (rad) and shift it by up to
+/// Text of the keys of a driven core. Within 40 ms they turn the core by up to `angle` (rad) and shift it by up to
 /// `shift` (m), from the pose in which the scene places the body.
 pub fn keys(scene_position: DVec3, orientation: DQuat, angle: f64, shift: DVec3) -> String {
     let mut text = String::from("[");
@@ -288,7 +288,10 @@ fn a_kinematic_body_presses_as_if_the_other_came_to_it() {
     let relative: Vec<DVec3> = lifted.iter().map(|d| *d - lift).collect();
     let error = relative_error(&relative, &pressed);
     let largest = pressed.iter().map(|d| d.length()).fold(0.0, f64::max);
-    println!("moving cube and moving core: relative difference of displacements {error:.1e}, largest {largest:.4} m");
+    println!(
+        "moving cube and moving core: relative difference of displacements {error:.1e}, largest displacement \
+         {largest:.4} m"
+    );
     assert!(largest > 0.005 && error < SHAPE, "relative difference of displacements {error:e}");
 }
 
@@ -347,7 +350,9 @@ fn a_human_bends_its_arm() {
     let mut simulation = Simulation::open(&Scene::load(&file).unwrap(), &options).unwrap();
     let rows: Vec<_> = (0..200).map(|_| simulation.step().unwrap()).collect();
     assert!(rows.iter().all(|row| row.flags == Flags::default()));
-    let Shape::Soft { layer, frames, node_frames, proxies, .. } = &simulation.bodies()[0].shape else { panic!("soft") };
+    let Shape::Soft { layer, frames, node_frames, proxies, .. } = &simulation.bodies()[0].shape else {
+        panic!("not soft")
+    };
     let driven = |frame: u32| matches!(frames[frame as usize].motion, FrameMotion::Kinematic(_));
     assert!(proxies.iter().any(|proxy| driven(proxy.frame)), "the forearm must have collision proxies (convex hulls)");
     let (moved, _) = simulation.nodes(0).unwrap().unwrap();

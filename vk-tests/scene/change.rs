@@ -1,7 +1,7 @@
-//! Changes, between two steps, of materials, of the contact law (pressure of depth) and of the motion of driven cores
-//! (rigid bodies inside a soft one, to which nodes are attached and which move as keys, poses at given times, say).
-//! From the change on, a simulation must give the same bits as one that was opened with the change in its scene and
-//! into which the state before the change was restored.
+//! Changes, between two steps, of materials, of the contact law (pressure as a function of depth) and of the motion of
+//! driven cores (rigid bodies inside a soft one, to which nodes are attached and which move as keys, poses at given
+//! times, say). From the change on, a simulation must give the same bits as one that was opened with the change in its
+//! scene and into which the state before the change was restored.
 
 use std::time::Duration;
 

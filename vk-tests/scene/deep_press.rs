@@ -1,6 +1,6 @@
-//! Large deformations of 30 to 40 percent, as in the paper: a rigid sphere is pressed into soft bodies by four tenths
-//! of their radius. The force must rise all the way in, no tetrahedron may be inverted, and after the release the body
-//! must return to its rest shape.
+//! Large deformations of 30 to 40 percent, as in the paper whose method the program implements: a rigid sphere is
+//! pressed into soft bodies by four tenths of their radius. The force must rise all the way in, no tetrahedron may be
+//! inverted, and after the release the body must return to its rest shape.
 
 use glam::{DMat3, DVec3};
 use palpate::internal::prepare::{Layer, Shape};
@@ -89,7 +89,7 @@ fn press(deep: &Deep) {
     println!(
         "{name}: {} tetrahedra; sphere pressed in by {:.4} m, force there {:.1} N; least ratio of a tetrahedron's \
          volume to its rest volume {least:.2}; greatest fall of the force in a step {fall:.1e} N; greatest \
-         displacement {deepest:.3} m, ratio of the displacement at the end to it {left:.1e}",
+         displacement {deepest:.3} m, displacement at the end relative to the greatest {left:.1e}",
         layer.tetrahedra.len(),
         travel - at_touch,
         force[PHASES[0] - 1]

@@ -78,7 +78,11 @@ fn check(name: &str, simulation: &Simulation) -> Explanation {
         "{name}: a kernel is listed twice: entries in the list (left), different kernels (right)"
     );
     let (stages, dependent) = simulation.passes(ITERATIONS);
-    assert_eq!(explanation.passes, stages.iter().map(|(_, n)| n).sum::<u32>(), "{name}: passes explained and recorded");
+    assert_eq!(
+        explanation.passes,
+        stages.iter().map(|(_, n)| n).sum::<u32>(),
+        "{name}: number of passes in the explanation (left) and in the recorded step (right)"
+    );
     assert_eq!(explanation.dependent_passes, dependent, "{name}: number of passes that wait for an earlier pass");
     for (stage, passes) in stages {
         let own = explanation.stages.iter().find(|known| known.stage == stage).unwrap();
@@ -238,6 +242,6 @@ fn one_side_takes_less_memory() {
         (simulation.context().bytes_allocated(), row.tool.unwrap().force.length(), row.flags.0)
     };
     let ((both, force, flags), (one, alone, flags_too)) = (of("both"), of("one"));
-    println!("contact on both sides: {both} bytes, {force:.5} N; on one side: {one} bytes, {alone:.5} N");
+    println!("contact on both sides: {both} bytes, force {force:.5} N; on one side: {one} bytes, force {alone:.5} N");
     assert!(one < both && [force, alone].iter().all(|force| *force > 0.0) && [flags, flags_too] == [0, 0]);
 }

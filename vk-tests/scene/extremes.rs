@@ -7,7 +7,7 @@ use palpate::{Flags, Simulation, StepReport};
 use crate::scene::whole_step::{open, run, scene};
 
 /// `BLOCK` is text of the tetrahedral mesh and the material of a cube with edges of 0.1 m and its top at y = 0. `HELD`
-/// is text of a fixed rigid core (rigid body inside the cube), to which the nodes of its bottom are attached.
+/// is text of a fixed rigid core (rigid body inside the cube), to which the nodes of the cube's bottom are attached.
 const BLOCK: &str = "layer = { box = [[-0.05, -0.1, -0.05], [0.05, 0.0, 0.05]], cells = [4, 4, 4] }\n\
                      material = { young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }\n";
 const HELD: &str = "[[body.core]]\nname = \"k\"\nbind = { box = [[-1, -0.11, -1], [1, -0.09, 1]] }\n";

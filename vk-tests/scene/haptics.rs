@@ -151,9 +151,9 @@ impl Environment for Recorded<'_> {
     }
 }
 
-/// Runs the loop with a scripted device, which has the named profile (limits of a model of device) and follows keys,
-/// poses at given times, exactly; passivity control is on. Returns all ticks of the loop, and the contact wrenches of
-/// all simulation steps.
+/// Runs the loop with a scripted device, which has the named profile (limits of one model of haptic device) and follows
+/// keys, poses at given times, exactly; passivity control is on. Returns all ticks of the loop, and the contact
+/// wrenches of all simulation steps.
 fn follow(simulation: &mut Simulation, profile: &str, keys: &[Key], seconds: f64) -> (Vec<Tick>, Vec<ContactWrench>) {
     let profile = Profile::named(profile).unwrap();
     let tool = simulation.tool().unwrap().clone();
@@ -227,7 +227,7 @@ fn a_force_held_is_that_of_the_step_and_of_the_block_at_rest_and_the_first_touch
         let lent = ticks.iter().map(|tick| tick.energy.lent).fold(0.0, f64::max);
         assert!(
             acting < 0.01 && lent < 1e-6,
-            "{profile}: passivity control acts in {acting} of all ticks and lends {lent} J"
+            "{profile}: share of ticks in which passivity control acts {acting}; energy lent {lent} J"
         );
         let net: f64 = ticks
             .windows(2)

@@ -25,8 +25,8 @@ const TICKS: u64 = 300;
 const EVERY: u64 = 15;
 const DELAY: u64 = 9;
 
-/// Records a session in virtual time, in which the device follows the scene's keys (poses at given times). `spoil` may
-/// change every tick before it is recorded. Returns the greatest contact force on the tool, N.
+/// Records a session in virtual time (without a clock), in which the device follows the scene's keys (poses at given
+/// times). `spoil` may change every tick before it is recorded. Returns the greatest contact force on the tool, N.
 fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tick)) -> f64 {
     let mut simulation = open(scene, Some(path));
     let tool = simulation.tool().unwrap().clone();

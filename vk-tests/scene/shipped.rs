@@ -97,19 +97,19 @@ fn runs(name: &str, jump: f64) {
 }
 
 #[test]
-#[ignore = "lasting: minutes"]
+#[ignore = "lasting: takes some minutes"]
 fn lasting_two_heads() {
     runs("two-heads.toml", 0.1);
 }
 
 #[test]
-#[ignore = "lasting: minutes"]
+#[ignore = "lasting: takes some minutes"]
 fn lasting_gears() {
     runs("gears.toml", 0.1);
 }
 
 #[test]
-#[ignore = "lasting: minutes"]
+#[ignore = "lasting: takes some minutes"]
 fn lasting_pumpkins() {
     runs("pumpkins.toml", 0.1);
 }

@@ -60,7 +60,7 @@ impl Twin {
         let mut oracle = step::Simulation::new(scene.step.dt, scene.step.gravity);
         oracle.bodies.push(soft_twin(simulation, 0));
         let body = prepare::tool(scene.tool.as_ref().unwrap(), scene).unwrap();
-        let Shape::Rigid { skin: tool, centroid, volume, inertia, .. } = body.shape else { panic!("a soft tool") };
+        let Shape::Rigid { skin: tool, centroid, volume, inertia, .. } = body.shape else { panic!("the tool is soft") };
         let tool = prepare::Skin { vertices: tool.vertices.iter().map(|x| *x - centroid).collect(), ..tool };
         let mass = scene.tool.as_ref().unwrap().mass;
         oracle.tool = Some(oracle::tool::Tool {
@@ -73,7 +73,7 @@ impl Twin {
             coupling: scene.coupling,
         });
         let Shape::Soft { layer, materials, skin, embedding, .. } = &simulation.bodies()[0].shape else {
-            panic!("rigid")
+            panic!("the body is rigid")
         };
         let stiffness = auto_stiffness(&[(layer, &materials.all[0])]).unwrap();
         let law = ContactLaw { stiffness, damping: stiffness * scene.step.dt, depth_limit: scene.contact.depth_limit };

@@ -125,7 +125,7 @@ fn the_gap_is_looked_for_where_a_loop_holds_the_tool() {
         assert_eq!(
             passes.args[3 * shaders::ARGS_GAP as usize],
             want,
-            "workgroups requested for wrench/gap; a haptic loop holds the tool (1: yes): {is_held}; r . M^-1 r {worth}"
+            "number of workgroups requested for wrench/gap; is the tool held (1: yes): {is_held}; r . M^-1 r: {worth}"
         );
     }
 }
@@ -220,7 +220,7 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
         let r = &left[places.tool..];
         norm2 += (0..36).map(|k| r[k / 6] * passes.rigid_inverse(0, k / 6, k % 6) * r[k % 6]).sum::<f64>();
         // The norm of b is chosen so that the residual stays below one: a solution with a greater residual is worse
-        // than zero and fails.
+        // than x = 0 and fails.
         passes.state.rhs_norm2 = 4.0 * norm2 as f32;
         let want = (norm2 / f64::from(passes.state.rhs_norm2)).sqrt();
 
@@ -293,7 +293,7 @@ fn the_state_moves_by_hand() {
     passes.solution = vec![[0.0, 3.0, 0.0, 0.0]; 4];
     (passes.rhs, passes.operator_product) = (vec![[5.0, 6.0, 7.0, 0.0]; 4], vec![[4.0, 4.0, 4.0, 0.0]; 4]);
     passes.commit();
-    let [first, .., last] = &passes.system.displacement[..] else { panic!("four nodes") };
+    let [first, .., last] = &passes.system.displacement[..] else { panic!("fewer than two nodes") };
     let rounding = Tolerance { abs: 1e-8, rel: 1e-7 };
     expect_close("d", first, &[0.5 + 4.0 / 128.0, 0.0, 0.0, 0.0], rounding);
     assert_eq!(passes.system.velocity[..3], [[0.0, 4.0, 0.0, 0.0]; 3]);

@@ -99,7 +99,7 @@ fn it_stops_where_it_should() {
     assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 9), running);
     assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 10), stopped_at_most);
     assert_eq!(stopped(2.0, -10.0, |_| ()), broken);
-    assert_eq!(stopped(2.0, 1.0, |_| ()), broken, "status where delta - beta gamma / alpha = 0");
+    assert_eq!(stopped(2.0, 1.0, |_| ()), broken, "status where delta - beta gamma / alpha' = 0");
     assert_eq!(
         stopped(20.0, 1.0, |_| ()),
         running,
@@ -190,8 +190,8 @@ fn vectors_follow_the_scalars_at_every_size() {
         (passes.solution, passes.residual, passes.preconditioned) = (field(), field(), field());
         (passes.direction, passes.direction_product, passes.operator_product) = (field(), field(), field());
         passes.inverse = (0..2 * nodes).map(|_| random.vector().as_vec3().extend(0.0).to_array()).collect();
-        // Sums over all blocks give gamma = 1 and delta, and so beta = 1 / -2.5 = -0.4 and alpha = 1 / (delta + 0.4) =
-        // 0.7.
+        // Sums over all blocks give gamma = 1 and delta = 1 / 0.7 - 0.4. With gamma' = -2.5 and alpha' = 1 this
+        // gives beta = 1 / -2.5 = -0.4 and alpha = 1 / (delta + 0.4) = 0.7.
         let set = case % 2;
         passes.state.current = set as u32;
         passes.iterations[set] = Iteration { gamma: -2.5, alpha: 1.0, count: 1 };

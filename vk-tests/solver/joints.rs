@@ -64,8 +64,8 @@ fn bar() -> Body {
     body
 }
 
-/// Passes of the solver on the bar. The numbers of its joints, which the host otherwise writes in each step, are
-/// random.
+/// Passes of the solver on the bar. The data of its joints (stiffness, impulse and so on), which the host otherwise
+/// writes in each step, are random.
 fn passes(with: Preconditioner) -> Passes {
     let mut passes = Passes::new(System::preconditioned(&[bar()], 0.004, 3, with));
     let model = &passes.system.model;
@@ -184,7 +184,7 @@ fn rows_of_joints_are_in_a_and_b() {
     for (index, first) in unknowns.cores.iter().enumerate() {
         let rows = rows_of(&passes, &passes.rigids[index]);
         for part in [0..3, 3..6] {
-            let (name, of) = (format!("core {index}, {part:?}"), first + part.start..first + part.end);
+            let (name, of) = (format!("core {index}, rows {part:?}"), first + part.start..first + part.end);
             expect_of_largest(&format!("{name}: A x"), &rows[part.clone()], &y[of.clone()], 1e-5);
             let got = passes.rigids[index].b.map(f64::from);
             let got: Vec<f32> = got[part].iter().map(|x| *x as f32).collect();
@@ -301,7 +301,7 @@ fn cores_that_are_joined_are_solved_as_one() {
             let own = |first: usize| first + part.start..first + part.end;
             let got: Vec<f32> = (0..firsts.len()).flat_map(|k| passes.core_changes[own(6 * k)].to_vec()).collect();
             let want: Vec<f64> = firsts.iter().flat_map(|first| want[own(*first)].to_vec()).collect();
-            expect_of_largest(&format!("cores, {part:?}"), &got, &want, SOLUTION);
+            expect_of_largest(&format!("cores, rows {part:?}"), &got, &want, SOLUTION);
         }
     }
 }

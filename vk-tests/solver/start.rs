@@ -20,8 +20,8 @@ const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };
 /// away from the input.
 const SUM: f64 = 5.0e-6;
 /// Error of an entry of the inverse of the tool's block relative to the geometric mean of the diagonal entries in its
-/// row and in its column: rounding of the block (1e-6) times the block's condition number in these units, some
-/// hundreds.
+/// row and in its column: rounding of the block (1e-6) times the condition number (some hundreds) that the block
+/// has when it is scaled to a diagonal of ones.
 const INVERSE: f64 = 1.0e-4;
 /// Relative error of factors and norms, which are inner products with blocks that were inverted in f32.
 const FACTOR: f64 = 1.0e-4;
@@ -97,8 +97,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The vector M^-1 r in the order of the oracle's unknowns. M^-1 consists of the kernel's inverses of 3x3 blocks for
-/// the nodes and of `inverse`, the oracle's inverse of the 6x6 block, for the tool.
+/// M^-1 times the vector `r`, in the order of the oracle's unknowns. M^-1 consists of the kernel's inverses of 3x3
+/// blocks for the nodes and of `inverse`, the oracle's inverse of the 6x6 block, for the tool.
 fn preconditioned(passes: &Passes, inverse: &[Vec<f64>; 6], r: &[f64]) -> Vec<f64> {
     let places = passes.system.twin.unknowns();
     let mut z = vec![0.0; r.len()];
@@ -162,19 +162,24 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         let warm_start = f64::from(state.warm_start);
         let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| b - warm_start * y).collect();
         let scaled: Vec<f64> = tool_x.iter().map(|x| warm_start * f64::from(*x)).collect();
-        expect_close("tool's x", &tool_now.x, &scaled, ROUNDING);
+        expect_close("tool's part of the solution x", &tool_now.x, &scaled, ROUNDING);
         let magnitude = |rows: std::ops::Range<usize>| -> f64 {
             rows.map(|k| b[tool + k].abs().max((warm_start * y[tool + k]).abs())).fold(0.0, f64::max)
         };
         for rows in [0..3, 3..6] {
             let allowed = Tolerance { abs: 2.0 * SUM * magnitude(rows.clone()), rel: 0.0 };
-            expect_close("tool's r", &tool_now.r[rows.clone()], &r[tool..][rows], allowed);
+            expect_close("tool's residual", &tool_now.r[rows.clone()], &r[tool..][rows], allowed);
         }
         let residual = tool_now.r.map(f64::from);
         let u: Vec<f64> = (0..6).map(|i| (0..6).map(|k| passes.rigid_inverse(0, i, k) * residual[k]).sum()).collect();
         let sizes = (0..6).map(|i| (0..6).map(|k| (passes.rigid_inverse(0, i, k) * residual[k]).abs()).sum::<f64>());
         for (i, size) in sizes.enumerate() {
-            expect_close("tool's u", &tool_now.u[i..=i], &u[i..=i], Tolerance { abs: SUM * size, rel: 0.0 });
+            expect_close(
+                "tool's preconditioned residual",
+                &tool_now.u[i..=i],
+                &u[i..=i],
+                Tolerance { abs: SUM * size, rel: 0.0 },
+            );
         }
         assert_eq!((tool_now.p, tool_now.s), ([0.0; 6], [0.0; 6]));
         // With this factor, the first residual must never be greater than without a warm start.

@@ -13,8 +13,8 @@ use crate::solver::system::{System, triples, two_layers, two_layers_one_on_a_cor
 use crate::stage::elastic::expect_of_largest;
 
 /// Error of the solution relative to the largest value of a body. The solver stops at 1e-6 of the right-hand side's
-/// norm, the condition number with the preconditioner is some hundreds, and f32 rounding in b and A makes an error of
-/// the same size.
+/// norm, and the condition number with the preconditioner is some hundreds: their product is some 1e-4. f32 rounding in
+/// the right-hand side and the matrix makes an error of this size as well.
 pub const SOLUTION: f64 = 1.0e-4;
 /// Limit of iterations; there are less than 500 unknowns.
 const LIMIT: usize = 300;

@@ -23,9 +23,9 @@ const NOT_HEIGHT_FIELD: u32 = 16;
 /// Tolerance of depths and positions, m: positions of some centimetres in f32 are known to 4e-9 m, and triangles are
 /// inclined by up to 45 degrees.
 const DEPTH: f64 = 4e-8;
-/// Tolerance of blended values, relative: depths of at least 4 mm are known to 1e-5, the strengths of patches (share,
-/// that is weight of the patch at the vertex, over depth squared) are known to twice that error, and the smooth step
-/// that turns strengths into blending weights has slope 3.
+/// Relative tolerance of blended values: depths of at least 4 mm are known to 1e-5. A patch's strength, which is its
+/// weight at the vertex divided by the squared depth, is known to 2e-5, and the smooth step that turns strengths into
+/// blending weights has a slope of up to 3.
 const BLENDED: f64 = 1e-4;
 const FIRST_PROXY_PAIR: u32 = 10;
 
@@ -303,7 +303,7 @@ fn the_nearest_of_a_long_list_is_found_or_flagged() {
 #[test]
 fn of_equally_deep_crossings_the_lowest_triangle_stands() {
     for list in [[(0.01, true), (0.01, false)], [(0.01, false), (0.01, true)]] {
-        // The hit that is made first has the lowest triangle, and lies last in the list.
+        // The hit that is made first is on the triangle with the lowest index, and lies last in the list.
         assert_eq!(one(0, &list).0 > 0.0, list[0].1);
     }
 }

@@ -355,7 +355,7 @@ fn chunks_meet_where_some_square_of_the_other_side_reaches_them() {
     }
 }
 
-/// Two spheres, a tool and a body: every chunk with a colliding vertex or an opposing triangle must be active (pass
+/// A tool and a body, both spheres: every chunk with a colliding vertex or an opposing triangle must be active (pass
 /// culling), and many other chunks must not be active.
 #[test]
 fn chunks_that_collide_are_active_and_those_far_away_are_not() {

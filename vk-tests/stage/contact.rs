@@ -178,7 +178,7 @@ fn check(flow: &Flow, c: usize, want: &oracle::Contact) {
     expect_close(&what, &[got.area], &[want.area], Tolerance { abs: 1e-5 * RADIUS * RADIUS, rel: 1e-4 });
     expect_close(&what, &[got.stiffness, got.damping], &[want.stiffness, want.damping], relative);
     let (nodes, tool) = jacobian(want, flow);
-    assert_eq!(f64::from(got.tool_sign), tool, "{what}: sign of the tool's share");
+    assert_eq!(f64::from(got.tool_sign), tool, "{what}: sign of the tool's weight in the normal velocity");
     let mut entries = BTreeMap::new();
     for quad in 4 * c..4 * c + got.quads as usize {
         for (node, w) in flow.entry_nodes[quad].iter().zip(flow.entry_weights[quad]) {

@@ -166,8 +166,8 @@ fn check(given: &Given, out: &Outcome) -> usize {
         let own = &shares[PAIR_PATCHES * s..][..PAIR_PATCHES];
         let sum: f32 = own.iter().sum();
         let member = bits[s] >> PAIR_PATCHES != 0;
-        // In a patch of which pair proxy `s` is no member, its share is at most (q - 0.1) / 20, where q is the patch's
-        // strength over the sum of the strengths of all patches.
+        // A patch of which pair proxy `s` is no member has a share of at most (q - 0.1) / 20 at `s`, where q is the
+        // patch's field `weight` divided by the sum of this field over all patches.
         for r in (0..live).filter(|r| bits[s] >> (PAIR_PATCHES + r) & 1 == 0) {
             let strength = contact_patches[r].weight
                 / contact_patches.iter().map(|contact_patch| contact_patch.weight).sum::<f32>();

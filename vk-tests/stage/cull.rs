@@ -139,7 +139,7 @@ fn test_pairs(hulls: &Hulls, a_count: usize, n: usize) -> (Outcome, Vec<[u32; 4]
     let proxy_pairs: Vec<[u32; 4]> = all.take(n).collect();
     assert_eq!(proxy_pairs.len(), n);
     let bound = if n == 0 { vec![[0; 4]] } else { proxy_pairs.clone() };
-    // The kernel adds a share of the hull's radius, the seam, to the reach; with radius 0 the reach is that of the
+    // The kernel adds to the reach 2 % of the smaller hull's radius; with radius 0 the reach is the sum of the
     // inflations alone.
     let unseamed: Vec<ProxyBounds> = hulls.bounds.iter().map(|b| ProxyBounds { radius: 0.0, ..*b }).collect();
     let out = case("cull/pairs")

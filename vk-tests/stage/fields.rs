@@ -48,8 +48,8 @@ fn sizes() -> [usize; 6] {
     [0, 1, width - 1, width, width + 1, 1234]
 }
 
-/// Lists of up to four random indices below `n`, one for each owner: running totals of their lengths, and their
-/// contents.
+/// One list of up to four random indices below `n` for each owner. Returns the running totals of the lists' lengths,
+/// and the contents of all lists.
 fn lists(owners: usize, n: usize, random: &mut Random) -> (Vec<u32>, Vec<u32>) {
     let (mut first, mut held) = (vec![0], Vec::new());
     for _ in 0..owners {
@@ -144,7 +144,7 @@ fn energies_agree_with_the_oracle_at_every_size_squeezed_and_tiny() {
 fn energies_of_patches_agree_with_the_oracle() {
     let mut bodies = two_layers();
     for body in &mut bodies {
-        let Shape::Soft { layer, .. } = &mut body.shape else { panic!("not soft") };
+        let Shape::Soft { layer, .. } = &mut body.shape else { panic!("the body is not soft") };
         layer.patches = patches(layer, |_| 0);
     }
     let system = System::new(&bodies, 0.002, 5);
@@ -458,7 +458,7 @@ fn fields_are_what_the_host_knows() {
         ("pressed", &pressed),
         ("neo-Hookean", &neo),
         ("patched", &patched),
-        ("two that fall", &friction::collision(0.3)),
+        ("two falling bodies", &friction::collision(0.3)),
         ("a chain", &chain),
     ];
     for (name, text) in all {
@@ -507,7 +507,7 @@ fn pressures_are_what_the_tool_feels() {
         touched += usize::from(felt.length() > 0.01);
     }
     assert!(touched > 10);
-    // Both skins have pressure. After a state is restored, the field is the pressure at the start of the step.
+    // Both skins have pressure. After a state is restored, the field is the pressure at the start of the last step.
     let values = shown(&mut simulation, Field::Pressure);
     let ranges = simulation.skin_ranges();
     assert!(ranges.iter().all(|range| values[range.clone()].iter().any(|p| *p > 0.0)));
@@ -515,7 +515,7 @@ fn pressures_are_what_the_tool_feels() {
     simulation.restore(&state).unwrap();
     let (_, began) = of_contacts(&simulation);
     let values = shown(&mut simulation, Field::Pressure);
-    expect_of_largest("pressures at the start", &values, &began, PRESSURE);
+    expect_of_largest("pressures at the start of the last step", &values, &began, PRESSURE);
 }
 
 /// For each step: its report, the force that the pressures of the tool's own contacts give, N, and the sum of the

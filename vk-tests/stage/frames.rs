@@ -404,7 +404,11 @@ fn floating_frames_are_fitted_from_the_sums_of_their_nodes() {
         }
         for (k, got) in [fit.shift, fit.twist, fit.momentum, fit.spin].iter().enumerate() {
             let error = wide(got).distance(want[k]) / size[k];
-            assert!(error < SUM, "sum {k} (shift, twist, momentum, spin) of {} nodes: error {error:e}", sizes[i]);
+            assert!(
+                error < SUM,
+                "sum {k} (0: shift, 1: twist, 2: momentum, 3: spin) over {} nodes: relative error {error:e}",
+                sizes[i]
+            );
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Tests of kernel wrench/gap and of the gap between tool and bodies that the haptic loop is given. The tool is the
 //! rigid body that the haptic device leads. The kernel finds the shortest vector (a way) from the tool to the skins
-//! (surface meshes) at the end of a step; it is compared with a search over every point and triangle in f64.
+//! (surface meshes) at the end of a step; it is compared with the oracle, which searches all points and triangles in
+//! f64.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -204,7 +205,8 @@ impl Given {
     }
 
     /// Compares the kernel's ways with all ways, at the workgroup sizes of a CPU and of a GPU. Returns the number of
-    /// parts within reach of the tool, and the number of parts in which the tool is within the body.
+    /// parts within reach of the tool, and the number of parts whose nearest triangle faces away from the tool, so that
+    /// the tool is within the body.
     fn agree(&self) -> [usize; 2] {
         let (mut near, mut within) = (0, 0);
         let [small, large] = [Size::Reduce, Size::Group].map(|size| self.run(size));
@@ -508,7 +510,8 @@ mod told {
             tool.position
         );
         assert!(gap.normal.distance(normal.normalize()) < 1e-5, "{gap:?}, expected a normal along {normal}");
-        // The expected stiffness is that of the area over which the sphere overlaps a plane by its first millimetre.
+        // The expected stiffness is STIFFNESS times the area of the spherical cap that a plane cuts off at a depth of
+        // 1 mm.
         let stiffness = STIFFNESS * 2.0 * std::f64::consts::PI * RADIUS * 1e-3;
         assert!((gap.stiffness / stiffness - 1.0).abs() < 1e-6, "wrong stiffness: {gap:?}");
         assert_eq!((wrench.wrench.force, wrench.pressing), (DVec3::ZERO, 0.0));

@@ -168,13 +168,14 @@ fn patches_of_one_tetrahedron_are_that_tetrahedron_at_every_size() {
 
 #[test]
 fn patches_of_layers_agree_with_the_oracle() {
+    // `on` says of each of the two bodies whether it has patches.
     for (seed, on) in [(51, [true, true]), (52, [true, false]), (53, [false, true])] {
         let system = System::new(&patched(two_layers(), |body| on[body]), AMPLITUDE, seed);
-        expect_oracle(&format!("two layers, {on:?}"), &system, seed + 10);
+        expect_oracle(&format!("two layers, with patches {on:?}"), &system, seed + 10);
         let mut system = System::new(&patched(two_layers_one_on_a_core(), |body| on[body]), AMPLITUDE, seed);
-        expect_oracle(&format!("two layers, one on a rigid core, {on:?}"), &system, seed + 20);
+        expect_oracle(&format!("two layers, one on a rigid core, with patches {on:?}"), &system, seed + 20);
         system.trial_change = system.random_field(&mut Random(seed)).iter().map(|v| v.map(|x| 0.1 * x)).collect();
-        expect_oracle(&format!("one on a rigid core, {on:?}, with a trial change"), &system, seed + 30);
+        expect_oracle(&format!("one on a rigid core, with patches {on:?} and a trial change"), &system, seed + 30);
     }
 }
 

@@ -131,8 +131,8 @@ fn a_quarter_turn_by_hand() {
     expect_close("low", &bounds[1].low, &[6.0, 1.0, 0.5], PLACED);
     expect_close("high", &bounds[1].high, &[10.0, 3.0, 0.5], PLACED);
     expect_close("radius", &[bounds[0].radius, bounds[1].radius], &[0.0, 5f64.sqrt()], PLACED);
-    // The first proxy's node is displaced by half a metre, which the weight bound of two doubles; the second proxy has
-    // no nodes.
+    // The first proxy's node is displaced by half a metre. The proxy's `weight_bound` is 2, so that its skin may move
+    // by twice this displacement. The second proxy has no nodes.
     expect_close("inflation", &[bounds[0].inflation, bounds[1].inflation], &[1.01, 0.01], BOUND);
     assert_eq!(out.get::<Counts>("counts"), [Counts { last_contacts: LAST.contacts, ..Counts::default() }]);
     assert_eq!(out.get::<u32>("buckets"), [NONE; BUCKETS as usize]);

@@ -17,7 +17,7 @@ use crate::harness::context;
 use crate::harness::random::Random;
 use crate::stage::flow::{Flow, GRID_WORDS};
 
-/// Barycentric share, and depth in m, within which rounding may decide whether a ray hits a triangle.
+/// Barycentric weight, and depth in m, within which rounding may decide whether a ray hits a triangle.
 const EDGE: f64 = 1e-6;
 
 pub fn wide(x: [f32; 3]) -> DVec3 {
@@ -364,7 +364,7 @@ fn rays_next_to_edges_in_any_direction_meet_a_triangle() {
     for _ in 0..3 {
         let turn = random.turn(3.0);
         let placed = (mesh.0.iter().map(|x| turn * *x).collect(), mesh.1.clone());
-        // The points lie within the rim by more than the rays lean.
+        // The points are so far from the sheet's rim that no inclined ray passes beside the sheet.
         let inner = over.iter().filter(|x| x.x.abs().max(x.y.abs()) < 0.8);
         let points: Mesh = (inner.map(|x| turn * DVec3::new(x.x, x.y, 0.2)).collect(), vec![]);
         let up = contact_patch(turn * (DVec3::Z + 0.1 * random.vector()), 2.0, 0.05);

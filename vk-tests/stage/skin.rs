@@ -139,7 +139,7 @@ fn probes_of_any_number_are_the_displacements_of_their_nodes() {
     let displacement = texels(&mut random, 50);
     for n in [0, 1, width - 1, width, width + 1, 1234] {
         let mut nodes: Vec<u32> = (0..n.max(1) as u32).map(|i| 7 * i % 50).collect();
-        // One of the entries is that of a rigid skin, which has no nodes to displace it.
+        // One element stands for a vertex of a rigid skin, which has no nodes: it must give a displacement of zero.
         nodes[n / 2] = NONE;
         let out = case("skin/probe")
             .constant("PROBE_NODES", n as u32)

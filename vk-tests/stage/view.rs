@@ -273,11 +273,17 @@ fn surfaces_are_shaded_as_in_f64() {
         let plain = Material { low: 2.0, high: 12.0, ..Material::body(case) };
         // The values lie below the colour scale, low, midway and high on the scale, and above the scale; no value is
         // half-way between two colours.
-        for (what, value) in [("below", 1.0), ("a little", 2.1), ("some", 5.3), ("much", 10.7), ("beyond", 20.0)] {
+        for (what, value) in [("below", 1.0), ("low", 2.1), ("midway", 5.3), ("high", 10.7), ("above", 20.0)] {
             for more in [0, flags::EVEN] {
                 let face = Face::new(&mut random, [value; 3]);
                 let valued = plain.with(flags::VALUED | more);
-                expect_shaded(&format!("{what} on a scale, flags {more}"), &view(&mut random), &valued, &OPEN, &face);
+                expect_shaded(
+                    &format!("place on the colour scale: {what}; flags {more}"),
+                    &view(&mut random),
+                    &valued,
+                    &OPEN,
+                    &face,
+                );
             }
         }
         let slope = Face::new(&mut random, [2.1, 6.3, 10.7]);

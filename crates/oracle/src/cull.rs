@@ -15,8 +15,8 @@ pub fn separation_along(normal: DVec3, a: &[DVec3], b: &[DVec3]) -> f64 {
 }
 
 /// The face normal of either hull (A's outward, B's reversed, so that all point from A to B) along which the separation
-/// is greatest, and that separation, m. A negative separation is minus the penetration along face normals, an upper
-/// bound of the true penetration (a cross product of edges may give less). If several normals have the greatest
+/// is greatest, and that separation, m. Where it is negative, its magnitude is the least penetration along a face
+/// normal; the true penetration may be less, along a cross product of edges. If several normals have the greatest
 /// separation, the first of them is returned; `None` if there are no faces.
 pub fn best_face(a: &[DVec3], a_faces: &[(DVec3, f64)], b: &[DVec3], b_faces: &[(DVec3, f64)]) -> Option<(DVec3, f64)> {
     let normals = a_faces.iter().map(|f| f.0).chain(b_faces.iter().map(|f| -f.0));

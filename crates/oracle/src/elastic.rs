@@ -282,8 +282,8 @@ pub(super) fn stiffening((mu, lambda): (f64, f64)) -> f64 {
     STIFFENING * (lambda + 2.0 * mu)
 }
 
-/// Excess compression, the part of the strain below [`LEAST_STRETCH`]: sum min(0, s_k - [`LEAST_STRETCH`]) n_k n_k^T
-/// over the principal stretches s_k and principal axes n_k of I + sym(E).
+/// Excess compression, by which principal stretches lie below [`LEAST_STRETCH`]: sum min(0, s_k - [`LEAST_STRETCH`])
+/// n_k n_k^T over the principal stretches s_k and principal axes n_k of I + sym(E).
 pub(super) fn excess_compression(strain: DMat3) -> DMat3 {
     let stretch = symmetric(strain);
     // For nearly all tetrahedra Gershgorin's circles show that no stretch is below [`LEAST_STRETCH`], so no eigenvalues

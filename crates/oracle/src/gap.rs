@@ -83,7 +83,7 @@ mod tests {
             ([-2.0, 1.5, 0.0], [0.0, 1.5, 0.0]),
             ([2.0, 2.0, 1.0], [1.0, 1.0, 0.0]),
         ] {
-            assert!((nearest_of_triangle(x.into(), corners) - DVec3::from(want)).length() < 1e-15, "{x:?}");
+            assert!((nearest_of_triangle(x.into(), corners) - DVec3::from(want)).length() < 1e-15, "wrong for {x:?} m");
         }
     }
 
@@ -93,7 +93,7 @@ mod tests {
         let skin = (&skin.0[..], &skin.1[..]);
         let at = |z: f64| from_point(DVec3::new(0.5, 0.5, z), skin).next().unwrap();
         assert_eq!((at(3.0).along, at(3.0).faces, at(-3.0).faces), (-DVec3::Z * 3.0, true, false));
-        // One vertex of the tool lies over the skin's edge, and one vertex of the skin lies under the tool.
+        // No vertex of the tool lies over the skin; the skin's vertex at the origin lies under an edge of the tool.
         let tool = ([DVec3::new(-1.0, 1.0, 1.0), DVec3::new(1.0, -1.0, 1.0), DVec3::new(-1.0, -1.0, 1.0)], [[0, 1, 2]]);
         let ways: Vec<Way> = from_surface((&tool.0, &tool.1), skin).collect();
         assert_eq!(ways.len(), 6);

@@ -48,13 +48,13 @@ pub fn stress(lame: (f64, f64), strain: DMat3) -> DMat3 {
 }
 
 /// The stiffness operator at a strain. Symbols: the rotation R and stretch S in F = R S, p = l (J - 1) - mu, b = S^2,
-/// c = m (1 - 1 / (I + 1)), and L the change of F in the gradients S^-1 g of the deformed tetrahedron, with its
-/// symmetric part D and skew part O. The second derivative of the energy is
+/// c = m (1 - 1 / (I + 1)), and L = R^T dF S^-1 for a change dF of F, with the symmetric part D and skew part O of L.
+/// The second derivative of the energy is
 /// c tr(L b L^T) - p J (|D|^2 - |O|^2) + J (l J + p) tr(D)^2 + 2 m (b:D)^2 / (I + 1)^2, which is isotropic except for
-/// b. The operator must be isotropic, so its doubled shear modulus is c times the mean of the eigenvalues of b, less
-/// p J, or c times the greatest eigenvalue of b where that is more: a linearised implicit step is stable if its
-/// operator has half the true stiffness for every wave. O, a pure rotation, is left out. Subtracting `compression`,
-/// from `excess_compression` in elastic.rs, keeps S from being singular.
+/// b. The operator must be isotropic. So its doubled shear modulus is the greater of two numbers: c times the mean
+/// eigenvalue of b, minus p J; and c times the greatest eigenvalue of b. This is enough, because a linearised implicit
+/// step is stable if its operator has at least half the true stiffness for every wave. O, a pure rotation, is left out.
+/// Subtracting `compression`, from `excess_compression` in elastic.rs, keeps S from being singular.
 pub fn operator(lame: (f64, f64), strain: DMat3, compression: DMat3) -> Operator {
     let (mu, _) = lame;
     let (m, l) = parameters(lame);

@@ -148,9 +148,9 @@ pub fn rotation_vector(q: DQuat) -> DVec3 {
     if sine < 1e-9 { axis * 2.0 } else { axis * (2.0 * sine.atan2(q.w) / sine) }
 }
 
-/// Gyroscopic impulse I (w1 - w0) = -h w1 x I w1 of a step of implicit Euler, N m s, for `inertia` I and angular
-/// velocity `w` = w0 at the start and w1 at the end. Newton's method finds w1, for a sequence of step lengths that grow
-/// to `h`.
+/// Gyroscopic impulse I (w1 - w0) = -h w1 x I w1 of a step of implicit Euler, N m s, for `inertia` I, with the angular
+/// velocities w0 (`w`) at the start and w1 at the end of the step. Newton's method finds w1, for a sequence of step
+/// lengths that grow to `h`.
 pub fn gyroscopic(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
     // The solution for each step length is the guess for the next. Newton's matrix is computed by central differences,
     // which are exact for a quadratic.

@@ -21,7 +21,8 @@ pub struct Wrench {
     /// contact point s and c = (n, (s - centre) x n); symmetric positive semi-definite.
     pub stiffness: [[f64; 6]; 6],
     /// D = sum d a c c^T with damping d (N s/m^3), plus a term for friction along each of two tangents: the viscosity
-    /// of friction (N s/m) times c c^T, where c has the tangent for n and the point where friction acts for s.
+    /// of friction (N s/m) times c c^T, where c has the tangent in place of n, and in place of s the point where
+    /// friction acts.
     pub damping: [[f64; 6]; 6],
 }
 

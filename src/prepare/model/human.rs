@@ -22,7 +22,7 @@ const MIRROR: f64 = 0.004;
 const FAR: f64 = 1.0;
 
 /// Magnification of hands, head and feet in the mesher's space, along x (hands) or y (head, feet): the coordinate at
-/// which the magnification begins (m), the length over which it sets in (m), and its inverse.
+/// which the magnification begins (m), the length over which it sets in (m), and the inverse of the full magnification.
 const HAND: Lens = Lens { start: 0.46, length: 0.35, scale: 1.0 / 2.5 };
 const FACE: Lens = Lens { start: 1.43, length: 0.12, scale: 1.0 / 2.7 };
 const FOOT: Lens = Lens { start: -0.24, length: 0.18, scale: 1.0 / 2.2 };

@@ -38,8 +38,8 @@ struct Blank<S> {
     bounds: [DVec3; 2],
     /// A point inside the solid, m.
     inside: DVec3,
-    /// Number of vertices that marching tetrahedra give for this solid times the square of the lattice's cell edge,
-    /// m^2.
+    /// Product of the number of vertices that marching tetrahedra give for this solid and the square of the lattice's
+    /// cell edge, m^2; it hardly depends on the cell edge.
     vertices_per_cell: f64,
     /// Greatest cell edge of the lattice, m. The thinnest parts of the solid are about this thick, and a coarser
     /// lattice might miss these parts.

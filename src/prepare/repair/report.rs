@@ -59,7 +59,7 @@ pub struct RepairReport {
     pub pieces: usize,
     /// Pieces that were inside out and were reversed.
     pub turned_pieces: Count,
-    /// Number of cavities: pieces inside another piece that are oriented inwards.
+    /// Number of cavities: pieces that lie inside another piece and are oriented inwards after the repair.
     pub cavities: usize,
     /// Pieces without volume, which are kept as they are.
     pub sheets: Count,
@@ -99,7 +99,7 @@ impl RepairReport {
         self.sentences().is_empty()
     }
 
-    /// The first reason to refuse the surface if it may not be repaired; `None` if there is no reason.
+    /// The first reason to refuse the surface, for a caller who does not allow repairs; `None` if there is no reason.
     pub(super) fn defect(&self) -> Option<Refusal> {
         let open = format!("the surface is open: {} edges with one triangle", self.boundary_edges.count);
         let sheets = format!("{} pieces of the surface enclose no volume", self.sheets.count);

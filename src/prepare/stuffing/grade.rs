@@ -95,7 +95,7 @@ impl Octants {
     }
 
     /// Calls `f` with the nodes of every tetrahedron on the faces of octants (a cell is an octant of level 0). The
-    /// volume may have either sign.
+    /// tetrahedra's volumes may have either sign.
     pub(super) fn each(&self, lattice: &Lattice, mut f: impl FnMut([u32; 4])) {
         let faces = Faces { lattice, level: &self.level };
         lattice.each_cell(|cell| faces.each(cell, &mut f));

@@ -67,8 +67,8 @@ pub struct LayerReport {
     pub surface_volume: f64,
     /// Whether the surface is closed and has a winding number of 0 or 1 everywhere.
     pub clean: bool,
-    /// Ratio of two volumes, less one: that of the layer (with the inside that a layer of limited thickness leaves out)
-    /// to that of the surface.
+    /// Relative difference of the layer's volume from `surface_volume`. The inner volume that a layer of limited
+    /// thickness leaves out counts as a part of the layer's volume.
     pub volume_difference: f64,
     /// By how much the surface was shifted outwards before it was filled, so that the layer's volume agrees with the
     /// surface's, m.

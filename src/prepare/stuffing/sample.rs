@@ -80,7 +80,8 @@ pub(super) fn field(solid: &Solid, lattice: &Lattice, (low, high): (DVec3, DVec3
     Field { value, clean: clean.into_inner() }
 }
 
-/// Classifies blocks of cells in one slab of the lattice; `first` is the first node of the slab.
+/// Classifies blocks of cells in one slab of the lattice ([`BLOCK`] cells high along z); `first` is the first node of
+/// the slab.
 struct Blocks<'a> {
     solid: &'a Solid,
     lattice: &'a Lattice,

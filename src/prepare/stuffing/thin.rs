@@ -1,8 +1,8 @@
 //! Part of isosurface stuffing, which fills a *solid* (the inside of a surface) with tetrahedra by means of a
 //! body-centred cubic lattice. This file treats features of the surface that are thinner than a lattice cell: lattice
 //! nodes outside the solid are *taken in* (count as inside), so that no feature becomes separate and no part of the
-//! surface is left without a tetrahedron near it. A lattice node is *filled* if tetrahedra of the filling have it as a
-//! node.
+//! surface is left without a tetrahedron near it. A lattice node is *filled* if it is a node of tetrahedra that fill
+//! the solid.
 //!
 //! The Voronoi cells of the lattice's nodes are truncated octahedra with a circumradius of 0.56 cell edges. A feature's
 //! axis passes through a sequence of neighbouring Voronoi cells; the nodes of these cells form a *chain* that lies
@@ -27,7 +27,8 @@ use crate::prepare::skin::{self, Sets};
 const LOST: f64 = 1.0;
 /// No chain contains a node that lies farther outside the solid than this many cell edges.
 const FAR: f64 = 0.8;
-/// The cost of an edge rises by this multiple of its cost inside the solid for every cell edge of distance outside.
+/// The cost of an edge is its length, in cell edges, times (1 + `PRICE` d), where d is the distance, in cell edges, by
+/// which the edge's end lies outside the solid.
 const PRICE: f64 = 16.0;
 
 /// The *parts* (limbs) of the solid: sets of inside nodes that are connected by lattice edges within the solid.
@@ -86,7 +87,7 @@ pub(super) fn taken_in(
     nodes
 }
 
-/// Takes in the nodes of a chain, from the chain's end `node` to its start; `from` is the previous node of each node.
+/// Takes in the nodes of a chain, from the chain's end `node` to its start; `from` gives each node's previous node.
 fn take(mut node: u32, from: &[u32], taken: &mut [bool]) {
     while node != NONE && !std::mem::replace(&mut taken[node as usize], true) {
         node = from[node as usize];

@@ -241,11 +241,13 @@ fn follow(what: &str, system: System) -> f64 {
             SUM,
         ));
     }
+    // Coarse inner products 0 to 2, each through A_c^-1: of P^T b with itself, of P^T A x with P^T b, and of P^T A x
+    // with itself.
     let dots: [f64; 3] = std::array::from_fn(|k| passes.coarse_dots.iter().map(|d| f64::from(d[k])).sum());
     let (z_b, z_y) = (flat(&passes.coarse_rhs), flat(&passes.coarse_product));
     for (k, (u, v)) in [(&of_rhs, &z_b), (&of_product, &z_b), (&of_product, &z_y)].into_iter().enumerate() {
         let size = dot(&magnitudes(u), &magnitudes(v));
-        expect_within(&format!("{what}: inner product {k}"), &dots[k..=k], &[dot(u, v)], &[size], SUM);
+        expect_within(&format!("{what}: coarse inner product {k}"), &dots[k..=k], &[dot(u, v)], &[size], SUM);
     }
 
     passes.start();

@@ -52,7 +52,7 @@ fn the_host_s_inverse_is_the_oracle_s() {
             }
         }
         let (share, i, j) = worst;
-        println!("{what}: {} modes, {} unknowns, largest error {share:.3} of the tolerance", p.ncols(), p.nrows());
+        println!("{what}: {} modes, {} unknowns, largest error {share:.3} times the tolerance", p.ncols(), p.nrows());
         assert!(share < 1.0, "{what}: entry {:e} at row {i}, column {j}, expected {:e}", got[(i, j)], want[(i, j)]);
     }
 }

@@ -11,7 +11,8 @@ use crate::harness::{Case, Outcome, case, context};
 
 type Quads = Vec<[f32; 4]>;
 
-/// Number of workgroups that solve/conclude requests for wrench/gap, which measures the gap to the nearest body.
+/// Number of parts of the bodies' skins (surface meshes). solve/conclude requests one workgroup of wrench/gap for each
+/// part; wrench/gap measures the gap from the tool (the rigid body that the haptic device leads) to each part.
 pub const SKIN_PARTS: u32 = 5;
 
 impl Passes {
@@ -23,8 +24,7 @@ impl Passes {
         self.rigids.len() as u32
     }
 
-    /// Number of workgroups of solve/gather: one for each block of nodes, and one for the tool (the rigid body that the
-    /// haptic device leads) if there is one.
+    /// Number of workgroups of solve/gather: one for each block of nodes, and one for the tool if there is one.
     fn groups(&self) -> usize {
         self.blocks() + usize::from(self.tool)
     }

@@ -68,7 +68,8 @@ pub struct Passes {
     pub rigids: Vec<Rigid>,
     /// The joints between rigid cores, as the host writes them for the kernels.
     pub joints: Vec<Joint>,
-    /// For each side of a joint at a dynamic core, twice the joint's index plus the side (0 or 1); sorted by core.
+    /// For each dynamic core, its joints: twice the joint's index, plus 0 if the core is the first of the joint's two
+    /// cores and 1 if it is the second.
     pub joint_sides: Vec<u32>,
     /// For each group of rigid bodies that joints connect, the inverse of the group's diagonal block of A, row by row.
     pub rigid_inverses: Vec<f32>,
@@ -246,7 +247,7 @@ impl Passes {
     }
 
     /// The inverse of a free node's 3x3 diagonal block of A times a vector, in f64. For a node attached to a dynamic
-    /// core, the array has the block itself, which is multiplied by the vector instead.
+    /// core, `inverse` holds the block itself, by which the vector is multiplied instead.
     pub fn precondition(&self, node: usize, b: [f64; 3]) -> [f64; 3] {
         let [d, o] = [0, 1].map(|k| self.inverse[2 * node + k].map(f64::from));
         let rows = [[d[0], o[0], o[1]], [o[0], d[1], o[2]], [o[1], o[2], d[2]]];

@@ -28,8 +28,8 @@ use crate::harness::context;
 
 /// The depth paths (implementations of the stage that finds ray hits) that the flow can run.
 pub const PATHS: [Path; 1] = [Path::Compute];
-/// Cells of the two min-max depth grids of a contact patch (how far each side reaches along the normal): 16 x 16 a
-/// side.
+/// Number of cells in the two min-max depth grids of a contact patch (how far each side reaches along the normal):
+/// 16 x 16 for each side.
 pub const GRID_WORDS: usize = 2 * 16 * 16;
 /// A box, given by its least and its greatest corner.
 pub type Box3 = [[f32; 3]; 2];

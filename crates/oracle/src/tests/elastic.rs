@@ -176,8 +176,8 @@ fn a_squeezed_box_pushes_back_by_its_energy() {
     );
     assert!(
         product >= true_slope,
-        "p . K p, with the linearised operator K, is {product} J, must be at least {true_slope} J, minus p times the \
-         slope of the forces along p"
+        "p . K p, with the linearised operator K and displacements p, is {product} J and must be at least -p . f' = \
+         {true_slope} J, with the derivative f' of the forces along p"
     );
 }
 

@@ -13,7 +13,8 @@ use crate::elastic::Elements;
 use crate::testing::{Random, boundary};
 use crate::{skin, statics};
 
-/// Reference values from quadratic elements, within 0.2 % of their limit; `locking.py` in that folder computes them.
+/// Reference values, which `assets/reference/locking.py` computes with quadratic elements; they are within 0.2 % of the
+/// limit to which they converge on ever finer meshes.
 const REFERENCE: &str = include_str!("../../../../assets/reference/locking.csv");
 /// Relative tolerance for the rounding of f64 sums of a few hundred terms.
 const ROUNDING: f64 = 1e-12;

@@ -213,8 +213,8 @@ impl Block {
         self.elements.forces(d, &self.elements.rotations(d))
     }
 
-    /// Passes the stiffness matrix at displacements `d` to `add`: two nodes and their 3x3 block of one tetrahedron a
-    /// call.
+    /// Passes the stiffness matrix at displacements `d` to `add`: each call gets two nodes of a tetrahedron and the 3x3
+    /// block of this tetrahedron's stiffness between them.
     fn stiffness(&self, how: Linear, d: &[DVec3], mut add: impl FnMut(usize, usize, DMat3)) {
         let rotations = self.elements.rotations(d);
         let now = match how {
@@ -361,8 +361,8 @@ fn a_step_in_deformed_gradients_is_near_a_converged_one() {
         );
         assert!(
             full < deformed && deformed < share * finer,
-            "{name}: the engine's operator must be worse than the second derivative, and its error must be less than \
-             {share} times that of steps of 1 ms"
+            "{name}: the error with the engine's operator must exceed the error with the second derivative of the \
+             energy, and be less than {share} times the difference between converged steps of 0.25 ms and of 1 ms"
         );
     }
 }

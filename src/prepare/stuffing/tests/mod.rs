@@ -96,7 +96,7 @@ impl Numbers {
     }
 }
 
-/// A torus about the z axis with these two radii, m, oriented outwards.
+/// A torus about the z axis, oriented outwards: a tube of radius `minor` (m) around a circle of radius `major` (m).
 fn torus(major: f64, minor: f64) -> Mesh {
     let (n, m) = (96u32, 48u32);
     let mut mesh: Mesh = Default::default();
@@ -128,7 +128,7 @@ fn spheres_boxes_and_tori_have_their_volume_and_their_surface() {
         for cell in [0.021, 0.0137, 0.01] {
             let (layer, report) = uniform(&mesh, cell);
             // The polyhedra that are filled have the volumes of the round solids within 0.4 %.
-            assert!((report.volume / volume - 1.0).abs() < 0.006, "volume {} m^3, expected {volume}", report.volume);
+            assert!((report.volume / volume - 1.0).abs() < 0.006, "volume {} m^3, not {volume} m^3", report.volume);
             assert!(report.clean && report.parts == 1 && report.thickened.nodes == 0, "unexpected report: {report:?}");
             let solid = Solid::new(&mesh.0, &mesh.1).unwrap();
             let (skin, ..) = layer::boundary(&layer);
@@ -168,7 +168,7 @@ fn plates_nearer_than_a_cell_are_not_welded() {
         let mut both = joined(&[lower, upper]);
         both.0.iter_mut().for_each(|v| *v = turn * *v);
         let (layer, report) = uniform(&both, 1.0);
-        assert_eq!(report.parts, 2, "plates {gap} cells apart (lattice offset {offset}) must be two parts: {report:?}");
+        assert_eq!(report.parts, 2, "parts of plates {gap} cells apart (lattice moved by {offset} cells): {report:?}");
         assert_eq!((report.welded.count, report.dropped.parts), (0, 0));
         assert!(layer.tetrahedra.len() > 500);
     }

@@ -60,7 +60,7 @@ fn files_with_defects_are_filled_soundly_or_refused() {
 }
 
 #[test]
-#[ignore = "lasting: figures, about a minute"]
+#[ignore = "lasting: about a minute; prints the times of filling and embedding"]
 fn lasting_seconds_against_vertices() {
     for count in [10_000, 44_000, 100_000, 400_000] {
         let mesh = crate::prepare::model::surface(Model::Head, count);
