@@ -145,7 +145,12 @@ fn a_tool_that_never_touched_is_told_with_a_remedy() {
         text.starts_with("palpate: away The tool never touched anything. At the end the tool's surface was 3"),
         "wrong page: {text}"
     );
-    assert!(text.contains("mm from body block, the nearest one. Let the keys of [drive] lead"), "wrong page: {text}");
+    assert!(
+        text.contains(
+            "mm from body block, counting planes and skin vertices of soft bodies. Let the keys of [drive] lead"
+        ),
+        "wrong page: {text}"
+    );
     assert!(ran.line(1).contains("from body block"), "wrong lines: {:?}", ran.lines);
     let felt = &ran.summary["felt"];
     assert_eq!(
