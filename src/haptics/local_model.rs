@@ -5,7 +5,7 @@
 //! compliance (no Schur complement is formed), so K is the stiffness that the tool feels in the first moment and an
 //! upper bound of the stiffness that it feels later.
 //!
-//! Similar models: K. Mahvash and V. Hayward, "High-fidelity haptic synthesis of contact with deformable bodies"
+//! Similar models: M. Mahvash and V. Hayward, "High-fidelity haptic synthesis of contact with deformable bodies"
 //! (2004); M. Otaduy and M. Lin, "A modular haptic rendering algorithm for stable and transparent 6-DOF manipulation"
 //! (2006).
 

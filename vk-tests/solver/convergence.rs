@@ -36,7 +36,10 @@ fn block(cells: u32) -> Layer {
 /// Indices of the nodes that are unknowns.
 fn free(passes: &Passes) -> Vec<usize> {
     let blocks = &passes.system.model.blocks;
-    assert!(blocks.blocks.iter().all(|block| block[3] == NONE), "a dynamic core has unknowns that are no nodes");
+    assert!(
+        blocks.blocks.iter().all(|block| block[3] == NONE),
+        "the body has a dynamic rigid core, whose unknowns (its twist) are not velocities of nodes"
+    );
     blocks.nodes.iter().map(|node| node[0] as usize).collect()
 }
 

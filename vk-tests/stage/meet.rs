@@ -44,7 +44,8 @@ fn lists_of_slots_are_joined_in_order() {
         (1..active.len()).for_each(|k| active.swap(k, random.below(k + 1)));
         let gathering = random.below(pair_proxies + 1);
         for most in [all.max(1) as usize, all as usize + 3, (all as usize / 2).max(1)] {
-            // The pairs are with half-spaces, so that every chunk meets the other side.
+            // Each pair is a body and a half-space: there the kernel keeps every chunk, since it drops chunks only
+            // against skins.
             let out = case("cull/meet")
                 .size(Size::Reduce)
                 .constant("PAIR_PROXIES", pair_proxies as u32)

@@ -167,8 +167,8 @@ fn a_layer_is_cut_open_where_its_nodes_are() {
     let (mut simulation, origin) = pressed();
     run(&mut simulation, 40);
     let Shape::Soft { layer, .. } = simulation.bodies()[0].shape.clone() else { panic!("not a soft body") };
-    // The default cut is across z, since the block is as wide as it is deep, and through the middle. A cut across y
-    // follows, and then a cut that misses the block.
+    // By default the cut goes through the middle, normal to the shorter of the axes x and z; the block is as wide as it
+    // is deep, and then the axis is z. A cut across y follows, and then a cut that misses the block.
     assert_eq!(simulation.layer_cut(0), Some(Cut { normal: DVec3::Z, offset: 0.0 }));
     let across = Cut { normal: DVec3::Y, offset: 0.01 };
     for cut in [None, Some(Cut { normal: 2.0 * across.normal, ..across }), Some(Cut { normal: DVec3::X, offset: 1.0 })]

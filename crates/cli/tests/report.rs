@@ -117,7 +117,11 @@ fn a_press_is_told_by_the_closing_lines_the_summary_and_the_page() {
         format!("in contact in {} of {} steps.", touching.len(), rows.len()),
     ];
     assert!(expected.iter().all(|part| text.contains(part) && ran.line(0).contains(part)), "wrong page: {text}");
-    assert!(ran.line(1).starts_with("stage "), "without flags the table must follow: {:?}", ran.lines);
+    assert!(
+        ran.line(1).starts_with("stage "),
+        "no step raised a flag, so the table of stage times must follow: {:?}",
+        ran.lines
+    );
     let captions =
         ["Force over time.", "Indentation over time.", "Force over indentation.", "Contacts", "Solver iterations"];
     assert!(captions.iter().all(|caption| ran.figures(caption) == 1), "wrong page: {text}");
