@@ -34,7 +34,7 @@ const MOST_VARIATION: f64 = 20.0;
 /// The quantum of a coarse encoder, m, assumed until a smaller change of a position is seen. A device that stays within
 /// one quantum of a place is at rest.
 const QUANTUM: f64 = 2e-5;
-/// Likewise, a device that stays within this angle, rad, of an orientation is at rest.
+/// The quantum of rotation, rad: a device that stays within this angle of an orientation is at rest.
 const ANGULAR_QUANTUM: f64 = 2e-4;
 /// Part of the budget that survives the end of contact, J: a position that flickers by a quantum seems to take about
 /// this much energy from the hand and to give it back later, and until then the budget must remember the energy.

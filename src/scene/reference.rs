@@ -699,8 +699,12 @@ mod tests {
         ),
         (
             &LAYER,
-            &["[[body]]\nname = \"b\"\nsurface = { model = \"head\" }\nlayer = { cell = 0.1, @ }\n\
-              material = { young = 1, poisson = 0, density = 1 }"],
+            &[
+                "[[body]]\nname = \"b\"\nsurface = { model = \"head\" }\nlayer = { cell = 0.1, @ }\n\
+                 material = { young = 1, poisson = 0, density = 1 }",
+                "[[body]]\nname = \"b\"\nsurface = { model = \"head\" }\nlayer = { across = 10, @ }\n\
+                 material = { young = 1, poisson = 0, density = 1 }",
+            ],
         ),
         (
             &MATERIAL,
@@ -740,12 +744,18 @@ mod tests {
         scene.ok().map(|scene| format!("{scene:?}"))
     }
 
-    #[test]
-    fn a_key_that_is_given_its_default_changes_nothing() {
+    /// A folder with the files that the scenes name.
+    fn folder() -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
         let skeleton = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/human-skeleton.toml");
         std::fs::copy(skeleton, folder.path().join("bones.toml")).unwrap();
         std::fs::write(folder.path().join("ball.obj"), "").unwrap();
+        folder
+    }
+
+    #[test]
+    fn a_key_that_is_given_its_default_changes_nothing() {
+        let folder = folder();
         let read = |template: &str, key: &str| read(folder.path(), template, key);
         let mut checked = 0;
         for (table, templates) in SCENES {
@@ -763,6 +773,75 @@ mod tests {
         let defaults = TABLES.iter().flat_map(|table| table.keys).filter(|key| !key.default.starts_with('('));
         // The two keys of `[[bone]]` that have defaults are not checked, since bones stand in a file of their own.
         assert_eq!(checked + 2, defaults.count());
+    }
+
+    /// Numbers that a key accepts and numbers that it refuses, by the bounds that its description of values states:
+    /// `A to B`, `A to below B`, `> A`, `>= A` and `< A`.
+    fn bounds(value: &str) -> (Vec<f64>, Vec<f64>) {
+        let number = |text: &str| match text.trim_matches([',', ' ']) {
+            "pi" => Some(std::f64::consts::PI),
+            text => text.parse::<f64>().ok(),
+        };
+        let (mut accepted, mut refused) = (Vec::new(), Vec::new());
+        let words: Vec<&str> = value.split_whitespace().collect();
+        for (k, word) in words.iter().enumerate() {
+            let Some(next) = words.get(k + 1) else { continue };
+            let above = |bound: f64| bound + 0.5 * bound.abs().max(1.0);
+            let below = |bound: f64| bound - 0.5 * bound.abs().max(1.0);
+            match (*word, number(next)) {
+                (">", Some(bound)) => refused.extend([bound, below(bound)]),
+                (">=", Some(bound)) => (accepted.push(bound), refused.push(below(bound))).1,
+                ("<", Some(bound)) => refused.extend([bound, above(bound)]),
+                ("below", Some(bound)) => refused.extend([bound, above(bound)]),
+                ("to", Some(bound)) => (accepted.push(bound), refused.push(above(bound).round())).1,
+                _ => {}
+            }
+            if let ("to", Some(bound)) = (*next, number(word)) {
+                accepted.push(bound);
+                refused.push(below(bound).floor());
+            }
+        }
+        (accepted, refused)
+    }
+
+    /// A template in which the table has `key = number`, in place of the number that the template itself gives.
+    fn with_number(template: &str, key: &str, number: f64) -> String {
+        let written = |x: f64| if x.fract() == 0.0 { format!("{x:.0}") } else { format!("{x:e}") };
+        let start = format!("{key} = ");
+        let Some(at) =
+            template.rfind(&start).filter(|at| !template[..*at].ends_with(|c: char| c.is_alphanumeric() || c == '_'))
+        else {
+            return template.replace('@', &format!("{start}{}", written(number)));
+        };
+        let value = at + start.len();
+        let end = template[value..].find([',', '\n', '}']).map_or(template.len(), |length| value + length);
+        let own = format!("{}{start}{}{}", &template[..at], written(number), &template[end..]);
+        own.replace(", @", "").replace('@', "")
+    }
+
+    #[test]
+    fn the_stated_bounds_of_numbers_are_those_of_the_reader() {
+        let folder = folder();
+        let (mut checked, mut wrong) = (0, Vec::new());
+        for (table, templates) in SCENES {
+            for key in table.keys {
+                let (accepted, refused) = bounds(key.value);
+                let is_read = |number: f64| {
+                    templates
+                        .iter()
+                        .any(|template| read(folder.path(), &with_number(template, key.name, number), "").is_some())
+                };
+                for (number, expected) in accepted.iter().map(|x| (x, true)).chain(refused.iter().map(|x| (x, false))) {
+                    checked += 1;
+                    if is_read(*number) != expected {
+                        let what = if expected { "refused" } else { "accepted" };
+                        wrong.push(format!("{}: `{} = {number:?}` is {what}", table.heading, key.name));
+                    }
+                }
+            }
+        }
+        assert!(wrong.is_empty(), "against the description of their values:\n{}", wrong.join("\n"));
+        assert!(checked > 60, "only {checked} bounds were found in the descriptions of values");
     }
 
     #[test]

@@ -125,8 +125,8 @@ fn bodies_of_every_kind_are_solved_with_a_coarse_level() {
 #[test]
 #[ignore = "long: 7 s"]
 fn a_solution_found_is_found_again_at_once() {
-    // The same step is solved again from its own solution: the factor of the warm start is one, and hardly anything is
-    // left to solve.
+    // A step is solved a second time, with the solution of the first time as its warm start: the factor of the warm
+    // start must be one, and hardly anything is left to solve.
     for with in BOTH {
         let given = || system(&two_layers(), 4, with).with_tool().with_contacts(20, 8);
         let mut passes = solved("first solution", given());

@@ -8,8 +8,8 @@ use std::path::{Component, Path, PathBuf};
 
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd};
 
-/// Pages at the root of the repository, which are checked but do not belong to the book.
-const OUTSIDE: [&str; 4] = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md"];
+use crate::pages;
+
 /// The page that lists the pages of the book.
 const SUMMARY: &str = "docs/SUMMARY.md";
 /// Sentences with at most this many characters may stand both in README.md and in the book.
@@ -73,18 +73,6 @@ pub fn tidy(path: &Path) -> PathBuf {
     result
 }
 
-fn markdown(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
-    for entry in std::fs::read_dir(folder)? {
-        let path = entry?.path();
-        if path.is_dir() {
-            markdown(&path, found)?;
-        } else if path.extension().is_some_and(|end| end == "md") {
-            found.push(path);
-        }
-    }
-    Ok(())
-}
-
 /// The sentences of a page's paragraphs that have more than [`SHORT`] characters.
 fn sentences(page: &Page) -> BTreeSet<String> {
     let all = page.paragraphs.iter().flat_map(|text| text.split_inclusive(['.', '!', '?', ':', ';']));
@@ -93,13 +81,10 @@ fn sentences(page: &Page) -> BTreeSet<String> {
 
 /// Everything that is wrong with the pages of the repository in `root`: one message for each problem.
 pub fn problems(root: &Path) -> io::Result<Vec<String>> {
-    let mut files: Vec<PathBuf> = OUTSIDE.iter().map(|name| root.join(name)).filter(|file| file.exists()).collect();
-    markdown(&root.join("docs"), &mut files)?;
-    files.sort();
     let mut pages = BTreeMap::new();
-    for file in &files {
-        let name = tidy(file.strip_prefix(root).unwrap_or(file));
-        pages.insert(name, parse(&std::fs::read_to_string(file)?));
+    for file in pages::files(root)? {
+        let name = tidy(file.strip_prefix(root).unwrap_or(&file));
+        pages.insert(name, parse(&std::fs::read_to_string(&file)?));
     }
     let mut problems = Vec::new();
     for (name, page) in &pages {

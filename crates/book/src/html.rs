@@ -2,7 +2,7 @@
 //! that is no page of the book, the link must lead from target/book to that file.
 
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use crate::check::tidy;
 
@@ -51,7 +51,9 @@ fn target(root: &Path, book: &Path, folder: &Path, link: &str) -> Option<String>
     let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
     // Links that begin with `/`, the root of a web site, are kept: 404.html, the page for unknown addresses, has them.
     let within = tidy(&folder.join(path));
-    if is_elsewhere || path.starts_with('/') || book.join(&within).exists() && !path.starts_with("../..") {
+    let stays = Path::new(path).components().filter(|part| *part == Component::ParentDir).count()
+        <= folder.components().count();
+    if is_elsewhere || path.starts_with('/') || stays && book.join(&within).exists() {
         return Some(link.to_owned());
     }
     let source =

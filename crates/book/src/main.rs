@@ -7,6 +7,7 @@
 
 mod check;
 mod html;
+mod pages;
 
 use std::path::Path;
 use std::process::ExitCode;

@@ -4,10 +4,11 @@
 
 use glam::DVec3;
 use palpate::internal::gpu::DeviceInfo;
-use palpate::internal::prepare::{Body, Shape};
+use palpate::internal::prepare::Shape;
+use palpate::internal::prepare::distance::Solid;
 use palpate::internal::stages::query_as_one;
 use palpate::internal::step::{ContactWrench, DeviceInput};
-use palpate::scene::ToolShape;
+use palpate::scene::{self, ToolShape};
 use palpate::{Context, Error, Options, Result, Scene, Simulation, StepReport};
 
 use crate::report::felt::Distance;
@@ -145,23 +146,31 @@ impl Engine {
     }
 }
 
-/// The body that is nearest to the tool, and the distance from the tool's surface if the tool is a sphere, else from its
-/// centre, as far as that can be told: rigid bodies, and the tool's own, are left out. `None` without a tool or bodies.
+/// The soft body or plane that is nearest to the tool among those that may touch it, and the distance from the tool's
+/// surface if the tool is a sphere, else from its centre. `None` without a tool or such a body.
 pub fn nearest(simulation: &Simulation, skins: &[SkinResult]) -> Option<Distance> {
     let tool = simulation.tool()?;
-    let shape = &simulation.scene().tool.as_ref()?.shape;
-    let radius = if let ToolShape::Sphere(radius) = shape { Some(*radius) } else { None };
-    let own = if let ToolShape::Body(body) = shape { Some(body.as_str()) } else { None };
-    let of_skin = |skin: &SkinResult| {
-        let distances = skin.vertices.iter().map(|vertex| vertex.distance(tool.centre));
-        (skin.name.clone(), distances.fold(f64::INFINITY, f64::min))
+    let (radius, name) = match &simulation.scene().tool.as_ref()?.shape {
+        ToolShape::Sphere(radius) => (Some(*radius), "tool"),
+        ToolShape::Body(name) => (None, name.as_str()),
+        ToolShape::Surface(_) => (None, "tool"),
     };
-    let of_plane = |body: &Body| match body.shape {
-        Shape::Plane { normal, offset } => Some((body.name.clone(), normal.dot(tool.centre) - offset)),
-        _ => None,
+    let may_touch = |body: &&scene::Body| {
+        body.name != name && body.collides.as_ref().is_none_or(|names| names.iter().any(|other| other == name))
     };
-    let skins = skins.iter().filter(|skin| Some(skin.name.as_str()) != own).map(of_skin);
-    let all = skins.chain(simulation.bodies().iter().filter_map(of_plane));
+    let distance = |body: &scene::Body| match &body.shape {
+        scene::Shape::Plane { normal, offset } => Some(normal.dot(tool.centre) - offset),
+        _ => {
+            let skin = skins.iter().find(|skin| skin.name == body.name)?;
+            Solid::new(&skin.vertices, &skin.triangles).ok().map(|solid| solid.distance(tool.centre))
+        }
+    };
+    let all = simulation
+        .scene()
+        .bodies
+        .iter()
+        .filter(may_touch)
+        .filter_map(|body| Some((body.name.clone(), distance(body)?)));
     let (body, distance) = all.filter(|(_, distance)| distance.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1))?;
     Some(Distance { body, distance: distance - radius.unwrap_or(0.0), is_of_surface: radius.is_some() })
 }

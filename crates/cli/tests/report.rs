@@ -150,12 +150,10 @@ fn a_tool_that_never_touched_is_told_with_a_remedy() {
         "wrong page: {text}"
     );
     assert!(
-        text.contains(
-            "mm from body block, counting planes and skin vertices of soft bodies. Let the keys of [drive] lead"
-        ),
+        text.contains("mm from block, the nearest soft body or plane. Let the keys of [drive] lead"),
         "wrong page: {text}"
     );
-    assert!(ran.line(1).contains("from body block"), "wrong lines: {:?}", ran.lines);
+    assert!(ran.line(1).contains("from block"), "wrong lines: {:?}", ran.lines);
     let felt = &ran.summary["felt"];
     assert_eq!(
         (&felt["touched"], &felt["peak_time_s"], &felt["steps_in_contact"]),

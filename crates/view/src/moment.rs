@@ -39,9 +39,15 @@ pub struct Moment {
     pub(super) materials: Vec<Coloured>,
 }
 
-/// The simulated time as text, to a thousandth of a second or, where steps are shorter, to the power of ten below a step: `t = 0.125 s`.
+/// The simulated time as text, such as `t = 0.125 s`: in as many digits as make a step a whole number of the last one,
+/// but at least three, and at most six.
 pub fn clock(simulation: &Simulation) -> String {
-    let digits = (-simulation.scene().step.dt.log10()).ceil().clamp(3.0, 9.0) as usize;
+    let dt = simulation.scene().step.dt;
+    let is_whole = |digits: &i32| {
+        let units = dt * 10f64.powi(*digits);
+        units > 0.5 && (units - units.round()).abs() < 1e-6
+    };
+    let digits = (3..6).find(is_whole).unwrap_or(6) as usize;
     format!("t = {:.digits$} s", simulation.time())
 }
 

@@ -247,8 +247,8 @@ impl Simulation {
                 for (name, faces) in [("skin", &skin), ("cut", &open)] {
                     let own = faces.iter().filter(|(_, tetrahedron)| materials.index(*tetrahedron) == material);
                     let own: Vec<[u32; 3]> = own.map(|(face, _)| *face).collect();
-                    building.part(name, index, |outline| add_faces(outline, self.first_node(index), &own, 0.0));
-                    building.parts.iter_mut().last().into_iter().for_each(|part| part.material = material);
+                    let add = |outline: &mut Outline| add_faces(outline, self.first_node(index), &own, 0.0);
+                    building.part(name, index, add).material = material;
                 }
             }
         }
@@ -302,11 +302,14 @@ struct Building {
 }
 
 impl Building {
-    fn part(&mut self, name: &str, body: usize, add: impl FnOnce(&mut Outline)) {
+    /// Adds a part, which consists of what `add` adds to the outline.
+    fn part(&mut self, name: &str, body: usize, add: impl FnOnce(&mut Outline)) -> &mut Part {
         let (vertex, triangle) = (self.outline.len(), self.outline.triangles.len());
         add(&mut self.outline);
         let (vertices, triangles) = (vertex..self.outline.len(), triangle..self.outline.triangles.len());
+        let at = self.parts.len();
         self.parts.push(Part { name: name.into(), body, vertices, triangles, material: 0 });
+        &mut self.parts[at]
     }
 
     fn done(self) -> (Outline, Vec<Part>) {
@@ -324,16 +327,16 @@ fn middle(layer: &Layer) -> Cut {
 }
 
 /// An outward face of a tetrahedron, and the tetrahedron's index in the whole layer.
-type OwnFace = ([u32; 3], usize);
+type BoundaryFace = ([u32; 3], usize);
 
 /// Outward faces of the tetrahedra that a cut leaves: those on the boundary of the whole mesh, and those that the cut
 /// laid open.
-fn opened(layer: &Layer, cut: Cut) -> (Vec<OwnFace>, Vec<OwnFace>) {
+fn opened(layer: &Layer, cut: Cut) -> (Vec<BoundaryFace>, Vec<BoundaryFace>) {
     let behind = |(_, t): &(usize, [u32; 4])| {
         let middle = t.iter().map(|n| layer.nodes[*n as usize]).sum::<DVec3>() / 4.0;
         cut.normal.dot(middle) <= cut.offset
     };
-    let (numbers, kept): (Vec<usize>, Vec<[u32; 4]>) =
+    let (indices, kept): (Vec<usize>, Vec<[u32; 4]>) =
         layer.tetrahedra.iter().copied().enumerate().filter(behind).unzip();
     let sorted = |mut face: [u32; 3]| {
         face.sort_unstable();
@@ -341,7 +344,7 @@ fn opened(layer: &Layer, cut: Cut) -> (Vec<OwnFace>, Vec<OwnFace>) {
     };
     let outer: BTreeSet<[u32; 3]> =
         boundary_faces(&layer.tetrahedra).into_iter().map(|(face, _)| sorted(face)).collect();
-    let faces = boundary_faces(&kept).into_iter().map(|(face, kept)| (face, numbers[kept as usize]));
+    let faces = boundary_faces(&kept).into_iter().map(|(face, kept)| (face, indices[kept as usize]));
     faces.partition(|(face, _)| outer.contains(&sorted(*face)))
 }
 

@@ -152,7 +152,7 @@ pub fn remedy(tally: &Tally, advice: &str, nearest: Option<&Distance>) -> Option
     let away = nearest.map_or(String::new(), |Distance { body, distance, is_of_surface }| {
         let what = if *is_of_surface { "surface" } else { "centre" };
         format!(
-            "At the end the tool's {what} was {} mm from body {body}, counting planes and skin vertices of soft bodies. ",
+            "At the end the tool's {what} was {} mm from {body}, the nearest soft body or plane. ",
             millimetres(*distance)
         )
     });
@@ -212,7 +212,7 @@ mod tests {
         let distance = Distance { body: "head".into(), distance: 0.0123, is_of_surface: true };
         assert_eq!(headline(&never), "The tool never touched anything.");
         let said = remedy(&never, "Press.", Some(&distance)).unwrap();
-        assert!(said.contains("12.30 mm from body head") && said.ends_with("Press."), "wrong advice: {said}");
+        assert!(said.contains("12.30 mm from head") && said.ends_with("Press."), "wrong advice: {said}");
         let felt = never.touch.as_ref().unwrap().felt();
         assert_eq!(felt, Felt::default());
         let mut without = Tally::default();

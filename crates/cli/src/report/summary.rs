@@ -80,8 +80,6 @@ const SLIDING: f64 = 1e-6;
 pub struct Tally {
     /// Number of steps done.
     pub steps: u64,
-    /// Greatest contact force on the tool, N; `None` without a tool.
-    pub peak_force: Option<f64>,
     /// What the tool felt; `None` without a tool.
     pub touch: Option<Touch>,
     /// Greatest number of contacts in the scene at once; `None` where nothing can collide.
@@ -110,7 +108,6 @@ impl Tally {
     pub fn add(&mut self, row: &StepReport) {
         self.steps += 1;
         if let Some(tool) = &row.tool {
-            self.peak_force = Some(self.peak_force.unwrap_or(0.0).max(tool.force.length()));
             self.touch.get_or_insert_default().add(row, tool);
         }
         (self.most_contacts, self.last_contacts) = (self.most_contacts.max(row.contacts), row.contacts);
@@ -204,6 +201,7 @@ impl Summary {
             part(true).map(|plan| (plan.stage.clone(), plan.reason.as_str().into())).collect();
         let out: Vec<Value> = part(false).map(|p| json!({ "stage": p.stage, "reason": p.reason })).collect();
         let told = facts.files.iter().filter(|(_, report)| *report != BodyReport::default());
+        let felt = tally.touch.as_ref().map(Touch::felt);
         Summary {
             device: facts.device.clone(),
             driver: facts.driver.clone(),
@@ -215,8 +213,8 @@ impl Summary {
             passes_per_step: facts.passes_per_step,
             plan: json!({ "recorded": names, "reasons": reasons, "left_out": out }),
             bytes_device: facts.bytes_device,
-            peak_force_n: tally.peak_force,
-            felt: tally.touch.as_ref().map(Touch::felt),
+            peak_force_n: felt.as_ref().map(|felt| felt.peak_force_n),
+            felt,
             normal_turn: json!({ "most_rad": tally.normal_turn, "most_rad_per_mm": tally.normal_turn_per_mm }),
             flags: Flags::ALL.iter().zip(tally.flags).map(|((_, name), n)| (name.to_string(), n.into())).collect(),
             files: told.map(|(name, report)| (name.clone(), json!(report))).collect(),

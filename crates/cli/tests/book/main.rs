@@ -12,6 +12,8 @@
 mod display;
 #[path = "../../../capi/tests/ffi_help/mod.rs"]
 mod ffi_help;
+#[path = "../../../book/src/pages.rs"]
+mod files;
 
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -73,24 +75,9 @@ fn page(file: &Path) -> Page {
     page
 }
 
-fn markdown(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            markdown(&path, found);
-        } else if path.extension().is_some_and(|end| end == "md") {
-            found.push(path);
-        }
-    }
-}
-
-/// The pages at the root of the repository and all pages of the book.
+/// All pages of the repository.
 fn pages() -> Vec<Page> {
-    let mut files: Vec<PathBuf> =
-        ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md"].map(|name| root().join(name)).into();
-    markdown(&root().join("docs"), &mut files);
-    files.sort();
-    files.iter().filter(|file| file.exists()).map(|file| page(file)).collect()
+    files::files(root()).unwrap().iter().map(|file| page(file)).collect()
 }
 
 impl Code {
