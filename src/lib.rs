@@ -90,7 +90,8 @@ pub mod internal {
 #[doc = include_str!("../README.md")]
 pub struct Readme;
 
-/// The Rust code of the book's page on the Rust interface, likewise.
+/// The Rust code of docs/reference/rust.md (the reference page on the Rust interface), compiled and run with the
+/// examples of the documentation.
 #[cfg(doctest)]
 #[doc = include_str!("../docs/reference/rust.md")]
 pub struct RustPage;

@@ -1,8 +1,8 @@
 //! The step plan: which stages of a simulation step a scene needs, and why the other stages are left out. A stage that
 //! is needed is *recorded*: its GPU commands are written once into command buffers, which every step submits. A run
 //! writes the plan to `summary.json`; `palpate run --explain` prints it with every pass (dispatch, draw, fill or copy).
-//! The depth stage, which finds where rays from skin vertices hit the other body, has two implementations (paths):
-//! graphics and compute.
+//! The depth stage, which finds where rays from vertices of one body's skin (surface mesh) hit the other body of a
+//! pair, has two implementations (paths): graphics and compute.
 
 mod explanation;
 mod features;

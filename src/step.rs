@@ -72,8 +72,8 @@ pub struct Simulation {
     model: Model,
     stages: Stages,
     plain: Recordings,
-    /// Two sets of recordings with timestamps: the first times each stage by itself, the second times the stages from
-    /// pose to contact as one.
+    /// Two sets of recordings (command buffers of a step) with timestamps: the first times each stage by itself, the
+    /// second times the stages from pose to contact as one.
     timed: Option<[Recordings; 2]>,
     tool: Option<Tool>,
     frames: Frames,

@@ -1,6 +1,6 @@
 //! Tests the side effects of opening a simulation: unless the options ask for it, the function that opens a simulation
 //! must write no cache files, make no measurement of the GPU's speed and set no environment variable. Each case runs in
-//! a process of its own, since environment variables, caches and threads belong to one.
+//! a process of its own, since environment variables, caches and threads belong to a process.
 
 use std::env;
 use std::fs;
@@ -54,7 +54,9 @@ fn kept(case: &str, home: &Path) -> Vec<PathBuf> {
     folder.map(|files| files.map(|file| file.unwrap().path()).collect()).unwrap_or_default()
 }
 
-/// Runs a case; called in the process that was started for it.
+/// Runs a case, in the process that was started for it: `plain` opens a simulation with default options, any other case
+/// with options that ask for cache files, a measurement and a number of threads. The kind of arrays is the kind of
+/// buffers through which kernels read their arrays; opening may choose it by a measurement of the GPU's speed.
 fn run(case: &str) {
     let threads = || env::var(THREADS).ok();
     if case == "plain" {

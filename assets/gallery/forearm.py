@@ -2,7 +2,8 @@
 from math import cos, pi, sin
 
 AROUND, ALONG, LENGTH = 16, 13, 200.0
-# Rings around the axis as shares of the limb's radius; the name of what lies inside of each, and outside of the last.
+# Radii of the rings of nodes around the axis, as shares of the limb's radius. GROUPS names the group of the tetrahedra
+# between each ring and the ring inside it (the axis, for the first ring).
 RINGS = [0.4, 0.76, 0.91, 1.0]
 GROUPS = ["muscle", "muscle", "fat", "skin"]
 NUMBERS = {"skin": 1, "fat": 2, "muscle": 3}
@@ -24,7 +25,8 @@ def node(slab, ring, k):
 
 
 def prism(triangle, slab, group):
-    """Three tetrahedra, split so that neighbours agree: every quadrilateral's diagonal starts at its least corner."""
+    """Adds a prism as three tetrahedra. So that neighbouring prisms fit together, the diagonal that splits each
+    quadrilateral side face starts at the corner of this face with the least node number."""
     low = sorted(triangle, key=lambda corner: node(0, *corner))
     a, b, c = (node(slab, *corner) for corner in low)
     d, e, f = (node(slab + 1, *corner) for corner in low)

@@ -8,7 +8,8 @@ towards the edges of the faces whose displacement is prescribed. The cantilever 
 with 1 N along -y spread evenly over its end x = 1; quantity `cantilever`: mean deflection of this end along -y, m. The block
 is a cube of 0.1 m, held at y = 0, whose face y = 0.1 is moved by -0.01 m along y without slip; quantity `force`: force on
 the moved face, N; quantity `bulge`: mean outward displacement of the sides normal to x, m. Column `value`: the quantity with
-n = 8 cells a side; column `coarser`: the quantity with n = 6, which shows how far `value` is from convergence.
+n = 8 cells along each edge of the meshed part (3 n along the bar's length); column `coarser`: the quantity with n = 6,
+which shows how far `value` is from convergence.
 """
 
 import numpy as np

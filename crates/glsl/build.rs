@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::{env, fs};
 
-/// Libraries that Debian's shaderc archive lacks; the list covers the names of several versions.
+/// Libraries that Debian's shaderc archive lacks; the list covers the names that they have in several versions.
 const PARTS: [&str; 10] = [
     "glslang",
     "SPIRV",
@@ -35,7 +35,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Links the missing libraries on Linux with the system's shaderc. On other systems, and where the user names a folder
+/// Links the libraries that the system's shaderc lacks on Linux. On other systems, and where the user names a folder
 /// with shaderc or builds shaderc from source, shaderc's own archive is complete.
 fn link() -> Result<(), String> {
     let is_linux = env::var("CARGO_CFG_TARGET_OS").is_ok_and(|system| system == "linux");

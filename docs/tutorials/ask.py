@@ -1,13 +1,15 @@
 """Presents the trials of a two-interval forced choice on a haptic device: python3 ask.py FOLDER PARTICIPANT [DEVICE]
 
-Writes PARTICIPANT.csv, a line NUMBER,FIRST,SECOND,ANSWER a trial, and a recording of every interval."""
+FOLDER has trials.csv, with the names of the two samples of each trial, and a scene SAMPLE.toml for each sample. Writes
+PARTICIPANT.csv, with a line NUMBER,FIRST,SECOND,ANSWER for each trial (the trial's number, its samples in order, and
+which of these was stiffer, 1 or 2), and a recording of the haptic session in every interval."""
 
 import csv
 import subprocess
 import sys
 from pathlib import Path
 
-SECONDS = "4"  # of an interval
+SECONDS = "4"  # duration of an interval, s
 
 
 def main(folder, participant, device="haply"):

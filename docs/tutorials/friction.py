@@ -1,10 +1,13 @@
-"""Horizontal over vertical force of a trace while a body is dragged: python3 friction.py TRACE.csv OUT.csv"""
+"""Ratio of horizontal to vertical force while a body is dragged over another: python3 friction.py TRACE.csv OUT.csv
+
+TRACE.csv is the trace that `palpate run` wrote, a table of the force over time; OUT.csv gets time and ratio."""
 
 import sys
 
 import numpy as np
 
-DRAGGED, SLIDING = 0.15, 0.35  # s
+# DRAGGED: time from which on ratios are written, s. SLIDING: time from which on the body slides, s.
+DRAGGED, SLIDING = 0.15, 0.35
 
 
 def main(file, out):

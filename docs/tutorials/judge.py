@@ -1,6 +1,7 @@
 """A stand-in for the participant of a two-interval forced choice, who judges by force: python3 judge.py FOLDER
 
-FOLDER has trials.csv, a line FIRST,SECOND a trial, and for each sample the table of a recorded session, SAMPLE.csv."""
+FOLDER has trials.csv, with a line FIRST,SECOND for each trial (the names of its two samples), and for each sample the
+table of a recorded haptic session, SAMPLE.csv. A sample's name is its modulus relative to the reference sample's."""
 
 import csv
 import random
@@ -10,7 +11,9 @@ from statistics import NormalDist
 import numpy as np
 
 JND = 0.07  # just noticeable difference of a force, as a share of it
-REFERENCE, HELD, SURFACE = "1.00", 0.8, 0.01  # s at which the hand has come to rest; m, device where the tool touches
+# REFERENCE: name of the reference sample. HELD: time from which on the hand holds still, s. SURFACE: height of the
+# device at which the tool touches the sample, m.
+REFERENCE, HELD, SURFACE = "1.00", 0.8, 0.01
 
 
 def main(folder):

@@ -1,6 +1,7 @@
 """Momentum of bodies between two states of one run: python3 momentum.py EARLY LATE SECONDS DENSITY NAME..
 
-EARLY and LATE are the folders of two runs of the same scene that end SECONDS apart, NAME.vtk the bodies' layers."""
+EARLY and LATE are the folders of two runs of the same scene that end SECONDS apart. In them NAME.vtk is the layer (the
+deformed tetrahedral mesh) of the soft body NAME. DENSITY is that of all these bodies, kg/m^3."""
 
 import sys
 

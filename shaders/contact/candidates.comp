@@ -73,9 +73,9 @@ vec3 outward_normal(uint vertex) {
 // A number above every index of a hit; shared/ray_hit.glsl explains why loops test against it.
 const uint ALL_HITS = 0x80000000u;
 
-// Returns the nearest hit on the ray of the vertex with index `hash_entry` in the work items, and of equally near hits
-// that on the triangle with the lowest index: the triangle (NONE: no hit), 2 * its work item + (1: front face), bits of
-// the depth. `through`: whether the ray also meets the back of a triangle within depth_limit.
+// Returns the nearest hit on the ray of the vertex with index `hash_entry` among the vertices of all work items, and of
+// equally near hits that on the triangle with the lowest index: the triangle (NONE: no hit), 2 * its work item + (1:
+// front face), bits of the depth. `through`: whether the ray also meets the back of a triangle within depth_limit.
 uvec3 nearest_ray_hit(uint hash_entry, out bool through) {
     uvec3 best = uvec3(NONE, 0, 0);
     float depth = 3.0e38, back = 3.0e38;

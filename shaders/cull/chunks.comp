@@ -17,8 +17,8 @@
 // A chunk stays in a patch if that box overlaps the box of a pair proxy of the other body along both tangents, and is
 // not separated from it along the normal. The chunk's heights (coordinates along the normal) then enter the min-max
 // depth grid of its side, body a or b (shared/depth_grid.glsl), against which cull/meet tests chunks of the other side.
-// One workgroup runs for each active pair proxy. The f64 reference implementation is
-// oracle::contact_patches::chunk_box.
+// One workgroup runs for each active pair proxy (one that cull/contact_patches listed). The f64 reference
+// implementation is oracle::contact_patches::chunk_box.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

@@ -16,8 +16,8 @@
 // clusters, by mean shift that starts at the strongest direction that no cluster has yet (Fukunaga and Hostetler 1975).
 // Each cluster is a patch, whose normal is the weighted mean of the cluster's directions; the proxies of its proxy
 // pairs are the patch's members. The share of a direction in a patch is smooth in directions and weights, and a patch's
-// strength grows from zero, so that nothing jumps when a patch appears. A proxy divides the weight of its vertices
-// among the patches of its proxy pairs.
+// strength (weight of all its directions) grows from zero, so that nothing jumps when a patch appears. A proxy divides
+// the weight of its vertices among the patches of its proxy pairs.
 //
 // The column of a patch is what its members of body a and its members of body b cover in common. All proxies of both
 // bodies that lie in the column, and whose skin may reach the other body's skin along the normal, become active pair
@@ -27,7 +27,7 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 2) const float FOLLOW = 1.0;          // share of its rotation that a normal makes in one step
-layout(constant_id = 3) const uint BUCKETS = 1;  // number of hash lists, whose heads precede the grids in `buckets`
+layout(constant_id = 3) const uint BUCKETS = 1;  // number of lists of the spatial hash; their heads begin `buckets`
 layout(constant_id = 1) const uint MOST_CELLS = 128;      // most cells of the spatial hash along a side of a patch
 
 layout(scalar) readonly buffer Params { StepParams params; };

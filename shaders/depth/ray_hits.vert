@@ -7,8 +7,9 @@
 // Depth stage (narrow phase) of a step, as a vertex shader: draws the cells of a contact patch's spatial hash that a
 // triangle covers as a rectangle, so that the rasterizer distributes the cells, one fragment for each (ray_hits.frag).
 // A contact patch is a column of space in which two bodies may touch; a chunk is a group of vertices of a skin (a
-// body's surface mesh) with their triangles. One instance is drawn for each work item (a chunk in one contact patch),
-// with six vertices for each triangle. The graphics pipeline finds the same hits as ray_hits.comp, bit for bit.
+// body's surface mesh) with their triangles, active if it passed culling. One instance is drawn for each work item (an
+// active chunk in one contact patch), with six vertices for each triangle. The graphics pipeline finds the same hits as
+// ray_hits.comp, bit for bit.
 
 layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 3) const uint RASTER_CELLS = 1;      // cells along a side of the viewport, one pixel each

@@ -7,11 +7,11 @@
 #include "shared/polar.glsl"
 
 // Draw stage (for display, not part of a step): strain energy density of each tetrahedron at its present displacements,
-// by its material law (shared/material_law.glsl). draw/share adds the part of Lame's first parameter lambda that acts
-// through F-bar patches (groups of tetrahedra with one volumetric strain). The rotations of the last step only serve as
-// the first guess of the polar decomposition of the deformation gradient. One invocation runs for each tetrahedron. The
-// f64 reference implementation is oracle::elastic::Elements::densities. A frame is a rigid coordinate frame, a link the
-// relative placement of two frames.
+// by its material law (shared/material_law.glsl). Where Lame's first parameter lambda acts through F-bar patches
+// (groups of tetrahedra with one volumetric strain), draw/share adds lambda's part of the energy. The rotations of the
+// last step only serve as the first guess of the polar decomposition of the deformation gradient. One invocation runs
+// for each tetrahedron. The f64 reference implementation is oracle::elastic::Elements::densities. A frame is a rigid
+// coordinate frame, a link the relative placement of two frames.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;

@@ -20,10 +20,10 @@
 // with nodes in several frames is evaluated in its first node's frame. A tetrahedron that is inside out, or whose
 // rotation is not found, raises a flag.
 //
-// In later Newton iterations the kernel reads the trial displacements of elastic/trial, which contain the trial change
-// of velocity x already, and writes h f + h^2 K x - h beta K v. One invocation runs for each tetrahedron. The f64
-// reference implementations are oracle::elastic and oracle::newton. An F-bar patch is a group of tetrahedra that share
-// one volumetric strain.
+// In later Newton iterations the kernel reads the trial displacements of elastic/trial, which contain already the trial
+// change of velocity x (the last iteration's solution), and writes h f + h^2 K x - h beta K v. One invocation runs for
+// each tetrahedron. The f64 reference implementations are oracle::elastic and oracle::newton. An F-bar patch is a group
+// of tetrahedra that share one volumetric strain.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;

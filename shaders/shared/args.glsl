@@ -6,7 +6,7 @@
 // column of space where two bodies may touch, an F-bar patch a group of tetrahedra that share one volumetric strain. A
 // block is a set of nodes of one soft body; a dynamic core is a rigid body inside a soft one, whose motion the solver
 // finds; the tool is the rigid body that the haptic device leads. In a haptic loop wrench/gap finds the gap between the
-// tool and each part of skin that it may touch.
+// tool and each part of skin (some chunks of one proxy) that the tool may touch.
 
 const uint ARGS_DIRECTION = 0;      // one workgroup for each active pair of collision proxies
 const uint ARGS_CHUNKS = 1;         // one workgroup for each active pair proxy

@@ -1,5 +1,5 @@
 // Sums of forces at a node: of the forces of its elements, and of the forces of its contacts. An including shader
-// declares `node_elements` (texels of four indices into `element_forces`, padded with the index of a zero),
+// declares `node_elements` (texels of four indices into `element_forces`, padded with the index of a zero force),
 // `element_forces`, `sorted` (contact and weight of each entry), `node_entries` (first entry of a node in `sorted`, and
 // number of its entries) and `contact_forces`.
 

@@ -30,7 +30,7 @@ const uint UNLIT = 8;       // the material's own colour, without lighting
 const uint EVEN = 16;       // with VALUED: coloured by the scale everywhere, also below `low`
 const uint NUMBERED = 32;   // vertex values are whole numbers, and each number has its own colour
 const uint BARE = 64;       // no shadow falls on the mesh
-const uint SCALE_COLOURS = 256;     // colours of the scale, first in `colours`; as many for whole numbers follow
+const uint SCALE_COLOURS = 256;     // number of colours of the scale in `colours`; as many for whole numbers follow
 
 // Converts a linear colour to sRGB, with an error of 0.1 % (I. Taylor 2012, "sRGB approximations for HLSL").
 vec3 shown(vec3 linear) {

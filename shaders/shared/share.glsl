@@ -1,6 +1,7 @@
 // The part of e . M^-1 e that comes from the coarse space of the solver's preconditioner M, for rounding errors e that
-// are independent from node to node. This part is e . P A_c^-1 P^T e (shared/preconditioner.glsl). A block is a set of
-// nodes that one workgroup works on; modes, the basis of the coarse space, are the twelve affine motions of a block. An
+// are independent from node to node. This part is e . P A_c^-1 P^T e, with the prolongation P from the coarse space to
+// the nodes and the Galerkin matrix A_c of the coarse space (shared/preconditioner.glsl). A block is a set of nodes
+// that one workgroup works on; modes, the basis of the coarse space, are the twelve affine motions of a block. An
 // including shader declares `coarse_scales`, the square roots of the diagonal of A_c^-1.
 
 // Estimate of e . P A_c^-1 P^T e for a block, relative to the sum of e . e over its nodes: one third of the trace of

@@ -187,7 +187,7 @@ struct PairProxy {
     uint pair;
     uint side;                  // the side of the pair to which the proxy belongs; 0: a, 1: b
     uint proxy;
-    uint chunk_first;           // where the entries of its chunks begin in the arrays of active chunks
+    uint chunk_first;           // where its chunks begin in arrays with an entry for each chunk of each pair proxy
 };
 
 // A contact patch of a pair of bodies: a column of space in which they may touch, and the contact normal there.
@@ -223,7 +223,7 @@ struct Counts {
     uint released;               // contacts that were released because they were under tension (would have pulled)
     uint turn;                  // largest rotation of a contact patch's normal since the last step, rad, as float bits
     uint last_contacts;         // contacts of the last step
-    uint flags;                 // FLAG_*
+    uint flags;                 // warnings of the step: bits FLAG_*
 };
 
 // A contact: one colliding skin vertex. Its point s1 on body a and its point s2 on body b move at v1 and v2.
@@ -272,14 +272,14 @@ const uint STATUS_BROKEN = 3;       // the operator seems not to be positive def
 
 // Results that the host reads back after the step.
 struct Report {
-    uint verdict;               // VERDICT_*
+    uint verdict;               // whether the step is accepted, or how it must go on: one of VERDICT_*
     uint iterations;            // conjugate gradient iterations
     float residual;             // relative residual, recomputed from b - A x
     float residual_floor;       // least relative residual that f32 can reach
     uint contacts;
     float max_depth;            // greatest penetration depth of a contact, m
     float turn;                 // largest rotation of a contact patch's normal since the last step, rad
-    uint flags;                 // FLAG_*
+    uint flags;                 // warnings of the step: bits FLAG_*
     float force[3];             // net force of the contacts on the tool, N
     float torque[3];            // net torque of the contacts on the tool, about its centre, N m
     float pressing;             // sum of the magnitudes of the contacts' normal forces on the tool, N
@@ -306,7 +306,7 @@ struct SkinGap {
 const float GAP_FAR = 3.0e38;       // distance where nothing was found, m
 
 const uint VERDICT_DONE = 0;        // the step is accepted
-const uint VERDICT_CONTINUE = 1;    // the recorded iterations were too few: run more
+const uint VERDICT_CONTINUE = 1;    // the iterations recorded in the command buffers were too few: run more
 const uint VERDICT_RETRY = 2;       // contacts were under tension and have been released: solve again
 const uint VERDICT_FAILED = 3;      // the solution is not finite, or its residual too large: the state stays as it was
 const uint VERDICT_NEWTON = 4; // solved, but not the last Newton iteration: linearise at the solution and solve again

@@ -6,7 +6,7 @@
 // Skin: copies the displacements of the nodes that move the probes, which are skin vertices whose path the scene asks
 // for. Each displacement is in its node's frame (rigid coordinate frame). The host sums the displacements with their
 // weights and places the probes in the world, in f64. Nodes of a rigid skin are NONE, and their displacements zero. One
-// invocation runs for each node of a probe. The test compares with the displacements of these nodes.
+// invocation runs for each node of a probe. vk-tests/stage/skin.rs compares the copies with `displacement` exactly.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint PROBE_NODES = 0;

@@ -111,8 +111,8 @@ void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c
 }
 
 // Rotation of a block in its frame: the polar part of I + sum d x^T (sum x x^T)^-1 / size, with displacements d of its
-// nodes and their rest positions x from the block's middle, divided by the block's size. `sums` is sum d x^T; the last
-// rotation of the block is the guess.
+// nodes and their rest positions x from the block's middle, divided by the block's size. `sums` is sum d x^T; the
+// iteration that finds the polar part starts from the block's previous rotation.
 vec4 rotation_of(uint b, float inverse_size, mat3 sums) {
     vec3 d = fetch(block_moments, 2 * b).xyz, o = fetch(block_moments, 2 * b + 1).xyz;
     mat3 moments = mat3(d.x, o.x, o.y, o.x, d.y, o.z, o.y, o.z, d.z);

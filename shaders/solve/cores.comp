@@ -32,7 +32,7 @@ READ_ONLY(vec4, rhs);
 READ_ONLY(vec4, inverse);              // of attached nodes: their diagonal blocks, not inverted
 READ_ONLY(vec4, restricted_rhs);       // restriction of b (shared/coarse_vector.glsl), three texels per block of nodes
 layout(scalar) readonly buffer Joints { Joint joints[]; };
-layout(scalar) readonly buffer JointSides { uint joint_sides[]; };         // joints' sides by core: 2 * joint + side
+layout(scalar) readonly buffer JointSides { uint joint_sides[]; };     // joints of each core: 2 * joint + side (0, 1)
 layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
 layout(scalar) coherent buffer RigidBlocks { float rigid_blocks[]; };      // of each core: S, later S^-1, and then T
 layout(scalar) coherent buffer RigidInverses { float rigid_inverses[]; };
@@ -65,7 +65,8 @@ bool invert_about(vec3 axis, float block[36], out float inverse[36]) {
     return moment > 0.0;
 }
 
-// Adds the 6x6 block of a joint between the twist of its side `from` and the rows of its side `to`, column by column.
+// Adds the 6x6 block of a joint between the twist of its body `from` and the rows of its body `to`, column by column.
+// The two bodies of a joint are its sides, 0 and 1.
 void add_joint_block(uint joint, uint to, uint from, inout float block[36]) {
     for (int j = 0; j < 6; j++) {
         vec3 axis = vec3(j % 3 == 0, j % 3 == 1, j % 3 == 2), force = vec3(0.0), torque = vec3(0.0);

@@ -63,7 +63,7 @@ layout(scalar) writeonly buffer RestrictedResidual { vec4 restricted_residual[];
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 READ_ONLY(vec4, coarse_scales);
 layout(scalar) readonly buffer Joints { Joint joints[]; };
-layout(scalar) readonly buffer JointSides { uint joint_sides[]; };      // joints' sides, core by core: 2 * joint + side
+layout(scalar) readonly buffer JointSides { uint joint_sides[]; };     // joints of each core: 2 * joint + side (0 or 1)
 
 const uint SUMS = 7;
 #include "shared/roles.glsl"
@@ -93,7 +93,7 @@ void add_tool_contacts(uint contact_count, inout vec3 force_sum, inout vec3 torq
 
 vec3 three(float six[6], int from) { return vec3(six[from], six[from + 1], six[from + 2]); }
 
-// Adds the operator product of a core's joints to the core's rows.
+// Adds the operator product of a core's joints to the core's rows. The two bodies of a joint are its sides, 0 and 1.
 void add_joints(Rigid rigid, inout vec3 force, inout vec3 torque) {
     for (uint k = rigid.joint_first; k < rigid.joint_first + rigid.joint_count; k++) {
         uint joint = joint_sides[k] / 2, side = joint_sides[k] % 2;

@@ -180,7 +180,7 @@ void update_rigid(uint index, vec4 turn, Scalars scalars, bool writes, out float
     iterates[next].s = now.s;
 }
 
-// New residual of another core of the group.
+// New residual of a core, for a workgroup that updates another core of the same group.
 float[6] residual_of(uint index, Scalars scalars) {
     vec4 turn = fetch(block_turns, rigids[index].block_first);
     float rows[6] = twist_of_restricted_product(rigids[index].first_coarse_index, rigids[index].block_count, turn);

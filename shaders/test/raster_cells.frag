@@ -2,7 +2,8 @@
 #extension GL_EXT_scalar_block_layout : require
 
 // Test shader of rasterization without attachments (images), not part of the step: adds 1 + the index of a rectangle of
-// cells to the cell at the pixel. One invocation runs for each cell of a rectangle.
+// cells to the cell at the pixel. A cell is one pixel, with a number in `raster_cells`. One invocation runs for each
+// cell of a rectangle.
 
 layout(constant_id = 1) const uint RASTER_CELLS = 1;
 layout(scalar) buffer RasterCells { uint raster_cells[]; };

@@ -10,7 +10,7 @@ layout(constant_id = 1) const bool AT_VERTICES = false;      // whether mesh.ver
 
 layout(scalar) uniform Views { View view; };
 READ_ONLY(vec4, shadow);                                     // shadow map: depths from the sun, four per texel
-READ_ONLY(vec4, colours);                   // linear: the colours of the scale, then those that stand for whole numbers
+READ_ONLY(vec4, colours);      // linear RGB: the colour scale of vertex values, then colours for whole-number values
 layout(scalar) readonly buffer Materials { Material materials[]; };
 layout(push_constant) uniform Push { uint material_index; };
 

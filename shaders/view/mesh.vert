@@ -15,7 +15,7 @@ READ_ONLY(vec4, positions);    // m, relative to an origin that the host (CPU si
 READ_ONLY(vec4, normals);      // unit, outward
 READ_ONLY(vec4, values);       // numbers that the colours show, those of four vertices in a texel
 READ_ONLY(vec4, shadow);       // shadow map: depths from the sun, four per texel
-READ_ONLY(vec4, colours);      // linear: the colours of the scale, then those that stand for whole numbers
+READ_ONLY(vec4, colours);      // linear RGB: the colour scale of vertex values, then colours for whole-number values
 layout(scalar) readonly buffer Materials { Material materials[]; };
 layout(push_constant) uniform Push { uint material_index; };
 

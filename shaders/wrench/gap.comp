@@ -9,7 +9,7 @@
 // that it may touch, at the end of the step. The kernel runs only for a haptic loop, which lets the user feel a wall at
 // the end of this way until the next step is done. Skin is placed by the new displacements and by the frames at the end
 // of the step. One workgroup runs for each part of skin, which is some chunks (groups of at most 64 skin vertices) of
-// one collision proxy, and writes one SkinGap. The f64 reference is oracle::gap.
+// one collision proxy (convex hull around part of a skin), and writes one SkinGap. The f64 reference is oracle::gap.
 //
 // For a spherical tool the way runs from the tool's centre to a triangle of the skin. For any other tool it is the
 // shortest way between a vertex of one of the two surfaces and a triangle of the other; vertices of both surfaces are

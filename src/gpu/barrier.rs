@@ -187,7 +187,7 @@ mod tests {
         assert!(!waits(&[read(1), write(2)]), "passes of a group must not wait for each other");
         hazards.end_together();
         let mut waits = |uses: &[Use]| hazards.before(uses).is_some();
-        assert!(waits(&[read(3)]), "later passes must wait for a write of the group before a barrier within the group");
+        assert!(waits(&[read(3)]), "a later pass must wait for the group's first write, despite the barrier after it");
         assert!(!waits(&[read(2)]), "one barrier must cover all passes of the group");
     }
 

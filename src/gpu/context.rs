@@ -45,8 +45,8 @@ pub enum Arrays {
 /// How to choose and open a device.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
-    /// Index of the device, or part of its name in any case. `None`: the first usable one, in the order discrete GPU,
-    /// integrated GPU, virtual GPU, CPU.
+    /// Index of the device, or part of its name in upper or lower case. `None`: the first usable one, in the order
+    /// discrete GPU, integrated GPU, virtual GPU, CPU.
     pub device: Option<String>,
     /// Whether to use the Khronos validation layer, with synchronisation validation.
     pub validation: bool,

@@ -52,9 +52,10 @@ pub fn injectable(dissipation: f64, stiffness: f64, damping: f64, period: f64) -
 }
 
 /// Chooses the gains from the device's profile, the period (s) and the delay of the force (s). The delay is 0 if a
-/// local contact model follows the tool between simulation steps; otherwise the force of the last step is played, and
-/// the delay is the age of that force. `asked` holds the scene's gains; those above a limit are lowered to the limit.
-/// `mass` (kg) and `inertia` (kg m^2) are the tool's; they scale the angular gains if the device plays no torque.
+/// local contact model (a linear force law) follows the tool between simulation steps; otherwise the force of the last
+/// step is played (commanded to the device), and the delay is the age of that force. `asked` holds the scene's gains;
+/// those above a limit are lowered to the limit. `mass` (kg) and `inertia` (kg m^2) are the tool's; they scale the
+/// angular gains if the device plays no torque.
 pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f64, asked: Option<&Coupling>) -> Gains {
     let slower = (PUBLISHED_PERIOD / period).min(1.0);
     let axis = |stiffness: f64, damping: f64| {

@@ -73,7 +73,7 @@ impl Event {
         (Event::Unpaid, "unpaid"),
     ];
 
-    /// The words for each event, in the order of [`Event::ALL`].
+    /// The explanation of each event to the user (title, meaning and remedy), in the order of [`Event::ALL`].
     const EXPLANATIONS: [Explanation; Event::ALL.len()] = [
         Explanation {
             title: "the device was lost",
@@ -269,8 +269,11 @@ mod tests {
         assert_eq!(titles.len(), Event::ALL.len());
         for (event, name) in Event::ALL {
             let Explanation { title, meaning, remedy } = event.explained();
-            assert!(!title.is_empty() && !title.ends_with('.') && meaning.ends_with('.'), "wrong words for {name}");
-            assert!(remedy.is_none_or(|remedy| remedy.ends_with('.')), "wrong words for {name}");
+            assert!(
+                !title.is_empty() && !title.ends_with('.') && meaning.ends_with('.'),
+                "{name}: its title must not be empty or end with a full stop, and its meaning must end with one"
+            );
+            assert!(remedy.is_none_or(|remedy| remedy.ends_with('.')), "{name}: its remedy must end with a full stop");
             assert_eq!(Event::named(name), Some(event));
         }
         assert_eq!(Event::named("no_event"), None);

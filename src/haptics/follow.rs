@@ -24,7 +24,7 @@ const SHALLOW: u32 = 3;
 pub struct Rules {
     /// Whether the contact wrench follows the tool by the local model; otherwise the newest wrench is kept constant.
     pub local_model: bool,
-    /// The tool's lever arm at which rotations count as displacements, m.
+    /// Lever arm, m: a rotation of the tool counts as a displacement of its angle (rad) times this length.
     pub arm: f64,
     /// A model is trusted while the tool is within this distance, m, of its pose in the wrench that the model was made
     /// from.

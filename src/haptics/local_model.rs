@@ -15,7 +15,8 @@ use nalgebra::{Matrix6, SymmetricEigen, Vector6};
 use crate::step::trajectory::rotation_vector;
 use crate::step::{ContactWrench, Gap, RigidState, Wrench};
 
-/// Least lever arm, m, at which rotations are measured as displacements: a point-like tool has no lever arm of its own.
+/// Least lever arm, m. A rotation of the tool counts as a displacement of its angle (rad) times the lever arm; a
+/// point-like tool has no lever arm of its own.
 const SHORTEST_ARM: f64 = 1e-4;
 /// An eigenvalue of K below this share of the greatest eigenvalue counts as zero: a force along its eigenvector stores
 /// no energy.
@@ -99,7 +100,7 @@ impl Evaluation {
 }
 
 impl LocalModel {
-    /// Makes the model of a wrench. `arm` (m) is the tool's lever arm at which rotations count as displacements;
+    /// Makes the model of a wrench. `arm` (m) is the tool's lever arm, which turns rotations into displacements;
     /// `trust` (m) is the distance from the wrench's pose up to which the force grows in proportion to K. K and D are
     /// projected onto the symmetric positive semi-definite matrices. If the wrench has no contact but reports the gap
     /// to the nearest body (distance and direction), the model is a wall at the gap's end.

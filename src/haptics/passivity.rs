@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use crate::step::trajectory::rotation_vector;
 use crate::step::{RigidState, Wrench};
 
-/// Least amount by which the budget may be overdrawn, J.
+/// Least value of the allowance (the amount by which the budget may be overdrawn), J.
 const ALLOWANCE: f64 = 5e-7;
 /// The budget may be overdrawn by this share of the product of quantum and force variation (the sum of the magnitudes
 /// of all changes of the played force): the energy computed from quantised positions differs from the true energy by up
@@ -79,7 +79,7 @@ impl Energy {
 pub struct Passivity {
     /// Whether the controller acts; the observer always does.
     is_on: bool,
-    /// Whether the force is independent of the device's motion between readings (no local model), so that it may
+    /// Whether the force stays that of the last simulation step whatever the device does, so that the force may
     /// oscillate.
     may_swing: bool,
     /// Greatest linear damping that may be injected, N s/m.
@@ -398,7 +398,8 @@ mod tests {
             damped.wrench.force.x.abs() < 1e-12 && damped.is_limited,
             "the whole force along the motion must be removed: {damped:?}"
         );
-        // A deficit below the work over one quantum is damped within the bound of 10 N s/m: here 0.195 N at 0.1 m/s.
+        // A deficit below the work of the force over one quantum is damped within the bound of 10 N s/m: here with
+        // 1.95 N s/m, which removes 0.195 N at 0.1 m/s.
         passivity.budget = 0.3e-3 - 2e-5;
         let carried = passivity.control(push(3.0), &at(1e-3, 0.1), 1e-3, 1.0);
         assert!(

@@ -62,7 +62,7 @@ pub struct Settings {
     pub most_damping: [f64; 2],
     /// The local model is trusted while the tool is within this distance, m, of its pose in the newest wrench.
     pub trust: f64,
-    /// The tool's lever arm at which rotations count as displacements, m.
+    /// Lever arm, m: a rotation of the tool counts as a displacement of its angle (rad) times this length.
     pub arm: f64,
 }
 

@@ -3,8 +3,9 @@
 //! embedded in it, and "core" a rigid part of a soft body to which nodes are attached; "tool" is the rigid body that a
 //! haptic device leads. Words such as `contact.friction` and `[[probe]]` are keys and tables of a scene file; a probe
 //! is a skin vertex whose path is recorded. A stage is one part of the step; the depth stage finds ray hits (where rays
-//! from skin vertices hit the other body). A half-space is a rigid body that fills one side of a plane. A floating
-//! frame is the coordinate frame of a soft body without cores; a link is the relative placement of two frames.
+//! from skin vertices of one body hit the other body of a pair). A half-space is a rigid body that fills one side of a
+//! plane. A floating frame is the coordinate frame of a soft body without cores; a link is the relative placement of
+//! two frames.
 
 use serde::Serialize;
 

@@ -1,9 +1,9 @@
 //! The reasons, for `palpate run --explain`, why a step leaves out a kernel. Which kernels a step runs is read from its
 //! recordings (the command buffers that every step submits). In the reasons, "half-space" is a rigid body that fills
-//! one side of a plane; "skin" is a body's surface mesh; "ray hits" are where rays from skin vertices hit the other
-//! body; "F-bar patches" are groups of tetrahedra that share one volumetric strain; "dynamic cores" are rigid bodies
-//! inside soft bodies that forces move; a "frame" is the rigid coordinate frame of a body or core; the "tool" is the
-//! rigid body that a haptic device leads.
+//! one side of a plane; "skin" is a body's surface mesh; "ray hits" are where rays from skin vertices of one body hit
+//! the other body of a pair; "F-bar patches" are groups of tetrahedra that share one volumetric strain; "dynamic cores"
+//! are rigid bodies inside soft bodies that forces move; a "frame" is the rigid coordinate frame of a body or core; the
+//! "tool" is the rigid body that a haptic device leads.
 
 use crate::stages::gap;
 use crate::stages::model::Model;

@@ -40,8 +40,8 @@ pub fn named(layer: &Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Resul
     })
 }
 
-/// Depth of each node below the skin, m; negative outside. Holes of the skin are closed by triangle fans. It is an
-/// error if no triangle of the skin has an area, or if a coordinate of a skin vertex is not finite.
+/// Depth of each node below the skin, in file coordinates; negative outside. Holes of the skin are closed by triangle
+/// fans. It is an error if no triangle of the skin has an area, or if a coordinate of a skin vertex is not finite.
 pub fn depths(layer: &Layer, (vertices, triangles): (&[DVec3], &[[u32; 3]])) -> Result<Vec<f64>, String> {
     let (vertices, triangles) = repair::closed(vertices, triangles);
     let surface = Solid::new(&vertices, &triangles).map_err(|e| format!("the skin cannot be searched: {e}"))?;

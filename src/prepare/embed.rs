@@ -229,7 +229,8 @@ impl Outside {
 mod tests {
     use super::*;
 
-    /// Allowed error of a point, at most about 1 from the origin, that is reconstructed from its weights in f64.
+    /// Allowed error, m, of a point that is reconstructed from its weights in f64; the point lies within about 1.3 m of
+    /// the origin.
     const RECONSTRUCTION: f64 = 1e-13;
 
     fn place(layer: &Layer, e: &Embedding) -> DVec3 {
@@ -267,7 +268,7 @@ mod tests {
         assert!(place(&layer, &e[0]).distance(point) < RECONSTRUCTION);
         let nodes = layer.tetrahedra[e[0].tetrahedron as usize].map(|i| layer.nodes[i as usize]);
         assert_eq!(nodes.iter().filter(|n| n.y == 1.0).count(), 3);
-        // The point is 0.03 above a cell of height 0.25, so that its least weight is -0.03 / 0.25 = -0.12.
+        // The point is 0.03 m above a cell of height 0.25 m, so that its least weight is -0.03 / 0.25 = -0.12.
         assert!(
             (extrapolation(&e) - 0.12).abs() < 1e-12,
             "greatest extrapolation {}, expected 0.12",

@@ -1,5 +1,6 @@
-//! Convex hulls of points, for the collision proxies that cover a body's surface. A hull always has a volume, no two of
-//! its faces lie in one plane, and a reduced hull has at most 64 corners.
+//! Convex hulls of points, for the collision proxies that cover a body's surface. A hull always has a volume, and no
+//! two of its faces lie in one plane. A *reduced* hull, which may leave some of the points outside, has at most 64
+//! corners.
 
 use glam::DVec3;
 use parry3d_f64::math::Vector;

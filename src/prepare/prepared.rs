@@ -84,7 +84,7 @@ impl Recipe<'_> {
         Ok(prepared)
     }
 
-    /// Advice in the message that skin vertices lie far outside the layer.
+    /// Advice in the error message which says that skin vertices lie far outside the layer.
     fn surrounding(&self) -> &'static str {
         match self.layer {
             Some(scene::Layer::File(_) | scene::Layer::Mesh(_) | scene::Layer::Box { .. }) => {

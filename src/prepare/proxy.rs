@@ -262,8 +262,8 @@ fn cover(skin: &Skin, parts: &Parts) -> Result<Vec<Proxy>, String> {
     Ok(proxies)
 }
 
-/// Adds corners to the hulls, each to the hull out of which its skin sticks farthest (of equal hulls the first), until
-/// all hulls together have about [`HULL_TRIANGLES`] triangles.
+/// Adds corners to the hulls, each to the hull out of which its skin sticks farthest (the first hull if several tie),
+/// until all hulls together have about [`HULL_TRIANGLES`] triangles.
 fn spend(covers: &mut [(Vec<u32>, Growing)]) {
     // By Euler's formula a hull with n corners has 2 n - 4 triangles.
     let mut left = HULL_TRIANGLES as i64;

@@ -135,7 +135,7 @@ pub struct SkinFacts {
     pub vertices: usize,
     /// Number of triangles.
     pub triangles: usize,
-    /// Number of parts that are connected through vertices.
+    /// Number of connected parts: two triangles belong to one part if they are connected through shared vertices.
     pub components: usize,
     /// Number of edges with one triangle.
     pub boundary_edges: usize,

@@ -15,9 +15,9 @@ const FEW: f64 = 0.1;
 const LEAST_CORNERS: usize = 8;
 
 /// Lets each proxy follow the frame that most of its skin triangles follow, and splits a proxy if more than the share
-/// [`FEW`] of them follow another frame. The skin is embedded in `layer`, the body's tetrahedral mesh. All positions
-/// are in the rest frame of the body; `node_frames` is the index of the frame that each node of the layer follows. If
-/// all nodes follow frame 0, the proxies are returned unchanged.
+/// [`FEW`] of its skin triangles follow another frame. The skin is embedded in `layer`, the body's tetrahedral mesh.
+/// All positions are in the rest frame of the body; `node_frames` is the index of the frame that each node of the layer
+/// follows. If all nodes follow frame 0, the proxies are returned unchanged.
 pub(super) fn on_frames(
     proxies: Vec<Proxy>,
     skin: &Skin,

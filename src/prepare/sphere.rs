@@ -73,7 +73,8 @@ mod tests {
         assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
         let ball = 4.0 / 3.0 * std::f64::consts::PI * 1e-6;
         let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
-        // An inscribed polyhedron with edge e and radius r is smaller by about (e / r)^2 / 4; here e is 0.07 r.
+        // The volume of an inscribed polyhedron with edge e and radius r is below the ball's by a share of about
+        // (e / r)^2 / 4; here e is 0.07 r.
         assert!(volume < ball && volume > 0.995 * ball, "volume {volume} m^3, expected up to 0.5 % below {ball} m^3");
     }
 }

@@ -231,7 +231,9 @@ fn the_sphere_tool_is_a_ball_and_a_tool_body_is_not_made_here() {
         scale: 1.0,
         repair: true,
     };
-    let Shape::Rigid { skin, proxies, centroid, .. } = tool(&ball, &scene).unwrap().shape else { panic!("soft tool") };
+    let Shape::Rigid { skin, proxies, centroid, .. } = tool(&ball, &scene).unwrap().shape else {
+        panic!("the tool is not rigid")
+    };
     assert!(skin.vertices.len() >= 2500 && proxies.len() == 1 && centroid.length() < 1e-15);
     ball.shape = ToolShape::Body("thing".into());
     assert!(tool(&ball, &scene).unwrap_err().to_string().contains("`tool.body`"));

@@ -1,6 +1,7 @@
 //! Reads and checks the bodies of a scene file, `[[body]]` with `[[body.core]]`; called by `load.rs`. A soft body has a
 //! skin (its triangle surface), a layer (its tetrahedral mesh) and cores (rigid parts to which nodes of the layer are
-//! attached); a bone of its skeleton is a core too. A core is fixed, driven (follows keys) or dynamic (forces move it).
+//! attached); a bone of its skeleton is a core too. A core is fixed, driven (follows a given trajectory) or dynamic
+//! (forces move it). A *key* is the name of a value in a scene file; the key `keys` holds the trajectory.
 
 use std::path::PathBuf;
 

@@ -20,8 +20,8 @@ pub struct Groups {
 }
 
 impl Groups {
-    /// Finds `group` among the groups that have tetrahedra, and returns its number. If it is not among them, the error
-    /// is the remedy to report, which lists them.
+    /// Finds `group` among the groups that have tetrahedra, and returns its number. If it is not among these groups,
+    /// the error is the remedy to report, which lists these groups.
     pub fn find(&self, group: &Group) -> Result<i64, String> {
         let there: BTreeSet<i64> = self.of.iter().copied().flatten().collect();
         let is_it = |number: &&i64| match group {

@@ -51,8 +51,8 @@ pub struct Haptics {
     pub longest_step: f64,
     /// The simulated person who holds the device, for device = "hand".
     pub hand: HandParameters,
-    /// How to reach the service (a program made by Haply) that connects to a Haply device. The haptic loop itself sets
-    /// the device's home position and rate.
+    /// How to reach the service (a program made by Haply) that connects to a Haply device. The device's home position
+    /// and rate are not among these settings; the haptic loop sets them.
     pub haply: HaplyService,
     /// File with the recording of an earlier run of the haptic loop, which is replayed, for device = "replay".
     pub recording: Option<PathBuf>,
@@ -109,7 +109,7 @@ pub enum DeviceKind {
     Scripted,
     /// A simulated person, who holds a simulated device and intends to follow `[drive]`.
     Hand,
-    /// A recording of an earlier run of the haptic loop: its readings of a device are read again.
+    /// A recording of an earlier run of the haptic loop: the recorded readings (poses) of a device are read again.
     Replay,
     /// A device made by Haply: an Inverse3 or a Minverse.
     Haply,
@@ -190,7 +190,7 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
     Ok(haptics)
 }
 
-/// The problem with a profile that [`of_haply`] refuses.
+/// What error messages say about a profile that [`of_haply`] refuses.
 pub const NOT_HAPLYS: &str = "is not that of a Haply";
 
 /// Checks that a scene may name a profile for a Haply device: the profile must be that of a Haply device. It can only

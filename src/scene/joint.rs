@@ -13,13 +13,13 @@ use crate::Result;
 
 /// Keys that describe a joint's resistance, both at a bone of a skeleton file and in `[[body.joint]]`.
 pub(super) const KEYS: [&str; 4] = ["stiffness", "damping", "swing", "twist"];
-/// Least length of an axis before it is normalised.
+/// Length up to which an axis counts as zero and is refused, in the units of the mesh file.
 const SHORTEST_AXIS: f64 = 1e-9;
 
 /// A ball joint: a point that two cores of a body share; at least one of them is dynamic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joint {
-    /// Indices of the two cores in the body; angles are those of the second core relative to the first.
+    /// Indices of the two cores in the body; the joint's angles are those of the second core relative to the first.
     pub cores: [usize; 2],
     /// Position of the joint, in the coordinates of the mesh file, before scale and pose.
     pub point: DVec3,

@@ -21,7 +21,7 @@ use crate::{Error, Result};
 
 /// Name by which bodies of a scene refer to the tool.
 pub(super) const TOOL: &str = "tool";
-/// Length of a run, s, if the reference trajectory has no keys.
+/// Length of a run, s, if no key of the reference trajectory has a time above zero.
 const DEFAULT_DURATION: f64 = 1.0;
 /// Default acceleration of gravity, m/s^2.
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
@@ -179,12 +179,12 @@ fn preset_of(value: &Value) -> Result<Preset> {
     value.one_of("preset", &PRESETS.map(|preset| (preset.name, preset)))
 }
 
-/// The settings of a scene without `[step]`; the preset `defaults` gives the values.
+/// The settings of a scene without `[step]`; the preset `defaults` gives all values but gravity.
 fn no_step(defaults: &Preset) -> Step {
     Step { dt: defaults.dt, gravity: GRAVITY, newton: defaults.newton }
 }
 
-/// The settings of a scene without `[solver]`; the preset `defaults` gives the values.
+/// The settings of a scene without `[solver]`; the preset `defaults` gives all values but the preconditioner.
 fn no_solver(defaults: &Preset) -> Solver {
     let Preset { tolerance, max_iterations, .. } = *defaults;
     Solver { tolerance, max_iterations, preconditioner: Preconditioner::Auto }

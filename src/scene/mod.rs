@@ -1,9 +1,9 @@
 //! The scene as a user describes it: bodies, materials, tool and settings, and readers and writers of meshes. This
 //! module has neither GPU code nor the preparation of meshes.
 //!
-//! [`Scene::load`] reads a TOML file (docs/reference/scene.md lists every table) into plain types and checks it: every number is
-//! finite and in range, and every name refers to something that exists. [`SceneBuilder`] makes a scene piece by piece,
-//! from Rust values, from TOML tables or from meshes in memory. Units are SI; quaternions are x y z w.
+//! [`Scene::load`] reads a TOML file (docs/reference/scene.md lists every table) into plain types and checks it: every
+//! number is finite and in range, and every name refers to something that exists. [`SceneBuilder`] makes a scene piece
+//! by piece, from Rust values, from TOML tables or from meshes in memory. Units are SI; quaternions are x y z w.
 //!
 //! A soft body is layered: its skin (a fine triangle surface) is embedded in its layer (the tetrahedral mesh that is
 //! simulated), and nodes of the layer may be attached to cores (rigid bodies inside the soft one). The tool is the
@@ -194,7 +194,7 @@ impl DepthPath {
     pub const CHOICES: [(&str, Option<DepthPath>); 3] =
         [("auto", None), ("graphics", Some(DepthPath::Graphics)), ("compute", Some(DepthPath::Compute))];
 
-    /// Name of the path in reports.
+    /// Name by which reports call this way of finding the triangles.
     pub fn name(self) -> &'static str {
         match self {
             DepthPath::Graphics => "graphics",
@@ -240,7 +240,7 @@ pub struct Body {
 }
 
 impl Body {
-    /// A body of this shape at the origin; all other keys have their default values.
+    /// A body of this shape at the origin; the settings that are not arguments have their default values.
     fn of(name: &str, shape: Shape, material: Option<Material>, cores: Vec<Core>) -> Body {
         Body {
             name: name.into(),

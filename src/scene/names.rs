@@ -6,7 +6,7 @@ use super::load::TOOL;
 use super::{Body, Core, Motion, Scene, Shape, Tool, ToolShape};
 use crate::Result;
 
-/// A name in a scene to which no body or tool corresponds: its place, what is wrong, and what the user can do.
+/// A name in a scene to which no suitable body or tool corresponds: its place, what is wrong, and what the user can do.
 pub(super) struct Unresolved {
     pub place: Place,
     pub problem: String,
@@ -58,7 +58,8 @@ pub(super) fn check_names(root: &Table, scene: &Scene, before: [usize; 2]) -> Re
 }
 
 /// Checks the names to which bodies and probes of a scene refer; `from`: index of the first body and of the first probe
-/// to check. If `is_new`, the tool is checked too: whether the body exists that the tool may refer to.
+/// to check. If `is_new`, the tool is checked too: where it is a body of the scene, this body must exist, and its first
+/// rigid core (for a rigid body, the body itself) must be dynamic.
 pub(super) fn resolve(scene: &Scene, from: [usize; 2], is_new: bool) -> std::result::Result<(), Unresolved> {
     let wrong = |place, (problem, remedy)| Err(Unresolved { place, problem, remedy });
     for (index, body) in scene.bodies.iter().enumerate().skip(from[0]) {

@@ -1,6 +1,6 @@
 //! Reads triangle meshes from Wavefront OBJ files and writes them. The files that are read hold the skin (surface mesh)
 //! of a body, or the surface of the tool (the rigid body that the haptic device leads). The files that are written hold
-//! prepared skins, and skins as deformed at the end of a run.
+//! skins as prepared for the simulation (repaired, for example), and skins as deformed at the end of a run.
 //!
 //! The parser is our own, because the tobj crate drops unused vertices, orders the others by first use, does not
 //! support continuation lines (a line that ends in a backslash goes on in the next one) and reports no line numbers. A

@@ -26,8 +26,9 @@ pub struct Preset {
 pub const NONE: Preset =
     Preset { name: "none", dt: 0.001, tolerance: 1e-5, max_iterations: 200, newton: 1, sides: Sides::Both };
 
-/// The presets, the one that needs the least computing time first. The benchmark `palpate bench accuracy/presets`
-/// measured on a soft and on a stiff model of a head, and the presets were chosen from its results.
+/// The presets, the one that needs the least computing time first. They were chosen from results of the benchmark
+/// `palpate bench accuracy/presets`, which measures the error and the computing time of many settings on two models of
+/// a head, a soft and a stiff one.
 pub const PRESETS: [Preset; 3] = [
     Preset { name: "fast", dt: 0.008, tolerance: 1e-2, max_iterations: 200, newton: 1, sides: Sides::Both },
     Preset { name: "balanced", dt: 0.002, tolerance: 1e-2, max_iterations: 200, newton: 1, sides: Sides::Both },

@@ -139,8 +139,8 @@ impl Profile {
 mod tests {
     use super::*;
 
-    /// Published greatest force (N), torque (N m), stiffness (N/m) and damping (N s/m) of each device. They are
-    /// CHAI3D's, except for those of the last device, whose sources [`MINVERSE`] names.
+    /// Greatest force (N), torque (N m), stiffness (N/m) and damping (N s/m) that the profile of each device must have.
+    /// The values are CHAI3D's, except for those of the last device, whose sources [`MINVERSE`] names.
     const PUBLISHED: [(&str, [f64; 4]); 8] = [
         ("premium", [8.5, 0.188, 800.0, 5.0]),
         ("touch", [3.3, 0.0, 400.0, 4.0]),

@@ -42,7 +42,7 @@ const fn key(name: &'static str, value: &'static str, default: &'static str, mea
     SceneKey { name, value, default, meaning }
 }
 
-/// All tables, in the order of the reference.
+/// All tables, in the order in which the page `docs/reference/scene.md` lists them.
 pub const TABLES: [&TableKeys; 23] = [
     &ROOT, &STEP, &SOLVER, &CONTACT, &BODY, &MODEL, &MESH, &LAYER, &MATERIAL, &REGION, &CORE, &HINGE, &BIND, &JOINT,
     &TOOL, &COUPLING, &DRIVE, &HAPTICS, &HAND, &HAPLY, &PROBE, &SKELETON, &BONE,
@@ -306,7 +306,7 @@ pub const MODEL: TableKeys = TableKeys {
     ],
 };
 
-/// Keys of `surface = { mesh = .. } and layer = { mesh = .. }`.
+/// Keys of `surface = { mesh = .. }` and of `layer = { mesh = .. }`.
 pub const MESH: TableKeys = TableKeys {
     heading: "surface = { mesh = .. } and layer = { mesh = .. }",
     meaning: "A mesh in memory, which a program has added to the scene under a name.",
@@ -683,8 +683,8 @@ mod tests {
     use super::*;
     use crate::Scene;
 
-    /// For each table the scenes that test its keys, in which `@` stands where a key is put in; a table may have
-    /// several scenes, since some keys exclude each other. Inline tables have `, @` after another key.
+    /// For each tested table the scenes that test its keys, in which `@` stands where a key is put in; a table may have
+    /// several scenes, since some keys exclude each other. After another key of an inline table the mark is `, @`.
     const SCENES: [(&TableKeys, &[&str]); 13] = [
         (&STEP, &["[step]\n@"]),
         (&SOLVER, &["[solver]\n@"]),
@@ -840,7 +840,7 @@ mod tests {
                 }
             }
         }
-        assert!(wrong.is_empty(), "against the description of their values:\n{}", wrong.join("\n"));
+        assert!(wrong.is_empty(), "the reader contradicts the descriptions of these keys:\n{}", wrong.join("\n"));
         assert!(checked > 60, "only {checked} bounds were found in the descriptions of values");
     }
 
@@ -850,8 +850,12 @@ mod tests {
         assert_eq!(headings.len(), TABLES.len());
         for table in TABLES {
             let names: HashSet<&str> = table.names().into_iter().collect();
-            assert_eq!(names.len(), table.keys.len(), "{}: equal names", table.heading);
-            assert!(table.keys.iter().all(|key| !key.meaning.is_empty() && !key.value.is_empty()), "{}", table.heading);
+            assert_eq!(names.len(), table.keys.len(), "{}: two keys have the same name", table.heading);
+            assert!(
+                table.keys.iter().all(|key| !key.meaning.is_empty() && !key.value.is_empty()),
+                "{}: a key lacks its meaning or the description of its values",
+                table.heading
+            );
         }
     }
 }

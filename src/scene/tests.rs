@@ -167,7 +167,9 @@ fn other_ways_to_say_it() {
     let cube = "layer = { box = [[0, 0, 0], [1.0, 1, 1]], cells = [12, 12, 3] }";
     assert!(matches!(soft(cube), Shape::Soft { layer: Layer::Box { cells: [12, 12, 3], high: DVec3::ONE, .. }, .. }));
     let model = with("\"head.obj\"  ", "{ model = \"head\", vertices = 44000 }");
-    let Shape::Soft { surface, .. } = &folder.load(&model).unwrap().bodies[0].shape else { panic!("not a soft body") };
+    let Shape::Soft { surface, .. } = &folder.load(&model).unwrap().bodies[0].shape else {
+        panic!("the body \"head\" must be soft")
+    };
     assert_eq!(*surface, Some(Surface::Model { model: Model::Head, vertices: 44_000 }));
 
     let bind = |text: &str| {
@@ -329,7 +331,9 @@ fn models_have_defaults_and_ranges() {
     let folder = Folder::new();
     let surface = |table: &str| {
         let scene = folder.load(&with("\"head.obj\"  ", table))?;
-        let Shape::Soft { surface: Some(surface), .. } = &scene.bodies[0].shape else { panic!("not a soft body") };
+        let Shape::Soft { surface: Some(surface), .. } = &scene.bodies[0].shape else {
+            panic!("the body \"head\" must be soft and have a surface")
+        };
         Ok::<_, crate::Error>(surface.clone())
     };
     for (name, model, vertices) in [

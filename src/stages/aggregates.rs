@@ -162,21 +162,34 @@ mod tests {
     #[test]
     fn a_row_falls_into_parts_of_about_one_size() {
         let own = rows(&[(0.0, 12, 1.0)]).aggregates(3);
-        assert!(counts(&own, 3).iter().all(|count| (3..=5).contains(count)), "cluster of each node: {own:?}");
-        assert_eq!(own.windows(2).filter(|pair| pair[0] != pair[1]).count(), 2, "cluster of each node: {own:?}");
+        assert!(
+            counts(&own, 3).iter().all(|count| (3..=5).contains(count)),
+            "every cluster must have 3 to 5 nodes; cluster of each node: {own:?}"
+        );
+        assert_eq!(
+            own.windows(2).filter(|pair| pair[0] != pair[1]).count(),
+            2,
+            "number of places where the cluster changes along the row; cluster of each node: {own:?}"
+        );
     }
 
     #[test]
     fn rows_that_nearly_meet_stay_apart() {
         let own = rows(&[(0.0, 20, 1.0), (0.1, 20, 1.0)]).aggregates(4);
-        assert!((0..4).all(|k| own[..20].contains(&k) != own[20..].contains(&k)), "cluster of each node: {own:?}");
+        assert!(
+            (0..4).all(|k| own[..20].contains(&k) != own[20..].contains(&k)),
+            "every cluster must have nodes of one row only; cluster of each node: {own:?}"
+        );
     }
 
     #[test]
     fn small_tetrahedra_get_more_aggregates() {
         let own = rows(&[(0.0, 30, 1.0), (1000.0, 30, 0.2)]).aggregates(12);
         let of = |part: &[usize]| (0..12).filter(|k| part.contains(k)).count();
-        assert!(of(&own[30..]) >= 2 * of(&own[..30]), "cluster of each node: {own:?}");
+        assert!(
+            of(&own[30..]) >= 2 * of(&own[..30]),
+            "the row of small elements needs at least twice the clusters of the other; cluster of each node: {own:?}"
+        );
     }
 
     #[test]

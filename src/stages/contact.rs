@@ -75,9 +75,10 @@ pub struct Contact {
 
 impl Contact {
     /// Kernels and arrays for a model. `skins`: whether skins may meet skins; otherwise they meet half-spaces only.
-    /// `blend`: whether a vertex that lies in several contact patches gets a mean of the depths and normals of those
-    /// that are about equally strong (by their weight over the square of the depth), so that no force jumps; otherwise
-    /// the strongest patch decides alone, and every depth is exactly that of a ray along its patch's normal.
+    /// `blend`: whether a vertex that lies in several contact patches gets a mean of the depths and normals of the
+    /// strongest patch and of every patch more than half as strong (a patch's strength is its weight at the vertex over
+    /// the square of the depth), so that no force jumps; otherwise the strongest patch decides alone, and every depth
+    /// is exactly that of a ray along its patch's normal.
     pub fn new(context: &Arc<Context>, model: &Model, skins: bool, blend: bool) -> Result<Contact> {
         let nodes = model.node_rest.len();
         let candidates = CHUNK_VERTICES * model.most_gathering();

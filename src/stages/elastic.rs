@@ -142,7 +142,7 @@ impl Elastic {
 
     /// Clears the step's flags in scenes where nothing can touch; in other scenes the pose stage clears them.
     pub fn record_reset(&self, recorder: &mut Recorder, common: &Common) {
-        // Only passes over tetrahedra raise flags in `counts` in such scenes.
+        // Where nothing can touch, only passes over tetrahedra raise flags in `counts`.
         if self.tetrahedron_count > 0 {
             recorder.stage("elastic");
             recorder.fill_range(&common.counts, offset_of!(Counts, flags) as u64, 4, 0);

@@ -47,7 +47,8 @@ impl Flags {
     /// A rigid coordinate frame turned so far within the step that its nodes may gain energy, since their elements keep
     /// the rotations of the start of the step.
     pub const TURNS_TOO_FAR: Flags = Flags(512);
-    /// A tetrahedron was inverted where the step was linearised, or pressed so flat that its rotation was not found.
+    /// A tetrahedron was inverted at the displacements about which the step was linearised, or it was pressed so flat
+    /// that its rotation was not found.
     pub const INVERTED: Flags = Flags(shaders::FLAG_INVERTED);
 
     /// Every flag and its name, by rising bit.
@@ -189,8 +190,11 @@ mod tests {
         let titles: std::collections::BTreeSet<_> = words.iter().map(|(_, words)| words.title).collect();
         assert_eq!((words.len(), titles.len()), (Flags::ALL.len(), Flags::ALL.len()));
         for (_, Explanation { title, meaning, remedy }) in words {
-            assert!(!title.is_empty() && !title.ends_with('.'), "title: {title}");
-            assert!(meaning.ends_with('.') && remedy.is_some_and(|remedy| remedy.ends_with('.')), "title: {title}");
+            assert!(!title.is_empty() && !title.ends_with('.'), "title \"{title}\" is empty or ends with a full stop");
+            assert!(
+                meaning.ends_with('.') && remedy.is_some_and(|remedy| remedy.ends_with('.')),
+                "the meaning or the remedy of the flag titled \"{title}\" does not end with a full stop"
+            );
         }
         let frozen: Vec<_> =
             (Flags::FROZEN | Flags::NOT_CONVERGED).explained().map(|(flag, w)| (flag, w.title)).collect();

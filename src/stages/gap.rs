@@ -153,7 +153,7 @@ impl Gap {
         }))
     }
 
-    /// Records one pass, which runs only in a step that is accepted and only where a haptic loop holds the tool. The
+    /// Records one pass, which runs only where the step's solution is accepted and a haptic loop holds the tool. The
     /// pass overwrites the skin positions that the contact stage used, which are no longer needed, by positions at the
     /// end of the step.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, skins: &Skins, elastic: &Elastic, solve: &Solve) {

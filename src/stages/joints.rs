@@ -117,7 +117,7 @@ impl Model {
         }
     }
 
-    /// Adds the springs and dampers of the joints at rest, for steps of `dt` seconds, to a matrix whose rows are the
+    /// Adds the springs and dampers of the joints at rest, for steps of `dt` seconds, to a matrix that acts on the
     /// twists (linear and angular velocity) of cores in the axes of their frames. `first`: index of the first of a
     /// core's six rows, `None` where the matrix does not contain the core.
     pub(super) fn add_springs(&self, matrix: &mut Mat<f64>, dt: f64, first: impl Fn(usize) -> Option<usize>) {

@@ -8,8 +8,9 @@
 //!    set-up with its first residual.
 //! 3. [`Recordings::iterate`]: conjugate gradients, recorded once for each of several numbers of iterations (plans);
 //!    most steps need only one submit.
-//! 4. [`Recordings::end`]: the verdict on the solution, the state at the end of the step, the wrench on the tool, the
-//!    gap between the tool and the nearest body, the fit of floating frames, the probes.
+//! 4. [`Recordings::end`]: the verdict (a number by which the GPU says what is to follow the solve), the state at the
+//!    end of the step, the wrench on the tool, the gap between the tool and the nearest body, the fit of floating
+//!    frames, the probes.
 //! 5. [`Simulation::submit`] reads the verdict, which asks for more iterations, for another solve after contacts that
 //!    would pull were released (left without stiffness; [`Recordings::resolve`]), for a further Newton iteration
 //!    ([`Recordings::newton`]), or for nothing more, or says that the step failed.

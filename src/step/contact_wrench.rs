@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::rigid::{RigidState, Wrench};
 
 /// Contacts count as pressing from one side where the magnitude of their net force is at least this fraction of the sum
-/// of the magnitudes of their forces. For half a sphere under even pressure that fraction is 0.5, for two opposite
-/// sides it is 0.
+/// of the magnitudes of their forces. For even pressure on half a sphere that fraction is 0.5, for equal and opposite
+/// forces it is 0.
 const ONE_SIDED: f64 = 0.3;
 
 /// The output of a step for the haptic loop.
@@ -34,7 +34,7 @@ pub struct ContactWrench {
     /// be near.
     pub gap: Option<Gap>,
     /// Whether a driven body (one that follows a trajectory) moved during the step: contact may then do work on the
-    /// tool that no hand put in.
+    /// tool that does not come from the user's hand.
     pub has_kinematic_motion: bool,
 }
 

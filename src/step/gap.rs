@@ -70,7 +70,7 @@ impl Simulation {
             let along = DVec3::from(gap.way.map(f64::from));
             (along, along.length(), gap.triangle, *pair)
         });
-        // Of several ways of equal length, the way to the triangle with the lowest index counts.
+        // Where several triangles are equally near to the tool, the one with the lowest index counts.
         let shortest = ways.min_by(|(_, a, t, _), (_, b, u, _)| a.total_cmp(b).then(t.cmp(u)));
         if back < (1.0 - ROUNDING) * shortest.map_or(f64::from(GAP_FAR), |way| way.1) {
             return Ok((true, None));

@@ -30,7 +30,8 @@ use crate::{Error, Result};
 /// worker threads, which it would have to wake for each pass (docs/evidence/benchmarks.md).
 const LITTLE_WORK: usize = 20_000;
 
-/// Number of tetrahedra into which each cell of a layer is cut that a scene gives as a box of cuboid cells.
+/// Number of tetrahedra into which each cell of a layer is cut, where the scene gives the layer as a box of cuboid
+/// cells.
 const KUHN_TETRAHEDRA: u64 = 6;
 /// Size of a tetrahedron's forces on its four nodes, bytes; the forces of all tetrahedra form the largest array that
 /// layers need.

@@ -1,6 +1,6 @@
 //! Makes the tool (what the haptic device leads) of a scene. The tool is either a rigid body of its own, or the held
-//! core: of a soft body of the scene, the core (rigid body inside it, to which nodes are attached) to which the haptic
-//! device is coupled.
+//! core. A core is a rigid body inside a soft body, to which nodes are attached; the held core is the core to which the
+//! haptic device is coupled.
 
 use glam::{DMat3, DQuat, DVec3};
 

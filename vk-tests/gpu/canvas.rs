@@ -327,7 +327,7 @@ fn samples_are_resolved_to_their_mean() {
                 (quarters - quarters.round()).abs() < 4.0 * BYTE,
                 "case {case} at {x}: the mean of four samples is {got}, which is no multiple of 1/4"
             );
-            // Where all edges are farther from the pixel's centre than half its diagonal, the four samples agree.
+            // Where no edge comes nearer to the pixel's centre than half the pixel's diagonal, the four samples agree.
             match inside(corners, x, 0.5f64.sqrt() + NEAR_EDGE) {
                 Some(is_inside) => {
                     assert!((got - f64::from(u8::from(is_inside))).abs() < BYTE, "case {case} at {x}: colour {got}")
@@ -393,7 +393,7 @@ fn what_cannot_be_drawn_is_refused() {
     let depth = Some(Image::new(context, "small", Texels::Depth, [40, 23], 1).unwrap());
     let error = paint(&Canvas { depth, ..sheet.canvas.clone() }, good());
     assert!(error.contains("differ in size"), "wrong error: {error}");
-    assert!(paint(&Canvas::default(), good()).contains("or there are none"));
+    assert!(paint(&Canvas::default(), good()).contains("images of a canvas differ in size, or there are none"));
     let other = Named { shader: "test/flat", buffers: &[("corners", &corners)], push: &[] };
     assert!(paint(&sheet.canvas, Drawn { arguments: &other, ..good() }).contains("push constants"));
     let none = Named { shader: "test/flat", buffers: &[], push: &[0; 4] };

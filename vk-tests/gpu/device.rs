@@ -95,7 +95,7 @@ fn a_recording_keeps_what_it_uses_alive() {
     };
     recording.submit_and_wait().unwrap();
     assert_eq!(out.read::<u32>().unwrap(), folded(1, [4]));
-    assert_clean(context, "keeping");
+    assert_clean(context, "a recording that keeps its buffers alive");
 }
 
 #[test]
@@ -127,7 +127,7 @@ fn indirect_passes_take_their_slot_and_wait_for_its_writer() {
     assert!(fails(&|r| r.fill_range(&args, 32, 8, 0)).contains("not whole words"));
     assert!(fails(&|r| r.copy(&a, &args)).contains("cannot be copied"));
     assert!(fails(&|r| r.dispatch_groups(&kernel, &bump_of(&a, 1), u32::MAX)).contains("the device's limit"));
-    assert_clean(context, "indirect");
+    assert_clean(context, "indirect dispatches");
 }
 
 #[test]
@@ -241,7 +241,7 @@ fn covered(side: u32, rectangles: &[[i32; 4]], first: u32) -> Vec<u32> {
     for _ in 0..2 {
         recording.submit_and_wait().unwrap();
     }
-    assert_clean(context, "raster");
+    assert_clean(context, "rasterizing");
     out.read().unwrap()
 }
 

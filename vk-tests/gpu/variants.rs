@@ -15,7 +15,10 @@ fn buffers(kernel: &str, constants: &[(&str, Const)]) -> BTreeSet<String> {
         let kernel = Kernel::with_arrays(context(), kernel, Size::Reduce, constants, arrays).unwrap();
         kernel.bindings().iter().map(|binding| binding.name.clone()).collect::<BTreeSet<_>>()
     });
-    assert_eq!(texel, storage, "{kernel} with {constants:?}: buffers where arrays are texel, and storage, buffers");
+    assert_eq!(
+        texel, storage,
+        "{kernel} with {constants:?}: names of the buffers, with texel buffers (left) and with storage buffers (right)"
+    );
     texel
 }
 
@@ -24,7 +27,8 @@ fn more(kernel: &str, with: &[(&str, Const)], without: &[(&str, Const)]) -> Vec<
     let (with, without) = (buffers(kernel, with), buffers(kernel, without));
     assert!(
         without.is_subset(&with),
-        "{kernel}: the variant with the feature must use all buffers {without:?}, but uses only {with:?}"
+        "{kernel}: the variant with a feature must use at least the buffers of the variant without it, {without:?}, \
+         but uses {with:?}"
     );
     with.difference(&without).cloned().collect()
 }
@@ -39,11 +43,11 @@ fn a_feature_that_a_variant_lacks_takes_its_buffers_with_it() {
     assert_eq!(of("solve/conclude", "CONTACT"), ["contact_forces", "contacts"]);
     assert_eq!(of("contact/candidates", "SKINS"), ["hits", "shares"]);
     assert_eq!(of("elastic/element_forces", "NEWTON"), ["trial_change"]);
-    // `TOOL_CORE` is the index of the rigid core (rigid body inside a soft one) that the haptic device leads, through a
-    // spring and damper (virtual coupling), or `NONE`.
+    // `TOOL_CORE` is the index of the rigid core (rigid body inside a soft one) that the haptic device leads as its
+    // tool, through a spring and damper (virtual coupling), or `NONE`.
     let held = more("solve/assemble", &[("TOOL_CORE", Const::Uint(0))], &[("TOOL_CORE", Const::Uint(shaders::NONE))]);
     assert_eq!(held, Vec::<String>::new(), "buffers that only the variant with a led rigid core uses");
-    assert_clean(context(), "variants");
+    assert_clean(context(), "variants of kernels");
 }
 
 #[test]
@@ -62,6 +66,6 @@ fn of_the_variants_that_run_side_by_side_the_leader_alone_writes_arguments() {
     let tool = buffers("solve/update", &[("ROLE", shaders::TOOL_ROWS.into())]);
     assert!(
         !tool.contains("residual") && !tool.contains("block_nodes"),
-        "the variant for the tool must not use residual or block_nodes: {tool:?}"
+        "the variant for the tool's unknowns must not use the buffers residual and block_nodes: {tool:?}"
     );
 }

@@ -33,7 +33,7 @@ const UNORDERED: [&str; 9] = [
     "contact/response",
     "contact/sort",
 ];
-/// Guard words behind the end of each array that the kernel may write.
+/// Number of guard words behind the end of each array that the kernel may write.
 const GUARD_WORDS: usize = 16;
 
 /// The Vulkan device that all cases share, opened once, with validation.
@@ -254,10 +254,10 @@ impl Case {
         for binding in kernel.bindings() {
             let (kernel, name) = (&self.kernel, &binding.name);
             let given = self.given.iter().find(|given| given.name == *name);
-            match given.unwrap_or_else(|| panic!("{kernel}: {name} is not given")).role {
+            match given.unwrap_or_else(|| panic!("{kernel}: no array for {name} is given")).role {
                 Role::Input => {}
                 Role::InOut => {
-                    assert!(binding.reads && binding.writes, "{kernel} must both read and write in-out {name}")
+                    assert!(binding.reads && binding.writes, "{kernel} must read and write in-out array {name}")
                 }
                 Role::Output | Role::Partial => assert!(binding.writes, "{kernel} never writes output {name}"),
             }

@@ -85,7 +85,7 @@ fn a_value_left_unwritten_fails() {
 #[test]
 fn a_wrong_buffer_name_fails() {
     let said = message(|| drop(case("test/copy").input("parameters", &[0u32]).elements(1).run()));
-    assert!(said.contains("test/copy: params is not given"), "wrong panic: {said}");
+    assert!(said.contains("test/copy: no array for params is given"), "wrong panic: {said}");
 }
 
 #[test]
@@ -117,6 +117,7 @@ fn misuse_is_refused_by_name() {
         unknown.contains("no buffer aim; its buffers are params, source, offsets, marked, target"),
         "wrong error: {unknown}"
     );
+    // An array that the kernel writes may be bound to only one of the kernel's buffers.
     assert!(record(&given(&b, &c, &b), &[0; 4]).contains("writes array b and also binds it to target"));
     assert!(record(&given(&b, &c, &a), &[0; 4]).contains("writes array a and"));
     assert!(record(&given(&b, &c, &odd), &[]).contains("4 bytes of push constants, but was given 0"));
@@ -141,7 +142,7 @@ fn misuse_is_refused_by_name() {
     assert!(odd.contains("array odd for buffer offsets has 20 bytes"), "wrong error: {odd}");
     let huge = Buffer::new(context, "huge", context.array_limits().0 + 4, Memory::Device);
     assert!(huge.map(|_| ()).unwrap_err().to_string().contains("array huge needs"));
-    assert_clean(context, "misuse");
+    assert_clean(context, "misuse of kernels and buffers");
 }
 
 #[test]

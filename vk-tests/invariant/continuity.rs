@@ -46,7 +46,8 @@ struct Felt {
     jump: f64,
     /// Largest difference between the changes of the force in two successive steps, divided by the median change.
     kink: f64,
-    /// Greatest force of a contact in its first or last step, divided by the median change.
+    /// Greatest force of a contact (vertex inside the other body) in the contact's first or last step, divided by the
+    /// median change.
     sudden: f64,
     /// Mean magnitude of the force, N.
     mean: f64,

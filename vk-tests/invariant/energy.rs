@@ -66,9 +66,10 @@ fn judge(name: &str, text: &str, steps: usize, height: impl Fn(&State) -> f64) {
     let scale = energies.iter().map(|e| (e - energies[0]).abs()).fold(0.0, f64::max);
     let gain = energies[1..].iter().map(|e| e - energies[0]).fold(f64::NEG_INFINITY, f64::max);
     println!(
-        "{name}: energy changed by up to {scale:.2e} J; relative to that, it exceeded its start by {:.1e}, and with \
-         the penalty energy of contacts (up to {most:.1e} J) a step gained up to {:.1e} apart from entering contacts \
-         and sliding facets; lowest height {lowest:.4} m at step {at}, then up to {rebound:.4} m, at the start {:.4} m",
+        "{name}: energy changed by up to {scale:.2e} J; relative to that, it exceeded its first value by {:.1e}, and \
+         with the penalty energy of contacts (up to {most:.1e} J) a step gained up to {:.1e} apart from entering \
+         contacts and sliding facets; lowest height {lowest:.4} m at step {at}, then up to {rebound:.4} m, at the \
+         start {:.4} m",
         gain / scale,
         rise / scale,
         heights[0]
@@ -76,7 +77,7 @@ fn judge(name: &str, text: &str, steps: usize, height: impl Fn(&State) -> f64) {
     assert!(gain < GAIN * scale && rise < GAIN * scale, "{name}: energy was gained beyond the tolerance");
     assert!(
         most > 0.0 && rebound > lowest && rebound < heights[0],
-        "{name}: no contact, no rebound, or a rebound above the start"
+        "{name}: no contact, no rebound, or a rebound above the initial height"
     );
 }
 

@@ -1,6 +1,7 @@
 //! Invariants of whole steps that need no comparison with a reference implementation: momentum is conserved, results
 //! are the same in every place and every run, no GPU work and memory is spent that a scene does not need, and no step
-//! blows up. The tool is the rigid body that the haptic device leads.
+//! blows up. The tool is the rigid body that the haptic device leads. A rigid core is a rigid body inside a soft one,
+//! to which nodes are attached.
 
 use std::collections::BTreeSet;
 

@@ -65,6 +65,8 @@ fn mixed_tetrahedra_agree_with_the_oracle_at_every_size() {
         sync(&mut system);
         system.rotate();
         expect_oracle(&format!("{count} tetrahedra of mixed materials"), &system, FORCE);
+        // The trial change of velocity is the result of a Newton iteration; the next iteration takes the elastic forces
+        // at the displacements to which it leads.
         system.trial_change = change.iter().map(|v| v.map(|x| 0.1 * x)).collect();
         system.rotate();
         expect_oracle(&format!("{count} tetrahedra of mixed materials, trial change of velocity"), &system, FORCE);

@@ -183,7 +183,8 @@ fn a_body_at_rest_on_a_plane_stays() {
         }
         println!(
             "at rest, Young's modulus {young:e} Pa, friction coefficient {friction}: drift of two corners {:.1e} m and \
-             {:.1e} m, of the rigid frame's centre {:.1e} m, of a point that turns with the frame {:.1e} m",
+             {:.1e} m, of the centre of the block's rigid coordinate frame {:.1e} m, of a point that turns with the \
+             frame {:.1e} m",
             drift[0], drift[1], drift[2], drift[3]
         );
         let sunk = 0.03 - start[2].y;

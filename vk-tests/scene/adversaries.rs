@@ -1,7 +1,7 @@
 //! Shapes and places that easily mislead the proximity query, which finds where and how deep two bodies overlap.
 //! Whatever the scene, forces must be finite, the flags of a step must report what is wrong (8: a contact deeper than
-//! the limit; 16: a skin, which is the surface mesh of a body, is not a height field along the contact normal), and
-//! Vulkan's validation layer must not complain.
+//! the scene's depth limit; 16: a skin, which is the surface mesh of a body, is not a height field along the contact
+//! normal), and Vulkan's validation layer must not complain.
 
 use std::fmt::Write;
 use std::path::PathBuf;

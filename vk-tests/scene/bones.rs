@@ -58,7 +58,7 @@ pub fn keys(scene_position: DVec3, orientation: DQuat, angle: f64, shift: DVec3)
 /// seconds that ends at `time`.
 pub fn carry(twin: &mut oracle::step::SoftBody, simulation: &Simulation, body: usize, time: f64, h: f64) {
     let place = &simulation.bodies()[body];
-    let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
+    let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("the body is not soft") };
     for (i, rest) in layer.nodes.iter().enumerate().filter(|(i, _)| layer.attached[*i]) {
         let FrameMotion::Kinematic(keys) = &frames[node_frames[i] as usize].motion else { continue };
         let trajectory = Trajectory::new(keys, Key { time: 0.0, position: DVec3::ZERO, orientation: DQuat::IDENTITY });
@@ -148,7 +148,7 @@ fn a_block_whose_core_is_kinematic_into_the_tool_pushes_as_the_oracles() {
 /// The dynamic cores of a body as the oracle represents them, in their initial state.
 pub fn twin_cores(simulation: &Simulation, body: usize) -> Vec<oracle::step::Core> {
     let place = &simulation.bodies()[body];
-    let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("not soft") };
+    let Shape::Soft { layer, frames, node_frames, .. } = &place.shape else { panic!("the body is not soft") };
     let core = |(index, frame): (usize, &palpate::internal::prepare::Frame)| {
         let FrameMotion::Dynamic { hinge, .. } = frame.motion else { return None };
         let attached = (0..layer.nodes.len()).filter(|n| layer.attached[*n] && node_frames[*n] == index as u32);
@@ -351,7 +351,7 @@ fn a_human_bends_its_arm() {
     let rows: Vec<_> = (0..200).map(|_| simulation.step().unwrap()).collect();
     assert!(rows.iter().all(|row| row.flags == Flags::default()));
     let Shape::Soft { layer, frames, node_frames, proxies, .. } = &simulation.bodies()[0].shape else {
-        panic!("not soft")
+        panic!("the body is not soft")
     };
     let driven = |frame: u32| matches!(frames[frame as usize].motion, FrameMotion::Kinematic(_));
     assert!(proxies.iter().any(|proxy| driven(proxy.frame)), "the forearm must have collision proxies (convex hulls)");
@@ -401,7 +401,7 @@ fn a_floating_frame_keeps_up_with_a_body_that_flies_and_turns() {
     let mut simulation = open(&scene(text), None);
     let rest = simulation.frames(0)[0];
     run(&mut simulation, 400);
-    let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
+    let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("the body is not soft") };
     let layer = layer.clone();
     let (moved, velocity) = simulation.nodes(0).unwrap().unwrap();
     let frame = simulation.frames(0)[0];

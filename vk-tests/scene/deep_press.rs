@@ -66,7 +66,7 @@ fn press(deep: &Deep) {
     let options =
         Options { device: std::env::var("PALPATE_TEST_DEVICE").ok(), validation: false, ..Options::of_program() };
     let mut simulation = Simulation::open(&scene(&text), &options).unwrap();
-    let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
+    let Shape::Soft { layer, .. } = &simulation.bodies()[0].shape else { panic!("the body is not soft") };
     let layer = layer.clone();
     let mut rows: Vec<StepReport> = Vec::new();
     let mut least = f64::INFINITY;

@@ -115,7 +115,7 @@ fn every_kernel_of_made_scenes_is_recorded_or_left_out_for_a_reason() {
     for (name, text) in [
         ("a block alone", block("", "", "", "")),
         ("a block that is touched", block("", "", "", TOOL)),
-        ("one-sided, friction", block("[contact]\nfriction = 0.3\nsides = \"one\"", "", "", TOOL)),
+        ("one body's vertices tested, friction", block("[contact]\nfriction = 0.3\nsides = \"one\"", "", "", TOOL)),
         ("patches, three Newton iterations", block("[step]\nnewton = 3", "", "dilatation = \"patch\"", TOOL)),
         ("neo-Hookean with a probe", block("", ", law = \"neo-hookean\"", "", probe)),
         ("a coarse space", block("[solver]\npreconditioner = \"coarse\"", "", "", TOOL)),
@@ -125,6 +125,7 @@ fn every_kernel_of_made_scenes_is_recorded_or_left_out_for_a_reason() {
     ] {
         check(name, &open(&scene(&text), None));
     }
+    // The stage that finds penetration depths has two implementations, called paths.
     let block = scene(&block("", "", "", TOOL));
     for path in [palpate::internal::stages::depth::Path::Graphics, palpate::internal::stages::depth::Path::Compute] {
         check(path.name(), &open(&block, Some(path)));
@@ -162,6 +163,7 @@ fn a_feature_that_is_not_used_costs_nothing() {
     let probe = "[[probe]]\nname = \"top\"\nbody = \"block\"\nnearest = [0.0, 0.03, 0.0]\n";
     let cases = [
         // Each case: name, and the scene without the feature's keys, with the feature switched off, and with it used.
+        // The feature "second side" tests the vertices of both bodies of a pair for contact, and not those of one only.
         ("friction", plain(), contact("friction = 0.0"), contact("friction = 0.3")),
         ("second side", contact("sides = \"one\""), contact("sides = \"one\""), contact("sides = \"both\"")),
         (

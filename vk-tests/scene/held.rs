@@ -35,7 +35,7 @@ pub fn pad(young: f64, coupling: &str, more: &str, aside: DVec3, turn: [f64; 4])
     )
 }
 
-/// Orientation of the pad at the start.
+/// Orientation of the pad at the start, a quaternion x, y, z, w.
 pub const START: [f64; 4] = [0.0, 0.06, 0.0, 0.9981983770774224];
 /// Greatest allowed errors against the oracle: of force, torque and displacements, each relative to the largest value
 /// of its kind, and (`PLACE`) of the position of the held core, m.

@@ -44,7 +44,7 @@ pub fn chain(young: f64, root: &str, joints: [&str; 2], step: &str) -> String {
 
 /// The rigid coordinate frames of the first body.
 fn frames(simulation: &Simulation) -> &[palpate::internal::prepare::Frame] {
-    let Shape::Soft { frames, .. } = &simulation.bodies()[0].shape else { panic!("not soft") };
+    let Shape::Soft { frames, .. } = &simulation.bodies()[0].shape else { panic!("the body is not soft") };
     frames
 }
 

@@ -40,7 +40,7 @@ impl Subject {
     }
 
     pub fn skin(&self) -> &Skin {
-        let Shape::Rigid { skin, .. } = &self.body.shape else { panic!("not rigid") };
+        let Shape::Rigid { skin, .. } = &self.body.shape else { panic!("the body is not rigid") };
         skin
     }
 
@@ -192,7 +192,7 @@ impl Side<'_> {
     /// depth.
     fn found(&self, what: &str, v: usize, contact: &QueryContact, size: f64, tally: &mut Tally) {
         let of = |seen: &&Seen| contact.normal.dot(seen.normal).abs() > SAME;
-        let Some(seen) = self.seen.iter().find(of) else { panic!("{what}: no ray along {contact:?}") };
+        let Some(seen) = self.seen.iter().find(of) else { panic!("{what}: no ray has the normal of {contact:?}") };
         let (x, facing) = (self.positions[v], self.facing[v].dot(seen.normal));
         let ray_hit = seen.rays.first(x);
         let inside = ray_hit.filter(|ray_hit| ray_hit.leaves && facing > 0.0);

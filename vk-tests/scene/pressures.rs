@@ -88,6 +88,8 @@ fn contacts_with_friction_sum_to_the_wrench() {
 
 #[test]
 fn after_a_state_is_taken_up_contacts_say_what_the_step_began_with() {
+    // After a saved state is restored, the pressure at the end of the step is not known, so that contacts must report
+    // the pressure at the start of the step, and no friction.
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scene.toml");
     std::fs::write(&file, SLIDING).unwrap();

@@ -24,7 +24,7 @@ const UNIT: f64 = 1e-6;
 type PoseOf = (DVec3, DQuat);
 
 fn placed(body: &Body, (position, orientation): PoseOf) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-    let Shape::Rigid { skin, .. } = &body.shape else { panic!("not rigid") };
+    let Shape::Rigid { skin, .. } = &body.shape else { panic!("the body is not rigid") };
     (skin.vertices.iter().map(|x| position + orientation * *x).collect(), skin.triangles.clone())
 }
 

@@ -25,13 +25,13 @@ const DEPTH: f64 = 1e-5 * RADIUS;
 const SECOND_ORDER: f64 = 0.35;
 /// World positions of the vertices of a rigid body's skin (surface mesh), and the skin's triangles.
 fn mesh(body: &Body) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-    let Shape::Rigid { skin, .. } = &body.shape else { panic!("not rigid") };
+    let Shape::Rigid { skin, .. } = &body.shape else { panic!("the body is not rigid") };
     let place = |x: &DVec3| body.position + body.orientation * *x;
     (skin.vertices.iter().map(place).collect(), skin.triangles.clone())
 }
 
-/// Depth (m) and opposing triangle of each colliding vertex, by side (0: vertex of body a, 1: of b) and number of the
-/// vertex within its body.
+/// Depth (m) of each colliding vertex and the triangle of the other body that the vertex's ray hits, by side (0: vertex
+/// of body a, 1: of b) and number of the vertex within its body.
 type Depths = BTreeMap<(u32, u32), (f64, u32)>;
 
 /// The ray hits that the kernels found. The kernels number the vertices and triangles of both bodies in common arrays,
@@ -58,7 +58,8 @@ fn wanted(normal: DVec3, a: &Body, b: &Body) -> Depths {
     depths
 }
 
-/// Side (0: body a, 1: body b), vertex and opposing triangle of a contact, counted within their bodies.
+/// Side (0: body a, 1: body b) and vertex of a contact, and the triangle of the other body that the vertex's ray hits;
+/// vertex and triangle are counted within their bodies.
 type Touch = (usize, u32, u32);
 
 /// The contacts of two rigid bodies by ray casts, and the numbers of the first vertex and triangle of each body in
@@ -103,7 +104,7 @@ fn give_direction(flow: &mut Flow, normal: DVec3) {
 /// Runs the query on every depth path and compares it with ray casts; at least `least` contacts must be found by both.
 /// Returns the results of the last path, and its depths.
 fn every_path(what: &str, a: &Body, tool: &Body, normal: DVec3, least: usize) -> (Flow, Depths) {
-    let Shape::Rigid { skin, .. } = &a.shape else { panic!("not rigid") };
+    let Shape::Rigid { skin, .. } = &a.shape else { panic!("the body is not rigid") };
     let first = [0, skin.vertices.len() as u32];
     let first_triangle = [0, skin.triangles.len() as u32];
     let mut last = None;

@@ -193,8 +193,8 @@ fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Step
     println!(
         "touch at {young:e} Pa, {} path: greatest force {peak:.2} N; relative errors of force {force:.1e}, of the \
          tool's position {pose:.1e}, of displacements {shapes:.1e}; up to {} contacts in a step; {} contacts found by \
-         engine or oracle alone, up to {:.1e} m deep; contact normal off that of the block's top by {tilt:.1e}; up to \
-         {} solver iterations",
+         engine or oracle alone, up to {:.1e} m deep; unit vectors of the contact normal and of the \
+         normal of the block's top differ by {tilt:.1e}; up to {} solver iterations",
         path.name(),
         found.iter().map(Vec::len).max().unwrap(),
         lone.1,

@@ -69,7 +69,10 @@ fn expect_oracle(what: &str, system: System) {
             continue;
         };
         let error = (inverse * block - DMat3::IDENTITY).to_cols_array();
-        assert!(error.iter().all(|e| e.abs() < IDENTITY), "{what}: node {i}: inverse times block is off by {error:?}");
+        assert!(
+            error.iter().all(|e| e.abs() < IDENTITY),
+            "{what}: node {i}: inverse times block, less the identity: {error:?}"
+        );
         let b = DVec3::from_slice(&triples(&passes.rhs[i..=i]).map_wide());
         let z = inverse * b;
         expect_of_largest("M^-1 b", &triples(&passes.preconditioned[i..=i]), &z.to_array(), SUM);

@@ -125,7 +125,8 @@ fn the_gap_is_looked_for_where_a_loop_holds_the_tool() {
         assert_eq!(
             passes.args[3 * shaders::ARGS_GAP as usize],
             want,
-            "number of workgroups requested for wrench/gap; is the tool held (1: yes): {is_held}; r . M^-1 r: {worth}"
+            "number of workgroups requested for wrench/gap (gap from tool to skins); a haptic loop holds the tool \
+             (1: yes): {is_held}; r . M^-1 r: {worth}"
         );
     }
 }

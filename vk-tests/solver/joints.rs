@@ -91,9 +91,9 @@ fn passes(with: Preconditioner) -> Passes {
     passes
 }
 
-/// A row of a joint's Jacobian J for the core on side `side` of the joint: six factors of the core's twist. J gives the
-/// motion of the joint's first side relative to its second along `axis`, or the rotation about `axis` if `about`. A
-/// core on a hinge only turns about its axis `hinge`.
+/// A row of a joint's Jacobian J for one of the joint's two cores, that with index `side` (0 or 1): six factors of the
+/// core's twist. J gives the motion, at the joint, of core 0 relative to core 1 along `axis`, or the relative rotation
+/// about `axis` if `about`. A core on a hinge only turns about its axis `hinge`.
 fn row(joint: &shaders::Joint, side: usize, axis: DVec3, about: bool, hinge: DVec3) -> [f64; 6] {
     let arm = DVec3::from(joint.arm[side].map(f64::from));
     let (mut linear, mut angular) = if about { (DVec3::ZERO, axis) } else { (axis, arm.cross(axis)) };

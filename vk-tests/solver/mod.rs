@@ -1,5 +1,5 @@
-//! Tests of the solver's kernels (operator, right-hand side, iteration and decision whether the step is accepted), and of
-//! whole solves of small systems.
+//! Tests of the solver's kernels (operator, right-hand side, iteration and decision whether the step is accepted), and
+//! of whole solves of small systems.
 
 pub mod newton;
 pub mod system;

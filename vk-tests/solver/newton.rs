@@ -77,7 +77,10 @@ fn trial_displacements_are_where_the_solution_leads() {
             .output::<[f32; 4]>("trial_change", count)
             .elements(count)
             .run();
-        assert!(count == 0 || out.get::<[f32; 4]>("trial_change") == x, "the trial change must be the solution");
+        assert!(
+            count == 0 || out.get::<[f32; 4]>("trial_change") == x,
+            "elastic/trial must copy the solution to trial_change"
+        );
         for (i, got) in out.get::<[f32; 4]>("trial_displacement").iter().enumerate().take(count) {
             let frame = &frames[i];
             let back = DQuat::from_array(frame.rotation.map(f64::from)).normalize().conjugate();
@@ -176,7 +179,8 @@ fn bars_that_swing_or_are_bent_are_linearised_again_as_the_oracles() {
         );
         assert!(
             change > BENT && error < SHAPE,
-            "{name}: relative error {error:e}, change by further Newton iterations {change:e}"
+            "{name}: relative error of displacements {error:e}, their relative change by further Newton iterations \
+             {change:e}"
         );
     }
 }
@@ -224,7 +228,7 @@ fn one_linearisation_records_what_it_did_before() {
     let stages = |elastic: u32, solve: u32| vec![("elastic".to_string(), elastic), ("solve".to_string(), solve)];
     // A pass is a command on the GPU. Stage elastic has one pass that clears the flags, one for elements and one for
     // F-bar patches. In stage solve, seven passes come before ten iterations of four passes each, five come after, and
-    // two are for the coarse space.
+    // two are for the coarse space. The last number is that of the passes that must wait for an earlier pass.
     assert_eq!(passes(1), (stages(3, 54), 44));
     assert_eq!(passes(3), (stages(9, 80), 72));
 }

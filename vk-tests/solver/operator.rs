@@ -177,7 +177,7 @@ fn products_agree_with_the_assembled_matrix_for_mixed_materials() {
 fn products_agree_with_the_assembled_matrix_for_inverted_tetrahedra() {
     let bodies = two_layers();
     for seed in 0..4 {
-        let inverted = expect_oracle("alone", System::new(&bodies, AMPLITUDE, seed), seed + 10);
+        let inverted = expect_oracle("without contacts", System::new(&bodies, AMPLITUDE, seed), seed + 10);
         assert!(inverted > 10, "{inverted} tetrahedra are inverted, expected more than 10");
         let system = System::new(&bodies, AMPLITUDE, seed).with_contacts(CONTACTS, seed + 20);
         expect_oracle("contacts", system, seed + 10);

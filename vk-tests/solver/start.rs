@@ -16,8 +16,8 @@ use crate::stage::elastic::expect_of_largest;
 
 /// Relative error of a few f32 roundings.
 const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };
-/// Error relative to the largest value: the values are sums over a hundred contacts, and each term is a dozen roundings
-/// away from the input.
+/// Error of the tool's rows of b and of the residual, relative to the largest value: a row is a sum over a hundred
+/// contacts, each term of which is a dozen roundings away from the input.
 const SUM: f64 = 5.0e-6;
 /// Error of an entry of the inverse of the tool's block relative to the geometric mean of the diagonal entries in its
 /// row and in its column: rounding of the block (1e-6) times the condition number (some hundreds) that the block

@@ -111,8 +111,8 @@ fn a_dynamic_core_and_what_hangs_on_it_are_one_system() {
 #[test]
 #[ignore = "long: 13 s"]
 fn bodies_of_every_kind_are_solved_with_a_coarse_level() {
-    // The bodies include flat bodies and a body with two rigid coordinate frames. Last come two bodies, only one of
-    // which has a coarse space.
+    // Some of the bodies have free nodes (nodes that are not attached) only in a plane or in a row, and one has two
+    // rigid coordinate frames. Last come two bodies, only one of which has a coarse space.
     for (what, bodies) in kinds() {
         let passes = solved(what, system(&bodies, 7, Preconditioner::Coarse));
         println!("{what}: {} iterations", passes.iterations_done());

@@ -19,8 +19,9 @@ use crate::harness::{case, context};
 use crate::stage::flow::{Flow, GRID_WORDS};
 use crate::stage::skin::covered;
 
-/// Greatest distance by which a box may exceed the oracle's box, m, for positions of half a metre: a micrometre, a
-/// thousandth of the spread of the displacements in the chunk, and the rounding of the box at rest.
+/// Greatest distance by which a box may exceed the oracle's box, m, for positions of half a metre. The kernel enlarges
+/// a box by 1.5 micrometres and by a thousandth of the spread of the displacements in the chunk; the box at rest is
+/// rounded to f32.
 const BOX: f64 = 4e-6;
 /// Number of cells of the min-max depth grid along each tangent.
 const GRID: usize = 16;

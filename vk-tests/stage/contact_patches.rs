@@ -227,7 +227,7 @@ fn opposite_groups_have_a_region_each() {
     let contact_patches: Vec<ContactPatch> = out.get("contact_patches");
     let mut cosines = [0, 1].map(|r| wide(contact_patches[r].normal).dot(leaning));
     cosines.sort_by(f64::total_cmp);
-    assert!(cosines[0] < -0.98 && cosines[1] > 0.98, "cosines of the patches' normals with the direction: {cosines:?}");
+    assert!(cosines[0] < -0.98 && cosines[1] > 0.98, "cosines between the patches' normals and `leaning`: {cosines:?}");
     for contact_patch in &contact_patches[..2] {
         let of = |d: &&(DVec3, f64)| d.0.dot(wide(contact_patch.normal)) > 0.0;
         let own: Vec<(DVec3, f64)> = directions.iter().filter(of).copied().collect();

@@ -211,10 +211,10 @@ fn no_pair_within_reach_is_missed_and_none_beyond_it_is_kept() {
         for (i, [a, b, ..]) in pairs.iter().enumerate() {
             let (a, b) = (&hulls.points[*a as usize], &hulls.points[*b as usize]);
             let is_kept = kept.binary_search(&(i as u32)).is_ok();
-            if proximity::pairs(a, b, REACH - GAP).expect("parry answers") {
+            if proximity::pairs(a, b, REACH - GAP).expect("parry3d finds the distance of two hulls") {
                 assert!(is_kept, "pair {i} is missed; normal, distance {:?}", exact::exact_distance(a, b));
                 near += 1;
-            } else if !proximity::pairs(a, b, REACH + GAP).expect("parry answers") {
+            } else if !proximity::pairs(a, b, REACH + GAP).expect("parry3d finds the distance of two hulls") {
                 assert!(!is_kept, "pair {i} is kept; normal, distance {:?}", exact::exact_distance(a, b));
                 far += 1;
             }
@@ -222,7 +222,10 @@ fn no_pair_within_reach_is_missed_and_none_beyond_it_is_kept() {
         let reach: Vec<[f32; 2]> = out.get("reach_of");
         for i in kept {
             let [a, b, ..] = pairs[i as usize].map(|p| p as usize);
-            let gap = exact::exact_distance(&hulls.points[a], &hulls.points[b]).expect("parry answers").1.max(0.0);
+            let gap = exact::exact_distance(&hulls.points[a], &hulls.points[b])
+                .expect("parry3d finds the distance of two hulls")
+                .1
+                .max(0.0);
             // The gap that the kernel finds is a lower bound of the true gap, and nearly equal to it.
             let found = f64::from(reach[i as usize][1]);
             assert!(found <= gap + GAP && found >= gap - 0.01 * REACH, "pair {i}: gap {found} m, expected {gap} m");

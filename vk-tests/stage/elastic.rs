@@ -230,7 +230,7 @@ fn rotations_and_forces_agree_with_the_oracle_at_every_size() {
         expect_oracle(&format!("{count} tetrahedra"), &system, FORCE);
         system.trial_change = system.random_field(&mut random).iter().map(|v| v.map(|x| 0.1 * x)).collect();
         system.rotate();
-        expect_oracle(&format!("{count} tetrahedra with a trial change"), &system, FORCE);
+        expect_oracle(&format!("{count} tetrahedra, linearised at a trial change of velocity"), &system, FORCE);
     }
 }
 
@@ -263,7 +263,7 @@ fn far_rotations_are_found_from_a_cold_and_a_warm_start() {
 fn inverted_tetrahedra_keep_proper_rotations() {
     // elastic/element_forces where det F < 0: the rotation is the proper one, which flips the direction of least
     // stretch. With singular values s1 >= s2 >= s3 an iteration leaves s1 / (s1 + s2 + s3) of the error, here up to
-    // 0.85: the first step comes near the rotation, and a few more steps reach it.
+    // 0.85: the kernel's first run comes near the rotation, and a few more runs reach it.
     let mut system = deformed(500, 13, |random| {
         let turn = random.turn(2.5);
         stretched(turn, -0.35 + 0.25 * random.next(), random)
@@ -277,7 +277,7 @@ fn inverted_tetrahedra_keep_proper_rotations() {
     for _ in 0..4 {
         system.rotate();
     }
-    expect_oracle("after five steps", &system, FORCE);
+    expect_oracle("after five runs", &system, FORCE);
 }
 
 /// The flags that the kernel leaves if it starts from the system's flags.

@@ -527,7 +527,7 @@ fn run_looking(simulation: &mut Simulation, steps: usize) -> Vec<(StepReport, DV
         let values = shown(simulation, Field::Pressure);
         let (mut force, mut size) = (DVec3::ZERO, 0.0);
         for c in simulation.touch().unwrap().1 {
-            assert_eq!(c.side % 2, 1, "side of a contact: only the tool's vertices are tested");
+            assert_eq!(c.side % 2, 1, "a contact must be of a vertex of the tool, body b (1) of its pair");
             let push = f64::from(c.area) * f64::from(values[c.vertex as usize]);
             force += push * DVec3::from(c.normal.map(f64::from));
             size += push;

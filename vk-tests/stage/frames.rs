@@ -322,7 +322,8 @@ fn kinematic_nodes_go_where_their_frame_takes_them() {
             assert_eq!(got[2 * i], [-7.0; 4], "velocity of a free node, which must stay as it was");
             let r = wide(&rest[2 * i + 1]);
             let want = (end.centre + end.rotation * r - start.centre - start.rotation * r) / h;
-            // In f32 the vector part of the frame's turn, and thus the arc, has a relative error of 6e-8.
+            // In f32 the vector part of the frame's turn has a relative error of 6e-8, and so has the distance by which
+            // the turn moves a node.
             let tolerance = VELOCITY.abs + VELOCITY.rel * (want.length() + angle * r.length() / h);
             assert!(wide(&got[2 * i + 1]).distance(want) < tolerance, "velocity {:?}, expected {want}", got[2 * i + 1]);
         }

@@ -370,7 +370,7 @@ fn shortest_ways_to_loose_triangles_of_any_number() {
             given.parts.iter_mut().for_each(|part| part.chunk_count = 0);
             assert!(
                 given.run(Size::Reduce).iter().all(|got| got.triangle == NONE),
-                "{n} triangles: a way to a part without chunks"
+                "{n} triangles: the kernel reports a way to a part without chunks"
             );
             given.parts.clear();
             assert!(given.run(Size::Reduce).is_empty());

@@ -175,7 +175,7 @@ fn patches_of_layers_agree_with_the_oracle() {
         let mut system = System::new(&patched(two_layers_one_on_a_core(), |body| on[body]), AMPLITUDE, seed);
         expect_oracle(&format!("two layers, one on a rigid core, with patches {on:?}"), &system, seed + 20);
         system.trial_change = system.random_field(&mut Random(seed)).iter().map(|v| v.map(|x| 0.1 * x)).collect();
-        expect_oracle(&format!("one on a rigid core, with patches {on:?} and a trial change"), &system, seed + 30);
+        expect_oracle(&format!("one on a core, patches {on:?}, at a trial change of velocity"), &system, seed + 30);
     }
 }
 

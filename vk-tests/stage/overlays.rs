@@ -112,7 +112,7 @@ fn proxies_ride_on_their_frames() {
         }
         // The block's frame stays, and so do its hulls. The corners of the tool's hull are vertices of its skin, which
         // moves with the tool.
-        let Shape::Soft { proxies, .. } = &simulation.bodies()[0].shape else { panic!("not a soft body") };
+        let Shape::Soft { proxies, .. } = &simulation.bodies()[0].shape else { panic!("body 0 is not soft") };
         let body = &simulation.bodies()[0];
         let rest: Vec<DVec3> =
             proxies.iter().flat_map(|p| &p.hull).map(|x| body.position + body.orientation * *x).collect();
@@ -131,8 +131,8 @@ fn proxies_ride_on_their_frames() {
     assert!(messages.is_empty(), "{messages:#?}");
 }
 
-/// Every triangle of a part is a face of a tetrahedron that has the part's material, and all parts together are the whole
-/// mesh.
+/// Every triangle of a part is a face of a tetrahedron that has the part's material, and all parts together are the
+/// whole mesh.
 #[test]
 fn the_parts_of_a_layer_go_by_material() {
     let text = std::fs::read_to_string("crates/cli/tests/golden/parts.toml").unwrap();
@@ -149,7 +149,7 @@ fn the_parts_of_a_layer_go_by_material() {
         let is_hidden = (part.body, part.name.as_str(), part.material) == (0, "skin", 1);
         assert_eq!(part.triangles.is_empty(), is_hidden, "{part:?}");
     }
-    let Shape::Soft { layer, materials, .. } = &simulation.bodies()[0].shape else { panic!("rigid") };
+    let Shape::Soft { layer, materials, .. } = &simulation.bodies()[0].shape else { panic!("body 0 is not soft") };
     let now = simulation.node_positions(0).unwrap();
     let node_of = |x: DVec3| (0..now.len()).min_by(|a, b| now[*a].distance(x).total_cmp(&now[*b].distance(x))).unwrap();
     for part in mesh.parts.iter().filter(|part| part.body == 0) {
@@ -166,9 +166,10 @@ fn the_parts_of_a_layer_go_by_material() {
 fn a_layer_is_cut_open_where_its_nodes_are() {
     let (mut simulation, origin) = pressed();
     run(&mut simulation, 40);
-    let Shape::Soft { layer, .. } = simulation.bodies()[0].shape.clone() else { panic!("not a soft body") };
-    // By default the cut goes through the middle, normal to the shorter of the axes x and z; the block is as wide as it
-    // is deep, and then the axis is z. A cut across y follows, and then a cut that misses the block.
+    let Shape::Soft { layer, .. } = simulation.bodies()[0].shape.clone() else { panic!("body 0 is not soft") };
+    // By default the cut goes through the middle, normal to x or z, whichever the layer is shorter along; the block is
+    // as long along x as along z, and then the cut is normal to z. A cut across y follows, and then a cut that misses
+    // the block.
     assert_eq!(simulation.layer_cut(0), Some(Cut { normal: DVec3::Z, offset: 0.0 }));
     let across = Cut { normal: DVec3::Y, offset: 0.01 };
     for cut in [None, Some(Cut { normal: 2.0 * across.normal, ..across }), Some(Cut { normal: DVec3::X, offset: 1.0 })]
@@ -223,7 +224,7 @@ fn cores_and_bones_are_where_their_frames_are() {
     let origin = DVec3::new(0.4, 0.1, -0.2);
     run(&mut simulation, 30);
     let Shape::Soft { layer, frames, node_frames, .. } = simulation.bodies()[0].shape.clone() else {
-        panic!("not a soft body")
+        panic!("body 0 is not soft")
     };
     let places_now = simulation.frames(0);
     let at =
@@ -290,7 +291,7 @@ fn regions_are_squares_at_their_contacts() {
         let from = contact.position - square.centre;
         // After the contacts were found, the step moved the bodies by less than 1 mm.
         let within = [u, v].iter().zip(square.half).all(|(t, half)| t.dot(from).abs() <= half + 1e-3);
-        assert!(within && square.normal.dot(from).abs() < 5e-3, "{contact:?} lies outside of its {square:?}");
+        assert!(within && square.normal.dot(from).abs() < 5e-3, "{contact:?} is outside its patch's square {square:?}");
     }
     assert!((square.centre - (shift + up * 0.03)).length() < 0.01, "wrong centre: {square:?}");
     let floor = "[[body]]\nname = \"floor\"\nplane = [0.0, 1.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\

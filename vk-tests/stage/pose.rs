@@ -125,7 +125,7 @@ fn a_quarter_turn_by_hand() {
     let out = given.run();
     let hull: Vec<f32> = out.get("hull");
     expect_close("hull", &hull, &[1.0, 2.0, 3.0, 0.0, 10.0, 1.0, 0.5, 0.0, 6.0, 3.0, 0.5, 0.0], PLACED);
-    // The x face turns to y; the frame is moved along x, so that the offset of the face's plane stays.
+    // The face's normal turns from x to y; the frame is moved along x, so that the offset of the face's plane stays.
     expect_close("faces", &out.get("faces"), &[0.0, 1.0, 0.0, 0.25], PLACED);
     let bounds: Vec<ProxyBounds> = out.get("bounds");
     expect_close("low", &bounds[1].low, &[6.0, 1.0, 0.5], PLACED);

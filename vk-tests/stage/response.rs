@@ -91,8 +91,9 @@ fn friction_of_soft_rigid_and_kinematic_skins() {
     let frictionless = flow.contacts.clone();
     flow.model.friction = [0.6, 0.01];
     [flow.params.friction, flow.params.friction_speed] = flow.model.friction;
-    // A kinematic frame is a rigid coordinate frame whose motion is known. Here ball a in pair a-b and the floor in
-    // pair b-floor are on kinematic frames; the other pairs are a-floor, a-tool, b-tool and tool-floor.
+    // The bodies of `crowd` are two soft balls, a and b, a floor and a tool. A kinematic frame is a rigid coordinate
+    // frame whose motion is known. Here ball a in pair a-b and the floor in pair b-floor are on kinematic frames; the
+    // other pairs are a-floor, a-tool, b-tool and tool-floor.
     (flow.pairs[0].kinematic_frame, flow.pairs[3].kinematic_frame) = ([0, NONE], [NONE, 1]);
     for (k, frame) in flow.frames.iter_mut().enumerate() {
         (frame.linear, frame.angular) = ([0.1, 0.3, -0.2 * k as f32], [2.0, -5.0, 3.0]);

@@ -21,7 +21,8 @@ use crate::scene::whole_step::{open, run, scene};
 const SIZE: [u32; 2] = [24, 16];
 /// Error of a colour channel: the shader's sRGB is off by 0.1 %, and the result is rounded to a byte.
 const SHADE: f64 = 2.0 / 255.0;
-/// Error of a depth: directions are rounded to f32, and corners on a slope are rounded to 1/256 of a texel.
+/// Error of a depth in a shadow map (0 to 1): directions are rounded to f32, and corners on a slope are rounded to
+/// 1/256 of a texel.
 const DEPTH: f64 = 2e-5;
 /// Texels along a side of the shadow maps in these tests.
 const SIDE: u32 = 32;

@@ -55,9 +55,9 @@ pub struct Comparison {
     pub old: f64,
     /// New value, in the same unit.
     pub new: f64,
-    /// New value divided by the old one. A time has three ratios, all divided by the machine's own change of speed:
-    /// that of the fastest new round to the slowest old one, that of the medians, and that of the slowest new round to
-    /// the fastest old one.
+    /// New value divided by the old one. A time has three ratios, all corrected for the machine's own slowdown: that of
+    /// the fastest new round to the slowest old one, that of the medians, and that of the slowest new round to the
+    /// fastest old one.
     pub ratio: [f64; 3],
     /// The verdict on the ratio. A time is worse only if even the least of its three ratios exceeds 1 by more than is
     /// allowed.
@@ -142,7 +142,8 @@ fn high(all: &[f64]) -> f64 {
 }
 
 impl Comparison {
-    /// `None`: the two series are of different kinds. `machine` is the machine's change of speed, see [`machine`].
+    /// `None`: the two series are of different kinds. `machine`: by what factors the machine itself took longer, as the
+    /// function [`machine`] returns them; ratios of times are divided by these factors.
     fn new(path: &str, old: &Series, new: &Series, machine: [f64; 3]) -> Option<Comparison> {
         let (kind, old, new, ratio, verdict) = match (old, new) {
             (Series::Times(old), Series::Times(new)) => {
@@ -248,7 +249,7 @@ fn parts(all: &[Comparison]) -> Vec<Comparison> {
     by_part.into_iter().filter(|(_, own)| own.len() >= LEAST_ROUNDS).map(of).collect()
 }
 
-/// A table with a row for each comparison: worse ones first, then better ones; the order is otherwise kept.
+/// A table with a row for each comparison: worse ones first, then better, unchanged and unjudged ones.
 pub fn table(all: &[Comparison]) -> Table {
     let mut sorted: Vec<&Comparison> = all.iter().collect();
     let rank = |verdict| match verdict {

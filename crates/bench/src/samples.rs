@@ -63,8 +63,9 @@ pub fn median(samples: &[f64]) -> f64 {
     }
 }
 
-/// Number of hands. A round is one list of samples; where there are few rounds, all their samples are dealt, like
-/// cards, into this number of hands (interleaved subsets), so that each hand has samples from every phase of a run.
+/// Number of hands. A hand is a subset of the samples of all rounds (lists of samples): where there are fewer rounds
+/// than hands, all samples are dealt into the hands in turn, like cards, so that each hand has samples from every phase
+/// of a run.
 pub const HANDS: usize = 5;
 
 /// Medians that show the spread of a time: the median of each round or, with fewer than [`HANDS`] rounds that have

@@ -110,7 +110,7 @@ fn what_does_not_belong_together_is_not_joined() {
     let elsewhere = refused(Results { head: Head { device: "x".into(), ..head() }, ..shard(1) });
     assert!(
         elsewhere.contains("other") && elsewhere.contains("differs in program, device"),
-        "the error must name the file and say that the device differs: {elsewhere}"
+        "the error must name the file and say that its device differs from the first file's: {elsewhere}"
     );
     let mut changed = shard(1);
     changed.benchmarks["doubling"]["settings"] = json!(7);

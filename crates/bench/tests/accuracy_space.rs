@@ -1,7 +1,10 @@
 //! Tests of the curves of `palpate bench accuracy` about resolution in space, on small bodies. A curve has a point for
 //! each value of a quantity that is varied: the error of the force on a tool that presses on a body, and the time of a
 //! step. The errors of each curve must stay within its bound and show the expected trend; times are not judged. The
-//! finding of a curve is the text of the report that says what it shows.
+//! finding of a curve is the text of the report that says what it shows. The varied quantities are the cells of the
+//! layer (tetrahedral mesh) of a body, the contact stiffness, the vertices of the skins (surface meshes), with contacts
+//! at the vertices of both skins or of one (the sides), the collision proxies (convex hulls), and the texels (cells of
+//! the grid of the depth stage, which finds how deep bodies overlap), with each implementation (path) of that stage.
 
 use palpate_bench::accuracy::{self, Curve, Settings};
 
@@ -34,13 +37,16 @@ fn finer_layers_and_stiffer_contact_are_more_accurate() {
     let layer = measure("layer");
     for line in 0..layer.lines().len() {
         let all = errors(&layer, line);
-        assert!(all[0] > 1.5 * all[5], "errors from the coarsest layer to the finest: {all:?}");
+        assert!(
+            all[0] > 1.5 * all[5],
+            "the error must fall by a third or more from the coarsest layer to the finest: {all:?}"
+        );
     }
     let stiffness = measure("stiffness");
     let all = errors(&stiffness, 0);
     assert!(
         all[0] > 0.5 && all.windows(2).all(|w| w[1] < w[0]),
-        "errors from the softest contact to the stiffest: {all:?}"
+        "the errors must fall, from more than 0.5, from the softest contact to the stiffest: {all:?}"
     );
 }
 
@@ -50,6 +56,7 @@ fn neither_skins_nor_sides_nor_proxies_change_the_force_much() {
     for name in ["skin", "sides"] {
         let curve = measure(name);
         assert_eq!(curve.lines().len(), 2);
+        // Each error of the force, relative to the force of the curve's reference, must be below 0.5.
         (0..2).for_each(|line| assert!(errors(&curve, line).iter().all(|error| *error < 0.5), "inaccurate: {curve:?}"));
     }
     measure("proxies");
@@ -59,6 +66,8 @@ fn neither_skins_nor_sides_nor_proxies_change_the_force_much() {
 #[ignore = "long: 12 s"]
 fn texels_and_paths_do_not_change_a_bit_and_sampled_depths_would() {
     let curve = measure("texel");
+    // For comparison the curve also has points whose depths are sampled on the CPU, at the centres of texels; all other
+    // points are the engine's.
     let is_sampled = |setting: &str| setting.starts_with("at centres");
     let (sampled, own): (Vec<_>, Vec<_>) = curve.points.iter().partition(|point| is_sampled(&point.setting));
     assert!(
@@ -71,7 +80,7 @@ fn texels_and_paths_do_not_change_a_bit_and_sampled_depths_would() {
     );
     assert!(
         curve.span_reason.contains(" 0 differ in a bit"),
-        "reason given for a curve that spans few powers of ten: {}",
+        "the reason for the span of the errors must say that no force differs in a bit: {}",
         curve.span_reason
     );
 }

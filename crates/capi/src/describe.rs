@@ -80,8 +80,9 @@ pub struct palpate_core {
     pub motion: u32,
     /// Name of the core, different from those of the body's other cores.
     pub name: *const c_char,
-    /// Keyframes of a driven core, `key_count` of them: world poses of the body's own coordinates, as in a scene file:
-    /// a key that equals the body's position and orientation leaves the core where it is at rest. Null for other cores.
+    /// Keyframes of a driven core, `key_count` of them. As in a scene file, each is a world pose of the body's
+    /// coordinate frame, with which the core moves rigidly: a key that equals the body's position and orientation puts
+    /// the core at its place in the undeformed body. Null for other cores.
     pub keys: *const palpate_key,
     /// Number of elements of `keys`.
     pub key_count: usize,

@@ -235,8 +235,8 @@ impl Device for Callbacks {
 /// Estimates velocities from successive poses of a device, for a device that does not measure its velocities.
 struct Motion {
     positions: AdaptiveWindow,
-    /// Window over `turned`, the sum of the rotation vectors between successive readings; its slope is the angular
-    /// velocity.
+    /// The newest values of `turned`, the sum of the rotation vectors between successive readings; the slope of
+    /// `turned` over time is the angular velocity.
     turns: AdaptiveWindow,
     turned: DVec3,
     last: DQuat,

@@ -65,7 +65,8 @@ pub struct palpate_vulkan {
     pub log_user: *mut c_void,
     /// Cache folder; see `cache` in palpate_context_options.
     pub cache: *const c_char,
-    /// 1: the library measures which of two implementations is faster; see `measure` in palpate_context_options.
+    /// 1: where the library has two implementations of a computation, it measures which is faster on the device; see
+    /// `measure` in palpate_context_options.
     pub measure: u32,
 }
 

@@ -91,7 +91,8 @@ pub struct palpate_loop_state {
     pub ticks: u64,
     /// Number of steps that the simulation has done for the loop, including those before the first tick.
     pub steps: u64,
-    /// The simulation step whose wrench the newest tick used: number of that step, from 1; 0: there is no wrench yet.
+    /// The simulation step whose wrench the newest tick used: number of that step, as `step` in palpate_wrench; 0:
+    /// there is no wrench yet.
     pub wrench_step: u64,
     /// Number of deadlines of ticks that were missed by more than 2 ms.
     pub missed: u64,

@@ -78,7 +78,7 @@ class Context : public detail::Handle<palpate_context, palpate_context_destroy> 
 public:
     /// Opens a Vulkan device. `device`: a part of its name, or its position in the list of palpate_devices; if it is
     /// empty, the best device is opened. `cache`: the cache folder, as in palpate_context_options; if it is not null,
-    /// the library also measures which of its implementations are faster on the device.
+    /// the library also measures, where it has two implementations of a computation, which is faster on the device.
     explicit Context(const std::string &device = {}, const char *cache = nullptr) {
         palpate_context_options options{};
         options.size = sizeof options;
@@ -137,7 +137,7 @@ public:
     }
     /// Sets the tool and its virtual coupling (a spring and damper between haptic device and tool).
     void set_tool(const Tool &tool) { check(palpate_scene_set_tool(get(), &tool)); }
-    /// Sets the folder where prepared bodies are kept; "": the user's cache folder.
+    /// Sets the folder that keeps prepared bodies (see prepare()) for later runs; "": the user's cache folder.
     void cache(const std::string &folder) { check(palpate_scene_cache(get(), folder.c_str())); }
     /// Prepares the bodies: makes their simulation meshes and collision proxies (convex hulls), which takes seconds and
     /// has several stages. As each stage begins, `progress` is called with the name of the body, the name of the stage,

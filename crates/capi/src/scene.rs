@@ -20,9 +20,9 @@ pub struct palpate_scene {
     _opaque: [u8; 0],
 }
 
-/// The object for which the handle of a scene stands: the scene, with the meshes in memory
-/// to which its bodies refer by name (`builder`), those of its bodies that are already prepared (`bodies`), and the folder
-/// that keeps prepared bodies for later runs (`cache`).
+/// The object for which the handle of a scene stands: the scene, with the meshes in memory to which its bodies refer by
+/// name (`builder`), those of its bodies that are already prepared (`bodies`), and the folder that keeps prepared
+/// bodies for later runs (`cache`).
 pub(super) struct SceneObject {
     builder: SceneBuilder,
     bodies: Bodies,

@@ -55,7 +55,8 @@ pub struct palpate_wrench {
     pub max_depth: f64,
     /// Relative residual of the linear system at the end of the last solve.
     pub residual: f64,
-    /// Number of contacts: vertices of one body's surface mesh inside another body, on both bodies of each pair.
+    /// Number of contacts: vertices of one body's surface mesh that lie inside another body. Of two bodies that touch,
+    /// the vertices of both count, unless the scene's `contact.sides` is "one".
     pub contacts: u32,
     /// Number of conjugate gradient iterations in all solves of the step.
     pub iterations: u32,

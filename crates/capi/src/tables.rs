@@ -172,8 +172,8 @@ pub(super) unsafe fn of_tool(given: &palpate_tool) -> Outcome<Table> {
     Ok(tables)
 }
 
-/// Inserts the keys `motion`, `mass` and `keys` into the table of a body or of a rigid core. The struct `T` names the
-/// fields in messages; `keys` are `many` keyframes of the motion.
+/// Inserts the keys `motion`, `mass` and `keys` into the table of a body or of a rigid core. In error messages the name
+/// of the struct `T` stands before the name of a field. `keys` are `many` keyframes of the motion.
 ///
 /// # Safety
 /// `keys` is null, or leads to `many` keyframes.

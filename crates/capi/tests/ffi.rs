@@ -138,14 +138,17 @@ fn a_program_shares_its_device_and_one_in_python_looks_on() {
         );
         assert!(
             said.contains("vertices shared") && !said.contains("locked 0 times"),
-            "nothing shared, or the lock not used: {said}"
+            "no vertices shared, or the lock of the program's queue never taken; the program printed: {said}"
         );
     }
     let mut python = with_numpy();
     python.arg(root().join("examples/python/watch.py")).arg(&scene).arg(STEPS.to_string());
     let said = output(python.arg(library().join("libpalpate_capi.so")));
     let size = (1..4).map(|k| told[STEPS - 1][k].powi(2)).sum::<f64>().sqrt();
-    assert!(said.starts_with(&format!("{size:.6} N; of 170 vertices")), "not {size:.6} N, or not 170 vertices: {said}");
+    assert!(
+        said.starts_with(&format!("{size:.6} N; of 170 vertices")),
+        "a force of {size:.6} N and 170 vertices expected; the program printed: {said}"
+    );
     let depth: f64 = said.split(' ').rev().nth(1).unwrap().parse().unwrap();
     assert!(depth > 1.0 && depth < 5.0, "depth of 1 to 5 mm expected; the program printed: {said}");
 }

@@ -75,7 +75,7 @@ fn lasting_three_hundred_rounds_hold_memory_flat() {
     holds_memory_flat("300 rounds", &mut rounds, ROUNDS_ALLOCATED);
 }
 
-/// Checks memory over 1000 steps and then this number of steps.
+/// Checks that memory does not grow over `steps` steps (the number as text), after 1000 steps in which it may grow.
 fn soak(steps: &str) {
     let folder = tempfile::tempdir().unwrap();
     let (soak, scene) = program("crates/capi/tests/ffi_help/soak.c", folder.path());

@@ -297,7 +297,7 @@ fn a_device_that_does_not_open_leaves_the_simulation_as_it_can_be_used() {
         assert_eq!(
             (facts.opened, facts.closed, facts.reads),
             (1, closed, 0),
-            "calls of open, close and read: {facts:?}"
+            "numbers of calls of `open`, `close` and `read`; all facts: {facts:?}"
         );
         ok(step(simulation));
     }

@@ -282,7 +282,11 @@ fn skins_and_contacts_are_told_as_they_are() {
             assert!(descriptor >= 0 && bytes >= 16 * u64::from(skins.vertex_count));
             drop(std::os::fd::OwnedFd::from_raw(descriptor));
         }
-        refused(palpate_skin_export(simulation, 7, &mut descriptor, &mut bytes), Argument, "which is 7");
+        refused(
+            palpate_skin_export(simulation, 7, &mut descriptor, &mut bytes),
+            Argument,
+            "which is 7; give one of PALPATE_SKIN_*",
+        );
         assert_eq!(descriptor, -1);
 
         let mut told = wrench();

@@ -114,7 +114,8 @@ fn wrong_use_is_told_and_harms_nothing() {
     let mut told = wrench();
     let step = |simulation, pose: &palpate_pose| {
         let mut wrench = wrench();
-        // SAFETY: the pose and the output are live local variables; the library checks handles, which the test tries.
+        // SAFETY: the pose and the output are live local variables; the library checks handles, also the null
+        // handle, the handle of a context and the destroyed handle that this test passes.
         unsafe { palpate_step(simulation, pose, &mut wrench) }
     };
     let bad = |position, orientation| palpate_pose { position, orientation };

@@ -67,7 +67,7 @@ impl Engine {
         self.simulation.reports().flat_map(|(_, report)| report.notes.iter().map(String::as_str))
     }
 
-    /// Does a step of the scene's own length; what the scene moves follows the scene's keys (timed poses).
+    /// Does a step of the length that the scene gives; bodies that the scene moves follow its keys (timed poses).
     pub fn step(&mut self) -> Result<StepReport> {
         let row = self.simulation.step()?;
         Ok(self.counted(row))
@@ -104,8 +104,8 @@ impl Engine {
         row
     }
 
-    /// Reads back the results of the steps done. The times of the stages are handed out, so this is called once, at the
-    /// end of a run.
+    /// Reads back the results of the steps done. The times of the stages are moved into the outcome, so this is called
+    /// once, at the end of a run.
     pub fn results(&mut self) -> Result<Outcome> {
         let mean_iterations = self.iterations.div_ceil(self.steps.max(1)) as u32;
         let (passes, _) = self.simulation.passes(mean_iterations);

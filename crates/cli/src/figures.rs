@@ -47,7 +47,7 @@ struct Shot {
     aside: [f64; 3],
     /// Width and height, pixels.
     size: [u32; 2],
-    /// Whether the image's upper left corner tells the simulated time.
+    /// Whether the image's upper left corner shows the simulated time.
     shows_time: bool,
 }
 

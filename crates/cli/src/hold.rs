@@ -84,7 +84,8 @@ pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
                 service: haptics.haply.clone(),
             };
             let mut haply = Haply::new(settings);
-            // The session takes limits from the profile before it opens the device, so the Haply's type is needed now.
+            // A Haply is a haptic device whose profile depends on its type. The session takes limits from the profile
+            // before it opens the device, so the type is asked for now.
             haply.identify().map_err(|fault| Error::NoDevice(fault.to_string()))?;
             Box::new(haply)
         }

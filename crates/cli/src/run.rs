@@ -234,7 +234,7 @@ fn command_line() -> String {
     std::iter::once("palpate".to_string()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// A word of a command line, in quotes if a shell would read it differently without.
+/// A word of a command line, in quotes if a shell would read the word differently without quotes.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "_-./:,=+@%".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {
@@ -412,7 +412,7 @@ fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
     }
 }
 
-/// The page of a run whose other files are written.
+/// Makes the page of a run; `trace.csv`, from which the page's curves are made, is already written.
 fn page(output: &Output, scene: &Scene, done: &Done) -> Result<String> {
     let Done { tally, outcome, report, played, nearest, pictures } = done;
     let unreadable = |error: csv::Error| Error::Output { file: output.path(TRACE), source: error.into() };

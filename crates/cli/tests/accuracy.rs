@@ -1,6 +1,7 @@
 //! Tests of `palpate bench accuracy` on tiny cases. A *curve* is the error and the cost of the engine for each value of
-//! one setting; its *lines* are for different values of other settings. Curves agree with their references, a fault
-//! planted in a GPU kernel changes the verdict, and wrong names are refused. No times are judged.
+//! one setting; its *lines* are for different values of other settings. A *preset* is a named setting that is chosen
+//! from the points of a curve. Curves agree with their references, a fault planted in a GPU kernel makes the report say
+//! that errors are NOT within their bounds, and wrong names are refused. No times are judged.
 
 #[path = "../../../vk-tests/harness/spoil.rs"]
 mod spoil;
@@ -24,9 +25,9 @@ fn measure(name: &str, settings: &Settings) -> Curve {
     let mut told = Vec::new();
     let curve = accuracy::measure(name, settings, &mut |what: &str| told.push(what.to_string())).unwrap();
     assert!(told.iter().all(|what| what.starts_with(&format!("{name}: "))) && !told.is_empty(), "progress: {told:?}");
-    assert!(curve.name == name && curve.points.len() >= 6, "curve: {curve:?}");
+    assert!(curve.name == name && curve.points.len() >= 6, "wrong name or too few points: {curve:?}");
     for point in &curve.points {
-        assert!(point.step_us.len() == settings.rounds && point.step_ms() > 0.0, "point of the curve: {point:?}");
+        assert!(point.step_us.len() == settings.rounds && point.step_ms() > 0.0, "a point lacks step times: {point:?}");
     }
     let text = accuracy::section(&curve).unwrap();
     assert!(text.plot.is_some() && !text.finding.is_empty() && text.table.rows.len() == curve.points.len());
@@ -46,12 +47,18 @@ fn forces_of_tight_solves_are_the_references_and_of_loose_ones_are_not() {
     assert!(curve.decades() > 2.0, "errors span only {} powers of ten", curve.decades());
     for line in curve.lines() {
         let [loose, .., tight] = &line.points[..] else { panic!("line with fewer than two points: {line:?}") };
-        assert!(loose.error().unwrap() > 20.0 * tight.error().unwrap(), "line of the curve: {line:?}");
-        assert!(tight.iterations > loose.iterations && tight.flags.is_empty(), "line of the curve: {line:?}");
+        assert!(
+            loose.error().unwrap() > 20.0 * tight.error().unwrap(),
+            "the tight tolerance gains too little: {line:?}"
+        );
+        assert!(tight.iterations > loose.iterations && tight.flags.is_empty(), "wrong iterations or flags: {line:?}");
     }
     let curve = measure("iterations", &tiny());
     let [first, .., last] = &curve.lines()[1].points[..] else { panic!("a line has too few points: {curve:?}") };
-    assert!(first.flags == ["not_converged"] && last.flags.is_empty() && curve.is_within(), "curve: {curve:?}");
+    assert!(
+        first.flags == ["not_converged"] && last.flags.is_empty() && curve.is_within(),
+        "wrong flags or errors: {curve:?}"
+    );
 }
 
 #[test]
@@ -61,7 +68,7 @@ fn shorter_steps_and_more_linearisations_are_more_accurate() {
     let errors: Vec<f64> = curve.points.iter().map(|point| point.error().unwrap()).collect();
     assert!(errors.len() == 6 && errors[0] > 5.0 * errors[5], "errors, longest time step first: {errors:?}");
     let curve = measure("newton", &tiny());
-    assert!(curve.is_within() && curve.decades() > 2.0, "curve: {curve:?}");
+    assert!(curve.is_within() && curve.decades() > 2.0, "errors beyond bounds or too alike: {curve:?}");
     for line in curve.lines() {
         let (share, _) = line.share().unwrap();
         assert!(share > 0.02 && share < 0.5, "{}: a Newton iteration leaves {share} of the error", line.title());
@@ -73,8 +80,8 @@ fn shorter_steps_and_more_linearisations_are_more_accurate() {
 fn single_precision_loses_little_of_the_force_wherever_it_is() {
     // With fewer steps a run would end before the sphere touches the block.
     let curve = measure("precision", &Settings { steps: 50, ..tiny() });
-    assert!(curve.is_within() && curve.lines().len() == 2, "curve: {curve:?}");
-    assert!(curve.points.iter().all(|point| point.error().is_some()), "curve: {curve:?}");
+    assert!(curve.is_within() && curve.lines().len() == 2, "errors beyond bounds, or not 2 lines: {curve:?}");
+    assert!(curve.points.iter().all(|point| point.error().is_some()), "a point of the curve has no error: {curve:?}");
 }
 
 #[test]
@@ -84,11 +91,14 @@ fn presets_are_settings_that_were_measured() {
     assert_eq!(curve.lines().iter().map(|line| line.panel).collect::<std::collections::BTreeSet<_>>().len(), 2);
     for (name, below, setting) in accuracy::presets(&curve) {
         let Some(setting) = setting else { continue };
-        assert!(setting.error().unwrap() < below && setting.points.len() == 2, "preset {name}: {setting:?}");
+        assert!(
+            setting.error().unwrap() < below && setting.points.len() == 2,
+            "wrong error or points of preset {name}: {setting:?}"
+        );
         for point in &setting.points {
             assert!(
                 curve.points.contains(point) && point.flags.is_empty() && point.keys.len() == 4,
-                "point of preset {name}: {point:?}"
+                "preset {name} has a point that is not on the curve, has flags, or has not 4 keys: {point:?}"
             );
         }
     }

@@ -1,7 +1,8 @@
 //! Tests of bad input through the built program: it ends with status 2, prints one line on standard error that names
 //! the mistake, its place and the remedy, does not panic, and leaves nothing in the output directory. Input is refused
 //! before a Vulkan device is opened. A body's *skin* is its surface mesh, its *layer* the tetrahedral mesh in which the
-//! skin is embedded, its collision *proxies* are convex hulls of parts of the skin.
+//! skin is embedded, its collision *proxies* are convex hulls of parts of the skin. The ignored tests
+//! read *real meshes*, a folder of mesh files that is not part of the repository.
 
 #[path = "../../../tests/real_meshes/mod.rs"]
 mod real_meshes;
@@ -383,7 +384,10 @@ fn layers_with_slivers_are_prepared_and_name_the_worst() {
         let body = prepared(folder.path(), &soft("", &format!("{path:?}"))).unwrap();
         println!("{}", body.report.notes.join("\n"));
         let notes: Vec<&str> = body.report.notes.iter().map(|note| note.split_once(": ").unwrap().1).collect();
-        assert!(notes.iter().any(|note| note.starts_with(words) && note.contains("the worst is")), "notes: {notes:?}");
+        assert!(
+            notes.iter().any(|note| note.starts_with(words) && note.contains("the worst is")),
+            "no note on slivers: {notes:?}"
+        );
         assert_prepared(name, &path, &body, &notes);
     }
 }

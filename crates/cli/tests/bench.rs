@@ -1,7 +1,9 @@
 //! Tests of `palpate bench`: tiny runs answer every question of the report; results of shards (subsets of the
 //! benchmarks' parts, measured separately) are joined; results are compared with earlier ones; bad input is refused. No
 //! times are judged. In the benchmark of the haptic loop, the *local model* extrapolates the contact wrench between
-//! simulation steps; the *raw force* is the force without the local model.
+//! simulation steps; the *raw force* is the force without the local model. In a *hold* a simulated person presses the
+//! tool (the rigid body that the haptic device leads) against a surface and holds still; in a *slide* the person moves
+//! the tool along the surface.
 
 use std::process::{Command, Output};
 
@@ -46,7 +48,7 @@ fn a_tiny_run_answers_every_question_of_the_query() {
     let results = proximity::Results::of(&json).unwrap();
     assert!(told.iter().any(|what| what.starts_with("peers")), "progress lines: {told:?}");
 
-    let [few, many] = &results.sensitivity[..] else { panic!("not two sizes: {:?}", results.sensitivity) };
+    let [few, many] = &results.sensitivity[..] else { panic!("two sizes are expected: {:?}", results.sensitivity) };
     assert!(
         few.place.contacts > 100 && few.place.contacts == many.place.contacts,
         "results with few vertices: {few:?}; with many vertices: {many:?}"
@@ -64,7 +66,10 @@ fn a_tiny_run_answers_every_question_of_the_query() {
         "contact areas, requested 0, 1 and 2 cm^2, measured {areas:?} cm^2"
     );
     let peers = results.peers.as_ref().unwrap();
-    assert!(peers.inside.abs_diff(20) <= 3 && peers.colliding.iter().all(|&n| n > 0), "peers: {peers:?}");
+    assert!(
+        peers.inside.abs_diff(20) <= 3 && peers.colliding.iter().all(|&n| n > 0),
+        "wrong numbers of colliding vertices: {peers:?}"
+    );
     assert_eq!(page.matches("<figure>").count(), 3, "report: {page}");
     let depths = |series: &str| json[series][1]["samples_us"]["depth"].as_array().unwrap().len();
     assert_eq!((depths("sensitivity"), depths("area")), (3, 2));
@@ -89,19 +94,25 @@ fn a_tiny_run_answers_every_question_of_the_solver() {
     for case in &results.cases {
         assert!(case.tetrahedra == 162 && case.nodes == 64 && case.largest_displacement > 0.0);
         let by_preconditioner: Vec<_> = case.runs.chunk_by(|a, b| a.preconditioner == b.preconditioner).collect();
-        assert_eq!(by_preconditioner.len(), 2, "case: {case:?}");
+        assert_eq!(by_preconditioner.len(), 2, "runs with two preconditioners are expected: {case:?}");
         for runs in by_preconditioner {
-            let [loose, tight] = runs else { panic!("not two runs: {runs:?}") };
+            let [loose, tight] = runs else { panic!("runs with two tolerances are expected: {runs:?}") };
             assert_eq!((loose.tolerance, tight.tolerance), (1e-1, 1e-6));
             // Single precision cannot guarantee a residual of 1e-6 on the stiff block with long steps.
-            assert!(case.case.young > 2e4 || tight.flagged == 0, "tight tolerance: {tight:?}");
+            assert!(
+                case.case.young > 2e4 || tight.flagged == 0,
+                "a run with the tight tolerance has flagged steps: {tight:?}"
+            );
             // The bound on the error covers the solver's tolerance and the rounding of f32 displacements.
-            assert!(tight.error < 1e-5 && tight.error > 0.0 && tight.error < loose.error, "errors: {runs:?}");
-            assert!(tight.iterations.iter().zip(&loose.iterations).all(|(many, few)| many > few), "runs: {runs:?}");
+            assert!(tight.error < 1e-5 && tight.error > 0.0 && tight.error < loose.error, "wrong errors: {runs:?}");
+            assert!(
+                tight.iterations.iter().zip(&loose.iterations).all(|(many, few)| many > few),
+                "the tight tolerance needs no more iterations: {runs:?}"
+            );
             assert!(tight.step_us.len() == 2 && tight.step_us.iter().all(|steps| steps.len() == 4));
         }
     }
-    let [small, large] = &results.scaling[..] else { panic!("not two sizes: {:?}", results.scaling) };
+    let [small, large] = &results.scaling[..] else { panic!("two sizes are expected: {:?}", results.scaling) };
     assert!((small.tetrahedra, large.tetrahedra) == (162, 750) && small.steps.len() == 2);
     assert_eq!(large.iterations[0].iterations, [32, 8]);
     assert!(large.iterations[0].bytes_device > 750 * 100 && large.iterations[0].short_us.len() == 2);
@@ -129,34 +140,44 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
     let results = haptics::Results::of(&json).unwrap();
     assert!(told.iter().any(|what| what == "slide: premium at 50 Hz"), "progress lines: {told:?}");
 
-    let [width] = &results.widths[..] else { panic!("not one damping: {:?}", results.widths) };
+    let [width] = &results.widths[..] else { panic!("one damping is expected: {:?}", results.widths) };
     assert!(
         (width.profile.as_str(), width.damping, width.coupling) == ("premium", 0.0, 800.0) && width.local >= width.raw
     );
-    let [prompt, late] = &results.delays[..] else { panic!("not two delays: {:?}", results.delays) };
+    let [prompt, late] = &results.delays[..] else { panic!("two delays are expected: {:?}", results.delays) };
     assert!(
         prompt.local > late.local && late.local > late.gil && prompt.delay == 0.0,
         "results without delay: {prompt:?}; with a delay of 20 ms: {late:?}"
     );
-    let [slow] = &results.rates[..] else { panic!("not one rate: {:?}", results.rates) };
+    let [slow] = &results.rates[..] else { panic!("one rate is expected: {:?}", results.rates) };
     // With a slow simulation the raw force oscillates at virtual walls at which the local model's force is steady.
-    assert!(slow.rate == 50.0 && slow.local > 10.0 * slow.raw, "slow simulation: {slow:?}");
+    assert!(
+        slow.rate == 50.0 && slow.local > 10.0 * slow.raw,
+        "the local model must allow much stiffer walls than the raw force: {slow:?}"
+    );
 
     use haptics::{Met, Mode};
     assert_eq!(results.holds.len(), 2 * Mode::ALL.len());
     let held = |met: Met, mode: Mode| results.holds.iter().find(|held| held.met == met && held.mode == mode).unwrap();
     let wall = held(Met::Wall(2000.0), Mode::Local);
-    assert!(haptics::is_still(&wall.force) && wall.reading.swing <= 2e-5 && wall.force.mean > 0.5, "hold: {wall:?}");
-    assert!(!haptics::is_still(&held(Met::Wall(2000.0), Mode::Raw).force), "holds: {:?}", results.holds);
-    assert!(held(Met::Head, Mode::Local).force.mean > 0.1, "holds: {:?}", results.holds);
+    assert!(
+        haptics::is_still(&wall.force) && wall.reading.swing <= 2e-5 && wall.force.mean > 0.5,
+        "the position or the force of this hold is not steady, or the force is too small: {wall:?}"
+    );
+    assert!(
+        !haptics::is_still(&held(Met::Wall(2000.0), Mode::Raw).force),
+        "the raw force at the wall must not be steady: {:?}",
+        results.holds
+    );
+    assert!(held(Met::Head, Mode::Local).force.mean > 0.1, "the force at the head is too small: {:?}", results.holds);
     for slid in &results.slides {
         assert!(
             slid.rate == 50.0 && slid.slide.raw.newtons > 0.0 && slid.slide.contact.newtons > 0.0,
-            "slide: {slid:?}"
+            "wrong rate, or no change of force: {slid:?}"
         );
         assert_eq!(slid.trace.len(), 300);
     }
-    let [idle, loaded] = &results.jitter[..] else { panic!("not two runs: {:?}", results.jitter) };
+    let [idle, loaded] = &results.jitter[..] else { panic!("idle and loaded runs are expected: {:?}", results.jitter) };
     assert!(loaded.is_loaded && !idle.is_loaded && loaded.servo.ticks > 0 && loaded.steps > 0);
 
     assert_eq!(page.matches("<figure>").count(), 6, "report: {page}");
@@ -190,12 +211,18 @@ fn a_tiny_run_answers_every_question_of_the_papers_scenes() {
     assert_eq!(results.scenes.len(), 5);
     for ran in &results.scenes {
         let paper::Times { touching, query_us, step_us, stages_us, areas, .. } = &ran.times;
-        assert!(ran.vertices == 4000 && ran.tetrahedra > 100 && *touching > 3 && areas[0] > 1e-6, "scene: {ran:?}");
-        assert!(query_us.len() + step_us.len() + stages_us["solve"].len() == *touching, "scene: {ran:?}");
+        assert!(
+            ran.vertices == 4000 && ran.tetrahedra > 100 && *touching > 3 && areas[0] > 1e-6,
+            "wrong size or too little contact: {ran:?}"
+        );
+        assert!(
+            query_us.len() + step_us.len() + stages_us["solve"].len() == *touching,
+            "wrong numbers of timed steps: {ran:?}"
+        );
         assert!(ran.times.query_ms() > 0.0 && ran.times.step_ms() > ran.times.query_ms());
     }
     for (by, rows) in &results.growth {
-        let [small, large] = &rows[..] else { panic!("not two sizes: {rows:?}") };
+        let [small, large] = &rows[..] else { panic!("two sizes are expected: {rows:?}") };
         assert!(small.times.contacts() > 0.0 && large.times.contacts() > 0.0, "scenes that grow by {by:?}: {rows:?}");
         let is_larger = match by {
             paper::By::Area => small.times.area() < large.times.area(),
@@ -224,7 +251,7 @@ fn two_shards_joined_give_the_report_of_the_whole_and_every_part_is_in_one() {
         assert!(done.status.success(), "error: {}", String::from_utf8_lossy(&done.stderr));
         String::from_utf8(done.stdout).unwrap()
     };
-    // These three parts run in virtual time and give the same numbers in every run.
+    // These three parts run on a simulated clock, and so give the same numbers in every run.
     let asked = ["bench", "haptics/damping", "haptics/delay", "haptics/rate", "--quick"];
     let with = |more: &[&str]| ok(&[&asked[..], more].concat());
     assert_eq!(with(&["--list"]), "haptics/damping\nhaptics/delay\nhaptics/rate\n");

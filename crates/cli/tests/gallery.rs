@@ -55,7 +55,11 @@ fn every_scene_of_the_gallery_is_read_and_says_what_it_is() {
         Scene::load(&file(name)).unwrap_or_else(|error| panic!("{error}"));
         let text = fs::read_to_string(file(name)).unwrap();
         let comment: Vec<&str> = text.lines().take_while(|line| line.starts_with('#')).collect();
-        assert!((2..=4).contains(&comment.len()), "{name}: a comment of {} lines at the start", comment.len());
+        assert!(
+            (2..=4).contains(&comment.len()),
+            "{name}: the comment at the start must have 2 to 4 lines; it has {}",
+            comment.len()
+        );
         let command = format!("palpate run assets/gallery/{name}.toml");
         assert!(
             comment[comment.len() - 1].contains(&command),

@@ -111,7 +111,10 @@ fn the_shared_library_gives_away_its_interface_alone_and_needs_no_vulkan_to_be_l
     let shared = library().join("libpalpate_capi.so");
     let symbols = output(Command::new("nm").args(["-D", "--defined-only"]).arg(&shared));
     let names: Vec<&str> = symbols.lines().filter_map(|line| line.split(' ').next_back()).collect();
-    assert!(names.len() > 20 && names.iter().all(|name| name.starts_with("palpate_")), "exported names: {names:?}");
+    assert!(
+        names.len() > 20 && names.iter().all(|name| name.starts_with("palpate_")),
+        "more than 20 names must be exported, and all must begin with palpate_: {names:?}"
+    );
     let header = std::fs::read_to_string(root().join("crates/capi/src/palpate.h")).unwrap();
     for name in names {
         assert!(header.contains(&format!("{name}(")), "the exported function {name} is not declared in palpate.h");

@@ -495,9 +495,12 @@ fn what_cannot_be_pictured_is_refused_in_one_line() {
     assert!(message.contains("--gallery"), "wrong error: {message}");
     for name in ["x.mp4", "x.gif", "x.WebM", "x.avi", "x.mov", "x.mkv", "sub/x.mp4"] {
         let message = refusal(folder, &["film", "scene.toml", "--out", name, "--fps", "30"]);
-        assert!(message.contains(name) && message.contains("give FILE.apng"), "--out {name}: wrong: {message}");
+        assert!(message.contains(name) && message.contains("give FILE.apng"), "--out {name}: wrong error: {message}");
         let command = "ffmpeg -framerate 30 -i DIRECTORY/frame-%05d.png";
-        assert!(message.contains(command) && message.trim_end().ends_with(name), "--out {name}: wrong: {message}");
+        assert!(
+            message.contains(command) && message.trim_end().ends_with(name),
+            "--out {name}: wrong error: {message}"
+        );
     }
     let message = refusal(folder, &["run", "scene.toml", "--steps", "1", "--no-time"]);
     assert!(message.contains("give --snapshot N"), "wrong error: {message}");

@@ -133,8 +133,8 @@ fn unit() -> String {
     cube(DVec3::ZERO, DVec3::ONE)
 }
 
-/// Text of an OBJ file of a cube with edges of 0.5 m, which stands over the top of the unit cube; its lower face is at
-/// the height `z` (m).
+/// Text of an OBJ file of a cube with edges of 0.5 m, which lies above the unit cube, or reaches into it from above
+/// where `z` is less than 1; `z` is the height of its lower face, m.
 fn small(z: f64) -> String {
     let low = DVec3::new(0.27, 0.31, z);
     cube(low, low + 0.5)

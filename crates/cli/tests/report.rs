@@ -1,5 +1,6 @@
 //! Tests of the results of `palpate run`, through the built program: the closing lines on the terminal, the entry
-//! `felt` of `summary.json`, and the page `report.html`. The *tool* is the rigid body that the haptic device leads.
+//! `felt` of `summary.json`, and the page `report.html`. The *tool* is the rigid body that the haptic device leads; a
+//! *flag* marks what went wrong in a step; a *stage* is a part of a step whose time is measured.
 
 use std::fs;
 use std::path::Path;
@@ -32,7 +33,7 @@ impl Ran {
     }
 
     /// The text of the page without its markup, after checks that hold for every page: it is well-formed, it has no
-    /// script, and it refers to nothing outside.
+    /// script, and it refers to no other file or site.
     fn text(&self) -> String {
         let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
         let document = Document::parse_with_options(&self.page, options).unwrap();
@@ -50,7 +51,7 @@ impl Ran {
             }
         }
         let style = document.descendants().find(|node| node.has_tag_name("style")).unwrap().text().unwrap();
-        assert!(!style.contains("url(") && !style.contains("@import"), "the style refers outside: {style}");
+        assert!(!style.contains("url(") && !style.contains("@import"), "the style refers to another file: {style}");
         let body = document.descendants().find(|node| node.has_tag_name("body")).unwrap();
         let text: Vec<&str> =
             body.descendants().filter(roxmltree::Node::is_text).filter_map(|node| node.text()).collect();
@@ -163,7 +164,7 @@ fn a_tool_that_never_touched_is_told_with_a_remedy() {
         ran.figures("Force") == 0 && ran.figures("Indentation") == 0 && ran.figures("Contacts") == 1,
         "wrong page: {text}"
     );
-    assert!(ran.pictures() <= 1, "without a contact no picture may show one from nearby");
+    assert!(ran.pictures() <= 1, "without a contact there must be no picture of the contact");
 }
 
 #[test]
@@ -182,7 +183,10 @@ fn a_scene_without_a_tool_has_contacts_and_its_name_cannot_be_markup() {
         ran.figures("Force") == 0 && ran.figures("Contacts") == 1 && ran.summary["felt"] == Value::Null,
         "wrong page: {text}"
     );
-    assert!(text.contains("'") && !ran.page.contains("<script"), "the command must be quoted for a shell: {text}");
+    assert!(
+        text.contains("'") && !ran.page.contains("<script"),
+        "the scene's name must be quoted in the command, and must not become markup: {text}"
+    );
 }
 
 #[test]
@@ -217,6 +221,7 @@ fn a_session_has_its_device_energy_lateness_and_events_on_the_page() {
     let played = format!("The greatest force played was {:.4} N", haptics["peak_force_n"].as_f64().unwrap());
     let worst = format!("{:.0}", haptics["lateness"]["worst_us"].as_f64().unwrap());
     let lent = format!("{:.3}", 1e3 * haptics["energy_j"]["lent"].as_f64().unwrap());
+    // Lent energy is what the hand receives before it has given as much; the page calls it "received in advance".
     for part in [&played, &worst, &lent, "haptic loop", "a thread that only sleeps", "received in advance"] {
         assert!(text.contains(part), "{part} is not in the page: {text}");
     }

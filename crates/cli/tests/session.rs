@@ -86,7 +86,7 @@ fn a_scene_lowers_limits_and_is_told_where_it_would_raise_them() {
     assert!(high["peak_force_n"].as_f64().unwrap() <= 3.3, "summary: {high}");
     let notes = high["notes"].to_string();
     for key in ["haptics.max_force", "haptics.max_torque", "haptics.workspace"] {
-        assert!(notes.contains(&format!("{key} exceeds the limit of profile touch")), "notes printed: {notes}");
+        assert!(notes.contains(&format!("{key} exceeds the limit of profile touch")), "notes in summary.json: {notes}");
     }
 }
 

@@ -1,7 +1,8 @@
 //! Tests of `palpate stability`, which simulates stiff and extreme cases along *axes* (each axis varies one parameter)
 //! and checks each case against *invariants* (what every simulation must keep): some axes pass, a fault planted in a
 //! kernel (GPU program) makes cases fail, and bad input is refused. Along an axis, a *cell* holds the cases with
-//! one value of the parameter.
+//! one value of the parameter. The *verdict* on a case is `Pass` if all invariants hold and no step raised a flag
+//! (a sign that something went wrong), and `Silent` if a step breaks an invariant without a flag that warns of it.
 
 #[path = "../../../vk-tests/harness/spoil.rs"]
 mod spoil;

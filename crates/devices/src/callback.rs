@@ -23,7 +23,7 @@ pub struct Callback {
 
 impl Callback {
     /// A device with the limits of `profile` (limits of force, workspace and so on): a built-in profile, or one with
-    /// the embedding program's own figures.
+    /// limits that the embedding program chooses.
     ///
     /// # Errors
     /// One line that says what is wrong with the profile; see [`Profile::check`].
@@ -94,7 +94,7 @@ mod tests {
         let refused = Callback::new(own, Box::new(still), Box::new(|_| Ok(()))).err().unwrap();
         assert!(
             refused.contains("own") && refused.contains("max_force"),
-            "the error must name the profile and the figure that is wrong: {refused}"
+            "the error must name the profile and the limit that is wrong: {refused}"
         );
     }
 }

@@ -273,7 +273,11 @@ fn a_pose_that_jumps_is_taken_only_once_the_force_has_gone() {
         });
         let jumped = with(&ticks, Event::PoseJump);
         assert_eq!(jumped[0], FAULT, "first tick with the event PoseJump, jump along {jump}");
-        assert!(jumped.len() > 40 && jumped.len() < 60, "pose jump along {jump} in {} ticks", jumped.len());
+        assert!(
+            jumped.len() > 40 && jumped.len() < 60,
+            "jump along {jump}: {} ticks have the event PoseJump",
+            jumped.len()
+        );
         let last = *jumped.last().unwrap();
         assert!(force(&ticks, last) < 1e-9, "last tick of the jump along {jump}: force {} N", force(&ticks, last));
         let device = ticks[last as usize].device.position;
@@ -330,7 +334,10 @@ fn gains_ten_times_too_high_stay_within_the_limits() {
             events.iter().zip(&mut told).for_each(|(event, count)| *count += with(&ticks, *event).len());
         }
     }
-    assert!(told.iter().sum::<usize>() > 0, "no limit acted; counts of clamped, held back and damped forces: {told:?}");
+    assert!(
+        told.iter().sum::<usize>() > 0,
+        "no limit acted; counts of clamped, slew-limited and damped forces: {told:?}"
+    );
 }
 
 #[test]

@@ -1,10 +1,10 @@
-//! Tests in virtual time of the force *played* (commanded to the haptic device), with the passivity controller on,
-//! which bounds the energy that the hand receives. The device leads a rigid *tool* by a spring and a damper, the
-//! *virtual coupling*. Some tests press a soft body slowly, hold it and release it, with a scripted device or with the
-//! simulated hand, and check that the force at rest is the static force. Others check that the hand receives no energy
-//! beyond what the controller has lent it, whatever happens to the simulation; they sum the energy themselves. The
-//! controller *lends* energy for a force that appears late, after the hand has already moved unopposed; energy that the
-//! hand receives beyond the lent energy is *unpaid*.
+//! Tests in virtual time (no clock is awaited) of the force *played* (commanded to the haptic device), with the
+//! passivity controller on, which bounds the energy that the hand receives. The device leads a rigid *tool* by a spring
+//! and a damper, the *virtual coupling*. Some tests press a soft body slowly, hold it and release it, with a scripted
+//! device or with the simulated hand, and check that the force at rest is the static force. Others check that the hand
+//! receives no energy beyond what the controller has lent it, whatever happens to the simulation; they sum the energy
+//! themselves. The controller *lends* energy for a force that appears late, after the hand has already moved unopposed;
+//! energy that the hand receives beyond the lent energy is *unpaid*.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::haptics::environment::{Cushion, Environment};
@@ -344,8 +344,8 @@ fn whatever_the_simulation_does_the_hand_gets_no_more_than_it_is_lent() {
 
 #[test]
 fn repeated_stalls_lend_no_more_than_one() {
-    // The watchdog lets the force fade when the newest contact wrench is more than 1 s out of date. The stalls are
-    // shorter than 1 s, about as long, and so long that the force fades in each of them.
+    // The watchdog lets the force fade when the newest contact wrench is more than 1 s out of date. In the three rows
+    // below the stalls are shorter than 1 s, about 1 s long, and so long that the force fades in each stall.
     let stalls: [[&[[u64; 2]]; 2]; 3] = [
         [&[[2000, 2900]], &[[2000, 2900], [3500, 4400], [5000, 5900], [6500, 7400]]],
         [&[[2000, 3000]], &[[2000, 3000], [3500, 4500], [5000, 6000], [6500, 7500]]],

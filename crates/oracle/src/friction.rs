@@ -19,8 +19,8 @@ pub struct Drag {
 }
 
 impl Drag {
-    /// Adds h c J^T (I - n n^T) J to the matrix A (`a`) of the step's system and -h c J^T (I - n n^T) v to its
-    /// right-hand side b, with Jacobian J, normal n and relative velocity v at the start.
+    /// Adds h c J^T (I - n n^T) J to the matrix A (`a`) of the system of a step of `h` seconds, and
+    /// -h c J^T (I - n n^T) v to its right-hand side b, with Jacobian J, normal n and relative velocity v at the start.
     pub(super) fn add(&self, a: &mut Entries, b: &mut [f64], h: f64) {
         for (row, speed) in self.rows.iter().zip(self.speeds) {
             a.add_outer(row, h * self.viscosity);
@@ -44,8 +44,8 @@ impl Drag {
 impl Simulation {
     /// Friction of a contact, with c = mu f / sqrt(|v|^2 + w^2) at the start of the step: coefficient of friction mu,
     /// normal force f, tangential velocity v, and w the speed below which friction is viscous. Friction on the tool
-    /// (rigid body that the haptic device moves) acts at the contact's point on the other body, so that both forces act
-    /// at one point.
+    /// (rigid body that the haptic device moves) acts at the contact's point on the other body, so that the friction
+    /// forces on the two bodies act at one point.
     pub fn drag(&self, unknowns: &Unknowns, start: &[f64], contact: &Contact) -> Drag {
         let Some(friction) = self.friction else { return Drag::default() };
         let mut at_one = contact.clone();

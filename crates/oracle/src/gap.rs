@@ -83,7 +83,10 @@ mod tests {
             ([-2.0, 1.5, 0.0], [0.0, 1.5, 0.0]),
             ([2.0, 2.0, 1.0], [1.0, 1.0, 0.0]),
         ] {
-            assert!((nearest_of_triangle(x.into(), corners) - DVec3::from(want)).length() < 1e-15, "wrong for {x:?} m");
+            assert!(
+                (nearest_of_triangle(x.into(), corners) - DVec3::from(want)).length() < 1e-15,
+                "wrong nearest point of the triangle for the point {x:?} m"
+            );
         }
     }
 

@@ -22,7 +22,7 @@ const DIGITS: [&[f64]; 5] = [
 ];
 /// Bound of the relative rounding error of a power of ten.
 const ROUNDING: f64 = 1e-9;
-/// Height of a row of panels, pixels.
+/// Height of a row of panels (plots side by side), pixels.
 const PANEL_HEIGHT: u32 = 300;
 const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 0, 0),
@@ -124,7 +124,7 @@ pub fn panels(axes: &Logarithmic, panels: &[Panel]) -> Result<String> {
     })
 }
 
-/// A curve of a run, drawn by [`curve`].
+/// A curve of a quantity of a simulation's run, drawn by [`curve`].
 #[derive(Debug, Clone, Copy)]
 pub struct Curve<'a> {
     /// What the plot shows, in words, for readers who have the page read aloud.

@@ -122,7 +122,10 @@ mod tests {
             for a in 0..seen.len() {
                 for b in 0..a {
                     let apart = (0..3).map(|k| (seen[a][k] - seen[b][k]).powi(2)).sum::<f64>().sqrt();
-                    assert!(apart > APART, "sight {kind}: colours {a} and {b} are only {apart:.1} apart");
+                    assert!(
+                        apart > APART,
+                        "kind of sight {kind}: colours {a} and {b} are only {apart:.1} apart in CIELAB"
+                    );
                 }
             }
         }

@@ -39,8 +39,8 @@ pub struct Moment {
     pub(super) materials: Vec<Coloured>,
 }
 
-/// The simulated time as text, such as `t = 0.125 s`: in as many digits as make a step a whole number of the last one,
-/// but at least three, and at most six.
+/// The simulated time as text, such as `t = 0.125 s`, with three decimals, or with as many more, up to six, as the
+/// length of a step needs.
 pub fn clock(simulation: &Simulation) -> String {
     let dt = simulation.scene().step.dt;
     let is_whole = |digits: &i32| {

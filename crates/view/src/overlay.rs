@@ -110,7 +110,7 @@ mod tests {
             assert!(shown.has(overlay));
         }
         let left = Overlay::ALL.into_iter().filter(|(overlay, _)| shown.has(*overlay)).count();
-        assert_eq!(left, 6, "one of the five that colour bodies, and the five others");
+        assert_eq!(left, 6, "one of the five overlays that colour bodies and all five others must be shown");
         assert!(shown.opens_layers() && Overlays::of(&[Overlay::Materials]).opens_layers());
         shown.toggle(Overlay::Materials);
         shown.toggle(Overlay::Arrows);

@@ -29,7 +29,7 @@ pub struct Flat {
     /// [`CORNER_WORDS`] words per corner: x and y in points from the upper left; x and y in the atlas from 0 to 1; red,
     /// green, blue and alpha, a byte each, sRGB and multiplied by alpha.
     pub corners: Vec<u32>,
-    /// Numbers of corners, from 0, three per triangle.
+    /// Indices of corners, three per triangle; index 0 is the first corner in `corners`.
     pub indices: Vec<u32>,
     /// The pieces, in the order in which they are painted.
     pub pieces: Vec<Piece>,

@@ -75,7 +75,7 @@ pub struct Source<'a> {
     pub context: &'a Arc<Context>,
     pub moment: &'a Moment,
     pub skins: &'a [Part],
-    /// Zeros, used as vertex values of meshes without values.
+    /// Zeros, used as vertex values (numbers by which a mesh is coloured) of meshes without values.
     pub no_values: &'a Buffer,
     pub origin: DVec3,
     /// Height that the image shows at the camera's target, m.

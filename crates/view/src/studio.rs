@@ -18,7 +18,7 @@ pub struct Studio {
     pub camera: Camera,
     /// What the next image shows besides the skins (the bodies' surface meshes).
     pub shown: Overlays,
-    /// Whether the next image tells the simulated time in a corner; at first it does not.
+    /// Whether the next image shows the simulated time in a corner; at first it does not.
     pub shows_time: bool,
 }
 

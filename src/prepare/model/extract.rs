@@ -14,11 +14,11 @@ use crate::prepare::layer::FACES;
 
 /// Step of the numerical gradient, m: far smaller than any feature of a solid, far larger than rounding errors.
 const GRADIENT_STEP: f64 = 1e-5;
-/// Number of Newton iterations that bring a vertex onto the surface. The solids are nearly distance functions, so three
-/// iterations bring the vertex within a thousandth of an edge length.
+/// Number of Newton iterations that bring a vertex onto the surface. The solids are nearly distance functions, so after
+/// three iterations the vertex is off the surface by less than a thousandth of the mesh's edge length.
 const NEWTON_STEPS: usize = 3;
 
-/// Orders of a tetrahedron's nodes (two inside, then two outside), each an even permutation.
+/// Orders of a tetrahedron's nodes (two inside the solid, then two outside), each an even permutation.
 const PAIRS: [[usize; 4]; 6] = [[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]];
 
 /// The closed surface, oriented outwards, of a solid within the box `low..high`, from a lattice with cell edge `cell`

@@ -15,8 +15,8 @@ use super::report::Intersections;
 const NAMED: usize = 8;
 
 /// Counts the pairs of triangles in which an edge of one triangle passes through the other triangle. A pair that shares
-/// an edge, only touches, or lies in one plane is not counted. The signs of determinants are exact (J. Shewchuk 1997,
-/// in the crate `robust`).
+/// an edge, only touches, or lies in one plane is not counted. The signs of the determinants that decide on which side
+/// of a plane a point lies are exact (J. Shewchuk 1997, in the crate `robust`).
 pub(super) fn count(faces: &Faces) -> Intersections {
     let boxes: Vec<Aabb> = faces.corners.iter().map(|&t| bounds(points(faces.vertices, t))).collect();
     let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);

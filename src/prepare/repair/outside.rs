@@ -18,8 +18,8 @@ const FLATTEST: f64 = 1e-9;
 /// flat sheet and 0.5 for half a sphere; if it is above 0.75, no point has a winding number clearly near 1.
 const MOST_OPEN: f64 = 0.75;
 
-/// Orients triangles and pieces outwards, and writes the numbers of edges, pieces and holes and the volume into the
-/// report.
+/// Orients triangles and pieces outwards, and writes into the report: the numbers of defective edges (open, with more
+/// than two triangles, or inconsistently oriented), of pieces and of holes, and the volume.
 pub(super) fn orient(faces: &mut Faces, report: &mut RepairReport) -> Result<(), Refusal> {
     let edges = Edges::new(&faces.corners);
     let count_where = |is_counted: &dyn Fn(usize) -> bool| {

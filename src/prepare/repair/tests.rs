@@ -246,7 +246,7 @@ fn what_has_no_inside_is_refused() {
         let mut mesh = sphere.clone();
         spoil(&mut mesh);
         let refusal = repair(mesh).unwrap_err();
-        assert!(refusal.problem.contains(words), "expected `{words}` in: {}", refusal.problem);
+        assert!(refusal.problem.contains(words), "expected `{words}` in the refusal: {}", refusal.problem);
     }
     // A Moebius strip of five triangles.
     let moebius = TriangleMesh {
@@ -270,6 +270,6 @@ fn each_spoiled_face_is_seen() {
     for (spoil, words) in cases {
         let mut mesh = sound.clone();
         spoil(&mut mesh);
-        assert!(answer(&mesh).contains(words), "expected `{words}` in: {}", answer(&mesh));
+        assert!(answer(&mesh).contains(words), "expected `{words}` in the refusal: {}", answer(&mesh));
     }
 }

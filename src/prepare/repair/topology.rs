@@ -11,7 +11,7 @@ pub(super) struct Use {
     pub forward: bool,
 }
 
-/// The uses of all edges. The uses of one edge are adjacent, in order of triangle.
+/// The uses of all edges. The uses of one edge are adjacent, in the order of their triangles.
 pub(super) struct Edges(Vec<Use>);
 
 impl Edges {

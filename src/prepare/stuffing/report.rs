@@ -9,7 +9,7 @@ use super::{Filled, parts, total};
 use crate::prepare::lattice::Lattice;
 use crate::prepare::quality::quality;
 
-/// Greatest number of places listed in a report; the worst come first.
+/// Greatest number of entries in each list of places in the report; the largest or farthest come first.
 const PLACES: usize = 100;
 
 /// A lattice edge across a gap of the solid that the layer fills, or through a piece of the solid that the layer lacks.

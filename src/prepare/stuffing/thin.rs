@@ -6,9 +6,9 @@
 //!
 //! The Voronoi cells of the lattice's nodes are truncated octahedra with a circumradius of 0.56 cell edges. A feature's
 //! axis passes through a sequence of neighbouring Voronoi cells; the nodes of these cells form a *chain* that lies
-//! within 0.56 cell edges of the axis. The nodes of the cheapest chains from filled parts of the surface to unfilled
-//! parts are taken in. E. Dijkstra's algorithm (1959) finds these chains; edges outside the solid cost more than edges
-//! inside.
+//! within 0.56 cell edges of the axis. The nodes of the cheapest chains from filled nodes to vertices of the surface
+//! that have no filled node nearby, and to separate parts of the solid, are taken in. E. Dijkstra's algorithm (1959)
+//! finds these chains; edges outside the solid cost more than edges inside.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

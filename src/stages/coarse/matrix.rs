@@ -84,9 +84,10 @@ impl Model {
         matrix
     }
 
-    /// Adds the part c c^T of an F-bar patch (tetrahedra e that share one volumetric strain). Its row for node j is c_j
-    /// = sqrt((h^2 + h beta) lambda / V) sum_e V_e g_ej, with V_e the volumes of the tetrahedra, V their sum, g_ej the
-    /// rest gradients of the node's shape functions and lambda the Lame parameter.
+    /// Adds P^T c c^T P, where c c^T is the contribution of an F-bar patch (tetrahedra e that share one volumetric
+    /// strain) to A. The three components of the vector c at node j are c_j = sqrt((h^2 + h beta) lambda / V) sum_e V_e
+    /// g_ej, with V_e the volumes of the tetrahedra, V their sum, g_ej the rest gradient of the node's shape function
+    /// in tetrahedron e, and lambda the Lame parameter.
     fn add_patch<'a>(
         &self,
         matrix: &mut Mat<f64>,
@@ -117,11 +118,12 @@ impl Model {
 /// How a node moves with the modes of its block, in the axes of the body at rest.
 #[derive(Debug, Clone)]
 enum Basis {
-    /// Velocity c0 + c1 x + c2 y + c3 z of a free node, where c0 to c3 are the modes of its block: the weights 1, x, y,
-    /// z.
+    /// The weights 1, x, y, z in the velocity c0 + c1 x + c2 y + c3 z of a free node. The vectors c0 to c3 are the
+    /// modes of its block; (x, y, z) is the node's place relative to the mean of the block's nodes, divided by the
+    /// block's size.
     Affine([f64; 4]),
-    /// Velocity v + w x r of a node attached to a core, where v and w are the core's linear and angular velocity and r
-    /// is the node's place relative to the frame's centre: the matrix that maps w to w x r.
+    /// The matrix that maps w to the cross product w x r in the velocity v + w x r of a node attached to a core, where
+    /// v and w are the core's linear and angular velocity and r is the node's place relative to the frame's centre.
     Twist(DMat3),
 }
 

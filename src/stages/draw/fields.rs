@@ -33,9 +33,9 @@ pub enum Field {
     /// weights. Zero on rigid bodies.
     StrainEnergy,
     /// Distance, m, by which deformation has moved a vertex from where it would be if its nodes were attached rigidly
-    /// to their frames (those of the body's cores, or the floating frame of a body without cores). Rigid motion of the
-    /// whole body is no part of it; in a body with fixed cores the field is the distance from where the vertex was
-    /// placed. Zero on rigid bodies.
+    /// to their frames (those of the body's cores, or, in a body without cores, a floating frame, which is fitted to
+    /// the body's nodes). Rigid motion of the whole body is no part of it; in a body with fixed cores the field is the
+    /// distance from the vertex's place at rest. Zero on rigid bodies.
     Displacement,
 }
 

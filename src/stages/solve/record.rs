@@ -176,7 +176,7 @@ impl Solve {
         }
     }
 
-    /// Records what follows the iterations: the residual computed anew, the verdict whether the solution is accepted,
+    /// Records what follows the iterations: the residual computed anew, the decision whether the solution is accepted,
     /// and, if it is accepted, the new velocities and displacements.
     pub fn record_end(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("solve");

@@ -1,13 +1,13 @@
-//! The time that a pressure wave takes across a body, or across the part of a body whose nodes are measured in one
-//! rigid coordinate frame. The shorter this time, the stiffer is the part for its size.
+//! The time that a pressure wave takes across a body, or across the part of a body in which the displacements of nodes
+//! are measured in one rigid coordinate frame. The shorter this time, the stiffer is the part for its size.
 
 use glam::DVec3;
 
 use crate::stages::model::Model;
 
-/// For each rigid coordinate frame, the time in s that a pressure wave takes across the least extent at rest of the
-/// nodes that are measured in it, at the speed of their stiffest material and mean density; `None` where the frame has
-/// no such nodes, or they have no volume.
+/// For each rigid coordinate frame, the time in s that a pressure wave takes across the nodes whose displacements are
+/// measured in it: their least extent at rest along an axis of the frame, divided by the wave speed that follows from
+/// their stiffest material and their mean density. `None` where the frame has no such nodes, or they have no volume.
 pub fn crossing_times(model: &Model) -> Vec<Option<f64>> {
     let count = model.frames.len();
     let mut boxes = vec![[DVec3::INFINITY, DVec3::NEG_INFINITY]; count];

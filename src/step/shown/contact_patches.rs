@@ -35,10 +35,10 @@ fn wide(x: [f32; 3]) -> DVec3 {
 }
 
 impl Simulation {
-    /// The contact patches that the last step used, and one for each half-space that a body touches. Along its normal a
-    /// rectangle lies at the mean of the patch's contacts. A patch without contacts lies where the collision proxies of
-    /// one body face the other body; of the two bodies this is the one with the smaller extent along the normal. This
-    /// function reads a few numbers back from the GPU.
+    /// One rectangle for each contact patch that the last step used, and one for each half-space that a body touches.
+    /// Along the patch's normal, a rectangle lies at the mean position of the patch's contacts. If there are none, it
+    /// lies at the collision proxies of the body that has the smaller extent along the normal, at their outermost point
+    /// towards the other body. This function reads a few numbers back from the GPU.
     #[doc(hidden)]
     pub fn contact_patch_rectangles(&self) -> Result<Vec<ContactPatchRectangle>> {
         if self.step == 0 {

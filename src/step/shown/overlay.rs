@@ -1,8 +1,8 @@
 //! Overlays: meshes that are drawn in addition to the skins (surface meshes) and show what the step works with:
 //! collision proxies (convex hulls that cover the skins), layers (tetrahedral meshes), cores (rigid bodies inside a
-//! soft one, to which nodes are attached) and bones (cores given by a capsule). A frame is the rigid coordinate frame
-//! of a body or a core. A recording is a recorded GPU command buffer. The tool is the rigid body that the haptic device
-//! leads.
+//! soft one, to which nodes are attached) and bones (cores of a skeleton, whose nodes are chosen by a capsule). A frame
+//! is the rigid coordinate frame of a body or a core. A recording is a recorded GPU command buffer. The tool is the
+//! rigid body that the haptic device leads.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -317,8 +317,8 @@ impl Building {
     }
 }
 
-/// The default cut: a plane through the middle of a layer's bounding box, with the normal along that of the x and z
-/// axes along which the box is shorter, so that the cut is as wide as possible.
+/// The default cut: a plane through the middle of a layer's bounding box. Its normal is the x axis or the z axis,
+/// whichever the box is shorter along, so that the cut is as wide as possible.
 fn middle(layer: &Layer) -> Cut {
     let low = layer.nodes.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = layer.nodes.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -357,7 +357,7 @@ fn add_faces(outline: &mut Outline, first: u32, faces: &[[u32; 3]], value: f32) 
     outline.triangles.extend(faces.iter().map(|face| face.map(|node| vertices[&node])));
 }
 
-/// Number of vertices around a capsule.
+/// Number of vertices of each ring around a capsule.
 const AROUND: usize = 16;
 /// Number of rings of vertices on each end of a capsule.
 const RINGS: usize = 5;

@@ -110,8 +110,8 @@ fn blocks_at_rest_and_carried_ones_are_not_turned() {
 
 #[test]
 fn what_is_known_of_flat_blocks_is_found() {
-    // For a flat block, a turn within its plane must be found. A row of nodes shows no turn, and its rotation must be
-    // as at rest. After any other turn, the result must still be a rotation.
+    // For a block whose nodes lie in a plane, a turn within this plane must be found. For a block whose nodes lie in a
+    // row, no turn is made, and none must be found. After any other turn, the result must still be a rotation.
     let mut random = Random(12);
     for (what, layer, axis) in [("a plane", plane(), Some(DVec3::Z)), ("a row", row(), None)] {
         let tilt = DQuat::from_scaled_axis(DVec3::new(0.5, -0.8, 0.3));

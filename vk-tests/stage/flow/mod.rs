@@ -57,7 +57,8 @@ pub struct Flow {
     pub directions: Vec<[f32; 4]>,
     /// [`PAIR_PATCHES`] contact patches for each pair of bodies.
     pub contact_patches: Vec<ContactPatch>,
-    /// Weights of contact patches at pair proxies: [`PAIR_PATCHES`] elements for each pair proxy, as in `boxes`.
+    /// [`PAIR_PATCHES`] elements for each pair proxy, as in `boxes`: the weight of each contact patch at the proxy's
+    /// vertices, by which their depths in several patches are blended.
     pub shares: Vec<f32>,
     pub boxes: Vec<Box3>,
     pub proxy_patches: Vec<u32>,
@@ -106,7 +107,7 @@ pub fn some<T: Pod>(data: &[T]) -> Vec<T> {
     if data.is_empty() { vec![T::zeroed()] } else { data.to_vec() }
 }
 
-/// The data as from [`some`], filled up to whole texels of four.
+/// The data as from [`some`], filled up with zeros to whole texels of four words.
 pub fn fours(data: &[u32]) -> Vec<u32> {
     let mut data = some(data);
     data.resize(data.len().next_multiple_of(4), 0);
@@ -229,7 +230,7 @@ impl Flow {
         self.embed();
         match path {
             Path::Compute => self.cross(),
-            Path::Graphics => unreachable!("not among PATHS"),
+            Path::Graphics => unreachable!("Path::Graphics is not among PATHS"),
         }
         self.candidates();
     }

@@ -4,8 +4,8 @@
 //! are within a bound.
 //!
 //! A curve is drawn in one or more panels (plots), each with one or more lines, which have a point for each setting. A
-//! round runs every setting once, or more often if its run is short. With fewer than five rounds the samples of a time
-//! are dealt into "hands", interleaved subsets (see [`hands`]), whose medians show the spread.
+//! round runs every setting once, or more often if its run is short. With fewer than five rounds the samples of each
+//! measured time are dealt into "hands", interleaved subsets (see [`hands`]), whose medians show the time's spread.
 
 use serde::{Deserialize, Serialize};
 

@@ -132,8 +132,8 @@ fn one_round(entrants: &[Entrant], rules: &Rules, round: usize) -> Result<Vec<Ve
     Ok(runs)
 }
 
-/// Reorders more entrants than one heat holds so that each heat has entrants from every part of the list: sorts them by
-/// their index times the golden ratio modulo 2^64, which spreads neighbours evenly.
+/// Reorders the entrants, if there are more than one heat holds, so that each heat has entrants from every part of the
+/// list: sorts them by their index times the golden ratio modulo 2^64, which spreads neighbours evenly.
 fn mix(all: &mut [usize]) {
     if all.len() > MOST_AT_ONCE {
         all.sort_by_cached_key(|index| (*index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15));
@@ -225,7 +225,7 @@ mod tests {
             assert_eq!((done(steps, 0), done(steps, TURNS)), (0, steps));
             assert!(
                 turns.iter().all(|&own| own == 0 || own >= TURN.min(steps)),
-                "a run of {steps} steps has turns of {turns:?} steps"
+                "a run of {steps} steps is split into turns of {turns:?} steps, some of them too short"
             );
         }
         let turns = |steps| (1..=TURNS).filter(|turn| done(steps, *turn) > done(steps, turn - 1)).count();

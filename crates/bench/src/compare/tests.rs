@@ -123,7 +123,7 @@ fn what_costs_no_time_is_compared_as_well() {
         assert_eq!(
             (verdict(&same, end), verdict(&worse, end)),
             (Verdict::Same, Verdict::Worse),
-            "verdicts on `{end}` where it is the same and where it is worse"
+            "verdicts on `{end}`, first for results that hardly differ, then for clearly worse ones"
         );
     }
     assert_eq!(verdict(&of(1000, [10, 12], &["frozen"]), "flags"), Verdict::Worse);

@@ -248,7 +248,7 @@ fn cost(feature: Feature, settings: &Settings) -> Result<Cost> {
             let [off, never] = both.each_ref().map(|scene| open(scene, settings).map(|s| Plan::of(&s)));
             Some([off?, never?])
         }
-        // For these features it is the steps that ask for the feature, not the scene. The simulation `with` has used
+        // `Again` is for features that the caller asks for at a step, not in the scene. The simulation `with` has used
         // the feature and now does a step without it; `never` has not used it at all.
         Some(scenes::Idle::Again(scene)) => {
             with.simulation.time_every(0)?;

@@ -1,7 +1,8 @@
-//! Runs the haptic loop as a session does, but in virtual time and with a simulated hand at the device, so that every
-//! run gives the same bits. A tick is one iteration of the loop; a force is played when it is commanded to the haptic
-//! device. The tool is the rigid body that the device leads by the virtual coupling, a spring and damper; a wrench is
-//! the contact wrench on the tool that a step of the simulation finds.
+//! Runs the haptic loop as a session (the loop with a device and a simulation in real time) does, but in virtual time
+//! and with a simulated hand at the device, so that every run gives the same bits. A tick is one iteration of the loop;
+//! a force is played when it is commanded to the haptic device. The tool is the rigid body that the device leads by the
+//! virtual coupling, a spring and damper; a wrench is the contact wrench on the tool that a step of the simulation
+//! finds.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::haptics::Device;

@@ -1,9 +1,9 @@
 //! Parts `damping`, `delay` and `rate` of `palpate bench haptics`: the stiffest wall that the haptic loop renders
 //! without oscillating (the Z-width), for different dampings of the wall, delays of the force and rates of the
 //! simulation. A wrench is the contact wrench that a simulation step finds. The raw force is the force of the newest
-//! wrench, played unchanged until the next wrench arrives; the local model is the force law that a session plays
-//! between wrenches instead. A tick is one iteration of the loop. The virtual coupling is a spring and damper by which
-//! the haptic device leads the tool, a rigid body.
+//! wrench, played unchanged until the next wrench arrives; the local model is the force law by which a session (the
+//! haptic loop with a device and a simulation) computes forces between wrenches instead. A tick is one iteration of the
+//! loop. The virtual coupling is a spring and damper by which the haptic device leads the tool, a rigid body.
 
 use glam::DVec3;
 use palpate::Result;

@@ -12,9 +12,9 @@ use crate::{Section, Table};
 
 /// Greatest allowed ratio of the query's time for the largest skin to its time for the smallest.
 const ALLOWED_RATIO: f64 = 1.5;
-/// Quoted times of closest-point queries for the vertices of a body of 30,000 vertices, ms, on one CPU core of another
-/// machine. The first time is for the 713 vertices that lie in the intersection of both bodies' bounding boxes, the
-/// second for all vertices.
+/// Quoted times, ms, of queries that find the closest points of one body for the vertices of another body of 30,000
+/// vertices, on one CPU core of another machine. The first time is for the 713 vertices that lie in the intersection of
+/// the two bodies' bounding boxes, the second for all vertices.
 const QUOTED_MS: [f64; 2] = [2.3, 11.0];
 
 /// Text that says how the benchmark was measured.
@@ -26,7 +26,7 @@ pub fn preface(settings: &Value) -> String {
     )
 }
 
-/// A section for each part that was measured.
+/// A section for each part of the benchmark that was measured.
 pub fn sections(results: &Results) -> Result<Vec<Section>> {
     let mut sections = Vec::new();
     if !results.sensitivity.is_empty() {

@@ -32,7 +32,7 @@ pub struct Family {
 /// A closed surface mesh with counter-clockwise triangles seen from outside.
 #[derive(Debug, Clone)]
 pub struct Graded {
-    /// Vertices, m; those of the cap come first.
+    /// Positions of the vertices, m; those of the cap come first.
     pub vertices: Vec<DVec3>,
     /// Triangles; those of the cap come first.
     pub triangles: Vec<[u32; 3]>,

@@ -1,6 +1,8 @@
 //! `palpate bench proximity`: the cost of the proximity query (the stages of a step that find contacts: broad phase,
 //! narrow phase, contacts) by itself, and how this cost depends on the meshes and on the contact area. A contact patch
-//! is an area with one normal where two bodies may touch.
+//! is an area with one normal where two bodies may touch. The benchmark has three parts: `sensitivity` (one contact
+//! patch on meshes of several sizes), `area` (several contact areas), and `peers` (comparison with other software, in
+//! which a pumpkin is pressed into a head).
 
 mod document;
 pub mod graded;

@@ -24,10 +24,10 @@ const BALL: Family = Family { radius: 0.02, cap: 0.01, spacing: 0.0005, is_lobed
 const BALL_VERTICES: usize = 6_000;
 /// Depth to which the ball is pressed into the bodies, m.
 const BALL_DEPTH: f64 = 0.001;
-/// Horizontal offset of the upper body from the lower body's pole, m. With this offset and the rotation by [`TURN`], no
-/// two vertices coincide in the contact plane.
+/// Horizontal offset of the upper body from the lower body's pole (its highest point), m. With this offset and the
+/// rotation by [`TURN`], no two vertices coincide in the contact plane.
 const BESIDE: DVec3 = DVec3::new(0.0007, 0.0004, 0.0);
-/// Rotation of the upper body about its polar axis, rad.
+/// Rotation of the upper body about the axis through its poles, rad.
 const TURN: f64 = 0.3;
 /// Both bodies of the part `area`, which are equal.
 const BROAD: Family = Family { radius: 0.1, cap: 0.06, spacing: 0.0008, is_lobed: true };
@@ -76,8 +76,8 @@ pub struct Sensitivity {
 pub struct Area {
     /// Number of vertices of each skin.
     pub vertices: usize,
-    /// Area of the circle in which the two spheres (the bodies without grooves) intersect, m^2; [`Place::area`] is the
-    /// area that the query found.
+    /// Area of the circle in which the bodies would intersect if they were spheres without the grooves between their
+    /// lobes (`is_lobed`), m^2; [`Place::area`] is the area that the query found.
     pub circle: f64,
     /// Results of the query.
     #[serde(flatten)]

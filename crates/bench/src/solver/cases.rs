@@ -1,6 +1,6 @@
-//! The scenes of the solver benchmark: soft bodies that hang under gravity, without contact. Each hangs from a fixed
-//! rigid core: a rigid body inside the soft body, to which nodes of the layer (the soft body's tetrahedral mesh) are
-//! attached.
+//! The scenes of the solver benchmark: soft bodies (cubic blocks and a human) that hang under gravity, without contact.
+//! Each hangs from a fixed rigid core: a rigid body inside the soft body, to which nodes of the layer (the soft body's
+//! tetrahedral mesh) are attached.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Body, Shape};

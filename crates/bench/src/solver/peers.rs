@@ -10,7 +10,7 @@ pub const ALLOWED_ERROR: f64 = 1e-4;
 const DT: f64 = 1e-3;
 
 /// Times that other software takes for a step of a case, and the goal for palpate's speed. The times were measured on
-/// another machine with two CPU cores, which are of the kind that palpate is developed on.
+/// another machine, with two CPU cores like those of the machine on which palpate is developed.
 pub struct Peer {
     /// The body.
     pub mesh: Mesh,
@@ -46,7 +46,8 @@ impl Peer {
     }
 }
 
-/// The fastest setting that raised no flag and whose error is at most [`ALLOWED_ERROR`].
+/// The fastest setting that raised no flag (report of a problem in a step) and whose error is at most
+/// [`ALLOWED_ERROR`].
 pub fn fastest(measured: &Measured) -> Option<&Run> {
     let good = measured.runs.iter().filter(|run| run.flagged == 0 && run.error <= ALLOWED_ERROR);
     good.min_by(|a, b| a.ms().total_cmp(&b.ms()))

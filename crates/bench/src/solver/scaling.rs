@@ -12,18 +12,18 @@ use super::speed::{asking, open};
 use super::{PRECONDITIONERS, Settings, YOUNG};
 use crate::median;
 
-/// Greatest numbers of solver iterations of two kinds of steps. The difference of the steps' times, divided by the
-/// difference of these numbers, is the time of an iteration.
+/// Caps on the solver iterations of a step: first of long steps, then of short steps. The difference of the times of a
+/// long and a short step, divided by the difference of these numbers, is the time of an iteration.
 const ITERATIONS: [u32; 2] = [32, 8];
-/// A tolerance that no step reaches within either of the numbers [`ITERATIONS`].
+/// A tolerance that no step reaches within either of the caps [`ITERATIONS`].
 const NEVER: f64 = 1e-30;
 /// Young's modulus of the blocks whose iterations are timed, Pa; they are so stiff that no step converges within
-/// either of the numbers [`ITERATIONS`].
+/// either of the caps [`ITERATIONS`].
 const STIFF: f64 = 2e6;
 /// Time step, s.
 const DT: f64 = 0.001;
-/// Number of steps before the measured ones. If these steps alone exceed the time budget, the step that exceeds it is
-/// measured.
+/// Number of steps before the measured ones. If these steps alone exceed the time budget (`seconds_each`), the step
+/// that exceeds it is measured.
 const WARM_UP: usize = 2;
 
 /// Measurements of a block of one size.
@@ -46,11 +46,11 @@ pub struct Iteration {
     pub preconditioner: String,
     /// GPU memory of a simulation with this preconditioner, bytes.
     pub bytes_device: u64,
-    /// Times of steps with the greater of the two numbers of iterations, us.
+    /// Times of long steps, those with the greater cap on the solver iterations, us.
     pub long_us: Vec<f64>,
-    /// Times of steps with the smaller number of iterations, us; the two kinds of steps alternate.
+    /// Times of short steps, those with the smaller cap on the solver iterations, us; long and short steps alternate.
     pub short_us: Vec<f64>,
-    /// Numbers of iterations that the two kinds of steps did, the greater number first.
+    /// Number of solver iterations that a long step did, and number that a short step did.
     pub iterations: [u32; 2],
 }
 
@@ -61,15 +61,15 @@ pub struct Steps {
     pub young: f64,
     /// Solver iterations of each step.
     pub iterations: Vec<u32>,
-    /// Number of steps that raised a flag.
+    /// Number of steps that raised a flag (report of a problem in a step).
     pub flagged: usize,
     /// Wall time of each step, us.
     pub step_us: Vec<f64>,
 }
 
 impl Iteration {
-    /// Time of an iteration, ms: the difference of the median times of both kinds of steps, divided by the difference
-    /// of their numbers of iterations. NaN: both differences are zero.
+    /// Time of an iteration, ms: the difference of the median times of long and of short steps, divided by the
+    /// difference of their numbers of iterations. NaN: both differences are zero.
     pub fn ms(&self) -> f64 {
         let [long, short] = [&self.long_us, &self.short_us].map(|times| 1e-3 * median(times));
         (long - short) / (f64::from(self.iterations[0]) - f64::from(self.iterations[1]))

@@ -49,7 +49,7 @@ const SHAPE: f64 = 0.1;
 const BOUNCES: f64 = 0.2;
 /// A thrown sphere goes through the block if its mass is at least this multiple of the block's mass.
 const PASSES: f64 = 500.0;
-/// Rounding error of a sum over the nodes inside a body, as a multiple of the rounding error of its largest term.
+/// Rounding error of a sum over the nodes inside a body, as a multiple of the rounding error of the sum's largest term.
 const INSIDE: f64 = 4.0;
 /// Speed of the thrown sphere, m/s.
 const THROWN: f64 = 0.5;
@@ -141,7 +141,7 @@ fn sag(setup: &Setup) -> f64 {
 }
 
 /// The promise of a case in which a tool touched the block and left it: a contact presses in some step, and at the end
-/// none presses and the block has its rest shape. A block that sags too far promises only the first.
+/// none presses and the block has its rest shape. A block that sags too far promises only that a contact presses.
 fn left_alone(setup: &Setup) -> Promise {
     let is_firm = sag(setup) <= 0.5 * SHAPE * setup.edge;
     Promise { shape: is_firm.then_some(SHAPE * setup.edge), touches: true, parts: is_firm, ..Promise::default() }

@@ -1,8 +1,8 @@
 //! The report of the stability matrix, a set of many stiff and extreme simulations (the cases), each with a verdict
 //! from invariants (conditions that every simulation must keep). An axis is a quantity that is varied; a cell is one of
 //! its values, with its cases. A flag is the engine's report of a problem in a step. The report shows the verdicts of
-//! all cells as a coloured table (heat map), where the values at which all cases pass end on each axis, and every case
-//! that did not pass.
+//! all cells as a coloured table (heat map), the values of each axis at which all cases pass, and every case that did
+//! not pass.
 
 use palpate::Flags;
 

@@ -8,7 +8,8 @@ use super::invariants::Verdict;
 use super::{AxisResult, CellResult, Results};
 use crate::page::escaped;
 
-/// Width of the image in its own units; on the page the image is as wide as the page.
+/// Width of the image in its own units, in which all lengths here are given; on the page the image is as wide as the
+/// page.
 const WIDTH: usize = 1240;
 /// Width of the column with the names of the rows.
 const NAMES: usize = 250;

@@ -3,8 +3,8 @@
 //! one of its values; a case is one simulation with this value. A flag is the engine's report of a problem in a step.
 //!
 //! `axes` lists the axes and their values. `cases` says what is done to the block in each kind of case and which
-//! invariants must hold in addition. `setup` makes the scene, `trace` measures each step from outside the engine in
-//! f64, `invariants` judges the measured steps, and `document` writes the report.
+//! invariants must hold in addition to those of every step. `setup` makes the scene, `trace` measures each step from
+//! outside the engine in f64, `invariants` judges the measured steps, and `document` writes the report.
 
 pub mod axes;
 pub mod cases;

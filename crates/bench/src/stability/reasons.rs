@@ -7,8 +7,8 @@ use palpate::Flags;
 use super::invariants::Verdict;
 use super::{AxisResult, CellResult, Judged};
 
-/// Meaning of each flag except the two of full buffers, for cases whose cause is not known in more detail; the gravest
-/// flag first.
+/// Meaning of each flag except the two that report a full buffer, for cases whose cause is not known in more detail;
+/// the gravest flag first.
 const FLAGS: [(Flags, &str); 9] = [
     (Flags::FROZEN, "not even the shortest step could be solved, and all motion was stopped"),
     (Flags::NON_FINITE, "a number left single precision's range, and the step was done again in halves"),

@@ -49,7 +49,8 @@ pub struct Pressing {
 pub struct ContactSums {
     /// Sum of the magnitudes of all pushes, N.
     pub pressed: f64,
-    /// Largest pull of a contact, N; zero or less if no contact pulls.
+    /// Largest amount by which a contact's pull exceeds the error that f32 rounding may cause in it, N; zero if no
+    /// contact's pull does.
     pub tension: f64,
     /// Distance of the reported force from the sum of the contacts' forces, plus the corresponding distance of the
     /// torques divided by the tool's radius, N.
@@ -85,7 +86,8 @@ impl Skin {
 
     fn one(&self, contact: &shaders::Contact) -> Pressing {
         let wide = |x: [f32; 3]| DVec3::from(x.map(f64::from));
-        // The sign of the body whose vertex collides: 1 for the pair's first body, -1 for its second.
+        // Sign of the colliding vertex's velocity in the rate of depth: 1 if the vertex belongs to the first body of
+        // the pair in contact (`side` is even), -1 if it belongs to the second.
         let sign = if contact.side.is_multiple_of(2) { 1.0 } else { -1.0 };
         let mut nodes: Vec<(usize, f64)> = Vec::new();
         let mut add = |vertex: usize, share: f64| {

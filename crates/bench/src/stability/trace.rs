@@ -52,8 +52,8 @@ pub struct Sample {
     pub force: f64,
     /// Sum of the magnitudes of all contacts' pushes, N.
     pub pressed: f64,
-    /// Difference between the wrench that the step reports and the sum of its contacts: the difference of the forces
-    /// plus that of the torques over the tool's radius, N.
+    /// Difference between the wrench that the step reports and the sum of its contacts' forces and torques: the
+    /// difference of the forces plus that of the torques over the tool's radius, N.
     pub missed: f64,
     /// Largest pull of a contact, N.
     pub tension: f64,
@@ -266,7 +266,8 @@ impl Observer {
         let change = tool.mass * (tool.velocity - velocity);
         let missed = h * (told.force + weight + pull.force) - change + self.tool_carried_residual;
         let sizes = [change, h * told.force, h * weight, h * pull.force].map(|x| x.length());
-        // Relative to the largest impulse so far: once the motion has ended, only rounding is left.
+        // The error is divided by the largest impulse so far, since the present impulses may be mere rounding errors
+        // once the motion has ended.
         self.largest = sizes.into_iter().fold(self.largest, f64::max);
         sample.balance = if self.largest > 0.0 { missed.length() / self.largest } else { 0.0 };
         self.tool_carried_residual = missed;

@@ -1,4 +1,5 @@
-/* How much memory this process uses, for the test programs that check that it does not grow. Needs glibc and Linux. */
+/* Functions for test programs that check that their memory does not grow: measure how much memory this process uses,
+ * and print the results. They need glibc and Linux. */
 #include <malloc.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -82,7 +82,10 @@ mod tests {
         assert_eq!(curves.over_time(CONTACTS), [(1.0, 0.0), (2.0, 1.0), (3.0, 2.0), (4.0, 3.0)]);
         assert_eq!(curves.over_time(ITERATIONS)[3], (4.0, 9.0));
         let pressed = curves.over(INDENTATION, FORCE);
-        assert!(pressed.len() == 2 && pressed[0] == (0.0, 1.0) && (pressed[1].0 - 5.0).abs() < 1e-12, "{pressed:?}");
+        assert!(
+            pressed.len() == 2 && pressed[0] == (0.0, 1.0) && (pressed[1].0 - 5.0).abs() < 1e-12,
+            "indentation in mm and force in N: two points expected, at 0 mm and 5 mm: {pressed:?}"
+        );
         let without = read(bytes.as_slice(), None).unwrap();
         assert!(without.over_time(INDENTATION).is_empty());
     }

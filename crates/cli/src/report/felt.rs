@@ -197,9 +197,12 @@ mod tests {
     fn indentation_is_counted_from_first_touch_against_the_peak_force() {
         let tally = tally(&[(0.05, 0.0), (0.04, 0.5), (0.03, 2.0), (0.025, 1.0), (0.06, 0.0), (0.0, f64::NAN)]);
         let felt = tally.touch.as_ref().unwrap().felt();
-        assert!(felt.touched && felt.steps_in_contact == 3, "wrong numbers: {felt:?}");
+        assert!(felt.touched && felt.steps_in_contact == 3, "3 steps in contact are expected: {felt:?}");
         assert_eq!((felt.peak_force_n, felt.peak_time_s, felt.first_touch_s), (2.0, Some(0.1 * 3.0), Some(0.2)));
-        assert!((felt.indentation_at_peak_m.unwrap() - 0.01).abs() < 1e-15, "wrong numbers: {felt:?}");
+        assert!(
+            (felt.indentation_at_peak_m.unwrap() - 0.01).abs() < 1e-15,
+            "an indentation of 0.01 m is expected: {felt:?}"
+        );
         let expected = "The tool felt at most 2.0000 N, at 0.3 s, with an indentation of 10.00 mm since its first \
                         touch at 0.2 s; it was in contact in 3 of 6 steps.";
         assert_eq!(headline(&tally), expected);

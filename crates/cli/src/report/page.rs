@@ -23,7 +23,7 @@ pub struct Page<'a> {
     pub scene: &'a Scene,
     /// What the engine reports of itself: Vulkan device, stages, memory and files.
     pub facts: &'a Facts,
-    /// Sums and extremes over the steps.
+    /// Sums and extremes over the step reports of the run.
     pub tally: &'a Tally,
     /// The curves of force, indentation, contacts and iterations over the steps.
     pub curves: &'a Curves,

@@ -224,8 +224,8 @@ impl<'a> Canvas<'a> {
     }
 }
 
-/// Encodes a linear value by its square root (gamma 2), which is close to sRGB's curve and, unlike that, rounded alike
-/// on every machine.
+/// Encodes a linear value by its square root (gamma 2). The square root is close to the curve of sRGB and, unlike that
+/// curve, is rounded alike on every machine.
 fn srgb(linear: f64) -> u8 {
     (255.0 * linear.clamp(0.0, 1.0).sqrt()).round() as u8
 }

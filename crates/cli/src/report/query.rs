@@ -37,13 +37,14 @@ pub struct QueryReport {
     pub device: String,
     /// Name and version of the device's driver.
     pub driver: String,
-    /// Implementation of the depth stage, which finds where triangles meet the rays of opposing vertices.
+    /// Name of the implementation of the depth stage, which finds where rays from the vertices of one surface meet
+    /// triangles of the other.
     pub depth_path: String,
     /// The first surface.
     pub a: Subject,
     /// The second surface.
     pub b: Subject,
-    /// Position (m) and orientation (x y z w) of b.
+    /// Position (m) of b, and its orientation as a quaternion (x y z w).
     pub pose_b: [f64; 7],
     /// Depth beyond which a flag is raised, m.
     pub depth_limit_m: f64,
@@ -184,8 +185,11 @@ mod tests {
         assert_eq!((&value["contacts"], &value["b"]["contacts"]), (&json!(3), &json!(2)));
         assert_eq!((&value["flags"], &value["max_depth_m"]), (&json!(["not_a_height_field"]), &json!(2.5e-3)));
         let text = report.to_string();
-        assert!(text.contains("deepest: 2.500000e-3 m at vertex 0 of b"), "table: {text}");
-        assert!(text.contains("query                 5          8.0          9.0"), "table: {text}");
+        assert!(text.contains("deepest: 2.500000e-3 m at vertex 0 of b"), "no line names the deepest contact: {text}");
+        assert!(
+            text.contains("query                 5          8.0          9.0"),
+            "no line has the wall time of the query: {text}"
+        );
     }
 
     #[test]

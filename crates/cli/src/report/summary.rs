@@ -240,9 +240,9 @@ impl fmt::Display for RaisedFlags<'_> {
 
 /// The table of what a run cost.
 pub struct ClosingTable<'a> {
-    /// What the engine reports.
+    /// What the engine reports of itself.
     pub facts: &'a Facts,
-    /// Sums and extremes over the steps.
+    /// Sums and extremes over the step reports of the run.
     pub tally: &'a Tally,
 }
 

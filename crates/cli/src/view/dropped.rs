@@ -59,7 +59,7 @@ mod tests {
         assert_eq!((bodies.bodies.len(), bodies.tool.is_some()), (1, true));
         assert!(
             lines.iter().all(|line| line.starts_with("preparing box.obj: ")) && lines.len() > 3,
-            "progress: {lines:?}"
+            "more than 3 lines of progress that name the file are expected: {lines:?}"
         );
         let error = made(&bad, &mut |_| {}).map(drop).unwrap_err().to_string();
         assert!(error.contains("bad.obj") && !error.contains('\n'), "wrong error: {error}");

@@ -87,15 +87,15 @@ impl Easel {
         let Seen { renderer, .. } = self.seen.insert(seen);
         let mut moment = Moment::of(simulation, renderer.origin(), order.overlays)?;
         moment.device = order.device;
-        // In the window the panel tells the time; an image file is without the panel.
+        // In the window the panel shows the simulated time; an image file does not show the panel.
         moment.corner = order.picture.is_some().then(|| clock(simulation));
         renderer.look(&moment, &order.camera)?;
         let labels = self.labels.paint(&moment, renderer.legend(), renderer.image()?)?;
         let panel = self.painter.paint(&order.panel, renderer.image()?)?;
         let framed = (before != Some(generation)).then(|| renderer.camera());
         let drawn = Drawn { is_shown: true, framed, ..Drawn::default() };
-        // The renderer's slices draw the first parts; the last part paints legend and panel onto the image and shows
-        // it.
+        // Each of the renderer's slices, recorded commands that draw a piece of the image, is a part; the last part
+        // paints legend and panel onto the image and shows it.
         let parts = renderer.slices().len() + 1;
         Ok(Frame { order, labels, panel, parts, took: Vec::new(), picture: None, drawn })
     }

@@ -31,8 +31,8 @@ impl Hand {
     /// Handles an event; `goal` is the tool's goal pose, if the mouse moves the tool. Events over the panel (texts and
     /// sliders), which begins `edge` pixels from the left, belong to the panel, except releases of buttons.
     pub fn hear(&mut self, event: &WindowEvent, edge: f64, camera: &mut Camera, goal: Option<&Goal>, size: [u32; 2]) {
-        // The panel's own answer is not used: until the panel is laid out again, it knows only an earlier position of
-        // the cursor.
+        // The panel itself is not asked whether the cursor is over it: until the panel is laid out again, it knows only
+        // an earlier position of the cursor.
         let over_panel = self.cursor.x >= edge;
         match event {
             WindowEvent::ModifiersChanged(modifiers) => self.modifiers = modifiers.state(),

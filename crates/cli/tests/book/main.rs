@@ -27,7 +27,7 @@ use display::Display;
 use ffi_help::{library, root};
 use pulldown_cmark::{CodeBlockKind, Event, Parser, Tag, TagEnd};
 
-/// Files and folders of the repository that the folder of a page's commands has as links.
+/// Files and folders of the repository that are linked into the folder in which a page's commands run.
 const SEEN: [&str; 8] = ["assets", "examples", "docs", "crates", "src", "vk-tests", "Cargo.toml", "README.md"];
 /// Number of rings, number of sectors, and radius (m) of the sphere that stands in for a mesh of the reader's own,
 /// which the pages call `my-organ.obj` (coordinates in metres) and `my-organ-mm.obj` (in millimetres).

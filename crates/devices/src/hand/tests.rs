@@ -271,7 +271,7 @@ fn a_delayed_force_acts_from_its_time_plus_the_delay() {
         hand.write(&push(DVec3::ONE * 9.0)).unwrap();
         hand.write(&push(DVec3::X)).unwrap();
         assert_eq!(hand.coming.len(), 1);
-        assert_eq!(hand.read(0.004 + delay).unwrap().state.position, DVec3::ZERO, "moved before the delay");
+        assert_eq!(hand.read(0.004 + delay).unwrap().state.position, DVec3::ZERO, "the hand moved too early");
         let after = hand.read(0.0041 + delay).unwrap();
         let accelerated = 0.5 * 1e-8 / 0.1;
         assert_near(after.state.position.x, accelerated, 1e-4 * accelerated, "displacement, m");

@@ -45,8 +45,8 @@ fn linear(damping: f64, device_damping: f64, delay: f64) -> HandParameters {
 }
 
 /// Whether a disturbance grows. The hand starts a thousandth of the equilibrium depth away from equilibrium. The
-/// disturbance grows if the peak speed of the seventh second is greater than that of the second one, or than twice the
-/// peak speed of the undamped oscillation (which happens if the hand bounces off the wall).
+/// disturbance grows if the peak speed from 6 s to 7 s is greater than the one from 1 s to 2 s, or than twice the peak
+/// speed of the undamped oscillation (which happens if the hand bounces off the wall).
 fn grows(parameters: HandParameters, stiffness: f64) -> bool {
     let both = parameters.stiffness + stiffness;
     let balance = parameters.stiffness * WITHIN / both;
@@ -101,7 +101,7 @@ fn a_wall_is_stable_below_the_passivity_bound_and_unstable_above_its_limit() {
                 let peaks = peaks(parameters, part * bound, -0.005, 60);
                 assert!(
                     peaks[59] < 0.5 * peaks[0],
-                    "{part} of the bound {bound} N/m: peak speeds by second {peaks:?} m/s"
+                    "at {part} times the bound {bound} N/m the motion must decay; peak speeds by second {peaks:?} m/s"
                 );
             }
             assert!(grows(parameters, 1.05 * found), "no growth 5 % above the limit {found} N/m");

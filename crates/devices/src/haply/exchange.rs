@@ -34,8 +34,8 @@ const INVENTORY_WAIT: Duration = Duration::from_millis(500);
 /// Pause before another connection is tried; it doubles after each failure, up to `LAST_WAIT`.
 const FIRST_WAIT: Duration = Duration::from_millis(100);
 const LAST_WAIT: Duration = Duration::from_secs(2);
-/// Greatest number of messages that the service may leave unanswered, and of frames that it may send unrequested within
-/// a period.
+/// Number of unanswered messages at which a connection is given up; also the greatest number of frames that may arrive
+/// within a period besides the awaited one.
 const MOST_OWED: u32 = 16;
 
 /// What the thread knows of the device at a moment; the haptic loop reads the newest such record.
@@ -61,7 +61,7 @@ pub struct Order {
     pub written: Option<Instant>,
 }
 
-/// Counts of what has happened since the device was made; see `Counts` in `mod.rs`.
+/// Numbers of events since the `Haply` (the device in `mod.rs`) was made; its `Counts` explains each of them.
 #[derive(Debug, Default)]
 pub struct Tally {
     pub frames: AtomicU64,
@@ -78,7 +78,8 @@ fn count(counter: &AtomicU64) {
 /// The thread's side of the exchange of states and forces with the haptic loop.
 pub struct Exchange {
     pub address: Address,
-    /// Id of the device to talk to until one was found; `None`: the first device that the service lists.
+    /// Id of the device to look for, used until a device has been found; `None`: the first device that the service
+    /// lists.
     pub device_id: Option<String>,
     /// Dialect (key under which a force is written) to use; `None`: the one that the service's version asks for.
     pub dialect: Option<Dialect>,

@@ -148,7 +148,10 @@ fn another_machine_is_refused_unless_trusted_and_so_is_a_rate_beyond_bounds() {
             rate,
             ..Settings::default()
         });
-        assert!(matches!(device.open(), Err(Fault::Lost(why)) if why.contains(word)), "address {url}, rate {rate} Hz");
+        assert!(
+            matches!(device.open(), Err(Fault::Lost(why)) if why.contains(word)),
+            "address {url}, rate {rate} Hz: opening must be refused"
+        );
         assert_eq!(device.counts().connections, 0);
     }
 }

@@ -253,16 +253,16 @@ mod tests {
         for url in
             ["ws://localhost:10001", "ws://127.0.0.1", "ws://127.8.9.10:7/x", "ws://[::1]:10001", "ws://LOCALHOST"]
         {
-            assert!(Address::new(url, false).is_ok(), "address {url}");
+            assert!(Address::new(url, false).is_ok(), "address {url} must be accepted");
         }
         let remote =
             ["ws://192.168.0.7:10001", "ws://example.org", "ws://localhost.example.org", "ws://0.0.0.0", "ws://[::2]"];
         for url in remote {
             assert!(
                 matches!(Address::new(url, false), Err(Fault::Lost(why)) if why.contains("trusted")),
-                "address {url}"
+                "address {url} must be refused"
             );
-            assert!(Address::new(url, true).is_ok(), "address {url}");
+            assert!(Address::new(url, true).is_ok(), "trusted address {url} must be accepted");
         }
         for url in [
             "",
@@ -275,7 +275,7 @@ mod tests {
         ] {
             assert!(
                 matches!(Address::new(url, true), Err(Fault::Lost(why)) if why.contains("ws://localhost")),
-                "address {url}"
+                "address {url} must be refused"
             );
         }
     }

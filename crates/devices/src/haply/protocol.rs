@@ -301,7 +301,11 @@ mod tests {
             format!(r#"{{"inverse3":[{{"device_id":"A","config":{deep}"#),
         ];
         for text in spoiled.iter().chain(&others) {
-            assert!(matches!(state(text), Err(Fault::Garbled(_))), "accepted: {}", &text[..text.len().min(200)]);
+            assert!(
+                matches!(state(text), Err(Fault::Garbled(_))),
+                "this text must be refused as garbled: {}",
+                &text[..text.len().min(200)]
+            );
         }
     }
 

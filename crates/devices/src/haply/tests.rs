@@ -330,7 +330,7 @@ fn the_first_device_stays_the_one_however_they_are_listed_later() {
 
 /// Measures how many messages per second the fake service receives, and the intervals between them.
 #[test]
-#[ignore = "lasting: a measurement"]
+#[ignore = "lasting: measures message rates for 30 s"]
 fn lasting_rate_held() {
     for rate in [1000.0, 2000.0, 4000.0] {
         let fake = Fake::start(|_, _| Act::Reply(resting()));

@@ -50,8 +50,8 @@ fn tool() -> Tool {
     }
 }
 
-/// The source of contact wrenches in the tests' session, in place of the simulation: a wall, of which one step returns
-/// a NaN.
+/// The source of contact wrenches in the tests' session, in place of the simulation: a wall. Its contact wrench of step
+/// 12 holds a NaN.
 pub struct Walled(Wall);
 
 impl Walled {
@@ -80,7 +80,8 @@ fn reading(time: f64) -> Reading {
     Reading { time, state, buttons: u32::from(time > 0.1) }
 }
 
-/// Runs a session in virtual time and gives its entries to `keep`, in the order in which the program would record them.
+/// Runs a session in virtual time, that is without waiting for a clock, and gives its entries to `keep`, in the order
+/// in which the program would record them.
 fn session(mut keep: impl FnMut(Entry)) {
     let (limits, _) = Limits::new(Profile::named("premium").unwrap(), &Lowered::default());
     let settings = Settings {
@@ -214,12 +215,12 @@ fn a_recording_that_was_cut_short_is_read_up_to_its_last_whole_entry() {
     for (cut, whole) in [(places[40], 39), (places[40] + 3, 39), (places[40] - 1, 38), (places[1], 0)] {
         std::fs::write(&path, &bytes[..cut]).unwrap();
         let read: Vec<Entry> = Recorded::open(&path).unwrap().collect::<Result<_>>().unwrap();
-        assert_eq!(read.len(), whole, "entries of a file of {cut} bytes");
+        assert_eq!(read.len(), whole, "number of entries read from a file of {cut} bytes");
         assert!(!matches!(read.last(), Some(Entry::End(_))));
     }
     for cut in [0, 5, 11] {
         std::fs::write(&path, &bytes[..cut]).unwrap();
-        assert!(error_of(&path).contains("is not a recording"), "file of {cut} bytes");
+        assert!(error_of(&path).contains("is not a recording"), "wrong error for a file of {cut} bytes");
     }
     std::fs::write(&path, &bytes[..places[1] - 1]).unwrap();
     assert!(error_of(&path).contains("ends within the header"));

@@ -65,7 +65,7 @@ fn a_session_with_every_fault_replays_to_the_same_bits() {
         let result = replayed(&path).unwrap();
         assert!(
             result.difference.is_none() && !result.is_whole && result.ticks > most,
-            "{eighths} eighths of the file: {result:?}"
+            "replay of the first {eighths} eighths of the file: {result:?}"
         );
         most = result.ticks;
     }
@@ -74,7 +74,8 @@ fn a_session_with_every_fault_replays_to_the_same_bits() {
 
 #[test]
 fn one_bit_is_found_and_named_where_it_is() {
-    let starts = |message: String, words: &str| assert!(message.starts_with(words), "got {message}\nexpected {words}");
+    let starts =
+        |message: String, words: &str| assert!(message.starts_with(words), "got {message}\nmust begin with {words}");
     starts(difference(tick(137, |tick| flip(&mut tick.played.force.y))), "tick 137 differs first in played_force_y: ");
     starts(difference(tick(0, |tick| flip(&mut tick.energy.given[3]))), "tick 0 differs first in energy_given_rx: ");
     starts(difference(tick(499, |tick| tick.events.raise(Event::Clamped))), "tick 499 differs first in events: ");
@@ -109,7 +110,7 @@ fn what_is_no_session_is_refused() {
         "wrong error: {never}"
     );
     for h in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(refusal(step(4, |step| step.h = h)).contains("step 4 is "), "step length {h} s");
+        assert!(refusal(step(4, |step| step.h = h)).contains("step 4 is "), "wrong error for a step length of {h} s");
     }
     for watchdog in [f64::NAN, -0.1] {
         let spoil = |entry: &mut Entry| {
@@ -117,7 +118,10 @@ fn what_is_no_session_is_refused() {
                 begin.settings.limits.watchdog = watchdog;
             }
         };
-        assert!(refusal(spoil).contains("a limit of the haptic loop is "), "watchdog limit {watchdog} s");
+        assert!(
+            refusal(spoil).contains("a limit of the haptic loop is "),
+            "wrong error for a watchdog limit of {watchdog} s"
+        );
     }
     let past = refusal(step(8, |step| step.input.ticks = 3));
     assert!(past.contains("step 8 starts from tick 3"), "wrong error: {past}");

@@ -105,7 +105,7 @@ impl Worker {
                 Err(error) => {
                     let line = error.to_string().lines().collect::<Vec<_>>().join(" ");
                     self.out.note(line.clone());
-                    // A task that was requested meanwhile is done; otherwise the thread shows the failure and waits.
+                    // A task that was requested meanwhile comes next. Otherwise the thread shows the failure and waits.
                     self.next.take().unwrap_or(Next::Rest(State::Failed(line)))
                 }
             };

@@ -15,8 +15,8 @@ use super::*;
 use crate::prepare::layer::{self, FACES};
 use crate::prepare::{embed, sphere};
 
-/// Least allowed dihedral angle, degrees. The smallest angle in the test with random cuts (`random.rs`) is slightly
-/// above this bound.
+/// Least allowed dihedral angle, degrees. The smallest angle in the test on a randomly cut lattice (`random.rs`) is
+/// slightly above this bound.
 const ANGLE: f64 = 10.0;
 /// Greatest allowed dihedral angle, degrees.
 const WIDEST: f64 = 165.0;
@@ -46,7 +46,7 @@ fn check(layer: &Layer, report: &LayerReport) {
     for group in faces.chunk_by(|a, b| a.0 == b.0) {
         assert!(
             group.len() == 1 || (group.len() == 2 && group[0].1 != group[1].1),
-            "an inner face must have one tetrahedron in each orientation: {group:?}"
+            "two tetrahedra that share a face must have it in opposite orientations (nodes, orientation): {group:?}"
         );
     }
     let (skin, triangles, _) = layer::boundary(layer);
@@ -128,7 +128,11 @@ fn spheres_boxes_and_tori_have_their_volume_and_their_surface() {
         for cell in [0.021, 0.0137, 0.01] {
             let (layer, report) = uniform(&mesh, cell);
             // The polyhedra that are filled have the volumes of the round solids within 0.4 %.
-            assert!((report.volume / volume - 1.0).abs() < 0.006, "volume {} m^3, not {volume} m^3", report.volume);
+            assert!(
+                (report.volume / volume - 1.0).abs() < 0.006,
+                "the layer has a volume of {} m^3, expected about {volume} m^3",
+                report.volume
+            );
             assert!(report.clean && report.parts == 1 && report.thickened.nodes == 0, "unexpected report: {report:?}");
             let solid = Solid::new(&mesh.0, &mesh.1).unwrap();
             let (skin, ..) = layer::boundary(&layer);
@@ -168,7 +172,10 @@ fn plates_nearer_than_a_cell_are_not_welded() {
         let mut both = joined(&[lower, upper]);
         both.0.iter_mut().for_each(|v| *v = turn * *v);
         let (layer, report) = uniform(&both, 1.0);
-        assert_eq!(report.parts, 2, "parts of plates {gap} cells apart (lattice moved by {offset} cells): {report:?}");
+        assert_eq!(
+            report.parts, 2,
+            "number of parts of plates {gap} cells apart, with the lattice moved by {offset} cells: {report:?}"
+        );
         assert_eq!((report.welded.count, report.dropped.parts), (0, 0));
         assert!(layer.tetrahedra.len() > 500);
     }

@@ -60,7 +60,7 @@ fn files_with_defects_are_filled_soundly_or_refused() {
 }
 
 #[test]
-#[ignore = "lasting: about a minute; prints the times of filling and embedding"]
+#[ignore = "takes about a minute; prints the times of filling and embedding"]
 fn lasting_seconds_against_vertices() {
     for count in [10_000, 44_000, 100_000, 400_000] {
         let mesh = crate::prepare::model::surface(Model::Head, count);
@@ -90,7 +90,7 @@ fn what_lies_outside_is_reported(mesh: &Mesh, layer: &Layer, report: &LayerRepor
         let named = || places.iter().any(|p| p.distance(middle) < cell);
         assert!(
             solid.signed(middle) < OUTSIDE * cell || named(),
-            "a tetrahedron at {middle} fills space outside, but the report lists no place near it"
+            "a tetrahedron at {middle} fills space outside the surface, but the report lists no place near it"
         );
     }
 }
