@@ -92,8 +92,11 @@ impl HostDevice {
         let own = vk::PhysicalDevice::from_raw(self.physical_device);
         let found = device::candidates(instance)?.into_iter().find(|candidate| candidate.physical == own);
         let wrong = |what: &str| Error::NoDevice(format!("the host's {what}"));
-        let mut candidate =
-            found.ok_or_else(|| wrong("physical_device does not belong to its instance; pass its device's own"))?;
+        let mut candidate = found.ok_or_else(|| {
+            wrong(
+                "physical_device is not one of the host's instance; pass the one that the host's device was made from",
+            )
+        })?;
         let name = candidate.info.name.clone();
         if let Err(why) = &candidate.info.usable {
             return Err(Error::NoDevice(format!("{name} cannot run palpate: {why}. {REMEDY}")));

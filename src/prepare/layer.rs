@@ -133,7 +133,7 @@ pub fn parts(layer: &Layer) -> (Vec<u32>, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prepare::{NONE, skin};
+    use crate::prepare::skin;
 
     #[test]
     fn a_box_is_filled_by_positive_tetrahedra_and_its_nodes_run_x_first() {
@@ -158,7 +158,7 @@ mod tests {
         assert_eq!((vertices.len(), triangles.len()), (56, 6 * 9 * 2));
         assert!(nodes.windows(2).all(|w| w[0] < w[1]));
         let skin = skin::build(vertices, triangles);
-        assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
+        assert_eq!(skin::defects(&skin.triangles), (0, 0));
         assert!((skin.areas.iter().sum::<f64>() - 6.0).abs() < 1e-12);
         let middle = DVec3::splat(0.5);
         for t in &skin.triangles {

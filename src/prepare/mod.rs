@@ -2,8 +2,8 @@
 //! *skin* (the high-resolution triangle mesh that is seen and touched), a *layer* (the tetrahedral simulation mesh in
 //! which every skin vertex is embedded), rigid *cores* to which nodes of the layer are attached, and *proxies*
 //! (convex hulls that cover the skin, for the broad phase of contact). A rigid body has skin and proxies only. The
-//! *tool* is the rigid body that a haptic device leads. A *frame* is a rigid coordinate frame that nodes, skin and
-//! proxies follow.
+//! *tool* is the rigid body that a haptic device leads. A *frame* is a rigid coordinate frame in which the
+//! displacements of nodes are measured; it moves with the body, and skin and proxies with it.
 //!
 //! Everything here runs on the host, in f64, before the first step. Positions in a [`Body`] are in its *rest frame*:
 //! the coordinates of the body's files times its scale, not yet placed in the world by `position` and `orientation`.
@@ -87,9 +87,9 @@ pub enum Shape {
     Soft {
         /// The tetrahedral simulation mesh.
         layer: Layer,
-        /// The rigid frames that nodes follow: one for each core, or one floating frame for a body without cores.
+        /// The rigid frames of the body: one for each core, or one floating frame for a body without cores.
         frames: Vec<Frame>,
-        /// Index of the frame that each node follows.
+        /// Index of the frame in which the displacement of each node is measured.
         node_frames: Vec<u32>,
         /// Joints between frames; their points are in the rest frame, m.
         joints: Vec<Joint>,
@@ -182,9 +182,6 @@ pub struct Skin {
     pub vertices: Vec<DVec3>,
     /// Vertices of each triangle, counter-clockwise seen from outside; in file order after triangulation.
     pub triangles: Vec<[u32; 3]>,
-    /// For each triangle, the index of the neighbouring triangle across edge k (from vertex k to vertex k+1), or
-    /// [`NONE`] if edge k is a boundary or non-manifold edge.
-    pub neighbours: Vec<[u32; 3]>,
     /// Rest area that belongs to each vertex: a third of its triangles' areas, m^2.
     pub areas: Vec<f64>,
 }

@@ -1,17 +1,13 @@
-//! Topology and vertex areas of the skin (the triangle mesh of a body that is seen and touched). They are computed
+//! Vertex areas and topology of the skin (the triangle mesh of a body that is seen and touched). They are computed
 //! once, before the first step; the contact stage uses them in every step.
 
 use glam::DVec3;
 
-use super::{NONE, Skin};
+use super::Skin;
 
 /// Makes a skin of vertex positions (m, rest frame of the body) and triangles, counter-clockwise seen from outside.
-///
-/// Two triangles are neighbours if they are the only ones at an edge and run along it in opposite directions. A
-/// boundary edge, an edge of three or more triangles and an edge whose triangles are inconsistently oriented have the
-/// neighbour [`NONE`]. Every index must be below the number of vertices (the readers of mesh files check this).
+/// Every index must be below the number of vertices (the readers of mesh files check this).
 pub fn build(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Skin {
-    let neighbours = neighbours(&triangles);
     let mut areas = vec![0.0; vertices.len()];
     for triangle in &triangles {
         let [a, b, c] = triangle.map(|i| vertices[i as usize]);
@@ -20,30 +16,7 @@ pub fn build(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Skin {
             areas[i as usize] += third;
         }
     }
-    Skin { vertices, triangles, neighbours, areas }
-}
-
-/// Neighbour of each triangle across each edge. The edges are sorted, so the result does not depend on hashing.
-fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
-    let mut edges: Vec<(u32, u32, u32, u8, bool)> = Vec::with_capacity(3 * triangles.len());
-    for (t, triangle) in triangles.iter().enumerate() {
-        for k in 0..3 {
-            let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
-            edges.push((a.min(b), a.max(b), t as u32, k as u8, a < b));
-        }
-    }
-    edges.sort_unstable();
-    let mut neighbours = vec![[NONE; 3]; triangles.len()];
-    for group in edges.chunk_by(|e, f| (e.0, e.1) == (f.0, f.1)) {
-        if let [e, f] = group
-            && e.4 != f.4
-            && e.2 != f.2
-        {
-            neighbours[e.2 as usize][e.3 as usize] = f.2;
-            neighbours[f.2 as usize][f.3 as usize] = e.2;
-        }
-    }
-    neighbours
+    Skin { vertices, triangles, areas }
 }
 
 /// Counts defective edges. The first number counts edges with one triangle. The second number counts edges with three
@@ -125,10 +98,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_triangles_know_each_other_across_the_shared_edge_only() {
+    fn a_vertex_has_a_third_of_the_area_of_its_triangles() {
         let v = [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]].map(DVec3::from_array);
         let skin = build(v.to_vec(), vec![[0, 1, 2], [0, 2, 3]]);
-        assert_eq!(skin.neighbours, [[NONE, NONE, 1], [0, NONE, NONE]]);
+        assert_eq!(defects(&skin.triangles), (4, 0));
         let expected = [1.0 / 3.0, 1.0 / 6.0, 1.0 / 3.0, 1.0 / 6.0];
         for (area, want) in skin.areas.iter().zip(expected) {
             assert!((area - want).abs() < 1e-15);
@@ -136,14 +109,9 @@ mod tests {
     }
 
     #[test]
-    fn a_flipped_neighbour_and_a_third_triangle_are_no_neighbours() {
-        let v: Vec<DVec3> = (0..5).map(|i| DVec3::new(i as f64, (i * i) as f64, 0.0)).collect();
-        let flipped = build(v.clone(), vec![[0, 1, 2], [0, 1, 3]]);
-        assert_eq!(flipped.neighbours, [[NONE; 3]; 2]);
-        assert_eq!(defects(&flipped.triangles), (4, 1));
-        let three = build(v, vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]]);
-        assert_eq!(three.neighbours, [[NONE; 3]; 3]);
-        assert_eq!(defects(&three.triangles), (6, 1));
+    fn a_flipped_triangle_and_a_third_triangle_are_defects() {
+        assert_eq!(defects(&[[0, 1, 2], [0, 1, 3]]), (4, 1));
+        assert_eq!(defects(&[[0, 1, 2], [1, 0, 3], [0, 1, 4]]), (6, 1));
     }
 
     #[test]

@@ -608,10 +608,10 @@ pub const HAND: TableKeys = TableKeys {
         key("device_damping", "N s/m, 0 to 1000", "0.5", "Viscous friction of the mechanism."),
         key("friction", "N, 0 to 100", "0.05", "Coulomb friction of the mechanism."),
         key("inertia", "kg m^2, 1e-6 to 1", "0.001", "Moment of inertia of hand and mechanism."),
-        key("angular_stiffness", "N m/rad, 0 to 1000", "2.0", "Angular stiffness of the arm."),
-        key("angular_damping", "N m s/rad, 0 to 10", "0.04", "Angular damping of the arm."),
+        key("angular_stiffness", "N m/rad, 0 to 1000", "2.0", "Angular stiffness of the wrist."),
+        key("angular_damping", "N m s/rad, 0 to 10", "0.04", "Angular damping of wrist and mechanism."),
         key("quantum", "m, 0 to 0.01", "2e-5", "Resolution of the encoder."),
-        key("delay", "s, 0 to 1", "0.0", "Delay of the readings, a whole number of 0.1 ms."),
+        key("delay", "s, 0 to 1", "0.0", "Time from a commanded wrench to its effect, a whole number of 0.1 ms."),
     ],
 };
 

@@ -1,7 +1,7 @@
 //! Divides the nodes of all bodies into *blocks*, before the first step: each workgroup of the solver works on one
 //! block. A *frame* is a rigid coordinate frame in which nodes move. A block holds either free nodes (nodes attached to
-//! no rigid body) that lie together in one frame, or nodes attached to one *dynamic core* (rigid body inside a soft one
-//! that forces move). A body may have a *coarse space*, by which the solver preconditions its linear system; then each
+//! no rigid body) that lie together in one frame, or nodes attached to one *dynamic core* (rigid body, moved by
+//! forces, inside a soft one). A body may have a *coarse space*, by which the solver preconditions its linear system; then each
 //! block of free nodes is an *aggregate* of this space. A *mode* is one of a block's motions in the coarse space: free
 //! nodes have twelve affine motions, and nodes attached to a core have six rigid motions (see `coarse.rs`).
 

@@ -140,7 +140,8 @@ impl Elastic {
         self.newton.is_some()
     }
 
-    /// Clears the step's flags in scenes where nothing can touch; in other scenes the pose stage clears them.
+    /// Clears the flags, bits by which kernels report problems of a step, in scenes where nothing can touch; in other
+    /// scenes the first stage of contact, pose, clears them.
     pub fn record_reset(&self, recorder: &mut Recorder, common: &Common) {
         // Where nothing can touch, only passes over tetrahedra raise flags in `counts`.
         if self.tetrahedron_count > 0 {

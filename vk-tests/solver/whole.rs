@@ -44,8 +44,8 @@ fn system(bodies: &[Body], seed: u64, preconditioner: Preconditioner) -> System 
     System::preconditioned(bodies, 0.004, seed, preconditioner)
 }
 
-/// Solves the system, and checks the solution, that the solver converged, and the residual. Returns the passes after
-/// solve/conclude.
+/// Solves the system, and checks the solution, that the solver converged, and the residual. Returns the passes in
+/// the state that the last kernel of a solve leaves.
 fn solved(what: &str, system: System) -> Passes {
     let mut passes = Passes::new(system);
     passes.system.params.tolerance = 1e-6;

@@ -20,13 +20,13 @@ use crate::stage::flow::{Box3, GRID_WORDS};
 const PLACED: Tolerance = Tolerance { abs: 2e-6, rel: 2e-6 };
 /// Error of a unit vector from a weighted sum of some hundred vectors.
 const DIRECTION: Tolerance = Tolerance { abs: 3e-6, rel: 0.0 };
-/// The flag that a pair has more groups of directions than there are contact patches for it.
+/// The flag that the contact normals of a pair's proxies form more groups than the pair may have contact patches.
 const REGION_OVERFLOW: u32 = 2;
 const INFLATION: f32 = 0.03;
 const HALF: f64 = 0.2;
 
 /// Cubes as collision proxies, those of body a before those of b. `directions` has two elements for each pair of
-/// proxies: a direction with its weight, and a push, which is the sum of depth times area times normal over the pair's
+/// proxies: a contact normal with its weight, and a push, which is the sum of depth times area times normal over the pair's
 /// contacts in the last step.
 struct Given {
     places: Vec<DVec3>,

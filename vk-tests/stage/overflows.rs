@@ -122,7 +122,7 @@ fn items_of_half_spaces_cross_nothing() {
     let (mesh, over) = bumpy(&mut random);
     let mut flow = meshes([&(over, vec![]), &mesh], &[contact_patch(DVec3::Z, 1.0, 0.1)]);
     flow.embed();
-    // The spatial hash holds vertices that another pair left there.
+    // The pair becomes one with a plane only now, so the spatial hash holds vertices, as if another pair had left them.
     flow.pairs[0].is_plane = 1;
     flow.cross();
     assert_eq!(flow.counts.hits, 0);

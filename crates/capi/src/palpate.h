@@ -331,8 +331,9 @@ typedef struct palpate_core {
     uint32_t motion;
     // Name of the core, different from those of the body's other cores.
     const char *name;
-    // Keyframes of a driven core, `key_count` of them: world poses of the body's own coordinates, as in a scene file:
-    // a key that equals the body's position and orientation leaves the core where it is at rest. Null for other cores.
+    // Keyframes of a driven core, `key_count` of them. As in a scene file, each is a world pose of the body's
+    // coordinate frame, with which the core moves rigidly: a key that equals the body's position and orientation puts
+    // the core at its place in the undeformed body. Null for other cores.
     const struct palpate_key *keys;
     // Number of elements of `keys`.
     size_t key_count;
@@ -706,7 +707,8 @@ typedef struct palpate_loop_state {
     uint64_t ticks;
     // Number of steps that the simulation has done for the loop, including those before the first tick.
     uint64_t steps;
-    // The simulation step whose wrench the newest tick used: number of that step, from 1; 0: there is no wrench yet.
+    // The simulation step whose wrench the newest tick used: number of that step, as `step` in palpate_wrench; 0:
+    // there is no wrench yet.
     uint64_t wrench_step;
     // Number of deadlines of ticks that were missed by more than 2 ms.
     uint64_t missed;
@@ -762,7 +764,8 @@ typedef struct palpate_wrench {
     double max_depth;
     // Relative residual of the linear system at the end of the last solve.
     double residual;
-    // Number of contacts: vertices of one body's surface mesh inside another body, on both bodies of each pair.
+    // Number of contacts: vertices of one body's surface mesh that lie inside another body. Of two bodies that touch,
+    // the vertices of both count, unless the scene's `contact.sides` is "one".
     uint32_t contacts;
     // Number of conjugate gradient iterations in all solves of the step.
     uint32_t iterations;
@@ -810,7 +813,8 @@ typedef struct palpate_vulkan {
     void *log_user;
     // Cache folder; see `cache` in palpate_context_options.
     const char *cache;
-    // 1: the library measures which of two implementations is faster; see `measure` in palpate_context_options.
+    // 1: where the library has two implementations of a computation, it measures which is faster on the device; see
+    // `measure` in palpate_context_options.
     uint32_t measure;
 } palpate_vulkan;
 

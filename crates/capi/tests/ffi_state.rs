@@ -425,7 +425,7 @@ fn what_a_host_says_of_its_device_is_checked_as_far_as_it_can_be() {
     let nobodys = handle(0x10);
     (vulkan.instance, vulkan.device, vulkan.queue) = (handle(instance.handle().as_raw()), nobodys, nobodys);
     vulkan.physical_device = nobodys;
-    refused(make(&vulkan), NoDevice, "physical_device does not belong to its instance");
+    refused(make(&vulkan), NoDevice, "physical_device is not one of the host's instance");
     (vulkan.physical_device, vulkan.queue_family) = (handle(physical.as_raw()), 99);
     refused(make(&vulkan), NoDevice, "queue_family is 99");
     refused(unsafe { palpate_context_create_on(null(), &mut context) }, Null, "vulkan is null");

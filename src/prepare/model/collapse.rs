@@ -150,7 +150,7 @@ mod tests {
             let (vertices, triangles) = to_count(vertices, triangles, count);
             assert_eq!((vertices.len(), triangles.len()), (count, 2 * count - 4));
             let skin = skin::build(vertices, triangles);
-            assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
+            assert_eq!(skin::defects(&skin.triangles), (0, 0));
             let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
             assert!(count < 300 || volume > 3.5, "{count} vertices: volume {volume}, expected more than 3.5");
         }

@@ -158,7 +158,7 @@ fn onto(solid: &impl Fn(DVec3) -> f64, from: DVec3, step: DVec3) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prepare::{NONE, mass, skin};
+    use crate::prepare::{mass, skin};
 
     #[test]
     fn a_ball_is_extracted_closed_outward_and_projected() {
@@ -168,7 +168,7 @@ mod tests {
         assert_eq!(vertices.len() + triangles.len() - 3 * triangles.len() / 2, 2);
         assert!(vertices.iter().all(|v| (v.length() - 0.1).abs() < 1e-5));
         let skin = skin::build(vertices, triangles);
-        assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
+        assert_eq!(skin::defects(&skin.triangles), (0, 0));
         let volume = mass::properties(&skin.vertices, &skin.triangles).volume;
         let whole = 4.0 / 3.0 * std::f64::consts::PI * 1e-3;
         assert!(

@@ -1,20 +1,23 @@
 //! Tests of the generated models (head, pumpkin, gear, human): invariants that hold for all models, and the features of
 //! single models.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 
 use super::gear::TIP;
 use super::*;
 use crate::prepare::distance::winding_number;
-use crate::prepare::{NONE, Skin, mass, skin};
+use crate::prepare::{Skin, mass, skin};
 
-/// Number of triangles met when walking once around corner `k` of the triangle `start`.
-fn ring(skin: &Skin, start: u32, k: usize) -> usize {
-    let vertex = skin.triangles[start as usize][k];
+/// Number of triangles met when walking once around corner `k` of the triangle `start`. `edges`: the triangle of each
+/// directed edge.
+fn ring(skin: &Skin, edges: &HashMap<(u32, u32), usize>, start: usize, k: usize) -> usize {
+    let vertex = skin.triangles[start][k];
     let (mut t, mut count) = (start, 0);
     loop {
-        let at = skin.triangles[t as usize].iter().position(|&v| v == vertex).unwrap();
-        t = skin.neighbours[t as usize][at];
+        let at = skin.triangles[t].iter().position(|&v| v == vertex).unwrap();
+        t = edges[&(skin.triangles[t][(at + 1) % 3], vertex)];
         count += 1;
         if t == start || count > 1000 {
             return count;
@@ -30,14 +33,16 @@ fn check_topology(skin: &Skin, count: usize, genus: usize) {
         2 * count + 4 * genus,
         "number of triangles plus 4, against 2 x vertices + 4 x genus (Euler's formula)"
     );
-    assert!(skin.neighbours.iter().flatten().all(|&n| n != NONE));
+    assert_eq!(skin::defects(&skin.triangles), (0, 0));
     assert_eq!(skin::parts(count, &skin.triangles).1, 1);
     // The triangles around each vertex form one ring, so that no two sheets meet in a point.
     let mut degree = vec![0; count];
     skin.triangles.iter().flatten().for_each(|&v| degree[v as usize] += 1);
+    let corners = skin.triangles.iter().enumerate().flat_map(|(t, triangle)| (0..3).map(move |k| (t, triangle, k)));
+    let edges = corners.map(|(t, triangle, k)| ((triangle[k], triangle[(k + 1) % 3]), t)).collect();
     for (t, triangle) in skin.triangles.iter().enumerate() {
         for k in 0..3 {
-            assert_eq!(ring(skin, t as u32, k), degree[triangle[k] as usize]);
+            assert_eq!(ring(skin, &edges, t, k), degree[triangle[k] as usize]);
         }
     }
 }

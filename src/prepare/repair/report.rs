@@ -147,10 +147,7 @@ impl RepairReport {
             self.holes
         );
         say(self.boundary_edges, open);
-        say(
-            self.non_manifold_edges,
-            "edges of more than two triangles, kept; contact is not followed across them".into(),
-        );
+        say(self.non_manifold_edges, "edges of more than two triangles, kept as they are".into());
         let intersections = &self.self_intersections;
         if let Some(&[a, b]) = intersections.first_pairs.first() {
             let text = format!(

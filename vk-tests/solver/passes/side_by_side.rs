@@ -12,7 +12,7 @@ use crate::harness::{CANARY, Outcome};
 pub const FREE: u32 = 0;
 /// The role of a variant that works on nodes attached to dynamic cores.
 pub const CARRIED: u32 = 1;
-/// The role of a variant that works on the tool's rows.
+/// The role of a variant that works on the six unknowns of the tool.
 const TOOL: u32 = 2;
 
 /// A variant: its role, its first block, and its number of workgroups.
@@ -78,7 +78,7 @@ impl Passes {
         roles
     }
 
-    /// The role of the block whose modes (the twelve affine motions of the block, which span the coarse space) are
+    /// The role of the block whose modes (its motions in the coarse space: affine, or rigid on a core) are
     /// stored at `coarse_index`, or the tool's role where there is no such block.
     pub fn role_of_coarse_index(&self, coarse_index: usize) -> u32 {
         let blocks = &self.system.model.blocks;

@@ -67,7 +67,8 @@ pub struct Flow {
     pub depth_grids: Vec<u32>,
     pub pair_proxy_chunks: Vec<[u32; 2]>,
     /// [`PAIR_PATCHES`] elements for each chunk of a pair proxy. Each has the chunk's box in a patch: least and
-    /// greatest corner in the patch's plane, a plane that no vertex passes, and the extreme height.
+    /// greatest corner in the patch's plane, an inclined plane that bounds the chunk towards the other body, and the
+    /// chunk's greatest height towards that body.
     pub slabs: Vec<[f32; 8]>,
     pub active_chunks: Vec<ActiveChunk>,
     pub work_items: Vec<[u32; 2]>,

@@ -78,7 +78,7 @@ fn jitter(sessions: &[Punctual]) -> Result<Section> {
     table.heads.extend(["missed", "missed, %", "steps", "wrench out of date by, ms", "p99, ms"].map(Into::into));
     let mut drawn = Vec::new();
     for session in sessions {
-        let what = if session.is_loaded { "simulating the head" } else { "no load" };
+        let what = if session.is_loaded { "simulating touch-head" } else { "no load" };
         for (kind, (name, late)) in
             [("loop", Some(session.servo)), ("bare timer", session.bare)].into_iter().enumerate()
         {
@@ -110,7 +110,7 @@ fn jitter(sessions: &[Punctual]) -> Result<Section> {
 
 fn jitter_finding(sessions: &[Punctual]) -> String {
     let of = |session: &Punctual| {
-        let what = if session.is_loaded { "While the head is simulated" } else { "Without load" };
+        let what = if session.is_loaded { "While the scene touch-head is simulated" } else { "Without load" };
         let Late { p99, worst, share_missed, .. } = session.servo;
         let own = format!(
             "{what} 99 of 100 ticks come within {:.0} us, the latest {:.1} ms late, and {:.3} % of the deadlines are missed",

@@ -74,6 +74,7 @@ fn growth_is_a_power_of_the_tetrahedra() {
     };
     let sizes = [size(1_000, 0.1), size(10_000, 1.0), size(100_000, 10.0)];
     let section = growth(&sizes).unwrap();
+    // The exponents p of time ~ tetrahedra^p: 2 for a step, and 1 for an iteration, which is within its goal.
     assert!(
         section.finding.contains("step, 20 kPa 2.00, iteration, jacobi 1.00 (within"),
         "finding: {}",

@@ -128,7 +128,7 @@ pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
     let ratio = f64::from(finest) / f64::from(all_cells[0]);
     let span_reason = format!(
         "between cell sizes with a ratio of {ratio:.1}, an error of order 2 falls by no more than {:.1} powers of \
-         ten; a span of two needs cells ten times as fine, a thousand times as many",
+         ten; for errors that span two powers of ten, cells would have to be ten times as fine, a thousand times as many",
         ORDER * ratio.log10()
     );
     let [coarse, fine] = references;
@@ -153,7 +153,7 @@ pub fn by_layer(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curv
                   square of the cell size"
                 .into(),
         }),
-        order_reason: "the nodes under the ball differ from mesh to mesh, and a coarse mesh has few there".into(),
+        order_reason: "errors scatter about the expected order, because the nodes under the ball differ from mesh to mesh, and a coarse mesh has few there".into(),
         span_reason,
         bound: BOUND,
         ..Curve::default()
