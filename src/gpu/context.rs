@@ -525,8 +525,26 @@ fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -
     if debug {
         names.push(ash::ext::debug_utils::NAME.as_ptr());
     }
+    // Without this setting newer versions of the layer overlook what shaders read and write.
+    let on = vk::TRUE;
+    let settings = [vk::LayerSettingEXT {
+        ty: vk::LayerSettingTypeEXT::BOOL32,
+        value_count: 1,
+        p_values: (&raw const on).cast(),
+        ..vk::LayerSettingEXT::default().layer_name(VALIDATION_LAYER).setting_name(c"syncval_shader_accesses_heuristic")
+    }];
+    let mut settings = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
+    let mut has_settings = false;
     if validation {
         names.push(ash::ext::validation_features::NAME.as_ptr());
+        // SAFETY: as above.
+        let offered = unsafe { entry.enumerate_instance_extension_properties(Some(VALIDATION_LAYER)) };
+        let is_settings =
+            |e: &vk::ExtensionProperties| e.extension_name_as_c_str() == Ok(ash::ext::layer_settings::NAME);
+        has_settings = offered.unwrap_or_default().iter().any(is_settings);
+    }
+    if has_settings {
+        names.push(ash::ext::layer_settings::NAME.as_ptr());
     }
     let lacking =
         options.display.iter().find(|name| !extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(**name)));
@@ -552,6 +570,9 @@ fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -
         .enabled_extension_names(&names);
     if validation {
         info = info.push_next(&mut features);
+        if has_settings {
+            info = info.push_next(&mut settings);
+        }
         if debug {
             info = info.push_next(&mut messenger);
         }
