@@ -17,7 +17,7 @@ use super::device::{self, Candidate, DeviceInfo, DeviceKind};
 use super::host::{HostDevice, QueueGuard};
 use super::log::{Level, Log};
 use super::threads::Threads;
-use super::{cache, failed, kernel, threads};
+use super::{cache, failed, kernel, loader, threads};
 use crate::error::{Error, Result};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
@@ -140,6 +140,7 @@ impl Context {
             kernel::known(name, Arrays::Texel)?;
         }
         threads::choose(options.threads);
+        let _guard = loader::changes_devices();
         let entry = load()?;
         let messages = Box::new(Messages::heard_by(options.log.clone()));
         let (instance, debug) = create_instance(&entry, options, &messages)?;
@@ -190,6 +191,7 @@ impl Context {
     #[doc(hidden)]
     pub unsafe fn on_host(host: HostDevice, options: &Options) -> Result<Arc<Context>> {
         use vk::Handle;
+        let _guard = loader::changes_devices();
         // SAFETY: the caller guarantees that the handles are valid, see above.
         let (entry, instance) = unsafe { host.instance()? };
         let chosen = host.candidate(&instance)?;
@@ -259,6 +261,7 @@ impl Context {
 
     /// Lists all Vulkan devices, usable or not.
     pub fn list() -> Result<Vec<DeviceInfo>> {
+        let _guard = loader::changes_devices();
         let entry = load()?;
         let (instance, _) = create_instance(&entry, &Options::default(), &Messages::default())?;
         let list = device::candidates(&instance).map(|all| all.into_iter().map(|c| c.info).collect());
@@ -450,6 +453,7 @@ impl Drop for Context {
             if self.host.is_some() {
                 return;
             }
+            let _guard = loader::changes_devices();
             self.device.destroy_device(None);
             if let Some((utils, messenger)) = self.messenger.take() {
                 utils.destroy_debug_utils_messenger(messenger, None);

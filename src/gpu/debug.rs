@@ -7,6 +7,7 @@ use std::sync::Mutex;
 
 use ash::vk::{self, Handle};
 
+use super::loader;
 use super::log::{Level, Log};
 
 /// Receives the validation layer's messages. They are passed on at once to the log's receiver (a function of the
@@ -73,6 +74,7 @@ impl Labels {
     /// Gives an object the name that validation messages and captures of a run show.
     pub fn name<H: Handle>(&self, handle: H, name: &str) {
         let (Some(utils), Ok(name)) = (&self.0, CString::new(name)) else { return };
+        let _guard = loader::reads_devices();
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
         // SAFETY: the handle belongs to this live device; the info lives through the call. A name only helps debugging,
         // so a failure does not matter.

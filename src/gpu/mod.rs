@@ -20,6 +20,7 @@ mod draw;
 mod host;
 mod image;
 mod kernel;
+mod loader;
 mod log;
 mod raster;
 mod recorder;

@@ -13,8 +13,8 @@ use ash::vk;
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
 use super::context::Context;
-use super::failed;
 use super::image::Image;
+use super::{failed, loader};
 use crate::error::{Error, Result};
 use chain::Chain;
 use commands::Commands;
@@ -84,12 +84,16 @@ impl Window {
         let (entry, instance) = (&context.entry, &context.instance);
         // SAFETY: the context enabled the display's extensions; the window outlives the surface, see `_window`.
         let surface = unsafe { ash_window::create_surface(entry, instance, of_display, of_window, None) };
+        let commands = Commands::new(context)?;
+        let guard = loader::reads_devices();
+        let swapchains = ash::khr::swapchain::Device::new(instance, &context.device);
+        drop(guard);
         let mut this = Window {
-            commands: Commands::new(context)?,
+            commands,
             chain: None,
             surface: surface.map_err(failed("vkCreateSurfaceKHR", STAGE))?,
             surfaces: ash::khr::surface::Instance::new(entry, instance),
-            swapchains: ash::khr::swapchain::Device::new(instance, &context.device),
+            swapchains,
             format: vk::SurfaceFormatKHR::default(),
             mode: vk::PresentModeKHR::FIFO,
             acquired: None,
