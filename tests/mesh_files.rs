@@ -171,8 +171,8 @@ fn every_format_gives_the_same_mesh_bit_by_bit() {
 #[test]
 fn a_file_cut_anywhere_is_refused() {
     for (name, bytes) in small_files() {
-        // A file that is cut after the last corner of its last tetrahedron may be read: the reader of VTK files needs
-        // nothing that follows.
+        // A file may be read although it is cut, if all that the reader needs stands before the cut: a VTK file up to
+        // its last cell type, any file without its last line break.
         for length in 0..bytes.len() {
             if let Ok(mesh) = read_bytes(name, &bytes[..length]) {
                 assert_eq!(mesh.tetrahedra, TETRAHEDRA, "tetrahedra of {name} cut to {length} bytes");

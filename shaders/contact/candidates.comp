@@ -52,7 +52,7 @@ READ_ONLY(uvec4, hits);  // triangle, next hit on the ray, bits of the depth, 2 
 layout(scalar) writeonly buffer CandidateHits { vec4 candidate_hits[]; };  // depth (m), barycentric weights, area (m^2)
 layout(scalar) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, its side, triangle
 layout(scalar) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // unit, from a to b
-layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; }; // depth x area x normal; pair of proxies
+layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; }; // bits of the push; pair of proxies
 layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };  // active chunk and contact patch of each work item
 layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };         // candidate of each contact
 layout(scalar) writeonly buffer Args { uint args[]; };
@@ -223,6 +223,8 @@ void find_candidates() {
             uint b = (side_b ? entry.pair_proxy : other) - pair.first_pair_proxy[1];
             proxy_pair = pair.first_proxy_pair + a * pair.proxy_count[1] + b;
         }
+        // The push is depth times rest area times the vertex's normal, turned to point from a to b; culling uses it in
+        // the next step.
         candidate_pushes[at] = uvec4(floatBitsToUint(depth * areas[vertex] * outward), proxy_pair);
     }
     // If these numbers differ, the driver ended the loop early.

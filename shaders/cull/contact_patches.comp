@@ -74,8 +74,8 @@ const float LEAST_PART = 0.01;
 const float TOLD = 0.1;
 // Weight in a patch's normal of a direction that is estimated from hulls, relative to one found from contacts.
 const float GUESS = 0.01;
-// Total push (depth x area) of contacts at which contacts have half their full weight, in units of e^3, with e the
-// greater of the mean edge lengths of both skins.
+// Total push (depth x area) of contacts at which contacts have half their full weight, in units of e^3. e is the
+// greater of two mean edge lengths, those of the skin that each body's first proxy covers.
 const float LEAST_PUSH = 0.1;
 
 shared vec3 low[SIZE];

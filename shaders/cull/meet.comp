@@ -12,9 +12,9 @@
 // the patch's depth grid (shared/depth_grid.glsl). One workgroup runs for each active pair proxy.
 //
 // The last workgroup to finish joins the lists of all pair proxies, in their order: active chunks, a work item for each
-// active chunk and patch, and the indirect arguments of all later stages. Pair proxies whose vertices are tested for
-// contact come first, so that arrays of vertices need no room for the others. More work items than MAX_WORK_ITEMS raise
-// FLAG_PATCH_OVERFLOW. The test compares with a CPU loop over every chunk and every opposing chunk.
+// active chunk and patch, and the indirect arguments up to contact/candidates. Pair proxies whose vertices are tested
+// for contact come first, so that arrays of vertices need no room for the others. More work items than MAX_WORK_ITEMS
+// raise FLAG_PATCH_OVERFLOW. The test compares with a CPU loop over every chunk and every opposing chunk.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

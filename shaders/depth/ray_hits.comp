@@ -61,8 +61,8 @@ void main() {
     vec3 corners[3];
     ivec2 first, last;
     // `due` and `done` count the triangles and cells that this lane has to visit and those that it visited: drivers may
-    // end loops early (see README.md). No triangle is visited if one body is a half-space, which needs no rays, or if
-    // the vertices of the other body are not tested for contact.
+    // end loops early (docs/evidence/benchmarks.md, "Two traps"). No triangle is visited if one body is a half-space,
+    // which needs no rays, or if the vertices of the other body are not tested for contact.
     Pair pair = pairs[entry.side / 2];
     uint triangle_count = pair.is_plane != 0 || !gathers(pair, other) ? 0 : chunk.triangle_count;
     uint due = turns_of(triangle_count), done = 0;

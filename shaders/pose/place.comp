@@ -12,8 +12,8 @@
 // planes, each with the normal n = R n_rest and the offset offset_rest + n . c; the hull's box; and a bound on how far
 // skin lies outside the hull: the sum of this distance at rest (margin) and (sum |w|) max |d|, over embedding weights w
 // and displacements d, in the proxy's frame, of the nodes that move the skin. All workgroups together clear the spatial
-// hash of the depth stage; the first invocation clears the step's counters and indirect arguments. One workgroup runs
-// for each proxy. The f64 reference implementation is oracle::proximity.
+// hash of the depth stage; the first invocation clears the step's counters and those indirect arguments that the stages
+// cull to contact set. One workgroup runs for each proxy. The f64 reference implementation is oracle::proximity.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;

@@ -1,6 +1,6 @@
 // A block is a set of nodes of soft bodies that one workgroup of the solver's kernels works on. Blocks of free nodes
-// come first: sets of neighbours within one frame (rigid coordinate frame), which are also the aggregates of the
-// preconditioner's coarse space. Blocks of nodes attached to one dynamic core (rigid core inside a soft body) follow.
+// come first: nodes of one frame (rigid coordinate frame), which are also an aggregate of the preconditioner's coarse
+// space if their body has one. Blocks of nodes attached to one dynamic core (rigid core inside a soft body) follow.
 // An including shader declares `blocks` and `block_nodes`.
 
 struct Block {

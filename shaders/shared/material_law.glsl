@@ -11,7 +11,7 @@ const uint LAW_COROTATIONAL = 0;      // corotational linear elasticity
 const uint LAW_NEO_HOOKEAN = 1;       // stable neo-Hookean elasticity
 
 // Stress and stiffness of a tetrahedron by its material law. With dF a change of F, the operator is the quadratic form
-// 2 mu |sym L|^2 + lambda tr(L)^2 (a volume density) of L = dF (R fold)^-1.
+// 2 mu |sym L|^2 + lambda tr(L)^2 (a volume density) of L = dF (R fold)^T.
 struct Evaluation {
     mat3 stress;        // R^T P, with the first Piola-Kirchhoff stress P, Pa
     float mu;           // shear modulus of the operator, Pa

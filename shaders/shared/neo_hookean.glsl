@@ -14,8 +14,9 @@ mat3 cofactors(mat3 a) {
 // The solver's operator is the quadratic form 2 mu' |sym L|^2 + lambda' tr(L)^2 of L = dF F^-1, with dF a change of F.
 // Here mu' and lambda' are computed. In terms of L the second derivative of the energy is isotropic except for a matrix
 // b = S^2, with S the symmetric factor of F in the polar decomposition. In place of b the operator takes the mean of
-// b's eigenvalues or, where larger, a bound from b's greatest eigenvalue, so that the operator is at least half as
-// stiff as the second derivative. Principal stretches in S below LEAST are raised to LEAST (shared/strain.glsl).
+// b's eigenvalues; but mu' is at least what an upper bound of b's greatest eigenvalue gives without the pressure term,
+// so that the operator is at least half as stiff as the second derivative. Principal stretches in S below LEAST are
+// raised to LEAST (shared/strain.glsl).
 Evaluation neo_hookean(mat3 e, ElasticMaterial material, mat3 compression) {
     float mu = material.mu, lambda = material.lambda;
     float m = 4.0 / 3.0 * mu, l = lambda + 5.0 / 6.0 * mu, tr = trace(e);

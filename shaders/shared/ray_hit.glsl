@@ -7,7 +7,7 @@
 
 // A number above every index of `hash_entries` and below NONE. A loop follows a list while the next index is below this
 // number. If that index is not NONE after the loop, Mesa's software renderer llvmpipe ended the loop early (see
-// README.md). Were NONE the loop's own bound, the compiler would remove the test after the loop.
+// docs/evidence/benchmarks.md). Were NONE the loop's own bound, the compiler would remove the test after the loop.
 const uint ALL_ENTRIES = 0x80000000u;
 
 // Greatest number of rounds of the inner loop, one vertex each, before hits are recorded. On GPUs and vector CPUs each

@@ -65,7 +65,7 @@ struct Rigid {
     uint group_first, group_count;          // its group: a range of rigid bodies, those that joints connect
     uint parent;                // rigid body that is its parent in the tree of the group's joints, or NONE
     uint inverse_first;         // where the inverse of its group's diagonal block of A begins in rigid_inverses
-    float rounding;             // e . M^-1 e in its rows, where e sums the magnitudes of the terms of b
+    float rounding;             // e . D^-1 e in its rows: D is the diagonal of A, e sums magnitudes of the terms of b
     float b[6];                 // right-hand side of its six rows, N s and N m s
     float operator_product[6];             // operator product A x before the iterations, residual b - A x after them
     float carried_residual[6];          // b - A x of the last accepted step, which the next step's b includes

@@ -24,7 +24,7 @@
 //   from which solve/cores computes the diagonal block of the core.
 // - for each block of nodes, b . D^-1 b, with D the nodes' diagonal blocks, and (e . D^-1 e) eps^2, where e sums the
 //   magnitudes of the terms of b, and eps is ROUNDING: an estimate of b . D^-1 b for a body at rest, whose b is
-//   nothing but rounding error.
+//   nothing but rounding error. A body with a coarse space adds that space's part (shared/share.glsl).
 // - for each block of nodes, its rotation (the polar part of its nodes' affine fit), and P^T b, the restriction of b to
 //   its modes (basis of the coarse space, shared/coarse_vector.glsl), which are in the axes that this rotation gives.
 

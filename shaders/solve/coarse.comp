@@ -23,7 +23,8 @@ READ_ONLY(vec4, restricted_rhs);           // P^T b, three texels per block; aft
 READ_ONLY(vec4, restricted_product);         // P^T A x
 layout(scalar) writeonly buffer CoarseRhs { vec4 coarse_rhs[]; };          // z_b = A_c^-1 P^T b, three texels per block
 layout(scalar) writeonly buffer CoarseProduct { vec4 coarse_product[]; };      // z_Ax = A_c^-1 P^T A x
-layout(scalar) writeonly buffer CoarseDots { vec4 coarse_dots[]; };        // b . z_b, A x . z_b, A x . z_Ax of a block
+// A block's share of P^T b . z_b, P^T A x . z_b and P^T A x . z_Ax.
+layout(scalar) writeonly buffer CoarseDots { vec4 coarse_dots[]; };
 
 const uint SUMS = 6;
 

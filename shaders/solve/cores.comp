@@ -9,13 +9,14 @@
 // finds). One workgroup runs for each core, and does nothing unless the core is the first of its group (the cores that
 // joints connect). The f64 reference is oracle::step.
 //
-// A core's diagonal block of the operator is sum P_i^T D_i P_i over the nodes i attached to the core, with D_i the
-// node's diagonal block and P_i the map from the core's twist to the node's velocity, plus the terms of its joints and,
-// if the haptic device holds the core, of the virtual coupling (spring and damper to the device). Joints are stiffer
-// than what they connect, so the preconditioner inverts the matrix A of a group as a whole. Joints form trees, in which
-// elimination from the leaves to the root causes no fill-in. The inverse A^-1 is then computed from the root to the
-// leaves: for a core c with parent p, A_cp the block of A between c and p, S_c the Schur complement of c after the
-// elimination of its children, T_c = S_c^-1 A_cp, and cores j numbered before c,
+// A core's diagonal block is approximated by sum P_i^T D_i P_i over the nodes i attached to the core, with D_i the
+// node's diagonal block of the operator and P_i the map from the core's twist to the node's velocity; the coupling
+// between these nodes is left out. To this sum are added the terms of the core's joints and, if the haptic device holds
+// the core, of the virtual coupling (spring and damper to the device). Joints are stiffer than what they connect, so
+// the preconditioner inverts as a whole the matrix A of a group: such blocks, and the blocks of joints between cores.
+// Joints form trees, in which elimination from the leaves to the root causes no fill-in. The inverse A^-1 is then
+// computed from the root to the leaves: for a core c with parent p, A_cp the block of A between c and p, S_c the Schur
+// complement of c after the elimination of its children, T_c = S_c^-1 A_cp, and cores j numbered before c,
 //   A^-1_cj = -T_c A^-1_pj,  A^-1_cc = S_c^-1 - A^-1_cp T_c^T.
 // For a core on a hinge S_c is inverted for the rotation about the hinge's axis alone.
 

@@ -66,8 +66,8 @@ float warm_start_factor(vec4 sums) {
     return sums.x > sums.y && sums.w > 0.0 && !isnan(factor) && !isinf(factor) ? factor : 0.0;
 }
 
-// Writes for the tool the inverse of its block of A, its right-hand side b, and, as `rounding`, e . M^-1 e, where e
-// sums the magnitudes of the terms of b.
+// Writes for the tool the inverse of its block of A, its right-hand side b, and, as `rounding`, an estimate of
+// e . M^-1 e from the diagonal of M^-1 alone, where e sums the magnitudes of the terms of b.
 void assemble_tool() {
     // Upper triangle of the tool's block by rows (21 numbers), then its right-hand side (6 numbers), then padding. Each
     // call of workgroup_sum sums four of these numbers.

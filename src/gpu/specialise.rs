@@ -327,7 +327,8 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// Notes that the edge between two blocks is taken; `around` tells that it leads straight to the merge block.
+    /// Notes that the edge between two blocks is taken; `around`: it leads straight from a branch to
+    /// the branch's merge block.
     fn go(&mut self, from: u32, to: u32, around: bool) {
         self.running.insert(to);
         *self.ways.entry((from, to)).or_default() |= around;

@@ -17,8 +17,8 @@ pub struct Reading {
     pub buttons: u32,
 }
 
-/// Why a device could not be read or written. No fault ends the loop: the loop commands no force until the device is
-/// back.
+/// Why a device could not be opened, read or written. Where it cannot be opened, the loop does not begin. A later fault
+/// does not end the loop, which commands no force until the device is back.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Fault {
     /// The device is unplugged, or its service does not answer. The text describes the finding and a remedy.

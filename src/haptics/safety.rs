@@ -99,7 +99,8 @@ impl Guard {
     }
 
     /// Returns the wrench to play instead of `wanted`, `period` s after the last one. The returned wrench is finite and
-    /// within the limits on size and on rate of change.
+    /// within the limits on size; it grows no faster than the slew limits allow, may fall as fast as a fade, and is
+    /// zero at once if `wanted` is not finite.
     pub fn pass(&mut self, wanted: Wrench, period: f64, events: &mut Events) -> Wrench {
         if !wanted.is_finite() {
             events.raise(Event::BadForce);

@@ -21,7 +21,8 @@ pub struct Sense {
 /// A checked reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensed {
-    /// Pose and twist of the device; if the reading was rejected, the last valid pose with zero twist.
+    /// Pose and twist of the device; if the reading was rejected, the last valid pose with zero twist; if the pose is
+    /// used but the velocity is implausible, the new pose with zero twist.
     pub state: RigidState,
     /// Whether this tick's reading was accepted as plausible.
     pub is_well: bool,

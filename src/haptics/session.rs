@@ -25,7 +25,7 @@ use crate::{Error, Result};
 
 /// Number of simulation steps before the loop begins; they measure how long a step takes.
 const FIRST_STEPS: u32 = 5;
-/// A device that cannot be read for longer than this ends the session, s.
+/// A device that cannot be read or written for longer than this ends the session, s.
 const LONGEST_LOSS: f64 = 5.0;
 /// Forces below this are too small to compare the predicted with the observed stiffness, N.
 const FELT: f64 = 0.02;
@@ -45,7 +45,7 @@ pub struct Options {
 /// A record of a session; records come in chronological order.
 #[derive(Debug, Clone, Copy)]
 pub enum Moment<'a> {
-    /// A line that the user should read before the loop begins.
+    /// A line that the user should read. Notes are recorded as soon as the device is open and the loop has started.
     Note(&'a str),
     /// Settings and tool of the loop at its beginning.
     Begin(&'a Settings, &'a Tool),
@@ -130,8 +130,9 @@ impl Default for Staleness {
     }
 }
 
-/// Runs a session until its time is over, `options.stop` is set, or the device cannot be read for too long. `record` is
-/// called with every record, in order. However the session ends, the device then exerts no force and is closed.
+/// Runs a session until its time is over, `options.stop` is set, or the device cannot be read or written for too long.
+/// `record` is called with every record, in order. However the session ends, the device then exerts no force and is
+/// closed.
 pub fn hold(
     device: Box<dyn Device>,
     tool: &Tool,

@@ -66,8 +66,8 @@ pub struct KernelUse {
     pub kernel: String,
     /// Whether the kernel, fill or copy is recorded.
     pub recorded: bool,
-    /// Number of passes in a step. A kernel that only Newton iterations after the first one run has no passes in a step
-    /// of one Newton iteration.
+    /// Number of passes in a step. For a kernel that runs only in Newton iterations after the first, it is 0 in
+    /// a step of one Newton iteration.
     pub passes: f64,
     /// Number of passes that wait for an earlier pass.
     pub dependent: f64,

@@ -21,7 +21,7 @@ const COPLANAR: f64 = 1e-7;
 /// fixed set of directions is kept.
 const MANY: usize = 1500;
 /// The directions for thinning run from a cube's centre to a square grid of points on each face of the cube; this is
-/// the grid's number of points along one side. Neighbouring directions are at most 12 degrees apart, which is finer
+/// the grid's number of points along one side. Neighbouring directions are at most 13 degrees apart, which is finer
 /// than a hull of 64 corners can resolve.
 const DIRECTIONS: usize = 10;
 

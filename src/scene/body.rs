@@ -139,7 +139,7 @@ fn shape(table: &Table) -> Result<Shape> {
                 return Err(table.error("material", "a rigid body has none", remedy));
             }
             refuse(table, &["dilatation"], "belongs to a soft body, and this one is rigid")?;
-            let why = "a rigid body has no [[body.core]]; its own keys are motion and mass";
+            let why = "a rigid body has no [[body.core]]; its own keys are motion, keys, mass and hinge";
             refuse(table, &["core", "joint", "skeleton", "bones"], why)?;
             refuse(table, &["region"], "has no meaning for a rigid body, which has no material")?;
             Ok(Shape::Rigid { surface })

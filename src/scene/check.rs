@@ -43,7 +43,7 @@ pub const MOST_CELLS: u32 = 1 << 20;
 /// Greatest number of tetrahedra that a scene may ask of a box layer. The module `crate::prepare`, which generates the
 /// layer, has a lower limit.
 const MOST_BOX_TETRAHEDRA: u64 = 1 << 27;
-/// Range of Poisson's ratio. Below -0.5 the bulk term of the neo-Hookean material law comes near zero.
+/// Range of Poisson's ratio. At -0.5 the bulk modulus is a sixth of the shear modulus; towards -1 the share falls to 0.
 const POISSON: std::ops::Range<f64> = -0.5..0.5;
 /// Names that no probe (a skin vertex whose positions are recorded) may have, because the trace (a CSV file with the
 /// results of a run) already has columns whose names begin with them.

@@ -82,8 +82,8 @@ impl Scene {
         }
     }
 
-    /// The longest time step of the simulation, s. With a haptic device, a step is as long as its computation takes, up
-    /// to this limit; without one, every step has this length.
+    /// The longest time step of the simulation, s. With a haptic device, a step is as long as its computation takes, but
+    /// at least `step.dt` and at most this long; without one, every step has this length.
     pub fn longest_step(&self) -> f64 {
         if self.haptics.has_device { self.haptics.longest_step.max(self.step.dt) } else { self.step.dt }
     }

@@ -483,12 +483,7 @@ pub const TOOL: TableKeys = TableKeys {
              other.",
         ),
         key("mass", "kg, > 0", "(required, except with `body`)", "Mass, spread evenly over the volume."),
-        key(
-            "position",
-            "[x, y, z], m",
-            "[0.0, 0.0, 0.0]",
-            "Where the centre of mass (of a sphere) or the file's origin (of a mesh) lies at the start.",
-        ),
+        key("position", "[x, y, z], m", "[0.0, 0.0, 0.0]", "Where the tool's centre of mass lies at the start."),
         key("orientation", "[x, y, z, w], unit quaternion", "[0.0, 0.0, 0.0, 1.0]", "Orientation at the start."),
         key("velocity", "[x, y, z], m/s", "[0.0, 0.0, 0.0]", "Velocity at the start."),
         key("scale", "> 0", "1.0", "Uniform scale of the file's coordinates."),

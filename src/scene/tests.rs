@@ -17,7 +17,7 @@ gravity = [0.0, -9.81, 0.0]     # m/s^2
 newton = 1
 
 [solver]
-tolerance = 1e-5                # residual of section 2
+tolerance = 1e-5                # relative residual
 max_iterations = 200
 preconditioner = "auto"         # "jacobi", "coarse"
 

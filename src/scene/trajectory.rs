@@ -1,6 +1,6 @@
 //! Reads trajectories (poses over time): `[drive]`, which is the reference trajectory of the haptic device, and the
-//! keys of kinematic rigid cores. A rigid core is a rigid body, or a rigid part of a soft one; it is kinematic with
-//! motion = "driven". Called by `load.rs` and `body.rs`.
+//! keys of kinematic (motion = "driven") rigid bodies and rigid cores (rigid bodies inside soft ones). Called by
+//! `load.rs` and `body.rs`.
 //!
 //! A key is a time, a position and optionally a quaternion: 4 or 8 numbers. A trajectory may also be a CSV file with
 //! one key per row; a first row without any number is a heading.
@@ -38,7 +38,7 @@ fn listed(keys: &Value) -> Result<Vec<Key>> {
     Ok(result)
 }
 
-/// Reads the keys of a kinematic core: a list in the scene file, or the name of a CSV file.
+/// Reads the keys of a kinematic rigid body or core: a list in the scene file, or the name of a CSV file.
 pub(super) fn core_keys(value: &Value) -> Result<Vec<Key>> {
     if value.is_text() { read_csv(&value.file()?) } else { listed(value) }
 }

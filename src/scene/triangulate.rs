@@ -1,6 +1,6 @@
 //! Cuts the polygons of an OBJ file into triangles. A convex polygon is cut as a fan: all its triangles share one
-//! corner. Any other polygon is cut by ear clipping: an ear, that is, a corner whose triangle with its two neighbours
-//! contains no other corner, is cut off until the rest is convex.
+//! corner. Any other polygon is cut by ear clipping: an ear, that is, a convex corner whose triangle with its two
+//! neighbours contains no other corner, is cut off until the rest is convex.
 //!
 //! Ear clipping follows Meisters, "Polygons have ears" (1975), in the plane perpendicular to Newell's normal (the sum
 //! of the cross products of successive corners). No vertex is dropped, not even one on a straight edge: a neighbouring

@@ -227,7 +227,8 @@ impl Simulation {
         let (mut again, mut times) = (&set.resolve, Vec::new());
         // The part to submit before the iterations, if any.
         let mut first = Some(&set.begin);
-        // Number of iterations of all earlier solves of this step together, and of the longest one of them.
+        // Number of iterations of all earlier solves of this step together, and of the longest of those after which a
+        // further Newton iteration followed; solves before a release of contacts do not count for the latter.
         let (mut earlier, mut longest) = (0, 0);
         for _ in 0..MOST_SUBMITS * self.scene.step.newton {
             let all = [first.unwrap_or(&set.end), set.plan(wanted), &set.end];

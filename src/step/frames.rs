@@ -232,8 +232,9 @@ impl Frames {
 
     /// Whether a frame turns further in a step of `h` seconds than its elements allow (see [`MOST_TURN`],
     /// [`MOST_STIFF_TURN`]). For a driven frame the turn of the current step counts, for other frames their present
-    /// angular velocity times `h`. Frames without nodes, which are those of rigid bodies, do not count, since nothing
-    /// deforms there. `newton_iterations`: number of Newton iterations per step.
+    /// angular velocity times `h`. Frames without nodes, which are those of a rigid tool and of rigid bodies that are
+    /// not dynamic, do not count, since nothing deforms there. `newton_iterations`: number of Newton iterations of a
+    /// step.
     pub fn turns_too_far(&self, h: f64, newton_iterations: u32) -> bool {
         let most = if newton_iterations > 1 { MOST_STIFF_TURN_TWICE } else { MOST_STIFF_TURN };
         let all = self.states.iter().zip(&self.has_nodes).zip(&self.crossing_times);

@@ -20,7 +20,8 @@ impl Simulation {
     /// Stores the gap with the last step's contact wrench, where a haptic loop holds the tool and the tool touches
     /// nothing.
     pub(super) fn add_gap(&mut self, report: &Report) -> Result<()> {
-        // In a frozen step, in which no attempt succeeded, the GPU did not search for a gap.
+        // The GPU searches for a gap only in a haptic loop, in which the tool has no weight, and not in a frozen step,
+        // in which no attempt succeeded.
         let is_known = !self.has_weight && !Flags(report.flags).contains(Flags::FROZEN);
         let touches = self.last_wrench.is_some_and(|w| w.pressing > 0.0 || w.wrench.force != DVec3::ZERO);
         if is_known && !touches {

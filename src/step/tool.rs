@@ -1,9 +1,9 @@
 //! The tool: the rigid body that the haptic device leads, through a virtual coupling (spring and damper between device
 //! and tool). The tool has six unknowns in the step's linear system: the change of its twist (linear and angular
 //! velocity). The host keeps the tool's pose and twist in f64 and computes the six rows, from inertia and coupling; the
-//! solver on the GPU returns the change of twist. Where the tool is a soft body of the scene, the device leads that
-//! body's first core (a rigid body inside it, to which nodes are attached), and only the coupling is added to the
-//! core's rows.
+//! solver on the GPU returns the change of twist. Where the tool is a body of the scene, the device leads that body's
+//! first core (the rigid body to which nodes of a soft body are attached, or a dynamic rigid body itself), and only the
+//! coupling is added to the core's rows.
 
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};

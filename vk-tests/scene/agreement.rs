@@ -20,7 +20,8 @@ use crate::harness::random::Random;
 use crate::harness::real_meshes::meshes;
 use crate::scene::judge::{APART, Pose, Subject, Tally, head, judge};
 
-/// Greatest error of a depth, relative to the smaller body's size, as promised to users.
+/// Greatest error of a depth in light contact, relative to the smaller body's size (measured: see
+/// docs/evidence/accuracy.md).
 const DEPTH: f64 = 1e-5;
 /// Greatest number of colliding vertices (vertices inside the other body) that only the query or only the rays find,
 /// relative to the number of contacts, which are the colliding vertices that the query finds.

@@ -68,8 +68,9 @@ fn another_material_is_felt_at_once() {
     let change = |simulation: &mut Simulation, to: &Scene| simulation.set_material(0, 0, material_of(to)).unwrap();
     let jacobi = "preconditioner = \"jacobi\"";
     becomes(jacobi, &text(jacobi, plain), &text(jacobi, other), change);
-    // The coarse space of the two-level preconditioner is built on aggregates, blocks of nodes that are formed by mass:
-    // with another density, a new simulation would have other aggregates. So this change keeps the density.
+    // The coarse space of the two-level preconditioner is built on aggregates, clusters of nodes that depend on element
+    // sizes. These are computed from the masses of nodes, so that with another density, even a uniform one, rounding
+    // may give a new simulation other aggregates. So this change keeps the density.
     let (coarse, as_heavy) = ("preconditioner = \"coarse\"", other.replace("1500", "1000"));
     becomes(coarse, &text(coarse, plain), &text(coarse, &as_heavy), change);
     let patches =

@@ -199,7 +199,7 @@ fn a_sphere_over_a_half_space_is_exact_and_needs_no_mesh() {
     assert!(same("half-space", &depths, &want) > 50);
     assert!(
         flow.counts.hits == 0 && flow.hash_entries.iter().all(|hash_entry| hash_entry[3] == u32::MAX - 1),
-        "a half-space needs no grid and no ray hits"
+        "a half-space needs no spatial hash and no ray hits"
     );
 }
 

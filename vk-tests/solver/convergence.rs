@@ -15,7 +15,7 @@ use crate::solver::system::{System, layered};
 
 /// Ratio of the residual's 2-norm to that of the right-hand side at which the iterations end.
 const REDUCTION: f64 = 1e-4;
-/// Number of nodes that are pulled, each by itself.
+/// Number of single nodes that are pulled, all at the same time.
 const LOADED: usize = 10;
 /// Gravity, m/s^2.
 const GRAVITY: f32 = 9.81;
@@ -44,7 +44,7 @@ fn free(passes: &Passes) -> Vec<usize> {
 }
 
 /// Pulls ten free nodes, spread over the order of nodes, aside by a tenth of the body's weight each. A load on single
-/// nodes is harder to solve for than gravity: it moves small, stiff parts.
+/// nodes is harder to solve for than gravity: it excites the stiff modes of short wavelength, that is, of few nodes.
 fn load(passes: &mut Passes) {
     let mut free = free(passes);
     free.sort_unstable();

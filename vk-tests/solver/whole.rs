@@ -149,8 +149,8 @@ fn a_solution_found_is_found_again_at_once() {
 #[ignore = "long: 1 min"]
 fn a_step_with_pulling_contacts_ends_as_the_oracles() {
     // Solves, releases contacts under tension and solves again, until no contact has to be released; then runs
-    // solve/commit. The oracle releases contacts twice at most, the kernels four times: systems that need more than two
-    // solves are left out, but enough systems must remain.
+    // solve/commit. Oracle and kernels both release contacts four times at most. Systems that the kernels solve more
+    // than twice are left out, but enough systems must remain.
     BOTH.into_iter().for_each(pulled);
 }
 

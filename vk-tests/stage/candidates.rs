@@ -1,8 +1,8 @@
 //! Tests of kernel contact/candidates, which decides for each candidate (vertex of a skin, that is a surface mesh)
 //! whether it collides and how deep. The tests make up lists of ray hits (triangles of the other body that a vertex's
 //! ray meets). The nearest hit on a vertex's ray decides, depths in several contact patches of a pair of bodies (places
-//! where the pair may touch along one normal) are blended, and flags and pushes (depth times area times normal, from
-//! which the next step's normals are found) are written. Results are compared with f64.
+//! where the pair may touch along one normal) are blended, and flags and pushes (depth times rest area times the
+//! vertex's normal, from which the next step's contact normals are found) are written. Results are compared with f64.
 
 use glam::{DMat3, DVec3};
 use palpate::internal::shaders;
@@ -274,12 +274,13 @@ fn the_nearest_crossing_decides() {
         assert_eq!(depth(&[]), 0.0);
         assert_eq!(depth(&[(0.01, true)]), 0.01);
         assert_eq!(depth(&[(0.01, false)]), 0.0, "the ray hits the back of a triangle, so that the vertex is outside");
-        // The ray passes two walls. The vertex lies inside the nearer wall, whatever the order of the list.
+        // The ray leaves one wall at 5 mm and meets others behind it. The vertex lies inside the first one, whatever
+        // the order of the list.
         let mut layers = [(0.005, true), (0.008, false), (0.012, true), (0.015, false)];
         assert_eq!(depth(&layers), 0.005);
         layers.reverse();
         assert_eq!(depth(&layers), 0.005);
-        // The vertex lies between the walls, in front of the second wall.
+        // The ray enters a wall at 3 mm and leaves it at 7 mm: the vertex lies outside all walls.
         assert_eq!(depth(&[(0.007, true), (0.003, false), (0.01, false)]), 0.0);
     }
 }

@@ -26,8 +26,8 @@ const INFLATION: f32 = 0.03;
 const HALF: f64 = 0.2;
 
 /// Cubes as collision proxies, those of body a before those of b. `directions` has two elements for each pair of
-/// proxies: a contact normal with its weight, and a push, which is the sum of depth times area times normal over the pair's
-/// contacts in the last step.
+/// proxies: a contact normal with its weight, and a push, which is the sum of depth times area times normal over the
+/// pair's contacts in the last step.
 struct Given {
     places: Vec<DVec3>,
     pair: Pair,

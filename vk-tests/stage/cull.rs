@@ -264,8 +264,9 @@ fn gaps_next_to_the_reach_are_told_apart() {
     }
 }
 
-/// Runs cull/direction on these pairs and returns their directions and pushes. The reach of each pair is 1 m, and hulls
-/// that do not overlap count as `gap` (m) apart. `last` has the pair and the push of each contact of the last step.
+/// Runs cull/direction on these pairs and returns their directions and pushes. The reach of each pair is 1 m, and in the
+/// weights its hulls count as at least `gap` (m) apart. `last` has the pair and the push of each contact of the last
+/// step.
 fn directions(hulls: &Hulls, pairs: &[[u32; 4]], gap: f32, last: &[(u32, DVec3)]) -> (Vec<[f32; 4]>, Vec<[f32; 4]>) {
     let listed: Vec<u32> = (0..pairs.len() as u32).rev().collect();
     // Between the candidates that were contacts lie candidates that were none.

@@ -197,7 +197,7 @@ impl Query {
 /// `texels` in turn (0: the edge is chosen from the skins). Returns the number of hits, and the most cells along a side
 /// of a contact patch.
 fn compare(body: Body, tool: &Body, poses: usize, texels: &[f32]) -> (usize, f32) {
-    let prepare::Shape::Rigid { skin, .. } = &body.shape else { panic!("the skin is not rigid") };
+    let prepare::Shape::Rigid { skin, .. } = &body.shape else { panic!("the body is not rigid") };
     let vertices = skin.vertices.clone();
     let query = Query::new(&[body], tool);
     let mut random = Random(11);
@@ -259,7 +259,7 @@ fn a_loop_that_the_device_leaves_early_is_flagged() {
     );
     let tool = prepare::tool(scene.tool.as_ref().unwrap(), &scene).unwrap();
     let pumpkin = prepare::body(&scene.bodies[0], &scene).unwrap();
-    let prepare::Shape::Rigid { skin, .. } = &pumpkin.shape else { panic!("the skin is not rigid") };
+    let prepare::Shape::Rigid { skin, .. } = &pumpkin.shape else { panic!("the body is not rigid") };
     let (position, turn) = (skin.vertices[skin.vertices.len() / 2], DQuat::IDENTITY);
     let query = Query::new(&[pumpkin], &tool);
     let all = query.ray_hits(0, 0.0, position, turn).unwrap();

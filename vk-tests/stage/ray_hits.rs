@@ -1,9 +1,9 @@
 //! Tests of the kernels skin/embed, which puts skin vertices into a spatial hash in the plane of their contact patch
 //! (place where a pair of bodies may touch along one normal), and depth/ray_hits, which finds the triangles that the
 //! vertices' rays hit: every vertex that has a weight in a patch and lies in the patch's rectangle is in one list of
-//! the hash, hits agree with f64, and no ray slips through at edges and corners. A hash entry is one vertex of a work item (a chunk, that is a group of skin vertices
-//! and triangles, in a patch). A side is body a or b of the pair. The min-max depth grid tells how far each side
-//! reaches along the normal, over 16 x 16 cells of a patch.
+//! the hash, hits agree with f64, and no ray slips through at edges and corners. A hash entry is one vertex of a work
+//! item (a chunk, that is a group of skin vertices and triangles, in a patch). A side is body a or b of the pair. The
+//! min-max depth grid tells how far each side reaches along the normal, over 16 x 16 cells of a patch.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,6 +1,7 @@
 //! Kernel depth/ray_hits, which finds the triangles that the rays of skin vertices meet, must leave out triangles that
 //! no ray can reach. The rays of a contact patch start at skin vertices, and a grid over the patch stores for each cell
-//! the heights at which they start. Such a triangle lies behind the starts of all rays in each cell that it covers.
+//! the height of that start from which a ray reaches most. Such a triangle lies behind the starts of all rays in each
+//! cell that it covers.
 
 use std::collections::BTreeSet;
 

@@ -83,7 +83,7 @@ fn one_contact_by_hand() {
     expect_close("force", &report.force, &[0.0, 0.0, 5.0], rounding);
     expect_close("torque", &report.torque, &[10.0, 0.0, 0.0], rounding);
     expect_close("stiffness", &report.stiffness, &stiffness, rounding);
-    // The bodies part faster than the spring pushes, so that there is no force.
+    // The bodies part so fast that the damper would pull more than the spring pushes, so that there is no force.
     system.contacts[0].rate = -3.0;
     let report = reduce(&system, &[[0.0; 4]]);
     assert_eq!((report.force, report.torque, report.stiffness), ([0.0; 3], [0.0; 3], [0.0; 21]));

@@ -169,8 +169,8 @@ pub struct palpate_body {
     pub velocity: [f64; 3],
     /// Mass of a dynamic rigid body, kg.
     pub mass: f64,
-    /// Keyframes of a driven rigid body, `key_count` of them: poses of the centroid of its volume. Null for other
-    /// bodies.
+    /// Keyframes of a driven rigid body, `key_count` of them: world poses of the mesh's coordinate frame, as `position`
+    /// and `orientation` are. Null for other bodies.
     pub keys: *const palpate_key,
     /// Number of elements of `keys`.
     pub key_count: usize,

@@ -418,8 +418,8 @@ typedef struct palpate_body {
     double velocity[3];
     // Mass of a dynamic rigid body, kg.
     double mass;
-    // Keyframes of a driven rigid body, `key_count` of them: poses of the centroid of its volume. Null for other
-    // bodies.
+    // Keyframes of a driven rigid body, `key_count` of them: world poses of the mesh's coordinate frame, as `position`
+    // and `orientation` are. Null for other bodies.
     const struct palpate_key *keys;
     // Number of elements of `keys`.
     size_t key_count;
@@ -1174,7 +1174,8 @@ palpate_status palpate_nodes(struct palpate_simulation *simulation,
 // step. Settings (materials, contact law, virtual coupling) are not part of the state. Call the function between two
 // steps; it copies arrays from the GPU. `size` receives the number of bytes, which changes by some hundreds of bytes
 // from step to step; so ask for the size just before saving. `bytes` has room for `capacity` bytes, and may be null if
-// `capacity` is 0. PALPATE_STATUS_TOO_SMALL: the state has more bytes than `capacity`, and none was written.
+// `capacity` is 0, which asks for the size alone. PALPATE_STATUS_TOO_SMALL: the state has more bytes than `capacity`,
+// which is not 0, and none was written.
 palpate_status palpate_state_save(struct palpate_simulation *simulation, uint8_t *bytes, size_t capacity, size_t *size);
 
 // Restores a state that was saved from this simulation, or from another simulation with the same bodies, tool and

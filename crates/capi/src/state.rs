@@ -10,7 +10,8 @@ use super::{handles, sized, steps};
 /// step. Settings (materials, contact law, virtual coupling) are not part of the state. Call the function between two
 /// steps; it copies arrays from the GPU. `size` receives the number of bytes, which changes by some hundreds of bytes
 /// from step to step; so ask for the size just before saving. `bytes` has room for `capacity` bytes, and may be null if
-/// `capacity` is 0. PALPATE_STATUS_TOO_SMALL: the state has more bytes than `capacity`, and none was written.
+/// `capacity` is 0, which asks for the size alone. PALPATE_STATUS_TOO_SMALL: the state has more bytes than `capacity`,
+/// which is not 0, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_state_save(
     simulation: *mut palpate_simulation,

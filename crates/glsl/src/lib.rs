@@ -19,7 +19,8 @@ pub fn kind(path: &Path) -> Option<ShaderKind> {
 }
 
 /// The text of everything that the binary of the shader `source` depends on: how it is compiled (this file), the
-/// shader's own file, and all files that it includes, in order. If this text has not changed, neither has the binary.
+/// shader's own file, and all files that it includes, in order. If this text has not changed, neither has the binary,
+/// as long as shaderc is the same.
 pub fn ingredients(root: &Path, source: &Path) -> Result<String, String> {
     let (mut files, mut text) = (vec![source.to_path_buf()], include_str!("lib.rs").to_string());
     let mut next = 0;

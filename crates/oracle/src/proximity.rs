@@ -61,7 +61,7 @@ pub fn direction(a: &[DVec3], a_faces: &[Face], b: &[DVec3], b_faces: &[Face], b
     Some((if sum.length() > CANCELLED * weights { sum.normalize() } else { best }, greatest))
 }
 
-/// Whether rounding may decide if [`direction`] returns the blended normal or the first face normal with s_max.
+/// Whether the face normals cancel in [`direction`], or so nearly that rounding may decide which normal it returns.
 pub fn nearly_cancels(a: &[DVec3], a_faces: &[Face], b: &[DVec3], b_faces: &[Face], blend: f64) -> bool {
     blended(a, a_faces, b, b_faces, blend).is_none_or(|(sum, weights, ..)| sum.length() < 1.01 * CANCELLED * weights)
 }

@@ -1,6 +1,6 @@
 //! The whole step in f64: implicit Euler of soft bodies, dynamic cores (rigid cores inside soft bodies, whose motion
-//! the solver finds), contacts and the tool (rigid body that the haptic device moves), solved directly (README.md, "The
-//! step in detail"). The unknowns are changes of velocity over the step.
+//! the solver finds), contacts and the tool (rigid body that the haptic device moves), solved directly (equations in
+//! docs/understanding/solver.md, "Implicit Euler"). The unknowns are changes of velocity over the step.
 
 use glam::{DMat3, DQuat, DVec3};
 

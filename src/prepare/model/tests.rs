@@ -82,7 +82,8 @@ fn models_of_any_count_are_closed_outward_and_whole() {
             let edge = (area / count as f64).sqrt();
             let (low, high, volume) = measures(model);
             let near = |a: DVec3, b: DVec3| (a - b).abs().max_element() < EXTENT + LOST * edge;
-            let corners = skin.vertices.iter().fold((low, high), |(l, h), &v| (l.min(v), h.max(v)));
+            let nothing = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+            let corners = skin.vertices.iter().fold(nothing, |(l, h), &v| (l.min(v), h.max(v)));
             assert!(
                 near(corners.0, low) && near(corners.1, high),
                 "{model:?}: wrong corners of the bounding box, {corners:?} m"

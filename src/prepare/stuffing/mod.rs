@@ -36,7 +36,7 @@ use super::{Layer, layer, mass};
 pub use report::{Dropped, LayerReport, SurfaceEdge, SurfaceEdges, Thickened};
 use stencil::Corner;
 
-/// Greatest number of tetrahedra in a layer; a simulation with more tetrahedra does not fit any GPU.
+/// Greatest number of tetrahedra in a layer; a simulation of so many takes more than a gigabyte of GPU memory.
 pub const MAX_TETRAHEDRA: f64 = 4e6;
 /// Greatest number of tetrahedra of the whole lattice around the surface, inside or not; the lattice has one node for
 /// every six tetrahedra.

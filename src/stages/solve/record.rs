@@ -121,8 +121,8 @@ impl Solve {
     }
 
     /// Records `iterations` solver iterations, rounded up to an even number, each of three passes that depend on one
-    /// another. Once the solver has converged, the indirect arguments of the passes are zero, and the passes cost next
-    /// to nothing.
+    /// another. Once the solver has converged, the indirect arguments are zero, and the workgroups that are dispatched
+    /// directly return at once, so the passes cost next to nothing.
     pub fn record_iterations(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, iterations: u32) {
         recorder.stage("solve");
         for iteration in 0..iterations.next_multiple_of(2) {

@@ -209,8 +209,8 @@ impl Simulation {
         Ok(ShownMesh { triangle_count: outline.triangles.len(), mesh, parts: parts.into(), place, fields })
     }
 
-    /// Index, body and index of the first frame of each body, and last of the body that the tool has of its own, if
-    /// any.
+    /// One item for each body: its index, the body, and the index of its first frame. If the tool has a body of its own,
+    /// the last item is that body's.
     fn shown_bodies(&self) -> impl Iterator<Item = (usize, &Body, u32)> {
         let all = self.bodies.iter().chain(&self.tool_body).zip(&self.model.body_frames);
         all.enumerate().map(|(index, (body, frame))| (index, body, *frame))

@@ -60,8 +60,7 @@ fn rest_turns(system: &System) -> Vec<[f32; 4]> {
 }
 
 /// The inverses of the coarse matrices of all bodies, which the kernels read, as one matrix over the modes of all
-/// blocks. If `scaled`, they are as stored: the coarse matrices were scaled to ones on their diagonals
-/// before they were inverted.
+/// blocks. If `scaled`, they are as stored: each inverse is scaled to ones on its diagonal.
 fn host_inverse(model: &Model, scaled: bool) -> Mat<f64> {
     let (coarse, count) = (&model.coarse, BLOCK_UNKNOWNS * model.blocks.blocks.len());
     let mut inverse = Mat::zeros(count, count);

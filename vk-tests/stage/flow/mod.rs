@@ -80,8 +80,8 @@ pub struct Flow {
     pub hash_entries: Vec<[u32; 4]>,
     pub entry_hits: Vec<u32>,
     pub entry_cells: Vec<[u32; 2]>,
-    /// Ray hits: triangle, next hit on the same ray, bits of the depth, and the triangle's work item with a bit for the
-    /// front.
+    /// Ray hits: triangle, next hit on the same ray, bits of the depth, and twice the triangle's work item, plus 1
+    /// for a front face (through which the ray leaves the triangle's body).
     pub ray_hits: Vec<[u32; 4]>,
     pub hits: Vec<[f32; 4]>,
     pub what: Vec<[u32; 4]>,

@@ -180,8 +180,8 @@ impl Flow {
     }
 
     /// Number of words of `buckets`, rounded up to whole texels of four. `buckets` holds the heads of the spatial
-    /// hash's lists and, for each cell of the contact patches' depth grids, the height at which the ray that
-    /// reaches farthest starts.
+    /// hash's lists and, for each side and grid cell of each contact patch, the sort key of the vertex that
+    /// lies farthest into the other body.
     fn bucket_words(&self) -> usize {
         (self.bucket_count as usize + PAIR_PATCHES * self.pairs.len() * GRID_WORDS).next_multiple_of(4)
     }

@@ -54,8 +54,8 @@ pub struct Settings {
     pub replaced: Vec<(String, Vec<u8>)>,
 }
 
-/// Reason that the report gives for the span of the errors of a curve whose smallest errors are rounding errors of
-/// single precision.
+/// A curve's errors should span two decades (see `curve.rs`). This is the reason that the report gives where they span
+/// less because the smallest ones are rounding errors of single precision.
 const SINGLE: &str = "the remaining error is that of single precision";
 
 type Measure = fn(&Settings, &mut dyn FnMut(&str)) -> Result<Curve>;

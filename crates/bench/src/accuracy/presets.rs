@@ -98,7 +98,7 @@ fn disagreement(curve: &Curve, shipped: &Preset, below: f64, found: Option<&Sett
     };
     match own.error() {
         Some(error) if error < below && !own.is_flagged() => {}
-        error => return Some(format!("has an error of {}", error.map_or("no number".into(), percent))),
+        error => return Some(format!("has a flag or an error of {}", error.map_or("no number".into(), percent))),
     }
     let is_cheaper = |found: &&Setting| {
         found.cost < own.cost && found.points.iter().zip(&own.points).any(|(found, own)| found.is_cheaper(own))

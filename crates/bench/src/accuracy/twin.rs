@@ -1,7 +1,7 @@
 //! The reference of accuracy curves in which a tool (rigid body that the haptic device leads) is pressed into a soft
 //! body: the same steps by the f64 reference implementation (the oracle), with a direct solver
 //! ([`palpate_oracle::step`]) and contacts by exact rays ([`palpate_oracle::contact`]). Only the normal of the contact
-//! patch (place where body and tool may touch) comes from the engine, which runs in parallel with the oracle.
+//! patch (place where body and tool may touch) comes from the engine, which does each step just before the oracle.
 
 use glam::DVec3;
 use palpate::internal::prepare::{self, Shape};
@@ -40,7 +40,7 @@ impl Reference {
     }
 }
 
-/// The oracle's state of a soft body and a sphere tool, with both skins (surface meshes) and the contact law.
+/// The oracle's state of a soft body and a rigid tool, with both skins (surface meshes) and the contact law.
 struct Twin {
     oracle: step::Simulation,
     skin: (prepare::Skin, Vec<prepare::Embedding>),
@@ -48,8 +48,8 @@ struct Twin {
     law: ContactLaw,
 }
 
-/// The reference for `steps` steps of a scene with one soft body and a rigid tool. Errors: the scene has other bodies
-/// or no rigid tool, or a system of equations cannot be factorised.
+/// The reference for `steps` steps of a scene with one soft body and a rigid tool. Errors: the scene's first body is
+/// not soft, the scene has no rigid tool, or a system of equations cannot be factorised.
 pub fn reference(scene: &Scene, steps: usize, options: &Options) -> Result<Reference> {
     let mut beside = scene.clone();
     (beside.solver.tolerance, beside.solver.max_iterations) = (TIGHT, MANY);

@@ -161,7 +161,7 @@ fn limits(settings: &Settings, what: &str, cases: &[(f64, f64)], watch: &mut dyn
                 stiffest(settings, |stiffness| press(&rig, stiffness, 0.0, rate))
             };
             let interval = interval(rate);
-            // In the part `rate` a wrench also arrives one interval late, unless the local model compensates for it.
+            // In the part `rate`, Gil's bound counts the interval from a step to its wrench as a delay, too.
             let late = delay + if what == RATE { interval } else { 0.0 };
             limits.push(Limit {
                 profile: profile.name.into(),

@@ -8,8 +8,8 @@ use glam::DVec3;
 
 /// Beyond the cap, the spacing changes from ring to ring by at most this factor.
 const GROWTH: f64 = 1.1;
-/// Depth of the grooves of a lobed body, as a share of its radius; it is so great that one convex hull cannot cover the
-/// body.
+/// Depth of the grooves of a lobed body, as a share of its radius; it is so great that the body gets several collision
+/// proxies (convex hulls) instead of one.
 const GROOVE: f64 = 0.4;
 /// Number of lobes between the grooves.
 const LOBES: f64 = 5.0;

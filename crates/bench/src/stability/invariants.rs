@@ -118,8 +118,8 @@ impl Invariant {
             Invariant::Rest => Flags::INVERTED,
             // The flags mean that the body is not back in its rest shape (inverted), or will not come back (frozen).
             Invariant::Shape => Flags::INVERTED | Flags::FROZEN,
-            // The engine leaves out a contact beyond the depth limit, so that the body may stay caught on the tool; a
-            // body that is inside out or frozen may stay caught too.
+            // The engine may leave out contacts beyond the depth limit, so that the body may stay caught on the tool;
+            // a body that is inside out or frozen may stay caught too.
             Invariant::Parted => Flags::DEPTH_BEYOND_LIMIT | Flags::INVERTED | Flags::FROZEN,
         }
     }

@@ -35,8 +35,8 @@ pub struct Sample {
     pub supplied: f64,
     /// Sum of the magnitudes of the terms of `energy` and of `supplied`, which bounds their rounding, J.
     pub turned_over: f64,
-    /// Kinetic energy of the body, and of the tool if it has a coupling, J; it must vanish in a case (one simulation
-    /// of the matrix) that comes to rest.
+    /// Kinetic energy of the body, and of the tool's translation if it has a coupling, J; it must vanish in a case
+    /// (one simulation of the matrix) that comes to rest.
     pub motion: f64,
     /// `motion` plus the body's elastic energy, J.
     pub stirred: f64,

@@ -145,8 +145,8 @@ pub fn advice(scene: &Scene) -> &'static str {
     }
 }
 
-/// What to tell the user if the tool never touched anything: how far away it was, and the `advice` for the scene. `None`
-/// if the tool touched something, and if there is no tool.
+/// What to tell the user if the tool never touched anything: how far away it was, and the `advice` for the scene.
+/// `None` if the tool touched something, or if there is no tool.
 pub fn remedy(tally: &Tally, advice: &str, nearest: Option<&Distance>) -> Option<String> {
     tally.touch.as_ref().filter(|touch| touch.first.is_none())?;
     let away = nearest.map_or(String::new(), |Distance { body, distance, is_of_surface }| {

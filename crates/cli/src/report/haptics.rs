@@ -74,6 +74,7 @@ impl fmt::Display for Closing<'_> {
         let line = |f: &mut fmt::Formatter, name: &str, lateness: &Lateness| {
             let us = |share| 1e6 * lateness.quantile(share);
             let [half, most, nearly_all] = [0.5, 0.99, 0.999].map(us);
+            // `missed` counts deadlines that were missed by more than 2 ms; one late tick may miss several.
             let (ticks, missed, share) = (lateness.ticks(), lateness.missed(), 100.0 * lateness.share_missed());
             writeln!(
                 f,

@@ -10,7 +10,7 @@ use palpate::scene::{Material, MaterialLaw};
 use super::material;
 use crate::step::{Simulation, SoftBody};
 
-/// Bound on the rounding of a direct solve of a thousand unknowns, relative to the elastic forces.
+/// Bound on the rounding of a direct solve of the bar's 270 unknowns, relative to the elastic forces.
 const ROUNDING: f64 = 1e-13;
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
 

@@ -36,7 +36,7 @@ pub struct Settings {
     pub materials: Vec<(usize, usize, String, Material)>,
     /// The contact law.
     pub contact: Option<Contact>,
-    /// Contact stiffness of the stiffest pair of bodies, N/m^3, which is used where the scene says "auto".
+    /// Contact stiffness of the stiffest pair of bodies, N/m^3; the window shows it where the scene says "auto".
     pub stiffness: f64,
     /// The virtual coupling (spring and damper between device and tool) that was asked for.
     pub coupling: Option<Coupling>,

@@ -7,9 +7,9 @@ use glam::DVec3;
 use super::super::*;
 use super::{ANGLE, Numbers, check, cuboid};
 
-/// Random cuts of a lattice: its nodes are inside, on the surface or outside at random, and edges are cut or
-/// disconnected at random. A node is warped by at most the share of an edge that stuffing allows (`LONG` or `SHORT`),
-/// often by exactly that share.
+/// Random cuts of a lattice: its nodes are inside, on the surface or outside at random, and edges are cut (the surface
+/// crosses them once) or disconnected (both ends are inside, but the edge leaves the solid between them) at random. A
+/// node is warped by at most the share of an edge that stuffing allows (`LONG` or `SHORT`), often by exactly that share.
 fn random_cuts(lattice: &Lattice, numbers: &mut Numbers) -> cut::Cuts {
     use cut::{Cuts, LONG, SHORT, Side};
     let count = lattice.node_count() as u32;

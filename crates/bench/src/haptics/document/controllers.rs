@@ -48,13 +48,13 @@ pub fn controllers(all: &[Controlled]) -> Result<Section> {
         title: "Passivity controllers compared".into(),
         question: format!(
             "How much of a steady force does a controller leave, and how much energy does the hand gain? A hand \
-             presses a soft body of one coordinate at {:.0} mm/s, holds it for three seconds and releases it. `force \
-             played`: mean over the last second of the hold, relative to the springs' force in equilibrium at the \
-             device's position. `net energy to the hand`: force times displacement by the device's readings, over the \
-             whole press; energy that was lent is repaid by the end or part of it. The controller of Hannaford and \
-             Ryu, and reference energy following (whose reference is the energy stored in coupling and contact \
-             model), act on the force of a session without a controller of its own, and inject at most the device's \
-             published damping.",
+             presses a soft body with one degree of freedom at {:.0} mm/s, holds it for three seconds and releases it. \
+             `force played`: mean over the last second of the hold, relative to the springs' force in equilibrium at \
+             the device's position. `net energy to the hand`: force times displacement by the device's readings, over \
+             the whole press; it includes energy that was lent and is not repaid by the end. The controller of \
+             Hannaford and Ryu, and reference energy following (whose reference is the energy stored in coupling and \
+             contact model), act on the force of a session without a controller of its own, and inject at most the \
+             device's published damping.",
             1e3 * SPEED
         ),
         table,

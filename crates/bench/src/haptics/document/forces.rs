@@ -31,9 +31,13 @@ fn quantum([stiffness, damping]: &[f64; 2]) -> String {
 pub fn holds(holds: &[HoldResult]) -> Result<Section> {
     let mut table = Table::new(["against", "device", "rate, Hz"]);
     for (_, name) in Mode::ALL {
-        table.heads.extend([format!("{name}: N"), "noise (swing), mN".into(), "the same, no friction".into()]);
+        table.heads.extend([
+            format!("{name}: mean force, N"),
+            "its standard deviation (range), mN".into(),
+            "the same, device without friction, mN".into(),
+        ]);
     }
-    table.heads.extend(["reading's swing, um", "encoder's step, mN"].map(Into::into));
+    table.heads.extend(["range of the position read, um", "force of an encoder's step, mN"].map(Into::into));
     for group in holds.chunk_by(|a, b| a.met == b.met && a.profile == b.profile && a.rate == b.rate) {
         let Some(first) = group.first() else { continue };
         let mut row = vec![name_of(first.met), first.profile.clone(), format!("{:.0}", first.rate)];
@@ -53,11 +57,11 @@ pub fn holds(holds: &[HoldResult]) -> Result<Section> {
         title: "How still a held force is".into(),
         question: format!(
             "How much noise is in the force when a person means to press {:.0} mm deep, over the last of three \
-             seconds? Allowed are {:.0} % of the force or {STILL} N. `noise` is the force's standard deviation, \
-             `swing` the range from its least to its greatest value, both over all axes together; `no friction` gives \
-             both for a device without friction for the hand to rest in, against walls only. The reading's swing is \
-             that of the device's position in a session. The encoder's step is the force of one quantum of the \
-             encoders: by the coupling's stiffness + by its damping over a tick. The plots show the worst of all \
+             seconds? Allowed are {:.0} % of the force or {STILL} N. The range goes from the least to the greatest \
+             value; it and the standard deviation are over all axes together. `without friction` gives \
+             both for a device without friction for the hand to rest in, against walls only. The position read is \
+             the device's, as the loop reads it in the mode `as in a session`. An encoder's step is one quantum of \
+             its readings: by the coupling's stiffness + by its damping over a tick. The plots show the worst of all \
              devices; values below {DRAWN:.0e} N are drawn there.",
             1e3 * WITHIN,
             1e2 * STILL_SHARE
@@ -122,7 +126,10 @@ fn judged(forces: &[(&HoldResult, Spread)]) -> String {
 pub fn slides(slides: &[Slid]) -> Result<Section> {
     let mut table = Table::new(["device", "rate, Hz", "loop", "force, N"]);
     for phase in ["touch", "slide"] {
-        table.heads.extend(["played", "contact", "raw wrench"].map(|what| format!("{phase}: {what}, mN (%)")));
+        table.heads.extend(
+            ["force played", "local model's contact force", "simulated wrench"]
+                .map(|what| format!("{phase}: {what}, mN (%)")),
+        );
     }
     for slid in slides {
         let name = Mode::ALL.iter().find(|(mode, _)| *mode == slid.mode).map_or("", |(_, name)| name);
@@ -140,10 +147,10 @@ pub fn slides(slides: &[Slid]) -> Result<Section> {
         title: "How far the force jumps while sliding over the head".into(),
         question: format!(
             "A person presses the sphere into the cheek of the head of `touch-head.toml` and slides {:.0} mm along it \
-             at {:.0} mm/s; a step of the engine is as long as the interval between steps. Which change of the force \
-             exceeds most the allowed {:.0} % of the force or {ALLOWED} N (in brackets: % of the force at that time)? \
+             at {:.0} mm/s; each step simulates the time that passes until the next one starts. Which change of the \
+             force exceeds most the allowed {:.0} % of the force or {ALLOWED} N (in brackets: % of the force at that time)? \
              The played force and the contact force of the local model are compared from one tick to the next; the \
-             raw wrench, which is kept between steps, from one step to the next. `touch` is the time before the \
+             simulated wrench, which is kept between steps, from one step to the next. `touch` is the time before the \
              slide, with the first contact. The plot shows the end of the first slide.",
             1e3 * WAY,
             1e3 * SPEED,
@@ -192,7 +199,7 @@ fn slide_finding(slides: &[Slid]) -> String {
     let raw = range(slides.iter().map(|slid| 1e3 * slid.slide.raw.newtons), |x| format!("{x:.1}"));
     let all = Mode::ALL.map(of).join("; ");
     format!(
-        "Changes of the played force are within what is allowed in: {all}. The raw wrench jumps by {raw} mN while \
-         sliding."
+        "Changes of the played force are within what is allowed in: {all}. The simulated wrench jumps by {raw} mN \
+         while sliding."
     )
 }
