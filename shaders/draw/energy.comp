@@ -32,6 +32,8 @@ READ_ONLY(vec4, rotations);
 layout(scalar) writeonly buffer Densities { vec4 densities[]; };  // J/m^3; volume, m^3; tr(strain); patch's lambda, Pa
 
 #include "shared/strain.glsl"
+#include "shared/symmetric.glsl"
+#include "shared/geometric.glsl"
 #include "shared/material_law.glsl"
 #include "shared/link.glsl"
 #include "shared/element.glsl"

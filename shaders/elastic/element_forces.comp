@@ -5,6 +5,8 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 #include "shared/polar.glsl"
+#include "shared/symmetric.glsl"
+#include "shared/geometric.glsl"
 
 // Elastic stage of a step: rotation, stress and stiffness of each tetrahedron, computed once in each Newton iteration.
 // With rest gradients g_i (1/m) and displacements d_i of a tetrahedron's nodes, and its rest volume V, the deformation
@@ -14,14 +16,16 @@
 // A frame is a rigid coordinate frame, a link the relative placement of two frames. The kernel writes R, and the scaled
 // gradients of the solver's operator in world axes, g' = sqrt(V) R_frame R fold g, with the operator's moduli mu and
 // lambda; R_frame is the rotation of the tetrahedron's frame, and `fold` a matrix of the material law
-// (shared/material_law.glsl). It also writes the tetrahedron's part of the right-hand side over a step h, which is
-// h f - (h^2 + h beta) K v with f_i = -V P g_i, stress P of the material law, stiffness K, velocity v and
+// (shared/material_law.glsl). After these it writes the geometric stiffness times h^2 (shared/geometric.glsl). It also writes the tetrahedron's part of the right-hand side over a step h, which is
+// h (f + h df/dt) - h beta K v with f_i = -V P g_i, the exact rate df/dt at which f changes with the velocity v, the
+// stress P of the material law, the operator's stiffness K without the geometric part, and the
 // stiffness-proportional damping beta. The corotational law has P = R (2 mu sym(E) + lambda tr(E) I). A tetrahedron
 // with nodes in several frames is evaluated in its first node's frame. A tetrahedron that is inside out, or whose
 // rotation is not found, raises a flag.
 //
 // In later Newton iterations the kernel reads the trial displacements of elastic/trial, which contain already the trial
-// change of velocity x (the last iteration's solution), and writes h f + h^2 K x - h beta K v. One invocation runs for
+// change of velocity x (the last iteration's solution), and writes h f + h^2 K x - h beta K v, where the first K has the
+// geometric part. One invocation runs for
 // each tetrahedron. The f64 reference implementations are oracle::elastic and oracle::newton. An F-bar patch is a group
 // of tetrahedra that share one volumetric strain.
 
@@ -46,7 +50,7 @@ layout(scalar) readonly buffer Links { Link links[]; };
 layout(scalar) readonly buffer PatchOf { uint patch_of[]; };        // patch of each tetrahedron, or NONE
 READ_ONLY(vec4, trial_change);                                      // trial change of velocity x, m/s
 layout(scalar) buffer Rotations { vec4 rotations[]; };              // R as quaternions x y z w
-layout(scalar) writeonly buffer Gradients { vec4 gradients[]; };    // g', three per tetrahedron; w: see main
+layout(scalar) writeonly buffer Gradients { vec4 gradients[]; };    // shared/geometric.glsl; w: see main
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };  // four per tetrahedron, N s
 
@@ -54,7 +58,6 @@ layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };  // fo
 #include "shared/material_law.glsl"
 #include "shared/link.glsl"
 #include "shared/element.glsl"
-#include "shared/lag.glsl"
 
 void main() {
     uint t = gl_GlobalInvocationID.x;
@@ -75,7 +78,8 @@ void main() {
 
     mat3 e = strain(q, g);
     float own_lambda = PATCHES && patch_of[t] != NONE ? 0.0 : material.lambda;
-    Evaluation law = evaluate(material, e, excess_compression(e), own_lambda);
+    mat3 compression = excess_compression(e);
+    Evaluation law = evaluate(material, e, compression, own_lambda);
     mat3 p = law.stress;
     vec3 k1 = law.fold * g1.xyz, k2 = law.fold * g2.xyz, k3 = law.fold * g3.xyz;
     vec4 world = compose(frames[frame].rotation, q);
@@ -83,15 +87,38 @@ void main() {
     float scale = params.dt * (params.dt + material.damping);
     // The components w hold mu and lambda, each times h^2 + h beta, and tr(E); lambda counts as zero where an F-bar
     // patch applies it.
-    gradients[3 * t] = vec4(h1, scale * law.mu);
-    gradients[3 * t + 1] = vec4(h2, scale * law.lambda);
-    gradients[3 * t + 2] = vec4(h3, e[0][0] + e[1][1] + e[2][2]);
+    uint first = GRADIENT_TEXELS * t;
+    gradients[first] = vec4(h1, scale * law.mu);
+    gradients[first + 1] = vec4(h2, scale * law.lambda);
+    gradients[first + 2] = vec4(h3, e[0][0] + e[1][1] + e[2][2]);
+    // The geometric stiffness in world axes. A quarter, since the sum of g' x p is twice an axial vector.
+    mat3 rows = law.geometric;
+    for (int k = 0; k < 3; k++) rows[k] = rotate(world, rows[k]);
+    rows = transpose(rows);
+    for (int k = 0; k < 3; k++) rows[k] = 0.25 * params.dt * params.dt * rotate(world, rows[k]);
+    vec3 diagonal = vec3(rows[0][0], rows[1][1], rows[2][2]), off = vec3(rows[0][1], rows[0][2], rows[1][2]);
+    gradients[first + 3] = vec4(diagonal, 0.0);
+    gradients[first + 4] = vec4(off, 0.0);
 
     float impulse = -params.dt * root * root;
-    vec3 v0 = lag(nodes.x, material.damping);
-    mat3 w = outerProduct(lag(nodes.y, material.damping) - v0, h1) + outerProduct(lag(nodes.z, material.damping) - v0, h2)
-        + outerProduct(lag(nodes.w, material.damping) - v0, h3);
-    mat3 damping = linear_stress(w, scale * law.mu, scale * law.lambda);
+    vec3 v0 = fetch(velocity, nodes.x).xyz;
+    vec3 v1 = fetch(velocity, nodes.y).xyz - v0, v2 = fetch(velocity, nodes.z).xyz - v0,
+        v3 = fetch(velocity, nodes.w).xyz - v0;
+    float viscous = params.dt * material.damping;
+    mat3 w = outerProduct(v1, h1) + outerProduct(v2, h2) + outerProduct(v3, h3);
+    mat3 damping = linear_stress(w, viscous * law.mu, viscous * law.lambda);
+    if (NEWTON) {
+        float square = params.dt * params.dt;
+        vec3 x0 = fetch(trial_change, nodes.x).xyz;
+        mat3 x = outerProduct(fetch(trial_change, nodes.y).xyz - x0, h1)
+            + outerProduct(fetch(trial_change, nodes.z).xyz - x0, h2)
+            + outerProduct(fetch(trial_change, nodes.w).xyz - x0, h3);
+        damping -= linear_stress(x, square * law.mu, square * law.lambda) + geometric_stress(x, diagonal, off);
+    } else {
+        mat3 rate = outerProduct(v1, g1.xyz) + outerProduct(v2, g2.xyz) + outerProduct(v3, g3.xyz);
+        for (int k = 0; k < 3; k++) rate[k] = rotate_back(world, rate[k]);
+        p += params.dt * stress_rate(material, e, compression, law, rate);
+    }
     vec3 f1 = impulse * rotate(world, p * g1.xyz) - damping * h1;
     vec3 f2 = impulse * rotate(world, p * g2.xyz) - damping * h2;
     vec3 f3 = impulse * rotate(world, p * g3.xyz) - damping * h3;

@@ -3,6 +3,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/symmetric.glsl"
+#include "shared/geometric.glsl"
 
 // Elastic stage of a step: F-bar patches, groups of tetrahedra that share one volumetric strain against volumetric
 // locking (de Souza Neto, Andrade Pires and Owen 2005). The shared strain of the tetrahedra e of a patch is the mean
@@ -26,7 +28,7 @@ READ_ONLY(uvec4, patch_nodes);         // three texels per patch: its nodes, pad
 READ_ONLY(uvec4, patch_members);  // two tetrahedra a texel: index; numbers of its four nodes in the patch, 4 bits each
 READ_ONLY(vec4, patch_constants);      // V (m^3), lambda (Pa), beta (s)
 READ_ONLY(vec4, rest_gradients);       // three per tetrahedron; w of the first: sqrt(V_e)
-READ_ONLY(vec4, gradients);  // scaled gradients, three per tetrahedron, then three zero vectors; w of the third: tr(E)
+READ_ONLY(vec4, gradients);  // GRADIENT_TEXELS per tetrahedron, then as many zero vectors; w of the third: tr(E)
 READ_ONLY(vec4, velocity);
 READ_ONLY(vec4, trial_change);
 layout(scalar) writeonly buffer PatchRows { vec4 patch_rows[]; };          // c: a vector for each of a patch's nodes
@@ -45,10 +47,11 @@ void main() {
     for (uint k = 0; k < PATCH_TETRAHEDRA; k++) {
         uvec4 pair = fetch(patch_members, PATCHES * (k / 2) + p);
         uvec2 member = k % 2 == 0 ? pair.xy : pair.zw;
-        int t = int(member.x);
+        uint t = member.x;
         float root = fetch(rest_gradients, 3 * t).w;
-        vec3 g1 = fetch(gradients, 3 * t).xyz, g2 = fetch(gradients, 3 * t + 1).xyz;
-        vec4 g3 = fetch(gradients, 3 * t + 2);
+        uint first = GRADIENT_TEXELS * t;
+        vec3 g1 = fetch(gradients, first).xyz, g2 = fetch(gradients, first + 1).xyz;
+        vec4 g3 = fetch(gradients, first + 2);
         row[member.y & 15] -= root * (g1 + g2 + g3.xyz);
         row[member.y >> 4 & 15] += root * g1;
         row[member.y >> 8 & 15] += root * g2;

@@ -4,8 +4,8 @@
 //
 // A new law needs an id here, a branch in `evaluate` and in `energy_density`, a name in scene/material.rs, its id and
 // parameters in stages/material_law.rs, and branches in oracle::material_law, the f64 reference. Its parameters besides
-// mu and lambda are in ElasticMaterial. An including shader includes shared/types.glsl and shared/strain.glsl, and
-// declares LAWS, with a bit for each law that some material has.
+// mu and lambda are in ElasticMaterial. An including shader includes shared/types.glsl, shared/strain.glsl,
+// shared/symmetric.glsl and shared/geometric.glsl, and declares LAWS, with a bit for each law that some material has.
 
 const uint LAW_COROTATIONAL = 0;      // corotational linear elasticity
 const uint LAW_NEO_HOOKEAN = 1;       // stable neo-Hookean elasticity
@@ -17,6 +17,7 @@ struct Evaluation {
     float mu;           // shear modulus of the operator, Pa
     float lambda;       // first Lame parameter of the operator, Pa
     mat3 fold;          // maps the rest gradients of shape functions to those that the operator uses
+    mat3 geometric;     // geometric stiffness, Pa: symmetric and positive semi-definite
 };
 
 float trace(mat3 a) {
@@ -44,6 +45,34 @@ float compression_modulus(ElasticMaterial material) { return STIFFENING * (mater
 // Whether any material of the scene has this law; a kernel is compiled without the code of unused laws.
 bool is_used(uint law) { return (LAWS & (1u << law)) != 0; }
 
+mat3 even_part(mat3 a) { return 0.5 * (a + transpose(a)); }
+
+// Geometric stiffness Z of a law with the given stress R^T P, negative eigenvalues included. For a change dF of F, the
+// second derivative of the energy of any objective law contains w^T Z w, with w the axial vector of the skew part of L:
+// for L = dF F^-1, Z = tr(t) I - t with Kirchhoff's stress t = P F^T; for L = dF R^T, as the corotational law's operator
+// has it, an isotropic law with P = R s and F = R S has Z = 2 (tr(s) I - s) (tr(S) I - S)^-1.
+mat3 geometric_stiffness(uint law, mat3 e, mat3 compression, mat3 stress) {
+    if (is_used(LAW_NEO_HOOKEAN) && law == LAW_NEO_HOOKEAN) {
+        mat3 t = even_part(stress * transpose(mat3(1.0) + e));
+        return mat3(trace(t)) - t;
+    }
+    mat3 s = even_part(stress), stretch = mat3(1.0) + even_part(e) - compression;
+    return even_part(2.0 * (mat3(trace(s)) - s) * inverse(mat3(trace(stretch)) - stretch));
+}
+
+// Rate R^T dP/dt (Pa/s) at which the stress changes while F changes at the rate R `rate`: the exact derivative. Where the
+// compression penalty acts the energy may have a negative curvature, which one linearisation would run away along; the
+// rate is that of the operator there. `law` is the evaluation at `e`.
+mat3 stress_rate(ElasticMaterial material, mat3 e, mat3 compression, Evaluation law, mat3 rate) {
+    bool is_exact = compression == mat3(0.0);
+    if (is_exact && is_used(LAW_NEO_HOOKEAN) && material.law == LAW_NEO_HOOKEAN) {
+        return neo_hookean_rate(e, material, rate);
+    }
+    mat3 turning = is_exact ? geometric_stiffness(material.law, e, compression, law.stress) : law.geometric;
+    mat3 w = rate * law.fold;
+    return (linear_stress(w, law.mu, law.lambda) + 0.25 * cross_matrix(turning * twice_axial(w))) * law.fold;
+}
+
 // Evaluates a material's law at the strain `e`. `compression` is the part of the strain that the compression penalty
 // acts on (`excess_compression` in shared/strain.glsl). `lambda` is the material's, or zero where an F-bar patch
 // (tetrahedra that share one volumetric strain, elastic/mean_dilatation) applies lambda instead. The operator of the
@@ -63,6 +92,8 @@ Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 compression, float la
         law.stress = law.fold = mat3(law.mu);
     }
     law.stress += compression_modulus(material) * compression;
+    // What is pressed would turn by itself; the operator must stay positive semi-definite.
+    law.geometric = positive_part(geometric_stiffness(material.law, e, compression, law.stress));
     return law;
 }
 

@@ -40,6 +40,23 @@ Evaluation neo_hookean(mat3 e, ElasticMaterial material, mat3 compression) {
     return law;
 }
 
+// Inner product of two matrices.
+float inner(mat3 a, mat3 b) {
+    return dot(a[0], b[0]) + dot(a[1], b[1]) + dot(a[2], b[2]);
+}
+
+// Rate R^T dP/dt (Pa/s) of the stress while F changes at the rate R `rate`: with f = identity + e and p = l (J - 1) - mu,
+// m (1 - 1 / (I + 1)) rate + 2 m (f : rate) / (I + 1)^2 f + p d(cof f)/dt + l (cof f : rate) cof f.
+mat3 neo_hookean_rate(mat3 e, ElasticMaterial material, mat3 rate) {
+    float m = 4.0 / 3.0 * material.mu, l = material.lambda + 5.0 / 6.0 * material.mu, tr = trace(e);
+    float grown = 2.0 * tr + square(e), larger = tr + 0.5 * (tr * tr - trace(e * e)) + determinant(e);
+    mat3 f = mat3(1.0) + e, all_cofactors = cofactors(f);
+    mat3 turned = mat3(cross(rate[1], f[2]) + cross(f[1], rate[2]), cross(rate[2], f[0]) + cross(f[2], rate[0]),
+        cross(rate[0], f[1]) + cross(f[0], rate[1]));
+    return m * (3.0 + grown) / (4.0 + grown) * rate + 2.0 * m * inner(f, rate) / ((4.0 + grown) * (4.0 + grown)) * f
+        + (l * larger - material.mu) * turned + l * inner(all_cofactors, rate) * all_cofactors;
+}
+
 // Energy density (J/m^3), zero at rest, also expanded about F = identity: with x = (I - 3) / 4, the density is
 // m/2 (3/4 (|e|^2 + tr(e e) - tr(e)^2) - 3/2 det e + x - log(1 + x)) + l/2 (J - 1)^2.
 float neo_hookean_energy(mat3 e, float mu, float lambda) {

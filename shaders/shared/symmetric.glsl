@@ -12,3 +12,28 @@ void symmetric_inverse(vec3 a, vec3 c, out vec3 diagonal, out vec3 off) {
     diagonal = vec3(co.x, a.x * a.z - c.y * c.y, a.x * a.y - c.x * c.x) / determinant;
     off = vec3(co.y, co.z, c.x * c.y - a.x * c.z) / determinant;
 }
+
+// The positive semi-definite part of a symmetric matrix `a`: its negative eigenvalues become zero. Where signs differ,
+// one eigenvalue has a sign of its own and lies at an end of the spectrum. It is the root of the characteristic
+// polynomial x^3 - 3 x - 2 r of the deviator, scaled and with the sign for which it is the greatest root; Newton's
+// method from 2 approaches it from outside, so that what the last round leaves only adds stiffness. The projection on
+// its eigenvector is the matrix of cofactors over its trace.
+mat3 positive_part(mat3 a) {
+    mat3 co = mat3(cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1]));
+    float tr = a[0][0] + a[1][1] + a[2][2], minors = co[0][0] + co[1][1] + co[2][2], det = dot(a[0], co[0]);
+    if (minors >= 0.0 && tr >= 0.0 && det >= 0.0) return a;
+    if (minors >= 0.0 && tr <= 0.0 && det <= 0.0) return mat3(0.0);
+    float mean = tr / 3.0, direction = det > 0.0 ? 1.0 : -1.0;
+    mat3 deviator = a - mat3(mean);
+    float scale = sqrt((dot(deviator[0], deviator[0]) + dot(deviator[1], deviator[1]) + dot(deviator[2], deviator[2])) / 6.0);
+    deviator *= direction / scale;
+    float r = 0.5 * clamp(determinant(deviator), -2.0, 2.0), x = 2.0;
+    for (int k = 0; k < 5; k++) x -= (x * x * x - 3.0 * x - 2.0 * r) / max(3.0 * x * x - 3.0, 1e-3);
+    mat3 b = deviator - mat3(x);
+    co = mat3(cross(b[1], b[2]), cross(b[2], b[0]), cross(b[0], b[1]));
+    tr = co[0][0] + co[1][1] + co[2][2];
+    // A trace of zero: the two eigenvalues at this end are equal, and of different signs, so that both are nearly zero.
+    mat3 projection = co / max(tr, 1e-6);
+    float eigenvalue = mean + direction * scale * x;
+    return direction > 0.0 ? eigenvalue * projection : a - eigenvalue * projection;
+}

@@ -73,6 +73,7 @@ const uint SUMS = 7;
 #include "shared/rotation.glsl"
 #include "shared/polar.glsl"
 #include "shared/symmetric.glsl"
+#include "shared/geometric.glsl"
 #include "shared/sums.glsl"
 #include "shared/blocks.glsl"
 #include "shared/coarse_vector.glsl"
@@ -150,13 +151,14 @@ void main() {
                     c += row.xxy * row.yzz;
                     continue;
                 }
-                int t = int(entry / 4);
-                vec4 g1 = fetch(gradients, 3 * t), g2 = fetch(gradients, 3 * t + 1);
-                vec3 g3 = fetch(gradients, 3 * t + 2).xyz;
+                uint first = GRADIENT_TEXELS * (entry / 4);
+                vec4 g1 = fetch(gradients, first), g2 = fetch(gradients, first + 1);
+                vec3 g3 = fetch(gradients, first + 2).xyz;
                 uint corner = entry % 4;
                 vec3 g = corner == 0 ? -g1.xyz - g2.xyz - g3 : (corner == 1 ? g1.xyz : (corner == 2 ? g2.xyz : g3));
                 a += g1.w * dot(g, g) + (g1.w + g2.w) * g * g;
                 c += (g1.w + g2.w) * g.xxy * g.yzz;
+                add_geometric_block(g, fetch(gradients, first + 3).xyz, fetch(gradients, first + 4).xyz, a, c);
             }
         }
         if (CONTACT) add_contacts(node.x, b, e, a, c);

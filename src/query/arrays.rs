@@ -109,7 +109,7 @@ fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
     };
     let corners: Vec<[u32; 4]> = (0..TETRAHEDRA).map(|t| [t, t + 1, t + 17, t + 293].map(|n| n % TETRAHEDRA)).collect();
     let tetrahedra = Buffer::from_slice(context, "tetrahedra", &corners, Memory::Device)?;
-    let gradients = vectors("gradients", 3 * (TETRAHEDRA + 1))?;
+    let gradients = vectors("gradients", shaders::GRADIENT_TEXELS * (TETRAHEDRA + 1))?;
     let change = vectors("change", TETRAHEDRA)?;
     let element_forces = vectors("element_forces", 4 * (TETRAHEDRA + 1))?;
     let recording = |arrays| {

@@ -53,7 +53,8 @@ pub struct Elastic {
     /// State: rotation of each tetrahedron (quaternion); the next step starts its search for the new rotation from this
     /// one.
     pub rotations: Buffer,
-    /// Three per tetrahedron: the gradients of its shape functions (as in `rest_gradients`), rotated into world axes.
+    /// `GRADIENT_TEXELS` per tetrahedron: the gradients of its shape functions (as in `rest_gradients`), rotated into
+    /// world axes, and its geometric stiffness.
     pub gradients: Buffer,
     /// Forces of elements on nodes, as impulses (N s): four vectors per tetrahedron, four zero vectors, and twelve
     /// vectors per F-bar patch.
@@ -76,6 +77,7 @@ impl Elastic {
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Elastic> {
         let (nodes, tetrahedra) = (model.node_rest.len(), model.tetrahedra.len());
         let patches = model.patches.count();
+        let texels = shaders::GRADIENT_TEXELS as usize;
         let constants = |newton: bool| {
             [
                 ("NEWTON", Const::Bool(newton)),
@@ -118,7 +120,7 @@ impl Elastic {
             displacement: zeros::<[f32; 4]>(context, "displacement", nodes)?,
             velocity: upload(context, "velocity", &model.velocity)?,
             rotations: upload(context, "rotations", &vec![[0.0f32, 0.0, 0.0, 1.0]; tetrahedra.max(1)])?,
-            gradients: zeros::<[f32; 4]>(context, "gradients", 3 * (tetrahedra + 1))?,
+            gradients: zeros::<[f32; 4]>(context, "gradients", texels * (tetrahedra + 1))?,
             element_forces: zeros::<[f32; 4]>(context, "element_forces", 4 * (tetrahedra + 1) + MOST_NODES * patches)?,
         })
     }

@@ -114,6 +114,20 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
     let force = h * (h * 4.0 + 2.0) * 0.5 * (0.75 * 5.0 - 1.6 + 5.0);
     let want = [0.0, 0.6 * force, 0.8 * force, force];
     expect_close("contact", &passes.contact_forces[2], &want, Tolerance { abs: 0.0, rel: 1e-6 });
+    // Geometric stiffness with Z = diag(1, 2, 4), xy 8: for node 1 moving by (0, 3, 4), w = e_x x v = (0, -4, 3), Z w =
+    // (-32, -8, 12), and the force on node i is (Z w) x e_i.
+    passes.system.gradients[..5].copy_from_slice(&[
+        [1.0, 0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0],
+        [1.0, 2.0, 4.0, 0.0],
+        [8.0, 0.0, 0.0, 0.0],
+    ]);
+    passes.apply(Change::Preconditioned);
+    let want = [-4.0, -44.0, -40.0, 0.0, 12.0, 8.0, -12.0, 0.0, -32.0, -8.0, 32.0, 0.0];
+    let sum: Vec<f64> = (0..3).map(|axis| -(want[3 + axis] + want[6 + axis] + want[9 + axis])).collect();
+    assert_eq!(triples(&passes.element_forces[..4])[3..], want[3..].iter().map(|x| *x as f32).collect::<Vec<_>>()[..]);
+    assert_eq!(triples(&passes.element_forces[..1]), sum.iter().map(|x| *x as f32).collect::<Vec<_>>());
 }
 
 #[test]

@@ -9,7 +9,7 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::Scene;
 use palpate::internal::prepare::layer::kuhn_box;
 use palpate::internal::prepare::{self, Body, FrameMotion, Layer, Materials, Shape, Skin};
-use palpate::internal::shaders::{Contact, Counts, Frame, Link, NONE, StepParams};
+use palpate::internal::shaders::{Contact, Counts, Frame, GRADIENT_TEXELS, Link, NONE, StepParams};
 use palpate::internal::stages::model::Model;
 use palpate::scene::{self, Coupling, Hinge, Material, MaterialLaw, Preconditioner};
 use palpate_oracle::contact::{Carrier, Contact as Twin, Point};
@@ -262,7 +262,7 @@ impl System {
         let outcome = elastic::rotate(self, &[]);
         self.rotations = outcome.get("rotations");
         self.gradients = outcome.get("gradients");
-        self.gradients.extend([[0.0; 4]; 3]);
+        self.gradients.extend([[0.0; 4]; GRADIENT_TEXELS as usize]);
         self.element_forces = outcome.get("element_forces");
         self.element_forces.extend([[0.0; 4]; 4]);
         let mut rotations = self.rotations.iter().map(|q| DQuat::from_array(q.map(f64::from)).normalize());
@@ -277,12 +277,10 @@ impl System {
         if self.trial_change.is_empty() { &[[0.0; 4]] } else { &self.trial_change }
     }
 
-    /// The velocities, m/s, with which a body's nodes went to the displacements at which a further Newton iteration
-    /// linearises; zero in the first Newton iteration.
-    pub fn kinematic_velocity(&self, body: usize) -> Vec<DVec3> {
+    /// The trial change of velocity of a body's nodes; `None` in the first Newton iteration.
+    pub fn trial_change_of(&self, body: usize) -> Option<Vec<DVec3>> {
         let own = self.model.soft.get(body).map_or(0..0, |soft| soft.nodes.clone());
-        let gained = |i: usize| self.trial_change.get(i).map(|x| wide(&self.velocity[i]) + wide(x));
-        own.map(|i| gained(i).unwrap_or_default()).collect()
+        self.trial_change.get(own).filter(|change| !change.is_empty()).map(|change| change.iter().map(wide).collect())
     }
 
     /// Adds a tool that a virtual coupling (spring and damper) pulls towards a pose of the haptic device.

@@ -5,9 +5,9 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::Flags;
 use palpate::internal::gpu::Const;
 use palpate::internal::prepare::{Layer, Materials};
-use palpate::internal::shaders::Counts;
+use palpate::internal::shaders::{Counts, GRADIENT_TEXELS};
 use palpate::internal::stages::material_law::{has, laws_of};
-use palpate::scene::{Material, MaterialLaw};
+use palpate::scene::MaterialLaw;
 use palpate_oracle::elastic::{lame, outer, polar_rotation, strain};
 
 use crate::harness::random::Random;
@@ -33,6 +33,9 @@ const FOLDED: f64 = 5.0e-6;
 /// Error of forces relative to the largest value: strains of order one tenth come from terms of order one, known to
 /// 1e-7.
 const FORCE: f64 = 1.0e-5;
+/// Error of the geometric stiffness relative to the largest value: it is made of stresses, whose error is [`FORCE`], and
+/// where it has negative eigenvalues one root of a polynomial is known to some 1e-5.
+const GEOMETRIC: f64 = 5.0e-5;
 /// Error of forces relative to the largest value at strains of 1e-6; strains that are differences of numbers of order
 /// one would give 1e-1 at best.
 const TINY_STRAIN: f64 = 5.0e-6;
@@ -61,7 +64,7 @@ pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
         .input("patch_of", if patch_of.is_empty() { &[0] } else { patch_of })
         .input("trial_change", system.trial())
         .inout("rotations", &system.rotations)
-        .output::<[f32; 4]>("gradients", 3 * tetrahedra)
+        .output::<[f32; 4]>("gradients", GRADIENT_TEXELS as usize * tetrahedra)
         .inout("counts", &[system.counts])
         .output::<[f32; 4]>("element_forces", 4 * tetrahedra)
         .elements(tetrahedra)
@@ -148,33 +151,30 @@ pub fn expect_oracle(what: &str, system: &System, force: f64) {
     }
     expect_gradients(what, system);
     let h = system.twin.dt;
-    let elastic = body.elements.forces(&body.displacement, &found);
-    let weight = |material: &Material| h * (h + material.damping_stiffness);
+    let change = system.trial_change_of(0);
     let elements = body.elements.linearised(&body.displacement, &found);
-    let viscous = elements.apply_weighted(&body.velocity, &found, weight);
-    let held = elements.apply_weighted(&system.kinematic_velocity(0), &found, |_| h * h);
-    let want = elastic.iter().zip(&viscous).zip(&held).flat_map(|((f, kv), held)| (h * *f - *kv + *held).to_array());
+    let want = elements.impulses(&body.displacement, &found, &body.velocity, change.as_deref(), h);
+    let want: Vec<f64> = want.iter().flat_map(|f| f.to_array()).collect();
     let got = &system.element_forces[..system.element_forces.len() - 4];
-    expect_of_largest(
-        &format!("{what}: forces"),
-        &crate::solver::system::triples(got),
-        &want.collect::<Vec<_>>(),
-        force,
-    );
+    expect_of_largest(&format!("{what}: forces"), &crate::solver::system::triples(got), &want, force);
 }
 
 fn expect_gradients(what: &str, system: &System) {
     let body = &system.twin.bodies[0];
     let h = system.twin.dt;
     let share = if has(&system.model.materials, MaterialLaw::NeoHookean) { FOLDED } else { GRADIENT };
-    let (mut got, mut want, mut traces) = (vec![], vec![], (vec![], vec![]));
+    let (mut got, mut want, mut traces, mut stiff) = (vec![], vec![], (vec![], vec![]), (vec![], vec![]));
     let operators = body.elements.linearised(&body.displacement, &quaternions(system)).operators;
     for (t, q) in quaternions(system).iter().enumerate() {
         let operator = &operators[t];
         let turn =
             body.elements.frame * DMat3::from_quat(q.normalize()) * operator.fold * body.elements.volumes[t].sqrt();
-        let [h1, h2, h3] = &system.gradients[3 * t..3 * t + 3] else { panic!("not three gradients in a tetrahedron") };
+        let [h1, h2, h3, diagonal, off] = system.gradients[5 * t..5 * t + 5] else { panic!("five vectors") };
         got.extend([h1, h2, h3].iter().flat_map(|g| [g[0], g[1], g[2]]));
+        let world = body.elements.frame * DMat3::from_quat(q.normalize());
+        let z = world * operator.geometric * world.transpose() * (0.25 * h * h);
+        stiff.0.extend([diagonal, off].iter().flat_map(|z| [z[0], z[1], z[2]]));
+        stiff.1.extend([z.x_axis.x, z.y_axis.y, z.z_axis.z, z.x_axis.y, z.x_axis.z, z.y_axis.z]);
         want.extend(body.elements.gradients[t][1..].iter().flat_map(|g| (turn * *g).to_array()));
         let scale = h * (h + body.elements.materials[t].damping_stiffness);
         let moduli = [scale * operator.mu, scale * operator.lambda];
@@ -185,6 +185,7 @@ fn expect_gradients(what: &str, system: &System) {
     }
     expect_of_largest(&format!("{what}: gradients"), &got, &want, share);
     expect_of_largest(&format!("{what}: trace of the strain"), &traces.0, &traces.1, FORCE);
+    expect_of_largest(&format!("{what}: geometric stiffness"), &stiff.0, &stiff.1, GEOMETRIC);
 }
 
 /// Checks that the error of every value is at most `share` times the largest wanted value.

@@ -14,7 +14,6 @@ use palpate::internal::shaders::{
 };
 use palpate::internal::stages::ARGS_WORDS;
 use palpate::internal::stages::model::FramePlace;
-use palpate::scene::Material;
 
 use crate::harness::random::Random;
 use crate::harness::{Tolerance, case, context, expect_close};
@@ -120,18 +119,14 @@ fn tetrahedra_that_span_two_frames_have_the_oracles_forces() {
         let body = &system.twin.bodies[0];
         // The oracle uses its own rotations, the polar rotations of the whole deformation from rest axes.
         let rotations = body.elements.rotations(&body.displacement);
-        let elastic = body.elements.forces(&body.displacement, &rotations);
-        let h = system.twin.dt;
-        let weight = |material: &Material| h * (h + material.damping_stiffness);
         let linearised = body.elements.linearised(&body.displacement, &rotations);
-        let viscous = linearised.apply_weighted(&body.velocity, &rotations, weight);
-        let mut got = vec![DVec3::ZERO; elastic.len()];
+        let want = linearised.impulses(&body.displacement, &rotations, &body.velocity, None, system.twin.dt);
+        let mut got = vec![DVec3::ZERO; want.len()];
         for (t, nodes) in system.model.tetrahedra.iter().enumerate() {
             for (corner, node) in nodes.iter().enumerate() {
                 got[*node as usize] += wide(&system.element_forces[4 * t + corner]);
             }
         }
-        let want: Vec<DVec3> = elastic.iter().zip(&viscous).map(|(f, kv)| h * *f - *kv).collect();
         let largest = want.iter().map(|f| f.length()).fold(0.0, f64::max);
         let error = got.iter().zip(&want).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / largest;
         assert!(error < FORCE, "frames turned by {angle} rad: relative error of forces {error:e}");

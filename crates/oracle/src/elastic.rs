@@ -52,8 +52,9 @@ pub struct Elements {
 }
 
 /// Stiffness K of a tetrahedron: the product with node vectors p_j is, at node i,
-/// (K p)_i = V (2 mu sym(W) + lambda tr(W) I) g'_i with W = sum p_j g'_j^T over its nodes j and g'_j = R `fold` g_j,
-/// for rest gradients g_j of the shape functions, rotation R and rest volume V.
+/// (K p)_i = V (2 mu sym(W) + lambda tr(W) I) g'_i + V/2 (Z w) x g'_i, with W = sum p_j g'_j^T over its nodes j and
+/// g'_j = R `fold` g_j, for rest gradients g_j of the shape functions, rotation R and rest volume V; w is the axial
+/// vector of the skew part of W.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Operator {
     /// Shear modulus, Pa.
@@ -63,13 +64,38 @@ pub struct Operator {
     /// Symmetric matrix that maps rest gradients to gradients of the deformed tetrahedron; the identity for linear
     /// elasticity.
     pub fold: DMat3,
+    /// Geometric stiffness Z, Pa, before the rotation R: symmetric, positive semi-definite, zero where nothing is
+    /// stretched.
+    pub geometric: DMat3,
+}
+
+/// Weights of the two parts of the stiffness K: of the moduli mu and lambda, and of the geometric stiffness.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Weight {
+    /// Weight of mu and lambda.
+    pub moduli: f64,
+    /// Weight of the geometric stiffness.
+    pub geometric: f64,
+}
+
+impl Weight {
+    /// The same weight for both parts.
+    pub const fn both(weight: f64) -> Weight {
+        Weight { moduli: weight, geometric: weight }
+    }
+
+    /// Weights in a step of `h` seconds: h^2, and for the moduli h beta besides, with stiffness-proportional damping
+    /// beta. Geometric stiffness has no damping, which would act on rigid rotation.
+    pub fn of_step(h: f64, material: &Material) -> Weight {
+        Weight { moduli: h * (h + material.damping_stiffness), geometric: h * h }
+    }
 }
 
 impl Operator {
     /// Operator of linear elasticity; `lambda` is Lamé's first parameter without the part that an F-bar patch applies,
     /// Pa.
     pub(super) fn linear(material: &Material, lambda: f64) -> Operator {
-        Operator { mu: lame(material).0, lambda, fold: DMat3::IDENTITY }
+        Operator { mu: lame(material).0, lambda, fold: DMat3::IDENTITY, geometric: DMat3::ZERO }
     }
 
     /// Stress of linear elasticity, 2 mu sym(E) + lambda tr(E) I.
@@ -145,14 +171,33 @@ impl Elements {
         forces
     }
 
+    /// Rate, N/s, world axes, at which the elastic forces change at displacements `d` (m, rest axes) and velocities `v`
+    /// (m/s, world axes); see [`material_law::stress_rate`].
+    pub fn force_rates(&self, d: &[DVec3], rotations: &[DQuat], v: &[DVec3]) -> Vec<DVec3> {
+        let local: Vec<DVec3> = v.iter().map(|v| self.frame.transpose() * *v).collect();
+        let turn = |e: usize| DMat3::from_quat(rotations[e].normalize());
+        let rates: Vec<_> = (0..rotations.len()).map(|e| turn(e).transpose() * self.gradient(e, &local)).collect();
+        let pressures = self.patch_pressures(&rates);
+        let mut sum = vec![DVec3::ZERO; self.node_count()];
+        for (e, nodes) in self.tetrahedra.iter().enumerate() {
+            let strain = strain(rotations[e].normalize(), self.gradient(e, d));
+            let of_law = material_law::stress_rate(&self.materials[e], self.own_lambda(e), strain, rates[e]);
+            let rate = turn(e) * (of_law + pressures[e]);
+            for (i, g) in nodes.iter().zip(&self.gradients[e]) {
+                sum[*i as usize] -= self.frame * (rate * *g) * self.volumes[e];
+            }
+        }
+        sum
+    }
+
     /// Stiffness product K p with rotations held fixed; p and the product are in world axes.
     pub fn apply_stiffness(&self, p: &[DVec3], rotations: &[DQuat]) -> Vec<DVec3> {
-        self.apply_weighted(p, rotations, |_| 1.0)
+        self.apply_weighted(p, rotations, |_| Weight::both(1.0))
     }
 
     /// Stiffness product K p in which the K of every tetrahedron is multiplied by a weight that depends on its
     /// material.
-    pub fn apply_weighted(&self, p: &[DVec3], rotations: &[DQuat], weight: impl Fn(&Material) -> f64) -> Vec<DVec3> {
+    pub fn apply_weighted(&self, p: &[DVec3], rotations: &[DQuat], weight: impl Fn(&Material) -> Weight) -> Vec<DVec3> {
         let to_rest = self.frame.transpose();
         let local: Vec<DVec3> = p.iter().map(|p| to_rest * *p).collect();
         let mut product = vec![DVec3::ZERO; self.node_count()];
@@ -162,25 +207,57 @@ impl Elements {
         let pressures = self.patch_pressures(&strains);
         for (e, nodes) in self.tetrahedra.iter().enumerate() {
             let operator = &self.operators[e];
-            let stress = turns[e] * (operator.stress(strains[e]) + pressures[e]) * operator.fold;
-            let volume = weight(&self.materials[e]) * self.volumes[e];
+            let Weight { moduli, geometric } = weight(&self.materials[e]);
+            let turning = cross_matrix(operator.geometric * axial(strains[e])) * 0.5;
+            let stress = (operator.stress(strains[e]) + pressures[e]) * moduli + turning * geometric;
+            let stress = turns[e] * stress * operator.fold;
             for (i, g) in nodes.iter().zip(&self.gradients[e]) {
-                product[*i as usize] += self.frame * (stress * *g) * volume;
+                product[*i as usize] += self.frame * (stress * *g) * self.volumes[e];
             }
         }
         product
     }
 
-    /// The 3x3 blocks K_ij of one tetrahedron, world axes, rotations held fixed:
-    /// K_ij = V (mu ((g'_i . g'_j) I + g'_j g'_i^T) + lambda g'_i g'_j^T), see [`Operator`]. The term of lambda of
-    /// F-bar patches is in [`Elements::patch_rows`].
-    pub fn stiffness_blocks(&self, element: usize, rotation: DQuat) -> [[DMat3; 4]; 4] {
+    /// Damping forces beta K v, N, world axes, of stiffness-proportional damping beta at velocities `v` (m/s, world axes);
+    /// K is without geometric stiffness.
+    pub fn viscous_forces(&self, v: &[DVec3], rotations: &[DQuat]) -> Vec<DVec3> {
+        let weight = |material: &Material| Weight { moduli: material.damping_stiffness, geometric: 0.0 };
+        self.apply_weighted(v, rotations, weight)
+    }
+
+    /// What elasticity and stiffness-proportional damping beta add to the right-hand side of a step of `h` seconds, N s:
+    /// h (f + h f' - beta K v) in the first Newton iteration, with the forces f at displacements `d` and their rate f' at
+    /// the velocities v; h (f + h K x - beta K v) in later ones, which linearise where the change of velocity x has led.
+    /// The operators must be those at `d`; the K of beta is without geometric stiffness.
+    pub fn impulses(
+        &self,
+        d: &[DVec3],
+        rotations: &[DQuat],
+        velocity: &[DVec3],
+        change: Option<&[DVec3]>,
+        h: f64,
+    ) -> Vec<DVec3> {
+        let viscous = self.viscous_forces(velocity, rotations);
+        let linear = match change {
+            None => self.force_rates(d, rotations, velocity),
+            Some(change) => self.apply_stiffness(change, rotations),
+        };
+        let forces = self.forces(d, rotations);
+        forces.iter().zip(&viscous).zip(&linear).map(|((f, damped), linear)| h * (*f - *damped + h * *linear)).collect()
+    }
+
+    /// The 3x3 blocks K_ij of one tetrahedron, world axes, rotations held fixed, times the weights:
+    /// K_ij = V (mu ((g'_i . g'_j) I + g'_j g'_i^T) + lambda g'_i g'_j^T) + V/4 [g'_i]^T Z [g'_j], see [`Operator`],
+    /// with [g] the cross product matrix of g. The term of lambda of F-bar patches is in [`Elements::patch_rows`].
+    pub fn stiffness_blocks(&self, element: usize, rotation: DQuat, weight: Weight) -> [[DMat3; 4]; 4] {
         let operator = &self.operators[element];
-        let r = self.frame * DMat3::from_quat(rotation.normalize()) * operator.fold;
-        let g = self.gradients[element].map(|g| r * g);
+        let turn = self.frame * DMat3::from_quat(rotation.normalize());
+        let g = self.gradients[element].map(|g| turn * operator.fold * g);
+        let geometric = turn * operator.geometric * turn.transpose() * (0.25 * weight.geometric);
         let block = |i: usize, j: usize| {
             let shear = DMat3::from_diagonal(DVec3::splat(g[i].dot(g[j]))) + outer(g[j], g[i]);
-            (shear * operator.mu + outer(g[i], g[j]) * operator.lambda) * self.volumes[element]
+            let moduli = (shear * operator.mu + outer(g[i], g[j]) * operator.lambda) * weight.moduli;
+            (moduli + cross_matrix(g[i]).transpose() * geometric * cross_matrix(g[j])) * self.volumes[element]
         };
         std::array::from_fn(|i| std::array::from_fn(|j| block(i, j)))
     }
@@ -335,6 +412,23 @@ pub fn polar_rotation(f: DMat3) -> DQuat {
 /// Outer product a b^T.
 pub fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+/// Cross product matrix of v, whose product with p is v x p.
+pub(super) fn cross_matrix(v: DVec3) -> DMat3 {
+    DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0))
+}
+
+/// Axial vector w of the skew part of a matrix: the skew part's product with p is w x p.
+pub(super) fn axial(m: DMat3) -> DVec3 {
+    0.5 * DVec3::new(m.y_axis.z - m.z_axis.y, m.z_axis.x - m.x_axis.z, m.x_axis.y - m.y_axis.x)
+}
+
+/// A symmetric matrix with its negative eigenvalues set to zero.
+pub(super) fn positive_part(m: DMat3) -> DMat3 {
+    let Ok(eigen) = Mat::from_fn(3, 3, |i, j| m.col(j)[i]).self_adjoint_eigen(Side::Lower) else { return m };
+    let axis = |k: usize| DVec3::from_array(std::array::from_fn(|i| eigen.U()[(i, k)]));
+    (0..3).fold(DMat3::ZERO, |sum, k| sum + outer(axis(k), axis(k)) * eigen.S()[k].max(0.0))
 }
 
 pub(super) fn symmetric(m: DMat3) -> DMat3 {

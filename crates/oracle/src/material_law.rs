@@ -2,10 +2,12 @@
 //! E = R^T F - I, with rotation R and deformation gradient F. A compression penalty stiffens strongly compressed
 //! tetrahedra. Reference implementation of `shaders/shared/material_law.glsl`.
 
-use glam::DMat3;
+use glam::{DMat3, DVec3};
 use palpate::scene::{Material, MaterialLaw};
 
-use super::elastic::{Operator, excess_compression, lame, stiffening, symmetric};
+use super::elastic::{
+    Operator, axial, cross_matrix, excess_compression, lame, positive_part, stiffening, symmetric, trace,
+};
 use super::neo_hookean;
 
 /// Stress R^T P, Pa, with the first Piola-Kirchhoff stress P. `lambda` is Lamé's first parameter, Pa, without the part
@@ -23,10 +25,51 @@ pub fn stress(material: &Material, lambda: f64, strain: DMat3) -> DMat3 {
 pub fn operator(material: &Material, lambda: f64, strain: DMat3) -> Operator {
     let compression = excess_compression(strain);
     let linear = Operator::linear(material, lambda);
-    match material.law {
+    let of_law = match material.law {
         MaterialLaw::NeoHookean => neo_hookean::operator(lame(material), strain, compression),
         MaterialLaw::Corotational if compression == DMat3::ZERO => linear,
         MaterialLaw::Corotational => Operator { mu: linear.mu + 0.5 * stiffening(lame(material)), ..linear },
+    };
+    let geometric = geometric_stiffness(material.law, strain, compression, stress(material, lambda, strain));
+    Operator { geometric: positive_part(geometric), ..of_law }
+}
+
+/// Rate R^T dP/dt, Pa/s, at which the stress changes while F changes at the rate R `rate`: the exact derivative of
+/// [`stress`], or where the compression penalty acts the product with the operator.
+pub fn stress_rate(material: &Material, lambda: f64, strain: DMat3, rate: DMat3) -> DMat3 {
+    let compression = excess_compression(strain);
+    let operator = operator(material, lambda, strain);
+    let with_operator = |geometric: DMat3| {
+        let w = rate * operator.fold;
+        (operator.stress(w) + cross_matrix(geometric * axial(w)) * 0.5) * operator.fold
+    };
+    match material.law {
+        _ if compression != DMat3::ZERO => with_operator(operator.geometric),
+        MaterialLaw::NeoHookean => neo_hookean::stress_rate(lame(material), strain, rate),
+        MaterialLaw::Corotational => {
+            let stress = stress(material, lambda, strain);
+            with_operator(geometric_stiffness(material.law, strain, compression, stress))
+        }
+    }
+}
+
+/// Geometric stiffness Z, Pa, at a strain, with the stress R^T P. The second derivative of the energy of an objective
+/// law, for a change dF of F = R S, contains w^T Z w with w the axial vector of the skew part of L. With L = dF F^-1,
+/// Z = tr(t) I - t, where t = P F^T is Kirchhoff's stress (turned back by R). With L = dF R^T, as in the corotational
+/// operator, an isotropic law has in principal axes Z_k = 2 (s_i + s_j) / (S_i + S_j), with s = R^T P (Smith, de Goes
+/// and Kim, "Analytic Eigensystems for Isotropic Distortion Energies", 2019).
+fn geometric_stiffness(law: MaterialLaw, strain: DMat3, compression: DMat3, stress: DMat3) -> DMat3 {
+    let minus_from_trace = |m: DMat3| DMat3::from_diagonal(DVec3::splat(trace(m))) - m;
+    match law {
+        MaterialLaw::NeoHookean => {
+            let kirchhoff = symmetric(stress * (DMat3::IDENTITY + strain).transpose());
+            minus_from_trace(kirchhoff)
+        }
+        MaterialLaw::Corotational => {
+            let stretch = DMat3::IDENTITY + symmetric(strain) - compression;
+            let quotient = minus_from_trace(symmetric(stress)) * minus_from_trace(stretch).inverse();
+            symmetric(quotient * 2.0)
+        }
     }
 }
 

@@ -47,13 +47,29 @@ pub fn stress(lame: (f64, f64), strain: DMat3) -> DMat3 {
         + all_cofactors * (l * volume)
 }
 
+/// Rate R^T dP/dt, Pa/s, at which the stress changes while F changes at the rate R `rate`: the derivative of [`stress`].
+pub fn stress_rate(lame: (f64, f64), strain: DMat3, rate: DMat3) -> DMat3 {
+    let (mu, _) = lame;
+    let (m, l) = parameters(lame);
+    let f = DMat3::IDENTITY + strain;
+    let inner = |a: DMat3, b: DMat3| trace(a.transpose() * b);
+    let (more, cofactors_now) = (square(f) + 1.0, cofactors(f));
+    // Cofactors are quadratic in F, so this central difference is exact.
+    let turned = (cofactors(f + rate) - cofactors(f - rate)) * 0.5;
+    rate * (m * (1.0 - 1.0 / more))
+        + f * (2.0 * m * inner(f, rate) / (more * more))
+        + turned * (l * (f.determinant() - 1.0) - mu)
+        + cofactors_now * (l * inner(cofactors_now, rate))
+}
+
 /// The stiffness operator at a strain. Symbols: the rotation R and stretch S in F = R S, p = l (J - 1) - mu, b = S^2,
 /// c = m (1 - 1 / (I + 1)), and L = R^T dF S^-1 for a change dF of F, with the symmetric part D and skew part O of L.
 /// The second derivative of the energy is
 /// c tr(L b L^T) - p J (|D|^2 - |O|^2) + J (l J + p) tr(D)^2 + 2 m (b:D)^2 / (I + 1)^2, which is isotropic except for
 /// b. The operator must be isotropic. So its doubled shear modulus is the greater of two numbers: c times the mean
 /// eigenvalue of b, minus p J; and c times the greatest eigenvalue of b. This is enough, because a linearised implicit
-/// step is stable if its operator has at least half the true stiffness for every wave. O, a pure rotation, is left out.
+/// step is stable if its operator has at least half the true stiffness for every wave. O, a pure rotation, is left to the
+/// geometric stiffness (`material_law.rs`), which is zero here.
 /// Subtracting `compression`, from `excess_compression` in elastic.rs, keeps S from being singular.
 pub fn operator(lame: (f64, f64), strain: DMat3, compression: DMat3) -> Operator {
     let (mu, _) = lame;
@@ -73,5 +89,6 @@ pub fn operator(lame: (f64, f64), strain: DMat3, compression: DMat3) -> Operator
         mu: 0.5 * (c * mean - pressure * volume).max(c * greatest) + more,
         lambda: (volume * (l * volume + pressure) + rank_one).max(0.0),
         fold: stretch.inverse(),
+        geometric: DMat3::ZERO,
     }
 }

@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::scene::Material;
 
 use super::body::SoftBody;
-use super::elastic::outer;
+use super::elastic::{Weight, outer};
 use super::linear::Entries;
 use super::step::{Map, Simulation, Unknowns, add_mapped};
 
@@ -16,9 +16,9 @@ use super::step::{Map, Simulation, Unknowns, add_mapped};
 pub(super) struct Trial {
     /// Displacement of each node, rest axes, m.
     pub displacement: Vec<DVec3>,
-    /// Velocity v_t of each node at the end of the step, world, m/s; `displacement` already contains the motion at v_t
-    /// over the step. It is zero in the first iteration, which linearises at the start of the step.
-    pub velocity: Vec<DVec3>,
+    /// Change x_t of each node's velocity over the step, world, m/s; `displacement` already contains the motion at the
+    /// velocity v + x_t over the step. `None` in the first iteration, which linearises at the start of the step.
+    pub change: Option<Vec<DVec3>>,
     /// Rotation of each tetrahedron.
     pub rotations: Vec<DQuat>,
 }
@@ -26,19 +26,16 @@ pub(super) struct Trial {
 impl Trial {
     /// The state at the start of the step.
     pub fn start(body: &SoftBody) -> Trial {
-        Trial {
-            displacement: body.displacement.clone(),
-            velocity: vec![DVec3::ZERO; body.displacement.len()],
-            rotations: body.rotations(),
-        }
+        Trial { displacement: body.displacement.clone(), change: None, rotations: body.rotations() }
     }
 }
 
 impl Simulation {
     /// Adds a body to the system A x = b of a step of h seconds: to A (1 + h alpha) M + (h^2 + h beta) K, and to b
-    /// h [M g + f_el - alpha M v - (beta + h) K v + h K v_t], with mass M, gravity g, damping coefficients alpha and
-    /// beta of each element, velocity v at the start, and elastic force f_el, stiffness K and velocity v_t of the trial
-    /// state.
+    /// h [M g + f_el - alpha M v - beta K v] + h^2 f'_el in the first iteration, h [..] + h^2 K x_t in later ones, with
+    /// mass M, gravity g, damping coefficients alpha and beta of each element, velocity v at the start, and elastic force
+    /// f_el, its rate f'_el at v, stiffness K and change of velocity x_t of the trial state. Terms of beta are without
+    /// geometric stiffness.
     pub(super) fn add_body(&self, a: &mut Entries, b: &mut [f64], body: &SoftBody, trial: &Trial, unknowns: &[Map]) {
         let Trial { displacement, rotations, .. } = trial;
         let (h, mut elements) = (self.dt, body.elements.linearised(displacement, rotations));
@@ -48,20 +45,19 @@ impl Simulation {
             // the start.
             let [first, others @ ..] = nodes.map(|n| &unknowns[n as usize]);
             if first.len() > 1 && others.iter().all(|map| map.len() > 1 && map[0].0 == first[0].0) {
-                (operator.mu, operator.lambda) = (0.0, 0.0);
+                (operator.mu, operator.lambda, operator.geometric) = (0.0, 0.0, DMat3::ZERO);
             }
         }
-        let weight = |material: &Material| h * (h + material.damping_stiffness);
+        let weight = |material: &Material| Weight::of_step(h, material);
         for (e, nodes) in elements.tetrahedra.iter().enumerate() {
-            let blocks = elements.stiffness_blocks(e, rotations[e]);
+            let blocks = elements.stiffness_blocks(e, rotations[e], weight(&elements.materials[e]));
             for (k, i) in nodes.iter().enumerate() {
                 for (l, j) in nodes.iter().enumerate() {
-                    let block = blocks[k][l] * weight(&elements.materials[e]);
-                    add_mapped(a, &unknowns[*i as usize], &unknowns[*j as usize], &block);
+                    add_mapped(a, &unknowns[*i as usize], &unknowns[*j as usize], &blocks[k][l]);
                 }
             }
         }
-        for row in elements.weighted_patch_rows(rotations, weight) {
+        for row in elements.weighted_patch_rows(rotations, |material| weight(material).moduli) {
             for (i, left) in &row {
                 for (j, right) in &row {
                     let block = outer(*left, *right);
@@ -69,13 +65,11 @@ impl Simulation {
                 }
             }
         }
-        let elastic = elements.forces(displacement, rotations);
-        let stiff = elements.apply_weighted(&body.velocity, rotations, weight);
-        let held = elements.apply_weighted(&trial.velocity, rotations, |_| h * h);
+        let elastic = elements.impulses(displacement, rotations, &body.velocity, trial.change.as_deref(), h);
         for (i, map) in unknowns.iter().enumerate() {
             let (mass, damping) = (elements.masses[i], elements.damping[i]);
             let inertial = mass * self.gravity - damping * body.velocity[i];
-            let load = h * (inertial + elastic[i]) - stiff[i] + held[i];
+            let load = h * inertial + elastic[i];
             add_mapped(a, map, map, &DMat3::from_diagonal(DVec3::splat(mass + h * damping)));
             for (first, matrix) in map {
                 let mapped = matrix.transpose() * load;
@@ -91,10 +85,11 @@ impl Simulation {
         let mut trials = Vec::new();
         for (body, maps) in self.bodies.iter().zip(&unknowns.nodes) {
             let gained = maps.iter().map(|map| map.iter().map(|(first, p)| *p * three(*first)).sum::<DVec3>());
-            let velocity: Vec<DVec3> = body.velocity.iter().zip(gained).map(|(v, x)| *v + x).collect();
+            let change: Vec<DVec3> = gained.collect();
+            let velocity = body.velocity.iter().zip(&change).map(|(v, x)| *v + *x);
             let back = body.elements.frame.transpose();
-            let moved = body.displacement.iter().zip(&velocity).map(|(d, v)| *d + self.dt * (back * *v));
-            trials.push(Trial { displacement: moved.collect(), velocity, rotations: Vec::new() });
+            let displacement = body.displacement.iter().zip(velocity).map(|(d, v)| *d + self.dt * (back * v)).collect();
+            trials.push(Trial { displacement, change: Some(change), rotations: Vec::new() });
         }
         for (core, first) in self.cores.iter().zip(&unknowns.cores) {
             let turn = DQuat::from_scaled_axis(self.dt * (core.spin + three(first + 3)));

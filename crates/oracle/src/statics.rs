@@ -4,7 +4,7 @@
 use glam::{DQuat, DVec3};
 use palpate::Result;
 
-use crate::elastic::{Elements, outer};
+use crate::elastic::{Elements, Weight, outer};
 use crate::linear::{Entries, Solver};
 
 /// Solves for the displacements (m, world axes) under `loads` (N on each node, world axes), at small strain about rest.
@@ -21,7 +21,7 @@ pub fn solve(elements: &Elements, fixed: &[[bool; 3]], loads: &[DVec3]) -> Resul
     }
     let mut a = Entries::default();
     for (e, nodes) in elements.tetrahedra.iter().enumerate() {
-        let blocks = elements.stiffness_blocks(e, DQuat::IDENTITY);
+        let blocks = elements.stiffness_blocks(e, DQuat::IDENTITY, Weight::both(1.0));
         for (k, i) in nodes.iter().enumerate() {
             for (l, j) in nodes.iter().enumerate() {
                 add_block(&mut a, unknowns[*i as usize], unknowns[*j as usize], &blocks[k][l]);

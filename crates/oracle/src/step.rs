@@ -9,6 +9,7 @@ use palpate::Result;
 
 use crate::contact::{Carrier, Contact, Point};
 use crate::contact_law::Friction;
+use crate::elastic::cross_matrix;
 use crate::joint::Joint;
 use crate::linear::{Entries, Solver};
 use crate::newton::Trial;
@@ -358,11 +359,6 @@ pub(super) fn add_mapped(a: &mut Entries, rows: &Map, columns: &Map, block: &DMa
             a.add_block(*row, *column, &(left.transpose() * *block * *right));
         }
     }
-}
-
-/// Cross product matrix of v, whose product with p is v x p.
-fn cross_matrix(v: DVec3) -> DMat3 {
-    DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0))
 }
 
 pub(super) fn dot(row: &[(usize, f64)], x: &[f64]) -> f64 {

@@ -8,6 +8,7 @@
 use glam::{DQuat, DVec3};
 use palpate::RigidState;
 use palpate::internal::step::tool::Tool;
+use palpate_oracle::elastic::Weight;
 use palpate_oracle::step::SoftBody;
 
 use super::touch::{Motion, Pressing};
@@ -71,16 +72,16 @@ impl Before {
     pub fn left(&self, done: &Done) -> Left {
         let (h, elements) = (done.h, &self.body.elements);
         let (start, end) = (&self.body.velocity, done.end);
-        let stiff = |p: &[DVec3]| elements.apply_weighted(p, &self.rotations, |m| h * (h + m.damping_stiffness));
-        let (of_end, of_start) = (stiff(end), stiff(start));
-        let forces = elements.forces(&self.body.displacement, &self.rotations);
+        let change: Vec<DVec3> = start.iter().zip(end).map(|(start, end)| *end - *start).collect();
+        let stiff = elements.apply_weighted(&change, &self.rotations, |material| Weight::of_step(h, material));
+        let impulses = elements.impulses(&self.body.displacement, &self.rotations, start, None, h);
         let sizes = self.sizes(h, start, end);
         let pushed = self.pushed(done);
         let mut left = Left::default();
         for i in (0..start.len()).filter(|i| !self.body.layer.attached[*i]) {
             let (mass, damping, push) = (elements.masses[i], elements.damping[i], &pushed[i]);
-            let own = h * forces[i] + h * mass * done.gravity - h * damping * start[i] - of_start[i];
-            let image = (mass + h * damping) * (end[i] - start[i]) + of_end[i] - of_start[i];
+            let own = impulses[i] + h * mass * done.gravity - h * damping * start[i];
+            let image = (mass + h * damping) * change[i] + stiff[i];
             let diagonal = mass + h * damping + sizes[i].0 + push.diagonal;
             let floor = sizes[i].1
                 + mass * (start[i].length() + end[i].length() + h * done.gravity.length())

@@ -4,6 +4,7 @@
 
 use glam::DQuat;
 use palpate::Result;
+use palpate_oracle::elastic::Weight;
 use palpate_oracle::linear::{Entries, Solver};
 use palpate_oracle::step::SoftBody;
 
@@ -52,7 +53,7 @@ fn slowest_square(body: &SoftBody) -> Result<Option<f64>> {
     }
     let mut stiffness = Entries::default();
     for (e, nodes) in elements.tetrahedra.iter().enumerate() {
-        let blocks = elements.stiffness_blocks(e, DQuat::IDENTITY);
+        let blocks = elements.stiffness_blocks(e, DQuat::IDENTITY, Weight::both(1.0));
         for (k, i) in nodes.iter().enumerate() {
             for (l, j) in nodes.iter().enumerate() {
                 if let (Some(row), Some(column)) = (unknown[*i as usize], unknown[*j as usize]) {

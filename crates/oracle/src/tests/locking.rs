@@ -9,7 +9,7 @@ use palpate::internal::prepare::{Layer, patch};
 use palpate::scene::Material;
 
 use super::material;
-use crate::elastic::Elements;
+use crate::elastic::{Elements, Weight};
 use crate::testing::{Random, boundary};
 use crate::{skin, statics};
 
@@ -147,7 +147,7 @@ fn stiffness_of_patches_is_its_blocks_and_rows_and_symmetric() {
     assert!((dot(&x, &ky) - dot(&y, &kx)).abs() < ROUNDING * dot(&x, &kx));
     let mut sum = vec![DVec3::ZERO; x.len()];
     for (e, nodes) in elements.tetrahedra.iter().enumerate() {
-        let k = elements.stiffness_blocks(e, rotations[e]);
+        let k = elements.stiffness_blocks(e, rotations[e], Weight::both(1.0));
         for (i, row) in nodes.iter().zip(&k) {
             nodes.iter().zip(row).for_each(|(j, block)| sum[*i as usize] += *block * x[*j as usize]);
         }

@@ -79,17 +79,21 @@ fn one_step_satisfies_the_equation_of_motion() {
     let before = body.clone();
     simulation.step(None, &[]).unwrap();
     let after = &simulation.bodies[0];
-    // Equation of motion with the linearised force at the end of a step of h seconds: M (v1 - v0) = h [M g + f(d0) -
-    // h K v1 - alpha M v1 - beta K v1], with masses M, gravity g, elastic force f at displacements d0, stiffness K,
-    // damping coefficients alpha and beta, velocities v0 at the start and v1 at the end.
+    // Equation of motion with the linearised force at the end of a step of h seconds: M (v1 - v0) = h [M g + f(d0) +
+    // h f'(v0) - h K (v1 - v0) - alpha M v1 - beta K v1], with masses M, gravity g, elastic force f at displacements d0
+    // and its rate f' at velocities v0, stiffness K, damping coefficients alpha and beta, velocities v1 at the end.
     let (h, rotations) = (2e-3, before.rotations());
     let force = before.elements.forces(&before.displacement, &rotations);
-    let stiff =
-        before.elements.linearised(&before.displacement, &rotations).apply_stiffness(&after.velocity, &rotations);
+    let rates = before.elements.force_rates(&before.displacement, &rotations, &before.velocity);
+    let elements = before.elements.linearised(&before.displacement, &rotations);
+    let change: Vec<DVec3> = after.velocity.iter().zip(&before.velocity).map(|(v1, v0)| *v1 - *v0).collect();
+    let stiff = elements.apply_stiffness(&change, &rotations);
+    let viscous = elements.viscous_forces(&after.velocity, &rotations);
     for i in (0..force.len()).filter(|i| !before.layer.attached[*i]) {
         let m = before.elements.masses[i];
         let v1 = after.velocity[i];
-        let right = h * (m * GRAVITY + force[i] - (h + 2e-3) * stiff[i] - 3.0 * m * v1);
+        let elastic = force[i] + h * rates[i] - h * stiff[i] - viscous[i];
+        let right = h * (m * GRAVITY + elastic - 3.0 * m * v1);
         assert!((m * (v1 - before.velocity[i]) - right).length() < SOLVE * right.length().max(m));
     }
     for i in (0..force.len()).filter(|i| before.layer.attached[*i]) {
