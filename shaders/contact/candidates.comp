@@ -52,7 +52,8 @@ READ_ONLY(uvec4, hits);  // triangle, next hit on the ray, bits of the depth, 2 
 layout(scalar) writeonly buffer CandidateHits { vec4 candidate_hits[]; };  // depth (m), barycentric weights, area (m^2)
 layout(scalar) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, its side, triangle
 layout(scalar) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // unit, from a to b
-layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; }; // bits of the push; pair of proxies
+// Bits of the push, which is depth times rest area times the vertex's normal, and the pair of proxies.
+layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; };
 layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };  // active chunk and contact patch of each work item
 layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };         // candidate of each contact
 layout(scalar) writeonly buffer Args { uint args[]; };

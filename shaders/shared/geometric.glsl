@@ -2,7 +2,8 @@
 // a taut string does. With the change of velocity p_i of its nodes and the gradients g'_i of the solver's operator
 // (elastic/element_forces), W = sum p_i g'_i^T, and the vector w = sum g'_i x p_i is twice the axial vector of the skew
 // part of W. The quadratic form w^T Z w adds to the operator; its force on node i is (Z w) x g'_i. Z is symmetric and
-// positive semi-definite; the material law (shared/material_law.glsl) gives it.
+// positive semi-definite: h^2 / 4 times the geometric stiffness of the material law (shared/material_law.glsl), with the
+// step h, turned into world axes.
 //
 // In the array `gradients` a tetrahedron has GRADIENT_TEXELS vectors: g' of its last three nodes, then the diagonal
 // xx yy zz of Z, and its other entries xy xz yz. An including shader includes shared/symmetric.glsl.

@@ -1,4 +1,4 @@
-// The velocity that -(h^2 + h beta) K is multiplied with in an element's right-hand side, with step h,
+// The velocity that -(h^2 + h beta) K is multiplied with in the right-hand side of an F-bar patch, with step h,
 // stiffness-proportional damping beta and stiffness K. In the first Newton iteration this is the node's velocity v.
 // Later iterations linearise at the trial change of velocity x of the last solve; in them it is the velocity
 // (beta v - h x) / (h + beta), because the elastic impulse of the trial state already contains -h^2 K (v + x). An

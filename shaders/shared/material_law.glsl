@@ -11,13 +11,14 @@ const uint LAW_COROTATIONAL = 0;      // corotational linear elasticity
 const uint LAW_NEO_HOOKEAN = 1;       // stable neo-Hookean elasticity
 
 // Stress and stiffness of a tetrahedron by its material law. With dF a change of F, the operator is the quadratic form
-// 2 mu |sym L|^2 + lambda tr(L)^2 (a volume density) of L = dF (R fold)^T.
+// 2 mu |sym L|^2 + lambda tr(L)^2 + w^T geometric w (a volume density), w the axial vector of the skew part, of L = dF (R fold)^T.
 struct Evaluation {
     mat3 stress;        // R^T P, with the first Piola-Kirchhoff stress P, Pa
     float mu;           // shear modulus of the operator, Pa
     float lambda;       // first Lame parameter of the operator, Pa
     mat3 fold;          // maps the rest gradients of shape functions to those that the operator uses
     mat3 geometric;     // geometric stiffness, Pa: symmetric and positive semi-definite
+    bool is_partial;    // whether an F-bar patch applies the pressure, so that the stress here is not the whole
 };
 
 float trace(mat3 a) {
@@ -52,19 +53,20 @@ mat3 even_part(mat3 a) { return 0.5 * (a + transpose(a)); }
 // for L = dF F^-1, Z = tr(t) I - t with Kirchhoff's stress t = P F^T; for L = dF R^T, as the corotational law's operator
 // has it, an isotropic law with P = R s and F = R S has Z = 2 (tr(s) I - s) (tr(S) I - S)^-1.
 mat3 geometric_stiffness(uint law, mat3 e, mat3 compression, mat3 stress) {
+    mat3 stretch = mat3(1.0) + even_part(e) - compression;
     if (is_used(LAW_NEO_HOOKEAN) && law == LAW_NEO_HOOKEAN) {
-        mat3 t = even_part(stress * transpose(mat3(1.0) + e));
+        mat3 t = even_part(stress * stretch);
         return mat3(trace(t)) - t;
     }
-    mat3 s = even_part(stress), stretch = mat3(1.0) + even_part(e) - compression;
+    mat3 s = even_part(stress);
     return even_part(2.0 * (mat3(trace(s)) - s) * inverse(mat3(trace(stretch)) - stretch));
 }
 
 // Rate R^T dP/dt (Pa/s) at which the stress changes while F changes at the rate R `rate`: the exact derivative. Where the
 // compression penalty acts the energy may have a negative curvature, which one linearisation would run away along; the
-// rate is that of the operator there. `law` is the evaluation at `e`.
+// rate is that of the operator there, as for a tetrahedron of an F-bar patch. `law` is the evaluation at `e`.
 mat3 stress_rate(ElasticMaterial material, mat3 e, mat3 compression, Evaluation law, mat3 rate) {
-    bool is_exact = compression == mat3(0.0);
+    bool is_exact = !law.is_partial && compression == mat3(0.0);
     if (is_exact && is_used(LAW_NEO_HOOKEAN) && material.law == LAW_NEO_HOOKEAN) {
         return neo_hookean_rate(e, material, rate);
     }
@@ -92,8 +94,10 @@ Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 compression, float la
         law.stress = law.fold = mat3(law.mu);
     }
     law.stress += compression_modulus(material) * compression;
-    // What is pressed would turn by itself; the operator must stay positive semi-definite.
-    law.geometric = positive_part(geometric_stiffness(material.law, e, compression, law.stress));
+    // What is pressed would turn by itself; the operator must stay positive semi-definite. A part of the stress has no
+    // geometric stiffness that would leave rigid rotation free.
+    law.is_partial = lambda != material.lambda;
+    law.geometric = law.is_partial ? mat3(0.0) : positive_part(geometric_stiffness(material.law, e, compression, law.stress));
     return law;
 }
 

@@ -16,12 +16,18 @@ void symmetric_inverse(vec3 a, vec3 c, out vec3 diagonal, out vec3 off) {
 // The positive semi-definite part of a symmetric matrix `a`: its negative eigenvalues become zero. Where signs differ,
 // one eigenvalue has a sign of its own and lies at an end of the spectrum. It is the root of the characteristic
 // polynomial x^3 - 3 x - 2 r of the deviator, scaled and with the sign for which it is the greatest root; Newton's
-// method from 2 approaches it from outside, so that what the last round leaves only adds stiffness. The projection on
+// method from 2 approaches it from outside, so that what the last round leaves only adds stiffness: 1e-2 of the greatest
+// eigenvalue where this root is nearly a double one (uniaxial stress), else nothing. The projection on
 // its eigenvector is the matrix of cofactors over its trace.
 mat3 positive_part(mat3 a) {
+    // Scaled, so that products of three entries neither overflow nor vanish.
+    vec3 sizes = max(max(abs(a[0]), abs(a[1])), abs(a[2]));
+    float size = max(max(sizes.x, sizes.y), sizes.z);
+    if (size == 0.0) return a;
+    a /= size;
     mat3 co = mat3(cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1]));
     float tr = a[0][0] + a[1][1] + a[2][2], minors = co[0][0] + co[1][1] + co[2][2], det = dot(a[0], co[0]);
-    if (minors >= 0.0 && tr >= 0.0 && det >= 0.0) return a;
+    if (minors >= 0.0 && tr >= 0.0 && det >= 0.0) return size * a;
     if (minors >= 0.0 && tr <= 0.0 && det <= 0.0) return mat3(0.0);
     float mean = tr / 3.0, direction = det > 0.0 ? 1.0 : -1.0;
     mat3 deviator = a - mat3(mean);
@@ -32,8 +38,9 @@ mat3 positive_part(mat3 a) {
     mat3 b = deviator - mat3(x);
     co = mat3(cross(b[1], b[2]), cross(b[2], b[0]), cross(b[0], b[1]));
     tr = co[0][0] + co[1][1] + co[2][2];
-    // A trace of zero: the two eigenvalues at this end are equal, and of different signs, so that both are nearly zero.
+    // The trace of the cofactors is zero only where this eigenvalue is a double one. It has a sign of its own, so that a
+    // double one is zero, and its projection does not matter.
     mat3 projection = co / max(tr, 1e-6);
     float eigenvalue = mean + direction * scale * x;
-    return direction > 0.0 ? eigenvalue * projection : a - eigenvalue * projection;
+    return size * (direction > 0.0 ? eigenvalue * projection : a - eigenvalue * projection);
 }

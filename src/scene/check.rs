@@ -411,7 +411,7 @@ impl Body {
         let bones = self.skeleton.iter().flat_map(|skeleton| &skeleton.bones);
         for (k, bone) in bones.enumerate() {
             if self.cores.get(k).is_none_or(|core| core.name != bone.name) {
-                let problem = format!("bone \"{}\" has no core in the body", bone.name);
+                let problem = format!("core {k} of the body is not that of bone \"{}\"", bone.name);
                 return Err(Problem::of("skeleton", problem, "let the bones' cores come first, in the bones' order"));
             }
         }
@@ -464,7 +464,7 @@ impl Body {
             Shape::Plane { normal, offset } => {
                 let length = normal.length();
                 if length.is_nan() || (length - 1.0).abs() > NORMAL_TOLERANCE {
-                    let remedy = "give nx, ny, nz, d with a normal that is not zero";
+                    let remedy = "give nx, ny, nz, d with a unit normal (nx, ny, nz)";
                     return Err(Problem::of("plane", format!("has a normal of length {length}"), remedy));
                 }
                 finite(*offset).under("plane")?;

@@ -100,10 +100,9 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
             let ((p0, l0), (p1, l1)) = (before.momentum(), after.momentum());
             worst = worst.max(p1.distance(p0));
             drift = drift.max(p1.distance(start));
-            // The linearised forces at the end of the step act where the nodes are at its start, which gives a net torque
-            // (implicit Euler takes angular momentum from what turns, and geometric stiffness is part of that). This
-            // torque is added back here; the rest must be conserved, because all other forces act in pairs along one
-            // line.
+            // The linearised forces at the end of the step act where the nodes are at its start, which gives a net
+            // torque. Its angular impulse is subtracted here; the rest must be conserved, because all other forces act
+            // in pairs along one line.
             let (body, rotations) = (&before.twin, before.twin.rotations());
             let operator = body.elements.linearised(&body.displacement, &rotations);
             let gained: Vec<DVec3> =

@@ -34,7 +34,7 @@ const FOLDED: f64 = 5.0e-6;
 /// 1e-7.
 const FORCE: f64 = 1.0e-5;
 /// Error of the geometric stiffness relative to the largest value: it is made of stresses, whose error is [`FORCE`], and
-/// where it has negative eigenvalues one root of a polynomial is known to some 1e-5.
+/// a root of a polynomial, which is less well known where two eigenvalues nearly agree.
 const GEOMETRIC: f64 = 5.0e-5;
 /// Error of forces relative to the largest value at strains of 1e-6; strains that are differences of numbers of order
 /// one would give 1e-1 at best.

@@ -156,8 +156,8 @@ fn patches_of_one_tetrahedron_are_that_tetrahedron_at_every_size() {
         let bodies = if count == 0 { vec![] } else { vec![layered(layer, material(2e4), Random(42).turn(2.5))] };
         let system = System::new(&bodies, 0.002, 43);
         expect_oracle(&format!("{count} patches"), &system, 44);
-        // A patch of one tetrahedron must act as the tetrahedron does without patches, but for the rate at which the
-        // patch's pressure turns, which is left out; so nothing moves here.
+        // A patch of one tetrahedron must act as the tetrahedron does without patches, but for geometric stiffness, which
+        // tetrahedra in patches do not have; so nothing moves here.
         let mut system = system;
         system.velocity.fill([0.0; 4]);
         system.rotate();

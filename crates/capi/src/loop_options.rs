@@ -93,7 +93,7 @@ pub(super) fn chosen(options: &palpate_loop_options, scene: &Haptics) -> Outcome
     }
     let number = |name: &str, given: f64| match given.is_finite() && given >= 0.0 {
         true => Ok((given > 0.0).then_some(given)),
-        false => Err(wrong(format!("{name} is {given}; give more than 0, or 0 for the scene's value"))),
+        false => Err(wrong(format!("{name} is {given}; give more than 0, or 0 for the default"))),
     };
     let truth = |name: &str, given: i32, scene: bool| match given {
         0 => Ok(scene),

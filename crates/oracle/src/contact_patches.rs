@@ -7,11 +7,11 @@ use glam::{DMat3, DQuat, DVec3};
 
 /// Least and greatest corner, along `patch_axes`, of a box that holds a chunk's skin after its nodes were displaced. At
 /// rest the chunk lies in the box with the given centre and with `half_extent` along `axes`, in the coordinates of a
-/// rigid frame, which lies at `place` with the given rotation. A skin vertex x = c + R sum w_i (r_i + d_i), with the
+/// rigid frame, which lies at `place` with the given rotation. A skin vertex is x = c + R sum w_i (r_i + d_i), with the
 /// frame's place c and rotation R, embedding weights w_i whose sum is 1, and rest positions r_i and displacements d_i
-/// of nodes, lies within the frame at its rest position, displaced by the middle of the range of the displacements d_i
-/// and, along each axis, by at most `weight_bound` times half of this range more; `weight_bound` is the greatest sum of
-/// |w_i| of a vertex.
+/// of nodes. The d_i have a middle and, along each axis, a half range. In the frame's coordinates the vertex is displaced
+/// by the middle, with a deviation along each axis of at most `weight_bound` times the half range; `weight_bound` is the
+/// greatest sum of |w_i| of a vertex.
 pub fn chunk_box(
     (centre, axes, half_extent): (DVec3, DMat3, DVec3),
     (displacements, weight_bound): (&[DVec3], f64),

@@ -30,12 +30,18 @@ pub fn operator(material: &Material, lambda: f64, strain: DMat3) -> Operator {
         MaterialLaw::Corotational if compression == DMat3::ZERO => linear,
         MaterialLaw::Corotational => Operator { mu: linear.mu + 0.5 * stiffening(lame(material)), ..linear },
     };
+    // Where an F-bar patch applies the pressure, the stress here is a part of the whole. A part has no geometric stiffness
+    // that would leave rigid rotation free.
+    if lambda != lame(material).1 {
+        return of_law;
+    }
     let geometric = geometric_stiffness(material.law, strain, compression, stress(material, lambda, strain));
     Operator { geometric: positive_part(geometric), ..of_law }
 }
 
 /// Rate R^T dP/dt, Pa/s, at which the stress changes while F changes at the rate R `rate`: the exact derivative of
-/// [`stress`], or where the compression penalty acts the product with the operator.
+/// [`stress`], or, where the compression penalty acts or an F-bar patch applies the pressure, the product with the
+/// operator.
 pub fn stress_rate(material: &Material, lambda: f64, strain: DMat3, rate: DMat3) -> DMat3 {
     let compression = excess_compression(strain);
     let operator = operator(material, lambda, strain);
@@ -44,7 +50,7 @@ pub fn stress_rate(material: &Material, lambda: f64, strain: DMat3, rate: DMat3)
         (operator.stress(w) + cross_matrix(geometric * axial(w)) * 0.5) * operator.fold
     };
     match material.law {
-        _ if compression != DMat3::ZERO => with_operator(operator.geometric),
+        _ if compression != DMat3::ZERO || lambda != lame(material).1 => with_operator(operator.geometric),
         MaterialLaw::NeoHookean => neo_hookean::stress_rate(lame(material), strain, rate),
         MaterialLaw::Corotational => {
             let stress = stress(material, lambda, strain);
@@ -60,13 +66,10 @@ pub fn stress_rate(material: &Material, lambda: f64, strain: DMat3, rate: DMat3)
 /// and Kim, "Analytic Eigensystems for Isotropic Distortion Energies", 2019).
 fn geometric_stiffness(law: MaterialLaw, strain: DMat3, compression: DMat3, stress: DMat3) -> DMat3 {
     let minus_from_trace = |m: DMat3| DMat3::from_diagonal(DVec3::splat(trace(m))) - m;
+    let stretch = DMat3::IDENTITY + symmetric(strain) - compression;
     match law {
-        MaterialLaw::NeoHookean => {
-            let kirchhoff = symmetric(stress * (DMat3::IDENTITY + strain).transpose());
-            minus_from_trace(kirchhoff)
-        }
+        MaterialLaw::NeoHookean => minus_from_trace(symmetric(stress * stretch)),
         MaterialLaw::Corotational => {
-            let stretch = DMat3::IDENTITY + symmetric(strain) - compression;
             let quotient = minus_from_trace(symmetric(stress)) * minus_from_trace(stretch).inverse();
             symmetric(quotient * 2.0)
         }

@@ -9,6 +9,10 @@ use glam::{DMat3, DVec3};
 
 use super::elastic::{LEAST_STRETCH, Operator, stiffening, symmetric, trace};
 
+/// Factor of the bound from b's greatest eigenvalue in [`operator`]. With it the operator has at least 0.76 of the true
+/// stiffness for every wave, at stretches of 0.3 to 2 (sampled).
+const STIFFER: f64 = 1.9;
+
 /// Square |M|^2 of the Frobenius norm.
 fn square(m: DMat3) -> f64 {
     m.to_cols_array().iter().map(|x| x * x).sum()
@@ -67,8 +71,9 @@ pub fn stress_rate(lame: (f64, f64), strain: DMat3, rate: DMat3) -> DMat3 {
 /// The second derivative of the energy is
 /// c tr(L b L^T) - p J (|D|^2 - |O|^2) + J (l J + p) tr(D)^2 + 2 m (b:D)^2 / (I + 1)^2, which is isotropic except for
 /// b. The operator must be isotropic. So its doubled shear modulus is the greater of two numbers: c times the mean
-/// eigenvalue of b, minus p J; and c times the greatest eigenvalue of b. This is enough, because a linearised implicit
-/// step is stable if its operator has at least half the true stiffness for every wave. O, a pure rotation, is left to the
+/// eigenvalue of b, minus p J; and [`STIFFER`] c times an upper bound of the greatest eigenvalue of b. This is enough,
+/// because a step whose right-hand side has the exact rate of the force is stable if its operator has at least three
+/// quarters of the true stiffness for every wave. O, a pure rotation, is left to the
 /// geometric stiffness (`material_law.rs`), which is zero here.
 /// Subtracting `compression`, from `excess_compression` in elastic.rs, keeps S from being singular.
 pub fn operator(lame: (f64, f64), strain: DMat3, compression: DMat3) -> Operator {
@@ -86,7 +91,7 @@ pub fn operator(lame: (f64, f64), strain: DMat3, compression: DMat3) -> Operator
     let more = if compression == DMat3::ZERO { 0.0 } else { 0.5 * LEAST_STRETCH * LEAST_STRETCH * stiffening(lame) };
     let rank_one = 2.0 * m * (mean / (invariant + 1.0)).powi(2);
     Operator {
-        mu: 0.5 * (c * mean - pressure * volume).max(c * greatest) + more,
+        mu: 0.5 * (c * mean - pressure * volume).max(STIFFER * c * greatest) + more,
         lambda: (volume * (l * volume + pressure) + rank_one).max(0.0),
         fold: stretch.inverse(),
         geometric: DMat3::ZERO,

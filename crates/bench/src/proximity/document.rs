@@ -20,7 +20,7 @@ const QUOTED_MS: [f64; 2] = [2.3, 11.0];
 /// Text that says how the benchmark was measured.
 pub fn preface(settings: &Value) -> String {
     format!(
-        "Times are medians of {} runs (half as many for areas) by the device's own clock, stage by stage. A total is \
+        "Times are medians of {} runs (half as many in the section on contact area) by the device's own clock, stage by stage. A total is \
          the median of as many other runs, each timed as a whole without timestamps between its stages.",
         settings["runs"]
     )
@@ -183,7 +183,8 @@ fn peers(peers: &Peers) -> Result<Section> {
     };
     row(one("parry3d f64: closest point, in the box", *boxed, peers.boxed_ms()));
     row(one("parry3d f64: closest point, all", *small, peers.all_ms()));
-    row(["parry3d f64: refit of tree and normals to the head", "", "", "", &ms(peers.refit_ms())].map(String::from));
+    row(["parry3d f64: bounding-volume tree and normals of the head, refitted", "", "", "", &ms(peers.refit_ms())]
+        .map(String::from));
     let quoted = |name: &str, asked: &str, time: f64| [name, asked, "one", "320", &ms(time)].map(String::from);
     row(quoted("quoted: closest point, in the box", "713", QUOTED_MS[0]));
     row(quoted("quoted: closest point, all", "30000", QUOTED_MS[1]));

@@ -116,7 +116,10 @@ impl fmt::Display for Closing<'_> {
             report.peak_force
         )?;
         if let Some(overestimate) = report.overestimate() {
-            writeln!(f, "the contact stiffness predicted {overestimate:.1} times the observed change of force")?;
+            writeln!(
+                f,
+                "from one wrench to the next, contact force changed by 1/{overestimate:.1} of what its stiffness predicted"
+            )?;
         }
         writeln!(f, "events: {}", told(&report.events))?;
         report.ended.iter().try_for_each(|reason| writeln!(f, "ended early: {reason}"))

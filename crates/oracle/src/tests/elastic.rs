@@ -7,6 +7,8 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::prepare::Layer;
 use palpate::internal::prepare::layer::kuhn_box;
 
+use palpate::scene::{Material, MaterialLaw};
+
 use super::material;
 use crate::elastic::{Elements, Operator, Weight, lame, polar_rotation, strain};
 use crate::testing::Random;
@@ -209,4 +211,34 @@ fn strain_of_tiny_displacements_keeps_its_digits() {
     // The skew part w of the gradient g adds a strain of w^2 / 2, far below e: to two digits the strain is e along x.
     assert!((strain.x_axis.x - e).abs() < 0.01 * e, "strain {:e}, expected 1e-14", strain.x_axis.x);
     assert!(strain.y_axis.y.abs() < 0.01 * e);
+}
+
+/// The rate of the forces is their derivative along the velocity, for both laws and in a turned frame; for a rigid spin it
+/// is the forces turned with the body.
+#[test]
+fn rates_of_forces_are_their_derivative() {
+    let (layer, linear, d) = bent_box(27);
+    // The displacements are small enough that the compression penalty does not act; the rate would be the operator's.
+    let d: Vec<DVec3> = d.iter().map(|d| 0.3 * *d).collect();
+    let neo = Material { law: MaterialLaw::NeoHookean, ..linear.materials[0] };
+    for elements in [linear.clone(), Elements::new(&layer, neo, linear.frame)] {
+        let forces = |d: &[DVec3]| elements.forces(d, &elements.rotations(d));
+        let rates = |v: &[DVec3]| elements.force_rates(&d, &elements.rotations(&d), v);
+        let mut random = Random(28);
+        let v: Vec<DVec3> = layer.nodes.iter().map(|_| random.vector()).collect();
+        let moved =
+            |t: f64| d.iter().zip(&v).map(|(d, v)| *d + t * (elements.frame.transpose() * *v)).collect::<Vec<_>>();
+        let step = 1e-6;
+        let slope =
+            forces(&moved(step)).into_iter().zip(forces(&moved(-step))).map(|(up, down)| (up - down) / (2.0 * step));
+        let error: Vec<DVec3> = slope.zip(rates(&v)).map(|(slope, rate)| slope - rate).collect();
+        let largest = greatest(&rates(&v));
+        assert!(greatest(&error) < 1e-6 * largest, "rate of forces {largest} N/s, error {:e} N/s", greatest(&error));
+        let spin = DVec3::new(0.3, -1.0, 2.0);
+        let turning: Vec<DVec3> =
+            layer.nodes.iter().zip(&d).map(|(r, d)| spin.cross(elements.frame * (*r + *d))).collect();
+        let turned = forces(&d).into_iter().map(|f| spin.cross(f));
+        let error: Vec<DVec3> = turned.zip(rates(&turning)).map(|(turned, rate)| turned - rate).collect();
+        assert!(greatest(&error) < 1e-10 * greatest(&rates(&v)), "turning forces: error {:e} N/s", greatest(&error));
+    }
 }

@@ -143,8 +143,8 @@ fn offered(lame: (f64, f64), strain: DMat3, df: DMat3) -> f64 {
     2.0 * operator.mu * inner(s, s) + operator.lambda * trace * trace + turned.dot(operator.geometric * turned)
 }
 
-/// A linearised implicit step is stable if its operator has at least half the true stiffness for plane waves: changes
-/// a k^T of F, with amplitude a and wave vector k. At rest the operator is exact for every change of F.
+/// A linearised implicit step whose right-hand side has the exact rate of the force is stable if its operator has at
+/// least three quarters of the true stiffness for plane waves: changes a k^T of F, with amplitude a and wave vector k. At rest the operator is exact for every change of F.
 #[test]
 fn the_operator_is_exact_at_rest_and_enough_for_waves_at_any_stretch() {
     let mut random = Random(4);
@@ -176,7 +176,7 @@ fn the_operator_is_exact_at_rest_and_enough_for_waves_at_any_stretch() {
         "share of true stiffness for waves: operator {least:.3} to {most:.3}, operator at rest at least {at_rest:.3}"
     );
     assert!(at_rest < 0.4, "the operator at rest has the share {at_rest} of the true stiffness, must be below 0.4");
-    assert!(least > 0.5, "the operator has the share {least} of the true stiffness for waves, must exceed 0.5");
+    assert!(least > 0.75, "the operator has the share {least} of the true stiffness for waves, must exceed 0.75");
 }
 
 /// Operators with which a step may be linearised.
