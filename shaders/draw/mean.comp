@@ -10,7 +10,8 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;
 
-layout(scalar) readonly buffer NodeFirst { uint node_first[]; };  // start of a node in `node_tetrahedra`, then the end
+// Index in `node_tetrahedra` of each node's first tetrahedron, and after the last node the length of `node_tetrahedra`.
+layout(scalar) readonly buffer NodeFirst { uint node_first[]; };
 layout(scalar) readonly buffer NodeTetrahedra { uint node_tetrahedra[]; };  // tetrahedra around each node
 READ_ONLY(vec4, densities);            // x: energy density, J/m^3; y: volume, m^3; one for each tetrahedron
 layout(scalar) writeonly buffer NodeValues { float node_values[]; };

@@ -16,18 +16,18 @@
 // A frame is a rigid coordinate frame, a link the relative placement of two frames. The kernel writes R, and the scaled
 // gradients of the solver's operator in world axes, g' = sqrt(V) R_frame R fold g, with the operator's moduli mu and
 // lambda; R_frame is the rotation of the tetrahedron's frame, and `fold` a matrix of the material law
-// (shared/material_law.glsl). After these it writes the geometric stiffness times h^2 (shared/geometric.glsl). It also writes the tetrahedron's part of the right-hand side over a step h, which is
-// h (f + h df/dt) - h beta K v with f_i = -V P g_i, the exact rate df/dt at which f changes with the velocity v, the
-// stress P of the material law, the operator's stiffness K without the geometric part, and the
-// stiffness-proportional damping beta. The corotational law has P = R (2 mu sym(E) + lambda tr(E) I). A tetrahedron
-// with nodes in several frames is evaluated in its first node's frame. A tetrahedron that is inside out, or whose
-// rotation is not found, raises a flag.
+// (shared/material_law.glsl). After these it writes the geometric stiffness (shared/geometric.glsl).
+//
+// It also writes the tetrahedron's part of the right-hand side over a step h: h (f + h df/dt) - h beta K v, with the
+// forces f_i = -V P g_i, the stress P of the material law, the rate df/dt at which f changes with the velocity v
+// (`stress_rate`), the operator's stiffness K without the geometric part, and stiffness-proportional damping beta. The
+// corotational law has P = R (2 mu sym(E) + lambda tr(E) I). A tetrahedron with nodes in several frames is evaluated in
+// its first node's frame. A tetrahedron that is inside out, or whose rotation is not found, raises a flag.
 //
 // In later Newton iterations the kernel reads the trial displacements of elastic/trial, which contain already the trial
 // change of velocity x (the last iteration's solution), and writes h f + h^2 K x - h beta K v, where the first K has the
-// geometric part. One invocation runs for
-// each tetrahedron. The f64 reference implementations are oracle::elastic and oracle::newton. An F-bar patch is a group
-// of tetrahedra that share one volumetric strain.
+// geometric part. One invocation runs for each tetrahedron. The f64 reference is oracle::elastic::Elements::impulses. An
+// F-bar patch is a group of tetrahedra that share one volumetric strain.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;

@@ -11,7 +11,8 @@ const uint LAW_COROTATIONAL = 0;      // corotational linear elasticity
 const uint LAW_NEO_HOOKEAN = 1;       // stable neo-Hookean elasticity
 
 // Stress and stiffness of a tetrahedron by its material law. With dF a change of F, the operator is the quadratic form
-// 2 mu |sym L|^2 + lambda tr(L)^2 + w^T geometric w (a volume density), w the axial vector of the skew part, of L = dF (R fold)^T.
+// 2 mu |sym L|^2 + lambda tr(L)^2 + w^T geometric w (a volume density) of L = dF (R fold)^T, with w the axial vector of
+// the skew part of L.
 struct Evaluation {
     mat3 stress;        // R^T P, with the first Piola-Kirchhoff stress P, Pa
     float mu;           // shear modulus of the operator, Pa
@@ -62,9 +63,9 @@ mat3 geometric_stiffness(uint law, mat3 e, mat3 compression, mat3 stress) {
     return even_part(2.0 * (mat3(trace(s)) - s) * inverse(mat3(trace(stretch)) - stretch));
 }
 
-// Rate R^T dP/dt (Pa/s) at which the stress changes while F changes at the rate R `rate`: the exact derivative. Where the
-// compression penalty acts the energy may have a negative curvature, which one linearisation would run away along; the
-// rate is that of the operator there, as for a tetrahedron of an F-bar patch. `law` is the evaluation at `e`.
+// Rate R^T dP/dt (Pa/s) at which the stress changes while F changes at the rate R `rate`: the exact derivative. Where
+// the compression penalty acts, the energy may have a negative curvature, along which one linearisation would run away;
+// the rate is that of the operator there, as for a tetrahedron of an F-bar patch. `law` is the evaluation at `e`.
 mat3 stress_rate(ElasticMaterial material, mat3 e, mat3 compression, Evaluation law, mat3 rate) {
     bool is_exact = !law.is_partial && compression == mat3(0.0);
     if (is_exact && is_used(LAW_NEO_HOOKEAN) && material.law == LAW_NEO_HOOKEAN) {
@@ -97,7 +98,10 @@ Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 compression, float la
     // What is pressed would turn by itself; the operator must stay positive semi-definite. A part of the stress has no
     // geometric stiffness that would leave rigid rotation free.
     law.is_partial = lambda != material.lambda;
-    law.geometric = law.is_partial ? mat3(0.0) : positive_part(geometric_stiffness(material.law, e, compression, law.stress));
+    law.geometric = mat3(0.0);
+    if (!law.is_partial) {
+        law.geometric = positive_part(geometric_stiffness(material.law, e, compression, law.stress));
+    }
     return law;
 }
 

@@ -21,8 +21,8 @@ mat3 cofactors(mat3 a) {
 // Here mu' and lambda' are computed. In terms of L the second derivative of the energy is isotropic except for a matrix
 // b = S^2, with S the symmetric factor of F in the polar decomposition. In place of b the operator takes the mean of
 // b's eigenvalues; but mu' is at least what an upper bound of b's greatest eigenvalue gives without the pressure term,
-// so that the operator is at least 0.76 times as stiff as the second derivative. Principal stretches in S below LEAST are
-// raised to LEAST (shared/strain.glsl).
+// so that the operator is at least 0.76 times as stiff as the second derivative. Principal stretches in S below LEAST
+// are raised to LEAST (shared/strain.glsl).
 Evaluation neo_hookean(mat3 e, ElasticMaterial material, mat3 compression) {
     float mu = material.mu, lambda = material.lambda;
     float m = 4.0 / 3.0 * mu, l = lambda + 5.0 / 6.0 * mu, tr = trace(e);
@@ -51,8 +51,8 @@ float inner(mat3 a, mat3 b) {
     return dot(a[0], b[0]) + dot(a[1], b[1]) + dot(a[2], b[2]);
 }
 
-// Rate R^T dP/dt (Pa/s) of the stress while F changes at the rate R `rate`: with f = identity + e and p = l (J - 1) - mu,
-// m (1 - 1 / (I + 1)) rate + 2 m (f : rate) / (I + 1)^2 f + p d(cof f)/dt + l (cof f : rate) cof f.
+// Rate R^T dP/dt (Pa/s) of the stress while F changes at the rate R `rate`: with f = identity + e and p = l (J - 1) -
+// mu, m (1 - 1 / (I + 1)) rate + 2 m (f : rate) / (I + 1)^2 f + p d(cof f)/dt + l (cof f : rate) cof f.
 mat3 neo_hookean_rate(mat3 e, ElasticMaterial material, mat3 rate) {
     float m = 4.0 / 3.0 * material.mu, l = material.lambda + 5.0 / 6.0 * material.mu, tr = trace(e);
     float grown = 2.0 * tr + square(e), larger = tr + 0.5 * (tr * tr - trace(e * e)) + determinant(e);

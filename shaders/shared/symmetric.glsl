@@ -31,7 +31,8 @@ mat3 positive_part(mat3 a) {
     if (minors >= 0.0 && tr <= 0.0 && det <= 0.0) return mat3(0.0);
     float mean = tr / 3.0, direction = det > 0.0 ? 1.0 : -1.0;
     mat3 deviator = a - mat3(mean);
-    float scale = sqrt((dot(deviator[0], deviator[0]) + dot(deviator[1], deviator[1]) + dot(deviator[2], deviator[2])) / 6.0);
+    vec3 squares = deviator[0] * deviator[0] + deviator[1] * deviator[1] + deviator[2] * deviator[2];
+    float scale = sqrt((squares.x + squares.y + squares.z) / 6.0);
     deviator *= direction / scale;
     float r = 0.5 * clamp(determinant(deviator), -2.0, 2.0), x = 2.0;
     for (int k = 0; k < 5; k++) x -= (x * x * x - 3.0 * x - 2.0 * r) / max(3.0 * x * x - 3.0, 1e-3);

@@ -199,9 +199,9 @@ fn probe(name: &str, body: &str, nearest: DVec3) -> String {
 
 /// Radius of the ball, m.
 const RADIUS: f64 = 0.03;
-/// Greatest relative difference from a rigid body's accelerations. Contact pressure acts on points of the ball where
-/// they were at the start of a step, so that, with time step h and speed v, the pressure's centre lies h v ahead of the
-/// ball's centre. The damping of contact (its coefficient is the stiffness times h) shifts the pressure's centre by up
+/// Greatest relative difference from a rigid body's accelerations. The pressure is that of the end of a step, but
+/// it acts with the lever arms of the start, so that, with time step h and speed v, the pressure's centre lies h v ahead
+/// of the ball's centre. The damping of contact (its coefficient is the stiffness times h) shifts the pressure's centre by up
 /// to another h v. The shift of up to 2 h v brakes the ball with a force of up to 2 h v / r (r: the ball's radius)
 /// times the normal force. The rest of the tolerance is for the unevenness of the ball's skin (surface mesh).
 const RIGID: f64 = 0.05;

@@ -179,7 +179,7 @@ fn submitted_steps_allocate_nothing_on_any_thread_once_they_run() {
         "each round of 20 steps allocated memory; number of allocations of each round: {rounds:?}"
     );
     assert!(told.force[1] > 0.1 && told.step == 120, "no force, or not step 120; wrench of the last step: {told:?}");
-    // The check above can fail, because the counter also counts an allocation on another thread.
+    // The check above would notice an allocation on any thread: the counter counts that of another thread.
     let before = COUNT.load(Ordering::Relaxed);
     std::thread::spawn(|| drop(std::hint::black_box(Box::new(1)))).join().unwrap();
     assert!(COUNT.load(Ordering::Relaxed) > before);

@@ -169,7 +169,11 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
         "the raw force at the wall must not be steady: {:?}",
         results.holds
     );
-    assert!(held(Met::Head, Mode::Local).force.mean > 0.1, "the force at the head is too small: {:?}", results.holds);
+    assert!(
+        held(Met::Head, Mode::Local).force.mean > 0.1,
+        "the force at the soft head is too small: {:?}",
+        results.holds
+    );
     for slid in &results.slides {
         assert!(
             slid.rate == 50.0 && slid.slide.raw.newtons > 0.0 && slid.slide.contact.newtons > 0.0,

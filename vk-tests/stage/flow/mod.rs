@@ -52,8 +52,9 @@ pub struct Flow {
     pub bounds: Vec<ProxyBounds>,
     pub active_pairs: Vec<u32>,
     pub reach: Vec<[f32; 2]>,
-    /// Two elements for each pair of proxies: the unit normal with its weight, and the push (sum of depth times area
-    /// times normal over the pair's contacts in the last step) with its length.
+    /// Two elements for each two proxies of different bodies: the unit normal with the weight that it has in the mean
+    /// normal of the two bodies, and the push (sum of depth times area times normal over their contacts in the last step)
+    /// with its length.
     pub directions: Vec<[f32; 4]>,
     /// [`PAIR_PATCHES`] contact patches for each pair of bodies.
     pub contact_patches: Vec<ContactPatch>,
