@@ -60,12 +60,19 @@ fn each_invariant_can_be_broken_and_a_flag_of_another_step_excuses_nothing() {
         assert_eq!(broken, [(invariant, step)]);
         assert_eq!(verdict(&samples, &findings), Verdict::Silent, "verdict with {invariant:?} broken and no flag");
         let excuses = invariant.excuses().0;
-        samples[step - 1].flags = Flags(ALL);
+        // A drift is a sum over steps, so that a flag of an earlier step excuses it; one of a later step does not.
+        let other = if invariant == Invariant::Drift { step + 1 } else { step - 1 };
+        samples[other].flags = Flags(ALL);
         assert_eq!(
             verdict_of(&samples),
             Verdict::Silent,
-            "verdict with {invariant:?} broken and all flags one step earlier"
+            "verdict with {invariant:?} broken and all flags in step {other}"
         );
+        if invariant == Invariant::Drift {
+            samples[step - 1].flags = Flags(ALL);
+            assert_eq!(verdict_of(&samples), Verdict::Degraded, "drift with all flags one step earlier");
+            continue;
+        }
         samples[step].flags = Flags(ALL & !excuses);
         assert_eq!(
             verdict_of(&samples),
