@@ -54,9 +54,10 @@ fn turning_too_far_and_being_inside_out_are_told_in_the_steps_concerned() {
         (Flags(case.flags), case.flagged, case.steps)
     };
     assert_eq!(flags("100 rad/s").0, Flags::default());
+    // Implicit Euler slows the spin down, so that the last steps turn less far and raise no flag.
     let (told, flagged, steps) = flags("300 rad/s");
     assert!(
-        told.contains(Flags::TURNS_TOO_FAR) && flagged == steps,
+        told.contains(Flags::TURNS_TOO_FAR) && flagged > steps / 4 && flagged < steps,
         "the flags {told:?} were raised in {flagged} of all {steps} steps"
     );
     // A body that is let go inside out returns to its shape, so only the first steps raise the flag `INVERTED`.
