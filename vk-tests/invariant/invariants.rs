@@ -10,6 +10,7 @@ use palpate::internal::stages::depth;
 use palpate::{Flags, Scene, Simulation, StepReport};
 use palpate_oracle as oracle;
 
+use crate::invariant::motion::own_impulse;
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
@@ -103,17 +104,9 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
             // The linearised forces at the end of the step act where the nodes are at its start, which gives a net
             // torque. Its angular impulse is subtracted here; the rest must be conserved, because all other forces act
             // in pairs along one line.
-            let (body, rotations) = (&before.twin, before.twin.rotations());
-            let operator = body.elements.linearised(&body.displacement, &rotations);
-            let gained: Vec<DVec3> =
-                after.twin.velocity.iter().zip(&body.velocity).map(|(end, start)| *end - *start).collect();
-            let stiff = operator.apply_stiffness(&gained, &rotations);
-            let rates = operator.force_rates(&body.displacement, &rotations, &body.velocity);
-            let linear = rates.iter().zip(&stiff).map(|(rate, stiff)| *rate - *stiff);
-            let turn: DVec3 = body.world_nodes().iter().zip(linear).map(|(x, f)| x.cross(f)).sum();
-            let h = scene.step.dt;
-            method = method.max((h * h * turn).length());
-            twist = twist.max((l1 - l0 - h * h * turn).length());
+            let turn = own_impulse(&before.twin, &after.twin, DVec3::ZERO, scene.step.dt);
+            method = method.max(turn.length());
+            twist = twist.max((l1 - l0 - turn).length());
             contacts = contacts.max(row.contacts.unwrap());
             force = force.max(row.tool.unwrap().force.length());
             before = after;
