@@ -17,8 +17,8 @@ void symmetric_inverse(vec3 a, vec3 c, out vec3 diagonal, out vec3 off) {
 // one eigenvalue has a sign of its own and lies at an end of the spectrum. It is the root of the characteristic
 // polynomial x^3 - 3 x - 2 r of the deviator, scaled and with the sign for which it is the greatest root; Newton's
 // method from 2 approaches it from outside, so that what the last round leaves only adds stiffness: 1e-2 of the greatest
-// eigenvalue where this root is nearly a double one (uniaxial stress), else nothing. The projection on
-// its eigenvector is the matrix of cofactors over its trace.
+// eigenvalue where this root is nearly a double one (uniaxial stress), else nothing. The projection
+// on its eigenvector is the matrix of cofactors over its trace.
 mat3 positive_part(mat3 a) {
     // Scaled, so that products of three entries neither overflow nor vanish.
     vec3 sizes = max(max(abs(a[0]), abs(a[1])), abs(a[2]));

@@ -79,7 +79,7 @@ pub struct Weight {
 }
 
 impl Weight {
-    /// The same weight for both parts.
+    /// Weights that are equal for both parts of the stiffness.
     pub const fn both(weight: f64) -> Weight {
         Weight { moduli: weight, geometric: weight }
     }
