@@ -58,8 +58,8 @@ fn measures(model: Model) -> (DVec3, DVec3, f64) {
 }
 
 /// Tolerance on the extents of a coarse mesh in addition to [`EXTENT`], in edge lengths of the mesh: a coarse mesh cuts
-/// off tips by up to one edge length.
-const LOST: f64 = 1.0;
+/// off tips, 1.3 edge lengths of the coarsest human's fingers.
+const LOST: f64 = 1.5;
 /// Radius of the gear's bore, m.
 const BORE: f64 = 0.0125;
 /// Tolerance for vertices of a tooth's flank to lie on the involute, m: rounding errors only.
