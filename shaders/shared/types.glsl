@@ -254,6 +254,8 @@ struct Solve {
     uint current;               // which of the two sets of iterates is the newest
     uint retries;               // how often the system was solved again after contacts were released
     uint newton_iterations;        // Newton iterations after the first in this step
+    float energy_limit;         // greatest e . A e that an accepted solution's error e may have, J (first_residual.comp)
+    float contact_forces[2];    // sums of normal forces at the last step's end: of the tool's contacts, of others, N
 };
 
 // Scalars of a conjugate gradient iteration. There are two sets: an iteration reads one and writes the other.
@@ -261,6 +263,7 @@ struct Iteration {
     float gamma;                // r . M^-1 r
     float alpha;                // step length along the search direction
     uint count;                 // iterations done
+    vec4 energies;              // alpha gamma of the last four iterations, the latest first, J
 };
 
 const uint CORE_NUMBERS = 72;       // length of a dynamic core's data in rigid_blocks: two 6x6 matrices

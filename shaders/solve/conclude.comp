@@ -77,13 +77,17 @@ void main() {
     vec4 sums = vec4(0.0);
     for (uint k = lane; k < BLOCKS; k += SIZE) sums.xw += dots[k] + (COARSE ? vec2(coarse_dots[k].x, 0.0) : vec2(0.0));
     float depth = 0.0;
+    vec4 forces = vec4(0.0);      // sums of normal forces: x: of the tool's contacts; y: of all others, N
     // Components of `sums`: x: (b - A x) . M^-1 (b - A x); y: number of contacts that are not released; z: number of
     // contacts under tension; w: estimate of the first component if the solution had rounding errors alone.
     if (CONTACT) {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
             if (is_released(contact)) continue;
-            bool is_under_tension = end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0;
+            float pressure = end_pressure(contact, fetch(contact_forces, c), params.dt);
+            bool is_under_tension = pressure < 0.0;
+            float force = max(0.0, pressure) * contact.area;
+            forces += contact.tool_sign == 0.0 ? vec4(0.0, force, 0.0, 0.0) : vec4(force, 0.0, 0.0, 0.0);
             sums.y += 1.0;
             depth = max(depth, contact.depth);
             sums.z += is_under_tension ? 1.0 : 0.0;
@@ -96,6 +100,7 @@ void main() {
         sums.x += inner(rigids[index].operator_product, preconditioned_rows(index, true));
     }
     sums = workgroup_sum(sums);
+    if (CONTACT) forces = workgroup_sum(forces);
     bool must_retry = solve.status != STATUS_RUNNING && sums.z > 0.0 && solve.retries < MAX_RETRIES;
     if (CONTACT && must_retry) {
         for (uint c = lane; c < contact_count; c += SIZE) {
@@ -126,6 +131,10 @@ void main() {
     if (verdict == VERDICT_DONE) {
         // The condition is written so that NaN raises the flag as well.
         if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
+        // The solve stopped before the contact forces were exact enough; a tenfold error, a hundredfold energy.
+        vec4 energies = iterations[solve.current].energies;
+        float energy = energies.x + energies.y + energies.z + energies.w;
+        if (CONTACT && solve.status != STATUS_CONVERGED && energy > 100.0 * solve.energy_limit) flags |= FLAG_NOT_CONVERGED;
         if (sums.z > 0.0) flags |= FLAG_TENSION;
         // A solution is rejected if one of the three numbers that `all` adds is not finite, since the residual then
         // means nothing, or if the residual is above a limit. The limit is low after a breakdown. A solve that merely
@@ -150,6 +159,9 @@ void main() {
             solve.retries = 0;
         }
         bool done = verdict == VERDICT_DONE;
+        if (CONTACT && done) {
+            for (int k = 0; k < 2; k++) solve.contact_forces[k] = forces[k];
+        }
         for (uint index = 0; index < RIGIDS && done; index++) rigids[index].carried_residual = rigids[index].operator_product;
         args[3 * ARGS_COMMIT] = done ? groups_of(NODES) : 0;
         args[3 * ARGS_WRENCH] = done ? 1 : 0;

@@ -14,8 +14,8 @@
 // products of all workgroups; inverts the tool's 6x6 block of A and writes the tool's b; and sets the indirect
 // arguments of the iterations' dispatches. It also chooses the warm start's factor w = (y . M^-1 b) / (y . M^-1 y) with
 // y = A x and x the last step's solution, at which w x has the least residual, so that a warm start is never worse than
-// none (projection on the earlier solution, Fischer 1998). Where b is mere rounding error, as at rest, no iteration is
-// run. There is one workgroup. The f64 reference is oracle::step.
+// none (projection on the earlier solution, Fischer 1998). It also sets the limit of the error's energy, at which the
+// contact forces are exact enough. Where b is mere rounding error, as at rest, no iteration is run. There is one workgroup. The f64 reference is oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -56,6 +56,14 @@ TWIST_OF(coarse_product)
 #include "shared/settle.glsl"
 #include "shared/rigid_inverse.glsl"
 #include "shared/rigid.glsl"
+
+// Greatest error of the contact forces, relative to these forces, as a multiple of the tolerance of the residual.
+const float FORCE_SHARE = 5.0;
+// The error of the contact forces need not be a smaller share of these forces than this one, which nobody feels.
+const float LEAST_FORCE_SHARE = 1.0e-3;
+// Force, in N, of which the error is a share where contact forces are smaller.
+const float WEAK_FORCE = 1.0;
+const float UNLIMITED = 3.0e38;
 
 const uint CORES = RIGIDS - (TOOL ? 1 : 0);
 
@@ -124,6 +132,26 @@ void assemble_tool() {
     rigids[RIGIDS - 1].rounding = rounding;
 }
 
+// Returns the greatest e . A e (J) that the error e of a solution may have. By the inequality of Cauchy and Schwarz the
+// error of the sum of the contacts' normal impulses is at most sqrt(w e . A e), where w is the sum of the contacts'
+// normal terms in the operator A, since A contains these terms. This bound must be small compared with the normal
+// impulse of the last step, once for the contacts of the tool and once for all others.
+float energy_limit() {
+    vec4 terms = vec4(0.0);
+    for (uint c = gl_LocalInvocationID.x; c < counts.contacts; c += SIZE) {
+        Contact contact = contacts[c];
+        float term = normal_operator(contact, params.dt);
+        terms += contact.tool_sign == 0.0 ? vec4(0.0, term, 0.0, 0.0) : vec4(term, 0.0, 0.0, 0.0);
+    }
+    terms = workgroup_sum(terms);
+    float limit = UNLIMITED, share = max(FORCE_SHARE * params.tolerance, LEAST_FORCE_SHARE);
+    for (int k = 0; k < 2; k++) {
+        float impulse = share * params.dt * max(solve.contact_forces[k], WEAK_FORCE);
+        if (terms[k] > 0.0) limit = min(limit, impulse * (impulse / terms[k]));
+    }
+    return limit;
+}
+
 // Writes the first iterate of a rigid body; until then the iterate's u and s hold M^-1 b and M^-1 y.
 void start_rigid(uint index, float warm_start) {
     RigidIterate now = iterates[index];
@@ -164,6 +192,8 @@ void main() {
         iterates[index].s = of_product;
     }
     sums = workgroup_sum(sums);
+    float limit = UNLIMITED;
+    if (CONTACT) limit = energy_limit();
     float warm_start = warm_start_factor(sums);
     for (uint index = lane; index < RIGIDS; index += SIZE) start_rigid(index, warm_start);
     barrier();
@@ -174,8 +204,9 @@ void main() {
     solve.floor_norm2 = sums.y;
     solve.current = 0;
     solve.status = at_rest ? STATUS_CONVERGED : STATUS_RUNNING;
-    iterations[0] = Iteration(0.0, 0.0, 0);
-    iterations[1] = Iteration(0.0, 0.0, 0);
+    solve.energy_limit = limit;
+    iterations[0] = Iteration(0.0, 0.0, 0, vec4(0.0));
+    iterations[1] = Iteration(0.0, 0.0, 0, vec4(0.0));
     uint on = at_rest ? 0 : 1, contact_count = CONTACT ? counts.contacts : 0;
     args[3 * ARGS_LOOP_ELEMENT_PRODUCT] = on * groups_of(TETRAHEDRA);
     args[3 * ARGS_LOOP_CONTACT_PRODUCT] = on * groups_of(contact_count);

@@ -114,14 +114,16 @@ pub const SOLVER: TableKeys = TableKeys {
             "> 0, < 1",
             "1e-5",
             "The solver stops where the residual, relative to the right-hand side in the norm of the preconditioner, \
-             is below this value.",
+             is below this value, and the error of the contact forces is estimated to be below five times this value \
+             (a thousandth at least) of these forces.",
         ),
         key(
             "max_iterations",
             "1 to 10000",
             "200",
             "The solver stops after this many iterations; flag `not_converged` is raised if the residual is then \
-             above ten times the tolerance and above what single precision can reach.",
+             above ten times the tolerance and above what single precision can reach, or the error of the contact \
+             forces above ten times what is allowed.",
         ),
         key(
             "preconditioner",

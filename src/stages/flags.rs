@@ -70,8 +70,9 @@ impl Flags {
     const EXPLANATIONS: [Explanation; Flags::ALL.len()] = [
         Explanation {
             title: "the solver did not converge",
-            meaning: "The residual of the linear system stayed above ten times the solver's tolerance, so the forces and \
-                      displacements of these steps are less exact than was requested.",
+            meaning: "The residual of the linear system, or the error of the contact forces, stayed above ten times what \
+                      the solver's tolerance allows, so the forces and displacements of these steps are less exact \
+                      than was requested.",
             remedy: Some(
                 "Raise solver.max_iterations, shorten step.dt, or make the stiffest and the softest material differ less.",
             ),

@@ -216,7 +216,7 @@ impl Solve {
                 ],
             )?,
             first_iterate: reduce("solve/first_iterate", &[coarse])?,
-            update: variants("solve/update", &[blocks, coarse, partials, rigids, ("WIDEST", count(widest))])?,
+            update: variants("solve/update", &[contact, blocks, coarse, partials, rigids, ("WIDEST", count(widest))])?,
             conclude: reduce(
                 "solve/conclude",
                 &[nodes_c, contact, tool, coarse, blocks, rigids, group, ("SKIN_PARTS", count(gap::part_count(model)))],

@@ -16,6 +16,8 @@ use crate::solver::system::{System, layer, layered, material, triples, two_layer
 const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };
 /// Relative error of a residual of order one, which inner products through blocks inverted in f32 give.
 const RESIDUAL: Tolerance = Tolerance { abs: 0.0, rel: 1e-4 };
+/// Relative error of a sum of contact forces, each of which is a difference of terms some ten times as large.
+const FORCES: Tolerance = Tolerance { abs: 0.0, rel: 1e-5 };
 /// The verdict that a solve is accepted. The four constants after it are bits of flags, as in `trace.csv`: not
 /// converged, a contact deeper than the limit, a number that is not finite, contacts that still pull.
 const DONE: u32 = 0;
@@ -86,6 +88,18 @@ fn verdicts_by_hand() {
     passes.conclude();
     assert_eq!((passes.report.verdict, passes.report.flags), (DONE, NOT_CONVERGED));
     assert_eq!(granted(&passes), [groups, 1]);
+
+    // The solve stopped at the iteration limit with a small residual, and contact forces that are not exact enough: a
+    // tenth of the error would be allowed, so that the energy is a hundred times the limit.
+    for (status, energy, flags) in [(2, 100.1, NOT_CONVERGED), (2, 99.9, 0), (1, 100.1, 0), (3, 100.1, NOT_CONVERGED)] {
+        passes = some_nodes();
+        passes.contact = true;
+        (passes.state.status, passes.state.energy_limit) = (status, 1.0);
+        passes.iterations[1].energies = [0.5 * energy, 0.25 * energy, 0.125 * energy, 0.125 * energy];
+        with_dots(&mut passes, &[[0.16, 0.0]]);
+        passes.conclude();
+        assert_eq!((passes.report.verdict, passes.report.flags), (DONE, flags), "status {status}, energy {energy}");
+    }
 
     // The solve converged, but a Newton iteration is still to come: nothing is committed before the last one.
     passes = some_nodes();
@@ -233,6 +247,9 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
         assert!(released > 5 && released < 90, "number of contacts that pull: {released}");
         let deepest = (0..100).filter(on).map(|c| before[c].depth).fold(0.0, f32::max);
         let tool_x = passes.tool_iterate().x;
+        // Sums of contact forces of the step before; they stay until a step is accepted.
+        let mut kept = [3.0, 5.0];
+        passes.state.contact_forces = kept.map(|force| force as f32);
         for (retries, status) in [(0, 1), (3, 2), (4, 1), (0, 0)] {
             passes.system.contacts = before.clone();
             passes.system.counts.released = 0;
@@ -243,6 +260,13 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
             expect_close("residual", &[report.residual], &[want], RESIDUAL);
             assert_eq!((report.contacts, report.max_depth), ((0..100).filter(on).count() as u32, deepest));
             assert_eq!(report.tool_change, tool_x);
+            let forces = [true, false].map(|of_tool| {
+                let of_kind = (0..100).filter(on).filter(|c| (before[*c].tool_sign != 0.0) == of_tool);
+                of_kind.map(|c| pressures[c].max(0.0) * f64::from(before[c].area)).sum::<f64>()
+            });
+            let want_forces = if report.verdict == DONE { forces } else { kept };
+            expect_close("contact forces", &passes.state.contact_forces, &want_forces, FORCES);
+            kept = want_forces;
             let again = status != 0 && retries < 4;
             assert_eq!(
                 report.verdict,

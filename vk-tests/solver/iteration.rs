@@ -34,8 +34,13 @@ fn two_iterations_by_hand() {
     let mut passes = bare();
     let ones = vec![[1.0, 1.0, 1.0, 0.0]; 8];
     for (dots, iteration, p, x) in [
-        (vec![[1.0, 2.0], [2.0, 4.0], [3.0, 6.0]], Iteration { gamma: 6.0, alpha: 0.5, count: 1 }, 1.0, 0.5),
-        (vec![[3.0, 5.0]], Iteration { gamma: 3.0, alpha: 1.5, count: 2 }, 1.5, 2.75),
+        (
+            vec![[1.0, 2.0], [2.0, 4.0], [3.0, 6.0]],
+            Iteration { gamma: 6.0, alpha: 0.5, count: 1, energies: [3.0, 0.0, 0.0, 0.0] },
+            1.0,
+            0.5,
+        ),
+        (vec![[3.0, 5.0]], Iteration { gamma: 3.0, alpha: 1.5, count: 2, energies: [4.5, 3.0, 0.0, 0.0] }, 1.5, 2.75),
     ] {
         let before = passes.iterations[passes.state.current as usize];
         (passes.dots, passes.preconditioned) = (dots, ones.clone());
@@ -63,7 +68,7 @@ fn it_stops_where_it_should() {
         let mut passes = bare();
         passes.dots = vec![[gamma, delta]];
         passes.state.current = 1;
-        passes.iterations[1] = Iteration { gamma: 8.0, alpha: 0.5, count: 3 };
+        passes.iterations[1] = Iteration { gamma: 8.0, alpha: 0.5, count: 3, energies: [4.0; 4] };
         change(&mut passes);
         let (before, iterations) = (passes.state, passes.iterations);
         passes.update();
@@ -96,6 +101,21 @@ fn it_stops_where_it_should() {
     assert_eq!(stopped(1.01, 10.0, |_| ()), running);
     assert_eq!(stopped(0.99, 10.0, |_| ()), converged);
     assert_eq!(stopped(1.99, 10.0, |p| p.state.floor_norm2 = 2.0), converged);
+    // With contacts the error's energy must be small as well, by the sum over four iterations, here 16; this is not
+    // asked where the residual is down to the rounding floor.
+    fn limited(p: &mut Passes, count: u32, limit: f32) {
+        p.contact = true;
+        (p.iterations[1].count, p.state.energy_limit) = (count, limit);
+    }
+    assert_eq!(stopped(0.99, 10.0, |p| limited(p, 4, 16.0)), converged);
+    assert_eq!(stopped(0.99, 10.0, |p| limited(p, 4, 15.9)), running);
+    assert_eq!(stopped(0.99, 10.0, |p| limited(p, 3, 1e9)), running, "status before four iterations are done");
+    assert_eq!(stopped(1.01, 10.0, |p| limited(p, 4, 1e9)), running, "status where the residual is too large");
+    fn at_floor(p: &mut Passes) {
+        limited(p, 4, 0.0);
+        p.state.floor_norm2 = 2.0;
+    }
+    assert_eq!(stopped(1.99, 10.0, at_floor), converged);
     assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 9), running);
     assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 10), stopped_at_most);
     assert_eq!(stopped(2.0, -10.0, |_| ()), broken);
@@ -136,7 +156,7 @@ fn tools_rows(set: u32) {
     // is added.
     assert_eq!(passes.dots.len(), 3, "number of inner products: of two blocks of nodes and of the tool");
     (passes.dots[0], passes.dots[1]) = ([30.0, 40.0], [10.0, 60.0]);
-    passes.iterations[set as usize] = Iteration { gamma: 80.0, alpha: 1.5, count: 1 };
+    passes.iterations[set as usize] = Iteration { gamma: 80.0, alpha: 1.5, count: 1, energies: [0.0; 4] };
     let before = passes.tool_iterate();
     passes.update();
     assert_eq!((passes.state.current, passes.iterations_done()), (1 - set, 2));
@@ -194,7 +214,7 @@ fn vectors_follow_the_scalars_at_every_size() {
         // gives beta = 1 / -2.5 = -0.4 and alpha = 1 / (delta + 0.4) = 0.7.
         let set = case % 2;
         passes.state.current = set as u32;
-        passes.iterations[set] = Iteration { gamma: -2.5, alpha: 1.0, count: 1 };
+        passes.iterations[set] = Iteration { gamma: -2.5, alpha: 1.0, count: 1, energies: [0.0; 4] };
         let share = 1.0 / passes.blocks().max(1) as f32;
         passes.dots = vec![[share, share * (1.0 / 0.7 - 0.4)]; passes.blocks()];
         let wide = |x: &[[f32; 4]]| -> Vec<f64> { triples(x).into_iter().map(f64::from).collect() };
@@ -207,7 +227,7 @@ fn vectors_follow_the_scalars_at_every_size() {
         if passes.blocks() == 0 {
             continue;
         }
-        let Iteration { gamma, alpha, count } = passes.iterations[1 - set];
+        let Iteration { gamma, alpha, count, .. } = passes.iterations[1 - set];
         expect_close("scalars", &[gamma, alpha], &[1.0, 0.7], ROUNDING);
         assert_eq!((count, passes.state.current), (2, 1 - set as u32));
         let (alpha, [u, p, s, r]) = (f64::from(alpha), before);

@@ -4,6 +4,7 @@
 //! block is the 6x6 diagonal block of A for the motion of the tool (the rigid body that the haptic device leads); in
 //! "blocks of nodes", a block is the nodes that one workgroup owns.
 
+use bytemuck::Zeroable;
 use palpate::internal::shaders;
 use palpate::internal::shaders::Iteration;
 use palpate_oracle::linear::{Entries, Solver};
@@ -38,13 +39,13 @@ fn the_warm_factor_and_the_arguments_by_hand() {
     let system = System::new(&[layered(layer(160), material(2e4), glam::DQuat::IDENTITY)], 0.0, 1);
     let mut passes = Passes::new(system);
     (passes.partials, passes.dots) = (vec![[2.0, 0.25], [1.0, 0.5]], vec![[1.0, 1.5], [2.0, 2.5]]);
-    passes.iterations[0] = Iteration { gamma: 1.0, alpha: 2.0, count: 9 };
+    passes.iterations[0] = Iteration { gamma: 1.0, alpha: 2.0, count: 9, energies: [5.0; 4] };
     (passes.state.retries, passes.state.current) = (3, 1);
     passes.start();
     let s = &passes.state;
     assert_eq!((s.warm_start, s.rhs_norm2, s.floor_norm2), (0.75, 3.0, 0.75));
     assert_eq!((s.current, s.status, s.retries), (0, 0, 3));
-    assert_eq!(passes.iterations, [Iteration { gamma: 0.0, alpha: 0.0, count: 0 }; 2]);
+    assert_eq!(passes.iterations, [Iteration::zeroed(); 2]);
     let tetrahedra = passes.tetrahedra().div_ceil(context().group_size() as usize) as u32;
     assert_eq!(loop_groups(&passes.args), [tetrahedra, 0, 0, 2, 0, 0, 0, 0, 0]);
     for args_index in shaders::ARGS_LOOP_ELEMENT_PRODUCT..=shaders::ARGS_GAP {
@@ -185,6 +186,36 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         // With this factor, the first residual must never be greater than without a warm start.
         assert!(dot(&r, &preconditioned(&passes, &inverse, &r)) <= dot(&b, &zb) * (1.0 + FACTOR));
     }
+}
+
+#[test]
+fn the_limit_of_energy_is_that_of_the_contacts() {
+    // The sum w of the contacts' normal terms (h^2 k + h d) a, and the greatest error of their impulse, make the limit:
+    // that impulse squared over w, once for the tool and once for all other contacts, of which the lesser one counts.
+    // The impulse is a share of the normal force times h; a force below 1 N counts as 1 N.
+    for (tolerance, share, forces) in [(1e-2, 5e-2, [40.0, 0.3]), (1e-2, 5e-2, [0.2, 90.0]), (1e-6, 1e-3, [2.0, 3.0])] {
+        let system = System::new(&two_layers(), 0.004, 6).with_tool().with_contacts(100, 77);
+        let mut passes = Passes::new(system);
+        passes.system.params.tolerance = tolerance;
+        passes.state.contact_forces = forces;
+        passes.assemble();
+        passes.apply(Change::Solution);
+        passes.gather(0);
+        passes.start();
+        let h = f64::from(passes.system.params.dt);
+        let limits = [true, false].map(|of_tool| {
+            let chosen = passes.system.contacts.iter().filter(|c| (c.tool_sign != 0.0) == of_tool);
+            let terms = chosen.map(|c| (h * f64::from(c.stiffness) + f64::from(c.damping)) * h * f64::from(c.area));
+            (share * h * f64::from(forces[usize::from(!of_tool)]).max(1.0)).powi(2) / terms.sum::<f64>()
+        });
+        expect_close("limit of energy", &[passes.state.energy_limit], &[limits[0].min(limits[1])], ROUNDING);
+    }
+    let mut alone = Passes::new(System::new(&two_layers(), 0.004, 6).with_tool());
+    alone.assemble();
+    alone.apply(Change::Solution);
+    alone.gather(0);
+    alone.start();
+    assert!(alone.state.energy_limit > 1e38, "without contacts nothing limits the energy");
 }
 
 #[test]

@@ -108,6 +108,54 @@ fn a_dynamic_core_and_what_hangs_on_it_are_one_system() {
     }
 }
 
+/// Error of the contacts' normal forces after a solve to a residual of 1e-2, N: the vector sum over the contacts of the
+/// tool, and over all others. Contacts are `stiffer` times as stiff as usual; `is_limited`: whether the energy of the
+/// solution's error has to fall below its limit.
+fn error_of_forces(seed: u64, stiffer: f64, is_limited: bool) -> [f64; 2] {
+    let mut given = system(&two_layers(), seed, Preconditioner::Jacobi).with_tool().with_contacts(20, 8);
+    for (contact, twin) in given.contacts.iter_mut().zip(&mut given.twin_contacts) {
+        (contact.stiffness, contact.damping) = (contact.stiffness * stiffer as f32, contact.damping * stiffer as f32);
+        (twin.stiffness, twin.damping) = (twin.stiffness * stiffer, twin.damping * stiffer);
+    }
+    let mut passes = Passes::new(given);
+    passes.system.params.tolerance = 1e-2;
+    passes.record_start();
+    if !is_limited {
+        passes.state.energy_limit = f32::MAX;
+    }
+    passes.iterate(LIMIT);
+    let s = &passes.system;
+    let (a, b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
+    let x = s.unknowns(&passes.solution, &passes.tool_iterate().x);
+    let error: Vec<f64> = x.iter().zip(&Solver::default().solve(&a, &b).unwrap()).map(|(x, y)| x - y).collect();
+    let (places, h) = (s.twin.unknowns(), s.twin.dt);
+    [true, false].map(|of_tool| {
+        let chosen = s.contacts.iter().zip(&s.twin_contacts).filter(|(c, _)| (c.tool_sign != 0.0) == of_tool);
+        let force = |twin: &palpate_oracle::contact::Contact| {
+            let rate: f64 = s.twin.row(&places, twin).iter().map(|(i, w)| w * error[*i]).sum();
+            (h * twin.stiffness + twin.damping) * twin.area * rate * twin.normal
+        };
+        chosen.map(|(_, twin)| force(twin)).sum::<glam::DVec3>().length()
+    })
+}
+
+#[test]
+#[ignore = "long: 40 s"]
+fn stiff_contacts_are_solved_until_their_forces_are_exact() {
+    // The contact forces of the step before are zero, so that the allowed error is a share of 1 N: five times the
+    // tolerance of the residual.
+    let allowed = 5.0 * 1e-2;
+    for stiffer in [1.0, 100.0] {
+        let [limited, unlimited] = [true, false].map(|is| error_of_forces(0, stiffer, is));
+        println!("contacts {stiffer} times as stiff: errors {limited:.4?} N; by the residual alone {unlimited:.4?} N");
+        assert!(limited[0] < allowed && limited[1] < allowed, "errors {limited:?} N, {allowed} N allowed");
+        assert!(
+            unlimited[0] > 5.0 * allowed && unlimited[1] > 5.0 * allowed,
+            "the residual alone should leave more than {unlimited:?} N"
+        );
+    }
+}
+
 #[test]
 #[ignore = "long: 13 s"]
 fn bodies_of_every_kind_are_solved_with_a_coarse_level() {

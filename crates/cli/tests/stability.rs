@@ -114,11 +114,18 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
         // its depth causes.
         (
             "solve/conclude",
-            "bool is_under_tension = end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0;",
-            "bool is_under_tension = end_pressure(contact, fetch(contact_forces, c), params.dt) < -0.1 * contact.stiffness * \
-             contact.depth;",
+            "bool is_under_tension = pressure < 0.0;",
+            "bool is_under_tension = pressure < -0.1 * contact.stiffness * contact.depth;",
             "contact-stiffness",
             Invariant::Push,
+        ),
+        // Fault: a loose solver stops by its residual alone, whatever the error of the contact forces.
+        (
+            "solve/update",
+            "return last.count >= 4 && e.x + e.y + e.z + e.w <= solve.energy_limit;",
+            "return true;",
+            "preset",
+            Invariant::Peak,
         ),
     ];
     for (kernel, from, to, axis, invariant) in faults {

@@ -254,7 +254,7 @@ impl Passes {
             .partial("rigid_inverses", &self.rigid_inverses)
             .inout("iterates", &self.iterates)
             .inout("solve", &[self.state])
-            .output::<[u32; 3]>("iterations", 2)
+            .output::<Iteration>("iterations", 2)
             .partial("args", &self.args)
             .groups(1)
             .run();
@@ -333,6 +333,7 @@ impl Passes {
     fn update_variant(&self, leads: bool, variant: &Variant) -> Outcome {
         let s = &self.system;
         self.reduce("solve/update")
+            .constant("CONTACT", self.contact)
             .constant("BLOCKS", self.blocks() as u32)
             .constant("PARTIALS", self.dots.len() as u32)
             .constant("WIDEST", self.rigids.iter().map(|rigid| rigid.group_count).max().unwrap_or(1))

@@ -6,7 +6,8 @@
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::scene::MaterialLaw;
+use palpate::scene::preset::{PRESETS, Preset};
+use palpate::scene::{Material, MaterialLaw};
 
 use super::cases::{Case, bare, both, hang, pluck, press, release, rest, sphere, spin, still, teleport, throw, thrust};
 use super::labels::{power, si, stretched};
@@ -39,7 +40,7 @@ pub struct Axis {
 }
 
 /// Names of all axes, in the order of the matrix.
-pub const NAMES: [&str; 21] = [
+pub const NAMES: [&str; 22] = [
     "young",
     "poisson",
     "poisson-neo-hookean",
@@ -47,6 +48,7 @@ pub const NAMES: [&str; 21] = [
     "step",
     "mass-ratio",
     "contact-stiffness",
+    "preset",
     "damping-mass",
     "damping-stiffness",
     "sliver",
@@ -200,6 +202,27 @@ fn contact(name: &str, extent: Extent) -> Option<Axis> {
                 power,
                 Some([1e6, 1e8]),
                 stiffness,
+            )
+        }
+        "preset" => {
+            let all = &[1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
+            Values(all, &[1e3, 1e5, 1e7, 1e9]).axis(
+                "preset",
+                "Presets, Young's modulus",
+                extent,
+                |x| si(x, "Pa"),
+                Some([1e3, 1e9]),
+                |x| {
+                    let with_preset = |preset: &Preset| {
+                        let (dt, tolerance) = (preset.dt, Some(preset.tolerance));
+                        let material = Material { young: x, ..Setup::default().material };
+                        // Without gravity, under which the softest blocks would collapse.
+                        let setup = Setup { dt, tolerance, material, gravity: 0.0, ..Setup::default() };
+                        let case = press(setup.damped(), sphere(0.1));
+                        Case { scenario: preset.name, ..case }
+                    };
+                    PRESETS.iter().map(with_preset).collect()
+                },
             )
         }
         "thrust" => Values(&[0.3, 1.0, 3.0, 10.0], &[1.0, 10.0]).axis(

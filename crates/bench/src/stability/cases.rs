@@ -144,7 +144,8 @@ fn sag(setup: &Setup) -> f64 {
 /// none presses and the block has its rest shape. A block that sags too far promises only that a contact presses.
 fn left_alone(setup: &Setup) -> Promise {
     let is_firm = sag(setup) <= 0.5 * SHAPE * setup.edge;
-    Promise { shape: is_firm.then_some(SHAPE * setup.edge), touches: true, parts: is_firm, ..Promise::default() }
+    let (shape, tolerance) = (is_firm.then_some(SHAPE * setup.edge), setup.tolerance.unwrap_or_default());
+    Promise { shape, tolerance, touches: true, parts: is_firm, ..Promise::default() }
 }
 
 /// A sphere on a virtual coupling is pressed into the block, held, and drawn out.

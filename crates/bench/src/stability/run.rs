@@ -21,6 +21,8 @@ use crate::meshes::MeshFolder;
 /// energy at the end, which includes a safety factor of ten, is below this share of the block's greatest energy. Then
 /// at most a twentieth of the displacement is left.
 const SHAPED: f64 = 1e-2;
+/// Greatest number of iterations of a tight solver.
+const TIGHT_ITERATIONS: u32 = 2000;
 /// A long case keeps about this number of evenly spaced steps as its trace (measurements for the report).
 const TRACED: usize = 200;
 /// Greatest number of simulations in parallel; each opens a Vulkan device of its own.
@@ -148,7 +150,26 @@ fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
             break;
         }
     }
-    Ok(judged(case, &samples, &promise(case, decay, &samples), begun))
+    let promise = Promise { peak: tight_peak(case, settings)?, ..promise(case, decay, &samples) };
+    Ok(judged(case, &samples, &promise, begun))
+}
+
+/// Greatest contact force on the tool, N, in a case whose solver is loose, if the solver were tight. `None`: the case's
+/// solver has the engine's default tolerance.
+fn tight_peak(case: &Case, settings: &Settings) -> Result<Option<f64>> {
+    if case.setup.tolerance.is_none() {
+        return Ok(None);
+    }
+    let mut scene = case.setup.scene(case.scenario);
+    (scene.solver.tolerance, scene.solver.max_iterations) = (invariants::TIGHT, TIGHT_ITERATIONS);
+    let mut simulation = Simulation::open(&scene, &options(settings))?;
+    begin(&mut simulation, case)?;
+    let mut most = 0.0f64;
+    for _ in 0..case.steps {
+        let report = simulation.step()?;
+        most = most.max(report.tool.map_or(0.0, |tool| tool.force.length()));
+    }
+    Ok(Some(most))
 }
 
 /// The case's promise (invariants that it must keep in addition to those of every step), with a bound on the kinetic

@@ -75,6 +75,8 @@ pub struct Setup {
     pub has_floor: bool,
     /// Contact stiffness, N/m^3; `None`: the engine chooses it.
     pub stiffness: Option<f64>,
+    /// Tolerance of the solver; `None`: the engine's default.
+    pub tolerance: Option<f64>,
 }
 
 impl Default for Setup {
@@ -99,6 +101,7 @@ impl Default for Setup {
             sphere: None,
             has_floor: false,
             stiffness: None,
+            tolerance: None,
         }
     }
 }
@@ -128,6 +131,7 @@ impl Setup {
         scene.step.dt = self.dt;
         scene.step.gravity = DVec3::new(0.0, -self.gravity, 0.0);
         scene.contact.stiffness = self.stiffness;
+        scene.solver.tolerance = self.tolerance.unwrap_or(scene.solver.tolerance);
         scene.contact.depth_limit *= self.edge / Setup::default().edge;
         if self.has_floor {
             let shape = Shape::Plane { normal: DVec3::Y, offset: self.origin.y };

@@ -11,13 +11,21 @@ fn kept() -> Vec<Sample> {
         let energy = 1.0 - 0.05 * k as f64;
         let good = Sample { is_finite: true, energy, turned_over: 1.0, ..Sample::default() };
         let pressed = if k < 9 { 0.5 } else { 0.0 };
-        Sample { stirred: 1.0, pressed, residual: 1e-5, balance: 1e-5, deformed: 0.01, ..good }
+        let force = if k == 4 { 2.0 } else { 1.0 };
+        Sample { stirred: 1.0, pressed, force, residual: 1e-5, balance: 1e-5, deformed: 0.01, ..good }
     };
     (0..=10).map(step).collect()
 }
 
-const PROMISE: Promise =
-    Promise { rest: Some(1e-3), drift: Some((5, 1e-6)), shape: Some(0.1), touches: true, parts: true };
+const PROMISE: Promise = Promise {
+    tolerance: 0.0,
+    peak: Some(2.0),
+    rest: Some(1e-3),
+    drift: Some((5, 1e-6)),
+    shape: Some(0.1),
+    touches: true,
+    parts: true,
+};
 /// All flags as a bit mask.
 const ALL: u32 = 0x7ff;
 
@@ -30,7 +38,7 @@ fn what_keeps_every_invariant_passes() {
     let samples = kept();
     assert_eq!(verdict_of(&samples), Verdict::Pass);
     let findings = judge(&samples, &PROMISE);
-    assert_eq!(findings.len(), 11);
+    assert_eq!(findings.len(), 12);
     assert!(
         findings.iter().all(|f| f.broken.is_none() && f.in_words().is_none()),
         "no finding may be a broken invariant: {findings:?}"
@@ -40,13 +48,14 @@ fn what_keeps_every_invariant_passes() {
 #[test]
 fn each_invariant_can_be_broken_and_a_flag_of_another_step_excuses_nothing() {
     type Spoil = fn(&mut Sample);
-    let invariants: [(Invariant, usize, Spoil); 10] = [
+    let invariants: [(Invariant, usize, Spoil); 11] = [
         (Invariant::Finite, 7, |s| s.is_finite = false),
         (Invariant::Energy, 7, |s| s.energy = 1.01),
         (Invariant::Force, 7, |s| s.missed = 6e-4),
         (Invariant::Push, 7, |s| s.tension = 6e-4),
         (Invariant::Residual, 7, |s| s.residual = 2e-3),
         (Invariant::Balance, 7, |s| s.balance = f64::NAN),
+        (Invariant::Peak, 4, |s| s.force = 2.15),
         (Invariant::Rest, 9, |s| s.motion = 2e-3),
         (Invariant::Drift, 7, |s| s.moved.x = 2e-6),
         (Invariant::Shape, 10, |s| s.deformed = 0.2),
