@@ -127,6 +127,14 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
             "preset",
             Invariant::Peak,
         ),
+        // Fault: the operator has no stiffness of tension, so that two Newton iterations undo each other.
+        (
+            "elastic/element_forces",
+            "mat3 rows = law.geometric;",
+            "mat3 rows = mat3(0.0);",
+            "newton",
+            Invariant::Balanced,
+        ),
     ];
     for (kernel, from, to, axis, invariant) in faults {
         let results = run(&[axis], vec![(kernel.into(), spoil::spoiled(kernel, from, to))]);

@@ -9,11 +9,16 @@ use palpate::Result;
 use palpate::scene::preset::{PRESETS, Preset};
 use palpate::scene::{Material, MaterialLaw};
 
-use super::cases::{Case, bare, both, hang, pluck, press, release, rest, sphere, spin, still, teleport, throw, thrust};
+use super::cases::{
+    Case, bare, both, hang, load, pluck, press, release, rest, sphere, spin, still, teleport, throw, thrust,
+};
 use super::labels::{power, si, stretched};
 use super::meshes;
 use super::setup::{Attachment, Setup};
 use crate::meshes::MeshFolder;
+
+/// Length of the bar that hangs, m.
+const BAR_LENGTH: f64 = 0.2;
 
 /// One value of an axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,7 +45,7 @@ pub struct Axis {
 }
 
 /// Names of all axes, in the order of the matrix.
-pub const NAMES: [&str; 22] = [
+pub const NAMES: [&str; 23] = [
     "young",
     "poisson",
     "poisson-neo-hookean",
@@ -62,6 +67,7 @@ pub const NAMES: [&str; 22] = [
     "origin",
     "gravity",
     "tetrahedron",
+    "newton",
     "bound",
 ];
 
@@ -211,7 +217,7 @@ fn contact(name: &str, extent: Extent) -> Option<Axis> {
                 "Presets, Young's modulus",
                 extent,
                 |x| si(x, "Pa"),
-                Some([1e3, 1e9]),
+                Some([1e3, 1e7]),
                 |x| {
                     let with_preset = |preset: &Preset| {
                         let (dt, tolerance) = (preset.dt, Some(preset.tolerance));
@@ -357,6 +363,35 @@ fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
             let cell = |label: &str, case| Cell { label: label.into(), is_core: true, cases: vec![case] };
             let cells = vec![cell("held by a face", hang(setup)), cell("on a floor", on_floor)];
             Axis { name: "tetrahedron", title: "A single tetrahedron", is_listed: true, cells }
+        }
+        "newton" => {
+            let mesh = meshes::bar(extent.folder, BAR_LENGTH)?;
+            let material = Material {
+                law: MaterialLaw::NeoHookean,
+                poisson: 0.45,
+                density: 200.0,
+                damping_stiffness: 0.05,
+                ..Setup::default().material
+            };
+            // The lowest layer of cells, a twentieth of the bar, weighs fifteen times as much as the rest.
+            let heavy = Some((300.0 * material.density, -0.95 * BAR_LENGTH));
+            let bar = Setup { mesh: Some(mesh), edge: BAR_LENGTH, material, dt: 0.01, load: heavy, ..Setup::default() };
+            let both = |newton: f64| {
+                let of = |law: MaterialLaw| {
+                    let material = Material { law, ..material };
+                    load(Setup { newton: newton as u32, material, ..bar.clone() })
+                };
+                let corotational = Case { scenario: "hang, loaded, corotational", ..of(MaterialLaw::Corotational) };
+                vec![of(MaterialLaw::NeoHookean), corotational]
+            };
+            Values(&[1.0, 2.0, 3.0, 5.0, 10.0], &[1.0, 2.0]).axis(
+                "newton",
+                "Newton iterations, loaded bar",
+                extent,
+                |x| format!("{x}"),
+                Some([1.0, 10.0]),
+                both,
+            )
         }
         "bound" => {
             let cell = |label: &str, attachment: Attachment, is_still| {

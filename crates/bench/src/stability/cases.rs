@@ -261,6 +261,14 @@ pub fn rest(setup: Setup, steps: usize) -> Case {
     Case { scenario: "rest", setup, start: Start::Rest, steps, promise, settling: None }
 }
 
+/// A bar with a heavy end hangs from a fixed end: once it is at rest, the forces on each node are balanced, so that it
+/// hangs straight down.
+pub fn load(setup: Setup) -> Case {
+    let setup = Setup { attachment: Attachment::Bottom, ..setup };
+    let promise = Promise { rest: Some(AT_REST), balanced: true, ..Promise::default() };
+    Case { scenario: "hang, loaded", setup, start: Start::Rest, steps: 600, promise, settling: None }
+}
+
 /// The given case with the promise that the block's centre stays in place, for a block that nothing can move, since it
 /// has no weight or all its nodes are attached.
 pub fn still(case: Case) -> Case {

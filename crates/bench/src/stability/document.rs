@@ -97,6 +97,10 @@ fn invariants(results: &Results) -> Table {
              1e-4 of the body's greatest energy; nothing is promised if the case is too short for that mode",
         ),
         (
+            Invariant::Balanced,
+            "a loaded bar at rest: the sum of elastic force and weight on each node is within 1e-3 of the whole weight",
+        ),
+        (
             Invariant::Drift,
             "the centre of a body that nothing pushes moves by at most 1e-5 of the length of its edge; for a plucked \
              body, 1e-5 of its stretch is added for each step",

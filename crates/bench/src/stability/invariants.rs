@@ -33,6 +33,8 @@ pub const BALANCE: f64 = 1e-2;
 /// the residual at which the engine raises a flag, and twice the error of contact forces at which it goes on.
 const LOOSE_RESIDUAL: f64 = 100.0;
 const LOOSE_BALANCE: f64 = 10.0;
+/// At rest the force on a node may be out of balance by this share of the weight of all nodes.
+pub const BALANCED: f64 = 1e-3;
 /// The greatest contact force on the tool may differ from that of a tight solver, which stops at [`TIGHT`], by this
 /// share: a difference of forces that is just noticeable.
 pub const PEAK: f64 = 0.07;
@@ -64,6 +66,8 @@ pub enum Invariant {
     Peak,
     /// A damped case comes to rest.
     Rest,
+    /// Where a body has come to rest, elastic forces carry its weight.
+    Balanced,
     /// A body that nothing pushes stays in place.
     Drift,
     /// A body that was let go is back in shape, not inside out.
@@ -86,6 +90,7 @@ impl Invariant {
             Invariant::Balance => "balance",
             Invariant::Peak => "peak",
             Invariant::Rest => "rest",
+            Invariant::Balanced => "balanced",
             Invariant::Drift => "drift",
             Invariant::Shape => "shape",
             Invariant::Touch => "touch",
@@ -127,6 +132,8 @@ impl Invariant {
             // The residual that the solver leaves may push the body as a whole; the spinning blocks of 1 TPa drift as
             // well.
             Invariant::Drift => Flags::NOT_CONVERGED | Flags::TURNS_TOO_FAR,
+            // No flag says that forces on a body at rest are out of balance; an inverted tetrahedron has several forces.
+            Invariant::Balanced => Flags::INVERTED,
             // The motion of a body that stays inside out does not decay as predicted for oscillations about the rest
             // shape.
             Invariant::Rest => Flags::INVERTED,
@@ -156,6 +163,8 @@ pub struct Promise {
     /// Greatest kinetic energy at the end, as a share of the greatest sum of kinetic and elastic energy that the body
     /// had; `None`: the case need not come to rest.
     pub rest: Option<f64>,
+    /// Whether the forces on each node must be balanced at the end.
+    pub balanced: bool,
     /// Number of a step, and the greatest distance of the centre of the free nodes in later steps from its position in
     /// that step, m; `None`: the centre may move.
     pub drift: Option<(usize, f64)>,
@@ -263,6 +272,9 @@ pub fn judge(samples: &[Sample], promise: &Promise) -> Vec<Finding> {
     if let Some(left) = promise.rest {
         let most = samples.iter().map(|s| s.stirred).fold(0.0, f64::max);
         findings.push(worst(Invariant::Rest, samples, end, |s| (s.motion, left.max(AT_REST) * most)));
+    }
+    if promise.balanced {
+        findings.push(worst(Invariant::Balanced, samples, end, |s| (s.unbalanced, BALANCED)));
     }
     if let Some((from, bound)) = promise.drift {
         let reference = samples.get(from).map_or(DVec3::ZERO, |s| s.moved);

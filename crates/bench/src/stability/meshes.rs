@@ -1,6 +1,6 @@
 //! Writes mesh files for the stability matrix (many stiff and extreme simulations, each judged by invariants), for
 //! bodies that a scene cannot describe by numbers: a block in which one row of cells is squeezed to slivers (flat
-//! tetrahedra), and a single tetrahedron.
+//! tetrahedra), a single tetrahedron, and a bar that hangs.
 
 use std::path::PathBuf;
 
@@ -12,6 +12,8 @@ use crate::meshes::MeshFolder;
 
 /// Number of cells of the block along y, of which the second is thin.
 const CELLS: u32 = 4;
+/// Numbers of cells of the bar along x, y and z.
+const BAR: [u32; 3] = [2, 20, 2];
 
 /// Writes a cube of edge `edge` (m) whose second row of cells along y is so thin that the least dihedral angle of its
 /// tetrahedra is `angle` (degrees). Returns the path of the file.
@@ -25,6 +27,37 @@ pub fn slivers(folder: &MeshFolder, angle: f64, edge: f64) -> Result<PathBuf> {
         node.y = heights[(node.y / edge * f64::from(CELLS)).round() as usize];
     }
     folder.layer(&format!("slivers-{angle}"), &layer.nodes, &layer.tetrahedra)
+}
+
+/// Writes a bar that hangs down from the plane y = 0, with a square section of a fifth of its length `edge` (m).
+/// Neighbouring cells are mirror images of each other, so that the bar has the symmetry of its section and hangs
+/// straight down. Returns the path of the file.
+pub fn bar(folder: &MeshFolder, edge: f64) -> Result<PathBuf> {
+    let half = 0.05 * edge;
+    let cells = BAR;
+    let layer = kuhn_box(DVec3::new(-half, -edge, -half), DVec3::new(half, 0.0, half), cells);
+    // Position of a node in the grid of cells, from its coordinates.
+    let place = |x: DVec3| {
+        let share = (x - DVec3::new(-half, -edge, -half)) / DVec3::new(2.0 * half, edge, 2.0 * half);
+        (share * DVec3::from_array(cells.map(f64::from))).round()
+    };
+    let nodes: std::collections::HashMap<[i64; 3], u32> =
+        layer.nodes.iter().zip(0..).map(|(x, i)| (place(*x).to_array().map(|k| k as i64), i)).collect();
+    let mirrored = |tetrahedron: &[u32; 4]| {
+        let places = tetrahedron.map(|i| place(layer.nodes[i as usize]));
+        let first = places.into_iter().fold(DVec3::INFINITY, DVec3::min);
+        // Along each axis every second cell is a mirror image.
+        let odd = first.to_array().map(|k| k as i64 % 2 == 1);
+        let turned = places.map(|at| {
+            let mirror = |k: usize| if odd[k] { 2.0 * first[k] + 1.0 - at[k] } else { at[k] };
+            nodes[&std::array::from_fn(|k| mirror(k) as i64)]
+        });
+        // An odd number of mirrors turns a tetrahedron inside out, which two exchanged nodes make up for.
+        let [a, b, c, d] = turned;
+        if odd.iter().filter(|is_odd| **is_odd).count() % 2 == 1 { [a, b, d, c] } else { turned }
+    };
+    let tetrahedra: Vec<[u32; 4]> = layer.tetrahedra.iter().map(mirrored).collect();
+    folder.layer("bar", &layer.nodes, &tetrahedra)
 }
 
 /// Writes one tetrahedron with a face in the plane x = 0 and three edges of length `edge` (m) along the axes. Returns

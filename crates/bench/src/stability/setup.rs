@@ -8,7 +8,8 @@ use std::path::PathBuf;
 use glam::{DQuat, DVec3};
 use palpate::Scene;
 use palpate::scene::{
-    Bind, Body, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Shape, Tool, ToolShape,
+    Bind, Body, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Place, Region, Shape, Tool,
+    ToolShape,
 };
 
 /// A node lies on a face of the block if its distance from the face is at most this share of the block's edge.
@@ -77,6 +78,10 @@ pub struct Setup {
     pub stiffness: Option<f64>,
     /// Tolerance of the solver; `None`: the engine's default.
     pub tolerance: Option<f64>,
+    /// Newton iterations of a step.
+    pub newton: u32,
+    /// A load: density (kg/m^3) of the tetrahedra whose centroid is below a height (m); `None`: all have one density.
+    pub load: Option<(f64, f64)>,
 }
 
 impl Default for Setup {
@@ -102,6 +107,8 @@ impl Default for Setup {
             has_floor: false,
             stiffness: None,
             tolerance: None,
+            newton: 1,
+            load: None,
         }
     }
 }
@@ -129,6 +136,7 @@ impl Setup {
     pub fn scene(&self, name: &str) -> Scene {
         let mut scene = Scene::of_body(name, self.body());
         scene.step.dt = self.dt;
+        scene.step.newton = self.newton;
         scene.step.gravity = DVec3::new(0.0, -self.gravity, 0.0);
         scene.contact.stiffness = self.stiffness;
         scene.solver.tolerance = self.tolerance.unwrap_or(scene.solver.tolerance);
@@ -185,12 +193,18 @@ impl Setup {
             material: Some(self.material),
             collides: None,
             cores: self.bind().into_iter().map(core).collect(),
-            regions: Vec::new(),
+            regions: self.load.into_iter().map(|load| self.region(load)).collect(),
             dilatation: Dilatation::Element,
             repair: true,
             joints: Vec::new(),
             skeleton: None,
         }
+    }
+
+    fn region(&self, (density, below): (f64, f64)) -> Region {
+        let wide = DVec3::splat(10.0 * self.edge);
+        let place = Place::Box { low: -wide, high: DVec3::new(wide.x, below, wide.z) };
+        Region { place, material: Material { density, ..self.material } }
     }
 
     fn bind(&self) -> Option<Bind> {

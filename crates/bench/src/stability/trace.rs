@@ -40,6 +40,8 @@ pub struct Sample {
     pub motion: f64,
     /// `motion` plus the body's elastic energy, J.
     pub stirred: f64,
+    /// Greatest sum of elastic force and weight on a free node, over the weight of all free nodes; zero without gravity.
+    pub unbalanced: f64,
     /// Residual of the step's linear system in the norm of its diagonal, relative to the sum of the norms of the
     /// right-hand sides of this step and of the step before. It includes the residual that the step before left.
     pub residual: f64,
@@ -80,6 +82,7 @@ pub struct Observer {
     largest: f64,
     gravity: DVec3,
     dt: f64,
+    newton: u32,
     /// Norm of the right-hand side of the last step, whose remaining residual is part of this step's residual. `None`:
     /// unknown, since the last step was retried in parts.
     last_size: Option<f64>,
@@ -116,6 +119,7 @@ impl Observer {
             body,
             gravity: scene.step.gravity,
             dt: scene.step.dt,
+            newton: scene.step.newton,
             tool: tool.cloned(),
             tool_start: tool.map_or(DVec3::ZERO, |t| t.centre),
             device: tool.map(|t| (t.centre, t.orientation)),
@@ -186,8 +190,9 @@ impl Observer {
             self.balance(tool, &told, &device, &mut sample);
         }
         let last = self.last_size.take();
-        // A step that was retried in parts reports its last part only, so that its linear system cannot be checked.
-        if !row.flags.contains(Flags::STEP_RETRIED) {
+        // A step that was retried in parts reports its last part only, so that its linear system cannot be checked; nor
+        // can that of the last of several Newton iterations, which is linearised elsewhere than at the step's start.
+        if !row.flags.contains(Flags::STEP_RETRIED) && self.newton == 1 {
             let pressing = self.skin.pressing(&contacts);
             let tool = simulation.tool().zip(device);
             self.touching_invariants(&pressing, tool, row.tool.as_ref(), &mut sample);
@@ -270,7 +275,9 @@ impl Observer {
         // once the motion has ended.
         self.largest = sizes.into_iter().fold(self.largest, f64::max);
         sample.balance = if self.largest > 0.0 { missed.length() / self.largest } else { 0.0 };
-        self.tool_carried_residual = missed;
+        // Contacts that pull move the tool but are left out of its force. That is no residual, and is not made up for.
+        let pulled = sample.flags.contains(Flags::TENSION_REMAINS);
+        self.tool_carried_residual = if pulled { DVec3::ZERO } else { missed };
         sample.force = told.force.length();
     }
 
@@ -293,6 +300,10 @@ impl Observer {
             coupling = tool.stored(&device, f64::INFINITY, true) - moving;
             weight -= tool.mass * self.gravity.dot(tool.centre - self.tool_start);
         }
+        let forces = elements.forces(&self.body.displacement, &self.rotations);
+        let left = self.free().map(|i| (forces[i] + elements.masses[i] * self.gravity).length()).fold(0.0, f64::max);
+        let weight_of_all: f64 = self.free().map(|i| elements.masses[i] * self.gravity.length()).sum();
+        sample.unbalanced = if weight_of_all > 0.0 { left / weight_of_all } else { 0.0 };
         sample.energy = kinetic + weight + elastic + coupling;
         (sample.motion, sample.stirred) = (motion, motion + elastic);
         sample.supplied = self.supplied;

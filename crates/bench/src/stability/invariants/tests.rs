@@ -21,6 +21,7 @@ const PROMISE: Promise = Promise {
     tolerance: 0.0,
     peak: Some(2.0),
     rest: Some(1e-3),
+    balanced: true,
     drift: Some((5, 1e-6)),
     shape: Some(0.1),
     touches: true,
@@ -38,7 +39,7 @@ fn what_keeps_every_invariant_passes() {
     let samples = kept();
     assert_eq!(verdict_of(&samples), Verdict::Pass);
     let findings = judge(&samples, &PROMISE);
-    assert_eq!(findings.len(), 12);
+    assert_eq!(findings.len(), 13);
     assert!(
         findings.iter().all(|f| f.broken.is_none() && f.in_words().is_none()),
         "no finding may be a broken invariant: {findings:?}"
@@ -48,7 +49,7 @@ fn what_keeps_every_invariant_passes() {
 #[test]
 fn each_invariant_can_be_broken_and_a_flag_of_another_step_excuses_nothing() {
     type Spoil = fn(&mut Sample);
-    let invariants: [(Invariant, usize, Spoil); 11] = [
+    let invariants: [(Invariant, usize, Spoil); 12] = [
         (Invariant::Finite, 7, |s| s.is_finite = false),
         (Invariant::Energy, 7, |s| s.energy = 1.01),
         (Invariant::Force, 7, |s| s.missed = 6e-4),
@@ -57,6 +58,7 @@ fn each_invariant_can_be_broken_and_a_flag_of_another_step_excuses_nothing() {
         (Invariant::Balance, 7, |s| s.balance = f64::NAN),
         (Invariant::Peak, 4, |s| s.force = 2.15),
         (Invariant::Rest, 9, |s| s.motion = 2e-3),
+        (Invariant::Balanced, 10, |s| s.unbalanced = 2e-3),
         (Invariant::Drift, 7, |s| s.moved.x = 2e-6),
         (Invariant::Shape, 10, |s| s.deformed = 0.2),
         (Invariant::Parted, 10, |s| s.pressed = 0.1),
@@ -123,7 +125,7 @@ fn the_worst_of_an_invariant_is_a_step_and_never_the_start() {
 fn the_end_is_its_last_tenth_and_a_step_that_no_flag_excuses_is_the_one_told() {
     let mut samples: Vec<Sample> = (0..200).map(|_| kept()[10]).collect();
     samples[0].stirred = 1.0;
-    samples[0].pressed = 0.5;
+    (samples[0].pressed, samples[0].force) = (0.5, 2.0);
     samples[179].motion = 1.0;
     assert_eq!(verdict_of(&samples), Verdict::Pass);
     // Motion in any step of the last tenth breaks `Rest`, even if the last step happens to be a turning point.
