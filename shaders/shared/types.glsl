@@ -254,9 +254,11 @@ struct Solve {
     uint current;               // which of the two sets of iterates is the newest
     uint retries;               // how often the system was solved again after contacts were released
     uint newton_iterations;        // Newton iterations after the first in this step
-    float energy_limit;         // greatest e . A e that an accepted solution's error e may have, J (first_residual.comp)
-    float contact_forces[2];    // sums of normal forces at the last step's end: of the tool's contacts, of others, N
+    float energy_limit;         // e . A e above which iterations go on, with error e of the solution, J
+    float normal_forces[2];     // sums of normal forces at the last step's end: of the tool's contacts, of others, N
 };
+
+const float UNLIMITED = 3.0e38;     // energy_limit where nothing touches, J
 
 // Scalars of a conjugate gradient iteration. There are two sets: an iteration reads one and writes the other.
 struct Iteration {
@@ -269,7 +271,7 @@ struct Iteration {
 const uint CORE_NUMBERS = 72;       // length of a dynamic core's data in rigid_blocks: two 6x6 matrices
 
 const uint STATUS_RUNNING = 0;      // the solver has not converged yet
-const uint STATUS_CONVERGED = 1;    // the residual is below the tolerance
+const uint STATUS_CONVERGED = 1;    // the residual is below the tolerance, and contact forces are accurate enough
 const uint STATUS_STOPPED = 2;      // the solver reached max_iterations
 const uint STATUS_BROKEN = 3;       // the operator seems not to be positive definite, or a number is NaN or infinite
 

@@ -131,10 +131,10 @@ void main() {
     if (verdict == VERDICT_DONE) {
         // The condition is written so that NaN raises the flag as well.
         if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
-        // The solve stopped before the contact forces were exact enough; a tenfold error, a hundredfold energy.
+        // The solve stopped before the normal forces were accurate; ten times the error is a hundred times the energy.
         vec4 energies = iterations[solve.current].energies;
         float energy = energies.x + energies.y + energies.z + energies.w;
-        if (CONTACT && solve.status != STATUS_CONVERGED && energy > 100.0 * solve.energy_limit) flags |= FLAG_NOT_CONVERGED;
+        if (CONTACT && solve.status != STATUS_CONVERGED && !(energy <= 100.0 * solve.energy_limit)) flags |= FLAG_NOT_CONVERGED;
         if (sums.z > 0.0) flags |= FLAG_TENSION;
         // A solution is rejected if one of the three numbers that `all` adds is not finite, since the residual then
         // means nothing, or if the residual is above a limit. The limit is low after a breakdown. A solve that merely
@@ -160,7 +160,7 @@ void main() {
         }
         bool done = verdict == VERDICT_DONE;
         if (CONTACT && done) {
-            for (int k = 0; k < 2; k++) solve.contact_forces[k] = forces[k];
+            for (int k = 0; k < 2; k++) solve.normal_forces[k] = forces[k];
         }
         for (uint index = 0; index < RIGIDS && done; index++) rigids[index].carried_residual = rigids[index].operator_product;
         args[3 * ARGS_COMMIT] = done ? groups_of(NODES) : 0;

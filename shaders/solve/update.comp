@@ -96,14 +96,14 @@ void stop(uint status) {
     for (uint k = ARGS_LOOP_ELEMENT_PRODUCT; k <= ARGS_LOOP_TOOL; k++) args[3 * k] = 0;
 }
 
-// Returns whether the error e of the solution is so small that the contact forces are exact enough (energy_limit in
-// solve/first_residual). Each iteration makes e . A e smaller by alpha gamma (Hestenes and Stiefel 1952). Their sum over
-// the last four iterations is an estimate of what e . A e was before these (Strakos and Tichy 2002), and so nearly
-// always more than what it is now. The residual says nothing of this: where stiff contact holds a light body, a
-// small residual may leave a large error.
-bool contact_forces_are_exact(Iteration last) {
+// Returns whether the error e of the solution is so small that the contacts' normal forces are accurate enough
+// (energy_limit in solve/first_residual). Each iteration makes e . A e smaller by alpha gamma (Hestenes and Stiefel
+// 1952). The sum over the last four iterations estimates e . A e before these from below (Strakos and Tichy 2002); it is
+// more than the present e . A e if these iterations have halved it. The residual does not tell: where a stiff contact
+// holds a light body, a small residual may leave a large error.
+bool normal_forces_are_accurate(Iteration last) {
     vec4 e = last.energies;
-    return last.count >= 4 && e.x + e.y + e.z + e.w <= solve.energy_limit;
+    return solve.energy_limit >= UNLIMITED || last.count >= 4 && e.x + e.y + e.z + e.w <= solve.energy_limit;
 }
 
 // Computes alpha and beta of this iteration; returns false if the loop ends here.
@@ -116,7 +116,7 @@ bool next_scalars(out Scalars scalars) {
     float enough = max(params.tolerance * params.tolerance * solve.rhs_norm2, solve.floor_norm2);
     // The magnitude of gamma is compared: a gamma far below zero (M is then not positive definite) is no convergence.
     bool is_small = abs(gamma) <= enough;
-    if (CONTACT && is_small) is_small = abs(gamma) <= solve.floor_norm2 || contact_forces_are_exact(last);
+    if (CONTACT && is_small) is_small = abs(gamma) <= solve.floor_norm2 || normal_forces_are_accurate(last);
     if (is_small) {
         stop(STATUS_CONVERGED);
         return false;

@@ -89,8 +89,8 @@ fn verdicts_by_hand() {
     assert_eq!((passes.report.verdict, passes.report.flags), (DONE, NOT_CONVERGED));
     assert_eq!(granted(&passes), [groups, 1]);
 
-    // The solve stopped at the iteration limit with a small residual, and contact forces that are not exact enough: a
-    // tenth of the error would be allowed, so that the energy is a hundred times the limit.
+    // The solve stopped early with a small residual, and an error of the normal forces of some ten times what is
+    // allowed, so that its energy is a hundred times the limit.
     for (status, energy, flags) in [(2, 100.1, NOT_CONVERGED), (2, 99.9, 0), (1, 100.1, 0), (3, 100.1, NOT_CONVERGED)] {
         passes = some_nodes();
         passes.contact = true;
@@ -249,7 +249,7 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
         let tool_x = passes.tool_iterate().x;
         // Sums of contact forces of the step before; they stay until a step is accepted.
         let mut kept = [3.0, 5.0];
-        passes.state.contact_forces = kept.map(|force| force as f32);
+        passes.state.normal_forces = kept.map(|force| force as f32);
         for (retries, status) in [(0, 1), (3, 2), (4, 1), (0, 0)] {
             passes.system.contacts = before.clone();
             passes.system.counts.released = 0;
@@ -265,7 +265,7 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
                 of_kind.map(|c| pressures[c].max(0.0) * f64::from(before[c].area)).sum::<f64>()
             });
             let want_forces = if report.verdict == DONE { forces } else { kept };
-            expect_close("contact forces", &passes.state.contact_forces, &want_forces, FORCES);
+            expect_close("contact forces", &passes.state.normal_forces, &want_forces, FORCES);
             kept = want_forces;
             let again = status != 0 && retries < 4;
             assert_eq!(

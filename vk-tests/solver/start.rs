@@ -197,7 +197,7 @@ fn the_limit_of_energy_is_that_of_the_contacts() {
         let system = System::new(&two_layers(), 0.004, 6).with_tool().with_contacts(100, 77);
         let mut passes = Passes::new(system);
         passes.system.params.tolerance = tolerance;
-        passes.state.contact_forces = forces;
+        passes.state.normal_forces = forces;
         passes.assemble();
         passes.apply(Change::Solution);
         passes.gather(0);

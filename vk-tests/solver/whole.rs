@@ -121,7 +121,7 @@ fn error_of_forces(seed: u64, stiffer: f64, is_limited: bool) -> [f64; 2] {
     passes.system.params.tolerance = 1e-2;
     passes.record_start();
     if !is_limited {
-        passes.state.energy_limit = f32::MAX;
+        passes.state.energy_limit = shaders::UNLIMITED;
     }
     passes.iterate(LIMIT);
     let s = &passes.system;
@@ -141,7 +141,7 @@ fn error_of_forces(seed: u64, stiffer: f64, is_limited: bool) -> [f64; 2] {
 
 #[test]
 #[ignore = "long: 40 s"]
-fn stiff_contacts_are_solved_until_their_forces_are_exact() {
+fn stiff_contacts_are_solved_until_their_forces_are_accurate() {
     // The contact forces of the step before are zero, so that the allowed error is a share of 1 N: five times the
     // tolerance of the residual.
     let allowed = 5.0 * 1e-2;
@@ -151,7 +151,7 @@ fn stiff_contacts_are_solved_until_their_forces_are_exact() {
         assert!(limited[0] < allowed && limited[1] < allowed, "errors {limited:?} N, {allowed} N allowed");
         assert!(
             unlimited[0] > 5.0 * allowed && unlimited[1] > 5.0 * allowed,
-            "the residual alone should leave more than {unlimited:?} N"
+            "the residual alone leaves {unlimited:?} N; five times {allowed} N were expected, or the limit shows nothing"
         );
     }
 }

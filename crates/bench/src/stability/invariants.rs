@@ -29,9 +29,9 @@ pub const RESIDUAL: f64 = 1e-3;
 /// The change of the tool's momentum may differ from the sum of the impulses on it by this share of the largest
 /// impulse. The share is larger than [`RESIDUAL`], since the tool has only six of the system's many equations.
 pub const BALANCE: f64 = 1e-2;
-/// Bounds on the residual and on the balance of momentum for a loose solver, as multiples of its tolerance: ten times
-/// the residual at which the engine raises a flag, and twice the error of contact forces at which it goes on.
-const LOOSE_RESIDUAL: f64 = 100.0;
+/// Bounds on the residual and on the balance of momentum for a loose solver, as multiples of its tolerance: twice the
+/// residual at which the engine raises a flag, and twice the error of normal forces above which iterations go on.
+const LOOSE_RESIDUAL: f64 = 20.0;
 const LOOSE_BALANCE: f64 = 10.0;
 /// At rest the force on a node may be out of balance by this share of the weight of all nodes.
 pub const BALANCED: f64 = 1e-3;
