@@ -60,6 +60,7 @@ TWIST_OF(restricted_product)
 #include "shared/rigid_inverse.glsl"
 #include "shared/rigid.glsl"
 #include "shared/contact_law.glsl"
+#include "shared/error_energy.glsl"
 
 // Writes a rigid body's residual b - A x to its `operator_product`, and the change of its twist for the host.
 void leave_undone(uint index) {
@@ -132,9 +133,8 @@ void main() {
         // The condition is written so that NaN raises the flag as well.
         if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
         // The solve stopped before the normal forces were accurate; ten times the error is a hundred times the energy.
-        vec4 energies = iterations[solve.current].energies;
-        float energy = energies.x + energies.y + energies.z + energies.w;
-        if (CONTACT && solve.status != STATUS_CONVERGED && !(energy <= 100.0 * solve.energy_limit)) flags |= FLAG_NOT_CONVERGED;
+        bool is_accurate = error_energy(iterations[solve.current]) <= 100.0 * solve.energy_limit;
+        if (CONTACT && solve.status != STATUS_CONVERGED && !is_accurate) flags |= FLAG_NOT_CONVERGED;
         if (sums.z > 0.0) flags |= FLAG_TENSION;
         // A solution is rejected if one of the three numbers that `all` adds is not finite, since the residual then
         // means nothing, or if the residual is above a limit. The limit is low after a breakdown. A solve that merely

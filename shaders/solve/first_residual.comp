@@ -15,7 +15,8 @@
 // arguments of the iterations' dispatches. It also chooses the warm start's factor w = (y . M^-1 b) / (y . M^-1 y) with
 // y = A x and x the last step's solution, at which w x has the least residual, so that a warm start is never worse than
 // none (projection on the earlier solution, Fischer 1998). It also sets the limit of the error's energy, at which the
-// normal forces are accurate enough. Where b is mere rounding error, as at rest, no iteration is run. There is one workgroup. The f64 reference is oracle::step.
+// normal forces are accurate enough. Where b is mere rounding error, as at rest, no iteration is run. There is one
+// workgroup. The f64 reference is oracle::step.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -133,9 +134,9 @@ void assemble_tool() {
 }
 
 // Returns the value of e . A e (J), with the error e of the solution, above which iterations go on. By the inequality of
-// Cauchy and Schwarz the error of the sum of the contacts' normal impulses is at most sqrt(w e . A e), where w is the sum of the contacts'
-// normal terms in the operator A, since A contains these terms. This bound must be small compared with the normal
-// impulse of the last step, once for the contacts of the tool and once for all others.
+// Cauchy and Schwarz the error of the sum of the contacts' normal impulses is at most sqrt(w e . A e), where w is the
+// sum of the contacts' normal terms in the operator A, since A contains these terms. This bound must be small compared
+// with the normal impulse of the last step, once for the contacts of the tool and once for all others.
 float energy_limit() {
     vec4 terms = vec4(0.0);
     for (uint c = gl_LocalInvocationID.x; c < counts.contacts; c += SIZE) {

@@ -82,6 +82,7 @@ shared float group_residuals[6 * WIDEST];
 #include "shared/preconditioner.glsl"
 #include "shared/coarse.glsl"
 #include "shared/core.glsl"
+#include "shared/error_energy.glsl"
 #include "shared/twist.glsl"
 TWIST_OF(restricted_product)
 
@@ -96,14 +97,12 @@ void stop(uint status) {
     for (uint k = ARGS_LOOP_ELEMENT_PRODUCT; k <= ARGS_LOOP_TOOL; k++) args[3 * k] = 0;
 }
 
-// Returns whether the error e of the solution is so small that the contacts' normal forces are accurate enough
-// (energy_limit in solve/first_residual). Each iteration makes e . A e smaller by alpha gamma (Hestenes and Stiefel
-// 1952). The sum over the last four iterations estimates e . A e before these from below (Strakos and Tichy 2002); it is
-// more than the present e . A e if these iterations have halved it. The residual does not tell: where a stiff contact
-// holds a light body, a small residual may leave a large error.
+// Returns whether the error of the solution is so small that the contacts' normal forces are accurate enough
+// (energy_limit in solve/first_residual). The residual does not tell: where a stiff contact holds a light body, a small
+// residual may leave a large error.
 bool normal_forces_are_accurate(Iteration last) {
-    vec4 e = last.energies;
-    return solve.energy_limit >= UNLIMITED || last.count >= 4 && e.x + e.y + e.z + e.w <= solve.energy_limit;
+    if (solve.energy_limit >= UNLIMITED) return true;
+    return last.count >= ERROR_DELAY && error_energy(last) <= solve.energy_limit;
 }
 
 // Computes alpha and beta of this iteration; returns false if the loop ends here.

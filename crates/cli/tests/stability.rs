@@ -122,10 +122,10 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
         // Fault: a loose solver stops by its residual alone, whatever the error of the normal forces.
         (
             "solve/update",
-            "return solve.energy_limit >= UNLIMITED || last.count >= 4 && e.x + e.y + e.z + e.w <= solve.energy_limit;",
+            "return last.count >= ERROR_DELAY && error_energy(last) <= solve.energy_limit;",
             "return true;",
             "preset",
-            Invariant::Balance,
+            Invariant::Peak,
         ),
         // Fault: elastic forces are 10 % too great, so that the loaded bar rests where they do not carry its weight.
         (

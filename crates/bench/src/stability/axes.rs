@@ -10,7 +10,7 @@ use palpate::scene::preset::{PRESETS, Preset};
 use palpate::scene::{Material, MaterialLaw};
 
 use super::cases::{
-    Case, bare, both, hang, load, pluck, press, release, rest, sphere, spin, still, teleport, throw, thrust,
+    Case, bare, both, hang, hang_loaded, pluck, press, release, rest, sphere, spin, still, teleport, throw, thrust,
 };
 use super::labels::{power, si, stretched};
 use super::meshes;
@@ -212,7 +212,7 @@ fn contact(name: &str, extent: Extent) -> Option<Axis> {
         }
         "preset" => {
             let all = &[1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
-            Values(all, &[1e3, 1e5, 1e7, 1e9]).axis(
+            Values(all, &[1e3, 1e5, 1e7, 1e8, 1e9]).axis(
                 "preset",
                 "Presets, Young's modulus",
                 extent,
@@ -220,10 +220,10 @@ fn contact(name: &str, extent: Extent) -> Option<Axis> {
                 Some([1e3, 1e7]),
                 |x| {
                     let with_preset = |preset: &Preset| {
-                        let (dt, tolerance) = (preset.dt, Some(preset.tolerance));
                         let material = Material { young: x, ..Setup::default().material };
+                        let usual = Setup { material, dt: preset.dt, preset: Some(*preset), ..Setup::default() };
                         // Without gravity, under which the softest blocks would collapse.
-                        let setup = Setup { dt, tolerance, material, gravity: 0.0, ..Setup::default() };
+                        let setup = Setup { gravity: 0.0, ..usual };
                         let case = press(setup.damped(), sphere(0.1));
                         Case { scenario: preset.name, ..case }
                     };
@@ -379,7 +379,7 @@ fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
             let both = |newton: f64| {
                 let of = |law: MaterialLaw| {
                     let material = Material { law, ..material };
-                    load(Setup { newton: newton as u32, material, ..bar.clone() })
+                    hang_loaded(Setup { newton: newton as u32, material, ..bar.clone() })
                 };
                 let corotational = Case { scenario: "hang, loaded, corotational", ..of(MaterialLaw::Corotational) };
                 vec![of(MaterialLaw::NeoHookean), corotational]

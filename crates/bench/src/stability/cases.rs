@@ -144,7 +144,8 @@ fn sag(setup: &Setup) -> f64 {
 /// none presses and the block has its rest shape. A block that sags too far promises only that a contact presses.
 fn left_alone(setup: &Setup) -> Promise {
     let is_firm = sag(setup) <= 0.5 * SHAPE * setup.edge;
-    let (shape, tolerance) = (is_firm.then_some(SHAPE * setup.edge), setup.tolerance.unwrap_or_default());
+    let (shape, tolerance) =
+        (is_firm.then_some(SHAPE * setup.edge), setup.preset.map_or(0.0, |preset| preset.tolerance));
     Promise { shape, tolerance, touches: true, parts: is_firm, ..Promise::default() }
 }
 
@@ -263,7 +264,7 @@ pub fn rest(setup: Setup, steps: usize) -> Case {
 
 /// A bar with a heavy end hangs from a fixed end: once it is at rest, the forces on each node are balanced, so that it
 /// hangs straight down.
-pub fn load(setup: Setup) -> Case {
+pub fn hang_loaded(setup: Setup) -> Case {
     let setup = Setup { attachment: Attachment::Bottom, ..setup };
     let promise = Promise { rest: Some(AT_REST), balanced: true, ..Promise::default() };
     Case { scenario: "hang, loaded", setup, start: Start::Rest, steps: 600, promise, settling: None }

@@ -79,12 +79,12 @@ fn invariants(results: &Results) -> Table {
         (
             Invariant::Residual,
             "the residual b - A x of the step's linear system, with contacts and tool, in f64: within 1e-3 of b and \
-             weight, or f32's rounding",
+             weight (0.2 with a preset), or f32's rounding",
         ),
         (
             Invariant::Balance,
             "the tool's momentum changes by the impulses of the reported force, weight and coupling: within 1e-2 of \
-             the largest impulse",
+             the largest impulse (0.1 with a preset)",
         ),
         (
             Invariant::Peak,

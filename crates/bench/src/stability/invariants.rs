@@ -29,9 +29,11 @@ pub const RESIDUAL: f64 = 1e-3;
 /// The change of the tool's momentum may differ from the sum of the impulses on it by this share of the largest
 /// impulse. The share is larger than [`RESIDUAL`], since the tool has only six of the system's many equations.
 pub const BALANCE: f64 = 1e-2;
-/// Bounds on the residual and on the balance of momentum for a loose solver, as multiples of its tolerance: twice the
-/// residual at which the engine raises a flag, and twice the error of normal forces above which iterations go on.
+/// Bound on the residual for a preset, as a multiple of its tolerance: twice the residual at which the engine raises a
+/// flag.
 const LOOSE_RESIDUAL: f64 = 20.0;
+/// Bound on the balance of momentum for a preset, as a multiple of its tolerance: twice the relative error of the normal
+/// forces above which iterations go on.
 const LOOSE_BALANCE: f64 = 10.0;
 /// At rest the force on a node may be out of balance by this share of the weight of all nodes.
 pub const BALANCED: f64 = 1e-3;
@@ -155,8 +157,8 @@ impl Invariant {
 /// of its steps, the share [`END`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Promise {
-    /// Tolerance of the case's solver where it is looser than the engine's default, else zero. The residual and the
-    /// balance of momentum then have bounds in proportion to it.
+    /// Tolerance of the case's preset; zero without one. The bounds on the residual and on the balance of momentum grow
+    /// with it.
     pub tolerance: f64,
     /// Greatest contact force on the tool by a tight solver, N; `None`: the case's own solver is tight.
     pub peak: Option<f64>,
@@ -266,7 +268,7 @@ pub fn judge(samples: &[Sample], promise: &Promise) -> Vec<Finding> {
     if let Some(peak) = promise.peak {
         let most = samples.iter().map(|s| s.force).fold(0.0, f64::max);
         let at = samples.iter().position(|s| s.force == most).unwrap_or_default();
-        let at_peak = |s: &Sample| ((s.force - peak).abs(), PEAK * peak + s.touch_floor);
+        let at_peak = |s: &Sample| ((s.force - peak).abs(), PEAK * peak);
         findings.push(worst(Invariant::Peak, &samples[..=at], at, at_peak));
     }
     if let Some(left) = promise.rest {

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use palpate::internal::prepare::Shape;
-use palpate::{Context, Error, Options, Result, Simulation, Threads};
+use palpate::{Context, Error, Flags, Options, Result, Simulation, Threads};
 
 use super::axes::{self, Axis, Extent};
 use super::cases::{Case, Start};
@@ -154,10 +154,10 @@ fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
     Ok(judged(case, &samples, &promise, begun))
 }
 
-/// Greatest contact force on the tool, N, in a case whose solver is loose, if the solver were tight. `None`: the case's
-/// solver has the engine's default tolerance.
+/// Greatest contact force on the tool, N, in a case with a preset, whose solver is loose, if the solver were tight; NaN
+/// if even then it does not converge in some step, so that there is nothing to compare with. `None`: there is no preset.
 fn tight_peak(case: &Case, settings: &Settings) -> Result<Option<f64>> {
-    if case.setup.tolerance.is_none() {
+    if case.setup.preset.is_none() {
         return Ok(None);
     }
     let mut scene = case.setup.scene(case.scenario);
@@ -167,6 +167,9 @@ fn tight_peak(case: &Case, settings: &Settings) -> Result<Option<f64>> {
     let mut most = 0.0f64;
     for _ in 0..case.steps {
         let report = simulation.step()?;
+        if report.flags.contains(Flags::NOT_CONVERGED) {
+            return Ok(Some(f64::NAN));
+        }
         most = most.max(report.tool.map_or(0.0, |tool| tool.force.length()));
     }
     Ok(Some(most))

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
 use palpate::Scene;
+use palpate::scene::preset::Preset;
 use palpate::scene::{
     Bind, Body, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Place, Region, Shape, Tool,
     ToolShape,
@@ -76,9 +77,9 @@ pub struct Setup {
     pub has_floor: bool,
     /// Contact stiffness, N/m^3; `None`: the engine chooses it.
     pub stiffness: Option<f64>,
-    /// Tolerance of the solver; `None`: the engine's default.
-    pub tolerance: Option<f64>,
-    /// Newton iterations of a step.
+    /// Preset whose settings the scene has, apart from the time step, which is `dt`; `None`: the engine's defaults.
+    pub preset: Option<Preset>,
+    /// Newton iterations of a step, where there is no preset.
     pub newton: u32,
     /// A load: density (kg/m^3) of the tetrahedra whose centroid is below a height (m); `None`: all have one density.
     pub load: Option<(f64, f64)>,
@@ -106,7 +107,7 @@ impl Default for Setup {
             sphere: None,
             has_floor: false,
             stiffness: None,
-            tolerance: None,
+            preset: None,
             newton: 1,
             load: None,
         }
@@ -139,7 +140,10 @@ impl Setup {
         scene.step.newton = self.newton;
         scene.step.gravity = DVec3::new(0.0, -self.gravity, 0.0);
         scene.contact.stiffness = self.stiffness;
-        scene.solver.tolerance = self.tolerance.unwrap_or(scene.solver.tolerance);
+        if let Some(preset) = self.preset {
+            (scene.solver.tolerance, scene.solver.max_iterations) = (preset.tolerance, preset.max_iterations);
+            (scene.step.newton, scene.contact.sides) = (preset.newton, preset.sides);
+        }
         scene.contact.depth_limit *= self.edge / Setup::default().edge;
         if self.has_floor {
             let shape = Shape::Plane { normal: DVec3::Y, offset: self.origin.y };
