@@ -37,10 +37,33 @@ mat3 linear_stress(mat3 e, float mu, float lambda) {
     return mu * (e + transpose(e)) + mat3(pressure, 0, 0, 0, pressure, 0, 0, 0, pressure);
 }
 
-// Modulus of the compression penalty, Pa: a principal stretch s below LEAST (shared/strain.glsl) adds this modulus
-// times (s - LEAST) to the stress along the stretch's axis, because corotational elasticity alone lets a tetrahedron be
-// pressed flat and turn inside out.
-float compression_modulus(ElasticMaterial material) { return STIFFENING * (material.lambda + 2.0 * material.mu); }
+// The compression penalty. Principal stretches s below LEAST (shared/strain.glsl) add a stress along their axes, because
+// corotational elasticity alone lets a tetrahedron be pressed flat and turn inside out. With the excess compression C,
+// the matrix of all (s - LEAST), and its norm x = |C|, the penalty's energy density has the second derivative
+// modulus * min(1, x / ONSET) in x: it starts without a jump, so that rounding of a stretch near LEAST changes nothing.
+float greatest_modulus(ElasticMaterial material) { return STIFFENING * (material.lambda + 2.0 * material.mu); }
+
+// Share of its greatest modulus that the compression penalty has.
+float penalty_share(mat3 compression) { return min(1.0, sqrt(square(compression)) / ONSET); }
+
+// Modulus of the compression penalty, Pa, a bound of its stiffness in every direction.
+float compression_modulus(ElasticMaterial material, mat3 compression) {
+    return penalty_share(compression) * greatest_modulus(material);
+}
+
+// Stress of the compression penalty, R^T P, Pa.
+mat3 penalty_stress(ElasticMaterial material, mat3 compression) {
+    float x = sqrt(square(compression));
+    float secant = x < ONSET ? 0.5 * x / ONSET : 1.0 - 0.5 * ONSET / x;
+    return (secant * greatest_modulus(material)) * compression;
+}
+
+// Energy density of the compression penalty, J/m^3.
+float penalty_energy(ElasticMaterial material, mat3 compression) {
+    float x = sqrt(square(compression));
+    float density = x < ONSET ? x * x * x / (6.0 * ONSET) : 0.5 * x * (x - ONSET) + ONSET * ONSET / 6.0;
+    return density * greatest_modulus(material);
+}
 
 #include "shared/neo_hookean.glsl"
 
@@ -63,29 +86,42 @@ mat3 geometric_stiffness(uint law, mat3 e, mat3 compression, mat3 stress) {
     return even_part(2.0 * (mat3(trace(s)) - s) * inverse(mat3(trace(stretch)) - stretch));
 }
 
+// Product of a law's operator, with the given geometric stiffness, and the rate of F.
+mat3 operator_rate(Evaluation law, mat3 geometric, mat3 rate) {
+    mat3 w = rate * law.fold;
+    return (linear_stress(w, law.mu, law.lambda) + 0.25 * cross_matrix(geometric * twice_axial(w))) * law.fold;
+}
+
 // Rate R^T dP/dt (Pa/s) at which the stress changes while F changes at the rate R `rate`: the exact derivative. Where
 // the compression penalty acts, the energy may have a negative curvature, along which one linearisation would run away;
-// the rate is that of the operator there, as for a tetrahedron of an F-bar patch. `law` is the evaluation at `e`.
+// the rate is that of the operator there, as for a tetrahedron of an F-bar patch, and in between where the penalty
+// starts. `law` is the evaluation at `e`.
 mat3 stress_rate(ElasticMaterial material, mat3 e, mat3 compression, Evaluation law, mat3 rate) {
-    bool is_exact = !law.is_partial && compression == mat3(0.0);
-    if (is_exact && is_used(LAW_NEO_HOOKEAN) && material.law == LAW_NEO_HOOKEAN) {
-        return neo_hookean_rate(e, material, rate);
+    float inexact = law.is_partial ? 1.0 : penalty_share(compression);
+    mat3 sum = mat3(0.0);
+    if (inexact > 0.0) sum = inexact * operator_rate(law, law.geometric, rate);
+    if (inexact < 1.0) {
+        mat3 exact;
+        if (is_used(LAW_NEO_HOOKEAN) && material.law == LAW_NEO_HOOKEAN) {
+            exact = neo_hookean_rate(e, material, rate);
+        } else {
+            exact = operator_rate(law, geometric_stiffness(material.law, e, compression, law.stress), rate);
+        }
+        sum += (1.0 - inexact) * exact;
     }
-    mat3 turning = is_exact ? geometric_stiffness(material.law, e, compression, law.stress) : law.geometric;
-    mat3 w = rate * law.fold;
-    return (linear_stress(w, law.mu, law.lambda) + 0.25 * cross_matrix(turning * twice_axial(w))) * law.fold;
+    return sum;
 }
 
 // Evaluates a material's law at the strain `e`. `compression` is the part of the strain that the compression penalty
 // acts on (`excess_compression` in shared/strain.glsl). `lambda` is the material's, or zero where an F-bar patch
 // (tetrahedra that share one volumetric strain, elastic/mean_dilatation) applies lambda instead. The operator of the
-// corotational law gets half of the compression penalty as shear modulus, which is isotropic and at least as stiff as
+// corotational law gets half of the penalty's modulus as shear modulus, which is isotropic and at least as stiff as
 // the penalty. A law that is unknown, or not compiled, gives NaN, so that the step is rejected and a flag reports it.
 Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 compression, float lambda) {
     Evaluation law;
     if (is_used(LAW_COROTATIONAL) && material.law == LAW_COROTATIONAL) {
         law.stress = linear_stress(e, material.mu, lambda);
-        law.mu = compression == mat3(0.0) ? material.mu : material.mu + 0.5 * compression_modulus(material);
+        law.mu = material.mu + 0.5 * compression_modulus(material, compression);
         law.lambda = lambda;
         law.fold = mat3(1.0);
     } else if (is_used(LAW_NEO_HOOKEAN) && material.law == LAW_NEO_HOOKEAN) {
@@ -94,7 +130,7 @@ Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 compression, float la
         law.mu = law.lambda = uintBitsToFloat(0x7fc00000u);
         law.stress = law.fold = mat3(law.mu);
     }
-    law.stress += compression_modulus(material) * compression;
+    law.stress += penalty_stress(material, compression);
     // What is pressed would turn by itself; the operator must stay positive semi-definite. A part of the stress has no
     // geometric stiffness that would leave rigid rotation free.
     law.is_partial = lambda != material.lambda;
@@ -115,5 +151,5 @@ float energy_density(ElasticMaterial material, mat3 e, mat3 compression, float l
     } else if (is_used(LAW_NEO_HOOKEAN) && material.law == LAW_NEO_HOOKEAN) {
         density = neo_hookean_energy(e, material.mu, material.lambda);
     }
-    return density + 0.5 * compression_modulus(material) * square(compression);
+    return density + penalty_energy(material, compression);
 }

@@ -40,7 +40,7 @@ Evaluation neo_hookean(mat3 e, ElasticMaterial material, mat3 compression) {
     float greatest = mean + sqrt(2.0 / 3.0 * square(b - mat3(mean)));
     float share = mean / (4.0 + grown);
     law.mu = 0.5 * max(c * mean - pressure * volume, STIFFER * c * greatest);
-    if (compression != mat3(0.0)) law.mu += 0.5 * LEAST * LEAST * compression_modulus(material);
+    law.mu += 0.5 * LEAST * LEAST * compression_modulus(material, compression);
     law.lambda = max(0.0, volume * (l * volume + pressure) + 2.0 * m * share * share);
     law.fold = inverse(s);
     return law;

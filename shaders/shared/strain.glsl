@@ -3,7 +3,8 @@
 // shared/rotation.glsl. The f64 reference is oracle::elastic.
 
 const float LEAST = 0.3;            // principal stretch (1: undeformed) below which the compression penalty acts
-const float STIFFENING = 10.0;      // modulus of the compression penalty, in units of lambda + 2 mu
+const float STIFFENING = 10.0;      // greatest modulus of the compression penalty, in units of lambda + 2 mu
+const float ONSET = 0.02;           // change of stretch below LEAST over which the penalty's modulus rises from zero
 const uint JACOBI_SWEEPS = 5;       // sweeps of Jacobi's eigenvalue method, three rotations each
 
 // Strain E = R^T G + (R^T - I), with the displacement gradient G (`g`) and the rotation R of the quaternion (v, w)

@@ -20,12 +20,6 @@ use palpate::scene::Material;
 
 use super::material_law;
 
-/// Principal stretch below which the compression penalty stiffens a tetrahedron. Corotational elasticity alone resists
-/// pressing a tetrahedron flat hardly more than pressing it to half its height, and lets it turn inside out.
-pub const LEAST_STRETCH: f64 = 0.3;
-/// Modulus of the compression penalty along the compressed axis, in units of lambda + 2 mu.
-pub const STIFFENING: f64 = 10.0;
-
 /// A layer's tetrahedra with precomputed data. Arrays have an element for each node or for each tetrahedron.
 #[derive(Debug, Clone)]
 pub struct Elements {
@@ -352,31 +346,6 @@ impl Elements {
         };
         Self { operators: (0..self.tetrahedra.len()).map(operator).collect(), ..self.clone() }
     }
-}
-
-/// Modulus of the compression penalty, Pa, from mu and lambda.
-pub(super) fn stiffening((mu, lambda): (f64, f64)) -> f64 {
-    STIFFENING * (lambda + 2.0 * mu)
-}
-
-/// Excess compression, by which principal stretches lie below [`LEAST_STRETCH`]: sum min(0, s_k - [`LEAST_STRETCH`])
-/// n_k n_k^T over the principal stretches s_k and principal axes n_k of I + sym(E).
-pub(super) fn excess_compression(strain: DMat3) -> DMat3 {
-    let stretch = symmetric(strain);
-    // For nearly all tetrahedra Gershgorin's circles show that no stretch is below [`LEAST_STRETCH`], so no eigenvalues
-    // are needed.
-    let least = |k: usize| {
-        let column = stretch.col(k);
-        1.0 + column[k] + column[k].abs() - column.abs().element_sum()
-    };
-    if (0..3).all(|k| least(k) > LEAST_STRETCH) {
-        return DMat3::ZERO;
-    }
-    let matrix = Mat::from_fn(3, 3, |i, j| stretch.col(j)[i]);
-    let Ok(eigen) = matrix.self_adjoint_eigen(Side::Lower) else { return DMat3::ZERO };
-    let (values, vectors) = (eigen.S(), eigen.U());
-    let axis = |k: usize| DVec3::new(vectors[(0, k)], vectors[(1, k)], vectors[(2, k)]);
-    (0..3).fold(DMat3::ZERO, |sum, k| sum + outer(axis(k), axis(k)) * (1.0 + values[k] - LEAST_STRETCH).min(0.0))
 }
 
 /// Shear modulus and Lamé's first parameter, Pa.

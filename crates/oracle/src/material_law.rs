@@ -5,9 +5,8 @@
 use glam::{DMat3, DVec3};
 use palpate::scene::{Material, MaterialLaw};
 
-use super::elastic::{
-    Operator, axial, cross_matrix, excess_compression, lame, positive_part, stiffening, symmetric, trace,
-};
+use super::compression::Penalty;
+use super::elastic::{Operator, axial, cross_matrix, lame, positive_part, symmetric, trace};
 use super::neo_hookean;
 
 /// Stress R^T P, Pa, with the first Piola-Kirchhoff stress P. `lambda` is Lamé's first parameter, Pa, without the part
@@ -17,46 +16,50 @@ pub fn stress(material: &Material, lambda: f64, strain: DMat3) -> DMat3 {
         MaterialLaw::Corotational => Operator::linear(material, lambda).stress(strain),
         MaterialLaw::NeoHookean => neo_hookean::stress(lame(material), strain),
     };
-    of_law + excess_compression(strain) * stiffening(lame(material))
+    of_law + Penalty::new(lame(material), strain).stress()
 }
 
 /// Stiffness operator at a strain. The shear modulus of a compressed corotational tetrahedron is increased by half the
 /// modulus of the compression penalty; this is at least as stiff as the penalty in every direction, and isotropic.
 pub fn operator(material: &Material, lambda: f64, strain: DMat3) -> Operator {
-    let compression = excess_compression(strain);
+    let penalty = Penalty::new(lame(material), strain);
     let linear = Operator::linear(material, lambda);
     let of_law = match material.law {
-        MaterialLaw::NeoHookean => neo_hookean::operator(lame(material), strain, compression),
-        MaterialLaw::Corotational if compression == DMat3::ZERO => linear,
-        MaterialLaw::Corotational => Operator { mu: linear.mu + 0.5 * stiffening(lame(material)), ..linear },
+        MaterialLaw::NeoHookean => neo_hookean::operator(lame(material), strain, &penalty),
+        MaterialLaw::Corotational => Operator { mu: linear.mu + 0.5 * penalty.modulus(), ..linear },
     };
     // Where an F-bar patch applies the pressure, the stress here is a part of the whole. A part has no geometric stiffness
     // that would leave rigid rotation free.
     if lambda != lame(material).1 {
         return of_law;
     }
-    let geometric = geometric_stiffness(material.law, strain, compression, stress(material, lambda, strain));
+    let geometric = geometric_stiffness(material.law, strain, penalty.excess, stress(material, lambda, strain));
     Operator { geometric: positive_part(geometric), ..of_law }
 }
 
 /// Rate R^T dP/dt, Pa/s, at which the stress changes while F changes at the rate R `rate`: the exact derivative of
 /// [`stress`], or, where the compression penalty acts or an F-bar patch applies the pressure, the product with the
-/// operator.
+/// operator; a mean of both, weighted by [`Penalty::share`], where the penalty starts.
 pub fn stress_rate(material: &Material, lambda: f64, strain: DMat3, rate: DMat3) -> DMat3 {
-    let compression = excess_compression(strain);
+    let penalty = Penalty::new(lame(material), strain);
     let operator = operator(material, lambda, strain);
     let with_operator = |geometric: DMat3| {
         let w = rate * operator.fold;
         (operator.stress(w) + cross_matrix(geometric * axial(w)) * 0.5) * operator.fold
     };
-    match material.law {
-        _ if compression != DMat3::ZERO || lambda != lame(material).1 => with_operator(operator.geometric),
+    let inexact = if lambda != lame(material).1 { 1.0 } else { penalty.share() };
+    let of_operator = with_operator(operator.geometric);
+    if inexact == 1.0 {
+        return of_operator;
+    }
+    let exact = match material.law {
         MaterialLaw::NeoHookean => neo_hookean::stress_rate(lame(material), strain, rate),
         MaterialLaw::Corotational => {
             let stress = stress(material, lambda, strain);
-            with_operator(geometric_stiffness(material.law, strain, compression, stress))
+            with_operator(geometric_stiffness(material.law, strain, penalty.excess, stress))
         }
-    }
+    };
+    of_operator * inexact + exact * (1.0 - inexact)
 }
 
 /// Geometric stiffness Z, Pa, at a strain, with the stress R^T P. The second derivative of the energy of an objective
@@ -84,5 +87,5 @@ pub fn energy(material: &Material, strain: DMat3, dilatation: f64) -> f64 {
         MaterialLaw::Corotational => mu * square(symmetric(strain)) + 0.5 * lambda * dilatation.powi(2),
         MaterialLaw::NeoHookean => neo_hookean::energy((mu, lambda), strain),
     };
-    of_law + 0.5 * stiffening((mu, lambda)) * square(excess_compression(strain))
+    of_law + Penalty::new((mu, lambda), strain).energy()
 }

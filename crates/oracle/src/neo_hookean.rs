@@ -7,7 +7,8 @@
 
 use glam::{DMat3, DVec3};
 
-use super::elastic::{LEAST_STRETCH, Operator, stiffening, symmetric, trace};
+use super::compression::{LEAST_STRETCH, Penalty};
+use super::elastic::{Operator, symmetric, trace};
 
 /// Factor of the bound from b's greatest eigenvalue in [`operator`]. With it the operator has at least 0.76 of the true
 /// stiffness for every wave, at stretches of 0.3 to 2 (sampled).
@@ -75,12 +76,12 @@ pub fn stress_rate(lame: (f64, f64), strain: DMat3, rate: DMat3) -> DMat3 {
 /// because a step whose right-hand side has the exact rate of the force is stable if its operator has at least three
 /// quarters of the true stiffness for every wave. O, a pure rotation, is left to the
 /// geometric stiffness (`material_law.rs`), which is zero here.
-/// Subtracting `compression`, from `excess_compression` in elastic.rs, keeps S from being singular.
-pub fn operator(lame: (f64, f64), strain: DMat3, compression: DMat3) -> Operator {
+/// Subtracting the excess compression keeps S from being singular.
+pub fn operator(lame: (f64, f64), strain: DMat3, penalty: &Penalty) -> Operator {
     let (mu, _) = lame;
     let (m, l) = parameters(lame);
     let f = DMat3::IDENTITY + strain;
-    let stretch = symmetric(f) - compression;
+    let stretch = symmetric(f) - penalty.excess;
     let (invariant, volume) = (square(f), stretch.determinant());
     let pressure = l * (f.determinant() - 1.0) - mu;
     let c = m * (1.0 - 1.0 / (invariant + 1.0));
@@ -88,7 +89,7 @@ pub fn operator(lame: (f64, f64), strain: DMat3, compression: DMat3) -> Operator
     let mean = trace(b) / 3.0;
     let spread = square(b - DMat3::from_diagonal(DVec3::splat(mean)));
     let greatest = mean + (2.0 / 3.0 * spread).sqrt();
-    let more = if compression == DMat3::ZERO { 0.0 } else { 0.5 * LEAST_STRETCH * LEAST_STRETCH * stiffening(lame) };
+    let more = 0.5 * LEAST_STRETCH * LEAST_STRETCH * penalty.modulus();
     let rank_one = 2.0 * m * (mean / (invariant + 1.0)).powi(2);
     Operator {
         mu: 0.5 * (c * mean - pressure * volume).max(STIFFER * c * greatest) + more,

@@ -10,7 +10,9 @@ use palpate::internal::prepare::layer::kuhn_box;
 use palpate::scene::{Material, MaterialLaw};
 
 use super::material;
-use crate::elastic::{Elements, Operator, Weight, lame, polar_rotation, strain};
+use crate::compression::LEAST_STRETCH;
+use crate::elastic::{Elements, Operator, Weight, lame, polar_rotation, strain, trace};
+use crate::material_law;
 use crate::testing::Random;
 
 /// Relative tolerance for the rounding of f64 sums of a few hundred terms.
@@ -240,5 +242,44 @@ fn rates_of_forces_are_their_derivative() {
         let turned = forces(&d).into_iter().map(|f| spin.cross(f));
         let error: Vec<DVec3> = turned.zip(rates(&turning)).map(|(turned, rate)| turned - rate).collect();
         assert!(greatest(&error) < 1e-10 * greatest(&rates(&v)), "turning forces: error {:e} N/s", greatest(&error));
+    }
+}
+
+/// Stress, its rate and the operator change by as much as the strain does where a stretch passes the one at which the
+/// compression penalty starts: rounding there must not decide anything. The stress is the energy's derivative on both
+/// sides and where the penalty has its full modulus.
+#[test]
+fn the_compression_penalty_starts_without_a_jump() {
+    let mut random = Random(29);
+    let rate = DMat3::from_cols(random.vector(), random.vector(), random.vector());
+    for law in [MaterialLaw::Corotational, MaterialLaw::NeoHookean] {
+        let material = Material { law, ..bent_box(30).1.materials[0] };
+        let (mu, lambda) = lame(&material);
+        let turn = DMat3::from_quat(DQuat::from_scaled_axis(random.vector()));
+        let strained =
+            |s: f64| turn * DMat3::from_diagonal(DVec3::new(s - 1.0, 0.1, 0.4 * (s - 0.3) - 0.68)) * turn.transpose();
+        let at = |s: f64| {
+            let operator = material_law::operator(&material, lambda, strained(s));
+            let stress = material_law::stress(&material, lambda, strained(s));
+            (stress, material_law::stress_rate(&material, lambda, strained(s), rate), operator.mu)
+        };
+        let change = 1e-6;
+        let (below, above) = (at(LEAST_STRETCH - change), at(LEAST_STRETCH + change));
+        let far = |a: DMat3, b: DMat3| greatest(&(0..3).map(|k| (a - b).col(k)).collect::<Vec<_>>());
+        let most = 3000.0 * change * (lambda + 2.0 * mu);
+        assert!(far(below.0, above.0) < most, "{law:?}: the stress jumps by {} Pa", far(below.0, above.0));
+        assert!(far(below.1, above.1) < most, "{law:?}: the rate jumps by {} Pa/s", far(below.1, above.1));
+        assert!((below.2 - above.2).abs() < most, "{law:?}: the modulus jumps by {} Pa", below.2 - above.2);
+        for s in [0.31, 0.295, 0.285, 0.2] {
+            let energy = |s: f64| material_law::energy(&material, strained(s), trace(strained(s)));
+            let slope = (energy(s + change) - energy(s - change)) / (2.0 * change);
+            let direction = (strained(s + change) - strained(s - change)) * (0.5 / change);
+            let stress = material_law::stress(&material, lambda, strained(s));
+            let work: f64 = (0..3).map(|k| stress.col(k).dot(direction.col(k))).sum();
+            assert!(
+                (slope - work).abs() < 1e-5 * (lambda + 2.0 * mu),
+                "{law:?} at {s}: slope {slope} Pa, work {work} Pa"
+            );
+        }
     }
 }
