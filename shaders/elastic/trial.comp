@@ -13,7 +13,7 @@
 // links (relative placements of two frames) still apply. For a free node with displacement d and velocity v the trial
 // displacement is d + h R^T (v + x). For a node attached to a dynamic core (rigid body inside a soft body, whose motion
 // the solver finds) it is h R^T u + (Q - I) r, with the core's new velocity u and angular velocity w, Q the rotation by
-// h R^T w, and r the node's rest position. Steps of one Newton iteration do not run this kernel. One invocation runs
+// h R^T w, and r the node's rest position. The kernel also keeps the residual b - A x of the last solve. Steps of one Newton iteration do not run this kernel. One invocation runs
 // for each node. The f64 reference implementation is oracle::newton.
 
 layout(local_size_x_id = 0) in;
@@ -27,10 +27,13 @@ READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, velocity);
 READ_ONLY(vec4, solution);         // x, change of velocity, m/s; zero where the motion is prescribed
+READ_ONLY(vec4, rhs);
+READ_ONLY(vec4, operator_product);     // A x
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) writeonly buffer TrialDisplacement { vec4 trial_displacement[]; };      // m, frame axes
 layout(scalar) writeonly buffer TrialChange { vec4 trial_change[]; };
+layout(scalar) writeonly buffer LinearResidual { vec4 linear_residual[]; };    // b - A x
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -39,6 +42,7 @@ void main() {
     Frame frame = frames[info.z];
     vec4 change = fetch(solution, i);
     trial_change[i] = change;
+    linear_residual[i] = fetch(rhs, i) - fetch(operator_product, i);
     vec3 d = fetch(displacement, i).xyz, v = fetch(velocity, i).xyz + change.xyz;
     if (RIGIDS > 0 && info.w == NODE_ATTACHED) {
         float x[6] = iterates[solve.current * RIGIDS + frame.core].x;

@@ -68,6 +68,7 @@ struct Rigid {
     float rounding;             // e . D^-1 e in its rows: D is the diagonal of A, e sums magnitudes of the terms of b
     float b[6];                 // right-hand side of its six rows, N s and N m s
     float operator_product[6];             // operator product A x before the iterations, residual b - A x after them
+    float linear_residual[6];           // b - A x of the last Newton iteration
     float carried_residual[6];          // b - A x of the last accepted step, which the next step's b includes
 };
 
@@ -253,7 +254,9 @@ struct Solve {
     uint status;                // STATUS_*
     uint current;               // which of the two sets of iterates is the newest
     uint retries;               // how often the system was solved again after contacts were released
-    uint newton_iterations;        // Newton iterations after the first in this step
+    uint newton_iterations;        // Newton iterations after the first in this step, counting the check after the last
+    float first_norm2;          // rhs_norm2 of the first Newton iteration
+    uint flags;                 // flags of the last Newton iteration's solve
     float energy_limit;         // e . A e above which iterations go on, with error e of the solution, J
     float normal_forces[2];     // sums of normal forces at the last step's end: of the tool's contacts, of others, N
 };
@@ -281,6 +284,8 @@ struct Report {
     uint iterations;            // conjugate gradient iterations
     float residual;             // relative residual, recomputed from b - A x
     float residual_floor;       // least relative residual that f32 can reach
+    float nonlinear_residual;   // residual of the nonlinear equations after several Newton iterations, relative to the
+                                // step's first right-hand side
     uint contacts;
     float max_depth;            // greatest penetration depth of a contact, m
     float turn;                 // largest rotation of a contact patch's normal since the last step, rad
@@ -314,7 +319,7 @@ const uint VERDICT_DONE = 0;        // the step is accepted
 const uint VERDICT_CONTINUE = 1;    // the iterations recorded in the command buffers were too few: run more
 const uint VERDICT_RETRY = 2;       // contacts were under tension and have been released: solve again
 const uint VERDICT_FAILED = 3;      // the solution is not finite, or its residual too large: the state stays as it was
-const uint VERDICT_NEWTON = 4; // solved, but not the last Newton iteration: linearise at the solution and solve again
+const uint VERDICT_NEWTON = 4; // linearise at the solution, and solve again or, after the last solve, check its residual
 
 const uint FLAG_NOT_CONVERGED = 1;      // the residual is well above both the tolerance and residual_floor
 const uint FLAG_PATCH_OVERFLOW = 2;    // more contact patches or work items, or smaller hash cells, than supported
@@ -324,3 +329,4 @@ const uint FLAG_NOT_HEIGHT_FIELD = 16;  // a skin folds over itself along the no
 const uint FLAG_NON_FINITE = 32;        // a number of the solution is NaN or infinite
 const uint FLAG_TENSION = 256;          // contacts are under tension even after the last repeated solve
 const uint FLAG_INVERTED = 1024;        // a tetrahedron is inside out, or its rotation was not found
+const uint FLAG_NEWTON_NOT_CONVERGED = 2048;        // Newton iterations left much of the step's equations unsolved

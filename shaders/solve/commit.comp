@@ -19,6 +19,7 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;
 layout(constant_id = 6) const uint RIGIDS = 0;     // rigid bodies among the unknowns: cores and the tool
+layout(constant_id = 7) const bool NEWTON = false;     // whether a step has several Newton iterations
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
@@ -26,6 +27,7 @@ READ_ONLY(uvec4, node_info);       // z: index of the node's frame; w: NODE_* of
 READ_ONLY(vec4, solution);
 READ_ONLY(vec4, rhs);
 READ_ONLY(vec4, operator_product);            // A x
+READ_ONLY(vec4, linear_residual);       // b - A x of the last Newton iteration's solve
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
@@ -39,7 +41,10 @@ void main() {
     uvec4 info = fetch(node_info, i);
     if (info.w != NODE_FREE) return;
     vec3 v = velocity[i].xyz + fetch(solution, i).xyz;
-    carried_residual[i] = fetch(rhs, i) - fetch(operator_product, i);
+    vec4 undone;
+    if (NEWTON) undone = fetch(linear_residual, i);
+    else undone = fetch(rhs, i) - fetch(operator_product, i);
+    carried_residual[i] = undone;
     velocity[i] = vec4(v, 0.0);
     Frame frame = frames[info.z];
     if (RIGIDS > 0 && frame.core != NONE) {

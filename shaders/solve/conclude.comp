@@ -14,7 +14,9 @@
 // the step (end_pressure in shared/contact_law.glsl) is negative. Contacts do not adhere, so such contacts are
 // released, and the host has the system solved again, MAX_RETRIES times at most (each solve starts from the last
 // solution and is short). The pressure of contacts that are still under tension after the last of these solves counts
-// as zero, and a flag reports them. Once the system is solved, a further Newton iteration may follow. A dynamic core is
+// as zero, and a flag reports them. Once the system is solved, a further Newton iteration may follow. After the last of
+// several Newton iterations the equations are linearised once more at the solution. The residual of this linear system is
+// that of the nonlinear equations, and a flag reports it where it is large. A dynamic core is
 // a rigid body inside a soft one, whose motion the solver finds; the tool is the body that the haptic device leads.
 
 layout(local_size_x_id = 0) in;
@@ -49,6 +51,9 @@ const uint MAX_RETRIES = 4;
 const float WORTHLESS = 0.1;
 // Relative residual above which every solution is rejected: even x = 0 would then have a smaller residual.
 const float DIVERGED = 1.0;
+// Residual of the nonlinear equations after the last of several Newton iterations, relative to the step's first
+// right-hand side, above which a flag reports them as unsolved.
+const float MOST_NONLINEAR = 0.5;
 
 shared float deepest[SIZE];
 
@@ -102,7 +107,9 @@ void main() {
     }
     sums = workgroup_sum(sums);
     if (CONTACT) forces = workgroup_sum(forces);
-    bool must_retry = solve.status != STATUS_RUNNING && sums.z > 0.0 && solve.retries < MAX_RETRIES;
+    bool is_check = params.newton > 1 && solve.newton_iterations == params.newton;
+    bool must_retry =
+        !is_check && solve.status != STATUS_RUNNING && sums.z > 0.0 && solve.retries < MAX_RETRIES;
     if (CONTACT && must_retry) {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
@@ -130,12 +137,21 @@ void main() {
     }
     uint flags = counts.flags;
     if (verdict == VERDICT_DONE) {
-        // The condition is written so that NaN raises the flag as well.
-        if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
-        // The solve stopped before the normal forces were accurate; ten times the error is a hundred times the energy.
-        bool is_accurate = error_energy(iterations[solve.current]) <= 100.0 * solve.energy_limit;
-        if (CONTACT && solve.status != STATUS_CONVERGED && !is_accurate) flags |= FLAG_NOT_CONVERGED;
-        if (sums.z > 0.0) flags |= FLAG_TENSION;
+        // These conditions are written so that NaN raises the flags as well.
+        if (is_check) {
+            float of_first = solve.rhs_norm2 / max(solve.first_norm2, 1.0e-38);
+            report.nonlinear_residual = residual * sqrt(of_first);
+            if (!(residual * sqrt(of_first) <= max(MOST_NONLINEAR, 10.0 * residual_floor * sqrt(of_first)))) {
+                flags |= FLAG_NEWTON_NOT_CONVERGED;
+            }
+            flags |= solve.flags;
+        } else {
+            if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
+            // The solve stopped before the normal forces were accurate; ten times the error is a hundred times the energy.
+            bool is_accurate = error_energy(iterations[solve.current]) <= 100.0 * solve.energy_limit;
+            if (CONTACT && solve.status != STATUS_CONVERGED && !is_accurate) flags |= FLAG_NOT_CONVERGED;
+            if (sums.z > 0.0) flags |= FLAG_TENSION;
+        }
         // A solution is rejected if one of the three numbers that `all` adds is not finite, since the residual then
         // means nothing, or if the residual is above a limit. The limit is low after a breakdown. A solve that merely
         // ran out of iterations is accepted up to the limit DIVERGED: its solution is better than none.
@@ -146,31 +162,39 @@ void main() {
             residual = 1.0;
         }
         float worthless = solve.status == STATUS_BROKEN ? WORTHLESS : DIVERGED;
-        bool failed = !finite || residual > max(worthless, 10.0 * residual_floor);
+        bool failed = !finite || !is_check && residual > max(worthless, 10.0 * residual_floor);
         if (failed) {
             verdict = VERDICT_FAILED;
             // A failed step applies no force to the tool.
             for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = 0.0;
             report.pressing = 0.0;
         }
-        if (!failed && solve.newton_iterations + 1 < params.newton) {
+        if (!failed && params.newton > 1 && !is_check) {
             verdict = VERDICT_NEWTON;
             solve.newton_iterations += 1;
             solve.retries = 0;
+            solve.flags = flags;
+            for (uint index = 0; index < RIGIDS; index++) rigids[index].linear_residual = rigids[index].operator_product;
         }
         bool done = verdict == VERDICT_DONE;
         if (CONTACT && done) {
             for (int k = 0; k < 2; k++) solve.normal_forces[k] = forces[k];
         }
-        for (uint index = 0; index < RIGIDS && done; index++) rigids[index].carried_residual = rigids[index].operator_product;
+        for (uint index = 0; index < RIGIDS && done; index++) {
+            if (is_check) rigids[index].carried_residual = rigids[index].linear_residual;
+            else rigids[index].carried_residual = rigids[index].operator_product;
+        }
         args[3 * ARGS_COMMIT] = done ? groups_of(NODES) : 0;
         args[3 * ARGS_WRENCH] = done ? 1 : 0;
         args[3 * ARGS_GAP] = done && params.wants_stiffness != 0 ? SKIN_PARTS : 0;
     }
     report.verdict = verdict;
     report.iterations = iterations[solve.current].count;
-    report.residual = residual;
-    report.residual_floor = residual_floor;
+    // A check leaves the residual of the last solve in the report.
+    if (!is_check) {
+        report.residual = residual;
+        report.residual_floor = residual_floor;
+    }
     report.contacts = uint(sums.y);
     for (uint k = 0; k < SIZE; k++) depth = max(depth, deepest[k]);
     report.max_depth = depth;

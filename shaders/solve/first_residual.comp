@@ -195,11 +195,15 @@ void main() {
     sums = workgroup_sum(sums);
     float limit = UNLIMITED;
     if (CONTACT) limit = energy_limit();
-    float warm_start = warm_start_factor(sums);
+    // After the last of several Newton iterations their solution is taken as it is: its residual is that of the
+    // nonlinear equations.
+    bool is_check = params.newton > 1 && solve.newton_iterations == params.newton;
+    float warm_start = is_check ? 1.0 : warm_start_factor(sums);
     for (uint index = lane; index < RIGIDS; index += SIZE) start_rigid(index, warm_start);
     barrier();
     if (lane != 0) return;
-    bool at_rest = !(sums.x > sums.y);
+    bool at_rest = is_check || !(sums.x > sums.y);
+    if (solve.newton_iterations == 0) solve.first_norm2 = sums.x;
     solve.warm_start = warm_start;
     solve.rhs_norm2 = sums.x;
     solve.floor_norm2 = sums.y;

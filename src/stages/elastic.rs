@@ -70,6 +70,8 @@ struct Newton {
     displacement: Buffer,
     /// Per node: its change of velocity according to the last solve, world axes, m/s.
     change: Buffer,
+    /// Per node: residual b - A x of the last solve, N s.
+    linear_residual: Buffer,
 }
 
 impl Elastic {
@@ -97,6 +99,7 @@ impl Elastic {
                 displacement: zeros::<[f32; 4]>(context, "trial_displacement", nodes)?
                     .known_as(&["trial_displacement", "displacement"]),
                 change: zeros::<[f32; 4]>(context, "trial_change", nodes)?,
+                linear_residual: zeros::<[f32; 4]>(context, "linear_residual", nodes)?,
             })
         };
         let repeats = model.newton > 1;
@@ -137,6 +140,11 @@ impl Elastic {
         [&self.displacement, &self.velocity, &self.rotations]
     }
 
+    /// Residual b - A x of the last Newton iteration's solve, per node, where steps have several.
+    pub(super) fn linear_residual(&self) -> Option<&Buffer> {
+        self.newton.as_ref().map(|newton| &newton.linear_residual)
+    }
+
     /// Whether steps may have several Newton iterations.
     pub fn repeats(&self) -> bool {
         self.newton.is_some()
@@ -172,10 +180,13 @@ impl Elastic {
                 displacement: &self.displacement,
                 velocity: &self.velocity,
                 solution: &solve.solution,
+                rhs: &solve.rhs,
+                operator_product: &solve.operator_product,
                 solve: Some(&solve.state),
                 iterates: Some(&solve.iterates),
                 trial_displacement: &newton.displacement,
                 trial_change: &newton.change,
+                linear_residual: &newton.linear_residual,
             },
             self.node_count as u32,
         );

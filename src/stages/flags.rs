@@ -50,9 +50,12 @@ impl Flags {
     /// A tetrahedron was inverted at the displacements about which the step was linearised, or it was pressed so flat
     /// that its rotation was not found.
     pub const INVERTED: Flags = Flags(shaders::FLAG_INVERTED);
+    /// After the last of several Newton iterations the residual of the step's nonlinear equations is above half of what
+    /// it was before the first, and above ten times what single precision can reach.
+    pub const NEWTON_NOT_CONVERGED: Flags = Flags(shaders::FLAG_NEWTON_NOT_CONVERGED);
 
     /// Every flag and its name, by rising bit.
-    pub const ALL: [(Flags, &'static str); 11] = [
+    pub const ALL: [(Flags, &'static str); 12] = [
         (Flags::NOT_CONVERGED, "not_converged"),
         (Flags::PATCH_OVERFLOW, "region_overflow"),
         (Flags::CONTACT_OVERFLOW, "contact_overflow"),
@@ -64,6 +67,7 @@ impl Flags {
         (Flags::TENSION_REMAINS, "adhesive_dropped_twice"),
         (Flags::TURNS_TOO_FAR, "turns_too_far"),
         (Flags::INVERTED, "inverted"),
+        (Flags::NEWTON_NOT_CONVERGED, "newton_not_converged"),
     ];
 
     /// The words for each flag, in the order of [`Flags::ALL`].
@@ -138,6 +142,12 @@ impl Flags {
                       there is not that of the material.",
             remedy: Some("Press less deep, shorten step.dt, or give larger cells or a stiffer material."),
         },
+        Explanation {
+            title: "the Newton iterations did not converge",
+            meaning: "After all Newton iterations of the step its equations were not solved: the next linearisation would \
+                      move the bodies about as far again. Shapes and forces of these steps may be wrong.",
+            remedy: Some("Shorten step.dt, or set step.newton to 1 and compare."),
+        },
     ];
 
     /// Each flag in this set with the words that explain it to a user, by rising bit.
@@ -178,7 +188,7 @@ mod tests {
     #[test]
     fn bits_are_those_of_the_design_and_names_follow_them() {
         let bits: Vec<u32> = Flags::ALL.iter().map(|(flag, _)| flag.0).collect();
-        assert_eq!(bits, [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024]);
+        assert_eq!(bits, [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048]);
         let set = Flags::FROZEN | Flags::NOT_CONVERGED;
         assert_eq!(set.names().collect::<Vec<_>>(), ["not_converged", "frozen"]);
         assert!(set.contains(Flags::FROZEN) && !set.contains(Flags::NON_FINITE));

@@ -79,7 +79,7 @@ pub struct Solve {
     pub core_changes: Buffer,
     /// State of the solver, one [`shaders::Solve`].
     pub state: Buffer,
-    rhs: Buffer,
+    pub(super) rhs: Buffer,
     carried_residual: Buffer,
     inverse: Buffer,
     /// Change of velocity of the nodes; the next step's iterations start from a multiple of it.
@@ -88,7 +88,7 @@ pub struct Solve {
     preconditioned: Both,
     direction: Both,
     direction_product: Both,
-    operator_product: Buffer,
+    pub(super) operator_product: Buffer,
     partials: Buffer,
     dots: Buffer,
 }
@@ -221,7 +221,12 @@ impl Solve {
                 "solve/conclude",
                 &[nodes_c, contact, tool, coarse, blocks, rigids, group, ("SKIN_PARTS", count(gap::part_count(model)))],
             )?,
-            commit: Kernel::new(context, "solve/commit", Size::Group, &[nodes_c, rigids])?,
+            commit: Kernel::new(
+                context,
+                "solve/commit",
+                Size::Group,
+                &[nodes_c, rigids, ("NEWTON", Const::Bool(model.newton > 1))],
+            )?,
             touch: touch.cloned(),
             block_count: block_count as u32,
             rigid_count,

@@ -216,7 +216,7 @@ impl Simulation {
     }
 
     /// Submits the step, and after it whatever the verdict asks for: more iterations, another solve after contacts were
-    /// released, or a further Newton iteration. The report's number of iterations is the sum over all solves.
+    /// released, a further Newton iteration, or the check after the last of several. The report's number of iterations is the sum over all solves.
     fn submit(&mut self) -> Result<Report> {
         let timed = self.timed_every > 0 && self.step % self.timed_every == 1 % self.timed_every;
         let set = match &self.timed {
@@ -230,7 +230,7 @@ impl Simulation {
         // Number of iterations of all earlier solves of this step together, and of the longest of those after which a
         // further Newton iteration followed; solves before a release of contacts do not count for the latter.
         let (mut earlier, mut longest) = (0, 0);
-        for _ in 0..MOST_SUBMITS * self.scene.step.newton {
+        for _ in 0..MOST_SUBMITS * (self.scene.step.newton + 1) {
             let all = [first.unwrap_or(&set.end), set.plan(wanted), &set.end];
             let parts = if first.is_some() { &all[..] } else { &all[1..] };
             Recording::submit_all(parts)?;

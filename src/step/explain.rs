@@ -48,8 +48,11 @@ impl Simulation {
         let (length, iterate) = &self.plain.iterate[0];
         let newton = f64::from(self.scene.step.newton);
         let share = f64::from(iterations) / f64::from(*length);
-        let mut parts = vec![(&self.plain.begin, 1.0), (iterate, share), (&self.plain.end, newton)];
-        parts.extend(self.plain.newton.iter().map(|[first, _]| (first, newton - 1.0)));
+        let mut parts = vec![(&self.plain.begin, 1.0), (iterate, share)];
+        // Several Newton iterations are followed by a check, which needs no solver iterations.
+        let ends = newton + if newton > 1.0 { 1.0 } else { 0.0 };
+        parts.push((&self.plain.end, ends));
+        parts.extend(self.plain.newton.iter().map(|[first, _]| (first, ends - 1.0)));
         parts
     }
 

@@ -26,6 +26,9 @@ pub struct StepReport {
     pub iterations: u32,
     /// Relative residual of the linear system at the end of the last solve.
     pub residual: f64,
+    /// Residual of the step's nonlinear equations at its end, relative to that before the first Newton iteration; `None`
+    /// where steps have a single Newton iteration.
+    pub nonlinear_residual: Option<f64>,
     /// Flags that tell what went wrong in the step; none is set if nothing did.
     pub flags: Flags,
     /// Wall time of the step, from when the haptic device's pose is known until the contact wrench on the tool is

@@ -188,6 +188,9 @@
 // Flag of a step: a tetrahedron was inverted, or pressed so flat that its rotation was not found.
 #define PALPATE_FLAG_INVERTED 1024
 
+// Flag of a step: the Newton iterations left much of the step's nonlinear equations unsolved.
+#define PALPATE_FLAG_NEWTON_NOT_CONVERGED 2048
+
 // Result of a call. If a call returns another status than PALPATE_STATUS_OK, it changed nothing, unless the
 // description of the function says otherwise, and `palpate_last_error` returns one line that describes the error and
 // what to do about it.

@@ -128,6 +128,8 @@ pub const PALPATE_FLAG_ADHESIVE_DROPPED_TWICE: u32 = 256;
 pub const PALPATE_FLAG_TURNS_TOO_FAR: u32 = 512;
 /// Flag of a step: a tetrahedron was inverted, or pressed so flat that its rotation was not found.
 pub const PALPATE_FLAG_INVERTED: u32 = 1024;
+/// Flag of a step: the Newton iterations left much of the step's nonlinear equations unsolved.
+pub const PALPATE_FLAG_NEWTON_NOT_CONVERGED: u32 = 2048;
 
 /// The object for which the handle of a simulation (the number by which a C caller names it) stands.
 pub(super) struct SimulationObject {
@@ -304,6 +306,7 @@ mod tests {
             PALPATE_FLAG_ADHESIVE_DROPPED_TWICE,
             PALPATE_FLAG_TURNS_TOO_FAR,
             PALPATE_FLAG_INVERTED,
+            PALPATE_FLAG_NEWTON_NOT_CONVERGED,
         ];
         assert_eq!(Flags::ALL.map(|(flag, _)| flag.0), own);
     }

@@ -2,6 +2,8 @@
 //! the solver finds), contacts and the tool (rigid body that the haptic device moves), solved directly (equations in
 //! docs/understanding/solver.md, "Implicit Euler"). The unknowns are changes of velocity over the step.
 
+use faer::Mat;
+use faer::linalg::solvers::Solve as _;
 use glam::{DMat3, DQuat, DVec3};
 
 pub use crate::body::{Core, CoupledCore, SoftBody};
@@ -45,6 +47,10 @@ pub struct Report {
     pub wrench: Wrench,
     /// Bit mask of flags, such as [`TENSION_REMAINS`].
     pub flags: u32,
+    /// Residual of the nonlinear equations after the last of several Newton iterations, relative to the right-hand side
+    /// of the first, both in the norm of the inverse of the diagonal blocks of nodes, cores and tool; zero after a
+    /// single iteration.
+    pub nonlinear_residual: f64,
 }
 
 /// A scene of soft bodies, dynamic cores and the tool, which can be stepped.
@@ -89,6 +95,34 @@ pub struct Unknowns {
     pub count: usize,
 }
 
+impl Unknowns {
+    /// Norm sqrt(r . D^-1 r) of a vector of the unknowns' equations, with the diagonal blocks D of the matrix `a`: 3x3
+    /// for each node, 6x6 for each core and for the tool.
+    fn norm(&self, a: &Entries, r: &[f64]) -> f64 {
+        let free = self.cores.first().copied().unwrap_or(self.tool);
+        let block = |i: usize| if i < free { (i - i % 3, 3) } else { (i - (i - free) % 6, 6) };
+        let mut blocks = std::collections::BTreeMap::new();
+        for (i, j, value) in a.lower() {
+            let (first, size) = block(i);
+            if j < first || j >= first + size {
+                continue;
+            }
+            let matrix = blocks.entry(first).or_insert_with(|| Mat::<f64>::zeros(size, size));
+            matrix[(i - first, j - first)] += value;
+            if i != j {
+                matrix[(j - first, i - first)] += value;
+            }
+        }
+        let mut sum = 0.0;
+        for (first, matrix) in blocks {
+            let own = Mat::from_fn(matrix.nrows(), 1, |i, _| r[first + i]);
+            let solved = matrix.partial_piv_lu().solve(&own);
+            sum += (0..matrix.nrows()).map(|i| own[(i, 0)] * solved[(i, 0)]).sum::<f64>();
+        }
+        sum.sqrt()
+    }
+}
+
 impl Simulation {
     /// An empty scene.
     pub fn new(dt: f64, gravity: DVec3) -> Self {
@@ -108,6 +142,7 @@ impl Simulation {
         let mut change = Vec::new();
         let mut pressures = Vec::new();
         let mut flags = 0;
+        let mut of_first = None;
         for left in (0..self.newton).rev() {
             let (base, load) = self.system(&unknowns, &trials, device);
             for attempt in 0..=MAX_RETRIES {
@@ -118,6 +153,9 @@ impl Simulation {
                     drags[j].add(&mut a, &mut b, self.dt);
                 }
                 change = self.solver.solve(&a, &b)?;
+                if left + 1 == self.newton {
+                    of_first = Some(unknowns.norm(&a, &b));
+                }
                 let end: Vec<f64> = start.iter().zip(&change).map(|(v, dv)| v + dv).collect();
                 let rate = |j: usize| known[j] + dot(&rows[j], &end);
                 pressures = contacts.iter().enumerate().map(|(j, c)| self.pressure(c, rate(j))).collect();
@@ -131,9 +169,20 @@ impl Simulation {
                 under_tension.iter().for_each(|&j| active[j] = false);
                 flags |= if attempt == MAX_RETRIES { TENSION_REMAINS } else { 0 };
             }
-            if left > 0 {
+            if self.newton > 1 {
                 trials = self.trials(&unknowns, &change);
             }
+        }
+        let mut nonlinear_residual = 0.0;
+        if let (Some(of_first), true) = (of_first, self.newton > 1) {
+            let (mut a, mut b) = self.system(&unknowns, &trials, device);
+            for j in (0..contacts.len()).filter(|&j| active[j]) {
+                let rate = known[j] + dot(&rows[j], &start);
+                add_contact(&mut a, &mut b, &rows[j], &contacts[j], rate, self.dt);
+                drags[j].add(&mut a, &mut b, self.dt);
+            }
+            let left: Vec<f64> = b.iter().zip(a.multiply(&change)).map(|(b, y)| b - y).collect();
+            nonlinear_residual = unknowns.norm(&a, &left) / of_first;
         }
         let resolve = |j: usize| Resolved {
             contact: contacts[j].clone(),
@@ -149,7 +198,7 @@ impl Simulation {
             (None, None) => Wrench::default(),
         };
         self.commit(&unknowns, &change);
-        Ok(Report { contacts, wrench, flags })
+        Ok(Report { contacts, wrench, flags, nonlinear_residual })
     }
 
     /// Numbers the unknowns: nodes body by body, then the cores, then the tool.

@@ -74,7 +74,7 @@ impl Solve {
         recorder.dispatch_groups(
             &self.first_residual,
             &shaders::solve::FirstResidual {
-                params: Some(&common.params),
+                params: &common.params,
                 frames: Some(&common.frames),
                 counts: Some(&common.counts),
                 contacts: touch.map(|touch| &touch.contacts),
@@ -213,8 +213,9 @@ impl Solve {
             frames: &common.frames,
             node_info: &elastic.node_info,
             solution: &self.solution,
-            rhs: &self.rhs,
-            operator_product: &self.operator_product,
+            rhs: Some(&self.rhs),
+            operator_product: Some(&self.operator_product),
+            linear_residual: elastic.linear_residual(),
             node_rest: &elastic.node_rest,
             solve: Some(&self.state),
             iterates: Some(&self.iterates),

@@ -134,8 +134,8 @@ impl Invariant {
             // The residual that the solver leaves may push the body as a whole; the spinning blocks of 1 TPa drift as
             // well.
             Invariant::Drift => Flags::NOT_CONVERGED | Flags::TURNS_TOO_FAR,
-            // No flag says that forces on a body at rest are out of balance; an inverted tetrahedron has several forces.
-            Invariant::Balanced => Flags::INVERTED,
+            // Newton iterations that do not converge may come to rest anywhere; an inverted tetrahedron has several forces.
+            Invariant::Balanced => Flags::NEWTON_NOT_CONVERGED | Flags::INVERTED,
             // The motion of a body that stays inside out does not decay as predicted for oscillations about the rest
             // shape.
             Invariant::Rest => Flags::INVERTED,

@@ -92,6 +92,7 @@ mod tests {
             normal_turn: Some(0.0),
             iterations: 9,
             residual: 3e-6,
+            nonlinear_residual: None,
             flags: Flags::NOT_CONVERGED | Flags::FROZEN,
             step_us: 812.3456,
             probes: vec![DVec3::new(0.5, 0.25, 1e9)],
