@@ -153,6 +153,21 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
     }
 }
 
+/// Where the solver's operator is far softer than the material, Newton iterations do not converge, and a flag says so.
+#[test]
+#[ignore = "long: 15 s"]
+fn newton_iterations_that_do_not_converge_are_flagged() {
+    let law = "Evaluation law = evaluate(material, e, compression, own_lambda);";
+    let soft = format!("{law} law.mu *= 0.3; law.lambda *= 0.3;");
+    let kernel = "elastic/element_forces";
+    let results = run(&["newton"], vec![(kernel.into(), spoil::spoiled(kernel, law, &soft))]);
+    for (_, cell, case) in results.cases() {
+        let is_told = Flags(case.flags).contains(Flags::NEWTON_NOT_CONVERGED);
+        println!("{} iterations: flags {:?}", cell.label, Flags(case.flags));
+        assert_eq!(is_told, cell.label != "1", "{} iterations: flags {:?}", cell.label, Flags(case.flags));
+    }
+}
+
 #[test]
 fn a_name_that_is_no_axis_is_refused_with_those_there_are() {
     let output =

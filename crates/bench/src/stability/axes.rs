@@ -19,6 +19,10 @@ use crate::meshes::MeshFolder;
 
 /// Length of the bar that hangs, m.
 const BAR_LENGTH: f64 = 0.2;
+/// Density of that bar, kg/m^3.
+const BAR_DENSITY: f64 = 200.0;
+/// Weight of the load that the bar carries, in units of the bar's weight.
+const LOAD: f64 = 15.0;
 
 /// One value of an axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,7 +49,7 @@ pub struct Axis {
 }
 
 /// Names of all axes, in the order of the matrix.
-pub const NAMES: [&str; 23] = [
+pub const NAMES: [&str; 25] = [
     "young",
     "poisson",
     "poisson-neo-hookean",
@@ -68,6 +72,8 @@ pub const NAMES: [&str; 23] = [
     "gravity",
     "tetrahedron",
     "newton",
+    "tension",
+    "light",
     "bound",
 ];
 
@@ -108,6 +114,28 @@ impl Values {
         let cell = |x: &f64| Cell { label: label(*x), is_core: is_core(*x), cases: cases(*x) };
         Axis { name, title, is_listed: false, cells: values.iter().map(cell).collect() }
     }
+}
+
+/// A neo-Hookean bar that hangs by its upper end, in steps of 10 ms. Its lowest layer of cells, a twentieth of the bar,
+/// weighs `load` times as much as the whole bar at [`BAR_DENSITY`].
+fn loaded_bar(extent: Extent, load: f64) -> Result<Setup> {
+    let mesh = meshes::bar(extent.folder, BAR_LENGTH)?;
+    let material = Material {
+        law: MaterialLaw::NeoHookean,
+        poisson: 0.45,
+        density: BAR_DENSITY,
+        damping_stiffness: 0.05,
+        ..Setup::default().material
+    };
+    let heavy = Some((20.0 * load * BAR_DENSITY, -0.95 * BAR_LENGTH));
+    Ok(Setup { mesh: Some(mesh), edge: BAR_LENGTH, material, dt: 0.01, load: heavy, ..Setup::default() })
+}
+
+/// Two cases: the given loaded bar, and the same of a corotational material.
+fn both_laws(bar: &Setup) -> Vec<Case> {
+    let material = Material { law: MaterialLaw::Corotational, ..bar.material };
+    let corotational = hang_loaded(Setup { material, ..bar.clone() });
+    vec![hang_loaded(bar.clone()), Case { scenario: "hang, loaded, corotational", ..corotational }]
 }
 
 /// The axis of this name; `None`: no axis has it. Errors: a mesh cannot be written.
@@ -365,32 +393,42 @@ fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
             Axis { name: "tetrahedron", title: "A single tetrahedron", is_listed: true, cells }
         }
         "newton" => {
-            let mesh = meshes::bar(extent.folder, BAR_LENGTH)?;
-            let material = Material {
-                law: MaterialLaw::NeoHookean,
-                poisson: 0.45,
-                density: 200.0,
-                damping_stiffness: 0.05,
-                ..Setup::default().material
-            };
-            // The lowest layer of cells, a twentieth of the bar, weighs fifteen times as much as the rest.
-            let heavy = Some((300.0 * material.density, -0.95 * BAR_LENGTH));
-            let bar = Setup { mesh: Some(mesh), edge: BAR_LENGTH, material, dt: 0.01, load: heavy, ..Setup::default() };
-            let both = |newton: f64| {
-                let of = |law: MaterialLaw| {
-                    let material = Material { law, ..material };
-                    hang_loaded(Setup { newton: newton as u32, material, ..bar.clone() })
-                };
-                let corotational = Case { scenario: "hang, loaded, corotational", ..of(MaterialLaw::Corotational) };
-                vec![of(MaterialLaw::NeoHookean), corotational]
-            };
+            let bar = loaded_bar(extent, LOAD)?;
+            let of = |newton: f64| both_laws(&Setup { newton: newton as u32, ..bar.clone() });
             Values(&[1.0, 2.0, 3.0, 5.0, 10.0], &[1.0, 2.0]).axis(
                 "newton",
                 "Newton iterations, loaded bar",
                 extent,
                 |x| format!("{x}"),
                 Some([1.0, 10.0]),
-                both,
+                of,
+            )
+        }
+        "tension" => {
+            // Numbers of the bar's own weight, and the strain that Hooke's law would give the bar.
+            let (loads, strains) = ([1.5, 5.0, 15.0, 30.0], ["0.03", "0.1", "0.3", "0.6"]);
+            let chosen = if extent.is_quick { vec![1, 3] } else { vec![0, 1, 2, 3] };
+            let cell = |k: usize| -> Result<Cell> {
+                let bar = Setup { newton: 2, ..loaded_bar(extent, loads[k])? };
+                let label = format!("{} times its weight, load / (E area) {}", loads[k], strains[k]);
+                Ok(Cell { label, is_core: k < 3, cases: both_laws(&bar) })
+            };
+            let cells = chosen.into_iter().map(cell).collect::<Result<_>>()?;
+            Axis { name: "tension", title: "Load that stretches a bar", is_listed: false, cells }
+        }
+        "light" => {
+            let bar = loaded_bar(extent, LOAD)?;
+            let of = |density: f64| {
+                let material = Material { density, ..bar.material };
+                both_laws(&Setup { material, ..bar.clone() })
+            };
+            Values(&[0.2, 2.0, 20.0, 200.0], &[0.2, 20.0]).axis(
+                "light",
+                "Density of a bar under a fixed load",
+                extent,
+                |x| format!("{x} kg/m^3"),
+                Some([2.0, 200.0]),
+                of,
             )
         }
         "bound" => {
