@@ -21,6 +21,7 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const bool FRICTION = false;
 layout(constant_id = 4) const bool TOOL = true;  // true: a rigid tool exists; false: the device may hold a soft body
+layout(constant_id = 6) const uint RIGIDS = 0;  // rigid bodies among the unknowns; the tool is the last
 layout(constant_id = 3) const uint LISTS = 8;    // lists of a node, as many as a workgroup of contact/sort has lanes
 
 layout(scalar) readonly buffer Params { StepParams params; };
@@ -35,6 +36,9 @@ READ_ONLY(uvec4, skin_nodes);  // four nodes of each skin vertex; NONE first: ve
 READ_ONLY(vec4, skin_weights);
 READ_ONLY(vec4, skin);
 READ_ONLY(vec4, velocity);
+READ_ONLY(vec4, solution);      // change of each node's velocity over the last step, m/s
+layout(scalar) readonly buffer SolveIn { Solve solve; };
+layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) writeonly buffer Contacts { Contact contacts[]; };
 layout(scalar) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };  // four quads (groups of four nodes) per contact
@@ -92,13 +96,17 @@ void main() {
     }
     float rate = 0.0;
     vec3 relative = vec3(0.0);      // v(s1) - v(s2), m/s; if FRICTION is false, velocities of nodes are left out
+    vec3 change = vec3(0.0);        // change of `relative` over the last step, m/s; computed only if FRICTION is true
     for (uint q = 0; q < quads; q++) {
         entry_nodes[4 * c + q] = nodes[q];
         entry_weights[4 * c + q] = weights[q];
         for (uint k = 0; k < 4; k++) {
             vec3 v = fetch(velocity, nodes[q][k]).xyz;
             rate += weights[q][k] * dot(n, v);
-            if (FRICTION) relative += weights[q][k] * v;
+            if (FRICTION) {
+                relative += weights[q][k] * v;
+                change += weights[q][k] * fetch(solution, nodes[q][k]).xyz;
+            }
             if (weights[q][k] != 0.0) list(16 * c + 4 * q + k, nodes[q][k], c);
         }
     }
@@ -120,6 +128,10 @@ void main() {
     if (TOOL && pair.tool_sign != 0.0) {
         rate += pair.tool_sign * dot(n, linear) + dot(lever, angular);
         relative += pair.tool_sign * (linear + cross(angular, arm));
+        if (FRICTION) {
+            float x[6] = iterates[solve.current * RIGIDS + RIGIDS - 1].x;
+            change += pair.tool_sign * (vec3(x[0], x[1], x[2]) + cross(vec3(x[3], x[4], x[5]), arm));
+        }
     }
     for (uint k = 0; k < 2; k++) {
         // A kinematic rigid body (one whose motion is prescribed) contributes the velocity of its frame.
@@ -134,7 +146,8 @@ void main() {
     if (FRICTION) {
         slip = relative - dot(n, relative) * n;
         float force = found.w * start_pressure(found.x, rate, pair.stiffness, pair.damping);
-        friction = friction_coefficient(force, slip, params.friction, params.friction_speed);
+        float predicted = predicted_slip(slip, change - dot(n, change) * n);
+        friction = friction_coefficient(force, predicted, params.friction, params.friction_speed);
     }
     contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping, friction, slip, quads,
         vertex, side, triangle, found.yz);

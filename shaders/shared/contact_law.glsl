@@ -6,8 +6,9 @@
 // k delta + (h k + d) delta', with delta at the start and delta' at the end, and linear in the change of velocity.
 //
 // Friction is regularised Coulomb friction, -c v_t, with the tangential velocity v_t at the end of the step. Its
-// coefficient c = mu a max(0, p) / sqrt(|v_t|^2 + s^2) is computed at the start, with friction coefficient mu, contact
-// area a (m^2), and s the speed (m/s) below which friction is viscous.
+// coefficient c = mu a max(0, p) / sqrt(u^2 + s^2) is computed at the start, with friction coefficient mu, contact
+// area a (m^2), s the speed (m/s) below which friction is viscous, and u a prediction of |v_t|: with |v_t| at the start in
+// its place, friction would be too great by the share by which the speed grows in a step.
 //
 // The f64 reference implementation is oracle::contact_law; the version of the host (CPU side) is in
 // stages/contact_law.rs.
@@ -17,9 +18,16 @@ float start_pressure(float depth, float rate, float stiffness, float damping) {
     return stiffness * depth + damping * rate;
 }
 
-// Coefficient c of friction, N s/m, from the normal force (N) and v_t (m/s) at the start of the step.
-float friction_coefficient(float force, vec3 slip, float mu, float speed) {
-    return mu * max(0.0, force) / sqrt(dot(slip, slip) + speed * speed);
+// Prediction of |v_t| at the end of the step, m/s, from v_t at the start and the change of v_t over the last step (m/s):
+// the change will be the same again, but the speed will at most double and at least halve.
+float predicted_slip(vec3 slip, vec3 change) {
+    float now = length(slip), next = length(slip + change);
+    return isnan(next) ? now : clamp(next, 0.5 * now, 2.0 * now);
+}
+
+// Coefficient c of friction, N s/m, from the normal force (N) at the start of the step and the predicted slip u (m/s).
+float friction_coefficient(float force, float slip, float mu, float speed) {
+    return mu * max(0.0, force) / sqrt(slip * slip + speed * speed);
 }
 
 // Slope dp/d(delta') of the pressure at the end of a step: h k + d, N s/m^3.

@@ -12,6 +12,7 @@ use super::depth::Depth;
 use super::elastic::Elastic;
 use super::model::Model;
 use super::skin::Skin;
+use super::solve::Solve;
 use super::{Common, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Recorder, Size};
@@ -94,6 +95,7 @@ impl Contact {
             ("FRICTION", (model.friction[0] > 0.0).into()),
             ("LISTS", lists.into()),
             ("TOOL", model.tool_frame.is_some().into()),
+            ("RIGIDS", count(model.rigid_count())),
         ];
         Ok(Contact {
             candidates: Kernel::new(context, "contact/candidates", Size::Reduce, &candidate)?,
@@ -142,6 +144,7 @@ impl Contact {
         skin: &Skin,
         depth: Option<&Depth>,
         elastic: &Elastic,
+        solve: &Solve,
     ) {
         recorder.stage("contact");
         let touch = &self.touch;
@@ -202,6 +205,9 @@ impl Contact {
                 skin_weights: &skin.skin_weights,
                 skin: &skin.skin,
                 velocity: &elastic.velocity,
+                solution: Some(&solve.solution),
+                solve: Some(&solve.state),
+                iterates: Some(&solve.iterates),
                 frames: &common.frames,
                 contacts: &touch.contacts,
                 entry_nodes: &touch.entry_nodes,

@@ -91,7 +91,7 @@ impl Elastic {
         };
         let forces_kernel =
             |newton: bool| Kernel::new(context, "elastic/element_forces", Size::Group, &constants(newton));
-        let rigids = ("RIGIDS", count(model.cores.len() + usize::from(model.tool_frame.is_some())));
+        let rigids = ("RIGIDS", count(model.rigid_count()));
         let newton = || -> Result<Newton> {
             Ok(Newton {
                 trial: Kernel::new(context, "elastic/trial", Size::Group, &[("NODES", count(nodes)), rigids])?,

@@ -369,6 +369,11 @@ impl Model {
         self.node_info[node][3] == shaders::NODE_ATTACHED
     }
 
+    /// Number of rigid bodies among the unknowns: dynamic cores and the tool.
+    pub fn rigid_count(&self) -> usize {
+        self.cores.len() + usize::from(self.tool_frame.is_some())
+    }
+
     /// Whether any tetrahedron, proxy or chunk has nodes in two frames.
     pub fn spans_frames(&self) -> bool {
         self.links.len() > 1

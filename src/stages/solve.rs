@@ -136,7 +136,7 @@ impl Solve {
         let (has_tool, is_coarse) = (model.tool_frame.is_some(), !model.coarse.bodies.is_empty());
         let block_count = model.blocks.blocks.len();
         let groups = block_count + usize::from(has_tool);
-        let rigid_count = model.cores.len() + usize::from(has_tool);
+        let rigid_count = model.rigid_count();
         let nodes_c = ("NODES", count(nodes));
         let tetrahedra_c = ("TETRAHEDRA", count(tetrahedra));
         let contact = ("CONTACT", Const::Bool(touch.is_some()));

@@ -9,6 +9,7 @@ use super::depth::{Depth, Path};
 use super::elastic::Elastic;
 use super::model::Model;
 use super::skin::Skin;
+use super::solve::Solve;
 use super::{Common, pose};
 use crate::Result;
 use crate::gpu::{Context, Recorder};
@@ -43,7 +44,7 @@ impl TouchStages {
     }
 
     /// Records the stages in the order in which they run: pose, cull, skin, depth, contact.
-    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, solve: &Solve) {
         let TouchStages { pose, skin, cull, depth, contact } = self;
         pose.record(recorder, common, elastic, skin);
         cull.record(recorder, common, pose, skin, contact, elastic);
@@ -51,6 +52,6 @@ impl TouchStages {
         if let Some(depth) = depth {
             depth.record(recorder, common, cull, skin);
         }
-        contact.record(recorder, common, cull, skin, depth.as_ref(), elastic);
+        contact.record(recorder, common, cull, skin, depth.as_ref(), elastic, solve);
     }
 }

@@ -373,7 +373,7 @@ impl System {
         twin.second.position -= 0.5 * twin.depth * normal;
         let (start, unknowns) = (self.start(), self.twin.unknowns());
         let row = self.twin.row(&unknowns, &twin);
-        let drag = self.twin.drag(&unknowns, &start, &twin);
+        let drag = self.twin.drag(&unknowns, &start, &vec![0.0; unknowns.count], &twin);
         // Friction acts on the tool at the contact point of the other side.
         let at = if let Side::Tool = sides[0] { twin.second.position } else { twin.first.position };
         let sign = match sides {

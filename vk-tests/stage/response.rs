@@ -6,6 +6,7 @@ use glam::DVec3;
 use palpate::internal::shaders::{Contact, NONE};
 use palpate::internal::stages::depth::Path;
 
+use crate::harness::random::Random;
 use crate::harness::{Tolerance, expect_close};
 use crate::stage::contact::crowd;
 use crate::stage::flow::Flow;
@@ -52,9 +53,9 @@ fn wide(x: &[f32]) -> DVec3 {
     DVec3::new(x[0].into(), x[1].into(), x[2].into())
 }
 
-/// The point at which friction of the contact acts, and the relative velocity v1 - v2 of bodies a and b there, computed
-/// from the contact's own entries.
-fn relative(flow: &Flow, c: usize) -> (DVec3, DVec3) {
+/// The point at which friction of the contact acts, the relative velocity v1 - v2 of bodies a and b there, computed from
+/// the contact's own entries, and its change over the last step.
+fn relative(flow: &Flow, c: usize) -> (DVec3, DVec3, DVec3) {
     let (contact, n) = (&flow.contacts[c], wide(&flow.contacts[c].normal));
     let pair = &flow.pairs[contact.side as usize / 2];
     let (of_second, vertex) = (contact.side % 2 == 1, wide(&flow.skin[contact.vertex as usize]));
@@ -69,20 +70,25 @@ fn relative(flow: &Flow, c: usize) -> (DVec3, DVec3) {
         _ if kinematic(1) => points[0],
         _ => vertex,
     };
-    let mut v = DVec3::ZERO;
+    let (mut v, mut change) = (DVec3::ZERO, DVec3::ZERO);
     for quad in 4 * c..4 * c + contact.quads as usize {
         for (node, w) in flow.entry_nodes[quad].iter().zip(flow.entry_weights[quad]) {
             v += f64::from(w) * wide(&flow.velocity[*node as usize]);
+            change += f64::from(w) * wide(&flow.solution[*node as usize]);
         }
     }
-    let twist = (wide(&flow.params.tool_twist[..3]), wide(&flow.params.tool_twist[3..]));
-    v += f64::from(pair.tool_sign) * (twist.0 + twist.1.cross(at - wide(&flow.params.tool_centre)));
+    let of_tool = |twist: &[f32; 6]| {
+        let spin = wide(&twist[3..]);
+        f64::from(pair.tool_sign) * (wide(&twist[..3]) + spin.cross(at - wide(&flow.params.tool_centre)))
+    };
+    v += of_tool(&flow.params.tool_twist);
+    change += of_tool(&flow.tool_change);
     for k in (0..2).filter(|k| kinematic(*k)) {
         let frame = &flow.frames[pair.kinematic_frame[k] as usize];
         let carried = wide(&frame.linear) + wide(&frame.angular).cross(at - wide(&frame.centre));
         v += if k == 0 { carried } else { -carried };
     }
-    (at, v)
+    (at, v, change)
 }
 
 #[test]
@@ -98,15 +104,20 @@ fn friction_of_soft_rigid_and_kinematic_skins() {
     for (k, frame) in flow.frames.iter_mut().enumerate() {
         (frame.linear, frame.angular) = ([0.1, 0.3, -0.2 * k as f32], [2.0, -5.0, 3.0]);
     }
+    let mut random = Random(31);
+    for change in &mut flow.solution {
+        *change = (0.4 * random.vector()).as_vec3().extend(0.0).to_array();
+    }
+    flow.tool_change = [0.02, -0.03, 0.05, 0.3, 0.2, -0.1];
     flow.forget_entries(flow.node_entries.len());
     flow.respond();
     // Tolerance of f32 positions and velocities after a dozen roundings.
     let close = Tolerance { abs: 1e-6, rel: 1e-5 };
-    let (mut rubbing, mut tool, mut kinematic) = (0, 0, 0);
+    let (mut rubbing, mut tool, mut kinematic, mut halved, mut doubled) = (0, 0, 0, 0, 0);
     for (c, was) in frictionless.iter().enumerate() {
         let got: &Contact = &flow.contacts[c];
         let what = format!("contact {c}, side {}", got.side);
-        let (at, v) = relative(&flow, c);
+        let (at, v, change) = relative(&flow, c);
         let n = wide(&got.normal);
         if got.tool_sign != 0.0 {
             let arm = at - wide(&flow.params.tool_centre);
@@ -118,7 +129,10 @@ fn friction_of_soft_rigid_and_kinematic_skins() {
         expect_close(&what, &got.slip, &slip.to_array(), Tolerance { abs: 1e-6, ..close });
         let pressure = f64::from(got.stiffness) * f64::from(got.depth) + f64::from(got.damping) * rate;
         let force = f64::from(got.area) * pressure.max(0.0);
-        let speed = slip.length().hypot(f64::from(flow.model.friction[1]));
+        let (now, next) = (slip.length(), (slip + change - n.dot(change) * n).length());
+        halved += usize::from(next < 0.5 * now);
+        doubled += usize::from(next > 2.0 * now);
+        let speed = next.clamp(0.5 * now, 2.0 * now).hypot(f64::from(flow.model.friction[1]));
         // The pressure may be a small difference of the spring's pressure and the damper's pressure.
         let size = f64::from(got.area * got.damping) * v.length().max(0.1) * 0.6 / speed;
         let allowed = Tolerance { abs: 1e-5 * size, rel: 1e-4 };
@@ -131,5 +145,7 @@ fn friction_of_soft_rigid_and_kinematic_skins() {
         assert_eq!((was.normal, was.area, was.depth, was.quads), (got.normal, got.area, got.depth, got.quads));
     }
     println!("{rubbing} contacts with friction; {tool} contacts on the tool, {kinematic} on kinematic frames");
+    println!("predicted speed at most halved in {halved}, at most doubled in {doubled}");
     assert!(rubbing > 40 && rubbing < frictionless.len() && tool > 20 && kinematic > 20);
+    assert!(halved > 5 && doubled > 5 && halved + doubled < frictionless.len() / 2);
 }

@@ -161,7 +161,7 @@ fn agree(system: System, seed: u64) {
         let (mut friction, mut viscosity) = (DVec3::ZERO, 0.0);
         if system.twin.friction.is_some() {
             let across = 0.3 * random.vector().reject_from_normalized(twin.normal);
-            let drag = system.twin.drag(&places, &start, twin);
+            let drag = system.twin.drag(&places, &start, &vec![0.0; places.count], twin);
             viscosity = drag.viscosity;
             friction = if active { -viscosity * (drag.slip() + across) } else { DVec3::ZERO };
             let both = f64::from(normal) * twin.normal + h * f64::from(contact.friction) * across;

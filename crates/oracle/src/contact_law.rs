@@ -1,6 +1,7 @@
 //! The contact law in f64: penalty pressure p = k depth + d depth', with stiffness k, damping d and the depth's rate
 //! depth', and regularised Coulomb friction. Reference implementation of `shaders/shared/contact_law.glsl`.
 
+use glam::DVec3;
 use palpate::internal::prepare::Layer;
 use palpate::scene::Material;
 
@@ -49,8 +50,16 @@ pub struct Friction {
 }
 
 impl Friction {
-    /// Ratio of friction to tangential velocity, N s/m, from normal force (N) and sliding speed (m/s) at the start of a
-    /// step.
+    /// Prediction of the sliding speed at the end of a step, m/s, from the tangential velocity at its start and the
+    /// change of this velocity over the last step: the change will be the same again, but the speed will at most double
+    /// and at least halve.
+    pub fn predicted_slip(slip: DVec3, change: DVec3) -> f64 {
+        let now = slip.length();
+        (slip + change).length().clamp(0.5 * now, 2.0 * now)
+    }
+
+    /// Ratio of friction to tangential velocity, N s/m, from the normal force (N) at the start of a step and the
+    /// predicted sliding speed (m/s).
     pub fn viscosity(&self, force: f64, sliding: f64) -> f64 {
         self.coefficient * force.max(0.0) / sliding.hypot(self.speed)
     }

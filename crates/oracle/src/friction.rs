@@ -1,9 +1,10 @@
 //! Friction in f64: regularised Coulomb friction, implicit in the velocity. The ratio c of friction to tangential
-//! velocity is computed from the state at the start of the step.
+//! velocity is computed from the state at the start of the step and a prediction of the sliding speed at its end.
 
 use glam::DVec3;
 
 use crate::contact::{Carrier, Contact};
+use crate::contact_law::Friction;
 use crate::linear::Entries;
 use crate::step::{Simulation, Unknowns, dot};
 
@@ -42,11 +43,12 @@ impl Drag {
 }
 
 impl Simulation {
-    /// Friction of a contact, with c = mu f / sqrt(|v|^2 + w^2) at the start of the step: coefficient of friction mu,
-    /// normal force f, tangential velocity v, and w the speed below which friction is viscous. Friction on the tool
+    /// Friction of a contact, with c = mu f / sqrt(u^2 + w^2): coefficient of friction mu, normal force f at the start of
+    /// the step, sliding speed u at its end as predicted from `start` and `last`, the unknown velocities at the start and
+    /// their changes over the last step, and w the speed below which friction is viscous. Friction on the tool
     /// (rigid body that the haptic device moves) acts at the contact's point on the other body, so that the friction
     /// forces on the two bodies act at one point.
-    pub fn drag(&self, unknowns: &Unknowns, start: &[f64], contact: &Contact) -> Drag {
+    pub fn drag(&self, unknowns: &Unknowns, start: &[f64], last: &[f64], contact: &Contact) -> Drag {
         let Some(friction) = self.friction else { return Drag::default() };
         let mut at_one = contact.clone();
         match (&contact.first.carrier, &contact.second.carrier) {
@@ -60,7 +62,9 @@ impl Simulation {
             std::array::from_fn(|k| self.known_along(unknowns, contact, along[k]) + dot(&rows[k], start));
         let rate = self.known_rate(unknowns, contact) + dot(&self.row(unknowns, contact), start);
         let force = contact.area * contact.penalty().start_pressure(contact.depth, rate);
-        let viscosity = friction.viscosity(force, speeds[0].hypot(speeds[1]));
+        let both = |speeds: [f64; 2]| speeds[0] * along[0] + speeds[1] * along[1];
+        let change = both(std::array::from_fn(|k| dot(&rows[k], last)));
+        let viscosity = friction.viscosity(force, Friction::predicted_slip(both(speeds), change));
         Drag { along, rows, speeds, viscosity }
     }
 }

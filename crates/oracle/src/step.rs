@@ -74,6 +74,8 @@ pub struct Simulation {
     pub friction: Option<Friction>,
     /// Newton iterations of a step.
     pub newton: usize,
+    /// Changes of the unknown velocities over the last step; empty before the first.
+    pub last_change: Vec<f64>,
     /// Direct solver, which keeps its symbolic factorisation from step to step.
     pub solver: Solver,
 }
@@ -135,9 +137,9 @@ impl Simulation {
         let unknowns = self.unknowns();
         let mut trials: Vec<_> = self.bodies.iter().map(Trial::start).collect();
         let rows: Vec<_> = contacts.iter().map(|c| self.row(&unknowns, c)).collect();
-        let start = self.velocities(&unknowns);
+        let (start, last) = (self.velocities(&unknowns), self.last_change(&unknowns));
         let known: Vec<f64> = contacts.iter().map(|c| self.known_rate(&unknowns, c)).collect();
-        let drags: Vec<_> = contacts.iter().map(|c| self.drag(&unknowns, &start, c)).collect();
+        let drags: Vec<_> = contacts.iter().map(|c| self.drag(&unknowns, &start, &last, c)).collect();
         let mut active = vec![true; contacts.len()];
         let mut change = Vec::new();
         let mut pressures = Vec::new();
@@ -198,7 +200,14 @@ impl Simulation {
             (None, None) => Wrench::default(),
         };
         self.commit(&unknowns, &change);
+        self.last_change = change;
         Ok(Report { contacts, wrench, flags, nonlinear_residual })
+    }
+
+    /// Changes of the unknown velocities over the last step; zeros before the first.
+    fn last_change(&self, unknowns: &Unknowns) -> Vec<f64> {
+        let known = self.last_change.iter().copied().chain(std::iter::repeat(0.0));
+        known.take(unknowns.count).collect()
     }
 
     /// Numbers the unknowns: nodes body by body, then the cores, then the tool.
@@ -228,12 +237,12 @@ impl Simulation {
         let unknowns = self.unknowns();
         let trials: Vec<_> = self.bodies.iter().map(Trial::start).collect();
         let (mut a, mut b) = self.system(&unknowns, &trials, device);
-        let start = self.velocities(&unknowns);
+        let (start, last) = (self.velocities(&unknowns), self.last_change(&unknowns));
         for contact in contacts {
             let row = self.row(&unknowns, contact);
             let rate = self.known_rate(&unknowns, contact) + dot(&row, &start);
             add_contact(&mut a, &mut b, &row, contact, rate, self.dt);
-            self.drag(&unknowns, &start, contact).add(&mut a, &mut b, self.dt);
+            self.drag(&unknowns, &start, &last, contact).add(&mut a, &mut b, self.dt);
         }
         (a, b)
     }

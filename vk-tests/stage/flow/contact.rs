@@ -2,9 +2,10 @@
 //! to contacts, their coefficients in the solver, and the index from nodes to the contacts that act on them. A
 //! candidate is a skin vertex that may be a contact; an entry is a node with its weight in a contact.
 
+use bytemuck::Zeroable;
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
-use palpate::internal::shaders::{Contact, NONE};
+use palpate::internal::shaders::{Contact, NONE, RigidIterate, Solve};
 use palpate::internal::stages::CHUNK_VERTICES;
 
 use super::{Flow, fours, some};
@@ -99,6 +100,13 @@ impl Flow {
             .input("skin_weights", &some(&model.skin_weights))
             .input("skin", &some(&self.skin))
             .input("velocity", &some(&self.velocity))
+            .input("solution", &some(&self.solution))
+            .constant("RIGIDS", 1)
+            .input("solve", &[Solve { current: 1, ..Solve::zeroed() }])
+            .input(
+                "iterates",
+                &[RigidIterate::zeroed(), RigidIterate { x: self.tool_change, ..RigidIterate::zeroed() }],
+            )
             .input("frames", &self.frames)
             .output::<Contact>("contacts", contacts)
             .partial("entry_nodes", &vec![[NONE; 4]; 4 * contacts])

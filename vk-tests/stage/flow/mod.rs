@@ -43,6 +43,10 @@ pub struct Flow {
     pub pairs: Vec<Pair>,
     pub displacement: Vec<[f32; 4]>,
     pub velocity: Vec<[f32; 4]>,
+    /// Change of each node's velocity over the last step.
+    pub solution: Vec<[f32; 4]>,
+    /// Change of the tool's twist over the last step.
+    pub tool_change: [f32; 6],
     pub max_work_items: usize,
     pub most_hits: usize,
     pub bucket_count: u32,
@@ -170,6 +174,8 @@ impl Flow {
             frames,
             links: vec![Link::default(); model.links.len()],
             velocity: model.velocity.clone(),
+            solution: vec![[0.0; 4]; nodes],
+            tool_change: [0.0; 6],
             displacement: vec![[0.0; 4]; nodes],
             max_work_items: model.max_work_items(),
             most_hits: 1 << 16,
