@@ -212,7 +212,7 @@ fn what_the_last_linearisation_leaves_is_measured() {
                 let want = twin.step(None, &[]).unwrap().nonlinear_residual;
                 println!("{newton} iterations, {right}: step {step}: residual {got:.3e}, oracle {want:.3e}");
                 assert!(
-                    (got - want).abs() < 0.02 * want + 2e-5,
+                    (got - want).abs() < 0.02 * want + 5e-5,
                     "{newton} iterations, {right}: step {step}: residual {got:e}, oracle {want:e}"
                 );
                 most = most.max(want);
@@ -269,7 +269,8 @@ fn one_linearisation_records_what_it_did_before() {
     // F-bar patches. In stage solve, seven passes come before ten iterations of four passes each, five come after, and
     // two are for the coarse space. The last number is that of the passes that must wait for an earlier pass.
     assert_eq!(passes(1), (stages(3, 54), 44));
-    assert_eq!(passes(3), (stages(9, 80), 72));
+    // Three Newton iterations and the check after them.
+    assert_eq!(passes(3), (stages(12, 93), 86));
 }
 
 #[test]
