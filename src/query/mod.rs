@@ -189,10 +189,10 @@ impl Query {
         let (common, elastic) = (Common::new(context, &model)?, Elastic::new(context, &model)?);
         let touch = TouchStages::new(context, &model, Some(path), false)?;
         let mut warm_up = Recorder::warm_up(context)?;
-        touch.record(&mut warm_up, &common, &elastic);
+        touch.record(&mut warm_up, &common, &elastic, None);
         warm_up.finish()?.submit_and_wait()?;
         let record = |mut recorder: Recorder| {
-            touch.record(&mut recorder, &common, &elastic);
+            touch.record(&mut recorder, &common, &elastic, None);
             recorder.finish()
         };
         let records = [

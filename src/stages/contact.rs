@@ -144,7 +144,7 @@ impl Contact {
         skin: &Skin,
         depth: Option<&Depth>,
         elastic: &Elastic,
-        solve: &Solve,
+        solve: Option<&Solve>,
     ) {
         recorder.stage("contact");
         let touch = &self.touch;
@@ -205,9 +205,9 @@ impl Contact {
                 skin_weights: &skin.skin_weights,
                 skin: &skin.skin,
                 velocity: &elastic.velocity,
-                solution: Some(&solve.solution),
-                solve: Some(&solve.state),
-                iterates: Some(&solve.iterates),
+                solution: solve.map(|solve| &solve.solution),
+                solve: solve.map(|solve| &solve.state),
+                iterates: solve.map(|solve| &solve.iterates),
                 frames: &common.frames,
                 contacts: &touch.contacts,
                 entry_nodes: &touch.entry_nodes,

@@ -43,8 +43,9 @@ impl TouchStages {
         })
     }
 
-    /// Records the stages in the order in which they run: pose, cull, skin, depth, contact.
-    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, solve: &Solve) {
+    /// Records the stages in the order in which they run: pose, cull, skin, depth, contact. `solve`: what friction needs
+    /// of the last step's solution; `None` where there is no friction.
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, solve: Option<&Solve>) {
         let TouchStages { pose, skin, cull, depth, contact } = self;
         pose.record(recorder, common, elastic, skin);
         cull.record(recorder, common, pose, skin, contact, elastic);

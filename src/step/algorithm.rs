@@ -91,7 +91,7 @@ fn begin(stages: &Stages, blank: Blank) -> Result<Recording> {
         attached.record(&mut begin, common, elastic, solve);
     }
     match touch {
-        Some(touch) => touch.record(&mut begin, common, elastic, solve),
+        Some(touch) => touch.record(&mut begin, common, elastic, Some(solve)),
         None => elastic.record_reset(&mut begin, common),
     }
     solve.record_reset(&mut begin);
