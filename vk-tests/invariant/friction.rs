@@ -298,7 +298,7 @@ fn a_rigid_cube_sticks_to_a_slope_or_slides_as_coulomb_says() {
     // The acceleration near the friction angle, too: 1 % above it, the friction of a speed that lags by a step would
     // slow the cube by 8 % in steps of 1 ms and by 22 % in steps of 2 ms.
     for (tangent, dt) in [(0.404, 1e-3), (0.404, 2e-3), (0.416, 2e-3), (0.44, 1e-3), (0.5, 1e-3), (0.9, 2e-3)] {
-        let steps = (0.4 / dt).round() as usize;
+        let steps = (0.4f64 / dt).round() as usize;
         let (velocity, errors) = slide(tangent, steps, dt);
         let want = regularised(tangent, 0.4) - regularised(tangent, 0.2);
         let got = velocity[steps - 1] - velocity[steps / 2 - 1];

@@ -101,7 +101,7 @@ impl Flow {
             .input("skin", &some(&self.skin))
             .input("velocity", &some(&self.velocity))
             .input("solution", &some(&self.solution))
-            .constant("RIGIDS", 1)
+            .constant("RIGIDS", 1u32)
             .input("solve", &[Solve { current: 1, ..Solve::zeroed() }])
             .input(
                 "iterates",
