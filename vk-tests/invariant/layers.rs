@@ -79,7 +79,7 @@ fn block(folder: &Path, cells: u32) -> std::path::PathBuf {
 
 #[test]
 #[ignore = "long: 46 s"]
-fn a_layer_made_for_a_surface_is_as_stiff_as_one_that_conforms() {
+fn lasting_a_layer_made_for_a_surface_is_as_stiff_as_one_that_conforms() {
     let folder = tempfile::tempdir().unwrap();
     let skin = block(folder.path(), 40);
     let kuhn = |cells: u32| {

@@ -78,7 +78,7 @@ const SHAPE: f64 = 1.0e-6;
 
 #[test]
 #[ignore = "long: 31 s"]
-fn a_tossed_body_keeps_its_momentum() {
+fn lasting_a_tossed_body_keeps_its_momentum() {
     let block = ("block", BLOCK, 0.03, "mass = 0.1\nposition = [0.01, 0.045, 0.012]\nvelocity = [1.3, -0.4, 0.1]");
     let gear = ("gear", GEAR, 0.05, "mass = 0.03\nposition = [-0.02, 0.065, 0.0]\nvelocity = [1.5, -0.4, 0.3]");
     let every = [2e4, 2e6].into_iter().flat_map(|young| PRECONDITIONERS.map(|p| (block, young, p)));
@@ -164,7 +164,7 @@ const SETTLE: usize = 4000;
 
 #[test]
 #[ignore = "long: 4 min"]
-fn a_body_at_rest_on_a_plane_stays() {
+fn lasting_a_body_at_rest_on_a_plane_stays() {
     for (young, friction) in [(2e4, 0.0), (2e4, 0.5), (1e6, 0.0), (1e6, 0.5)] {
         let text = format!(
             "[solver]\n{TIGHT}\n[contact]\nfriction = {friction:?}\n[[body]]\nname = \"block\"\n\

@@ -173,7 +173,7 @@ fn torus(radius: f64, section: f64, around: u32, across: u32) -> Mesh {
 
 #[test]
 #[ignore = "long: 2 min"]
-fn culling_leaves_no_colliding_vertex_out() {
+fn lasting_culling_leaves_no_colliding_vertex_out() {
     let subjects = [
         Subject::new("sphere 258", sphere(0.1, 3), octants),
         Subject::new("torus 480", torus(0.08, 0.03, 30, 16), whole),

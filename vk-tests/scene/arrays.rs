@@ -52,7 +52,7 @@ fn a_head_is_touched_the_same_with_either_kind_of_arrays() {
 
 #[test]
 #[ignore = "long: 40 s"]
-fn all_scenes_run_the_same_with_either_kind_of_arrays() {
+fn lasting_all_scenes_run_the_same_with_either_kind_of_arrays() {
     for name in
         ["gears", "held-pad", "pose-human", "press-gear", "press-pumpkin", "pumpkins", "touch-human", "two-heads"]
     {

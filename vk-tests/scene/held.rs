@@ -127,7 +127,7 @@ fn held(young: f64, stiffness: f64, damping: f64) -> (f64, f64) {
 
 #[test]
 #[ignore = "long: 52 s"]
-fn a_held_pad_comes_to_rest_at_any_stiffness_of_the_coupling() {
+fn lasting_a_held_pad_comes_to_rest_at_any_stiffness_of_the_coupling() {
     // In trials with other values of Young's modulus and of the coupling's stiffness, between those below, the pad came
     // to rest as well.
     for young in [2e4, 2e6] {

@@ -81,7 +81,7 @@ fn conjugate_gradients_reach_the_direct_solution() {
 
 #[test]
 #[ignore = "long: 2 min"]
-fn a_dynamic_core_and_what_hangs_on_it_are_one_system() {
+fn lasting_a_dynamic_core_and_what_hangs_on_it_are_one_system() {
     for with in BOTH {
         for (what, bodies) in [
             ("a core", two_layers_one_on_a_core()),
