@@ -242,7 +242,7 @@ impl Elements {
 
     /// The 3x3 blocks K_ij of one tetrahedron, world axes, rotations held fixed, times the weights:
     /// K_ij = V (mu ((g'_i . g'_j) I + g'_j g'_i^T) + lambda g'_i g'_j^T) + V/4 [g'_i]^T Z [g'_j], see [`Operator`],
-    /// with [g] the cross product matrix of g. The term of lambda of F-bar patches is in [`Elements::patch_rows`].
+    /// with `[g]` the cross product matrix of g. The term of lambda of F-bar patches is in [`Elements::patch_rows`].
     pub fn stiffness_blocks(&self, element: usize, rotation: DQuat, weight: Weight) -> [[DMat3; 4]; 4] {
         let operator = &self.operators[element];
         let turn = self.frame * DMat3::from_quat(rotation.normalize());

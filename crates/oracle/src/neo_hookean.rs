@@ -72,7 +72,7 @@ pub fn stress_rate(lame: (f64, f64), strain: DMat3, rate: DMat3) -> DMat3 {
 /// The second derivative of the energy is
 /// c tr(L b L^T) - p J (|D|^2 - |O|^2) + J (l J + p) tr(D)^2 + 2 m (b:D)^2 / (I + 1)^2, which is isotropic except for
 /// b. The operator must be isotropic. So its doubled shear modulus is the greater of two numbers: c times the mean
-/// eigenvalue of b, minus p J; and [`STIFFER`] c times an upper bound of the greatest eigenvalue of b. This is enough,
+/// eigenvalue of b, minus p J; and `STIFFER` c times an upper bound of the greatest eigenvalue of b. This is enough,
 /// because a step whose right-hand side has the exact rate of the force is stable if its operator has at least three
 /// quarters of the true stiffness for every wave. O, a pure rotation, is left to the
 /// geometric stiffness (`material_law.rs`), which is zero here.
