@@ -156,7 +156,7 @@ fn cost(text: &str) -> (Explanation, u64) {
 
 #[test]
 #[ignore = "long: 34 s"]
-fn a_feature_that_is_not_used_costs_nothing() {
+fn lasting_a_feature_that_is_not_used_costs_nothing() {
     let plain = || block("", "", "", TOOL);
     let contact = |keys: &str| block(&format!("[contact]\n{keys}"), "", "", TOOL);
     let joined = format!("{BAR}[[body.joint]]\ncores = [\"left\", \"right\"]\npoint = [0.3, 0.01, 0.01]\n");

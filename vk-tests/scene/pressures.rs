@@ -120,7 +120,7 @@ fn after_a_state_is_taken_up_contacts_say_what_the_step_began_with() {
 
 #[test]
 #[ignore = "long: 60 s"]
-fn contacts_of_all_scenes_sum_to_the_wrench() {
+fn lasting_contacts_of_all_scenes_sum_to_the_wrench() {
     // The scenes of two heads, gears and pumpkins have no tool, and so no wrench to compare contacts with.
     let scenes =
         [("held-pad", 300), ("pose-human", 40), ("press-gear", 40), ("press-pumpkin", 40), ("touch-human", 40)];

@@ -141,7 +141,7 @@ fn error_of_forces(seed: u64, stiffer: f64, is_limited: bool) -> [f64; 2] {
 
 #[test]
 #[ignore = "long: 40 s"]
-fn stiff_contacts_are_solved_until_their_forces_are_accurate() {
+fn lasting_stiff_contacts_are_solved_until_their_forces_are_accurate() {
     // The contact forces of the step before are zero, so that the allowed error is a share of 1 N: five times the
     // tolerance of the residual.
     let allowed = 5.0 * 1e-2;
@@ -195,7 +195,7 @@ fn a_solution_found_is_found_again_at_once() {
 
 #[test]
 #[ignore = "long: 1 min"]
-fn a_step_with_pulling_contacts_ends_as_the_oracles() {
+fn lasting_a_step_with_pulling_contacts_ends_as_the_oracles() {
     // Solves, releases contacts under tension and solves again, until no contact has to be released; then runs
     // solve/commit. Oracle and kernels both release contacts four times at most. Systems that the kernels solve more
     // than twice are left out, but enough systems must remain.

@@ -33,7 +33,7 @@ fn errors(curve: &Curve, line: usize) -> Vec<f64> {
 
 #[test]
 #[ignore = "long: 59 s"]
-fn finer_layers_and_stiffer_contact_are_more_accurate() {
+fn lasting_finer_layers_and_stiffer_contact_are_more_accurate() {
     let layer = measure("layer");
     for line in 0..layer.lines().len() {
         let all = errors(&layer, line);
@@ -52,7 +52,7 @@ fn finer_layers_and_stiffer_contact_are_more_accurate() {
 
 #[test]
 #[ignore = "long: 1 min"]
-fn neither_skins_nor_sides_nor_proxies_change_the_force_much() {
+fn lasting_neither_skins_nor_sides_nor_proxies_change_the_force_much() {
     for name in ["skin", "sides"] {
         let curve = measure(name);
         assert_eq!(curve.lines().len(), 2);

@@ -86,7 +86,7 @@ fn single_precision_loses_little_of_the_force_wherever_it_is() {
 
 #[test]
 #[ignore = "long: 34 s"]
-fn presets_are_settings_that_were_measured() {
+fn lasting_presets_are_settings_that_were_measured() {
     let curve = measure("presets", &tiny());
     assert_eq!(curve.lines().iter().map(|line| line.panel).collect::<std::collections::BTreeSet<_>>().len(), 2);
     for (name, below, setting) in accuracy::presets(&curve) {
