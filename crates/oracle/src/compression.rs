@@ -64,6 +64,11 @@ impl Penalty {
         self.share() * self.greatest_modulus
     }
 
+    /// Derivative of the modulus by the excess compression, Pa.
+    pub fn modulus_slope(&self) -> f64 {
+        if self.x > 0.0 && self.x < ONSET { self.greatest_modulus / ONSET } else { 0.0 }
+    }
+
     /// Stress R^T P, Pa.
     pub fn stress(&self) -> DMat3 {
         let secant = if self.x < ONSET { 0.5 * self.x / ONSET } else { 1.0 - 0.5 * ONSET / self.x };

@@ -32,7 +32,7 @@
 
 pub mod body;
 pub mod coarse;
-mod compression;
+pub mod compression;
 pub mod contact;
 pub mod contact_law;
 pub mod contact_patches;

@@ -7,11 +7,12 @@
 use glam::DVec3;
 use palpate::Result;
 use palpate::scene::preset::{PRESETS, Preset};
-use palpate::scene::{Material, MaterialLaw};
+use palpate::scene::{Material, MaterialLaw, Place, Region};
 
 use super::cases::{
     Case, bare, both, hang, hang_loaded, pluck, press, release, rest, sphere, spin, still, teleport, throw, thrust,
 };
+use super::invariants::Promise;
 use super::labels::{power, si, stretched};
 use super::meshes;
 use super::setup::{Attachment, Setup};
@@ -21,6 +22,8 @@ use crate::meshes::MeshFolder;
 const BAR_LENGTH: f64 = 0.2;
 /// Density of that bar, kg/m^3.
 const BAR_DENSITY: f64 = 200.0;
+/// Contact stiffness of two blocks, one on the other, N/m^3.
+const STACKED_STIFFNESS: f64 = 1e7;
 /// Weight of the load that the bar carries, in units of the bar's weight.
 const LOAD: f64 = 15.0;
 
@@ -49,7 +52,7 @@ pub struct Axis {
 }
 
 /// Names of all axes, in the order of the matrix.
-pub const NAMES: [&str; 25] = [
+pub const NAMES: [&str; 26] = [
     "young",
     "poisson",
     "poisson-neo-hookean",
@@ -75,6 +78,7 @@ pub const NAMES: [&str; 25] = [
     "tension",
     "light",
     "bound",
+    "body",
 ];
 
 /// Which part of the matrix is run.
@@ -127,15 +131,18 @@ fn loaded_bar(extent: Extent, load: f64) -> Result<Setup> {
         damping_stiffness: 0.05,
         ..Setup::default().material
     };
-    let heavy = Some((20.0 * load * BAR_DENSITY, -0.95 * BAR_LENGTH));
-    Ok(Setup { mesh: Some(mesh), edge: BAR_LENGTH, material, dt: 0.01, load: heavy, ..Setup::default() })
+    let wide = DVec3::splat(BAR_LENGTH);
+    let place = Place::Box { low: -2.0 * wide, high: DVec3::new(wide.x, -0.95 * BAR_LENGTH, wide.z) };
+    let heavy = Region { place, material: Material { density: 20.0 * load * BAR_DENSITY, ..material } };
+    Ok(Setup { mesh: Some(mesh), edge: BAR_LENGTH, material, dt: 0.01, regions: vec![heavy], ..Setup::default() })
 }
 
 /// Two cases: the given loaded bar, and the same of a corotational material.
 fn both_laws(bar: &Setup) -> Vec<Case> {
-    let material = Material { law: MaterialLaw::Corotational, ..bar.material };
-    let corotational = hang_loaded(Setup { material, ..bar.clone() });
-    vec![hang_loaded(bar.clone()), Case { scenario: "hang, loaded, corotational", ..corotational }]
+    let mut corotational = bar.clone();
+    corotational.change_materials(|material| material.law = MaterialLaw::Corotational);
+    let scenario = "hang, loaded, corotational";
+    vec![hang_loaded(bar.clone()), Case { scenario, ..hang_loaded(corotational) }]
 }
 
 /// The axis of this name; `None`: no axis has it. Errors: a mesh cannot be written.
@@ -442,8 +449,45 @@ fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
             let cells = vec![cell("all but one", Attachment::AllButOne, false), cell("all", Attachment::All, true)];
             Axis { name: "bound", title: "Attached nodes", is_listed: true, cells }
         }
+        "body" => {
+            let at = |case: Case, attachment| Case { setup: Setup { attachment, ..case.setup }, ..case };
+            let edge = Setup::default().edge;
+            let head = meshes::head(extent.folder, edge)?;
+            let head = Setup { mesh: Some(head), ..Setup::default() };
+            let pressed_head = press(head.clone().damped(), sphere(edge));
+            let sagging_head = at(hang(head.clone().damped()), Attachment::LowestQuarter);
+            let of_head = vec![sagging_head, at(pressed_head, Attachment::LowestQuarter), pluck(head)];
+            let limb = layered_limb().damped();
+            let pressed_limb = at(press(limb.clone(), sphere(edge)), Attachment::Bone);
+            let mut neo_hookean = pressed_limb.clone();
+            neo_hookean.setup.change_materials(|material| material.law = MaterialLaw::NeoHookean);
+            let neo_hookean = Case { scenario: "press, neo-Hookean", ..neo_hookean };
+            let of_limb = vec![at(hang(limb), Attachment::Bone), pressed_limb, neo_hookean];
+            let stacked = with(|s| (s.is_stacked, s.stiffness) = (true, Some(STACKED_STIFFNESS))).damped();
+            let pressed_blocks = press(stacked, sphere(edge));
+            // The blocks press on each other when the sphere has left.
+            let promise = Promise { parts: false, ..pressed_blocks.promise };
+            let of_blocks = vec![Case { promise, ..pressed_blocks }];
+            let cell = |label: &str, cases| Cell { label: label.into(), is_core: true, cases };
+            let mut cells = vec![cell("block on a block", of_blocks)];
+            if !extent.is_quick {
+                cells.extend([cell("scanned head", of_head), cell("limb with a bone", of_limb)]);
+            }
+            Axis { name: "body", title: "Other bodies", is_listed: true, cells }
+        }
         _ => return Ok(None),
     }))
+}
+
+/// A limb that lies along x: a bone, which does not move, within muscle three times as stiff as the fat around it. The
+/// bone is that of [`Attachment::Bone`].
+fn layered_limb() -> Setup {
+    let fat = Setup { cells: 6, ..Setup::default() };
+    let (edge, wide) = (fat.edge, 2.0 * fat.edge);
+    let low = DVec3::new(-wide, edge / 6.0, edge / 6.0);
+    let place = Place::Box { low, high: DVec3::new(wide, edge * 5.0 / 6.0, edge * 5.0 / 6.0) };
+    let muscle = Region { place, material: Material { young: 3.0 * fat.material.young, ..fat.material } };
+    Setup { regions: vec![muscle], ..fat }
 }
 
 #[cfg(test)]

@@ -1,17 +1,22 @@
 //! Writes mesh files for the stability matrix (many stiff and extreme simulations, each judged by invariants), for
 //! bodies that a scene cannot describe by numbers: a block in which one row of cells is squeezed to slivers (flat
-//! tetrahedra), a single tetrahedron, and a bar that hangs.
+//! tetrahedra), a single tetrahedron, a bar that hangs, and a head.
 
 use std::path::PathBuf;
 
 use glam::DVec3;
 use palpate::Result;
 use palpate::internal::prepare::layer::kuhn_box;
+use palpate::internal::prepare::model;
+use palpate::internal::prepare::stuffing::{self, Options};
+use palpate::scene::Model;
 
 use crate::meshes::MeshFolder;
 
 /// Number of cells of the block along y, of which the second is thin.
 const CELLS: u32 = 4;
+/// Number of cells along the largest extent of the head.
+const HEAD_CELLS: f64 = 8.0;
 /// Numbers of cells of the bar along x, y and z.
 const BAR: [u32; 3] = [2, 20, 2];
 
@@ -58,6 +63,22 @@ pub fn bar(folder: &MeshFolder, edge: f64) -> Result<PathBuf> {
     };
     let tetrahedra: Vec<[u32; 4]> = layer.tetrahedra.iter().map(mirrored).collect();
     folder.layer("bar", &layer.nodes, &tetrahedra)
+}
+
+/// Writes the model of a head, filled with tetrahedra as the engine fills a scan. Its largest extent is `edge` (m), and
+/// its highest vertex is at the middle of the top of a cube of that edge whose least corner is the origin. Returns the
+/// path of the file. Errors: the file cannot be written.
+pub fn head(folder: &MeshFolder, edge: f64) -> Result<PathBuf> {
+    let (mut vertices, triangles) = model::surface(Model::Head, *Model::Head.vertices().start());
+    let low = vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let up = |a: &DVec3, b: &DVec3| a.y.total_cmp(&b.y);
+    let top = vertices.iter().copied().max_by(up).unwrap_or_default();
+    let scale = edge / (high - low).max_element();
+    vertices.iter_mut().for_each(|x| *x = scale * (*x - top) + edge * DVec3::new(0.5, 1.0, 0.5));
+    let (layer, _) = stuffing::stuff(&vertices, &triangles, &Options::uniform(edge / HEAD_CELLS))
+        .map_err(palpate::Error::Simulation)?;
+    folder.layer("head", &layer.nodes, &layer.tetrahedra)
 }
 
 /// Writes one tetrahedron with a face in the plane x = 0 and three edges of length `edge` (m) along the axes. Returns

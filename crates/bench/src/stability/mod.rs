@@ -12,6 +12,7 @@ pub mod document;
 mod equations;
 mod heat_map;
 pub mod invariants;
+mod joined;
 mod labels;
 mod meshes;
 mod modes;

@@ -38,6 +38,21 @@ pub fn decay(frequency: f64, damping: f64, h: f64) -> f64 {
     1.0 / (1.0 + h * slow)
 }
 
+/// Whether a chain of tetrahedra leads from each node to an attached one.
+fn is_held(tetrahedra: &[[u32; 4]], attached: &[bool]) -> bool {
+    let mut held = attached.to_vec();
+    let mut count = 0;
+    while count < held.iter().filter(|held| **held).count() {
+        count = held.iter().filter(|held| **held).count();
+        for nodes in tetrahedra {
+            if nodes.iter().any(|i| held[*i as usize]) {
+                nodes.iter().for_each(|i| held[*i as usize] = true);
+            }
+        }
+    }
+    count == held.len()
+}
+
 /// The least w^2 of K x = w^2 M x over the free nodes of a body at rest (K: stiffness, M: lumped mass), by inverse
 /// iteration; `None`: no node is free. Errors: K cannot be factorised.
 fn slowest_square(body: &SoftBody) -> Result<Option<f64>> {
@@ -47,8 +62,8 @@ fn slowest_square(body: &SoftBody) -> Result<Option<f64>> {
     let count = free.enumerate().map(|(k, (i, _))| unknown[i] = Some(3 * k)).count();
     match count {
         0 => return Ok(None),
-        // A body without attached nodes moves as a whole at frequency 0, and its stiffness matrix is singular.
-        n if n == bound.len() => return Ok(Some(0.0)),
+        // A part without attached nodes moves as a whole at frequency 0, and the stiffness matrix is singular.
+        _ if !is_held(&elements.tetrahedra, bound) => return Ok(Some(0.0)),
         _ => {}
     }
     let mut stiffness = Entries::default();

@@ -9,8 +9,7 @@ use glam::{DQuat, DVec3};
 use palpate::Scene;
 use palpate::scene::preset::Preset;
 use palpate::scene::{
-    Bind, Body, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Place, Region, Shape, Tool,
-    ToolShape,
+    Bind, Body, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Region, Shape, Tool, ToolShape,
 };
 
 /// A node lies on a face of the block if its distance from the face is at most this share of the block's edge.
@@ -27,6 +26,10 @@ pub enum Attachment {
     Side,
     /// The face y = 0, on which the block stands.
     Bottom,
+    /// All nodes below a quarter of the edge.
+    LowestQuarter,
+    /// The nodes within a sixth of the edge of the line through the block's centre along x.
+    Bone,
     /// No nodes.
     Nothing,
     /// All nodes.
@@ -81,8 +84,10 @@ pub struct Setup {
     pub preset: Option<Preset>,
     /// Newton iterations of a step, where there is no preset.
     pub newton: u32,
-    /// A load: density (kg/m^3) of the tetrahedra whose centroid is below a height (m); `None`: all have one density.
-    pub load: Option<(f64, f64)>,
+    /// Parts of another material.
+    pub regions: Vec<Region>,
+    /// Whether an equal block, not attached, lies on the block; the sphere then touches that one.
+    pub is_stacked: bool,
 }
 
 impl Default for Setup {
@@ -109,7 +114,8 @@ impl Default for Setup {
             stiffness: None,
             preset: None,
             newton: 1,
-            load: None,
+            regions: Vec::new(),
+            is_stacked: false,
         }
     }
 }
@@ -124,13 +130,21 @@ impl Setup {
     /// The setup with mass-proportional damping by which the block soon comes to rest: close to critical for its
     /// slowest mode.
     pub fn damped(mut self) -> Setup {
-        self.material.damping_mass = self.frequency();
+        let rate = self.frequency();
+        self.change_materials(|material| material.damping_mass = rate);
         self
+    }
+
+    /// Changes the material of the block and those of its parts.
+    pub fn change_materials(&mut self, change: impl Fn(&mut Material)) {
+        change(&mut self.material);
+        self.regions.iter_mut().for_each(|region| change(&mut region.material));
     }
 
     /// Position of the sphere's centre at which the sphere touches the top of the undeformed block, m.
     pub fn touching(&self) -> DVec3 {
-        self.origin + self.edge * DVec3::new(0.5, 1.0 + RADIUS, 0.5)
+        let top = if self.is_stacked { 2.0 } else { 1.0 };
+        self.origin + self.edge * DVec3::new(0.5, top + RADIUS, 0.5)
     }
 
     /// The scene with these parameters and this name.
@@ -145,6 +159,10 @@ impl Setup {
             (scene.step.newton, scene.contact.sides) = (preset.newton, preset.sides);
         }
         scene.contact.depth_limit *= self.edge / Setup::default().edge;
+        if self.is_stacked {
+            let position = self.origin + self.edge * DVec3::Y;
+            scene.bodies.push(Body { name: "upper".into(), position, cores: Vec::new(), ..self.body() });
+        }
         if self.has_floor {
             let shape = Shape::Plane { normal: DVec3::Y, offset: self.origin.y };
             scene.bodies.push(Body { name: "floor".into(), shape, material: None, cores: Vec::new(), ..self.body() });
@@ -197,18 +215,12 @@ impl Setup {
             material: Some(self.material),
             collides: None,
             cores: self.bind().into_iter().map(core).collect(),
-            regions: self.load.into_iter().map(|load| self.region(load)).collect(),
+            regions: self.regions.clone(),
             dilatation: Dilatation::Element,
             repair: true,
             joints: Vec::new(),
             skeleton: None,
         }
-    }
-
-    fn region(&self, (density, below): (f64, f64)) -> Region {
-        let wide = DVec3::splat(10.0 * self.edge);
-        let place = Place::Box { low: -wide, high: DVec3::new(wide.x, below, wide.z) };
-        Region { place, material: Material { density, ..self.material } }
     }
 
     fn bind(&self) -> Option<Bind> {
@@ -219,6 +231,15 @@ impl Setup {
             }
             Attachment::Bottom => {
                 Some(Bind::Box { low: -DVec3::new(wide, thin, wide), high: DVec3::new(wide, thin, wide) })
+            }
+            Attachment::LowestQuarter => {
+                let high = DVec3::new(wide, 0.25 * self.edge, wide);
+                Some(Bind::Box { low: -DVec3::splat(wide), high })
+            }
+            Attachment::Bone => {
+                let (middle, near) = (0.5 * self.edge, self.edge / 6.0);
+                let low = DVec3::new(-wide, middle - near, middle - near);
+                Some(Bind::Box { low, high: DVec3::new(wide, middle + near, middle + near) })
             }
             Attachment::Nothing => None,
             Attachment::All => Some(Bind::All),

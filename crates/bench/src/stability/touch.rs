@@ -4,14 +4,14 @@
 //! damping are computed from the scene, not read from the GPU.
 
 use glam::DVec3;
-use palpate::internal::prepare::Shape;
 use palpate::internal::shaders::{self, NONE};
-use palpate::{Error, Result, Scene, ToolReport};
+use palpate::{Scene, ToolReport};
 use palpate_oracle::contact_law::{Penalty, auto_stiffness};
 
+use super::joined::Joined;
 use super::trace::{HALF_ULP, ROUNDINGS};
 
-/// The skin (surface mesh) of the body, and its contact law.
+/// The skins (surface meshes) of the bodies, joined, and the contact law.
 pub struct Skin {
     /// Nodes and weights by which each vertex is embedded in the layer (tetrahedral mesh).
     vertices: Vec<Vec<(usize, f64)>>,
@@ -60,26 +60,18 @@ pub struct ContactSums {
 }
 
 impl Skin {
-    /// The skin of a body, with the contact law of its scene. Errors: the body is not soft.
-    pub fn new(shape: &Shape, scene: &Scene) -> Result<Skin> {
-        let Shape::Soft { layer, materials, embedding, skin, .. } = shape else {
-            return Err(Error::Simulation("the stability matrix needs a soft body first in the scene".into()));
-        };
-        let nodes = |e: &palpate::internal::prepare::Embedding| {
-            let corners = layer.tetrahedra[e.tetrahedron as usize];
-            corners.iter().zip(e.weights).map(|(node, weight)| (*node as usize, weight)).collect()
-        };
-        let own = || auto_stiffness(&[(layer, &materials.all[0])]).unwrap_or(0.0);
-        let stiffness = scene.contact.stiffness.unwrap_or_else(own);
-        Ok(Skin {
-            vertices: embedding.iter().map(nodes).collect(),
-            triangles: skin.triangles.clone(),
+    /// The skin of joined bodies, with the contact law of their scene.
+    pub fn new(bodies: &Joined, scene: &Scene) -> Skin {
+        let own: Vec<_> = bodies.own.iter().map(|(layer, material)| (layer, material)).collect();
+        let stiffness = scene.contact.stiffness.unwrap_or_else(|| auto_stiffness(&own).unwrap_or(0.0));
+        Skin {
+            vertices: bodies.vertices.clone(),
+            triangles: bodies.triangles.clone(),
             penalty: Penalty { stiffness, damping: scene.contact.damping.unwrap_or(stiffness * scene.step.dt) },
-        })
+        }
     }
 
-    /// Those of the engine's contacts that act. The skin must be that of the scene's first body, whose vertices and
-    /// triangles are numbered from 0 in the contacts.
+    /// Those of the engine's contacts that act.
     pub fn pressing(&self, contacts: &[shaders::Contact]) -> Vec<Pressing> {
         contacts.iter().filter(|contact| contact.stiffness != 0.0).map(|contact| self.one(contact)).collect()
     }

@@ -6,7 +6,6 @@
 use std::collections::{HashMap, HashSet};
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::internal::prepare::Shape;
 use palpate::internal::shaders::Contact;
 use palpate::internal::step::tool::Tool;
 use palpate::internal::step::trajectory::rotation_vector;
@@ -14,6 +13,7 @@ use palpate::{Flags, Result, RigidState, Scene, Simulation, ToolReport};
 use palpate_oracle::step::SoftBody;
 
 use super::equations::{Before, Done};
+use super::joined::joined;
 use super::setup::RADIUS;
 use super::touch::{self, Motion, Skin};
 
@@ -73,7 +73,10 @@ pub struct Sample {
 
 /// Follows a simulation step by step and measures it.
 pub struct Observer {
+    /// All soft bodies, joined.
     body: SoftBody,
+    /// For each soft body its number of nodes.
+    nodes: Vec<usize>,
     /// Polar rotation of each tetrahedron, followed from step to step: an inverted tetrahedron has several polar
     /// rotations, of which the one nearest to that of the last step is taken.
     rotations: Vec<DQuat>,
@@ -102,18 +105,20 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// Observes the first body of a scene, beginning with its present state.
+    /// Observes the soft bodies of a scene, which come first in it, beginning with their present state. Errors: the
+    /// first body is not soft.
     pub fn new(simulation: &Simulation, scene: &Scene, edge: f64) -> Result<Observer> {
-        let placed = &simulation.bodies()[0];
-        let Shape::Soft { layer, materials, .. } = &placed.shape else {
-            return Err(palpate::Error::Simulation("the stability matrix needs a soft body first in the scene".into()));
-        };
-        let body = SoftBody::new(layer.clone(), materials, placed.position, placed.orientation, placed.velocity);
+        let first = &simulation.bodies()[0];
+        let all = joined(simulation.bodies())?;
+        let skin = Skin::new(&all, scene);
+        let (position, orientation) = (first.position, first.orientation);
+        let body = SoftBody::new(all.layer, all.materials, position, orientation, first.velocity);
         let tool = simulation.tool();
         let mut observer = Observer {
-            rotations: vec![DQuat::IDENTITY; layer.tetrahedra.len()],
+            rotations: vec![DQuat::IDENTITY; body.layer.tetrahedra.len()],
             largest: 0.0,
-            skin: Skin::new(&placed.shape, scene)?,
+            skin,
+            nodes: all.nodes,
             last_size: Some(0.0),
             tool_carried_residual: DVec3::ZERO,
             body,
@@ -134,18 +139,23 @@ impl Observer {
         Ok(observer)
     }
 
-    /// The body in its present state.
+    /// The bodies in their present state, joined.
     pub fn body(&self) -> &SoftBody {
         &self.body
     }
 
     fn read(&mut self, simulation: &Simulation) -> Result<()> {
-        if let Some((displacement, velocity)) = simulation.nodes(0)? {
-            (self.body.displacement, self.body.velocity) = (displacement, velocity);
-            for (e, q) in self.rotations.iter_mut().enumerate() {
-                let gradient = self.body.elements.gradient(e, &self.body.displacement);
-                *q = followed(DMat3::IDENTITY + gradient, *q);
+        let mut first = 0;
+        for (body, count) in self.nodes.iter().enumerate() {
+            if let Some((displacement, velocity)) = simulation.nodes(body)? {
+                self.body.displacement[first..first + count].copy_from_slice(&displacement);
+                self.body.velocity[first..first + count].copy_from_slice(&velocity);
             }
+            first += count;
+        }
+        for (e, q) in self.rotations.iter_mut().enumerate() {
+            let gradient = self.body.elements.gradient(e, &self.body.displacement);
+            *q = followed(DMat3::IDENTITY + gradient, *q);
         }
         Ok(())
     }
