@@ -18,13 +18,15 @@ const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };
 const RESIDUAL: Tolerance = Tolerance { abs: 0.0, rel: 1e-4 };
 /// Relative error of a sum of contact forces, each of which is a difference of terms some ten times as large.
 const FORCES: Tolerance = Tolerance { abs: 0.0, rel: 1e-5 };
-/// The verdict that a solve is accepted. The four constants after it are bits of flags, as in `trace.csv`: not
-/// converged, a contact deeper than the limit, a number that is not finite, contacts that still pull.
+/// The verdict that a solve is accepted. The five constants after it are bits of flags, as in `trace.csv`: not
+/// converged, a contact deeper than the limit, a number that is not finite, contacts that still pull, Newton iterations
+/// that did not converge.
 const DONE: u32 = 0;
 const NOT_CONVERGED: u32 = 1;
 const DEPTH_LIMIT: u32 = 8;
 const NON_FINITE: u32 = 32;
 const PULLING: u32 = 256;
+const NEWTON_NOT_CONVERGED: u32 = 2048;
 
 fn some_nodes() -> Passes {
     let mut passes = Passes::new(System::new(&[layered(layer(70), material(2e4), DQuat::IDENTITY)], 0.0, 1));
@@ -113,8 +115,17 @@ fn verdicts_by_hand() {
         (2, 0),
         "Newton iterations done, and retries, which are counted from zero in each iteration"
     );
+    // The last of them is followed by a linearisation, whose residual is that of the nonlinear equations: 0.05 of a
+    // right-hand side of norm 8. That is unsolved if it is above half of the norm of the step's first right-hand side.
     passes.conclude();
-    assert_eq!((passes.report.verdict, granted(&passes)), (DONE, [groups, 1]));
+    assert_eq!((passes.report.verdict, granted(&passes)), (shaders::VERDICT_NEWTON, [0; 2]));
+    for (first, flags) in [(0.81f32, 0), (0.79, NEWTON_NOT_CONVERGED)] {
+        passes.state.first_norm2 = first * first;
+        passes.conclude();
+        let report = passes.report;
+        assert_eq!((report.verdict, granted(&passes), report.flags), (DONE, [groups, 1], flags), "first {first}");
+        expect_close("nonlinear residual", &[report.nonlinear_residual], &[0.4 / f64::from(first)], ROUNDING);
+    }
     // A failed solve is not followed by a Newton iteration.
     passes.state.newton_iterations = 0;
     with_dots(&mut passes, &[[f32::NAN, 0.0]]);
