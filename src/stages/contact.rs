@@ -46,6 +46,16 @@ pub struct Touch {
     pub contact_forces: Buffer,
 }
 
+/// What contacts learn the bodies' motion from.
+#[derive(Clone, Copy)]
+pub struct Motion<'a> {
+    /// Has the velocities of the nodes.
+    pub elastic: &'a Elastic,
+    /// Has the changes of velocity in the last step, from which friction predicts those of this step; `None`: nothing is
+    /// solved.
+    pub solve: Option<&'a Solve>,
+}
+
 /// Kernels and arrays of the contact stage.
 pub struct Contact {
     candidates: Kernel,
@@ -143,10 +153,10 @@ impl Contact {
         cull: &Cull,
         skin: &Skin,
         depth: Option<&Depth>,
-        elastic: &Elastic,
-        solve: Option<&Solve>,
+        motion: &Motion,
     ) {
         recorder.stage("contact");
+        let solve = motion.solve;
         let touch = &self.touch;
         if self.has_nodes {
             // This array is cleared long before it is read; the pass `sort` writes only its elements for nodes with
@@ -204,7 +214,7 @@ impl Contact {
                 skin_nodes: &skin.skin_nodes,
                 skin_weights: &skin.skin_weights,
                 skin: &skin.skin,
-                velocity: &elastic.velocity,
+                velocity: &motion.elastic.velocity,
                 solution: solve.map(|solve| &solve.solution),
                 solve: solve.map(|solve| &solve.state),
                 iterates: solve.map(|solve| &solve.iterates),

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::contact::Contact;
+use super::contact::{Contact, Motion};
 use super::cull::Cull;
 use super::depth::{Depth, Path};
 use super::elastic::Elastic;
@@ -53,6 +53,6 @@ impl TouchStages {
         if let Some(depth) = depth {
             depth.record(recorder, common, cull, skin);
         }
-        contact.record(recorder, common, cull, skin, depth.as_ref(), elastic, solve);
+        contact.record(recorder, common, cull, skin, depth.as_ref(), &Motion { elastic, solve });
     }
 }
