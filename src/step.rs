@@ -420,7 +420,8 @@ impl Simulation {
             normal_turn: touch.then_some(f64::from(report.turn)),
             iterations: report.iterations,
             residual: f64::from(report.residual),
-            nonlinear_residual: (self.scene.step.newton > 1).then_some(f64::from(report.nonlinear_residual)),
+            nonlinear_residual: (self.scene.step.newton > 1 && !Flags(report.flags).contains(Flags::FROZEN))
+                .then_some(f64::from(report.nonlinear_residual)),
             flags: Flags(report.flags),
             step_us: begun.elapsed().as_secs_f64() * 1e6,
             probes,

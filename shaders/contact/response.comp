@@ -11,8 +11,8 @@
 // bodies a and b. The Jacobian J is kept as at most sixteen weighted nodes and, where the tool (rigid body that the
 // haptic device leads) takes part, the tool's twist. A vertex of a soft body moves with the four nodes of its
 // tetrahedron; the point opposite to the vertex lies in a triangle of the other body, whose corners move with four to
-// twelve nodes. The kernel also writes J v and the friction coefficient at the start of the step
-// (shared/contact_law.glsl).
+// twelve nodes. The kernel also writes J v at the start of the step and the friction coefficient, which
+// holds for a predicted sliding speed (shared/contact_law.glsl).
 //
 // Each entry (node, weight) of a contact goes onto one of the lists of that node, from which contact/sort makes the
 // transposed index from nodes to contacts. One invocation runs for each contact. The f64 reference implementation is
@@ -96,7 +96,7 @@ void main() {
     }
     float rate = 0.0;
     vec3 relative = vec3(0.0);      // v(s1) - v(s2), m/s; if FRICTION is false, velocities of nodes are left out
-    vec3 change = vec3(0.0);        // change of `relative` over the last step, m/s; computed only if FRICTION is true
+    vec3 change = vec3(0.0);        // change of `relative` by free nodes and the tool over the last step, m/s, if FRICTION
     for (uint q = 0; q < quads; q++) {
         entry_nodes[4 * c + q] = nodes[q];
         entry_weights[4 * c + q] = weights[q];
@@ -146,6 +146,9 @@ void main() {
     if (FRICTION) {
         slip = relative - dot(n, relative) * n;
         float force = found.w * start_pressure(found.x, rate, pair.stiffness, pair.damping);
+        // The last step may have had another length, and its solution may have been rejected.
+        bool is_known = solve.solution_dt > 0.0;
+        change = is_known ? (params.dt / solve.solution_dt) * change : vec3(0.0);
         float predicted = predicted_slip(slip, change - dot(n, change) * n);
         friction = friction_coefficient(force, predicted, params.friction, params.friction_speed);
     }

@@ -13,8 +13,9 @@
 // links (relative placements of two frames) still apply. For a free node with displacement d and velocity v the trial
 // displacement is d + h R^T (v + x). For a node attached to a dynamic core (rigid body inside a soft body, whose motion
 // the solver finds) it is h R^T u + (Q - I) r, with the core's new velocity u and angular velocity w, Q the rotation by
-// h R^T w, and r the node's rest position. The kernel also keeps the residual b - A x of the last solve. Steps of one Newton iteration do not run this kernel. One invocation runs
-// for each node. The f64 reference implementation is oracle::newton.
+// h R^T w, and r the node's rest position. The kernel also keeps the residual b - A x of the last solve. Steps of one
+// Newton iteration do not run this kernel. One invocation runs for each node. The f64 reference implementation is
+// oracle::newton.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;

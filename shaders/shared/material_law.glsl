@@ -95,7 +95,7 @@ mat3 operator_rate(Evaluation law, mat3 geometric, mat3 rate) {
 // Rate R^T dP/dt (Pa/s) at which the stress changes while F changes at the rate R `rate`: the exact derivative. Where
 // the compression penalty acts, the energy may have a negative curvature, along which one linearisation would run away;
 // the rate is that of the operator there, as for a tetrahedron of an F-bar patch, and in between where the penalty
-// starts. `law` is the evaluation at `e`.
+// starts, where the exact rate of the neo-Hookean law leaves the penalty out. `law` is the evaluation at `e`.
 mat3 stress_rate(ElasticMaterial material, mat3 e, mat3 compression, Evaluation law, mat3 rate) {
     float inexact = law.is_partial ? 1.0 : penalty_share(compression);
     mat3 sum = mat3(0.0);

@@ -1,6 +1,6 @@
 // Strain E of a tetrahedron, and the part of E that the compression penalty acts on. This penalty is a stress that
 // keeps a tetrahedron from being pressed flat. mu and lambda are the Lame parameters. An including shader includes
-// shared/rotation.glsl. The f64 reference is oracle::elastic.
+// shared/rotation.glsl. The f64 references are oracle::elastic and oracle::compression.
 
 const float LEAST = 0.3;            // principal stretch (1: undeformed) below which the compression penalty acts
 const float STIFFENING = 10.0;      // greatest modulus of the compression penalty, in units of lambda + 2 mu

@@ -259,6 +259,7 @@ struct Solve {
     uint flags;                 // flags of the last Newton iteration's solve
     float energy_limit;         // e . A e above which iterations go on, with error e of the solution, J
     float normal_forces[2];     // sums of normal forces at the last step's end: of the tool's contacts, of others, N
+    float solution_dt;          // length of the step whose changes of velocity the solution has, s; 0: it was rejected
 };
 
 const float UNLIMITED = 3.0e38;     // energy_limit where nothing touches, J

@@ -139,7 +139,7 @@ void main() {
     if (verdict == VERDICT_DONE) {
         // These conditions are written so that NaN raises the flags as well.
         if (is_check) {
-            float of_first = solve.rhs_norm2 / max(solve.first_norm2, 1.0e-38);
+            float of_first = solve.first_norm2 > 0.0 ? solve.rhs_norm2 / solve.first_norm2 : 0.0;
             report.nonlinear_residual = residual * sqrt(of_first);
             if (!(residual * sqrt(of_first) <= max(MOST_NONLINEAR, 10.0 * residual_floor * sqrt(of_first)))) {
                 flags |= FLAG_NEWTON_NOT_CONVERGED;
@@ -165,6 +165,7 @@ void main() {
         bool failed = !finite || !is_check && residual > max(worthless, 10.0 * residual_floor);
         if (failed) {
             verdict = VERDICT_FAILED;
+            solve.solution_dt = 0.0;
             // A failed step applies no force to the tool.
             for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = 0.0;
             report.pressing = 0.0;
@@ -177,6 +178,7 @@ void main() {
             for (uint index = 0; index < RIGIDS; index++) rigids[index].linear_residual = rigids[index].operator_product;
         }
         bool done = verdict == VERDICT_DONE;
+        if (done) solve.solution_dt = params.dt;
         if (CONTACT && done) {
             for (int k = 0; k < 2; k++) solve.normal_forces[k] = forces[k];
         }

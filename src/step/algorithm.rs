@@ -12,8 +12,8 @@
 //!    end of the step, the wrench on the tool, the gap between the tool and the nearest body, the fit of floating
 //!    frames, the probes.
 //! 5. [`Simulation::submit`] reads the verdict, which asks for more iterations, for another solve after contacts that
-//!    would pull were released (left without stiffness; [`Recordings::resolve`]), for a further Newton iteration
-//!    ([`Recordings::newton`]), or for nothing more, or says that the step failed.
+//!    would pull were released (left without stiffness; [`Recordings::resolve`]), for a further Newton iteration or the
+//!    check after the last ([`Recordings::newton`]), or for nothing more, or says that the step failed.
 //! 6. [`Simulation::arrive`] moves frames and tool to the end of the step. A step that failed is repeated in two
 //!    halves; where even the shortest halves fail, everything stops ([`Recordings::stop`]).
 
@@ -40,8 +40,9 @@ pub struct Recordings {
     pub begin: Recording,
     /// The element forces and the solver's set-up once more, for a repeated solve after contacts were released.
     pub resolve: Recording,
-    /// The element forces and the solver's set-up for a further Newton iteration: for its first solve, and for a
-    /// repeated solve after contacts were released. `None` where a step has only one Newton iteration.
+    /// The element forces and the solver's set-up for a further Newton iteration, or for the check after the last: for
+    /// its first solve, and for a repeated solve after contacts were released. `None` where a step has only one Newton
+    /// iteration.
     pub newton: Option<[Recording; 2]>,
     /// The plans, by rising length: number of iterations, and the recording of so many iterations.
     pub iterate: Vec<(u32, Recording)>,
@@ -196,11 +197,12 @@ impl Simulation {
         if !Flags(first.flags).contains(Flags::FROZEN) {
             last = self.advance(from + 0.5 * h, 0.5 * h, halvings - 1)?;
             last.iterations += first.iterations;
+            last.nonlinear_residual = last.nonlinear_residual.max(first.nonlinear_residual);
         }
         last.iterations += report.iterations;
-        // The flag for a solver that did not converge is raised by the shorter steps alone, since they replace this
-        // one.
-        last.flags |= first.flags | (report.flags & !Flags::NOT_CONVERGED.0) | Flags::STEP_RETRIED.0;
+        // Flags for what did not converge are raised by the shorter steps alone, since they replace this one.
+        let replaced = Flags::NOT_CONVERGED.0 | Flags::NEWTON_NOT_CONVERGED.0;
+        last.flags |= first.flags | (report.flags & !replaced) | Flags::STEP_RETRIED.0;
         Ok(last)
     }
 
@@ -216,7 +218,8 @@ impl Simulation {
     }
 
     /// Submits the step, and after it whatever the verdict asks for: more iterations, another solve after contacts were
-    /// released, a further Newton iteration, or the check after the last of several. The report's number of iterations is the sum over all solves.
+    /// released, a further Newton iteration, or the check after the last of several. The report's number of iterations
+    /// is the sum over all solves.
     fn submit(&mut self) -> Result<Report> {
         let timed = self.timed_every > 0 && self.step % self.timed_every == 1 % self.timed_every;
         let set = match &self.timed {

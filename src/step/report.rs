@@ -26,8 +26,9 @@ pub struct StepReport {
     pub iterations: u32,
     /// Relative residual of the linear system at the end of the last solve.
     pub residual: f64,
-    /// Residual of the step's nonlinear equations at its end, relative to that before the first Newton iteration; `None`
-    /// where steps have a single Newton iteration.
+    /// Residual of the step's nonlinear equations at its end, in the norm of the preconditioner and relative to the
+    /// right-hand side of the first Newton iteration (a number without a unit); the greatest of a step that was repeated
+    /// in parts. `None` where steps have a single Newton iteration, or everything stopped.
     pub nonlinear_residual: Option<f64>,
     /// Flags that tell what went wrong in the step; none is set if nothing did.
     pub flags: Flags,

@@ -218,7 +218,7 @@ fn a_tool_dragged_over_a_block_rubs_as_the_oracles() {
             "drag, Young's modulus {young:e} Pa, friction coefficient {friction}: differences from the oracle \
              {errors:?}; friction over normal force at most {most:.3}"
         );
-        assert!(most > 0.2 * friction);
+        assert!(most > 0.2 * friction && most < 2.5 * friction, "friction over normal force at most {most}");
         assert!(
             errors.force < FORCE && errors.place < PLACE && errors.shape < SHAPE,
             "differences from the oracle: {errors:?}"
@@ -252,12 +252,15 @@ fn a_thrown_block_slides_and_stops_as_the_oracles() {
             "{name} block: differences from the oracle {errors:?}; friction over normal force at most {most:.3}, \
              speed at the end {speed:.3} m/s"
         );
-        assert!(most > 0.2 && speed < 0.45 && errors.shape < SHAPE, "differences from the oracle: {errors:?}");
+        assert!(
+            most > 0.2 && most < 12.0 * 0.4 && speed < 0.45 && errors.shape < SHAPE,
+            "differences from the oracle: {errors:?}"
+        );
     }
 }
 
-/// Lets a free rigid cube (the tool) go on a slope whose angle has the tangent `tangent`, in steps of `dt` s. Returns its velocity down the
-/// slope after each step, m/s, and the greatest differences from the oracle.
+/// Lets a free rigid cube (the tool) go on a slope whose angle has the tangent `tangent`, in steps of `dt` s. Returns
+/// its velocity down the slope after each step, m/s, and the greatest differences from the oracle.
 fn slide(tangent: f64, steps: usize, dt: f64) -> (Vec<f64>, Errors) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("cube.obj");
@@ -306,7 +309,7 @@ fn a_rigid_cube_sticks_to_a_slope_or_slides_as_coulomb_says() {
             "slope of tangent {tangent}, steps of {dt} s: gains {got:.5} m/s, by the regularised law {want:.5} m/s; \
              differences from the oracle {errors:?}"
         );
-        assert!((got - want).abs() < 0.03 * want, "gains {got} m/s, by the regularised law {want} m/s");
+        assert!((got - want).abs() < 5e-3 * want, "gains {got} m/s, by the regularised law {want} m/s");
         assert!(errors.force < FORCE && errors.place < PLACE, "differences from the oracle: {errors:?}");
     }
 }

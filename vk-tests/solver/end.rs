@@ -65,6 +65,7 @@ fn verdicts_by_hand() {
     passes.conclude();
     let report = passes.report;
     assert_eq!((report.verdict, report.iterations, report.flags, report.contacts), (DONE, 17, DEPTH_LIMIT, 0));
+    assert_eq!(passes.state.solution_dt, passes.system.params.dt);
     expect_close("residual", &[report.residual, report.residual_floor], &[0.05, 1.25e-4], ROUNDING);
     assert_eq!(granted(&passes), [groups, 1]);
     assert_eq!((report.max_depth, report.force, report.stiffness), (0.0, [7.0; 3], [7.0; 21]));
@@ -126,11 +127,17 @@ fn verdicts_by_hand() {
         assert_eq!((report.verdict, granted(&passes), report.flags), (DONE, [groups, 1], flags), "first {first}");
         expect_close("nonlinear residual", &[report.nonlinear_residual], &[0.4 / f64::from(first)], ROUNDING);
     }
-    // A failed solve is not followed by a Newton iteration.
+    // Where nothing moves there is nothing to solve.
+    (passes.state.rhs_norm2, passes.state.floor_norm2, passes.state.first_norm2) = (0.0, 0.0, 0.0);
+    with_dots(&mut passes, &[[0.0, 0.0]]);
+    passes.conclude();
+    assert_eq!((passes.report.verdict, passes.report.flags, passes.report.nonlinear_residual), (DONE, 0, 0.0));
+    // A failed solve is not followed by a Newton iteration, and nothing is predicted from its solution.
     passes.state.newton_iterations = 0;
     with_dots(&mut passes, &[[f32::NAN, 0.0]]);
     passes.conclude();
     assert_eq!((passes.report.verdict, passes.state.newton_iterations), (shaders::VERDICT_FAILED, 0));
+    assert_eq!(passes.state.solution_dt, 0.0);
 
     // At rest, where b is zero up to its rounding, the residual counts as zero.
     passes = some_nodes();

@@ -5,7 +5,7 @@
 use faer::{Mat, Side};
 use glam::{DMat3, DVec3};
 
-use super::elastic::{outer, symmetric};
+use super::elastic::{outer, square, symmetric};
 
 /// Principal stretch below which the compression penalty acts.
 pub const LEAST_STRETCH: f64 = 0.3;
@@ -13,10 +13,6 @@ pub const LEAST_STRETCH: f64 = 0.3;
 pub const STIFFENING: f64 = 10.0;
 /// Change of stretch below [`LEAST_STRETCH`] over which the penalty's modulus rises from zero.
 pub const ONSET: f64 = 0.02;
-
-fn square(m: DMat3) -> f64 {
-    m.to_cols_array().iter().map(|x| x * x).sum()
-}
 
 /// Excess compression, by which principal stretches lie below [`LEAST_STRETCH`]: sum min(0, s_k - [`LEAST_STRETCH`])
 /// n_k n_k^T over the principal stretches s_k and principal axes n_k of I + sym(E).

@@ -400,6 +400,11 @@ pub(super) fn positive_part(m: DMat3) -> DMat3 {
     (0..3).fold(DMat3::ZERO, |sum, k| sum + outer(axis(k), axis(k)) * eigen.S()[k].max(0.0))
 }
 
+/// Square |M|^2 of the Frobenius norm.
+pub(super) fn square(m: DMat3) -> f64 {
+    m.to_cols_array().iter().map(|x| x * x).sum()
+}
+
 pub(super) fn symmetric(m: DMat3) -> DMat3 {
     (m + m.transpose()) * 0.5
 }

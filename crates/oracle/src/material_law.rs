@@ -82,7 +82,6 @@ fn geometric_stiffness(law: MaterialLaw, strain: DMat3, compression: DMat3, stre
 /// Energy density, J/m^3, zero at rest; `dilatation` is tr(E), or the mean of tr(E) over the F-bar patch.
 pub fn energy(material: &Material, strain: DMat3, dilatation: f64) -> f64 {
     let (mu, lambda) = lame(material);
-    let square = |m: DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>();
     let of_law = match material.law {
         MaterialLaw::Corotational => mu * square(symmetric(strain)) + 0.5 * lambda * dilatation.powi(2),
         MaterialLaw::NeoHookean => neo_hookean::energy((mu, lambda), strain),

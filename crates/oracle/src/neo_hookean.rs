@@ -8,16 +8,11 @@
 use glam::{DMat3, DVec3};
 
 use super::compression::{LEAST_STRETCH, Penalty};
-use super::elastic::{Operator, symmetric, trace};
+use super::elastic::{Operator, square, symmetric, trace};
 
 /// Factor of the bound from b's greatest eigenvalue in [`operator`]. With it the operator has at least 0.76 of the true
 /// stiffness for every wave, at stretches of 0.3 to 2 (sampled).
 const STIFFER: f64 = 1.9;
-
-/// Square |M|^2 of the Frobenius norm.
-fn square(m: DMat3) -> f64 {
-    m.to_cols_array().iter().map(|x| x * x).sum()
-}
 
 /// The matrix of cofactors.
 fn cofactors(m: DMat3) -> DMat3 {

@@ -102,7 +102,7 @@ impl Flow {
             .input("velocity", &some(&self.velocity))
             .input("solution", &some(&self.solution))
             .constant("RIGIDS", 1u32)
-            .input("solve", &[Solve { current: 1, ..Solve::zeroed() }])
+            .input("solve", &[Solve { current: 1, solution_dt: self.solution_dt, ..Solve::zeroed() }])
             .input(
                 "iterates",
                 &[RigidIterate::zeroed(), RigidIterate { x: self.tool_change, ..RigidIterate::zeroed() }],

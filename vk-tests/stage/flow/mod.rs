@@ -47,6 +47,8 @@ pub struct Flow {
     pub solution: Vec<[f32; 4]>,
     /// Change of the tool's twist over the last step.
     pub tool_change: [f32; 6],
+    /// Length of the step in which the changes of velocity came about, s; 0: they are not to be used.
+    pub solution_dt: f32,
     pub max_work_items: usize,
     pub most_hits: usize,
     pub bucket_count: u32,
@@ -176,6 +178,7 @@ impl Flow {
             velocity: model.velocity.clone(),
             solution: vec![[0.0; 4]; nodes],
             tool_change: [0.0; 6],
+            solution_dt: 0.0,
             displacement: vec![[0.0; 4]; nodes],
             max_work_items: model.max_work_items(),
             most_hits: 1 << 16,
