@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 use palpate::scene::{Material, MaterialLaw};
 
 use super::compression::Penalty;
-use super::elastic::{Operator, axial, cross_matrix, lame, positive_part, symmetric, trace};
+use super::elastic::{Operator, axial, cross_matrix, lame, positive_part, square, symmetric, trace};
 use super::neo_hookean;
 
 /// Stress R^T P, Pa, with the first Piola-Kirchhoff stress P. `lambda` is Lamé's first parameter, Pa, without the part
